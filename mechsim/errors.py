@@ -1,4 +1,4 @@
-"""Every error mechsim raises on purpose: one sentence with the thing, the value, the bound, the remedy."""
+"""All intended errors of mechsim: one sentence with the object, the value, the limit and the remedy."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -6,32 +6,32 @@ from importlib.util import find_spec
 
 
 def cut(text: str, longest: int) -> str:
-    """Return text of at most so many characters: what is cut ends with a whole word and with " ..."."""
+    """Return text shortened to at most `longest` characters; it then ends after a word with " ..."."""
     if len(text) <= longest:
         return text
     words = text[: longest - 3].rpartition(" ")[0]
-    # what has no space in its second half is one long word, which must be cut
+    # text without a space in its second half has a long word, which must be cut
     return f"{words if 2 * len(words) > longest else text[: longest - 4]} ..."
 
 
 class MechsimError(Exception):
-    """Base of all errors that a user can correct; the command line prints its text and exits with 2."""
+    """Base of all errors that a user can correct; the command line prints the message and exits with 2."""
 
 
 class InputError(MechsimError, ValueError):
-    """A name, value, unit, file or option that cannot be used as given."""
+    """A name, value, unit, file or option that is invalid."""
 
 
 class AssemblyError(MechsimError, ValueError):
-    """The loops cannot be closed at a crank angle that was asked for."""
+    """The loops cannot be closed at a requested configuration."""
 
 
-# what may be done where configurations are not determined, in any command
-STEPPED = "let a run in time say (mechsim simulate --method step)"
+# remedy if configurations are undetermined, for any command
+STEPPED = "use time stepping instead (mechsim simulate --method step)"
 
 
 class MobilityError(MechsimError, ValueError):
-    """A mechanism whose motion its drivers do not settle, or that has more drivers than freedoms.
+    """A mechanism with too few drivers to determine its motion, or more than its degrees of freedom.
 
     Attributes:
         outcome: "underdetermined" or "overdetermined".
@@ -43,23 +43,23 @@ class MobilityError(MechsimError, ValueError):
 
 
 class BudgetError(MechsimError, RuntimeError):
-    """Work that did not end within its budget of processor time."""
+    """Work that exceeded its budget of processor time."""
 
 
 class OutputError(MechsimError, OSError):
-    """A result cannot be written where it was asked to go."""
+    """A result that cannot be written to its destination."""
 
 
 class MissingToolError(MechsimError, RuntimeError):
-    """This machine lacks something (OpenGL, ffmpeg); the text names the package that brings it."""
+    """A tool that this machine lacks (OpenGL, ffmpeg); the message names the package that provides it."""
 
 
 @contextmanager
 def needs(extra: str) -> Generator[None]:
-    """Name the extra of mechsim that brings a library which is imported within and not installed.
+    """Turn a failed import inside the block into an error that names the extra of mechsim with the library.
 
     Raises:
-        MissingToolError: for such a library.
+        MissingToolError: if the library is not installed.
     """
     try:
         yield
@@ -68,15 +68,15 @@ def needs(extra: str) -> Generator[None]:
         if library in ("", "mechsim"):
             raise
         raise MissingToolError(
-            f"{library} is not installed; pip install 'mechsim[{extra}]' brings it"
+            f"{library} is not installed; pip install 'mechsim[{extra}]' installs it"
         ) from None
 
 
 def require_extra(extra: str, *libraries: str) -> None:
-    """Refuse work that would end without a library, before it begins.
+    """Raise MissingToolError if a library is not installed.
 
     Raises:
-        MissingToolError: for the first that is not installed; names the extra of mechsim that brings it.
+        MissingToolError: for the first missing library; names the extra of mechsim with it.
     """
     for library in libraries:
         with needs(extra):

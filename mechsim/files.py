@@ -1,4 +1,4 @@
-"""Files written whole or not at all: a motion as a table of columns (`.csv`, `.npz`), numbers as JSON."""
+"""Atomic writing and reading of files: motions as tables (`.csv`, `.npz`), numbers as JSON."""
 
 import csv
 import io
@@ -25,17 +25,17 @@ from mechsim.numerics.resources import require_memory
 Table = dict[str, Array]
 EXTENSIONS = (".csv", ".npz")
 
-# bytes in memory for each byte of text, and for each of an unpacked table, whose numbers may be of one byte
-IN_MEMORY, UNPACKED = 10.0, 10.0
+# memory in bytes per byte of a text file, and per byte of an unpacked table, whose numbers can have one byte
+TEXT_MEMORY_FACTOR, TABLE_MEMORY_FACTOR = 10.0, 10.0
 SHORTER = "give a shorter table"
-# characters of a file's name that come from a name of a mechanism
-LONGEST_STEM = 100
-# rows formatted in one go: long enough to be fast, short enough to stay in the cache
+# characters of a mechanism's name that are used in a file name
+MAX_STEM_LENGTH = 100
+# rows formatted together: enough for speed, few enough for the cache
 ROWS = 4096
 
 
 class Tabled(Protocol):
-    """What is a table of columns, such as a motion."""
+    """An object with columns, such as a motion."""
 
     def columns(self) -> Iterable[tuple[str, Array]]:
         """Return names and columns of equal length."""
@@ -43,10 +43,10 @@ class Tabled(Protocol):
 
 
 def resolved_path(path: str | Path) -> Path:
-    """Return where a file that is asked for really lies: what a symbolic link points to.
+    """Return the path at the end of symbolic links, if a file can be written there.
 
     Raises:
-        OutputError: where no file can be written there, or one lies there that must not be.
+        OutputError: if no file can be written there, or an existing file must not be replaced.
     """
     path = Path(path)
     try:
@@ -54,13 +54,13 @@ def resolved_path(path: str | Path) -> Path:
         if target.is_dir():
             raise OutputError(f"cannot write {path}: it is a directory; name a file in it")
         if not target.parent.is_dir():
-            raise OutputError(f"cannot write {path}: there is no directory {target.parent}; make it first")
+            raise OutputError(f"cannot write {path}: there is no directory {target.parent}; create it first")
         if target.is_symlink():
-            raise OutputError(f"cannot write {path}: its links lead in a circle; name another file")
-        # root may write what nobody may; it is protected all the same
+            raise OutputError(f"cannot write {path}: its links form a circle; name another file")
+        # root can write read-only files; they are protected nevertheless
         if target.exists() and not (target.stat().st_mode & 0o222 and os.access(target, os.W_OK)):
             raise OutputError(
-                f"cannot write {path}: it is read-only; name another file, or change its rights"
+                f"cannot write {path}: it is read-only; name another file, or change its permissions"
             )
     except OutputError:
         raise
@@ -70,15 +70,15 @@ def resolved_path(path: str | Path) -> Path:
 
 
 def stem_of(name: str) -> str:
-    """Return a name as the beginning of a file's, without what leads to another folder or upsets a shell."""
-    return re.sub(r"[^\w.+-]+", "_", name)[-LONGEST_STEM:].lstrip("-.") or "_"
+    """Return a name as the start of a file name, without characters that shells or paths interpret."""
+    return re.sub(r"[^\w.+-]+", "_", name)[-MAX_STEM_LENGTH:].lstrip("-.") or "_"
 
 
 def require_writable(path: str | Path) -> None:
-    """Refuse a file that cannot be made or written, before there is anything to write.
+    """Raise OutputError for a file that cannot be created or written, before there are results to write.
 
     Raises:
-        OutputError: says why.
+        OutputError: states the reason.
     """
     target = resolved_path(path)
     if not target.exists():
@@ -90,7 +90,7 @@ def require_writable(path: str | Path) -> None:
         finally:
             temporary.unlink(missing_ok=True)
     elif stat.S_ISCHR(target.stat().st_mode):
-        # a device that takes nothing says so of no bytes, too
+        # a device that accepts nothing also rejects an empty write
         try:
             with target.open("wb", buffering=0) as taker:
                 taker.write(b"")
@@ -99,12 +99,12 @@ def require_writable(path: str | Path) -> None:
 
 
 def _temporary_path(target: Path, folder: Path) -> Path:
-    """Return a temporary path, named before it is made: no signal comes between that and its care."""
+    """Return the name of a temporary file, known before the file exists, so that a signal leaves none."""
     return folder / f".{target.stem[:32]}-{secrets.token_hex(4)}{target.suffix}"
 
 
 def _make(path: Path) -> None:
-    """Make an empty file that only its owner can read."""
+    """Create an empty file that only its owner can read."""
     os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
 
 
@@ -112,9 +112,9 @@ def _make(path: Path) -> None:
 def atomic_path(path: str | Path) -> Generator[Path]:
     """Yield a temporary path next to `path`, and move it there when the block ends without an error.
 
-    The temporary file keeps the extension, so that writers which go by it are content. A reader sees
-    the old file or the whole new one, never a part; nothing is left behind if the block raises. A symbolic
-    link stays one, and what it points to is written; into a device or a named pipe the file is copied.
+    The temporary file keeps the extension, which some writers require. A reader sees the old file or the
+    complete new one, and an error leaves no file behind. A symbolic link is kept and its target written. Into
+    a device or a named pipe the file is copied.
 
     Raises:
         OutputError: if the directory does not exist, or the file cannot be written there.
@@ -131,7 +131,7 @@ def atomic_path(path: str | Path) -> Generator[Path]:
             with temporary.open("rb") as whole, target.open("wb") as taker:
                 shutil.copyfileobj(whole, taker)
         else:
-            # until now only its owner could read it
+            # permissions of a new file; before, only its owner could read it
             temporary.chmod(stat.S_IMODE(target.stat().st_mode) if exists else 0o666 & ~_umask())
             temporary.replace(target)
     except OutputError:
@@ -143,7 +143,7 @@ def atomic_path(path: str | Path) -> Generator[Path]:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON can hold it: arrays as lists, numbers that are none as None."""
+    """Return a value for JSON: arrays as lists, NaN and infinity as None."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -159,7 +159,7 @@ def write_json(path: str | Path, value: Any) -> None:
     """Write a value as JSON (see `plain`).
 
     Raises:
-        OutputError: where the file cannot be written.
+        OutputError: if the file cannot be written.
     """
     text = json.dumps(plain(value), indent=1, allow_nan=False)
     with atomic_path(path) as temporary:
@@ -171,21 +171,21 @@ def write(path: str | Path, motion: Tabled) -> None:
 
     Args:
         path: ends in `.csv` (a header, then numbers that read back to the last bit) or `.npz`.
-        motion: what to write.
+        motion: the motion.
 
     Raises:
         InputError: for another extension.
-        OutputError: where the file cannot be written.
+        OutputError: if the file cannot be written.
     """
     write_table(path, dict(motion.columns()))
 
 
 def write_table(path: str | Path, table: Mapping[str, Array]) -> None:
-    """Write columns of numbers as `.csv` or `.npz`, as `write` does those of a motion.
+    """Write columns of numbers as `.csv` or `.npz`, as `write`.
 
     Raises:
         InputError: for another extension.
-        OutputError: where the file cannot be written.
+        OutputError: if the file cannot be written.
     """
     kind = _kind(path)
     with atomic_path(path) as temporary:
@@ -196,10 +196,10 @@ def write_table(path: str | Path, table: Mapping[str, Array]) -> None:
 
 
 def write_records(path: str | Path, records: Iterable[Tabled]) -> None:
-    """Write a motion that comes part by part as `.csv`, with no more than one part in memory.
+    """Write a motion in consecutive parts as `.csv`, with at most one part in memory.
 
     Raises:
-        OutputError: where the file cannot be written.
+        OutputError: if the file cannot be written.
     """
     with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         for number, record in enumerate(records):
@@ -213,8 +213,8 @@ def read(path: str | Path) -> Table:
     """Read a table back: column name -> (n,) numbers.
 
     Raises:
-        InputError: for another extension, a file that is not there, one that holds no such table, or one
-            that memory does not hold.
+        InputError: for another extension, a missing file, one without a table of numbers, or one that exceeds
+            the memory.
     """
     kind = _kind(path)
     try:
@@ -231,7 +231,7 @@ def read(path: str | Path) -> Table:
         first_line = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} holds no table of numbers with a header: {first_line}") from error
     except MemoryError:
-        raise InputError(f"{path} holds more than memory; give a shorter table") from None
+        raise InputError(f"{path} needs more than the memory; give a shorter table") from None
 
 
 def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
@@ -241,14 +241,14 @@ def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
 
 
 def csv_head(names: Iterable[str]) -> str:
-    """Return the first line of a table: names with commas between, in quotes where they hold a comma."""
+    """Return the first line of a table: names separated by commas, quoted if they contain a comma."""
     line = io.StringIO()
     csv.writer(line, lineterminator="\n").writerow(names)
     return line.getvalue()
 
 
 def csv_lines(table: Mapping[str, Array]) -> Iterator[str]:
-    """Yield the rows of a table as text, many at a time, in numbers that read back to the last bit."""
+    """Yield the rows of a table as text, many at a time, with numbers that read back to the last bit."""
     line = ",".join(["%.17g"] * len(table)) + "\n"
     columns = list(table.values())
     for start in range(0, len(columns[0]), ROWS):
@@ -257,8 +257,8 @@ def csv_lines(table: Mapping[str, Array]) -> Iterator[str]:
 
 
 def _read_csv(path: Path) -> Table:
-    require_memory(f"what {path.name} holds", path.stat().st_size, IN_MEMORY, SHORTER)
-    # a spreadsheet begins its text with a mark of the encoding
+    require_memory(f"what {path.name} holds", path.stat().st_size, TEXT_MEMORY_FACTOR, SHORTER)
+    # spreadsheets start text with a byte-order mark
     with path.open(encoding="utf-8-sig") as file:
         head, *lines = file.read().splitlines() or [""]
     if not lines:
@@ -269,25 +269,25 @@ def _read_csv(path: Path) -> Table:
     except ValueError:
         raise ValueError(_first_bad(names, lines)) from None
     if rows.shape[1] != len(names):
-        raise ValueError(f"{len(names)} names stand over {rows.shape[1]} columns")
+        raise ValueError(f"it has {len(names)} names for {rows.shape[1]} columns")
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"column {twice!r} stands there twice")
+        raise ValueError(f"it has column {twice!r} twice")
     return dict(zip(names, np.ascontiguousarray(rows.T), strict=True))
 
 
 def _first_bad(names: list[str], lines: list[str]) -> str:
-    """Return what is wrong with the first row that is not one number under each name."""
+    """Return the error in the first row that does not have one number for each name."""
     for number, line in enumerate(lines, 2):
         entries = line.split(",")
         if len(entries) != len(names):
-            return f"line {number} has {len(entries)} values under {len(names)} names"
+            return f"line {number} has {len(entries)} values for {len(names)} names"
         for name, entry in zip(names, entries, strict=True):
             try:
                 float(entry)
             except ValueError:
                 return f"{entry.strip()!r} in line {number} under {name!r} is no number"
-    return "its rows are not numbers with commas between"
+    return "its rows are not numbers separated by commas"
 
 
 def _read_npz(path: Path) -> Table:
@@ -295,7 +295,7 @@ def _read_npz(path: Path) -> Table:
         require_memory(
             f"what {path.name} holds",
             sum(member.file_size for member in packed.infolist()),
-            UNPACKED,
+            TABLE_MEMORY_FACTOR,
             SHORTER,
         )
     with np.load(path, allow_pickle=False) as file:
@@ -317,5 +317,5 @@ def _umask() -> int:
 
 def _cannot_write(path: Path, error: Exception) -> OutputError:
     return OutputError(
-        f"cannot write {path}: {getattr(error, 'strerror', None) or error}; choose another place"
+        f"cannot write {path}: {getattr(error, 'strerror', None) or error}; choose another path"
     )

@@ -1,7 +1,7 @@
-"""Quantities as people write them ("13 mm", "600 rpm", "0:360:5deg") to SI numbers, at the edges only.
+"""Conversion of quantities in text ("13 mm", "600 rpm", "0:360:5deg") to SI numbers, for user input only.
 
-A number without a unit is SI: metres, radians, radians per second, seconds. `option` declares a field of a
-dataclass that people set so.
+A number without a unit is in SI: metres, radians, radians per second, seconds. `option` declares a field of a
+dataclass that users can set in this form.
 """
 
 import re
@@ -18,8 +18,8 @@ from mechsim.errors import InputError, cut
 
 Array = NDArray[np.float64]
 Value = TypeVar("Value")
-# (unit as written, SI unit) -> how many of the second one of the first is: those written most, so that pint's
-# definitions need not be read for them, and others as they are met
+# (unit as written, SI unit) -> factor to SI of frequent units, which saves reading pint's definitions; other
+# factors are added when used
 FACTORS: dict[tuple[str, str], float] = {
     ("mm", "m"): 1e-3,
     ("cm", "m"): 1e-2,
@@ -52,13 +52,13 @@ Unit = Literal[
     "N m/A",
 ]
 
-# more angles than this in one range is a slip of the step, not a wish
-MOST_ANGLES = 10_000_000
+# largest number of angles in a range; more is an error of the step
+MAX_ANGLES = 10_000_000
 
-# letters: no unit needs more, and of no slip is more repeated
-LONGEST_UNIT = 60
+# largest number of characters of a unit, also in messages
+MAX_UNIT_LENGTH = 60
 
-# what each unit measures, and an example for the sentence that refuses a value
+# quantity of each unit, and an example for error messages
 _KINDS: dict[str, tuple[str, str]] = {
     "m": ("a length", "13 mm"),
     "rad": ("an angle", "20 deg"),
@@ -73,16 +73,16 @@ _KINDS: dict[str, tuple[str, str]] = {
     "N": ("a force", "20 N"),
     "N m": ("a moment", "3 N mm"),
     "N/m": ("a stiffness", "5 N/mm"),
-    "N m/rad": ("a stiffness of turning", "2 N m/rad"),
+    "N m/rad": ("a torsional stiffness", "2 N m/rad"),
     "N s/m": ("a damping", "4 N s/m"),
-    "N m s/rad": ("a damping of turning", "1e-3 N m s/rad"),
+    "N m s/rad": ("a torsional damping", "1e-3 N m s/rad"),
     "V": ("a voltage", "24 V"),
     "ohm": ("an electric resistance", "0.5 ohm"),
-    "N m/A": ("a motor's constant", "0.05 N m/A"),
+    "N m/A": ("a motor constant", "0.05 N m/A"),
 }
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
-# a unit is made of a few named ones: pint would take "mm!" and "mm=1" for mm, and reckon m**9**9**9
+# a unit is a product of few names: pint would accept "mm!" and "mm=1" as mm, and evaluate m**9**9**9
 _NAME = r"(?:[^\W\d_]|[°%])+(?:\s*(?:\*\*|\^)\s*-?\d)?"
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_NAME}(?:\s*[*/·]\s*{_NAME}|\s+{_NAME}){{0,5}}")
 
@@ -101,30 +101,30 @@ def option(
     """Declare a field of a dataclass that can be set on the command line.
 
     Args:
-        default: where it is not set.
-        doc: what it is, as help and errors show it.
-        unit: of a quantity, which may then be written with a unit.
-        read: makes the value of what was written, where that is no plain word, number or quantity.
-        text: the default as people would write it, where help should show that.
-        name: on the command line, where it is not the field's.
-        metavar: what stands for the value in help.
-        many: whether it may be given several times; the value is a tuple, each written by itself.
+        default: default value.
+        doc: description for help and errors.
+        unit: unit of a quantity, which can then be written with a unit.
+        read: returns the value of the text, if it is no plain word, number or quantity.
+        text: default value as text for help, if it differs.
+        name: name on the command line, if it is not the field's.
+        metavar: placeholder of the value in help.
+        many: whether the option can be repeated; the value is then a tuple.
     """
     rule = {"doc": doc, "unit": unit, "read": read, "text": text, "name": name, "metavar": metavar}
     return field(default=default, metadata=rule | {"many": many})
 
 
-# limits of a crank speed in [rad/s]: one revolution a day, and above any shaft
-SLOWEST, FASTEST = 1e-4, 1e9
+# limits of a crank speed in [rad/s]: one revolution a day, and above that of any shaft
+MIN_CRANK_SPEED, MAX_CRANK_SPEED = 1e-4, 1e9
 
 
 def crank_speed(value: float | str) -> float:
-    """Return a crank speed in [rad/s]; raise InputError outside `SLOWEST` to `FASTEST`."""
+    """Return a crank speed in [rad/s]; raise InputError outside `MIN_CRANK_SPEED` to `MAX_CRANK_SPEED`."""
     speed = float(si(value, "rad/s", "the crank speed"))
-    if not SLOWEST <= abs(speed) <= FASTEST:
+    if not MIN_CRANK_SPEED <= abs(speed) <= MAX_CRANK_SPEED:
         raise InputError(
-            f"the crank speed is {value}; give one other than 0, between {SLOWEST:g} and {FASTEST:g} rad/s "
-            "in either direction, as in 600rpm"
+            f"the crank speed is {value}; give one other than 0, between {MIN_CRANK_SPEED:g} and "
+            f"{MAX_CRANK_SPEED:g} rad/s in either direction, as in 600rpm"
         )
     return speed
 
@@ -157,12 +157,12 @@ def parse(text: str, unit: Unit, name: str = "the value") -> float:
     """Return a quantity given as text in an SI unit.
 
     Args:
-        text: a number with or without a unit; without one it is in `unit` already.
-        unit: what is wanted.
-        name: what the value is called in the sentence of an error.
+        text: a number with or without a unit; the default unit is `unit`.
+        unit: the SI unit.
+        name: name of the value in error messages.
 
     Raises:
-        InputError: for what is no finite number or has another dimension.
+        InputError: for text that is no finite number or has another dimension.
     """
     _require_text(text, unit, name)
     return _several([text], unit, text, name)[0]
@@ -189,27 +189,27 @@ def parse_time(text: str, name: str = "the time") -> float:
 
 
 def si(value: Value | str, unit: Unit, name: str = "the value") -> Value | float:
-    """Return a quantity in SI: text is read as by `parse`, all else is returned as it is."""
+    """Return a quantity in SI: text is read by `parse`, other values are returned unchanged."""
     return parse(value, unit, name) if isinstance(value, str) else value
 
 
 def si_angles(value: ArrayLike, name: str = "the angles") -> ArrayLike:
-    """Return angles in [rad]: text is read as by `parse_angles`, all else is returned as it is."""
+    """Return angles in [rad]: text is read by `parse_angles`, other values are returned unchanged."""
     return parse_angles(value, name) if isinstance(value, str) else value
 
 
 def require_written(text: str, unit: Unit, declared: str, name: str, rest: str = "") -> None:
-    """Reject a bare number other than 0 where the file that it is for declares another unit.
+    """Raise InputError for a number without a unit, other than 0, if its file declares another unit than SI.
 
     Args:
-        text: one number or several, with commas or colons between, or anything else.
-        unit: of the quantity in SI.
+        text: one or several numbers, separated by commas or colons, or any other text.
+        unit: SI unit of the quantity.
         declared: unit that the file declares for such quantities.
-        name: what the value is called in the sentence of an error.
-        rest: what follows the text where it is part of a longer one.
+        name: name of the value in error messages.
+        rest: text after the numbers if they are part of a longer one.
 
     Raises:
-        InputError: where no number of the text has a unit and one is not 0.
+        InputError: if no number of the text has a unit and one is not 0.
     """
     try:
         values = [float(piece) for piece in re.split("[,:]", text)]
@@ -219,13 +219,13 @@ def require_written(text: str, unit: Unit, declared: str, name: str, rest: str =
         return
     text, own = text.strip(), declared.removesuffix("/s")
     raise InputError(
-        f"{name}: {text}{rest} has no unit; the file is in {own}: write {text}{declared}{rest}, or "
-        f"{text}{unit}{rest} if {unit} is meant"
+        f"{name}: {text}{rest} has no unit; the file is in {own}: write {text}{declared}{rest} "
+        f"or {text}{unit}{rest}"
     )
 
 
 def parse_vector(text: str, unit: Unit, name: str = "the vector") -> tuple[float, ...]:
-    """Return quantities with commas between; the last unit applies to all that have none.
+    """Return quantities separated by commas; the last unit applies to all without a unit.
 
     Raises:
         InputError: as `parse`, for any of them.
@@ -235,15 +235,15 @@ def parse_vector(text: str, unit: Unit, name: str = "the vector") -> tuple[float
 
 
 def parse_names(text: str) -> tuple[str, ...]:
-    """Return names written with commas between."""
+    """Return names separated by commas."""
     return tuple(text.split(","))
 
 
 def parse_angles(text: str, name: str = "the angles") -> Array:
     """Return crank angles in [rad] from `start:stop:step`, both ends included, or from a comma list.
 
-    The last unit applies to all that have none. A step that does not divide the range is followed by
-    a shorter last one.
+    The last unit applies to all numbers without a unit. If the step does not divide the range, the last step
+    is shorter.
 
     Raises:
         InputError: as `parse`; also for a step of zero or in the wrong direction.
@@ -254,7 +254,7 @@ def parse_angles(text: str, name: str = "the angles") -> Array:
     texts = text.split(":")
     if len(texts) != 3:
         raise InputError(f"{name} {text!r} must be start:stop:step, for example 0:360:5deg")
-    # counted in the unit as written, where 360 / 5 is a whole number
+    # count in the unit as written, in which 360 / 5 is an integer
     numbers, factors = _read(texts, "rad", text, name)
     if len(set(factors)) > 1:
         numbers, factors = [n * f for n, f in zip(numbers, factors, strict=True)], [1.0]
@@ -264,9 +264,9 @@ def parse_angles(text: str, name: str = "the angles") -> Array:
     if step == 0.0 or (stop - start) / step < 0.0:
         raise InputError(f"{name} {text!r} never get from start to stop; give a step such as in 0:360:5deg")
     count = (stop - start) / step
-    if not count < MOST_ANGLES:
-        raise InputError(f"{name} {text!r} are more than {MOST_ANGLES}; give a longer step, as in 0:360:5deg")
-    # a step that misses the end by rounding only is one that meets it
+    if not count < MAX_ANGLES:
+        raise InputError(f"{name} {text!r} are more than {MAX_ANGLES}; give a longer step, as in 0:360:5deg")
+    # a step that misses the end by rounding reaches it
     whole = round(count) if abs(count - round(count)) < 1e-9 * max(1.0, count) else int(count)
     values = start + step * np.arange(whole + 1, dtype=np.float64)
     if whole >= count * (1.0 - 1e-9):
@@ -277,30 +277,30 @@ def parse_angles(text: str, name: str = "the angles") -> Array:
 
 
 def in_si(value: float, written: str, unit: Unit, name: str = "the value") -> float:
-    """Return a number of a unit written as text, in an SI unit.
+    """Return a number with a unit given as text in an SI unit.
 
     Raises:
-        InputError: for a unit that is not known or measures something else.
+        InputError: for an unknown unit or one of another dimension.
     """
     return _in_si(value, _factor(written, unit, written, name))
 
 
 def unit_in(text: str) -> str:
-    """Return the unit of a quantity as it is written; empty where there is none."""
+    """Return the unit of a quantity as written; empty if it has none."""
     match = _QUANTITY.fullmatch(text)
     return match[2] if match else ""
 
 
 def of_any_kind(text: str, name: str = "the value") -> tuple[float, Unit]:
-    """Return a quantity in the SI unit of what it measures, and that unit.
+    """Return a quantity in SI and its SI unit, whatever its dimension.
 
     Raises:
-        InputError: for what is no finite number with a known unit.
+        InputError: for text that is no finite number with a known unit.
     """
     kinds: tuple[Unit, ...] = get_args(Unit)
     match = _QUANTITY.fullmatch(text)
     written = match[2] if match else ""
-    # of a unit that is known without pint no others need be tried
+    # try the units that are known without pint first
     for unit in sorted(kinds, key=lambda unit: unit != written and (written, unit) not in FACTORS):
         with suppress(InputError):
             return parse(text, unit, name), unit
@@ -309,7 +309,7 @@ def of_any_kind(text: str, name: str = "the value") -> tuple[float, Unit]:
 
 def _require_text(text: str, unit: Unit, name: str) -> None:
     if unit not in _KINDS:
-        raise InputError(f"there is no unit {unit!r} to turn {name} into; known are {', '.join(_KINDS)}")
+        raise InputError(f"{name} cannot be converted to {unit!r}; known units are {', '.join(_KINDS)}")
     if not isinstance(text, str):  # pyright: ignore[reportUnnecessaryIsInstance]
         example = _KINDS[unit][1]
         raise InputError(
@@ -326,20 +326,20 @@ def _several(texts: list[str], unit: Unit, text: str, name: str) -> list[float]:
 
 
 def _in_si(number: float, factor: float) -> float:
-    # 13 / 1000 is the number nearest to 0.013, 13 * 0.001 is its neighbour
+    # 13 / 1000 is the number nearest to 0.013, 13 * 0.001 is not
     inverse = round(1.0 / factor) if factor < 1.0 else 0
     return number / inverse if inverse and 1.0 / inverse == factor else number * factor
 
 
 def _read(texts: list[str], unit: Unit, text: str, name: str) -> tuple[list[float], list[float]]:
-    """Return the numbers as written and the factor to SI of each; the last unit stands for missing ones."""
+    """Return the numbers as written and their factors to SI; the last unit applies to numbers without one."""
     pairs = [_split(piece, unit, text, name) for piece in texts]
     last = pairs[-1][1]
     return [number for number, _ in pairs], [_factor(own or last, unit, text, name) for _, own in pairs]
 
 
 def _split(piece: str, unit: Unit, text: str, name: str) -> tuple[float, str]:
-    """Return the number and the unit as written; the unit may be empty."""
+    """Return the number and the unit as written; the unit can be empty."""
     match = _QUANTITY.fullmatch(piece)
     number = float(match[1]) if match else np.nan
     if match is None or not abs(number) < np.inf:
@@ -350,7 +350,7 @@ def _split(piece: str, unit: Unit, text: str, name: str) -> tuple[float, str]:
 
 @cache
 def _registry() -> Any:
-    # pint takes a third of a second to read its definitions: only when a unit is really written
+    # pint takes a third of a second to read its definitions, so import it only for units it must convert
     import pint
 
     registry: Any = pint.UnitRegistry()
@@ -359,7 +359,7 @@ def _registry() -> Any:
 
 
 def _factor(written: str, unit: Unit, text: str, name: str) -> float:
-    """Return how many of `unit` one of the written unit is."""
+    """Return the factor from the written unit to `unit`."""
     if written in ("", unit):
         return 1.0
     if (written, unit) not in FACTORS:
@@ -368,16 +368,16 @@ def _factor(written: str, unit: Unit, text: str, name: str) -> float:
 
 
 def converted(written: str, unit: Unit, text: str, name: str) -> float:
-    """Return the factor from a written unit to an SI unit, as pint has it."""
-    if len(written) > LONGEST_UNIT or not _UNIT.fullmatch(written):
+    """Return the factor from a written unit to an SI unit, by pint."""
+    if len(written) > MAX_UNIT_LENGTH or not _UNIT.fullmatch(written):
         raise _unit_error(text, unit, name, f"has unit {_short(written)!r}, which is not known")
     registry = _registry()
     try:
         quantity = registry.Quantity(1.0, registry.parse_units(written)).to_root_units()
-    except Exception:  # pint's parser lets errors of every kind through for what is no unit
+    except Exception:  # pint's parser raises errors of every kind for invalid units
         raise _unit_error(text, unit, name, f"has unit {written!r}, which is not known") from None
     target = registry.Unit("dimensionless" if unit == "1" else unit)
-    # pint takes an angle for a plain number, so that 1 Hz would be 1 rad/s and 1 mm/m an angle
+    # pint treats an angle as a plain number, so that 1 Hz would be 1 rad/s and 1 mm/m an angle
     turns = ("radian" in str(quantity.units)) == ("rad" in unit)
     if not turns or not quantity.is_compatible_with(target):
         raise _unit_error(text, unit, name, f"has unit {written!r}, which does not measure that")
@@ -390,21 +390,21 @@ def _unit_error(text: str, unit: Unit, name: str, what: str) -> InputError:
 
 
 def _short(text: str) -> str:
-    return cut(text, 4 * LONGEST_UNIT)
+    return cut(text, 4 * MAX_UNIT_LENGTH)
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenUnits:
-    """The units of bare numbers in a file, as written there.
+    """The units of numbers without a unit in a file.
 
     Attributes:
-        length: such as "mm"; "m" where the file declares none.
-        angle: such as "deg"; "rad" where the file declares none.
+        length: unit of lengths, such as "mm"; the default is "m".
+        angle: unit of angles, such as "deg"; the default is "rad".
     """
 
     length: str = "m"
     angle: str = "rad"
 
     def declared(self, unit: str) -> str:
-        """Return the unit declared for quantities of an SI unit, "m" or "rad"; of all others the SI unit."""
+        """Return the declared unit of quantities with the SI unit "m" or "rad"; for others the SI unit."""
         return {"m": self.length, "rad": self.angle}.get(unit, unit)

@@ -51,7 +51,7 @@ def five_bar() -> Mechanism:
         ("left", "right"),
         {"P": ("b", (0.09, 0.0, 0.0))},
         guess={"b": Pose(np.array([-0.02, 0.05, 0.0]), turned(0.6))},
-        counted={"left": 2.0, "right": 1.0},
+        guess_coordinates={"left": 2.0, "right": 1.0},
     )
 
 
@@ -82,7 +82,7 @@ def boom(**change) -> Mechanism:
             "boom": Pose(np.zeros(3), turned(0.5)),
             "barrel": Pose(np.array([0.5, -0.2, 0.0]), turned(1.0)),
         },
-        counted={"stroke": 0.7},
+        guess_coordinates={"stroke": 0.7},
     )
     return replace(whole, **change)
 
@@ -214,7 +214,7 @@ def platform():
         drivers,
         {"P": ("platform", (0.0, 0.0, 0.0)), "Q": ("platform", (0.1, 0.0, 0.1))},
         guess={**guess, "platform": Pose(place, turn)},
-        counted=dict(zip(drivers, lengths[0].tolist(), strict=True)),
+        guess_coordinates=dict(zip(drivers, lengths[0].tolist(), strict=True)),
     )
     states = {name: tabled(name, time, lengths[:, i]) for i, name in enumerate(drivers)}
     moves = make_motion_laws(mechanism, states, 3.0)

@@ -1,1 +1,1 @@
-"""Analytic methods: closed forms and loop equations; no simulator."""
+"""Analytic methods: closed forms and loop equations, without a simulator."""

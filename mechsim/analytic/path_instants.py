@@ -20,10 +20,10 @@ class PathInstants:
     """Instants of a motion.
 
     Attributes:
-        parameter: the path parameter: the crank angle, or under motion laws their normalised time, in [rad].
+        parameter: path parameter in [rad]: crank angle, or under motion laws the normalised time.
         rate: its rate, scalar or (n,) in [rad/s].
-        second: its second rate, scalar or (n,) in [rad/s2].
-        time: where the instants were requested by time, (n,) in [s]; else None.
+        second: its second derivative by time, scalar or (n,) in [rad/s2].
+        time: requested times, (n,) in [s]; None if angles were requested.
     """
 
     parameter: ArrayLike
@@ -40,19 +40,19 @@ def path_instants(
     acceleration: ArrayLike,
     t: ArrayLike | None,
 ) -> PathInstants:
-    """Return the instants that crank angles and rates name, or times.
+    """Return the instants given by crank angles and rates, or by times.
 
     Args:
-        mechanism: what moves.
+        mechanism: the mechanism.
         motion_laws: its motion laws.
-        angles: crank angles, (n,) in [rad] or text; None where times are given.
-        speed: crank speed in [rad/s] or text; None is 1 at crank angles.
+        angles: crank angles, (n,) in [rad] or text; None if times are given.
+        speed: crank speed in [rad/s] or text; the default at crank angles is 1.
         acceleration: crank acceleration in [rad/s2].
-        t: times, (n,) in [s]; at time zero the crank stands at `mechanism.start`.
+        t: times, (n,) in [s]; at time zero the crank angle is `mechanism.start`.
 
     Raises:
-        InputError: for crank angles or rates where motion laws drive, for both angles and times or neither,
-            and for times that are no finite numbers or beyond a law's table.
+        InputError: for crank angles or rates under motion laws, for both angles and times or neither, and for
+            times that are not finite or outside a law's table.
     """
     angles = None if angles is None else units.si_angles(angles, "the crank angles")
     speed = units.si(speed, "rad/s", "the crank's speed")
@@ -87,7 +87,7 @@ def _under_laws(
     """Return the instants at times of motion laws."""
     drivers = ", ".join(motion_laws.drivers)
     if angles is not None or t is None:
-        reason = "no times are given" if angles is None else "angles do not say when"
+        reason = "no times are given" if angles is None else "angles do not determine the time"
         raise InputError(
             f"{mechanism.name}: motion laws drive {drivers}, and {reason}; give times in s, as {EXAMPLE}"
         )
@@ -98,7 +98,7 @@ def _under_laws(
         )
     time = _times(mechanism.name, t)
     for name, state in motion_laws.by_name.items():
-        # only a law read from a table ends
+        # only a motion law from a table ends
         end = getattr(state, "end_time", None)
         outside = [] if end is None else time[(time < 0.0) | (time > end * (1.0 + 1e-12))]
         if len(outside):

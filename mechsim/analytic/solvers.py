@@ -18,7 +18,7 @@ from mechsim.units import WrittenUnits
 
 
 class KinematicSolver(Protocol):
-    """What solves the motion of one assembly of a mechanism: `ClosedForm` or `LoopForm`.
+    """Solver of the motion of a mechanism in one assembly mode: `ClosedForm` or `LoopForm`.
 
     The path parameter is the crank angle in [rad], or under motion laws the time multiplied by their rate.
     """
@@ -30,7 +30,7 @@ class KinematicSolver(Protocol):
 
     @property
     def mechanism(self) -> Mechanism:
-        """The mechanism, with a guess that selects the assembly."""
+        """The mechanism, with a guess that selects the assembly mode."""
         ...
 
     @property
@@ -40,7 +40,7 @@ class KinematicSolver(Protocol):
 
     @property
     def forces(self) -> Forces | None:
-        """Forces of the description; None if it has none."""
+        """Forces of the description; None if it defines none."""
         ...
 
     @property
@@ -60,7 +60,7 @@ class KinematicSolver(Protocol):
 
     @property
     def change_point(self) -> ChangePointPolicy:
-        """How the motion continues at change points."""
+        """Policy at change points."""
         ...
 
     @property
@@ -80,11 +80,11 @@ class KinematicSolver(Protocol):
         ...
 
     def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
-        """Return the motion at values of the path parameter, (n,), and its rates."""
+        """Return the motion at values of the path parameter, (n,), with its rates."""
         ...
 
     def solve_as(self, driven: Motion) -> Motion:
-        """Return the motion where the drivers of another motion were."""
+        """Return the motion at the driver positions of another motion."""
         ...
 
     def positions(
@@ -94,7 +94,7 @@ class KinematicSolver(Protocol):
         ...
 
     def crank_range(self) -> Arcs:
-        """Return the intervals of crank angle over which the loops close in this assembly."""
+        """Return the intervals of crank angle in which the loops close in this assembly mode."""
         ...
 
     def dead_centres(self) -> tuple[float, ...]:
@@ -102,39 +102,39 @@ class KinematicSolver(Protocol):
         ...
 
     def change_points(self) -> tuple[float, ...]:
-        """Return the crank angles at which two assemblies meet, in [-pi, pi) rad."""
+        """Return the crank angles of change points, at which two assembly modes meet, in [-pi, pi) rad."""
         ...
 
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
-        """Return the selectors and tracked points of each assembly at a crank angle."""
+        """Return the selectors and tracked points of each assembly mode at a crank angle."""
         ...
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Return the signed geometry that is positive in this assembly, (n,)."""
+        """Return the signed geometry that is positive in this assembly mode, (n,)."""
         ...
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0, /) -> Self:
-        """Return the solver of the assembly selected at the first crank angle."""
+        """Return the solver of the assembly mode selected at the first crank angle."""
         ...
 
     def with_change_point(self, policy: ChangePointPolicy, /) -> Self:
-        """Return the solver that continues so at change points."""
+        """Return the solver with another policy at change points."""
         ...
 
 
 def closed_form(solver: KinematicSolver, what: str) -> ClosedForm:
-    """Return a mechanism of the catalogue.
+    """Return a solver as a catalogue mechanism.
 
     Args:
-        solver: what may be one.
-        what: it is wanted for.
+        solver: the solver.
+        what: the requested result, for the message.
 
     Raises:
-        InputError: for any other.
+        InputError: for a solver that is no catalogue mechanism.
     """
     if isinstance(solver, ClosedForm):
         return solver
     raise InputError(
-        f"{what} is known for mechanisms of the catalogue only, and {solver.name!r} is none; "
+        f"{what} is known only for mechanisms of the catalogue, and {solver.name!r} is none of them; "
         "`mechsim list` names them"
     )

@@ -42,7 +42,7 @@ from mechsim.model.finding import Outcome
 from mechsim.model.force_record import Fluctuation, FreeRun
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import LEAST_TURNS
+from mechsim.model.motion_laws import MIN_TURNS
 from mechsim.model.quantities import quantity
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
@@ -227,10 +227,10 @@ class DynamicsOptions:
             raise InputError(f"there is no method {self.method!r}; known are pose, step, none")
         if self.tolerance is not None and self.method == "none":
             raise InputError("--tolerance is of MuJoCo's runs, and --method none omits them; drop one")
-        if not (LEAST_TURNS <= abs(self.turns) < 1e4 and 1 <= self.samples <= 100_000):
+        if not (MIN_TURNS <= abs(self.turns) < 1e4 and 1 <= self.samples <= 100_000):
             raise InputError(
                 f"{self.turns:g} turns of {self.samples} instants; "
-                f"give turns other than 0, {LEAST_TURNS:g} at least, and 1 to 100000 instants"
+                f"give turns other than 0, {MIN_TURNS:g} at least, and 1 to 100000 instants"
             )
         if self.output is not None:
             writable(self.output, ".csv", ".npz")

@@ -11,7 +11,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, print_stderr
 from mechsim.errors import MobilityError
 from mechsim.model.motion import Motion, select_instants
-from mechsim.model.motion_laws import PART_OF_RANGE, CrankProfile, within_range
+from mechsim.model.motion_laws import SWING_FRACTION, CrankProfile, within_range
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.verdict.tolerances import RATES
 
@@ -122,6 +122,6 @@ def limited_swing(solver: KinematicSolver, speed: float) -> CrankProfile | None:
     ends = " and ".join(f"{low:.6g} to {high:.6g}" for low, high in np.rad2deg(arcs.arcs))
     notes.append(
         f"{solver.name}: the crank swings, its reachable range is {ends} deg; the motion is one swing over "
-        f"the middle {PART_OF_RANGE:g} of it"
+        f"the middle {SWING_FRACTION:g} of it"
     )
     return within_range(solver.mechanism, arcs, speed)

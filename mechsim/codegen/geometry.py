@@ -66,7 +66,7 @@ class ParametricGeometry:
 
 
 def parametric_geometry(model: Any, designs: DesignFamily) -> ParametricGeometry:
-    """Return how points and axes follow from the dimensions that are not reckoned from others.
+    """Return how points and axes follow from the dimensions that are not computed from others.
 
     Args:
         model: as `load` takes it, opened.
@@ -196,7 +196,7 @@ def _statements(model: TomlModel, designs: DesignFamily, varying: Sequence[str])
     for name, text in model.source.document["parameters"].items():
         if name in varying:
             value = f"d[{name!r}] / {scales[name]!r}"
-        elif designs.reckoned.get(name):
+        elif designs.derived.get(name):
             value = _javascript(parse_expression(text), angle)
         else:
             value = repr(designs.dimensions[name].value / scales[name])

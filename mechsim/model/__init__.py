@@ -1,1 +1,1 @@
-"""Mechanisms and motions as plain data: all that the two methods have in common."""
+"""Mechanisms and motions as plain data, shared by both methods."""

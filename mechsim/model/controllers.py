@@ -1,4 +1,4 @@
-"""Controllers: efforts on joint coordinates that are expressions of the state and of time."""
+"""Controllers: drive forces on joint coordinates as expressions of the state and the time."""
 
 import re
 from collections.abc import Mapping
@@ -11,21 +11,22 @@ from mechsim.model.expressions import Expression, compiled
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
-# a coordinate's value or rate, as crank.q or P.x.v, and not a number such as 2.5
+# value or rate of a coordinate, such as crank.q or P.x.v; not a number such as 2.5
 _STATE = re.compile(r"(?<![\w.])([^\W\d][\w.]*)\.(q|v)(?![\w.])")
 
 
 @dataclass(frozen=True)
 class Controller:
-    """An effort on a coordinate that depends on the state and on time.
+    """A force or torque on a coordinate that depends on the state and the time.
 
     Attributes:
-        coordinate: on which it acts.
-        text: the effort in [N m] or [N]: an expression of coordinates `J.q` in [rad] or [m], rates `J.v` per
-            second and the time `t` in [s].
+        coordinate: name of the coordinate it acts on.
+        text: torque in [N m] or force in [N], an expression of the coordinates `J.q` in [rad] or [m], their
+            rates `J.v` per second and the time `t` in [s].
+        inputs: pairs (coordinate, "q" or "v") that the expression reads.
 
     Raises:
-        InputError: for text that is no such expression.
+        InputError: if the text is not such an expression.
 
     Example:
         >>> import mechsim as ms
@@ -54,11 +55,11 @@ class Controller:
 
     @property
     def coordinates(self) -> set[str]:
-        """The coordinates that it reads and acts on."""
+        """Names of the coordinates that it reads or acts on."""
         return {self.coordinate, *(name for name, _ in self.inputs)}
 
     def effort(self, values: Mapping[str, Array], rates: Mapping[str, Array], time: Array) -> Array:
-        """Return the effort at coordinates and rates in SI and times, (n,) each, in [N m] or [N]."""
+        """Return the torque [N m] or force [N] at coordinates and rates in SI and times in [s], (n,) each."""
         variables = {
             f"state_{k}_": (values if letter == "q" else rates)[name]
             for k, (name, letter) in enumerate(self.inputs)
@@ -66,11 +67,11 @@ class Controller:
         return np.broadcast_to(self._expression({**variables, "t": time}), time.shape)
 
     def check(self, mechanism: Mechanism) -> None:
-        """Raise InputError for a coordinate that a mechanism does not have."""
+        """Raise InputError if the mechanism lacks one of the coordinates."""
         names = [name for joint in mechanism.joints for name in joint.coordinates]
         for name in sorted(self.coordinates):
             if name not in names:
                 raise InputError(
-                    f"the controller of {self.coordinate} names {name!r}, no coordinate of {mechanism.name}; "
-                    f"it has {', '.join(names)}"
+                    f"the controller of {self.coordinate} names {name!r}, which is no coordinate of "
+                    f"{mechanism.name}; it has {', '.join(names)}"
                 )

@@ -1,4 +1,4 @@
-"""Many designs of one mechanism, alike but for where their joints and points are: numbers as arrays."""
+"""Arrays of many designs that differ only in the positions of joints and points."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.model.link_poses import Sides, completed, starts
+from mechsim.model.link_poses import Sides, complete_guess, initial_coordinates
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -17,10 +17,10 @@ Ends = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True)
 class DesignArrays:
-    """Numbers of d designs that are `alike`.
+    """Dimensions of d designs of the same structure.
 
     Attributes:
-        mechanism: one like them.
+        mechanism: one of the designs; it gives links, joints and drivers.
         ends: joint -> its points and frames, in the links' frames.
         points: tracked point -> (3, d) in its link's frame.
     """
@@ -31,17 +31,17 @@ class DesignArrays:
 
     @property
     def count(self) -> int:
-        """How many designs there are."""
+        """Number of designs."""
         return next(iter(self.ends.values()))[0].shape[-1]
 
     def subset(self, which: NDArray[np.intp]) -> "DesignArrays":
-        """Return some of the designs."""
+        """Return the designs at some indices."""
         ends = {name: tuple(array[..., which] for array in arrays) for name, arrays in self.ends.items()}
         points = {name: local[..., which] for name, local in self.points.items()}
         return DesignArrays(self.mechanism, ends, points)  # pyright: ignore[reportArgumentType]
 
     def sides(self) -> dict[str, Sides]:
-        """Return the same ends, designs first: points (d, 3) and frames (d, 3, 3)."""
+        """Return the joint ends with the designs along the first axis: points (d, 3), frames (d, 3, 3)."""
         return {name: _designs_first(ends) for name, ends in self.ends.items()}
 
     def on(self, link: str) -> Array:
@@ -54,7 +54,7 @@ class DesignArrays:
 
     @property
     def characteristic_length(self) -> Array:
-        """The longest distance between two joints of a link, (d,) in [m]; as that of `Mechanism`."""
+        """Longest distance between two joints of a link, (d,) in [m], as in `Mechanism`."""
         longest = np.zeros(self.count)
         for link in (GROUND, *(moving.name for moving in self.mechanism.links)):
             points = self.on(link)
@@ -65,11 +65,11 @@ class DesignArrays:
 
 @dataclass(frozen=True)
 class StartedDesigns:
-    """Designs, and where their assembly begins.
+    """Designs and the configurations from which their assembly starts.
 
     Attributes:
-        arrays: their numbers.
-        guess: link -> rough poses, (d, 3) and (d, 3, 3), that say which assemblies are meant.
+        arrays: their dimensions.
+        guess: link -> guessed poses, (d, 3) and (d, 3, 3), which select the assembly mode.
         coordinates: coordinate -> value in the guess where poses do not determine it, (d,) in [m] or [rad].
     """
 
@@ -78,7 +78,7 @@ class StartedDesigns:
     coordinates: Mapping[str, Array]
 
     def subset(self, which: NDArray[np.intp]) -> "StartedDesigns":
-        """Return some of the designs."""
+        """Return the designs at some indices."""
         guess = {link: Pose(pose.position[which], pose.rotation[which]) for link, pose in self.guess.items()}
         return StartedDesigns(
             self.arrays.subset(which), guess, {name: value[which] for name, value in self.coordinates.items()}
@@ -86,7 +86,7 @@ class StartedDesigns:
 
 
 def design_arrays(like: Mechanism, designs: Sequence[Mechanism]) -> DesignArrays:
-    """Return the numbers of designs that are `alike`."""
+    """Return the dimensions of designs that have the structure of `like`."""
     ends: dict[str, Ends] = {}
     for i, joint in enumerate(like.joints):
         sides = [[design.joints[i].a for design in designs], [design.joints[i].b for design in designs]]
@@ -98,13 +98,13 @@ def design_arrays(like: Mechanism, designs: Sequence[Mechanism]) -> DesignArrays
 
 
 def started_designs(like: Mechanism, designs: Sequence[Mechanism]) -> StartedDesigns:
-    """Return the numbers of designs that are `alike`, and their guesses.
+    """Return the dimensions and guesses of designs that have the structure of `like`.
 
     Raises:
-        AssemblyError: where joints lead to a link from nowhere.
+        AssemblyError: if no chain of joints connects a link with the frame.
     """
     arrays = design_arrays(like, designs)
-    starts_of = [starts(design) for design in designs]
+    starts_of = [initial_coordinates(design) for design in designs]
     coordinates = {name: np.array([design[name] for design in starts_of]) for name in starts_of[0]}
     guess = {
         link: Pose(
@@ -113,22 +113,24 @@ def started_designs(like: Mechanism, designs: Sequence[Mechanism]) -> StartedDes
         )
         for link in designs[0].guess
     }
-    return StartedDesigns(arrays, completed(like, arrays.sides(), guess, coordinates), coordinates)
+    return StartedDesigns(arrays, complete_guess(like, arrays.sides(), guess, coordinates), coordinates)
 
 
-def those_alike(
+def similar_designs(
     like: Mechanism, designs: Iterable[Mechanism | None]
 ) -> tuple[StartedDesigns | None, NDArray[np.intp]]:
-    """Return the designs that are like one, ready to begin, and which those are; None where none is."""
-    similar = [(i, design) for i, design in enumerate(designs) if design is not None and alike(like, design)]
-    # of those that are guessed by other links none can stand for the others
+    """Return the designs that have the structure of `like`, and their indices; None if there are none."""
+    similar = [
+        (i, design) for i, design in enumerate(designs) if design is not None and same_structure(like, design)
+    ]
+    # a batch needs guesses of the same links
     similar = [(i, design) for i, design in similar if design.guess.keys() == similar[0][1].guess.keys()]
     which = np.array([i for i, _ in similar], dtype=np.intp)
     return (started_designs(like, [design for _, design in similar]) if similar else None), which
 
 
-def alike(first: Mechanism, other: Mechanism) -> bool:
-    """Whether two mechanisms differ only in where joints and points are, and where they begin."""
+def same_structure(first: Mechanism, other: Mechanism) -> bool:
+    """Whether two mechanisms differ only in the positions of joints and points and in the guess."""
     return (
         [link.name for link in first.links] == [link.name for link in other.links]
         and [_kind(joint) for joint in first.joints] == [_kind(joint) for joint in other.joints]

@@ -1,6 +1,6 @@
-"""Expressions in text: one grammar and evaluator for parameters, motion laws, loads, controls, quantities.
+"""Expressions in text: one grammar and evaluator for parameters, motion laws, loads, controllers, quantities.
 
-Values may be numbers, arrays (n,), arrays with complex steps, or jets with two rates.
+Values are numbers, arrays (n,), arrays with complex steps, or jets with two derivatives.
 """
 
 import ast
@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, chosen, still, turn_of
+from mechsim.numerics.jets import Jet, angle_of, chosen, still
 
 Powers = tuple[float, ...]
-PLAIN: Powers = (0.0, 0.0, 0.0, 0.0)
+DIMENSIONLESS: Powers = (0.0, 0.0, 0.0, 0.0)
 
 # base units of a derived unit: powers of kg, m, s and rad
 _POWERS: dict[str, Powers] = {
@@ -42,7 +42,7 @@ _DESCRIPTIONS = {
 
 
 def unit_powers(unit: str) -> Powers:
-    """Return the powers of kg, m, s and rad in a unit as "N m" or "m/s2"."""
+    """Return the powers of kg, m, s and rad in a unit such as "N m" or "m/s2"."""
     total = np.zeros(4)
     above, _, below = unit.partition("/")
     for sign, side in ((1.0, above), (-1.0, below)):
@@ -54,9 +54,9 @@ def unit_powers(unit: str) -> Powers:
 
 
 def unit_text(powers: Sequence[float]) -> str:
-    """Return the unit of powers of kg, m, s and rad, by its usual name where it has one."""
+    """Return the unit with these powers of kg, m, s and rad, by its usual name if it has one."""
     if powers[0]:
-        # torque times angle is work
+        # torque times angle is work: drop rad
         powers = (*powers[:3], 0.0)
     named = {unit_powers(unit): unit for unit in reversed(_NAMED)}
     factors = [
@@ -68,26 +68,26 @@ def unit_text(powers: Sequence[float]) -> str:
 
 
 def without_time(powers: Sequence[float]) -> Powers:
-    """Return powers of kg, m, s and rad as in expressions of t, where time counts as a plain number."""
+    """Return the powers of a unit in an expression of t, where the time counts as a plain number."""
     mass, length, _, angle = powers
     return (mass, length, 0.0, angle)
 
 
 def described(powers: Sequence[float]) -> str:
-    """Return what a value with powers of kg, m, s and rad measures, in words."""
+    """Return in words what a value with these powers of kg, m, s and rad measures."""
     for unit, description in _DESCRIPTIONS.items():
         if tuple(powers) in (unit_powers(unit), without_time(unit_powers(unit))):
             return description
     return f"a value in {unit_text(powers)}"
 
 
-# characters of an expression, and how deep its brackets may nest
+# largest number of characters of an expression, and of nested brackets
 MAX_CHARACTERS, MAX_DEPTH = 500, 50
-# largest exponent; a larger one is taken for an error
+# largest exponent; larger ones are typing errors
 MAX_EXPONENT = 64.0
 
 
-# which value without a unit was added to quantities with one
+# what was added to a quantity with a unit although it has none
 Mixed = Literal["", "number", "variable"]
 
 
@@ -96,28 +96,28 @@ class Term:
     """A value in an expression.
 
     Attributes:
-        value: a number, an array, or a jet.
-        powers: of kg, m, s and rad in its unit.
-        without_unit: what was added to quantities without having a unit, which then counts in SI.
+        value: number, array or jet.
+        powers: powers of kg, m, s and rad in its unit.
+        without_unit: kind of addend without a unit that was added to a quantity with one; it counts in SI.
     """
 
     value: Any
-    powers: Powers = PLAIN
+    powers: Powers = DIMENSIONLESS
     without_unit: Mixed = ""
 
     @property
     def dimensionless(self) -> bool:
-        """Whether it has no unit."""
+        """Whether the value has no unit."""
         return not any(self.powers)
 
     @property
     def description(self) -> str:
-        """What it measures, in words."""
+        """What the value measures, in words."""
         return described(self.powers)
 
     @property
     def zero(self) -> bool:
-        """Whether the value and its rates are zero, which needs no unit."""
+        """Whether the value and its derivatives are zero; a zero needs no unit."""
         value = self.value
         values = (value.value, value.rate, value.second) if isinstance(value, Jet) else (value,)
         return not any(np.any(array) for array in values)
@@ -128,10 +128,11 @@ class Function:
     """A function that expressions may call.
 
     Attributes:
-        value: of its arguments.
-        count: of arguments; None is one or more.
-        unit: "number" of plain numbers; "angle" of angles; "inverse" whose value is an angle; "same" whose
-            value has the unit of its arguments; "ratio" of one unit, whose value is an angle.
+        value: the function of its arguments.
+        count: number of arguments; None allows one or more.
+        unit: "number" takes and returns plain numbers; "angle" takes angles; "inverse" returns an angle;
+            "same" returns the unit of its arguments; "ratio" takes arguments of one unit and returns an
+            angle.
     """
 
     value: Callable[..., Any]
@@ -154,7 +155,7 @@ def _arctan2(y: Any, x: Any) -> Any:
     if isinstance(y, Jet) or isinstance(x, Jet):
         direction: tuple[Any, Any] = _jet(y, x), _jet(x, y)
         return np.arctan2(*direction)
-    return turn_of(y, x)
+    return angle_of(y, x)
 
 
 def _real(value: Any) -> Any:
@@ -168,7 +169,7 @@ def _chosen(which: Any, first: Any, second: Any) -> Any:
 
 
 def _jet(value: Any, like: Any) -> Jet:
-    """Return a value as a jet; a constant of the shape of another."""
+    """Return a value as a jet; a constant gets the shape of `like`."""
     return value if isinstance(value, Jet) else still(value + np.zeros_like(like.value))
 
 
@@ -191,10 +192,11 @@ _ALLOWED = f"known are + - * / ** ( ), pi and {', '.join(FUNCTIONS)}"
 
 
 def parse_expression(text: str) -> ast.expr:
-    """Return the tree of an expression.
+    """Return the syntax tree of an expression.
 
     Raises:
-        InputError: for what is no expression or is too long; its sentence has no subject.
+        InputError: for text that is no expression or too long; the caller puts the subject before the
+            message.
     """
     if len(text) > MAX_CHARACTERS:
         raise InputError(f"has {len(text)} characters; write {MAX_CHARACTERS} at most")
@@ -206,11 +208,11 @@ def parse_expression(text: str) -> ast.expr:
 
 @dataclass(frozen=True, slots=True)
 class Evaluator:
-    """Evaluates the tree of an expression.
+    """Evaluates the syntax tree of an expression.
 
     Attributes:
-        names: name -> its value; raises InputError for one that it does not know.
-        angle: unit of angles, as sin takes and atan gives them, in [rad].
+        names: name -> value; raises InputError for an unknown name.
+        angle: unit of angles in [rad] that sin takes and atan returns.
     """
 
     names: Callable[[str], Term]
@@ -220,8 +222,9 @@ class Evaluator:
         """Return the value of an expression.
 
         Raises:
-            InputError: for what is no arithmetic or nests too deep; its sentence has no subject.
-            ArithmeticError, ValueError: where a number has no value.
+            InputError: for a node that is no arithmetic or nests too deep; the caller puts the subject before
+                the message.
+            ArithmeticError, ValueError: where the expression has no value.
         """
         if depth > MAX_DEPTH:
             raise InputError(f"nests more than {MAX_DEPTH} deep; make it simpler, or use a parameter")
@@ -247,7 +250,7 @@ class Evaluator:
     def _call(self, name: str, arguments: Sequence[ast.AST], depth: int) -> Term:
         function = FUNCTIONS.get(name)
         if function is None:
-            raise InputError(f"calls {name!r}, which is no function here; {_ALLOWED}")
+            raise InputError(f"calls {name!r}, which is no known function; {_ALLOWED}")
         terms = [self.evaluate(argument, depth) for argument in arguments]
         if len(terms) != function.count and (function.count is not None or not terms):
             raise InputError(f"gives {name} {len(terms)} numbers; give {function.count or '1 or more'}")
@@ -270,7 +273,7 @@ class Evaluator:
         return self._angle(value) if function.unit == "inverse" else Term(value)
 
     def _angle(self, value: Any) -> Term:
-        """Return an angle given in [rad]; in another unit of angles a plain number."""
+        """Return an angle in [rad] in the evaluator's unit of angles."""
         return Term(value, _RADIAN) if self.angle == 1.0 else Term(value / self.angle)
 
 
@@ -278,25 +281,25 @@ _RADIAN: Powers = (0.0, 0.0, 0.0, 1.0)
 
 
 def _plain(value: Any) -> Any:
-    """Return a scalar of numpy as a float."""
+    """Return a NumPy scalar as a float."""
     return float(value) if not isinstance(value, Jet) and np.ndim(value) == 0 else value
 
 
 def _of_shared_unit(terms: Sequence[Term]) -> Term:
-    """Return the first term with the unit that terms share; those without a unit count in SI."""
+    """Return the first term with the common unit of all terms; terms without a unit count in SI."""
     with_unit = [term for term in terms if not term.dimensionless]
     for term in with_unit[1:]:
         if term.powers != with_unit[0].powers:
             raise InputError(
                 f"puts {with_unit[0].description} and {term.description} together; give both one unit"
             )
-    powers = with_unit[0].powers if with_unit else PLAIN
+    powers = with_unit[0].powers if with_unit else DIMENSIONLESS
     added = [*terms, *map(_added, terms)] if with_unit else terms
     return replace(terms[0], powers=powers, without_unit=_mixed(added))
 
 
 def _added(term: Term) -> Term:
-    """Return a term that is added to quantities with a unit."""
+    """Return a term as an addend of a quantity with a unit."""
     if not term.dimensionless or term.zero:
         return term
     varies = isinstance(term.value, Jet) or np.ndim(term.value) > 0
@@ -356,16 +359,16 @@ def _has_pi(node: ast.AST) -> bool:
 
 
 def evaluate_number(text: str, names: Callable[[str], float], angle: float = 1.0) -> float:
-    """Return the number that an expression of numbers gives.
+    """Return the number to which an expression of numbers evaluates.
 
     Args:
         text: the expression.
-        names: name -> number; raises InputError for one that it does not know.
-        angle: unit of angles, as sin takes and atan gives them, in [rad].
+        names: name -> number; raises InputError for an unknown name.
+        angle: unit of angles in [rad] that sin takes and atan returns.
 
     Raises:
-        InputError: for what is no expression, is too large, or has no finite value; its sentence has no
-            subject.
+        InputError: for text that is no expression, is too long, or has no finite value; the caller puts the
+            subject before the message.
     """
     try:
         with np.errstate(all="raise", under="ignore"):
@@ -388,7 +391,7 @@ class Expression:
 
     Attributes:
         text: the expression; all names in SI, angles in [rad].
-        names: of its variables.
+        names: names of its variables.
         tree: its syntax tree.
     """
 
@@ -397,12 +400,12 @@ class Expression:
     tree: ast.expr
 
     def __call__(self, values: Mapping[str, ArrayLike]) -> Array:
-        """Return the values at variables (n,), name -> array: (n,); not finite where it has none."""
+        """Return the values (n,) at variables name -> (n,); not finite where the expression has no value."""
         arrays = {name: np.asarray(values[name], dtype=np.float64) for name in self.names}
         return np.asarray(self._evaluate(arrays), dtype=np.float64)
 
     def derivatives(self, values: Mapping[str, ArrayLike]) -> tuple[Array, dict[str, Array]]:
-        """Return the values at variables (n,), and their exact derivatives by each variable, (n,) each."""
+        """Return the values (n,) and their exact derivatives by each variable, (n,) each."""
         columns = [np.asarray(values[name], dtype=np.float64) for name in self.names]
         arrays = dict(zip(self.names, np.broadcast_arrays(*columns), strict=True))
         by_name: dict[str, Array] = {}
@@ -418,23 +421,22 @@ class Expression:
 
 
 def compiled(text: str, names: Iterable[str]) -> Expression:
-    """Return an expression of named variables, checked once.
+    """Return an expression of named variables after checking it.
 
     Args:
         text: the expression.
-        names: that it may use besides pi and the functions.
+        names: variables it may use, besides pi and the functions.
 
     Raises:
-        InputError: for what is no expression, or a name that is not allowed; its sentence has no subject.
+        InputError: for text that is no expression or uses another name; the caller puts the subject before
+            the message.
     """
     allowed, tree = tuple(names), parse_expression(text)
     called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     used = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called]
     for name in used:
         if name not in (*allowed, "pi"):
-            raise InputError(
-                f"names {name!r}, which is nothing here; known are {', '.join((*allowed, 'pi'))}"
-            )
+            raise InputError(f"names {name!r}, which is not defined; known are {', '.join((*allowed, 'pi'))}")
     expression = Expression(text, tuple(dict.fromkeys(name for name in used if name != "pi")), tree)
     try:
         expression({name: np.full(1, 0.5) for name in expression.names})

@@ -1,4 +1,4 @@
-"""What was found: of a scene before it runs, or of a difference that is to be explained."""
+"""Findings: faults of a model before it runs, and causes of a difference."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
@@ -6,7 +6,7 @@ from typing import Any, Literal, TypedDict
 
 
 class FilePosition(TypedDict):
-    """Where something stands: in an included file, empty for the file itself, and on which line, if known."""
+    """Position in a model file: an included file (empty for the main file) and the line, if known."""
 
     file: str
     line: int | None
@@ -17,18 +17,18 @@ NO_POSITION: FilePosition = {"file": "", "line": None}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing that was found, with its size.
+    """A fault or a cause of a difference, with its magnitude.
 
     Attributes:
-        kind: one word for it.
-        what: the part, parameter or quantity it is of.
-        by: its size, in the unit that `message` names.
-        explains: part of a difference that it explains, 0 to 1; 0 where nothing was compared.
+        kind: its kind, one word.
+        what: the component, parameter or quantity it concerns.
+        by: its magnitude, in the unit that `message` states.
+        explains: fraction of a difference that it explains, 0 to 1; 0 without a comparison.
         message: one sentence for people.
-        remedy: how to repair it; empty where nothing needs repair.
-        line: of the file it is in; None where it is in none, or in no single line.
-        file: the included file that holds the line; empty for the file itself.
-        certain: whether a difference that was compared vanishes when this is repaired.
+        remedy: how to repair it; empty if nothing needs repair.
+        line: its line in the file; None if it has no single line.
+        file: the included file that contains the line; empty for the main file.
+        certain: whether its repair removes the difference.
     """
 
     kind: str
@@ -42,37 +42,37 @@ class Finding:
     certain: bool = False
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the finding as JSON has it."""
+        """Return the finding as in the JSON output."""
         return asdict(self)
 
     @property
     def advice(self) -> str:
-        """The finding and its remedy."""
+        """The message and its remedy."""
         return self.message + (f"; {self.remedy}" if self.remedy else "")
 
     @property
     def one_line(self) -> str:
-        """The finding in one line: where, what, remedy."""
+        """Position, message and remedy in one line."""
         return f"{self.position}: {self.advice}" if self.position else self.advice
 
     @property
     def position(self) -> str:
-        """File and line in words; empty where they are not known."""
+        """File and line in words; empty if unknown."""
         line = "" if self.line is None else f"line {self.line}"
         return ", ".join(filter(None, [self.file, line]))
 
 
 Outcome = Literal[
-    # of a comparison, or of a run that was given a tolerance
+    # of a comparison, or of a run with a tolerance
     "passed",
     "failed",
     "changed assembly",
     "diverged",
     "cannot assemble",
-    # of a model whose drivers leave freedoms open, or are more than there are freedoms
+    # of a model with fewer or more independent drivers than degrees of freedom
     "underdetermined",
     "overdetermined",
-    # of a run without one: "done" is what was asked for
+    # of a run without a tolerance; "done" reached its end
     "done",
     "time over",
     "cannot start",
@@ -81,10 +81,10 @@ Outcome = Literal[
     "dead centre",
 ]
 
-# bound on places where none is asked for, in units of the stroke: a twentieth of what a link 0.1 % long does
+# default tolerance of positions, relative to the stroke: a twentieth of the effect of a link 0.1 % too long
 POSITION_TOLERANCE = 1e-4
 
-# from good to bad
+# from the best to the worst
 SEVERITY: tuple[Outcome, ...] = (
     "passed",
     "failed",
@@ -97,6 +97,6 @@ SEVERITY: tuple[Outcome, ...] = (
 
 
 def most_severe(outcomes: Iterable[Outcome]) -> int:
-    """Return which of some outcomes of comparisons is the worst, the first of equals."""
+    """Return the index of the worst of several outcomes, the first if several are equal."""
     ranks = [SEVERITY.index(outcome) for outcome in outcomes]
     return ranks.index(max(ranks))

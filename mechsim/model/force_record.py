@@ -11,29 +11,30 @@ from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
-# of a component that is determined only together with others
-PARTLY = 1e-6
+# largest entry of the projector of an undetermined component that counts as zero: rounding of a projector
+PROJECTOR_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reaction:
-    """What the geometry of a joint transmits to its link b from its link a; of a screw, its thread's too.
+    """The force and moment that the geometry of a joint exerts on its link b, for a screw with its thread.
 
-    Friction, springs and the drive in the joint act along its freedom and are not in it; a link's own
-    balance is: reactions + those + weight + loads + efforts of couplings = inertia.
+    Friction, springs and drives act along the degree of freedom of the joint and are not included. The
+    balance of a link is: reactions + friction, springs and drives + weight + loads + coupling forces =
+    inertia.
 
     Attributes:
-        link: the link b on which it acts.
-        by: the link a by which it acts.
+        link: link b, on which it acts.
+        by: link a, which exerts it.
         force: in ground axes, (n, 3) in [N].
         moment: about the joint's point on link b, in ground axes, (n, 3) in [N m].
         point: that point in the ground frame, (n, 3) in [m].
-        determined: of fx, fy, fz, mx, my, mz, whether Newton's and Euler's laws of rigid links say
-            what it is, (6,); of those they do not, the smallest that fit are given. None where the
-            method does not determine it.
-        projector: projects force and moment, each for itself, on what those laws determine of them at
-            each instant, (n, 2, 3, 3): of two that are not, a part in between may well be. None where
-            all is determined.
+        determined: whether the Newton-Euler equations of rigid links determine each of fx, fy, fz, mx, my,
+            mz, (6,). Undetermined components have the minimum-norm solution. None if the method does not
+            report it.
+        projector: projects force and moment separately on their determined subspaces at each instant,
+            (n, 2, 3, 3): a combination of undetermined components can be determined. None if all are
+            determined.
     """
 
     link: str
@@ -48,11 +49,11 @@ class Reaction:
 
     @property
     def is_determined(self) -> NDArray[np.bool_]:
-        """Whether each component is determined, (6,); all where a method does not say."""
+        """Whether each component is determined, (6,); all if the method does not report it."""
         return np.ones(len(COMPONENTS), dtype=np.bool_) if self.determined is None else self.determined
 
     def project(self, force: Array, moment: Array) -> tuple[Array, Array]:
-        """Return what is determined of forces and moments in this joint, (n, 3) each."""
+        """Return the determined components of forces and moments in this joint, (n, 3) each."""
         if self.projector is None:
             return np.where(self.is_determined[:3], force, 0.0), np.where(self.is_determined[3:], moment, 0.0)
         projector = self.projector
@@ -60,16 +61,16 @@ class Reaction:
 
     @property
     def partly_undetermined(self) -> tuple[str, ...]:
-        """Names of the components that are not determined, but for a part across or along others."""
+        """Names of undetermined components that a determined combination of components contains."""
         if self.projector is None:
             return ()
         rows = np.abs(self.projector).max((0, 3)).reshape(len(COMPONENTS))
-        open_ = zip(COMPONENTS, self.is_determined, rows > PARTLY, strict=True)
-        return tuple(name for name, determined, partly in open_ if partly and not determined)
+        components = zip(COMPONENTS, self.is_determined, rows > PROJECTOR_ROUNDING, strict=True)
+        return tuple(name for name, determined, partly in components if partly and not determined)
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Names of the components that are not determined."""
+        """Names of the undetermined components."""
         return tuple(
             name for name, determined in zip(COMPONENTS, self.is_determined, strict=True) if not determined
         )
@@ -77,13 +78,11 @@ class Reaction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshForce:
-    """The force of the teeth of a gear, bevel or rack pair, which acts at the pitch point.
+    """The tooth force of a gear, bevel or rack pair at its pitch point.
 
     Attributes:
         link: the driven wheel or rack, on which it acts.
-        by: the driver, on which its reverse acts.
-        force: in ground axes, (n, 3) in [N].
-        point: the pitch point in the ground frame, (n, 3) in [m].
+        by: the driver, on which the opposite force acts.
     """
 
     link: str
@@ -96,41 +95,41 @@ class MeshForce:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceRecord:
-    """Forces and energies of a machine under a moving crank at n instants, in SI; ground frame.
+    """Forces and energies of a mechanism in motion at n instants, in SI and the ground frame.
 
     Attributes:
-        characteristic_length: of the mechanism in [m], which relates moments to forces.
-        time: (n,) in [s]; None where it is not known.
+        characteristic_length: of the mechanism in [m]; moment tolerances are force tolerances times it.
+        time: (n,) in [s]; None if unknown.
         angle: crank angle, (n,) in [rad].
-        speed: of the crank, (n,) in [rad/s].
-        acceleration: of the crank, (n,) in [rad/s2].
-        torque: of the drive on the driven joint's link b about its axis, (n,) in [N m]. It includes what
-            a flywheel takes; the drive's own inertia is not in it.
-        reactions: joint -> what it transmits.
+        speed: crank speed, (n,) in [rad/s].
+        acceleration: crank acceleration, (n,) in [rad/s2].
+        torque: drive torque on the driven joint's link b about its axis, (n,) in [N m]. It includes the
+            torque on a flywheel, but not on the inertia of the drive itself.
+        reactions: joint -> its reaction.
         gears: "driver-driven" of gears and other couplings -> torque on the driven joint's link b about its
-            axis, or force along it, (n,) in [N m] or [N]; on the driver's is -slope times it. Each acts in
-            reverse on the joint's link a, except in screws, whose reaction contains them, and where `meshes`
-            has a tooth force in their place.
-        meshes: those couplings that have a pitch point -> the tooth force there.
-        undetermined: couplings whose effort rigid links leave open, as of planets that share a load; the
-            smallest that fit are given. Empty where the method does not report it.
-        drives: driven or held coordinate -> torque on the joint's link b about its axis, or force along it,
-            (n,) in [N m] or [N]. Empty where a crank is driven. Otherwise angle, speed and acceleration are
-            those of the path parameter of the motion laws, and the torque is the drives' power by its rate.
-        locked: coordinate locked while a crank is driven -> likewise; under motion laws they are in `drives`.
+            axis, or force along it, (n,) in [N m] or [N]; on the driver it is -slope times as large. The
+            opposite acts on the joint's link a, except in screws, whose reaction contains it, and for
+            couplings in `meshes`, whose tooth force replaces it.
+        meshes: coupling with a pitch point -> its tooth force.
+        undetermined: couplings whose force rigid links do not determine, such as planets that share a load;
+            they have the minimum-norm solution. Empty if the method does not report it.
+        drives: driven or locked coordinate -> torque on the joint's link b about its axis, or force along it,
+            (n,) in [N m] or [N]. Empty if a crank is driven. Otherwise angle, speed and acceleration are
+            those of the path parameter, and `torque` is the power of the drives divided by its rate.
+        locked: coordinate that is locked while a crank is driven -> torque or force, as in `drives`.
         drive_accelerations: driven coordinate -> its acceleration, (n,) in [rad/s2] or [m/s2].
-        straight: names among gears and drives that are forces in [N].
-        kinetic: energy of motion, flywheel included, (n,) in [J].
-        potential: of gravity (zero at the ground's origin) and springs, (n,) in [J].
-        power_in: of drive and motor, (n,) in [W].
-        power_loads: of loads on points, links and crank, (n,) in [W].
-        power_lost: in friction and dampers, (n,) in [W].
-        residual: what the method's own check of these forces leaves over, as a part of the largest, (n,).
-            Of formulas: of any link's balance; of MuJoCo: of the accelerations it gets from them.
-        sliding: direction in which each joint with dry friction goes, (n, k) of -1, 0, 1; 0 where it
-            turns round or the crank stands.
-        at_branch_point: where assemblies meet, so that forces between links are unbounded and have no
-            limit, (n,); None for nowhere. Torque, energies and powers have one.
+        straight: names in `gears` and `drives` that are forces in [N].
+        kinetic: kinetic energy with the flywheel, (n,) in [J].
+        potential: potential energy of gravity (zero at the ground's origin) and springs, (n,) in [J].
+        power_in: power of drive and motor, (n,) in [W].
+        power_loads: power of loads on points, links and crank, (n,) in [W].
+        power_lost: power lost in friction and dampers, (n,) in [W].
+        residual: residual of the method's own check of these forces relative to the largest force, (n,):
+            analytic: of the balance of any link; MuJoCo: of the accelerations that the forces produce.
+        sliding: direction of motion of each joint with Coulomb friction, (n, k) of -1, 0, 1; 0 where it
+            reverses or the crank stands still.
+        at_branch_point: whether the configuration is a branch point, where forces between links are
+            unbounded, (n,); None if none is. Torque, energies and powers have limits there.
     """
 
     characteristic_length: float
@@ -163,20 +162,20 @@ class ForceRecord:
 
     @property
     def reversing(self) -> NDArray[np.bool_]:
-        """Where a dry friction has no direction, so that reactions jump from one value to another, (n,)."""
+        """Whether a Coulomb friction has no direction, so that reactions are discontinuous, (n,)."""
         return (self.sliding == 0.0).any(1)
 
     @property
     def unbounded(self) -> NDArray[np.bool_]:
-        """Where assemblies meet, so that forces between links have no limit, (n,)."""
+        """Whether forces between links are unbounded, at a branch point, (n,)."""
         return np.zeros(len(self), dtype=np.bool_) if self.at_branch_point is None else self.at_branch_point
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield time, angle, rates, torque or drives, energies and reactions as columns of a table in SI."""
         if self.time is not None:
             yield "time", self.time
-        moved = () if self.drives else ("angle", "speed", "acceleration", "torque")
-        for name in (*moved, "kinetic", "potential"):
+        rates = () if self.drives else ("angle", "speed", "acceleration", "torque")
+        for name in (*rates, "kinetic", "potential"):
             yield name, getattr(self, name)
         for name, effort in {**self.drives, **self.locked}.items():
             yield f"drive {name}", effort
@@ -200,23 +199,23 @@ def wrench_columns(name: str, force: Array, moment: Array) -> Iterator[tuple[str
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeRun:
-    """A free run at n instants, in SI, and how it ended.
+    """A free run at n instants, in SI, and its outcome.
 
     Attributes:
         time: (n,) in [s].
         angle: crank angle, not wrapped, (n,) in [rad].
-        speed: (n,) in [rad/s].
-        acceleration: (n,) in [rad/s2].
-        kinetic: energy of motion, (n,) in [J].
-        potential: of gravity and springs, (n,) in [J].
-        work: done by motor and loads since the start, (n,) in [J].
-        lost: in friction and dampers since the start, (n,) in [J].
+        speed: crank speed, (n,) in [rad/s].
+        acceleration: crank acceleration, (n,) in [rad/s2].
+        kinetic: kinetic energy, (n,) in [J].
+        potential: potential energy of gravity and springs, (n,) in [J].
+        work: work of motor and loads since the start, (n,) in [J].
+        lost: energy lost in friction and dampers since the start, (n,) in [J].
         motor: torque of the motor on the crank, (n,) in [N m].
-        outcome: "done" (the turns or time asked for), "time over" (fewer turns in the time), "cannot
-            start" (never left its place, or swung back without a turn), "turned back" (ran, but did not
-            make the turns), "stopped" (friction holds it), "dead centre", "diverged", "failed" (done,
-            but not within the tolerance asked for).
-        reason: one sentence where the outcome is not "done".
+        outcome: "done" (made the requested turns or time), "time over" (fewer turns in the time), "cannot
+            start" (did not move, or swung back before a full turn), "turned back" (ran, but did not
+            make the turns), "stopped" (friction locks it), "dead centre", "diverged", "failed" (done,
+            but not within the requested tolerance).
+        reason: one sentence if the outcome is not "done".
     """
 
     time: Array
@@ -238,13 +237,13 @@ class FreeRun:
 
     @property
     def imbalance(self) -> Array:
-        """Energy there is less energy there should be, (n,) in [J]; zero by the law of energy."""
+        """Error of the energy balance, (n,) in [J]; zero for an exact solution."""
         total = self.kinetic + self.potential
         return total - total[0] - self.work + self.lost
 
     @property
-    def turned_over(self) -> float:
-        """Energy turned over: the largest of motion, of the change at rest, of work and loss, in [J]."""
+    def largest_energy(self) -> float:
+        """Largest of kinetic energy, change of potential energy, work and loss, in [J]."""
         energies = (
             np.abs(self.kinetic).max(),
             np.ptp(self.potential),
@@ -255,8 +254,8 @@ class FreeRun:
 
     @property
     def energy_error(self) -> float:
-        """Largest imbalance relative to the energy turned over."""
-        energy = self.turned_over
+        """Largest error of the energy balance relative to the largest energy."""
+        energy = self.largest_energy
         return float(np.abs(self.imbalance).max()) / energy if energy > 0.0 else 0.0
 
     def columns(self) -> Iterator[tuple[str, Array]]:
@@ -268,15 +267,15 @@ class FreeRun:
 
 @dataclass(frozen=True, slots=True)
 class Fluctuation:
-    """A turn of a machine in its steady state under a constant drive torque.
+    """A revolution in the steady state under a constant drive torque.
 
     Attributes:
-        angle: crank angles over one turn, (n,) in [rad].
-        speed: of the crank, (n,) in [rad/s].
+        angle: crank angles over one revolution, (n,) in [rad].
+        speed: crank speed, (n,) in [rad/s].
         mean: mean speed over time, in [rad/s].
         torque: the constant drive torque, in [N m].
-        excess: largest less smallest energy that the drive has put in beyond what the turn took so far,
-            in [J].
+        excess: largest less smallest difference between the work of the drive and the work required since
+            the start of the revolution, in [J].
         coefficient: (largest - smallest speed) / mean.
         flywheel: moment of inertia of the flywheel, in [kg m2].
     """

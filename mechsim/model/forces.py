@@ -1,7 +1,6 @@
-"""What acts on a mechanism: gravity, friction, springs, loads, flywheel, motor. Data only.
+"""Forces on a mechanism: gravity, friction, springs, loads, flywheel, motor. Data only.
 
-Both methods read these descriptions; neither computes anything here. All vectors are in the ground
-frame, SI.
+Both methods read these descriptions. Vectors are in the ground frame, in SI.
 """
 
 from dataclasses import dataclass, replace
@@ -18,26 +17,26 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import Motor
 from mechsim.numerics.inputs import HUGE, number, numbers, require
 
-# a tracked point's name, or a link ("ground" too) and a point in its frame in [m]
+# name of a tracked point, or a link ("ground" too) and a point in its frame in [m]
 Location = str | tuple[str, Vector]
 
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """Friction in a joint; it opposes the joint's own rate.
+    """Friction in a joint; it opposes the rate of the joint.
 
     In a revolute or prismatic joint the torque or force on link b along the joint's axis is
-    -(viscous q' + coulomb sign q'). In a cylindrical joint that is so for the sliding, and with the two
-    numbers of the turning for the turning, each by itself. In a universal joint it is so about both its
-    axes, each with that axis's own rate. In a spherical joint it is a couple against the relative angular
-    velocity w: `-(viscous w + coulomb w / |w|)`.
+    -(viscous q' + coulomb sign q'). A cylindrical joint has this force along its axis and, with
+    `viscous_turn` and `coulomb_turn`, a torque about it. A universal joint has a torque about each axis, by
+    the rate about that axis. In a spherical joint it is a moment against the relative angular velocity w:
+    `-(viscous w + coulomb w / |w|)`.
 
     Attributes:
         joint: name of the joint.
-        viscous: in [N m s] for turning, [N s/m] for sliding; 0 or more.
-        coulomb: size of the dry friction in [N m] or [N], whatever the joint carries; 0 or more.
-        viscous_turn: of the turning in a cylindrical joint, in [N m s].
-        coulomb_turn: of the turning in a cylindrical joint, in [N m].
+        viscous: coefficient in [N m s] for rotation, [N s/m] for sliding; 0 or more.
+        coulomb: Coulomb friction in [N m] or [N], independent of the load on the joint; 0 or more.
+        viscous_turn: coefficient of rotation in a cylindrical joint, in [N m s].
+        coulomb_turn: Coulomb friction of rotation in a cylindrical joint, in [N m].
     """
 
     joint: str
@@ -54,11 +53,11 @@ class Friction:
 
     @property
     def dry(self) -> bool:
-        """Whether there is dry friction."""
+        """Whether there is Coulomb friction."""
         return bool(self.coulomb or self.coulomb_turn)
 
     def sizes(self, kind: Kind) -> list[tuple[float, float]]:
-        """Return (viscous, dry) of each coordinate of a joint in their order; a ball's turning has one."""
+        """Return (viscous, Coulomb) of each coordinate of a joint; a spherical joint has one pair."""
         sliding, turning = (self.viscous, self.coulomb), (self.viscous_turn, self.coulomb_turn)
         turns = 1 if kind.ball else len(kind.turns)
         return [sliding] * len(kind.slides) + [turning if kind.mixed else sliding] * turns
@@ -69,8 +68,8 @@ class Spring:
     """A spring and damper on the line between two points: tension k (l - l0) + c l'.
 
     Attributes:
-        a: one place.
-        b: the other.
+        a: first end.
+        b: second end.
         stiffness: k in [N/m], 0 or more.
         rest: length l0 without tension from the spring in [m], 0 or more.
         damping: c in [N s/m], 0 or more.
@@ -88,19 +87,19 @@ class Spring:
         _at_least_zero(f"rest length {name}", self.rest)
         _at_least_zero(f"damping {name}", self.damping)
         if self.a == self.b:
-            raise InputError(f"a spring joins {self.a} to itself; name two places")
+            raise InputError(f"a spring joins {self.a} to itself; name two different points")
 
 
 @dataclass(frozen=True, slots=True)
 class JointSpring:
     """A spring in a revolute or prismatic joint: -k (q - q0) on link b along the joint's axis.
 
-    In a revolute joint q - q0 is taken in (-pi, pi].
+    In a revolute joint q - q0 is wrapped to (-pi, pi].
 
     Attributes:
         joint: name of the joint.
         stiffness: k in [N m/rad] or [N/m], 0 or more.
-        rest: q0, the joint's coordinate without force, in [rad] or [m].
+        rest: q0, the unloaded coordinate, in [rad] or [m].
     """
 
     joint: str
@@ -121,8 +120,8 @@ class Load:
     """A force on a point.
 
     Attributes:
-        location: where it acts.
-        force: its course, three components in the ground frame in [N].
+        location: point on which it acts.
+        force: load profile with three components in the ground frame in [N].
     """
 
     location: Location
@@ -141,8 +140,8 @@ class Couple:
     """A moment on a link.
 
     Attributes:
-        link: its name.
-        moment: its course, three components in the ground frame in [N m].
+        link: name of the link.
+        moment: load profile with three components in the ground frame in [N m].
     """
 
     link: str
@@ -156,21 +155,21 @@ class Couple:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forces:
-    """All that acts on a mechanism.
+    """All forces on a mechanism.
 
     Attributes:
         gravity: in [m/s2].
-        friction: in joints.
-        springs: between points.
-        joint_springs: in joints.
+        friction: friction in joints.
+        springs: springs between points.
+        joint_springs: springs in joints.
         loads: forces on points.
         couples: moments on links.
-        crank_torque: a load on the crank in [N m], positive in the direction of rising crank angle, on
-            the driven joint's link b by its link a; None is none. A motor is given as `motor`.
-        flywheel: moment of inertia that turns with the crank, besides the links', in [kg m2].
-        motor: on the crank; its torque on the driven joint's link b, the reverse on its link a. Under
-            prescribed motion it is left out: the drive torque is what a motor would have to give.
-        controllers: efforts that depend on the state; they act in runs from an initial state.
+        crank_torque: load on the crank in [N m], positive for increasing crank angle, exerted on the driven
+            joint's link b by its link a; None for no load. A motor belongs in `motor`.
+        flywheel: moment of inertia that rotates with the crank, in addition to the links', in [kg m2].
+        motor: motor of the crank; its torque acts on the driven joint's link b, the opposite on link a. A
+            prescribed motion ignores it: the drive torque is the torque that a motor would have to supply.
+        controllers: forces that depend on the state; they act in runs from an initial state.
     """
 
     gravity: Vector = (0.0, 0.0, 0.0)
@@ -194,23 +193,24 @@ class Forces:
             raise InputError("the load on the crank has three components; give its torque alone")
 
     def check(self, mechanism: Mechanism) -> None:
-        """Raise InputError unless every joint and place named is the mechanism's, and of a kind that fits."""
+        """Raise InputError unless all joints, points and links exist and their kinds fit."""
         for friction in self.friction:
             name = mechanism.joint(friction.joint).kind
             if KINDS[name].dof in (0, 6):
                 raise InputError(
-                    f"friction is given in {name} joint {friction.joint!r}, where nothing rubs; leave it out"
+                    f"friction is given in {name} joint {friction.joint!r}, which cannot have friction; "
+                    "leave it out"
                 )
             if not KINDS[name].mixed and (friction.viscous_turn or friction.coulomb_turn):
                 raise InputError(
-                    f"friction of turning besides that of sliding is given in {name} joint "
+                    f"friction of rotation besides that of sliding is given in {name} joint "
                     f"{friction.joint!r}; only a {kinds_that(lambda kind: kind.mixed)} joint has both"
                 )
         for spring in self.joint_springs:
             name = mechanism.joint(spring.joint).kind
             if not KINDS[name].single:
                 raise InputError(
-                    f"a spring in {name} joint {spring.joint!r} is not known; "
+                    f"a spring in {name} joint {spring.joint!r} is not supported; "
                     f"give it in a {kinds_that(lambda kind: kind.single)} joint"
                 )
         for spring in self.springs:
@@ -225,20 +225,20 @@ class Forces:
             controller.check(mechanism)
         for couple in self.couples:
             if located(mechanism, (couple.link, ORIGIN))[0] == GROUND:
-                raise InputError("a couple acts on the frame, which it cannot turn; name a moving link")
+                raise InputError("a couple acts on the frame, which cannot rotate; name a moving link")
 
     @property
-    def courses(self) -> list[LoadProfile]:
-        """The courses of all loads."""
-        pushes = [load.force for load in self.loads] + [couple.moment for couple in self.couples]
-        return pushes if self.crank_torque is None else [*pushes, self.crank_torque]
+    def load_profiles(self) -> list[LoadProfile]:
+        """The load profiles of all loads."""
+        acts = [load.force for load in self.loads] + [couple.moment for couple in self.couples]
+        return acts if self.crank_torque is None else [*acts, self.crank_torque]
 
     def motor_torque(self, speed: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the motor's torque on the crank at crank speeds (n,) in [rad/s]; zeros without a motor."""
+        """Return the motor torque on the crank at crank speeds (n,) in [rad/s]; zeros without a motor."""
         return np.zeros(len(speed)) if self.motor is None else self.motor.torque(speed)
 
     def require_no_controllers(self, name: str) -> None:
-        """Raise InputError where controllers are given, which have no part in a prescribed motion."""
+        """Raise InputError if there are controllers, which a prescribed motion cannot use."""
         if self.controllers:
             raise InputError(
                 f"{name}: controllers act in runs from an initial state; give one (--initial J.q=VALUE), or "
@@ -246,18 +246,18 @@ class Forces:
             )
 
     def without_motor(self) -> "Forces":
-        """Return the same without the motor."""
+        """Return the same forces without the motor."""
         return replace(self, motor=None)
 
 
-def acting_on(source: object, forces: Forces | None) -> Forces:
-    """Return the forces given; where none are, those of the source, as a file's `[forces]`, or none."""
+def forces_of(source: object, forces: Forces | None) -> Forces:
+    """Return `forces`; if None, those of the source, such as the `[forces]` of a file, or no forces."""
     own = getattr(source, "forces", None) if forces is None else forces
     return Forces() if own is None else require("forces", own, Forces)
 
 
 def located(mechanism: Mechanism, location: Location) -> tuple[str, Vector]:
-    """Return the link of a place and the point in that link's frame in [m].
+    """Return the link of a location and the point in that link's frame in [m].
 
     Raises:
         InputError: for a point or link the mechanism does not have.
@@ -274,7 +274,9 @@ def located(mechanism: Mechanism, location: Location) -> tuple[str, Vector]:
     if link not in names:
         raise InputError(f"{mechanism.name} has no link {link!r}, only {', '.join(names)}; name one of them")
     if len(point) != 3 or not (np.abs(point) < HUGE).all():
-        raise InputError(f"place {point} on link {link!r} is not three finite numbers in [m]; give x, y, z")
+        raise InputError(
+            f"position {point} on link {link!r} is not three finite numbers in [m]; give x, y, z"
+        )
     return link, point
 
 

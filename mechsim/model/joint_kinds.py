@@ -1,13 +1,13 @@
-"""The kinds of joint: along what one side slides and about what it turns; all else follows from that.
+"""Joint kinds: the axes along which side b slides and about which it rotates relative to side a.
 
-A row of `KINDS` says how many freedoms a joint has, how many equations hold the rest, which coordinates
-it has, what it transmits and where its friction acts. Axes are named in it by where they are fixed:
+A row of `KINDS` determines the degrees of freedom, the constraint equations, the coordinates, the components
+of the reaction and the friction. Names of axes state the side on which they are fixed:
 
-- "a": the axis as side a has it, along which that of side b lies;
-- "b": the axis as side b has it, where it crosses that of side a (`cross_angle`);
-- "x", "y", "z": the reference of side a, axis x reference, and the axis as side a has it.
+- "a": the axis of side a, parallel to that of side b;
+- "b": the axis of side b, if it crosses that of side a (`cross_angle`);
+- "x", "y", "z": the reference of side a, axis x reference, and the axis of side a.
 
-A joint turns about nothing, about "a", about "a" and "b", or about all of "x", "y" and "z" as a ball.
+A joint rotates about no axis, about "a", about "a" and "b", or about all of "x", "y" and "z" (spherical).
 """
 
 from collections.abc import Callable, Sequence
@@ -18,81 +18,81 @@ from typing import Literal
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import turn_of
+from mechsim.numerics.jets import angle_of
 
 Axis = Literal["a", "b", "x", "y", "z"]
 KindName = Literal[
     "revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed", "floating"
 ]
 
-# what the columns of a joint frame are called that must not be opposed
-_OPPOSED = {2: "axes", 0: "marks"}
-# axis -> column of the joint frame of the side it is fixed on: b for "b", else a
+# column of a joint frame -> name, in messages, of the directions that must not be antiparallel
+_DIRECTIONS = {2: "axes", 0: "references"}
+# axis -> column of the frame of the joint side on which it is fixed: side b for "b", else side a
 COLUMN: dict[Axis, int] = {"x": 0, "y": 1, "z": 2, "a": 2, "b": 2}
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What a kind of joint leaves free: the axes along which it slides and those about which it turns."""
+    """The free motions of a joint kind: axes along which it slides and about which it rotates."""
 
     slides: tuple[Axis, ...]
     turns: tuple[Axis, ...]
-    # whether its displacement goes with its turn, by `Joint.lead`
+    # whether displacement and rotation are coupled by `Joint.lead`
     helical: bool = False
 
     @cached_property
     def dof(self) -> int:
-        """How many relative motions are free; of a screw, which a coupling holds, both."""
+        """Number of free relative motions; both of a screw, whose coupling is separate."""
         return len(self.slides) + len(self.turns)
 
     @cached_property
     def forces(self) -> int:
-        """How many components of force it transmits: as many equations between lengths hold it."""
+        """Number of force components that it transmits: its constraint equations between positions."""
         return 3 - len(self.slides)
 
     @cached_property
     def moments(self) -> int:
-        """How many components of moment it transmits: as many equations between directions hold it."""
+        """Number of moment components that it transmits: its constraint equations between directions."""
         return 3 - len(self.turns)
 
     @cached_property
     def ball(self) -> bool:
-        """Whether it turns about every axis, which no angles count."""
+        """Whether it rotates about every axis, without angle coordinates (spherical)."""
         return len(self.turns) == 3
 
     @cached_property
     def floating(self) -> bool:
-        """Whether it holds nothing."""
+        """Whether it has no constraint."""
         return self.ball and len(self.slides) == 3
 
     @cached_property
     def crossed(self) -> bool:
-        """Whether it turns about two axes that cross."""
+        """Whether it rotates about two axes that cross."""
         return len(self.turns) == 2
 
     @cached_property
     def aligned(self) -> bool:
-        """Whether the axes of both sides lie along each other."""
+        """Whether the axes of both sides are parallel."""
         return len(self.turns) < 2
 
     @cached_property
     def aligned_columns(self) -> tuple[int, ...]:
-        """Columns of both sides' frames that point one way, not only along each other, as rows have it."""
+        """Columns of the joint frames of both sides that have the same direction."""
         return () if not self.aligned else (2,) if self.turns else (2, 0)
 
     @cached_property
     def hinge(self) -> bool:
-        """Whether it turns about its axis and does nothing else."""
+        """Whether it only rotates about its axis."""
         return self.aligned and not self.slides and bool(self.turns)
 
     @cached_property
     def pivot(self) -> bool:
-        """Whether it turns about a point that stays where it is on both sides."""
+        """Whether it rotates about a point that is fixed on both sides."""
         return bool(self.turns) and not self.slides
 
     @cached_property
     def single(self) -> bool:
-        """Whether it has one freedom: a hinge or a slide."""
+        """Whether it has one degree of freedom: a hinge or a slide."""
         return self.dof == 1
 
     @cached_property
@@ -102,12 +102,12 @@ class Kind:
 
     @cached_property
     def mixed(self) -> bool:
-        """Whether it both slides and turns, by coordinates of its own."""
+        """Whether it slides and rotates with separate coordinates."""
         return bool(self.slides and self.turns) and not self.ball
 
     @cached_property
     def suffixes(self) -> tuple[str, ...]:
-        """What follows a joint's name in the name of each of its coordinates; a ball's turns have none."""
+        """Suffixes of the coordinate names after the joint's name; a spherical joint has none."""
         if self.single:
             return ("",)
         slides = (".way",) if len(self.slides) == 1 else tuple(f".{axis}" for axis in self.slides)
@@ -118,7 +118,7 @@ class Kind:
 
     @cached_property
     def units(self) -> tuple[Literal["m", "rad"], ...]:
-        """Units of its coordinates: displacements, then angles; the turning of a ball has none."""
+        """Units of its coordinates: displacements, then angles; a spherical joint has none."""
         turns = () if self.ball else self.turns
         return (*("m" for _ in self.slides), *("rad" for _ in turns))
 
@@ -135,13 +135,13 @@ KINDS: dict[KindName, Kind] = {
     "floating": Kind(slides=("x", "y", "z"), turns=("x", "y", "z")),
 }
 
-# the kinds that leave nothing and everything free
+# the kinds with no degree of freedom and with no constraint
 FIXED: KindName = "fixed"
 FLOATING: KindName = "floating"
 
 
 def kinds_that(rule: Callable[[Kind], bool]) -> str:
-    """Return the names of the kinds for which a rule holds, as "revolute or prismatic"."""
+    """Return the names of the kinds that satisfy a rule, such as "revolute or prismatic"."""
     return " or ".join(name for name, kind in KINDS.items() if rule(kind))
 
 
@@ -149,28 +149,28 @@ def coordinates(kind: Kind, gap: Array, frame_a: Array, frame_b: Array, cross_an
     """Return the coordinates of a joint, (..., k) in [m] and (-pi, pi] rad, in the order of `Kind.units`.
 
     Args:
-        kind: of the joint.
-        gap: from a's point to b's in any frame, (..., 3) in [m].
-        frame_a: a's joint frame in that frame, (..., 3, 3).
-        frame_b: b's.
-        cross_angle: between crossed axes, in [rad].
+        kind: kind of the joint.
+        gap: vector from a's point to b's point in any frame, (..., 3) in [m].
+        frame_a: joint frame of side a in that frame, (..., 3, 3).
+        frame_b: joint frame of side b in that frame, (..., 3, 3).
+        cross_angle: angle between crossed axes, in [rad].
     """
     columns = [(gap * frame_a[..., COLUMN[axis]]).sum(-1) for axis in kind.slides]
     if kind.crossed:
         columns += _crossed_angles(cross_angle, frame_a, frame_b)
     elif not kind.ball and kind.turns:
         x_of_b = (np.swapaxes(frame_a, -1, -2) @ frame_b[..., :1])[..., 0]  # b's reference seen from a
-        columns.append(turn_of(x_of_b[..., 1], x_of_b[..., 0]))
+        columns.append(angle_of(x_of_b[..., 1], x_of_b[..., 0]))
     return np.stack(columns, -1) if columns else np.empty((*gap.shape[:-1], 0))
 
 
 def displaced(kind: Kind, values: Sequence[float | Array], cross_angle: float) -> tuple[Array, Array]:
-    """Return where b's joint frame stands in a's: (..., 3) in [m] and (..., 3, 3); a ball's is not turned.
+    """Return b's joint frame in a's: position (..., 3) in [m] and rotation (..., 3, 3), identity for a ball.
 
     Args:
-        kind: of the joint.
-        values: its coordinates, as `coordinates` gives them, each a number or (...).
-        cross_angle: between crossed axes, in [rad].
+        kind: kind of the joint.
+        values: its coordinates in the order of `coordinates`, each a number or (...).
+        cross_angle: angle between crossed axes, in [rad].
     """
     shift = np.zeros((*np.shape(values[0] if len(values) else 0.0), 3))
     for axis, value in zip(kind.slides, values, strict=False):
@@ -182,7 +182,7 @@ def displaced(kind: Kind, values: Sequence[float | Array], cross_angle: float) -
 
 
 def crossed_at_zero(cross_angle: float) -> Array:
-    """Return b's joint frame seen from a's at both angles zero of a joint with crossed axes, (3, 3)."""
+    """Return b's joint frame in a's for a joint with crossed axes at zero angles, (3, 3)."""
     c, s = np.cos(cross_angle), np.sin(cross_angle)
     axis, x = np.array([s, 0.0, c]), np.array([-c, 0.0, s])
     return np.column_stack([x, np.cross(axis, x), axis])
@@ -190,14 +190,14 @@ def crossed_at_zero(cross_angle: float) -> Array:
 
 def _crossed_angles(cross_angle: float, frame_a: Array, frame_b: Array) -> tuple[Array, Array]:
     relative = np.swapaxes(frame_a, -1, -2) @ frame_b
-    first = turn_of(relative[..., 1, 2], relative[..., 0, 2])
+    first = angle_of(relative[..., 1, 2], relative[..., 0, 2])
     c, s = np.cos(first), np.sin(first)
-    back = np.zeros_like(relative)  # undo the turn about a's axis
+    back = np.zeros_like(relative)  # inverse of the rotation about a's axis
     back[..., 0, 0], back[..., 0, 1] = c, s
     back[..., 1, 0], back[..., 1, 1] = -s, c
     back[..., 2, 2] = 1.0
     rest = crossed_at_zero(cross_angle).T @ back @ relative
-    return first, turn_of(rest[..., 1, 0], rest[..., 0, 0])
+    return first, angle_of(rest[..., 1, 0], rest[..., 0, 0])
 
 
 def _about_z(angle: float | Array) -> Array:
@@ -210,8 +210,8 @@ def _about_z(angle: float | Array) -> Array:
 
 
 def antiparallel_message(joint: str, column: int) -> str:
-    """Return in one sentence that a joint came together with columns of its sides' frames opposed."""
+    """Return the message for a joint that is assembled with antiparallel columns of its joint frames."""
     return (
-        f"joint {joint!r} came together with its {_OPPOSED[column]} opposed; turn one round, or give a guess "
-        "nearer the assembly meant"
+        f"joint {joint!r} is assembled with antiparallel {_DIRECTIONS[column]}; reverse one of them, or give "
+        "a guess closer to the intended assembly"
     )

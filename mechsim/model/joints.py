@@ -1,4 +1,4 @@
-"""Joints, points and axes of two links that meet as its kind says, and couplings of their coordinates."""
+"""Joints between two links, and couplings of their coordinates."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,11 +8,11 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, KindName, coordinates
-from mechsim.model.links import EX, EY, EZ, FARTHEST, ORIGIN, Pose, Vector, vector
+from mechsim.model.links import EX, EY, EZ, MAX_COORDINATE, ORIGIN, Pose, Vector, vector
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number, numbers, require
 
-# the highest degree, that of MJCF's joint equality
+# highest degree of a coupling polynomial, the limit of MJCF's joint equality
 MAX_DEGREE = 4
 
 Terms = Mapping[str, float]
@@ -25,9 +25,9 @@ class Gear:
     Attributes:
         driver: name of a revolute joint.
         driven: name of another revolute joint.
-        ratio: turns of `driven` per turn of `driver`; negative for outside meshing.
-        phase: angle of `driven` where `driver` is at zero, in [rad].
-        pressure_angle: of the teeth, in [rad]; 0 leaves the tooth force tangential.
+        ratio: revolutions of `driven` per revolution of `driver`; negative for external meshing.
+        phase: angle of `driven` at zero angle of `driver`, in [rad].
+        pressure_angle: of the teeth, in [rad]; at 0 the tooth force is tangential.
     """
 
     driver: str
@@ -38,7 +38,7 @@ class Gear:
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Name of the pair, DRIVER-DRIVEN."""
         return f"{self.driver}-{self.driven}"
 
 
@@ -47,14 +47,14 @@ class Coupling:
     """left - zeros[0] = p(right - zeros[1]), where left and right are weighted sums of coordinates.
 
     Attributes:
-        name: of the coupling.
+        name: name of the coupling.
         left: name of a coordinate, or coordinate -> weight.
-        right: likewise; empty where the left side is held.
-        coefficients: of the polynomial p from the constant up, in SI, five at the most.
-        zeros: from which either side is counted, in the coordinates' own units.
-        turns: whether whole turns between both sides do not count, as of gears.
-        pressure_angle: of the teeth of a gear pair or a rack and pinion, in [rad]; 0 leaves the tooth force
-            tangential. None for what has no teeth: an ideal transmission.
+        right: name or weights, as `left`; empty if the left side is constant.
+        coefficients: of the polynomial p in SI, constant first; five at most.
+        zeros: zero positions of the left and the right side, in the units of the coordinates.
+        turns: whether the sides may differ by whole revolutions, as in gears.
+        pressure_angle: of the teeth of a gear pair or a rack and pinion, in [rad]; at 0 the tooth force is
+            tangential. None for an ideal transmission without teeth.
     """
 
     name: str
@@ -69,13 +69,13 @@ class Coupling:
         if not 1 <= len(self.coefficients) <= MAX_DEGREE + 1:
             raise InputError(
                 f"coupling {self.name!r} has {len(self.coefficients)} coefficients; "
-                f"give 1 to {MAX_DEGREE + 1}, from the constant up"
+                f"give 1 to {MAX_DEGREE + 1}, constant first"
             )
         numbers = [*self.coefficients, *self.zeros, *self.left_terms.values(), *self.right_terms.values()]
         if not np.isfinite([number(value) for value in numbers]).all():
-            raise InputError(f"coupling {self.name!r} holds {numbers}; give finite numbers")
+            raise InputError(f"coupling {self.name!r} has coefficients {numbers}; give finite numbers")
         if not self.left_terms:
-            raise InputError(f"coupling {self.name!r} couples nothing; name a coordinate on its left side")
+            raise InputError(f"coupling {self.name!r} couples no coordinate; name one on its left side")
 
     @property
     def left_terms(self) -> Terms:
@@ -89,17 +89,17 @@ class Coupling:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """All coordinates it names."""
+        """Names of all its coordinates."""
         return (*self.left_terms, *self.right_terms)
 
     @property
     def ratio(self) -> float:
-        """The coefficient of the first power: of gears, the ratio."""
+        """The linear coefficient, the ratio of gears."""
         return self.coefficients[1] if len(self.coefficients) > 1 else 0.0
 
     @property
     def label(self) -> str:
-        """Both sides in words."""
+        """Names of both sides, for messages."""
         return f"{'+'.join(self.right_terms) or 'nothing'}-{'+'.join(self.left_terms)}"
 
     def polynomial(self, right: Array) -> tuple[Array, Array, Array]:
@@ -109,34 +109,35 @@ class Coupling:
         return p(offset), p.deriv(1)(offset), p.deriv(2)(offset)
 
 
-# axes whose sum has a smaller square are opposed, to rounding
-OPPOSED = 1e-14
+# squared length of the sum of two unit vectors below which they count as antiparallel (rounding)
+ANTIPARALLEL = 1e-14
 # largest angle in [rad] between a guess and the orientation that it selects
 MAX_GUESS_ERROR = np.pi / 4
 
 
 def smallest_rotation_reference(own: Array, axis: Array, reference: Array) -> Array:
-    """Return the reference direction that the smallest rotation of an axis onto another makes parallel, (3,).
+    """Return the reference direction made parallel by the smallest rotation between two axes, (3,).
 
-    Antiparallel axes are rotated about z, or about the other reference where z is not across.
+    Antiparallel axes are rotated about z, or about the other reference if z is not perpendicular to them.
     """
     across, between = np.cross(own, axis), own + axis
-    if (nearness := float(between @ between)) > OPPOSED:
+    if (squared := float(between @ between)) > ANTIPARALLEL:
         back = np.cross(across, reference)
-        return reference - back + 2.0 * np.cross(across, back) / nearness
-    about = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < OPPOSED else reference
+        return reference - back + 2.0 * np.cross(across, back) / squared
+    about = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < ANTIPARALLEL else reference
     return 2.0 * about * (about @ reference) - reference
 
 
 def guessed_frame(side: Array, frames: Sequence[Array], rotation: Array) -> tuple[int, float]:
-    """Return which of several joint frames of side b is meant by a guess, and how far off in [rad] that is.
+    """Return the index of the joint frame of side b that is nearest to a guess, and its error in [rad].
 
     Args:
-        side: the joint's frame on side a, (3, 3), with the axis as its last column.
-        frames: those of side b.
-        rotation: rotation of link b seen from link a, as guessed.
+        side: joint frame on side a, (3, 3), with the axis as its last column.
+        frames: candidates for the joint frame of side b.
+        rotation: guessed rotation of link b relative to link a.
 
-    Where the guess lays the axes more against than along each other it says nothing: the first is taken.
+    If the guess has an angle above 90 degrees between the axes, it selects no frame, and the first is
+    returned.
     """
     own = rotation @ frames[0][:, 2]
     if not own @ side[:, 2] > 0.0:
@@ -147,20 +148,20 @@ def guessed_frame(side: Array, frames: Sequence[Array], rotation: Array) -> tupl
     return best, float(np.arccos(np.clip(cosines[best], -1.0, 1.0)))
 
 
-# lengths and cosines of unit vectors across each other are off by less
-ROUNDED = 1e-14
+# error of lengths and cosines of unit vectors below which they count as orthonormal (rounding)
+ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """One side of a joint, in the frame of the link it belongs to.
+    """One side of a joint, in the frame of its link.
 
     Attributes:
         link: name of the link.
-        point: where the joint is, in [m].
-        axis: direction of the joint's axis; made a unit vector.
-        reference: direction across the axis from which the joint's angle is counted; made a unit vector
-            across the axis. None takes the frame's x axis, or y where x lies along the axis.
+        point: position of the joint, in [m].
+        axis: direction of the joint's axis, normalised.
+        reference: direction of zero joint angle, made perpendicular to the axis and normalised. The default
+            is the frame's x axis, or y if x is nearly parallel to the axis.
         has_reference: whether a reference was given.
     """
 
@@ -180,8 +181,8 @@ class End:
         if reference_given is None:
             reference_given = EX if abs(axis[0]) < 0.9 * length else EY
         reference = _finite(self, "reference", reference_given)
-        # those of another End stay what they are to the last bit
-        if self.reference is None or not _unit_and_across(axis, reference):
+        # normalised vectors, such as those of another End, keep every bit
+        if self.reference is None or not _orthonormal(axis, reference):
             axis = axis / length
             reference = reference - axis * (axis @ reference)
             length = float(np.linalg.norm(reference))
@@ -197,7 +198,7 @@ class End:
 
     @property
     def frame(self) -> Array:
-        """The joint's frame in the link's, read-only (3, 3): columns reference, axis x reference, axis."""
+        """Joint frame in the link's frame, read-only (3, 3): columns reference, axis x reference, axis."""
         assert self.reference is not None
         return _frame(self.axis, self.reference)
 
@@ -223,30 +224,31 @@ def _columns(axis: Vector, reference: Vector) -> tuple[Vector, Vector, Vector]:
 
 @dataclass(frozen=True)
 class Joint:
-    """Two links meet: point on point, axis on axis, as the kind says.
+    """A joint between two links.
 
     - revolute: points and axes coincide. Coordinate: angle from a's reference to b's about the axis.
-    - prismatic: axes coincide, marks stay parallel. Coordinate: displacement of b's point along the axis.
-      Where neither side has a reference, the links are turned by the least that lays axis on axis; in a
-      mechanism whose guess is nearer to that, as if each side had the reference it has by itself.
+    - prismatic: axes coincide, references stay parallel. Coordinate: displacement of b's point along the
+      axis. Without any reference, the smallest rotation that aligns the axes gives the orientation; if the
+      guess of the mechanism is nearer to the default references of both sides, these are used.
     - cylindrical: axes coincide. Coordinates: displacement, then angle.
-    - screw: as cylindrical, and the displacement is `lead` times the turns.
-    - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis,
-      angle about b's; both zero where b's axis lies from a's axis towards a's reference.
+    - screw: as cylindrical, with a displacement of `lead` per revolution.
+    - universal: points coincide, axes cross at `cross_angle`. Coordinates: angle about a's axis, angle about
+      b's; both are zero if b's axis is tilted from a's axis towards a's reference.
     - spherical: points coincide. No coordinate.
-    - planar: axes stay parallel and b's point in the plane across a's axis. Coordinates: displacements
-      along a's reference and across it, then angle.
-    - fixed: points coincide, axes and marks too, which may be left out likewise. No coordinate.
-    - floating: nothing is held. Coordinates: the place of b's point in a's frame.
+    - planar: axes stay parallel, and b's point stays in the plane perpendicular to a's axis. Coordinates:
+      displacements along a's reference and perpendicular to it, then angle.
+    - fixed: points, axes and references coincide; references are optional as in a prismatic joint. No
+      coordinate.
+    - floating: no constraint. Coordinates: position of b's point in a's frame.
 
     Attributes:
         name: unique in the mechanism.
-        kind: one of `model.joint_kinds.KINDS`, as above.
+        kind: one of `model.joint_kinds.KINDS`.
         a: the side nearer the frame.
         b: the other side.
-        cross_angle: of a universal joint, in [rad].
-        lead: of a screw, displacement a turn in [m].
-        without_reference: whether no reference says how a slide turns its links.
+        cross_angle: between the axes of a universal joint, in [rad].
+        lead: displacement of a screw per revolution, in [m].
+        without_reference: whether neither side of a prismatic or fixed joint has a reference.
     """
 
     name: str
@@ -271,47 +273,48 @@ class Joint:
         if not KINDS[self.kind].crossed and self.cross_angle != np.pi / 2:
             raise InputError(
                 f"cross angle of {self.kind} joint {self.name!r} is {self.cross_angle} rad; only the axes of "
-                "a universal joint cross: take it out"
+                "a universal joint cross: leave it out"
             )
         if not abs(number(self.lead)) < np.inf or KINDS[self.kind].helical != (self.lead != 0.0):
             raise InputError(
                 f"lead of {self.kind} joint {self.name!r} is {self.lead} m; "
-                "give a screw its displacement a turn, and no other joint any"
+                "give a screw its displacement per revolution, and other joints none"
             )
         if 0 in KINDS[self.kind].aligned_columns and not (self.a.has_reference or self.b.has_reference):
             side = self.a.frame
             reference = smallest_rotation_reference(np.array(self.b.axis), side[:, 2], side[:, 0])
-            if np.abs(reference - np.array(self.b.reference)).max() > ROUNDED:
+            if np.abs(reference - np.array(self.b.reference)).max() > ROUNDING:
                 object.__setattr__(self, "b", replace(self.b, reference=vector(reference)))
                 object.__setattr__(self, "without_reference", True)
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of its coordinates: the joint's own where it has one, else NAME.way, NAME.turn, NAME.1 ..."""
+        """Names of its coordinates: the joint's name if it has one, else NAME.way, NAME.turn, NAME.1 ..."""
         return tuple(self.name + ending for ending in KINDS[self.kind].suffixes)
 
 
 def joint_coordinate(joint: Joint, a: Pose, b: Pose) -> Array:
     """Return the coordinates of a joint between two posed links, (..., k).
 
-    k is 1 for revolute and prismatic joints, 2 for cylindrical and universal ones, 0 for spherical
-    ones; angles in (-pi, pi] rad, displacements in [m].
+    k is 1 for revolute and prismatic joints, 2 for cylindrical and universal joints, 0 for spherical joints.
+    Angles lie in (-pi, pi] rad, displacements are in [m].
     """
     gap = b.point(joint.b.point) - a.point(joint.a.point)
     frame_a, frame_b = a.rotation @ joint.a.frame, b.rotation @ joint.b.frame  # (..., 3, 3)
     return coordinates(KINDS[joint.kind], gap, frame_a, frame_b, joint.cross_angle)
 
 
-def _unit_and_across(axis: Array, reference: Array) -> bool:
-    """Whether axis and reference are unit vectors across each other already, to rounding."""
+def _orthonormal(axis: Array, reference: Array) -> bool:
+    """Whether axis and reference are perpendicular unit vectors within rounding."""
     both = np.column_stack([axis, reference])
-    return bool(np.abs(both.T @ both - np.eye(2)).max() < ROUNDED)
+    return bool(np.abs(both.T @ both - np.eye(2)).max() < ROUNDING)
 
 
 def _finite(end: End, what: str, value: Vector) -> Array:
     vector = numbers(value)
-    if vector.shape != (3,) or not (np.abs(vector) < FARTHEST).all():
+    if vector.shape != (3,) or not (np.abs(vector) < MAX_COORDINATE).all():
         raise InputError(
-            f"{what} {value} of a joint on link {end.link!r} is not three finite numbers below {FARTHEST:g}"
+            f"{what} {value} of a joint on link {end.link!r} is not three finite numbers "
+            f"below {MAX_COORDINATE:g}"
         )
     return vector

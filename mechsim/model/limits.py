@@ -1,4 +1,4 @@
-"""Ranges of joints: one rule for poses of either method."""
+"""Limits of joint ranges, path lengths and step counts, the same for both methods."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -9,29 +9,30 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
-# what rounding leaves beyond a range, in radians or metres, and in parts of a range that is longer
-ROUNDED = 1e-9
+# violation of a range that counts as rounding, in [rad] or [m], relative to ranges longer than 1
+ROUNDING = 1e-9
 
-# instants in a revolution of the crank or of the path parameter at which ranges are checked, and the most
-INSTANTS, MOST_INSTANTS = 256, 65536
+# instants per revolution of the crank or the path parameter at which ranges are checked, and their maximum
+INSTANTS, MAX_INSTANTS = 256, 65536
 
 Ranges = Mapping[str, tuple[float, float]]
 NO_RANGES: Ranges = {}
 
 
 def check_instants(low: float, high: float) -> Array:
-    """Return the path parameters, (n,) in [rad], at which joints are checked over a motion.
+    """Return the path parameters, (n,) in [rad], at which ranges are checked over a motion.
 
-    They depend on the motion alone, so that all methods give the same verdict, whatever they record.
+    They depend on the motion only, so that all methods give the same verdict.
     """
-    turns = int(np.clip(np.ceil((high - low) / REVOLUTION), 1, MOST_INSTANTS // INSTANTS))
+    turns = int(np.clip(np.ceil((high - low) / REVOLUTION), 1, MAX_INSTANTS // INSTANTS))
     return np.linspace(low, high, INSTANTS * turns + 1)
 
 
 def extremes(parameter: Array, values: Iterable[Array]) -> Array:
-    """Return the parameters between even instants (n,) at which quantities (n,) are largest or smallest.
+    """Return the parameters of the extrema of quantities (n,) sampled at evenly spaced instants (n,).
 
-    A parabola through three instants gives them; the value there errs by the fourth power of the spacing.
+    Each is the vertex of the parabola through three instants; the extreme value has a fourth-order error in
+    the spacing.
     """
     peaks: list[Array] = [np.zeros(0)]
     for value in values:
@@ -51,18 +52,18 @@ def require_within(
     describe: Callable[[int], str],
     remedy: str,
 ) -> None:
-    """Refuse poses beyond the range of a joint.
+    """Raise AssemblyError for configurations outside the range of a joint.
 
     Args:
-        name: of the mechanism.
-        ranges: joint -> lowest and highest value in [m] or [rad].
-        values: joint -> (n,) in the same unit.
+        name: name of the mechanism.
+        ranges: joint -> lower and upper limit in [m] or [rad].
+        values: joint -> its values, (n,) in the same unit.
         units: joint -> "m" or "rad".
-        describe: index of a pose -> its label, such as its crank angle.
-        remedy: what the user may do besides widening the range.
+        describe: index of a configuration -> its label, such as its crank angle.
+        remedy: alternative to widening the range.
 
     Raises:
-        AssemblyError: with the joint, its value, its bound and where.
+        AssemblyError: names the joint, its value, its range and the configuration.
     """
     for joint, (low, high) in ranges.items():
         if joint not in values:
@@ -70,32 +71,32 @@ def require_within(
         position = values[joint]
         beyond = np.maximum(low - position, position - high)
         worst = int(np.argmax(beyond)) if len(beyond) else 0
-        if len(beyond) and beyond[worst] > ROUNDED * max(1.0, high - low):
+        if len(beyond) and beyond[worst] > ROUNDING * max(1.0, high - low):
             raise AssemblyError(
-                f"{name}: joint {joint!r} would stand at {position[worst]:.6g} {units[joint]}, beyond its "
+                f"{name}: joint {joint!r} would be at {position[worst]:.6g} {units[joint]}, beyond its "
                 f"range of {low:.6g} to {high:.6g}, at {describe(worst)}; widen the range, start within it, "
                 f"or {remedy}"
             )
 
 
-# revolutions of the fastest driver in one motion; loop equations take 4 ms (four-bar linkage) to 40 ms (leg
-# of a humanoid robot) to follow one
+# largest number of revolutions of the fastest driver in one motion; loop equations take 4 ms (four-bar
+# linkage) to 40 ms (leg of a humanoid robot) per revolution
 MAX_REVOLUTIONS = 1_000.0
-# time steps of one run; MuJoCo takes about 3 us for one of a four-bar linkage
+# largest number of time steps of a run; a step of a four-bar linkage takes MuJoCo about 3 us
 MAX_STEPS = 100_000_000
-# of one free run whose motor or damping is so stiff that it, not the motion, limits explicit steps
+# the same for a free run in which a stiff motor or damper limits the step of explicit integration
 MAX_STIFF_STEPS = 500_000
-# of one run of an MJCF scene as it is, at 10 to 100 us each
+# the same for a run of an unchanged MJCF scene, at 10 to 100 us per step
 MAX_SCENE_STEPS = 2_000_000
 
 
 def require_revolutions(who: str, revolutions: float, duration: float) -> None:
-    """Raise InputError where motion laws take the drivers through too many revolutions.
+    """Raise InputError if motion laws take the drivers through too many revolutions.
 
     Args:
-        who: the mechanism, as the sentence names it.
-        revolutions: the longest way or the number of oscillations of any driver.
-        duration: of the motion in [s].
+        who: name of the mechanism in the message.
+        revolutions: largest travel or number of oscillations of a driver.
+        duration: duration of the motion in [s].
     """
     if not revolutions <= MAX_REVOLUTIONS:
         raise InputError(
@@ -106,37 +107,37 @@ def require_revolutions(who: str, revolutions: float, duration: float) -> None:
 
 
 def _rounded_down(value: float) -> float:
-    """Return a positive value with two significant digits, no larger than it is."""
+    """Return a positive value rounded down to two significant digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.floor(value / unit) * unit:.2g}")
 
 
 def require_travel(who: str, start: str, end: str, travel: float) -> None:
-    """Raise InputError where a path is too long to be followed.
+    """Raise InputError if a path is too long to trace.
 
     Args:
-        who: the mechanism and what moves, as the sentence names them.
-        start: where the path starts, as the sentence names it.
-        end: where it ends.
+        who: the mechanism and the moving coordinate, for the message.
+        start: start of the path, for the message.
+        end: end of the path, for the message.
         travel: its length in [rad] of the fastest driver.
     """
-    # what is looked at beyond the end of a motion is no part of it
+    # the margin of 1 rad is for the continuation beyond the end of a motion
     if not travel <= REVOLUTION * MAX_REVOLUTIONS + 1.0:
         raise InputError(
-            f"{who} would be followed from {start} to {end}, {travel / REVOLUTION:,.0f} revolutions, and "
-            f"{MAX_REVOLUTIONS:,.0f} are the limit of one motion; ask for a motion "
+            f"{who} would be traced from {start} to {end}, {travel / REVOLUTION:,.0f} revolutions, and "
+            f"{MAX_REVOLUTIONS:,.0f} are the limit of one motion; request a motion "
             f"{math.ceil(travel / REVOLUTION / MAX_REVOLUTIONS):,} times shorter"
         )
 
 
 def require_steps(what: str, steps: float, remedy: str, limit: int = MAX_STEPS) -> None:
-    """Raise InputError where a run takes too many time steps.
+    """Raise InputError if a run takes too many time steps.
 
     Args:
-        what: takes them, as the sentence names it.
-        steps: how many.
+        what: the run, for the message.
+        steps: number of time steps.
         remedy: what to do.
-        limit: of time steps.
+        limit: largest number of time steps.
     """
     if not steps <= limit:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Where assembly begins: the guess of a mechanism, completed link by link along its joints."""
+"""Initial poses for assembly: the guess of a mechanism, completed link by link along its joints."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -15,22 +15,23 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
-# of one joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in their links' frames
+# of a joint: points (..., 3) and frames (..., 3, 3) of its sides a and b, in the frames of their links
 Sides = tuple[Array, Array, Array, Array]
 
 
 def rough_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[str, Pose]:
-    """Return one pose a moving link: the guess, else where its joints to placed links put it.
+    """Return a pose of each moving link: its guess, or the pose that its joints to placed links give.
 
-    Coordinates of these joints are those that the description states, as of drivers, else 0.
+    Coordinates of these joints have the values that the description states (such as those of drivers), else
+    0.
 
     Args:
         mechanism: the mechanism.
-        stiff_first: whether joints that turn links less go before others, as slides, which leave no turn
-            open; else they are taken as they come.
+        stiff_first: whether joints with fewer rotations, such as prismatic joints, are used first; else
+            joints are used in their order.
 
     Raises:
-        AssemblyError: for links that no chain of joints leads to.
+        AssemblyError: if no chain of joints connects a link with the frame.
     """
     sides = {
         joint.name: (np.asarray(joint.a.point), joint.a.frame, np.asarray(joint.b.point), joint.b.frame)
@@ -39,25 +40,25 @@ def rough_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[str,
     if stiff_first:
         joints = sorted(mechanism.joints, key=lambda joint: len(KINDS[joint.kind].turns))
         mechanism = replace(mechanism, joints=tuple(joints))
-    return completed(mechanism, sides, mechanism.guess, starts(mechanism))
+    return complete_guess(mechanism, sides, mechanism.guess, initial_coordinates(mechanism))
 
 
-def completed(
+def complete_guess(
     mechanism: Mechanism,
     sides: Mapping[str, Sides],
     guess: Mapping[str, Pose],
     coordinates: Mapping[str, float] | Mapping[str, Array],
 ) -> dict[str, Pose]:
-    """Return poses of all moving links, of one mechanism or of d that are alike.
+    """Return poses of all moving links, of one mechanism or of d designs of the same structure.
 
     Args:
-        mechanism: one of them.
-        sides: of its joints; of d designs (d, 3) and (d, 3, 3).
-        guess: of some links.
+        mechanism: one of the designs.
+        sides: joint -> its sides; of d designs (d, 3) and (d, 3, 3).
+        guess: poses of some links.
         coordinates: coordinate -> its value, or (d,).
 
     Raises:
-        AssemblyError: for links that no chain of joints leads to.
+        AssemblyError: if no chain of joints connects a link with the frame.
     """
     placed: dict[str, Pose] = {GROUND: IDENTITY, **guess}
     waiting = list(mechanism.joints)
@@ -78,14 +79,14 @@ def completed(
     lost = [link.name for link in mechanism.links if link.name not in placed]
     if lost:
         raise AssemblyError(
-            f"{mechanism.name}: no joint holds link {', '.join(lost)}; add one or leave it out"
+            f"{mechanism.name}: link {', '.join(lost)} has no joint; add one or leave the link out"
         )
     del placed[GROUND]
     return placed
 
 
 def _attached(pose: Pose, ends: Sides, displacement: tuple[Array, Array]) -> Pose:
-    """Return the pose of a link that a joint holds to one that is placed, its near side first."""
+    """Return the pose of a link that a joint connects to a placed link, whose side is first in `ends`."""
     (near_point, near_frame, far_point, far_frame), (shift, relative) = ends, displacement
     frame = pose.rotation @ near_frame
     rotation = frame @ relative @ np.swapaxes(far_frame, -1, -2)
@@ -98,19 +99,19 @@ def rotated(rotation: Array, vector: Array) -> Array:
     return (rotation @ vector[..., None])[..., 0]
 
 
-def starts(mechanism: Mechanism) -> dict[str, float]:
-    """Return the values of coordinates at the guess that the description states, in [m] and [rad].
+def initial_coordinates(mechanism: Mechanism) -> dict[str, float]:
+    """Return the coordinates at the guess that the description states, in [m] and [rad].
 
     The angle of a screw between guessed links follows from its displacement.
     """
-    coordinates = {**_screw_angles(mechanism), **mechanism.counted, **mechanism.locked}
+    coordinates = {**_screw_angles(mechanism), **mechanism.guess_coordinates, **mechanism.locked}
     if mechanism.has_crank:
         coordinates[mechanism.crank.name] = mechanism.start
     return coordinates
 
 
 def _screw_angles(mechanism: Mechanism) -> dict[str, float]:
-    """Return the angles of screws between guessed links that match their displacement, in [rad]."""
+    """Return the angles of screws between guessed links from their displacements, in [rad]."""
     placed = {GROUND: IDENTITY, **mechanism.guess}
     angles: dict[str, float] = {}
     for joint in mechanism.joints:
@@ -123,7 +124,7 @@ def _screw_angles(mechanism: Mechanism) -> dict[str, float]:
 def _displaced(
     joint: Joint, coordinates: Mapping[str, float] | Mapping[str, Array], forward: bool
 ) -> tuple[Array, Array]:
-    """Return where the far side's joint frame stands in the near side's: (..., 3) in [m] and (..., 3, 3)."""
+    """Return the joint frame of the far side in that of the near side: (..., 3) in [m] and (..., 3, 3)."""
     values = [coordinates.get(name, 0.0) for name in joint.coordinates]
     if not (KINDS[joint.kind].crossed or any(np.any(value) for value in values)):
         return np.zeros(3), np.eye(3)
@@ -135,10 +136,10 @@ def _displaced(
 
 
 def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
-    """Return the poses of all links but ground at the n instants of a motion.
+    """Return the poses of all links except ground at the n instants of a motion.
 
     Raises:
-        InputError: where the motion lacks a link that stands for a body.
+        InputError: if the motion lacks a link that is a body.
     """
     poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
     for link in mechanism.links:
@@ -147,7 +148,7 @@ def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
             poses[link.name] = Pose(moved.position, moved.rotation)
         elif link.is_body:
             raise InputError(
-                f"the motion does not say where link {link.name!r} is, so it cannot be drawn; "
+                f"the motion has no pose of link {link.name!r}, so the link cannot be drawn; "
                 "solve it with links"
             )
         else:
@@ -157,7 +158,7 @@ def moved_links(mechanism: Mechanism, motion: Motion) -> dict[str, Pose]:
 
 
 def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], motion: Motion) -> Pose:
-    """Return where a link stands that hangs on another by a joint of one coordinate."""
+    """Return the pose of a link that a joint with one coordinate connects to another link."""
     joint = next(candidate for candidate in mechanism.joints if candidate.b.link == name)
     carrier, value = poses[joint.a.link], motion.joints[joint.name].value
     shift, relative = displaced(KINDS[joint.kind], (value,), joint.cross_angle)
@@ -167,33 +168,33 @@ def _hidden_link_pose(mechanism: Mechanism, name: str, poses: dict[str, Pose], m
     return Pose(position - rotation @ joint.b.point, rotation)
 
 
-# between the names of a joint and of the link that its stand-in stands for
-STANDS = "@"
+# separates the names of a joint and of its link in the name of a virtual body
+VIRTUAL_BODY_SEPARATOR = "@"
 
 
 def virtual_body(joint: Joint) -> str:
-    """Return the name of the link that stands where one side of a split joint does."""
-    return f"{joint.name}{STANDS}{_stood_for(joint).link}"
+    """Return the name of the virtual body of a split joint."""
+    return f"{joint.name}{VIRTUAL_BODY_SEPARATOR}{_replaced_end(joint).link}"
 
 
 def with_virtual_bodies(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, Pose]:
-    """Return poses of links, and where joints are split, of what stands in for some of them."""
+    """Return poses of links and of the virtual bodies of split joints."""
     all_poses = {GROUND: IDENTITY, **poses}
-    stands = {
+    virtual_poses = {
         joint.a.link: all_poses[joint.b.link]
         for joint in mechanism.joints
         if joint.kind == FIXED and joint.name == joint.a.link and joint.b.link in all_poses
     }
-    return {**stands, **poses}
+    return {**virtual_poses, **poses}
 
 
-def split(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
-    """Return a mechanism in which some joints lead to links of their own, fixed to those they led to.
+def split_joints(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
+    """Return a mechanism in which some joints end on virtual bodies, fixed to the links of these joints.
 
-    The new link's frame is that of the one it is fixed to, and it takes its share of that one's inertia. The
-    fixed joint, called as it, can be cut.
+    A virtual body has the frame of its link and a share of its inertia. The fixed joint, which has the name
+    of the body, can be cut.
     """
-    shares = Counter(_stood_for(joint).link for joint in mechanism.joints if joint.name in names)
+    shares = Counter(_replaced_end(joint).link for joint in mechanism.joints if joint.name in names)
     links = [
         replace(link, inertia=_shared(link.inertia, 1 + shares[link.name])) if link.inertia else link
         for link in mechanism.links
@@ -203,51 +204,51 @@ def split(mechanism: Mechanism, names: Collection[str]) -> Mechanism:
         if joint.name not in names:
             joints.append(joint)
             continue
-        name, end = virtual_body(joint), _stood_for(joint)
+        name, end = virtual_body(joint), _replaced_end(joint)
         links.append(Link(name, inertia=inertias[end.link]))
         own: End = replace(end, link=name)
-        led = replace(joint, a=own) if end is joint.a else replace(joint, b=own)
-        joints += [led, Joint(name, FIXED, own, end)]
+        moved_joint = replace(joint, a=own) if end is joint.a else replace(joint, b=own)
+        joints += [moved_joint, Joint(name, FIXED, own, end)]
     return replace(mechanism, links=tuple(links), joints=tuple(joints))
 
 
-def _stood_for(joint: Joint) -> End:
-    """Return the end of a joint on whose link another stands: side b, but never the frame."""
+def _replaced_end(joint: Joint) -> End:
+    """Return the end of a joint that its virtual body replaces: side b, or side a if b is the frame."""
     return joint.a if joint.b.link == GROUND else joint.b
 
 
 def _shared(inertia: Inertia, count: int) -> Inertia:
-    """Return one of so many equal parts of a body that are rigidly joined."""
+    """Return the inertia of one of `count` equal parts that are rigidly joined."""
     if count == 1:
         return inertia
     x, y, z = ((a / count, b / count, c / count) for a, b, c in inertia.moments)
     return Inertia(inertia.mass / count, inertia.centre, (x, y, z))
 
 
-# directions this little out of parallel are parallel: frames are made to 1e-16, a real tilt is far larger
-PARALLEL = 1e-9
+# directions count as parallel below this: frames are accurate to 1e-16, real tilts are far larger
+PARALLEL_TOLERANCE = 1e-9
 
 
 def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
     """Return the normal of the plane of motion in each link's frame, or None for a spatial mechanism.
 
-    Planar is a mechanism all of whose joints turn about one direction and slide across it, whatever
-    their coordinates; nothing needs to be solved for that. Points of a link need not lie in one plane.
+    A mechanism is planar if all joints rotate about one direction and slide perpendicular to it at any
+    coordinates. This follows from the description, without solving. Points of a link need not lie in one
+    plane.
 
     Args:
         mechanism: the mechanism.
 
     Returns:
-        Link, "ground" included -> unit vector, (3,): along the crank's axis, and as the joints from there
-        carry it on.
+        Link ("ground" included) -> unit vector, (3,): along the crank's axis, transferred along the joints.
     """
     return _normals(mechanism.driven_joints[0].a, mechanism, mechanism.joints)
 
 
 def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:
-    """Return normals as `plane_normals` does, also where slides drive, or balls close loops.
+    """Return normals as `plane_normals`, also with sliding drivers or spherical joints that close loops.
 
-    Balls and crosses cannot take out of the plane what hinges and slides hold there.
+    Spherical and universal joints cannot move links out of a plane in which hinges and slides keep them.
     """
     aligned = [joint for joint in mechanism.joints if KINDS[joint.kind].aligned]
     hinges = [joint.a for joint in (*mechanism.driven_joints, *aligned) if KINDS[joint.kind].hinge]
@@ -261,7 +262,7 @@ def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[
         for joint in joints:
             for start, other in ((joint.a, joint.b), (joint.b, joint.a)):
                 if start.link in normals and other.link not in normals:
-                    # a joint that rotates about the normal has it in the same direction of both frames
+                    # a joint that rotates about the normal has it in the same direction of both joint frames
                     normals[other.link] = other.frame @ start.frame.T @ normals[start.link]
     for joint in joints:
         for end in (joint.a, joint.b):
@@ -271,7 +272,7 @@ def _normals(hinge: End, mechanism: Mechanism, joints: Sequence[Joint]) -> dict[
 
 
 def _stays_in_plane(joint: Joint, end: End, normal: Array) -> bool:
-    """Whether a joint rotates about a normal of one of its links and slides across it."""
+    """Whether a joint rotates about a normal of one of its links and slides perpendicular to it."""
     kind = KINDS[joint.kind]
     if not kind.aligned:
         return False
@@ -279,4 +280,4 @@ def _stays_in_plane(joint: Joint, end: End, normal: Array) -> bool:
     across = [abs(components[COLUMN[axis]]) for axis in kind.slides]
     if kind.turns:
         across += [abs(components[0]), abs(components[1])]
-    return max(across, default=0.0) <= PARALLEL
+    return max(across, default=0.0) <= PARALLEL_TOLERANCE

@@ -1,4 +1,4 @@
-"""What a link is, and where it stands."""
+"""Links: inertia, outline and pose."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -14,14 +14,14 @@ from mechsim.numerics.inputs import HUGE
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
-# a mass beyond this in [kg], or below its inverse, is a slip; Steiner's moments are finite with any other
-HEAVIEST = 1e60
-# how far moments may miss symmetry and the triangle inequality: rounding of a rotated laminar body
-SLACK = 1e-9
+# largest mass in [kg], and inverse of the smallest; more is an input error, and products of moments overflow
+MAX_MASS = 1e60
+# relative error of symmetry and triangle inequality of an inertia matrix: rounding of a rotated flat body
+INERTIA_TOLERANCE = 1e-9
 
 
 def vector(numbers: Array | Sequence[Any]) -> Vector:
-    """Return three numbers as a plain tuple."""
+    """Return three numbers as a tuple."""
     x, y, z = (float(number) for number in numbers)
     return x, y, z
 
@@ -31,9 +31,9 @@ class Rods:
     """The round rods from which an inertia was computed.
 
     Attributes:
-        length: of all together in [m].
-        diameter: in [m].
-        density: in [kg/m3].
+        length: total length in [m].
+        diameter: diameter in [m].
+        density: density in [kg/m3].
     """
 
     length: float
@@ -43,15 +43,15 @@ class Rods:
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """How a rigid body resists motion.
+    """The inertia of a rigid body.
 
     Attributes:
         mass: in [kg], above zero.
         centre: centre of mass in the link's frame, in [m].
-        moments: inertia matrix about the centre, along the axes of the link's frame, in [kg m2]:
+        moments: inertia matrix about the centre of mass, along the axes of the link's frame, in [kg m2]:
             symmetric, positive definite, no principal moment larger than the sum of the others.
-        rods: from which it was computed; None where it was given.
-        negligible: whether it stands for a mass of zero.
+        rods: rods from which it was computed; None if it was given.
+        negligible: whether it replaces a mass of zero.
     """
 
     mass: float
@@ -62,10 +62,10 @@ class Inertia:
 
     def __post_init__(self) -> None:
         mass, centre = float(self.mass), np.asarray(self.centre, dtype=np.float64)
-        if not 1.0 / HEAVIEST < mass < HEAVIEST:
+        if not 1.0 / MAX_MASS < mass < MAX_MASS:
             raise InputError(
                 f"mass of a link is {self.mass} kg; give a finite mass above 0, "
-                f"from {1.0 / HEAVIEST:g} to {HEAVIEST:g} kg"
+                f"from {1.0 / MAX_MASS:g} to {MAX_MASS:g} kg"
             )
         if centre.shape != (3,) or not (np.abs(centre) < HUGE).all():
             raise InputError(f"centre of mass {self.centre} m is not three finite numbers; give x, y, z")
@@ -82,12 +82,12 @@ class Inertia:
         return np.array(self.moments)
 
     def about(self, point: Vector) -> Array:
-        """Return the inertia matrix about another point of the link's frame, (3, 3) in [kg m2]; Steiner."""
+        """Return the inertia matrix about another point of the link's frame, (3, 3) in [kg m2] (Steiner)."""
         return self.matrix + self.mass * _spread(np.asarray(self.centre) - np.asarray(point))
 
 
 def combine(inertias: Iterable[Inertia]) -> Inertia:
-    """Return the inertia of bodies joined rigidly, all given in the same frame."""
+    """Return the inertia of bodies that are rigidly joined, all in the same frame."""
     bodies = list(inertias)
     mass = sum(body.mass for body in bodies)
     centre = sum((body.mass * np.asarray(body.centre) for body in bodies), np.zeros(3)) / mass
@@ -107,15 +107,15 @@ def _rows(moments: Array) -> Matrix:
 
 
 def _checked(moments: Array) -> Matrix:
-    """Return an inertia matrix made exactly symmetric, or raise InputError if no body has it."""
-    if moments.shape != (3, 3) or not (np.abs(moments) < HEAVIEST * HUGE**2).all():
+    """Return an inertia matrix made exactly symmetric; raise InputError if no body can have it."""
+    if moments.shape != (3, 3) or not (np.abs(moments) < MAX_MASS * HUGE**2).all():
         raise InputError(
             "moments of inertia of a link are not 3 x 3 finite numbers in [kg m2]; "
             "give the matrix about the centre, or its three diagonal elements"
         )
     largest = float(np.abs(moments).max())
     skewed = float(np.abs(moments - moments.T).max())
-    if not skewed <= SLACK * largest:
+    if not skewed <= INERTIA_TOLERANCE * largest:
         raise InputError(
             f"inertia matrix of a link differs from its transpose by {skewed:.3g} kg m2 (of {largest:.3g}); "
             "give a symmetric matrix"
@@ -124,7 +124,7 @@ def _checked(moments: Array) -> Matrix:
     principal = f"principal moments of inertia of a link are {least:.6g}, {middle:.6g}, {most:.6g} kg m2"
     if not least > 0.0:
         raise InputError(f"{principal}; all must be above 0: give a thin body its small thickness")
-    if not most <= (least + middle) * (1.0 + SLACK):
+    if not most <= (least + middle) * (1.0 + INERTIA_TOLERANCE):
         raise InputError(
             f"{principal}; no body has one above the sum of the others, {least + middle:.6g} kg m2: "
             "check units, axes, and that they are about the centre of mass"
@@ -133,25 +133,25 @@ def _checked(moments: Array) -> Matrix:
 
 
 GROUND = "ground"
-# what names of links begin with that stand for no body: those between several joints of one
+# prefix of names of virtual bodies: links without a body, between the joints that replace one joint
 VIRTUAL_PREFIX = "~"
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 EX: Vector = (1.0, 0.0, 0.0)
 EY: Vector = (0.0, 1.0, 0.0)
 EZ: Vector = (0.0, 0.0, 1.0)
-# what is farther away has no square that is a finite number, in [m]
-FARTHEST = 1e100
+# largest coordinate in [m]; squares of larger ones overflow
+MAX_COORDINATE = 1e100
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Where links are: position of the origin, (..., 3) in [m], and rotation matrix, (..., 3, 3)."""
+    """Poses of links: position of the origin, (..., 3) in [m], and rotation matrix, (..., 3, 3)."""
 
     position: Array
     rotation: Array
 
     def __eq__(self, other: object) -> bool:
-        """Whether the other stands at the same places, to the last bit."""
+        """Whether the other pose is equal to the last bit."""
         return (
             isinstance(other, Pose)
             and np.array_equal(self.position, other.position)
@@ -161,11 +161,11 @@ class Pose:
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
     def point(self, local: Vector) -> Array:
-        """Return the place of a point given in the link's frame, (..., 3) in [m]."""
+        """Return the position of a point given in the link's frame, (..., 3) in [m]."""
         return self.position + self.rotation @ np.asarray(local)
 
     def select(self, index: int | slice | NDArray[np.intp]) -> "Pose":
-        """Return the pose or poses at an index of the leading axis."""
+        """Return the pose or poses at an index of the first axis."""
         return Pose(self.position[index], self.rotation[index])
 
 
@@ -178,9 +178,8 @@ class Link:
 
     Attributes:
         name: unique in the mechanism.
-        outline: points of the link's own frame, in [m], that a picture joins up; joint points are
-            added by themselves, so this is for what no joint touches.
-        inertia: mass, centre and moments; None leaves them to `rods.with_inertia`.
+        outline: points in the link's frame, in [m], that pictures connect with its joints.
+        inertia: mass, centre and moments; None if `rods.with_inertia` computes them.
     """
 
     name: str
@@ -189,5 +188,5 @@ class Link:
 
     @property
     def is_body(self) -> bool:
-        """Whether it stands for a body; motions need not say where others are."""
+        """Whether it is a body; motions need no pose of a virtual body."""
         return not self.name.startswith(VIRTUAL_PREFIX)

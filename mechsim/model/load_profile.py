@@ -1,4 +1,4 @@
-"""A quantity over the turn of the crank or over time: constant, a table, or a function."""
+"""A load as a function of crank angle or time: constant, table, function or harmonics."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
 
 Over = Literal["angle", "time"]
-# how far a table may miss the turn, in [rad], and be drawn to it: angles written with six digits
+# largest error in [rad] of the period of a table, which is then stretched: angles with six digits
 PERIOD_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
 class LoadProfile:
-    """A quantity over crank angle or time; made by `constant`, `table`, `function` or `harmonics`.
+    """A load as a function of crank angle or time; made by `constant`, `table`, `function` or `harmonics`.
 
     Attributes:
-        over: what it is a function of: "angle" in [rad], "time" in [s]; None for a constant.
-        value: (n,) places on that axis -> (n,) or (n, 3) values.
-        width: 1 or 3 numbers at each place.
+        over: independent variable: "angle" in [rad], "time" in [s]; None for a constant.
+        value: values of that variable (n,) -> loads (n,) or (n, 3).
+        width: number of components, 1 or 3.
     """
 
     over: Over | None
@@ -35,30 +35,32 @@ class LoadProfile:
         """Return the values at crank angles in [rad] and times in [s], (n,) or (n, 3).
 
         Raises:
-            InputError: outside a table, where no time is known to a function of time, or where a
-                function gives anything but finite numbers.
+            InputError: outside the range of a table; for a function of time if the time is unknown; if a
+                function returns anything but finite numbers.
         """
         if self.over == "time" and time is None:
             raise InputError(
-                "a load over time is asked for where only crank angles are known; give the motion its time"
+                "a load over time needs times, and only crank angles are known; give the motion its time"
             )
         positions = np.atleast_1d(np.asarray(time if self.over == "time" else angle, dtype=np.float64))
         values = np.asarray(self.value(positions), dtype=np.float64)
         shape = (len(positions),) if self.width == 1 else (len(positions), self.width)
         if values.shape != shape:
             raise InputError(
-                f"a load over {self.over} gives values of shape {values.shape} at {len(positions)} places; "
+                f"a load over {self.over} gives values of shape {values.shape} at {len(positions)} instants; "
                 f"give them in shape {shape}"
             )
         finite = np.isfinite(values).reshape(len(positions), -1).all(1)
         if not finite.all():
             where = f"{positions[~finite][0]:.6g} {'s' if self.over == 'time' else 'rad'}"
-            raise InputError(f"a load over {self.over} is no finite number at {where}; give one that is")
+            raise InputError(
+                f"a load over {self.over} is not a finite number at {where}; correct the function"
+            )
         return values
 
 
 def constant(value: ArrayLike) -> LoadProfile:
-    """Return a course that never changes: a number, or a vector of three."""
+    """Return a constant load: a number, or a vector of three components."""
     kept = np.asarray(value, dtype=np.float64)
     if kept.shape not in ((), (3,)) or not np.isfinite(kept).all():
         raise InputError(f"constant load is {value}; give a finite number or three")
@@ -68,11 +70,11 @@ def constant(value: ArrayLike) -> LoadProfile:
 
 
 def function(call: Callable[[Array], Array], *, over: Over = "angle", width: int = 1) -> LoadProfile:
-    """Return a course given by a function of arrays, (n,) -> (n,) or (n, width)."""
+    """Return a load given by a function of arrays, (n,) -> (n,) or (n, width)."""
     if over not in ("angle", "time"):
-        raise InputError(f"a load is over {over!r}; it can be over angle or time")
+        raise InputError(f"a load is over {over!r}; it can be over 'angle' or 'time'")
     if width not in (1, 3):
-        raise InputError(f"a load has {width} numbers at each place; it can have 1 or 3")
+        raise InputError(f"a load has {width} components; it can have 1 or 3")
     return LoadProfile(over, call, width)
 
 
@@ -82,7 +84,9 @@ def harmonics(
     """Return sum c_k cos(k w x) + s_k sin(k w x) with w = 2 pi / period: c from k = 0, s from k = 1."""
     c, s = np.asarray(cosines, dtype=np.float64), np.asarray(sines, dtype=np.float64)
     if c.ndim != 1 or s.ndim != 1 or not (np.isfinite(c).all() and np.isfinite(s).all()):
-        raise InputError("coefficients of a periodic load are not two lists of finite numbers; give such")
+        raise InputError(
+            "coefficients of a periodic load are not two lists of finite numbers; give two lists"
+        )
     if not 0.0 < period < np.inf:
         raise InputError(f"period of a load is {period}; give one above 0")
 
@@ -94,29 +98,29 @@ def harmonics(
 
 
 def table(
-    places_given: ArrayLike,
+    positions_given: ArrayLike,
     values: ArrayLike,
     *,
     over: Over = "angle",
     periodic: bool | None = None,
     smooth: bool = False,
 ) -> LoadProfile:
-    """Return a course through the rows of a table.
+    """Return a load that interpolates a table.
 
     Args:
-        places_given: crank angles in [rad] or times in [s], rising, (m,).
+        positions_given: crank angles in [rad] or times in [s], increasing, (m,).
         values: (m,) or (m, 3).
-        over: what `at` is.
-        periodic: whether the table repeats; its last row is then its first one again, and over the
-            angle it is one turn long. None: over the angle yes, over time no.
-        smooth: cubic spline with two continuous derivatives instead of straight lines.
+        over: variable of the table, "angle" or "time".
+        periodic: whether the table repeats: its last row equals the first, and angles span one revolution.
+            The default is True for angles and False for times.
+        smooth: interpolates by a cubic spline with two continuous derivatives instead of straight lines.
 
     Raises:
-        InputError: for a table that does not rise, does not cover the turn, or does not close.
+        InputError: for a table that does not increase, does not span the revolution, or is not periodic.
     """
     from scipy.interpolate import make_interp_spline
 
-    x, y = np.asarray(places_given, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    x, y = np.asarray(positions_given, dtype=np.float64), np.asarray(values, dtype=np.float64)
     repeats = over == "angle" if periodic is None else periodic
     _check_table(x, y, over)
     if repeats:
@@ -137,8 +141,8 @@ def table(
         outside = (positions < first - slack) | (positions > last + slack)
         if outside.any():
             raise InputError(
-                f"load table covers {over} {first:.6g} to {last:.6g}, but {positions[outside][0]:.6g} is "
-                "asked for; make it longer"
+                f"load table covers {over} {first:.6g} to {last:.6g}, but the motion needs "
+                f"{positions[outside][0]:.6g}; make the table longer"
             )
         return spline(np.clip(positions, first, last))
 
@@ -152,13 +156,15 @@ def _check_table(x: Array, y: Array, over: str) -> None:
             "give two rows or more, with one value or three each"
         )
     if not (np.isfinite(x).all() and (np.abs(y) < HUGE).all()):
-        raise InputError(f"load table holds what is no finite number below {HUGE:g}; correct the row")
+        raise InputError(
+            f"load table has an entry that is not a finite number below {HUGE:g}; correct the row"
+        )
     rises = np.diff(x) > 0.0
     if not rises.all():
         row = int(np.argmin(rises)) + 1
         raise InputError(
-            f"load table does not rise: {over} {x[row]:.6g} in row {row + 1} follows {x[row - 1]:.6g}; "
-            "sort the rows and give each place once"
+            f"load table does not increase: {over} {x[row]:.6g} in row {row + 1} follows {x[row - 1]:.6g}; "
+            f"sort the rows and give each {over} once"
         )
 
 
@@ -166,12 +172,12 @@ def _check_period(x: Array, y: Array, over: str) -> None:
     span = float(x[-1] - x[0])
     if over == "angle" and abs(span - REVOLUTION) > PERIOD_TOLERANCE:
         raise InputError(
-            f"load table does not cover the turn: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
-            f"{span:.8g} of {REVOLUTION:.8g}; give rows over exactly one turn, both ends included"
+            f"load table does not span one revolution: it goes from {x[0]:.8g} to {x[-1]:.8g} rad, "
+            f"{span:.8g} of {REVOLUTION:.8g}; give rows over exactly one revolution, both ends included"
         )
     jump = float(np.abs(y[-1] - y[0]).max())
     if jump > 1e-9 * float(np.abs(y).max()):
         raise InputError(
-            f"load table does not close: its last row differs from its first by {jump:.6g}; "
-            "end it with the values it begins with"
+            f"load table is not periodic: its last row differs from its first by {jump:.6g}; "
+            "end it with the values of its first row"
         )

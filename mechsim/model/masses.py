@@ -1,4 +1,4 @@
-"""The masses of the links of a mechanism, and where each comes from."""
+"""Masses of the links of a mechanism and their sources."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -13,8 +13,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE, number
 
 Source = Literal["given", "rod", "zero"]
-# names of links that a line of text lists; more are counted
-LISTED = 4
+# largest number of link names in a line of text; of more links it states the number
+MAX_NAMES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,14 +22,14 @@ class LinkMass:
     """The mass of a link and its source.
 
     Attributes:
-        link: its name.
+        link: name of the link.
         mass: in [kg].
         source: "given" in the file or object; "rod", computed from round rods between its joints, because
-            no inertia is given; "zero" where a file gives none to this link but masses to others (a
-            negligible mass then stands for zero).
-        length: of the rods together in [m]; None unless the source is "rod".
-        diameter: of the rods in [m]; None unless the source is "rod".
-        density: of the rods in [kg/m3]; None unless the source is "rod".
+            no inertia is given; "zero" if a file gives this link no mass but others one (a negligible mass
+            replaces the zero).
+        length: total length of the rods in [m]; None unless the source is "rod".
+        diameter: diameter of the rods in [m]; None unless the source is "rod".
+        density: density of the rods in [kg/m3]; None unless the source is "rod".
     """
 
     link: str
@@ -50,17 +50,17 @@ class LinkMass:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return the mass and its source as plain data."""
         return asdict(self)
 
 
 def masses_of(mechanism: Mechanism) -> tuple[LinkMass, ...]:
-    """Return the masses of links that have an inertia; links that stand for no body are left out."""
+    """Return the masses of links that have an inertia, without virtual bodies."""
     return tuple(_mass(link.name, link.inertia) for link in mechanism.links if link.inertia and link.is_body)
 
 
 def summary(masses: Sequence[LinkMass]) -> str:
-    """Return in one line which masses are used and where they come from; empty without links."""
+    """Return in one line the masses in use and their sources; empty without links."""
     phrases: list[str] = []
     for source in ("given", "rod", "zero"):
         group = [mass for mass in masses if mass.source == source]
@@ -83,10 +83,12 @@ def _source_text(source: Source, group: Sequence[LinkMass]) -> str:
 
 
 def _names(group: Sequence[LinkMass], count: int) -> str:
-    if len(group) == count > LISTED:
+    if len(group) == count > MAX_NAMES:
         return f"all {count} links"
     return (
-        ", ".join(mass.link for mass in group) if len(group) <= LISTED else f"{len(group)} of {count} links"
+        ", ".join(mass.link for mass in group)
+        if len(group) <= MAX_NAMES
+        else f"{len(group)} of {count} links"
     )
 
 
@@ -108,13 +110,13 @@ def _mass(link: str, inertia: Inertia) -> LinkMass:
     return LinkMass(link=link, mass=inertia.mass, source="zero" if inertia.negligible else "given")
 
 
-# of steel in [kg/m3]
+# density of steel in [kg/m3]
 STEEL = 7850.0
-# diameter of the rods where none is given, in units of the mechanism's size
-THICKNESS = 0.05
-# a link whose points all coincide, such as a slider, is a pin this many diameters long
+# default diameter of the rods, relative to the characteristic length
+RELATIVE_DIAMETER = 0.05
+# length of the pin that replaces a link whose points coincide, such as a slider, in diameters
 PIN_LENGTH = 2.0
-# no body has a moment of zero about its own line: a slender rod is this thick, in units of its length
+# diameter of a slender rod relative to its length: a moment about its own axis of zero is not allowed
 SLENDERNESS = 1e-3
 
 
@@ -125,9 +127,9 @@ def round_rod(start: Vector, end: Vector, density: float = STEEL, diameter: floa
 
     Args:
         start: centre of one end, in [m].
-        end: centre of the other, in [m].
-        density: in [kg/m3].
-        diameter: in [m].
+        end: centre of the other end, in [m].
+        density: density in [kg/m3].
+        diameter: diameter in [m].
     """
     _positive("density of a rod", density, "kg/m3")
     _positive("diameter of a rod", diameter, "m")
@@ -137,9 +139,9 @@ def round_rod(start: Vector, end: Vector, density: float = STEEL, diameter: floa
 
 
 def slender_rod(start: Vector, end: Vector, mass: float) -> Inertia:
-    """Return the inertia of a uniform thin rod of a mass in [kg] between two points of a link's frame.
+    """Return the inertia of a uniform thin rod between two points of a link's frame, with a mass in [kg].
 
-    Across the rod exactly m l2/12; along it that of a rod a thousandth as thick as long.
+    The moment across the rod is exactly m l2/12; that along it is that of a rod with a diameter of l/1000.
     """
     _positive("mass of a slender rod", mass, "kg")
     length2 = _length(start, end) ** 2
@@ -156,26 +158,27 @@ def with_inertia(
 ) -> Mechanism:
     """Return the mechanism with an inertia on every link.
 
-    A link is the fewest straight rods, of least length in all, that hold its joint points and
-    outline; their overlap where they meet counts twice. A link that is one point is a pin along its
-    first joint's axis.
+    A link consists of the straight rods of least total length that connect its joint points and outline;
+    overlaps at their ends count twice. A link with a single point is a pin along its first joint's axis.
 
     Args:
         mechanism: the mechanism.
-        density: of the rods in [kg/m3].
-        diameter: of the rods in [m]; None takes 0.05 of the mechanism's size.
-        shape: "slender" keeps the rods' masses and takes their moments in the limit of no thickness.
+        density: density of the rods in [kg/m3].
+        diameter: diameter of the rods in [m]; the default is 0.05 of the characteristic length.
+        shape: "slender" keeps the masses of the rods and uses the moments of infinitely thin rods.
         replace_all: whether links that have an inertia get a new one too.
     """
     mechanism = described(mechanism)
     _positive("density of the rods", density, "kg/m3")
-    thick = THICKNESS * mechanism.characteristic_length if diameter is None else diameter
+    rod_diameter = RELATIVE_DIAMETER * mechanism.characteristic_length if diameter is None else diameter
     if replace_all or any(link.inertia is None for link in mechanism.links):
-        _positive("diameter of the rods", thick, "m")
+        _positive("diameter of the rods", rod_diameter, "m")
     links = tuple(
         link
         if link.inertia is not None and not replace_all
-        else replace(link, inertia=_link_inertia(mechanism, link.name, link.outline, density, thick, shape))
+        else replace(
+            link, inertia=_link_inertia(mechanism, link.name, link.outline, density, rod_diameter, shape)
+        )
         for link in mechanism.links
     )
     return replace(mechanism, links=links)
@@ -209,7 +212,7 @@ def _rod(start: Vector, end: Vector, mass: float, along: float, across: float) -
 
 
 def _spanning_tree(points: Array) -> list[tuple[int, int]]:
-    """Return pairs of points that join all with the least length (Prim)."""
+    """Return pairs of points that connect all points with the least total length (Prim)."""
     gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
     joined, pairs = [0], []
     while len(joined) < len(points):

@@ -1,7 +1,6 @@
-"""What a mechanism is: links, joints between them, couplings, and what is driven.
+"""Description of a mechanism: links, joints, couplings, drivers and tracked points.
 
-A `Mechanism` is plain data. Nothing here says where a link is in space: that is solved, by the
-closed forms and `closure` on one side and by MuJoCo on the other.
+A `Mechanism` is plain data without positions in space. The analytic solvers and MuJoCo solve these.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +13,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import MAX_GUESS_ERROR, Coupling, End, Gear, Joint, guessed_frame
-from mechsim.model.links import FARTHEST, GROUND, IDENTITY, Link, Pose, Vector
+from mechsim.model.links import GROUND, IDENTITY, MAX_COORDINATE, Link, Pose, Vector
 from mechsim.model.motion import short_repr
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -25,7 +24,7 @@ AXES: tuple[Up, ...] = ("x", "y", "z", "-x", "-y", "-z")
 
 
 def against(gravity: Sequence[float]) -> Up | None:
-    """Return the coordinate axis nearest to the direction opposite to gravity; None without gravity."""
+    """Return the coordinate axis nearest to the direction against gravity; None without gravity."""
     largest = int(np.argmax(np.abs(gravity)))
     if not abs(gravity[largest]) > 0.0:
         return None
@@ -38,41 +37,40 @@ def unit_vector(up: Up) -> Array:
 
 
 def require_axis(who: str, up: object) -> None:
-    """Raise InputError for what names no coordinate axis; None is allowed."""
+    """Raise InputError unless `up` names a coordinate axis or is None."""
     if up is not None and up not in AXES:
         raise InputError(f"{who}: up is {up!r}; it can be {', '.join(AXES)}")
 
 
 Source = TypeVar("Source")
 
-# joints of a link nearer to each other than this part of all that is known of the links lie in one place, but
-# for the digits of their file
-ONE_PLACE = 1e-5
-# characters of a name
-LONGEST_NAME = 200
-# points whose distances to all others are taken at once
-ROWS = 500
+# joints of a link within this fraction of its largest distance count as coincident: digits of model files
+COINCIDENT = 1e-5
+# largest number of characters in a name
+MAX_NAME_LENGTH = 200
+# points per block of the matrix of distances, which limits memory
+BLOCK = 500
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Links, joints, couplings, what is driven, and the points whose motion is wanted.
+    """A mechanism: links, joints, couplings, drivers and tracked points.
 
     Attributes:
-        name: of the mechanism.
-        links: the moving links; the frame is the link called "ground", which is not listed.
+        name: name of the mechanism.
+        links: the moving links; the frame is the link "ground", which is not listed.
         joints: all joints.
-        driver: name of the driven coordinate, or of several; a lone revolute joint is the crank.
-        points: name -> (link, point in that link's frame in [m]).
+        driver: name or names of the driven coordinates; a single revolute joint is the crank.
+        points: name of a tracked point -> (link, point in that link's frame in [m]).
         gears: couplings between revolute joints.
-        guess: link -> rough pose at crank angle `start`, from which assembly begins; says which
-            assembly is meant. A link left out starts where its joints to placed links put it.
+        guess: link -> approximate pose at crank angle `start`. Assembly starts from it, and it selects the
+            assembly mode. The joints of a link without guess determine its initial pose.
         start: crank angle of the guess in [rad].
-        couplings: between any coordinates.
-        locked: coordinate -> value at which it is held, in [m] or [rad].
-        counted: coordinate -> its value at the guess, where a pose does not determine it: turns of a joint,
-            or where a driver stands exactly.
-        up: coordinate axis that points up in pictures, as "z" or "-y"; None leaves it to the pictures.
+        couplings: couplings between any coordinates.
+        locked: coordinate -> its constant value, in [m] or [rad].
+        guess_coordinates: coordinate -> its value at the guess, in [m] or [rad], if a pose does not determine
+            it: revolutions of a joint, or the exact position of a driver.
+        up: coordinate axis that points up in pictures, such as "z" or "-y"; None lets the pictures choose.
     """
 
     name: str
@@ -85,7 +83,7 @@ class Mechanism:
     start: float = 0.0
     couplings: tuple[Coupling, ...] = ()
     locked: Mapping[str, float] = field(default_factory=dict[str, float])
-    counted: Mapping[str, float] = field(default_factory=dict[str, float])
+    guess_coordinates: Mapping[str, float] = field(default_factory=dict[str, float])
     up: Up | None = None
 
     __repr__ = short_repr
@@ -103,9 +101,10 @@ class Mechanism:
                 _require_known(f"joint {joint.name!r}", "link", end.link, [GROUND, *names])
         for point, (link, position) in self.points.items():
             _require_known(f"point {point!r}", "link", link, [GROUND, *names])
-            if numbers(position).shape != (3,) or not (np.abs(numbers(position)) < FARTHEST).all():
+            if numbers(position).shape != (3,) or not (np.abs(numbers(position)) < MAX_COORDINATE).all():
                 raise InputError(
-                    f"point {point!r} is at {position}; give three finite numbers in [m] below {FARTHEST:g}"
+                    f"point {point!r} is at {position}; give three finite numbers in [m] below "
+                    f"{MAX_COORDINATE:g}"
                 )
         for link, pose in self.guess.items():
             _require_known("guess", "link", link, names)
@@ -113,7 +112,9 @@ class Mechanism:
         if not abs(number(self.start)) < np.inf:
             raise InputError(f"{self.name}: start is {self.start} rad; give a finite crank angle")
         revolutes = [joint.name for joint in self.joints if KINDS[joint.kind].hinge]
-        object.__setattr__(self, "joints", tuple(self._marked(joint) for joint in self.joints))
+        object.__setattr__(
+            self, "joints", tuple(self._with_guessed_reference(joint) for joint in self.joints)
+        )
         self._require_coordinates()
         for gear in self.gears:
             called = f"gear {gear.driver!r}-{gear.driven!r}"
@@ -124,34 +125,35 @@ class Mechanism:
             if not abs(number(gear.phase)) < np.inf:
                 raise InputError(f"phase of {called} is {gear.phase}; give a finite number in [rad]")
 
-    def _marked(self, joint: Joint) -> Joint:
-        """Return a joint with the marks that the guess means, where none are given."""
+    def _with_guessed_reference(self, joint: Joint) -> Joint:
+        """Return a joint with the references that the guess selects, if it has none."""
         poses = {GROUND: IDENTITY, **self.guess}
         if not (joint.without_reference and joint.a.link in poses and joint.b.link in poses):
             return joint
-        by_itself = End(joint.b.link, joint.b.point, joint.b.axis)
+        default = End(joint.b.link, joint.b.point, joint.b.axis)
         rotation = numbers(poses[joint.a.link].rotation).T @ numbers(poses[joint.b.link].rotation)
-        chosen, off = guessed_frame(joint.a.frame, (joint.b.frame, by_itself.frame), rotation)
-        if off > MAX_GUESS_ERROR:
+        chosen, error = guessed_frame(joint.a.frame, (joint.b.frame, default.frame), rotation)
+        if error > MAX_GUESS_ERROR:
             raise InputError(
-                f"{self.name}: {joint.kind} joint {joint.name!r} has no marks, and the guess turns its "
-                f"links by {np.rad2deg(off):.3g} deg about its axis from where they are without any; give "
-                "each side a reference, a direction across the axis that meets the other side's"
+                f"{self.name}: {joint.kind} joint {joint.name!r} has no reference, and the guess rotates "
+                f"its links by {np.rad2deg(error):.3g} deg about its axis relative to the default; give "
+                "each side a reference, a direction perpendicular to the axis that is parallel to the "
+                "other side's"
             )
-        return replace(joint, b=replace(joint.b, reference=by_itself.reference)) if chosen else joint
+        return replace(joint, b=replace(joint.b, reference=default.reference)) if chosen else joint
 
     def _require_coordinates(self) -> None:
-        """Refuse drivers, holds and couplings of what is no coordinate, and one prescribed twice."""
+        """Raise InputError for drivers, locks and couplings of unknown coordinates, and for repeated ones."""
         names = [name for joint in self.joints for name in joint.coordinates]
         drivable = [name for joint in self.joints if KINDS[joint.kind].drivable for name in joint.coordinates]
         for name in self.drivers:
             _require_known("driver", "coordinate", name, drivable)
-        for what, coordinates in (("locked", self.locked), ("counted", self.counted)):
+        for what, coordinates in (("locked", self.locked), ("guess_coordinates", self.guess_coordinates)):
             for name, value in require(f"{what} of {self.name!r}", coordinates, Mapping).items():
                 _require_known(what, "coordinate", name, names)
                 if not abs(number(value)) < np.inf:
                     raise InputError(f"{what}: coordinate {name!r} is {value}; give a finite number")
-        _unique(self.name, "driver or hold of the coordinate", [*self.drivers, *self.locked])
+        _unique(self.name, "driver or lock of the coordinate", [*self.drivers, *self.locked])
         for named in (*self.gears, *self.couplings):
             if not 0.0 <= number(named.pressure_angle or 0.0) < np.pi / 2:
                 raise InputError(
@@ -173,10 +175,10 @@ class Mechanism:
                 require(f"one of the {name} of {self.name!r}", entry, kind)
         for name in ("points", "guess"):
             require(f"{name} of {self.name!r}", getattr(self, name), Mapping)
-        for point, point_place in self.points.items():
-            if isinstance(point_place, str) or len(point_place) != 2:
+        for point, point_position in self.points.items():
+            if isinstance(point_position, str) or len(point_position) != 2:
                 raise InputError(
-                    f"point {point!r} is {point_place}; give a link and three numbers in its frame"
+                    f"point {point!r} is {point_position}; give a link and three numbers in its frame"
                 )
 
     @property
@@ -186,15 +188,15 @@ class Mechanism:
 
     @cached_property
     def has_crank(self) -> bool:
-        """Whether one revolute joint is all that is driven."""
+        """Whether the only driver is a revolute joint."""
         return len(self.drivers) == 1 and KINDS[self.driven_joints[0].kind].hinge
 
     @property
     def crank(self) -> Joint:
-        """The revolute joint that alone is driven.
+        """The revolute joint that is the only driver.
 
         Raises:
-            InputError: where another joint is driven, or several are.
+            InputError: if another kind of joint or several coordinates are driven.
         """
         if not self.drivers:
             raise InputError(f"{self.name}: nothing is driven; name a driver, as in driver='crank'")
@@ -207,7 +209,7 @@ class Mechanism:
 
     @cached_property
     def driven_joints(self) -> tuple[Joint, ...]:
-        """The joints whose coordinates are driven, in the order of the drivers."""
+        """The joints with driven coordinates, in the order of the drivers."""
         joint_of = {name: joint for joint in self.joints for name in joint.coordinates}
         return tuple(joint_of[name] for name in self.drivers)
 
@@ -221,19 +223,19 @@ class Mechanism:
         return unit_of[coordinate]
 
     def effort_unit(self, coordinate: str) -> str:
-        """Return the unit of the effort along a coordinate, "N" or "N m"."""
+        """Return the unit of the force or torque along a coordinate, "N" or "N m"."""
         return "N" if self.unit(coordinate) == "m" else "N m"
 
     @property
     def straight(self) -> frozenset[str]:
-        """Names of those drivers, holds and couplings whose effort is a force."""
+        """Names of drivers, locked coordinates and couplings that have a force, not a torque."""
         named = [*((name, next(iter(law.left_terms))) for name, law in self.named_laws.items())]
         named += [(name, name) for name in (*self.drivers, *self.locked)]
         return frozenset(called for called, coordinate in named if self.unit(coordinate) == "m")
 
     @property
     def laws(self) -> tuple[Coupling, ...]:
-        """All couplings: those of gears, of screws, and those of its own, in this order."""
+        """All couplings: of gears, of screws, and `couplings`, in this order."""
         gears = tuple(
             Coupling(
                 gear.name,
@@ -254,27 +256,27 @@ class Mechanism:
 
     @property
     def named_laws(self) -> dict[str, Coupling]:
-        """All couplings by the names of their efforts: both sides in words, numbered where these repeat."""
+        """All couplings by name: both sides in words, numbered if repeated."""
         named: dict[str, Coupling] = {}
         for law in self.laws:
-            times = sum(law.label == other.label for other in named.values())
-            named[f"{law.label} {times + 1}" if times else law.label] = law
+            repeats = sum(law.label == other.label for other in named.values())
+            named[f"{law.label} {repeats + 1}" if repeats else law.label] = law
         return named
 
     def joint(self, name: str) -> Joint:
-        """Return the joint of that name."""
+        """Return the joint with a name."""
         _require_known(f"mechanism {self.name!r}", "joint", name, [joint.name for joint in self.joints])
         return next(joint for joint in self.joints if joint.name == name)
 
     def ends(self, link: str) -> list[End]:
-        """Return the joint ends that lie on a link."""
+        """Return the joint ends on a link."""
         return [end for joint in self.joints for end in (joint.a, joint.b) if end.link == link]
 
     @property
     def characteristic_length(self) -> float:
-        """The longest distance between two points of one link, in [m]: its characteristic length."""
+        """Characteristic length: longest distance between two joints of a link, in [m]."""
         if not self.links:
-            return 1.0  # nothing moves by which it could be measured
+            return 1.0  # no link, no length
         points_of = {name: list[Vector]() for name in (GROUND, *(link.name for link in self.links))}
         for joint in self.joints:
             for end in (joint.a, joint.b):
@@ -285,26 +287,26 @@ class Mechanism:
         for link, point in self.points.values():
             points_of[link].append(point)
         whole = max(_extent(points) for points in points_of.values())
-        if joints > ONE_PLACE * whole:
+        if joints > COINCIDENT * whole:
             return joints
-        # all joints of each link in one place, as in pendulums and spherical linkages: the rest counts
+        # coincident joints on each link, as in pendulums and spherical linkages: use all points
         if not whole > 0.0:
             raise InputError(
-                f"{self.name} has no extent: all joints, outlines and points of each link lie in one place; "
-                "give one of them another place"
+                f"{self.name} has no extent: all joints, outlines and points of each link coincide; "
+                "move one of them"
             )
         return whole
 
     def with_guess(self, guess: Mapping[str, Pose], start: float) -> "Mechanism":
-        """Return the same mechanism with another place to start assembly from."""
+        """Return the same mechanism with another guess at another crank angle in [rad]."""
         return replace(self, guess=dict(guess), start=start)
 
 
 def described(source: object) -> Mechanism:
-    """Return a mechanism, given itself or what has one, as those of the catalogue have.
+    """Return a mechanism, given itself or an object that has one, such as a catalogue mechanism.
 
     Raises:
-        InputError: for anything else.
+        InputError: for any other object.
     """
     return require("a mechanism", getattr(source, "mechanism", source), Mechanism)
 
@@ -323,8 +325,8 @@ def _require_pose(link: str, pose: Pose) -> None:
 def _extent(points: list[Vector]) -> float:
     """Return the longest distance between two points."""
     positions = np.array(points).reshape(-1, 3)
-    # the frame may hold thousands: not all pairs at once
-    rows = (positions[i : i + ROWS, None] - positions[None] for i in range(0, len(positions), ROWS))
+    # the frame may have thousands of points: compute the distances in blocks
+    rows = (positions[i : i + BLOCK, None] - positions[None] for i in range(0, len(positions), BLOCK))
     return float(np.sqrt(max(((gaps**2).sum(-1).max(initial=0.0) for gaps in rows), default=0.0)))
 
 
@@ -336,14 +338,16 @@ def _unique(mechanism: str, what: str, names: list[str]) -> None:
 
 
 def _require_name(who: str, name: str) -> None:
-    """Refuse a name that no file, table or picture could show as it is."""
+    """Raise InputError for a name that files, tables or pictures cannot show."""
     if not name or not name.isprintable() or name != name.strip():
         raise InputError(
             f"{who} {name!r}; give it a name of printable characters in one line, without a space at "
             "either end"
         )
-    if len(name) > LONGEST_NAME:
-        raise InputError(f"{who} {name[:20]!r}..., of {len(name)} characters; give it {LONGEST_NAME} at most")
+    if len(name) > MAX_NAME_LENGTH:
+        raise InputError(
+            f"{who} {name[:20]!r}..., of {len(name)} characters; give it {MAX_NAME_LENGTH} at most"
+        )
 
 
 def _require_known(who: str, what: str, name: str, names: list[str]) -> None:
@@ -352,10 +356,10 @@ def _require_known(who: str, what: str, name: str, names: list[str]) -> None:
 
 
 def starting_at(source: Source, angles: Array, direction: float = 1.0) -> Source:
-    """Return a source in the assembly that its parameters select at the first of crank angles, (n,) in [rad].
+    """Return a source in the assembly that its parameters select at the first crank angle of (n,) in [rad].
 
-    Only a source with a sign of its assembly, as a catalogue mechanism has one, has a method of this name.
-    The guess of any other selects its assembly.
+    Only a source with a sign of its assembly, such as a catalogue mechanism, has a method of this name. The
+    guess of any other source selects its assembly.
     """
     select: Callable[[Array, float], Source] | None = getattr(source, "starting_at", None)
     return source if select is None else select(angles, direction)

@@ -1,8 +1,8 @@
-"""Gear, bevel and rack pairs: the pitch point at which their teeth touch, and the direction of their force.
+"""Gear, bevel and rack pairs: pitch point and direction of the tooth force.
 
-Two wheels that the same link carries roll on each other along a line, the pitch line: the axis about which
-the one rotates as seen from the other. Parallel shafts have one parallel to both, crossing shafts of a bevel
-pair one through the point where they meet, a rack and its pinion one along the pinion's shaft.
+Two wheels on the same carrier link roll on each other along the pitch line, the axis of their relative
+rotation. Parallel shafts have a parallel pitch line, the crossing shafts of a bevel pair one through their
+intersection, a rack and its pinion one along the pinion's shaft.
 """
 
 from collections.abc import Mapping
@@ -15,19 +15,19 @@ from mechsim.model.joints import Coupling, End, Joint
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
-# lengths below this fraction of the mechanism's size, and cosines below it, are rounding
+# lengths relative to the characteristic length, and cosines, that count as zero (rounding)
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class ToothedLink:
-    """A wheel or rack as the carrier sees it.
+    """A wheel or rack relative to its carrier.
 
     Attributes:
-        joint: by which the carrier carries it.
-        link: that turns or slides with the joint.
+        joint: joint between carrier and wheel or rack.
+        link: the wheel or rack.
         end: the joint's side on the carrier.
-        sign: +1 where the wheel is the joint's link b, -1 where it is link a.
+        sign: +1 if the wheel is the joint's link b, -1 if it is link a.
     """
 
     joint: Joint
@@ -42,39 +42,40 @@ class ToothedLink:
 
     @property
     def axis(self) -> Array:
-        """Of its joint, in the carrier's frame, (3,)."""
+        """Axis of its joint, in the carrier's frame, (3,)."""
         return self.end.frame[:, 2]
 
     @property
     def twist(self) -> tuple[Array, Array]:
-        """Its angular velocity and the velocity of its point in the carrier's origin, per unit of rate."""
+        """Angular velocity, and velocity of its point at the carrier's origin, per unit rate."""
         along = self.sign * self.axis
         if not self.turns:
             return np.zeros(3), along
         return along, np.cross(self.end.point, along)
 
     def velocity(self, point: Array) -> Array:
-        """Return the velocity of its point there, per unit of the coordinate's rate, (3,)."""
+        """Return the velocity of the wheel or rack at a point, per unit rate of the coordinate, (3,)."""
         spin, origin = self.twist
         return origin + np.cross(spin, point)
 
     def inward(self, point: Array) -> Array:
-        """Return the vector from a point to the nearest of its axis, (3,)."""
+        """Return the vector from a point to the nearest point of its axis, (3,)."""
         gap = np.asarray(self.end.point) - point
         return gap - self.axis * (self.axis @ gap)
 
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Where two toothed links touch, in the frame of the link that carries both.
+    """The tooth contact of two links, in the frame of the link that carries both.
 
     Attributes:
         driven: the wheel or rack of the coupling's driven coordinate.
-        driver: the other.
+        driver: the other wheel or rack.
         carrier: the link that carries both.
         point: the pitch point, (3,) in [m].
-        tangential: force on the driven one per unit of effort on the driven coordinate, (3,).
-        separating: force on it that the pressure angle adds, per unit of that effort's size, (3,).
+        tangential: force on `driven` per unit of generalised force on its coordinate, (3,).
+        separating: additional force on `driven` due to the pressure angle, per unit magnitude of that force,
+            (3,).
     """
 
     driven: ToothedLink
@@ -86,13 +87,13 @@ class Mesh:
 
 
 def meshes_of(mechanism: Mechanism) -> dict[str, Mesh]:
-    """Return name of a coupling, as `Mechanism.named_laws` has it -> its mesh, of those that have one."""
+    """Return coupling name (as in `Mechanism.named_laws`) -> mesh, for couplings that have one."""
     meshes = {name: mesh_of(mechanism, law) for name, law in mechanism.named_laws.items()}
     return {name: mesh for name, mesh in meshes.items() if mesh is not None}
 
 
 def threads_of(mechanism: Mechanism) -> dict[str, Joint]:
-    """Return name of a coupling -> the screw joint whose thread it is."""
+    """Return coupling name -> screw joint, for the couplings of screws."""
     screws = [joint for joint in mechanism.joints if KINDS[joint.kind].helical]
     return {
         name: joint
@@ -105,8 +106,8 @@ def threads_of(mechanism: Mechanism) -> dict[str, Joint]:
 def mesh_of(mechanism: Mechanism, law: Coupling) -> Mesh | None:
     """Return the mesh of a coupling; None for an ideal transmission, which has no pitch point.
 
-    The pitch point lies on the pitch line, halfway between the planes across the shafts through the points
-    of the joints; a joint whose point lies where shafts meet does not count.
+    The pitch point lies on the pitch line, halfway between the planes perpendicular to the shafts through the
+    joint points; a joint point at the intersection of the shafts is ignored.
     """
     pair = _toothed(mechanism, law)
     if pair is None:
@@ -119,17 +120,17 @@ def mesh_of(mechanism: Mechanism, law: Coupling) -> Mesh | None:
     point = None if line is None else _pitch_point(pair, *line, mechanism.characteristic_length)
     if line is None or point is None:
         return None
-    moved = driven.velocity(point)
-    tangential = weights[0] * moved / (moved @ moved)
-    apart = np.cross(line[1], tangential)
+    velocity = driven.velocity(point)
+    tangential = weights[0] * velocity / (velocity @ velocity)
+    outward = np.cross(line[1], tangential)
     small = min((wheel for wheel in pair if wheel.turns), key=lambda wheel: _length(wheel.velocity(point)))
-    inwards = np.real(apart @ small.inward(point)) > 0.0
-    separating = apart * np.tan(law.pressure_angle or 0.0) * (1.0 if inwards == (small is driven) else -1.0)
+    inwards = np.real(outward @ small.inward(point)) > 0.0
+    separating = outward * np.tan(law.pressure_angle or 0.0) * (1.0 if inwards == (small is driven) else -1.0)
     return Mesh(driven, driver, driven.end.link, point, tangential, separating)
 
 
 def _toothed(mechanism: Mechanism, law: Coupling) -> tuple[ToothedLink, ToothedLink] | None:
-    """Return driven and driver of a coupling with teeth whose joints share one link, which carries both."""
+    """Return driven and driver of a coupling with teeth whose joints share a link; else None."""
     sides = [*law.left_terms], [*law.right_terms]
     if law.pressure_angle is None or len(law.coefficients) != 2 or [len(side) for side in sides] != [1, 1]:
         return None
@@ -146,7 +147,7 @@ def _toothed(mechanism: Mechanism, law: Coupling) -> tuple[ToothedLink, ToothedL
 
 
 def _carries(joint: Joint) -> bool:
-    """Whether a joint guides a wheel or a rack: a hinge, or a slide."""
+    """Whether a joint can guide a wheel or a rack: a hinge or a slide."""
     kind = KINDS[joint.kind]
     return kind.hinge or (kind.single and bool(kind.slides))
 
@@ -158,7 +159,7 @@ def _wheel(joint: Joint, carrier: str) -> ToothedLink:
 
 
 def _pitch_line(spin: Array, origin: Array, length: float) -> tuple[Array, Array] | None:
-    """Return a point and the direction of the axis of a twist that has no pitch; None where it has none."""
+    """Return a point and the direction of the axis of a twist without pitch; None if it has a pitch."""
     square = spin @ spin
     if not _length(spin) > ROUNDING:
         return None
@@ -170,7 +171,7 @@ def _pitch_line(spin: Array, origin: Array, length: float) -> tuple[Array, Array
 def _pitch_point(
     pair: tuple[ToothedLink, ToothedLink], start: Array, along: Array, length: float
 ) -> Array | None:
-    """Return the pitch point on a pitch line; None where a wheel would have no radius."""
+    """Return the pitch point on a pitch line; None if a wheel would have no radius."""
 
     def rolls(point: Array) -> bool:
         return all(
@@ -190,5 +191,5 @@ def _pitch_point(
 
 
 def _length(vector: Array) -> float:
-    """Return the length of a vector whose numbers may be complex steps."""
+    """Return the length of a vector, which may have complex steps."""
     return float(np.linalg.norm(np.real(vector)))

@@ -1,4 +1,4 @@
-"""The record of a motion that closed forms, loop equations and MuJoCo return."""
+"""Record of a motion, the common result of closed forms, loop equations and MuJoCo."""
 
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
@@ -16,13 +16,14 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
+# characters per line of a representation
 WIDTH = 100
-# characters of a text that are shown
+# characters of a value in a representation
 MAX_TEXT = 60
 
 
 def short_repr(self: Any) -> str:
-    """Return a record's fields, but those still at their default; made to be a dataclass's `__repr__`."""
+    """Return the fields of a record that differ from their defaults; used as `__repr__` of dataclasses."""
     shown = [f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self) if not _default(f, self)]
     whole = f"{type(self).__name__}({', '.join(shown)})"
     return "\n".join(textwrap.wrap(whole, WIDTH, subsequent_indent="  ", break_long_words=False))
@@ -61,7 +62,7 @@ def _array(values: "np.ndarray[Any, Any]") -> str:
 
 
 Record = TypeVar("Record")
-# how a motion continues at a change point: smoothly, as with inertia, or in the assembly it came from
+# how a motion continues at a change point: smoothly, as with inertia, or in its assembly mode
 ChangePointPolicy = Literal["smooth", "branch"]
 Source = Literal["closed form", "loop equations", "pose", "step", "user"]
 
@@ -102,9 +103,9 @@ class LinkMotion:
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
-    """A joint's coordinate and its first two rates, (n,) each, in `unit` and per second.
+    """A joint coordinate and its first two time derivatives, (n,) each, in `unit` and per second.
 
-    `index` is the number of the coordinate; None where the joint has one.
+    `index` is the number of the coordinate; None if the joint has only one.
     """
 
     value: Array
@@ -139,18 +140,18 @@ class Motion:
         speed: crank speed, (n,) in [rad/s].
         acceleration: crank acceleration, (n,) in [rad/s2].
         points: tracked point -> its motion.
-        links: link -> its motion; empty where only points are known.
-        joints: joint -> its motion; only joints with one coordinate.
-        time: (n,) in [s]; None where the motion is a function of the angle alone.
-        closure: largest loop-closure error at each instant, (n,) in [m]; None where the method does not
+        links: link -> its motion; empty if only points are known.
+        joints: joint coordinate -> its motion; joints with one coordinate have it under their name.
+        time: (n,) in [s]; None if the motion is a function of the angle alone.
+        closure: largest loop-closure error at each instant, (n,) in [m]; None if the method does not
             report it.
         conditioning: distance of each configuration from a singular one, (n,): the smallest singular value
-            of the loop Jacobian with the crank fixed, in units of the mechanism's size; None if unknown.
-        spinning: links with a passive rotation about their own line, whose orientation has no meaning.
+            of the loop Jacobian with the crank fixed, in units of the characteristic length; None if unknown.
+        spinning: links with a passive rotation about their own line, whose orientation is undetermined.
         origin: solver that can solve the motion at other crank angles; None if there is none.
-        broken: why the motion ended early; empty where it did not.
+        broken: why the motion ended early; empty if it is complete.
         drivers: names of the joint coordinates that follow motion laws; the angle is then the path
-            parameter. Empty where a crank is driven.
+            parameter. Empty if a crank is driven.
     """
 
     source: Source
@@ -174,15 +175,16 @@ class Motion:
         return len(self.angle)
 
     def position_errors(self, other: "Motion") -> dict[str, Array]:
-        """Return the distance of each point from another motion's at the same instants, (n,) in [m]."""
+        """Return the distance of each point from that in another motion at the same instants, (n,) in [m]."""
         gaps = {name: self.points[name].position - point.position for name, point in other.points.items()}
         return {name: np.sqrt((gap**2).sum(1)) for name, gap in gaps.items()}
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield this motion as columns of a table, in SI.
+        """Yield name and values of the columns of a table, in SI.
 
-        Time and crank angle, or t and the drivers; P.x ..., P.vx ..., P.ax ... of points; and J.q, J.v, J.a
-        of joints, J.q0 ... of those with several coordinates.
+        Columns: time and crank angle, or t and the drivers; P.x ..., P.vx ..., P.ax ... of points; J.q, J.v,
+            J.a
+        of joints; J.q0 ... of joints with several coordinates.
         """
         for name, column, _ in self._columns():
             yield name, column
@@ -192,10 +194,10 @@ class Motion:
         return {name: unit for name, _, unit in self._columns()}
 
     def to_pandas(self) -> "DataFrame":
-        """Return the columns as a table, a row an instant; `attrs["units"]` gives each column's unit.
+        """Return the columns as a table with one row per instant; `attrs["units"]` gives their units.
 
         Raises:
-            MissingToolError: where pandas is not installed.
+            MissingToolError: if pandas is not installed.
         """
         table = _library("pandas").DataFrame(dict(self.columns()))
         table.attrs["units"] = self.column_units()
@@ -207,7 +209,7 @@ class Motion:
         Crank angle and time are coordinates.
 
         Raises:
-            MissingToolError: where xarray is not installed.
+            MissingToolError: if xarray is not installed.
         """
         columns = {name: ("instant", column, {"units": unit}) for name, column, unit in self._columns()}
         coordinates = {name: columns.pop(name) for name in ("time", "t", "angle") if name in columns}
@@ -246,7 +248,7 @@ def _library(name: str) -> Any:
 
 
 def at_unit_speed(motion: Motion) -> Motion:
-    """Return a motion under motion laws with rates by the path parameter instead of time."""
+    """Return a motion under motion laws with derivatives by the path parameter instead of time."""
     rate = motion.speed
     joints = {
         name: replace(joint, rate=joint.rate / rate, acceleration=joint.acceleration / rate**2)
@@ -261,17 +263,17 @@ def join(records: list[Record]) -> Record:
 
 
 def select_instants(record: Record, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Record:
-    """Return some instants of a motion, or of another record."""
+    """Return a motion or another record at selected instants."""
     return _mapped(lambda array: array[rows], record)
 
 
 def weighted_sums(record: Record, weights: Array) -> Record:
-    """Return sums of a record's n instants by weights, (k, n): a record of k instants."""
+    """Return weighted sums of a record's n instants, weights (k, n), as a record of k instants."""
     return _mapped(lambda array: np.asarray(np.tensordot(weights, array, 1), dtype=np.float64), record)
 
 
 def replace_instants(record: Record, rows: NDArray[np.intp], other: Record) -> Record:
-    """Return a record in which some instants, (k,), are those of another with k."""
+    """Return a record with the instants `rows`, (k,), replaced by those of another record of k instants."""
 
     def replaced(array: Array, values: Array) -> Array:
         out = array.copy()
@@ -282,13 +284,13 @@ def replace_instants(record: Record, rows: NDArray[np.intp], other: Record) -> R
 
 
 def _mapped(change: Callable[..., Array], *records: Any) -> Any:
-    """Return a record whose arrays a function makes of the arrays of several records."""
+    """Return a record whose arrays are a function of the arrays of several records."""
     first = records[0]
     if isinstance(first, np.ndarray):
         return change(*records)
     if isinstance(first, Mapping):
         return {key: _mapped(change, *(record[key] for record in records)) for key in first}
-    # records have slots; a solver, which has none, stays as it is
+    # records have slots; a solver has none and stays unchanged
     if is_dataclass(first) and hasattr(first, "__slots__"):
         values = {f.name: _mapped(change, *(getattr(r, f.name) for r in records)) for f in fields(first)}
         return type(first)(**values)  # pyright: ignore[reportCallIssue]

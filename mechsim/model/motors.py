@@ -1,4 +1,4 @@
-"""Motors: the torque on the crank at a crank speed."""
+"""Motors: torque on the crank as a function of its speed."""
 
 from dataclasses import dataclass, fields
 
@@ -9,16 +9,16 @@ from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
 
-# a gear ratio beyond this, or below its inverse, is a slip too: its square goes with a torque
-STEEPEST = 1e9
+# largest gear ratio, and inverse of the smallest; others are input errors, and their squares overflow
+MAX_RATIO = 1e9
 
 
 @dataclass(frozen=True, slots=True)
 class ConstantTorque:
-    """The same torque at every speed.
+    """A constant torque.
 
     Attributes:
-        value: in [N m], positive in the direction of rising crank angle.
+        value: in [N m], positive for increasing crank angle.
     """
 
     value: float
@@ -32,22 +32,22 @@ class ConstantTorque:
 
     @property
     def derivative(self) -> float:
-        """How the torque changes with speed, in [N m s]."""
+        """Derivative of the torque by the speed, in [N m s]."""
         return 0.0
 
     @property
     def no_load(self) -> float:
-        """The speed at which the torque vanishes, in [rad/s]: none."""
+        """Speed of zero torque, in [rad/s]: infinite."""
         return np.inf
 
 
 @dataclass(frozen=True, slots=True)
 class TorqueSpeedLine:
-    """A straight line T = T0 (1 - w / w0) from stall to no load; beyond them it brakes.
+    """A straight torque-speed line T = T0 (1 - w / w0); beyond the no-load speed it brakes.
 
     Attributes:
         stall: torque T0 at rest in [N m].
-        no_load: speed w0 at which the torque vanishes in [rad/s]; of the same sign as the torque.
+        no_load: speed w0 of zero torque in [rad/s]; it has the sign of the torque.
     """
 
     stall: float
@@ -58,7 +58,7 @@ class TorqueSpeedLine:
         if not self.stall * self.no_load > 0.0:
             raise InputError(
                 f"motor with stall torque {self.stall} N m and no-load speed {self.no_load} rad/s drives "
-                "nothing; give both above 0, or both below for a motor that turns backwards"
+                "nothing; give both above 0, or both below 0 for a motor that rotates backwards"
             )
 
     def torque(self, speed: ArrayLike) -> Array:
@@ -67,18 +67,18 @@ class TorqueSpeedLine:
 
     @property
     def derivative(self) -> float:
-        """How the torque changes with speed, in [N m s]."""
+        """Derivative of the torque by the speed, in [N m s]."""
         return -self.stall / self.no_load
 
 
 @dataclass(frozen=True, slots=True)
 class DCMotor:
-    """A direct-current motor on the crank: T = K (U - K w) / R; its inductance is left out.
+    """A direct-current motor on the crank: T = K (U - K w) / R, without inductance.
 
     Attributes:
-        voltage: U in [V].
-        resistance: of the armature, R in [ohm].
-        constant: K in [N m/A], which is also [V s/rad].
+        voltage: voltage U in [V].
+        resistance: resistance R of the armature in [ohm].
+        constant: motor constant K in [N m/A], which equals [V s/rad].
     """
 
     voltage: float
@@ -101,12 +101,12 @@ class DCMotor:
 
     @property
     def derivative(self) -> float:
-        """How the torque changes with speed, in [N m s]."""
+        """Derivative of the torque by the speed, in [N m s]."""
         return -(self.constant**2) / self.resistance
 
     @property
     def no_load(self) -> float:
-        """The speed at which the torque vanishes, in [rad/s]."""
+        """Speed of zero torque, in [rad/s]."""
         return self.voltage / self.constant
 
 
@@ -115,24 +115,23 @@ PlainMotor = ConstantTorque | TorqueSpeedLine | DCMotor
 
 @dataclass(frozen=True, slots=True)
 class Geared:
-    """A motor that turns `ratio` times as fast as the crank and drives it through a gear without losses.
+    """A motor that drives the crank through a gear without losses.
 
-    The rotor's own inertia is left out; as part of a flywheel on the crank it is ratio squared times as
-    large.
+    The inertia of the rotor is not included; add ratio squared times its inertia to the flywheel.
 
     Attributes:
-        motor: what the gear is driven by.
-        ratio: turns of the motor per turn of the crank; negative where they turn opposite ways.
+        motor: the motor before the gear.
+        ratio: revolutions of the motor per revolution of the crank; negative for opposite directions.
     """
 
     motor: PlainMotor
     ratio: float
 
     def __post_init__(self) -> None:
-        if not 1.0 / STEEPEST <= abs(self.ratio) <= STEEPEST:
+        if not 1.0 / MAX_RATIO <= abs(self.ratio) <= MAX_RATIO:
             raise InputError(
-                f"gear ratio of the motor is {self.ratio}; give one from {1.0 / STEEPEST:g} to "
-                f"{STEEPEST:g} either way"
+                f"gear ratio of the motor is {self.ratio}; give a magnitude from {1.0 / MAX_RATIO:g} to "
+                f"{MAX_RATIO:g}"
             )
 
     def torque(self, speed: ArrayLike) -> Array:
@@ -141,12 +140,12 @@ class Geared:
 
     @property
     def derivative(self) -> float:
-        """How the torque on the crank changes with the crank's speed, in [N m s]."""
+        """Derivative of the torque on the crank by the crank's speed, in [N m s]."""
         return self.ratio**2 * self.motor.derivative
 
     @property
     def no_load(self) -> float:
-        """The crank speed at which the torque vanishes, in [rad/s]."""
+        """Crank speed of zero torque, in [rad/s]."""
         return self.motor.no_load / self.ratio
 
 
@@ -159,5 +158,5 @@ def _require_finite(motor: PlainMotor) -> None:
         if not abs(value) < HUGE:
             raise InputError(
                 f"motor {parameter.name.replace('_', ' ')} is {value}; "
-                f"give a finite number, below {HUGE:g} either way"
+                f"give a finite number with a magnitude below {HUGE:g}"
             )

@@ -1,8 +1,8 @@
-"""Names of quantities, as P.x, rocker.v, torque:J or distance:P,Q: one grammar for all studies.
+"""Names of quantities, such as P.x, rocker.v, torque:J or distance:P,Q: one grammar for all studies.
 
-A quantity follows from columns of motions and forces, so that one name means the same wherever it is written:
-in formulas and tables that `validate` compares, in measures of `sweep` and `optimise`, in `sensitivity` and
-`fit`. A new kind of quantity is a row of `KINDS`; a new field of `ForceRecord` with a unit is known by name.
+A quantity is a function of columns of motions and forces. A name has the same meaning in the formulas and
+tables of `validate`, in the measures of `sweep` and `optimise`, in `sensitivity` and `fit`. A new kind of
+quantity is a row of `KINDS`; a field of `ForceRecord` with a unit is a quantity by its name.
 """
 
 import re
@@ -18,19 +18,19 @@ from mechsim.model.expressions import Evaluator, Term, parse_expression, unit_po
 from mechsim.model.force_record import COMPONENTS, ForceRecord
 from mechsim.model.joint_kinds import FIXED
 from mechsim.model.joint_kinds import KINDS as JOINT_KINDS
-from mechsim.model.link_poses import PARALLEL, plane_normals
+from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import change_of, stepped, turn_of
+from mechsim.numerics.jets import angle_of, change_of, stepped
 
 AXES = "xyz"
 TRANSMISSION = "transmission"
-# columns that only inverse dynamics by formulas has, and their SI units
+# columns that only the analytic inverse dynamics has, and their SI units
 FORMULA_COLUMNS = {"inertia": "kg m2", "inertia_derivative": "kg m2/rad", "power_stored": "W"}
-# the reaction of the ground on all links together
+# subject of the total reaction of the ground on all links
 FRAME = "frame"
 
 Source = Literal["point", "joint", "link", "force", "formula"]
@@ -41,11 +41,12 @@ class Column:
     """A column of a motion or of its forces.
 
     Attributes:
-        name: as `Motion.columns` or `ForceRecord.columns` yields it; of links, as `link_column` has it.
+        name: as in `Motion.columns`, `ForceRecord.columns` or `link_column`.
         unit: in SI.
-        source: what knows it: points, joint coordinates or links of motions, forces, or formulas alone.
+        source: record that contains it: points, joint coordinates or links of motions, forces, or the
+            analytic inverse dynamics only ("formula").
         subject: point, joint coordinate, link, or the column itself.
-        order: 0 for positions and forces, 1 for velocities, 2 for accelerations.
+        order: time derivatives: 0 for positions and forces, 1 for velocities, 2 for accelerations.
     """
 
     name: str
@@ -65,11 +66,11 @@ class Quantity:
     Attributes:
         name: as written.
         kind: a row of `KINDS`, or "effort" for a column of forces and energies.
-        subject: point, joint coordinate, joint or drive; of derived quantities, what follows the colon.
+        subject: point, joint coordinate, joint or drive; of derived quantities, the text after the colon.
         unit: in SI.
-        columns: from which it follows.
-        axes: ground axes of its components, as "xyz" or "x"; empty for a number.
-        function: columns -> the quantity, also of complex steps; None where the columns are its components.
+        columns: columns from which it is computed.
+        axes: ground axes of its components, such as "xyz" or "x"; empty for a scalar.
+        function: columns -> the quantity, also with complex steps; None if the columns are its components.
     """
 
     name: str
@@ -82,7 +83,7 @@ class Quantity:
 
     @property
     def angle(self) -> bool:
-        """Whether whole revolutions of it do not count."""
+        """Whether its values are angles modulo a revolution."""
         return self.unit == "rad" and self.kind in ("joint", "angle")
 
     @property
@@ -92,15 +93,15 @@ class Quantity:
 
     @property
     def order(self) -> int:
-        """Highest derivative by time in it: 0 for positions and forces, 2 for accelerations."""
+        """Highest time derivative in it: 0 for positions and forces, 2 for accelerations."""
         return max((column.order for column in self.columns), default=0)
 
     def uses(self, *sources: Source) -> bool:
-        """Whether it follows from columns of one of these sources."""
+        """Whether it needs columns of one of these sources."""
         return any(column.source in sources for column in self.columns)
 
     def subjects(self, source: Source) -> list[str]:
-        """Return the points, joint coordinates or links from which it follows."""
+        """Return the points, joint coordinates or links of a source that it needs."""
         return [column.subject for column in self.columns if column.source == source]
 
     def components(self, columns: Mapping[str, Array]) -> list[Array]:
@@ -109,19 +110,21 @@ class Quantity:
         return values if self.function is None else [self.function(values)]
 
     def number(self, columns: Mapping[str, Array]) -> Array:
-        """Return it as one number at each instant, (...): of vectors the length."""
+        """Return it as a scalar at each instant, (...): the length of a vector."""
         values = self.components(columns)
         return values[0] if len(values) == 1 else np.sqrt(sum(value**2 for value in values))
 
     def changes(self, columns: Mapping[str, Array], by: Mapping[str, Array]) -> list[Array]:
-        """Return the derivatives of its components from those of columns, (...) each; exact."""
+        """Return the exact derivatives of its components from those of the columns, (...) each."""
         if self.function is None:
             return [by[column.name] for column in self.columns]
-        moved = {column.name: stepped(columns[column.name], by[column.name]) for column in self.columns}
-        return [change_of(value) for value in self.components(moved)]
+        stepped_columns = {
+            column.name: stepped(columns[column.name], by[column.name]) for column in self.columns
+        }
+        return [change_of(value) for value in self.components(stepped_columns)]
 
     def scalars(self) -> "tuple[Quantity, ...]":
-        """Return the quantity of each component, named by its column."""
+        """Return each component as a quantity, with the name of its column."""
         if self.function is not None:
             return (self,)
         axes = self.axes or " " * len(self.columns)
@@ -135,12 +138,12 @@ class Quantity:
         return vectors[:, [AXES.index(axis) for axis in self.axes]]
 
     def along(self, axes: str) -> "Quantity":
-        """Return its components along some of its axes."""
+        """Return the components along some of its axes as a quantity."""
         return replace(self, axes=axes, columns=tuple(self.columns[self.axes.index(axis)] for axis in axes))
 
 
 def record_columns(record: Any, quantities: Iterable[Quantity]) -> dict[str, Array]:
-    """Return the columns of a motion, or of its forces, and the rotations of links that quantities need."""
+    """Return the columns of a motion or of forces, and the rotations of links, that quantities need."""
     columns = dict(record.columns())
     links = {link for quantity in quantities for link in quantity.subjects("link")}
     for link in links if isinstance(record, Motion) else ():
@@ -157,16 +160,17 @@ def link_column(link: str, i: int, j: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class QuantityKind:
-    """A kind of quantity and how its names are written.
+    """A kind of quantity and the form of its names.
 
     Attributes:
-        name: of the kind.
-        unit: in SI; of coordinates, what follows the unit of the coordinate.
-        subject: what it is of: "point", "coordinate", "joint", or "" where `derive` reads what follows.
-        letter: after the subject's name and a dot; components follow it, as in P.vx.
-        order: derivatives by time.
-        word: before a colon and the subject, as in force:J; empty for none.
-        derive: mechanism and what follows the colon -> columns, function and unit; None for columns.
+        name: name of the kind.
+        unit: in SI; of coordinates, the ending of the unit after that of the coordinate.
+        subject: "point", "coordinate", "joint", or "" if `derive` reads the text after the colon.
+        letter: letter after the subject's name and a dot; components follow it, as in P.vx.
+        order: number of time derivatives.
+        word: word before the colon, as in force:J; empty if there is none.
+        derive: (mechanism, text after the colon) -> columns, function and unit; None if columns are its
+            components.
         pair: whether two names follow the colon.
     """
 
@@ -181,18 +185,19 @@ class QuantityKind:
 
 
 def quantity(name: str, mechanism: Mechanism, *, scalar: bool | None = None) -> Quantity:
-    """Return the quantity of a name.
+    """Return the quantity with a name.
 
     Args:
-        name: of a point P, P.x, P.v, P.vx, P.a; of a joint J, J.v, J.a, coordinates J.q1 of several; torque,
-            torque:J, force:J, moment:J, J.fx, J.mz; kinetic and other columns of forces; speed:P,
-            acceleration:P, distance:P,Q, angle:LINK,LINK, transmission; or expr:EXPRESSION of quantities.
-        mechanism: whose.
-        scalar: whether one number at each instant is meant, or a vector: of two things of one name the joint
-            or the point is taken; None takes the point for its name alone, else the joint.
+        name: of a point P, P.x, P.v, P.vx, P.a; of a joint J, J.v, J.a, J.q1 for joints with several
+            coordinates; torque, torque:J, force:J, moment:J, J.fx, J.mz; kinetic and other columns of forces;
+            speed:P, acceleration:P, distance:P,Q, angle:LINK,LINK, transmission; or expr:EXPRESSION of
+            quantities.
+        mechanism: the mechanism.
+        scalar: if a joint and a point share a name, True selects the joint and False the point. None selects
+            the point for the name alone, else the joint.
 
     Raises:
-        InputError: for any other name, with the nearest one.
+        InputError: for any other name; the message suggests the nearest one.
     """
     word, colon, rest = name.partition(":")
     row = next((row for row in KINDS.values() if colon and row.word == word), None)
@@ -206,8 +211,8 @@ def quantity(name: str, mechanism: Mechanism, *, scalar: bool | None = None) -> 
         result = _drive_effort(name, rest, mechanism)
     elif not colon:
         rows = [row for row in KINDS.values() if row.derive is None]
-        joints_first = "." in name if scalar is None else scalar
-        rows.sort(key=lambda row: (row.subject == "coordinate") != joints_first)
+        prefer_joint = "." in name if scalar is None else scalar
+        rows.sort(key=lambda row: (row.subject == "coordinate") != prefer_joint)
         result = _effort(name, mechanism) or _direct(name, name, mechanism, rows)
     if result is None:
         raise unknown(name, mechanism)
@@ -215,10 +220,10 @@ def quantity(name: str, mechanism: Mechanism, *, scalar: bool | None = None) -> 
 
 
 def numeric_quantity(name: str, mechanism: Mechanism) -> Quantity:
-    """Return the quantity of a name that is one number at each instant; of vectors but positions, the length.
+    """Return a quantity as a scalar at each instant: of vectors the length, except of positions.
 
     Raises:
-        InputError: for a name of no quantity, or of a position.
+        InputError: for an unknown name, or a position.
     """
     result = quantity(name, mechanism, scalar=True)
     if len(result.columns) > 1 and result.function is None and result.kind in ("position", "joint"):
@@ -227,21 +232,21 @@ def numeric_quantity(name: str, mechanism: Mechanism) -> Quantity:
 
 
 def scalar_quantities(names: Iterable[str], mechanism: Mechanism) -> list[Quantity]:
-    """Return the quantities that names stand for, each a number: of vectors all components; each once.
+    """Return the quantities with these names as distinct scalars: of vectors all components.
 
     Raises:
-        InputError: for a name of no quantity, or none at all.
+        InputError: for an unknown name, or no name at all.
     """
     result = {
         component.name: component for name in names for component in quantity(name, mechanism).scalars()
     }
     if not result:
-        raise InputError("no quantity is requested; name some, as P3,rocker,torque")
+        raise InputError("no quantity is requested; name some, such as P3,rocker,torque")
     return list(result.values())
 
 
 def unknown(name: str, mechanism: Mechanism) -> InputError:
-    """Return the error that a name is no quantity, with the nearest one."""
+    """Return the error for an unknown name, with the nearest known name."""
     joints = [joint.name for joint in mechanism.joints]
     points = moving_points(mechanism)
     short = list(dict.fromkeys([*points, *joints, *coordinate_units(mechanism)]))
@@ -250,18 +255,20 @@ def unknown(name: str, mechanism: Mechanism) -> InputError:
     point = (rest if colon else name).partition(".")[0]
     if point in mechanism.points and point not in points:
         return InputError(
-            f"{point} of {mechanism.name} is a point of the frame, which does not move, so that {name} is no "
-            f"quantity; distance:P,{point} is one"
+            f"{point} of {mechanism.name} is a fixed point of the frame, so that {name} is constant; "
+            f"distance:P,{point} is a quantity"
         )
     words = [f"{word}:{subject}" for subject in short] if colon else []
     close = get_close_matches(name, [*short, *columns, "torque", TRANSMISSION, *words], n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
-    names = f"known are points and joints ({', '.join(short)}) and names as P.x, J.v, torque:J, distance:P,Q"
+    names = (
+        f"known are points and joints ({', '.join(short)}) and names such as P.x, J.v, torque:J, distance:P,Q"
+    )
     return InputError(f"{mechanism.name} has no quantity {name!r}{hint} {names}")
 
 
 def moving_points(mechanism: Mechanism) -> list[str]:
-    """Return the points of moving links; motions have no columns of those of the frame."""
+    """Return the points on moving links; motions have no columns of points of the frame."""
     return [point for point, (link, _) in mechanism.points.items() if link != GROUND]
 
 
@@ -275,13 +282,13 @@ def coordinate_units(mechanism: Mechanism) -> dict[str, str]:
     }
 
 
-# letter, number of a coordinate, axes: P.vx, J.q1; or axes before the letter: P.xv
+# letter, number of the coordinate, axes: P.vx, J.q1; or axes before the letter: P.xv
 _ENDING = re.compile(r"(?P<letter>[qvafm]?)(?P<number>\d?)(?P<axes>[xyz]{0,3})")
 _REVERSED_ENDING = re.compile(r"(?P<axes>[xyz]{1,3})(?P<letter>[va])(?P<number>)")
 
 
 def _direct(name: str, text: str, mechanism: Mechanism, rows: Sequence[QuantityKind]) -> Quantity | None:
-    """Return the quantity whose columns are its components: of a point, a coordinate or a joint."""
+    """Return the quantity whose columns are its components: of a point, coordinate or joint."""
     words = text.split(".")
     for i in range(len(words), 0, -1):
         subject, ending = ".".join(words[:i]), "".join(words[i:])
@@ -349,7 +356,7 @@ def _drive_effort(name: str, coordinate: str, mechanism: Mechanism) -> Quantity 
 
 
 def _effort(name: str, mechanism: Mechanism) -> Quantity | None:
-    """Return the quantity of a column of forces, energies or powers."""
+    """Return the quantity that is a column of forces, energies or powers."""
     if name == TRANSMISSION:
         return Quantity(name, name, "", "rad", (Column(name, "rad", "formula", ""),))
     if name == "torque" and mechanism.has_crank:
@@ -372,7 +379,7 @@ def _effort(name: str, mechanism: Mechanism) -> Quantity | None:
 
 
 def effort_units() -> dict[str, str]:
-    """Return the columns of energies, powers and the like, and their SI units: fields of `ForceRecord`."""
+    """Return column -> SI unit of energies, powers and other fields of `ForceRecord` with a unit."""
     return {f.name: f.metadata["unit"] for f in fields(ForceRecord) if "unit" in f.metadata} | FORMULA_COLUMNS
 
 
@@ -381,7 +388,7 @@ def _length(values: Sequence[Array]) -> Array:
 
 
 def _rate_of_point(letter: str, order: int) -> "Callable[[Mechanism, str], Any]":
-    """Return how the size of a point's velocity or acceleration is derived."""
+    """Return the derivation of the magnitude of a point's velocity or acceleration."""
 
     def derive(mechanism: Mechanism, point: str) -> tuple[Sequence[Column], Function, str]:
         return (
@@ -400,7 +407,7 @@ def _with_point(point: str, mechanism: Mechanism) -> Mechanism:
 
 
 def _distance(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:
-    """Derive the distance of two points."""
+    """Return the derivation of the distance of two points."""
     columns: list[Column] = []
     frame: list[Sequence[float]] = []
     for point in _pair("distance:P,Q", text):
@@ -420,10 +427,10 @@ def _distance(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Functi
 
 
 def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:
-    """Derive the angle by which a link is rotated relative to another.
+    """Return the derivation of the angle by which a link is rotated relative to another.
 
-    In a planar mechanism it is signed and counted about the normal of the plane, that of the crank's axis; in
-    a spatial one it lies between 0 and pi.
+    In a planar mechanism the angle is signed, about the direction of the crank's axis; in a spatial mechanism
+    it lies between 0 and pi.
     """
     names = _pair("angle:LINK,LINK", text)
     links = [GROUND, *(link.name for link in mechanism.links)]
@@ -439,7 +446,7 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
     ]
     normals = plane_normals(mechanism) or {}
     normal, other = (normals.get(link) for link in names)
-    signed = normal is not None and other is not None and np.abs(normal - other).max() < PARALLEL
+    signed = normal is not None and other is not None and np.abs(normal - other).max() < PARALLEL_TOLERANCE
 
     def angle(values: Sequence[Array]) -> Array:
         rows = iter(values)
@@ -453,8 +460,8 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
         cosine = 0.5 * (relative[0][0] + relative[1][1] + relative[2][2] - 1.0)
         axis = [0.5 * (relative[i - 1][i - 2] - relative[i - 2][i - 1]) for i in range(3)]
         if signed and normal is not None:
-            return turn_of(np.sum([n * a for n, a in zip(normal, axis, strict=True)], axis=0), cosine)
-        return turn_of(_length(axis), cosine)
+            return angle_of(np.sum([n * a for n, a in zip(normal, axis, strict=True)], axis=0), cosine)
+        return angle_of(_length(axis), cosine)
 
     return columns, angle, "rad"
 
@@ -462,12 +469,14 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
 def _pair(usage: str, text: str) -> list[str]:
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or names[0] == names[1] or not all(names):
-        raise InputError(f"{usage.partition(':')[0]}:{text} names no two of them; write it as {usage}")
+        raise InputError(
+            f"{usage.partition(':')[0]}:{text} does not name two different ones; write it as {usage}"
+        )
     return names
 
 
 def _expression(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function, str]:
-    """Derive an expression of quantities, as distance:P,Q/0.1 - P.x."""
+    """Return the derivation of an expression of quantities, such as distance:P,Q/0.1 - P.x."""
     quantities: dict[str, Quantity] = {}
 
     def placeholder(match: re.Match[str]) -> str:
@@ -494,17 +503,17 @@ def _expression(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Func
                 return Evaluator(names.__getitem__).evaluate(tree)
 
         if not columns:
-            raise InputError("holds no quantity, as P.x")
+            raise InputError("contains no quantity such as P.x")
         probe = evaluate([np.full(1, 0.5) for _ in columns])
         if probe.without_unit == "variable":
-            raise InputError("puts a plain number that varies and a quantity together; give both one unit")
+            raise InputError("adds a plain number that varies and a quantity; give both one unit")
         unit = unit_text(probe.powers)
     except InputError as error:
         raise InputError(f"the expression {text!r}: {error}") from None
     return columns, lambda values: np.asarray(evaluate(values).value), unit
 
 
-# a new row here is understood by validate, sweep, sensitivity, fit and optimise
+# validate, sweep, sensitivity, fit and optimise read these rows
 KINDS = {
     row.name: row
     for row in (
@@ -526,7 +535,7 @@ KINDS = {
 
 
 def quantity_names(text: str) -> tuple[str, ...]:
-    """Return names of quantities written with commas between; commas within names and brackets stay.
+    """Return the names in a comma-separated list; commas inside names and brackets do not separate.
 
     Example:
         >>> quantity_names("rocker,distance:A,B,expr:atan2(B.y, B.x)")
@@ -547,7 +556,7 @@ def quantity_names(text: str) -> tuple[str, ...]:
 
 
 def unwrapped(angles: Array) -> Array:
-    """Return angles without jumps of whole revolutions from instant to instant, (..., n)."""
+    """Return angles (..., n) without jumps of whole revolutions between instants."""
     steps = np.diff(np.real(angles), axis=-1)
     revolutions = np.round(steps / REVOLUTION)
     if not revolutions.any():

@@ -1,4 +1,4 @@
-"""Scene: what a model must hold, and no more."""
+"""Scenes: the purpose of a MuJoCo model, which determines its contents."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
@@ -13,18 +13,18 @@ GRAVITY = Forces(gravity=(0.0, -9.81, 0.0))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """What the MuJoCo model of a mechanism is for; each level holds what the one before holds, and more.
+    """The purpose of the MuJoCo model of a mechanism; each level extends the one before.
 
-    - pose: links, joints, sites and loop constraints. No time: masses are placeholders.
+    - pose: links, joints, sites and loop constraints. No time; masses are placeholders.
     - motion: the crank is prescribed; time-stepping options that keep the loops closed.
-    - dynamics: masses count (rods where a link has none), all forces act, and the crank is free.
-    - picture: geoms, lights and a camera that neither collide nor weigh anything.
+    - dynamics: masses (rods for links without one) and all forces; the crank is free.
+    - picture: geoms, lights and a camera, without collisions or masses.
 
     Attributes:
-        level: one of the four above.
+        level: one of these four.
         cut: joints at which loops are cut and closed by a constraint; None lets the generator choose.
-        forces: what acts on the mechanism; counts from level dynamics on. None takes the forces of what is
-            run, as a file's `[forces]`, and gravity along -y where it has none.
+        forces: forces on the mechanism, from level dynamics on. The default is the forces of the source, such
+            as the `[forces]` of a file, or else gravity along -y.
     """
 
     level: Level = "motion"
@@ -33,11 +33,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
-            raise InputError(f"there is no scene {self.level!r}; known are {', '.join(LEVELS)}")
+            raise InputError(f"there is no scene {self.level!r}; the levels are {', '.join(LEVELS)}")
 
     @property
     def acting(self) -> Forces:
-        """The forces of the scene, gravity along -y where it has none."""
+        """The forces of the scene, by default gravity along -y."""
         return GRAVITY if self.forces is None else self.forces
 
     def under(self, forces: Forces | None) -> "Scene":
@@ -45,5 +45,5 @@ class Scene:
         return replace(self, forces=forces) if self.forces is None else self
 
     def holds(self, level: Level) -> bool:
-        """Return whether this scene reaches a level."""
+        """Whether this scene includes a level."""
         return LEVELS.index(self.level) >= LEVELS.index(level)

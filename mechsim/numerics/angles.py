@@ -13,9 +13,9 @@ def wrapped(angles: Array) -> Array:
 
 
 def other_revolutions(angle: float, targets: Array) -> list[int]:
-    """Return the revolutions to add to an angle so that targets (n,) lie within one of it, fewest first.
+    """Return revolutions to add to an angle so that targets (n,) lie within a revolution of it, fewest first.
 
-    Angles in [rad]; zero revolutions are left out.
+    Angles are in [rad]; zero revolutions are omitted.
     """
     first = int(np.ceil((targets.max() - angle) / REVOLUTION - 1.0))
     last = int(np.floor((targets.min() - angle) / REVOLUTION + 1.0))
@@ -23,15 +23,15 @@ def other_revolutions(angle: float, targets: Array) -> list[int]:
 
 
 def shifted_into(angles: Array, ends: tuple[float, float], start: float, period: float = REVOLUTION) -> Array:
-    """Return angles (n,) shifted together by whole revolutions into a range, by as few as possible.
+    """Return angles (n,) shifted together by the fewest whole revolutions that bring them into a range.
 
-    They are unchanged if no shift fits. All in [rad].
+    They are unchanged if no shift fits. All values are in [rad].
 
     Args:
-        angles: of one motion.
-        ends: of the range.
-        start: an angle of it; shifted angles lie within a revolution of it.
-        period: whole revolutions after which a configuration repeats.
+        angles: angles of a motion.
+        ends: ends of the range.
+        start: an angle in the range; shifted angles lie within a revolution of it.
+        period: angle, a multiple of a revolution, after which the configuration repeats.
     """
     low, high = ends
     for count in (0, *other_revolutions(start, angles)):

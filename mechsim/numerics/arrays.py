@@ -6,29 +6,30 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 # glibc returns freed memory to the system after each step of a calculation and requests it again for the
-# next, page by page, until one large array was freed: without this line that costs more than the calculation
+# next, page by page, unless one large array has been freed before; without this line that costs more than the
+# calculation
 np.empty(2_000_000)
 
 
 def worst(errors: ArrayLike) -> float:
-    """Return the largest size among errors; infinity where one is not a number, 0 where there is none."""
+    """Return the largest absolute value of errors; infinity if one is NaN, 0 if there is none."""
     sizes = np.abs(np.asarray(errors, dtype=np.float64))
     return float(np.where(np.isnan(sizes), np.inf, sizes).max(initial=0.0))
 
 
 def rms(errors: ArrayLike) -> float:
-    """Return the root mean square of errors; infinity where one is not a number, 0 where there is none."""
+    """Return the root mean square of errors; infinity if one is NaN, 0 if there is none."""
     values = np.asarray(errors, dtype=np.float64)
     if not values.size:
         return 0.0
     largest = worst(values)
-    # scaled, so that squares neither overflow nor vanish
+    # scaled, so that squares neither overflow nor underflow
     if largest in (0.0, np.inf):
         return largest
     return largest * float(np.sqrt(np.mean((values / largest) ** 2)))
 
 
-# part of a path's extent by which its ends may be apart and it is closed
+# largest distance of the ends of a closed path, relative to its extent
 CLOSED = 1e-6
 
 

@@ -1,6 +1,6 @@
 """Interval arithmetic on arrays: balls of a midpoint and a radius, rounded outward.
 
-A ball stands for all numbers within the radius of the midpoint. Each operation returns a ball that contains
+A ball represents all numbers within the radius of the midpoint. Each operation returns a ball that contains
 the exact results for all numbers of its operands. The midpoint is computed in ordinary floating point; the
 radius bounds the spread of the operands and the rounding error (Rump, Fast and parallel interval arithmetic,
 BIT 39, 1999). Sine and cosine come from Taylor polynomials with a bounded remainder, because numpy states no
@@ -22,22 +22,22 @@ ROUNDOFF = 2.0**-53
 OUTWARD = 1.0 + 2.0**-45
 # exceeds the errors of operations that underflow, at most 2**-1074 each
 UNDERFLOW = 1e-300
-# pi/2 as a sum: the first two have 33 bits, so that products with integers below 2**20 are exact; and a bound
-# of what is left
+# pi/2 as a sum: the first two terms have 33 bits, so that products with integers below 2**20 are exact; and a
+# bound of the remainder
 HALF_PI = (float.fromhex("0x1.921fb544p+0"), float.fromhex("0x1.0b4611a6p-34"))
 HALF_PI_REST, HALF_PI_ERROR = float.fromhex("0x1.3198a2e037073p-69"), 1e-36
 # largest angle in [rad] whose sine and cosine are computed
 MAX_ANGLE = 1e6
 # terms of the Taylor polynomials of sine and cosine, and a bound of their error on |x| < 0.79: the term of
-# x^(2k) has 4k + 3 roundings at most, so that the sum is off by 3 + 7/3.2 + 11/61 + ... < 5.4 roundoffs; the
-# remainder is below 0.79^20/20! < 1e-20
+# x^(2k) has at most 4k + 3 roundings, so that the sum has an error of 3 + 7/3.2 + 11/61 + ... < 5.4
+# roundoffs; the remainder is below 0.79^20/20! < 1e-20
 TERMS, SERIES_ERROR = 10, 6.0 * ROUNDOFF
-# natural logarithm of 2, rounded, and a bound of the error
+# natural logarithm of 2, rounded, and a bound of its error
 LOG_2, LOG_2_ERROR = float.fromhex("0x1.62e42fefa39efp-1"), 3e-17
-# largest exponent of e either way, and a bound of e to less than minus that
+# largest magnitude of an exponent of e, and a bound of e to the power of less than minus that
 MAX_EXPONENT, VANISHED = 680.0, 1e-295
-# terms of the Taylor polynomial of the exponential on |x| < 0.35, and a bound of the remainder, in parts
-# of the last term: the sum of 0.35^k 15!/(15 + k)!, k from 1
+# terms of the Taylor polynomial of the exponential on |x| < 0.35, and a bound of the remainder relative to
+# the last term: the sum of 0.35^k 15!/(15 + k)!, k from 1
 EXP_TERMS, EXP_REMAINDER = 15, 0.03
 
 
@@ -47,7 +47,7 @@ class Ball:
 
     Attributes:
         mid: midpoints, any shape.
-        rad: radii, of the same shape or broadcast to it; nonnegative. NaN and infinity stand for no bound.
+        rad: radii, of the same shape or broadcast to it; nonnegative. NaN and infinity mean no bound.
     """
 
     mid: Array
@@ -79,7 +79,7 @@ class Ball:
 
     @staticmethod
     def joined(balls: "list[Ball]", axis: int) -> "Ball":
-        """Return matrices of balls joined along axis -1 or -2; their leading axes broadcast."""
+        """Return matrices of balls joined along axis -1 or -2; other axes broadcast."""
         leading = np.broadcast_shapes(*(item.shape[:-2] for item in balls))
         mids, rads = (
             [np.broadcast_to(values, (*leading, *item.shape[-2:])) for item, values in columns]
@@ -115,7 +115,7 @@ class Ball:
         if isinstance(other, DualBall):
             return NotImplemented
         other = ball(other)
-        # a sum of k products is off by at most k roundoffs of the sum of their absolute values
+        # a sum of k products has an error of at most k roundoffs of the sum of their absolute values
         relative = (self.mid.shape[-1] + 2) * ROUNDOFF
         magnitude = np.abs(other.mid)
         spread = np.abs(self.mid) @ (other.rad + relative * magnitude) + self.rad @ (magnitude + other.rad)
@@ -142,7 +142,7 @@ class Ball:
         if exponent % 1.0 == 0.5:
             return self.sqrt() if exponent == 0.5 else self ** (exponent - 0.5) * self.sqrt()
         if exponent != int(exponent) or exponent < 1.0:
-            raise TypeError(f"balls have no bound of a power {exponent}")
+            raise TypeError(f"balls have no bound for the power {exponent}")
         power = self
         for _ in range(int(exponent) - 1):
             power = power * self
@@ -292,7 +292,7 @@ def where(condition: Any, first: Ball, second: Ball) -> Ball:
     return Ball(np.where(condition, first.mid, second.mid), np.where(condition, first.rad, second.rad))
 
 
-# what numpy's functions do with balls; others raise TypeError
+# implementations of numpy's functions for balls; other functions raise TypeError
 RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.add: lambda a, b: b + a,
     np.subtract: lambda a, b: ball(a) - b,

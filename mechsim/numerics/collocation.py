@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 # smallest number of rows that a quintic interpolates
-LEAST_ROWS = 6
-# bound of the rounding errors of a spline's values, relative to its largest coefficient there: sums of six
+MIN_ROWS = 6
+# bound of the rounding errors of a spline's values, relative to its largest local coefficient: sums of six
 # products by de Boor's recursion of depth five, about 60 roundings
 SPLINE_ERROR = 1e-14
 
@@ -34,27 +34,28 @@ def quintic_spline(
     """Return the quintic spline through a table, as times (n,) -> value, rate and acceleration, (n,) each.
 
     Args:
-        what: the table is, for messages.
-        time: rising, (n,) in [s], at least `LEAST_ROWS` values.
+        what: name of the table, for messages.
+        time: increasing, (n,) in [s], at least `MIN_ROWS` values.
         value: (n,).
 
     Returns:
-        The spline; of times that are balls it gives balls.
+        The spline; times that are balls give balls.
 
     Raises:
-        InputError: for columns of unequal length, too few rows, what is not finite, or times that fall.
+        InputError: for columns of different length, too few rows, numbers that are not finite, or times that
+            do not increase.
     """
     from scipy.interpolate import make_interp_spline
 
     time, value = numbers(time), numbers(value)
-    if time.shape != value.shape or time.ndim != 1 or len(time) < LEAST_ROWS:
+    if time.shape != value.shape or time.ndim != 1 or len(time) < MIN_ROWS:
         raise InputError(
             f"{what} has {time.shape} times and {value.shape} values; give two columns of equal length, "
-            f"at least {LEAST_ROWS} rows"
+            f"at least {MIN_ROWS} rows"
         )
     if not (np.isfinite(time).all() and np.isfinite(value).all() and (np.diff(time) > 0.0).all()):
         raise InputError(
-            f"{what} holds numbers that are not finite, or times that do not rise; repair the table"
+            f"{what} has numbers that are not finite, or times that do not increase; correct the table"
         )
     spline = make_interp_spline(time, value, k=5)
     derivatives = [spline, *(spline.derivative(k) for k in (1, 2, 3))]
@@ -72,7 +73,7 @@ def quintic_spline(
 
 
 def _spline_bound(spline: "BSpline", t: Ball) -> Array:
-    """Return bounds of a spline's values over balls: it lies between its coefficients there."""
+    """Return bounds of a spline's values over balls, from its local coefficients."""
     first, last = (
         np.clip(np.searchsorted(spline.t, end, "right") - 1, spline.k, len(spline.t) - spline.k - 2)
         for end in (t.mid - t.rad * OUTWARD, t.mid + t.rad * OUTWARD)
@@ -88,8 +89,8 @@ class Interpolant:
 
     Attributes:
         nodes: parameters, (k,).
-        states: values there, (k, w).
-        weights: barycentric, (k,).
+        states: values at the nodes, (k, w).
+        weights: barycentric weights, (k,).
     """
 
     nodes: Array
@@ -117,7 +118,7 @@ class Interpolant:
         at_node = distance == 0.0
         weights = np.where(at_node.any(1)[:, None], at_node, self.weights / np.where(at_node, 1.0, distance))
         total = weights.sum(1, keepdims=True)
-        # far beyond the nodes the weights cancel: the nearest node is used
+        # far beyond the nodes the weights cancel: use the nearest node
         cancelled = total[:, 0] == 0.0
         if cancelled.any():
             weights[cancelled] = np.eye(len(self.nodes))[np.abs(distance[cancelled]).argmin(1)]
@@ -138,41 +139,41 @@ class Interpolant:
         return replace(self, states=matrix @ self.states)
 
     def restricted(self, low: float, high: float) -> Self:
-        """Return the same polynomial through nodes from one parameter to another."""
+        """Return the same polynomial with nodes from one parameter to another."""
         nodes, weights = nodes_between(low, high, len(self.nodes))
         return replace(self, nodes=nodes, states=self.evaluate(nodes), weights=weights)
 
     def truncation_error(self) -> float:
-        """Return the truncation error, estimated by the last three Chebyshev coefficients."""
+        """Return an estimate of the truncation error from the last three Chebyshev coefficients."""
         middle, reach = 0.5 * (self.nodes[0] + self.nodes[-1]), 0.5 * (self.nodes[-1] - self.nodes[0])
         basis = np.polynomial.chebyshev.chebvander((self.nodes - middle) / reach, len(self.nodes) - 1)
         return float(np.abs(np.linalg.solve(basis, self.states)[-3:]).max())
 
 
-# within this distance of a junction a parameter belongs to the polynomial beyond
+# a parameter within this distance below a junction belongs to the next polynomial
 JUNCTION = 1e-12
 S_co = TypeVar("S_co", bound=Interpolant, covariant=True)
 
 
 @dataclass(frozen=True)
 class Piecewise(Generic[S_co]):
-    """Polynomials one after another along a parameter.
+    """Consecutive polynomials along a parameter.
 
     Attributes:
-        segments: by rising parameter.
+        segments: polynomials by increasing parameter.
     """
 
     segments: Sequence[S_co]
 
     def groups(self, s: Array) -> Iterator[tuple[S_co, NDArray[np.intp]]]:
-        """Yield polynomials, and which of the parameters (n,) belong to each, as indices."""
+        """Yield polynomials, and the indices of the parameters (n,) in each."""
         lows = np.array([segment.low for segment in self.segments])
         owner = np.clip(np.searchsorted(lows, s + JUNCTION, side="right") - 1, 0, len(lows) - 1)
         for i in np.unique(owner).tolist():
             yield self.segments[i], np.flatnonzero(owner == i)
 
     def segment_at(self, s: float) -> S_co:
-        """Return the polynomial to which a parameter belongs."""
+        """Return the polynomial of a parameter."""
         return next(self.groups(np.array([s])))[0]
 
     def evaluate(self, s: Array) -> Array:
@@ -222,7 +223,7 @@ def through(nodes: Array, states: Array) -> Interpolant:
 
 
 def extrapolated(x: Array, values: Array, degree: int, points: Array) -> Array:
-    """Return the polynomials of a degree nearest to values (n, w) at x (n,) in [-1, 1], beyond it (m, w)."""
+    """Return least-squares polynomials of values (n, w) at x (n,) in [-1, 1], at points beyond: (m, w)."""
     coefficients = np.linalg.lstsq(chebyshev.chebvander(x, degree), values)[0]
     return np.asarray(chebyshev.chebval(points, coefficients), dtype=np.float64).T
 

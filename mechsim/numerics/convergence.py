@@ -27,9 +27,9 @@ class Refinement(Generic[A]):
     """The result of a refinement.
 
     Attributes:
-        best: the attempt with the least estimate.
-        level: of the last attempt.
-        ended: sentence on how the budget ended it; empty otherwise.
+        best: the attempt with the smallest estimate.
+        level: level of the last attempt.
+        ended: sentence on the exhausted budget; empty otherwise.
     """
 
     best: A
@@ -44,18 +44,18 @@ def refine(
     tolerance: float,
     budget: ProcessorBudget | None = None,
 ) -> Refinement[A]:
-    """Return the best of attempts that end at a tolerance, at the last level, or with a budget.
+    """Return the best of several attempts, which end at a tolerance, at the last level, or with a budget.
 
     Args:
-        attempt: level, as a number of steps, -> a result with its estimate.
-        level: of the first attempt.
+        attempt: level (such as a number of steps) -> result with its error estimate.
+        level: level of the first attempt.
         following: level and result of an attempt -> level of the next one; None ends the refinement.
-        tolerance: of the estimate.
-        budget: of processor time, of which attempts take in proportion to their levels; one that would exceed
-            it is not started. None is no limit.
+        tolerance: tolerance of the estimate.
+        budget: budget of processor time. The time of an attempt is proportional to its level; an attempt that
+            would exceed the budget is not started. None means no limit.
 
     Raises:
-        BudgetError: where the budget ends during the first attempt.
+        BudgetError: if the budget ends during the first attempt.
     """
     best: A | None = None
     while True:
@@ -76,8 +76,8 @@ def refine(
         level = next_level
 
 
-# orders of convergence that two runs may show: beyond the highest, of the methods used, it is chance
-BELIEVED = (1.0, 4.0)
+# plausible range of an order of convergence from two runs: methods in use have order four at most
+PLAUSIBLE_ORDERS = (1.0, 4.0)
 
 
 def half_extent(paths: Iterable[Array]) -> float:
@@ -90,10 +90,10 @@ class Order:
     """An observed order of convergence.
 
     Attributes:
-        order: the slope of least squares: error falls as steps to the power of minus this.
-        low: least slope between neighbours that were used.
+        order: least-squares slope: the error is proportional to steps to the power of minus this.
+        low: smallest slope between neighbours in the fit.
         high: largest such slope.
-        count: points used.
+        count: number of points in the fit.
     """
 
     order: float
@@ -109,12 +109,12 @@ def observed_order(
 
     Args:
         steps: numbers of steps (or inverse step sizes), (n,), above 0.
-        errors: (n,); what is not finite or not strictly between floor and ceiling is left out.
+        errors: (n,); values that are not finite or not strictly between floor and ceiling are ignored.
         floor: error below which rounding or compliance dominates.
         ceiling: error above which the run has not started to converge.
 
     Returns:
-        The order, or None where fewer than two different numbers of steps are left.
+        The order, or None with fewer than two different numbers of steps.
     """
     n, error = np.asarray(steps, dtype=np.float64), np.asarray(errors, dtype=np.float64)
     fit = np.isfinite(error) & (error > floor) & (error < ceiling) & (n > 0.0)
@@ -129,28 +129,28 @@ def observed_order(
     return Order(-exponent, float(local.min()), float(local.max()), len(x))
 
 
-def believed_order(coarse: float, fine: float, ratio: float) -> float:
-    """Return the order at which an error fell, as far as it is believed; the lowest where that is not known.
+def plausible_order(coarse: float, fine: float, ratio: float) -> float:
+    """Return the order of convergence of an error, clipped to a plausible range; the lowest if it is unknown.
 
     Args:
         coarse: the error.
-        fine: the same with `ratio` times as many steps.
+        fine: the error with `ratio` times as many steps.
         ratio: above 1.
     """
     if not (0.0 < coarse < np.inf and 0.0 < fine < np.inf):
-        return BELIEVED[0]
-    return float(np.clip(np.log(coarse / fine) / np.log(ratio), *BELIEVED))
+        return PLAUSIBLE_ORDERS[0]
+    return float(np.clip(np.log(coarse / fine) / np.log(ratio), *PLAUSIBLE_ORDERS))
 
 
 def pareto(costs: ArrayLike, errors: ArrayLike) -> NDArray[np.intp]:
-    """Return the points nothing beats in both cost and error, by rising cost.
+    """Return the indices of the Pareto-optimal points in cost and error, by increasing cost.
 
     Args:
-        costs: (n,); points whose cost or error is not finite are never among them.
+        costs: (n,); points with a cost or error that is not finite are ignored.
         errors: (n,).
     """
     cost, error = np.asarray(costs, dtype=np.float64), np.asarray(errors, dtype=np.float64)
-    # of equal costs the smaller error first, so that it shadows the others
+    # for equal costs the smaller error first, so that it dominates the others
     order = np.lexsort((error, cost))
     order = order[np.isfinite(cost[order]) & np.isfinite(error[order])]
     before = np.minimum.accumulate(np.concatenate([[np.inf], error[order]]))[:-1]
@@ -158,20 +158,20 @@ def pareto(costs: ArrayLike, errors: ArrayLike) -> NDArray[np.intp]:
 
 
 def cheapest(costs: ArrayLike, errors: ArrayLike, limit: float) -> int | None:
-    """Return which point has the least cost among those with an error within a limit; None if none has."""
+    """Return the index of the least cost among errors within a limit; None if there is none."""
     cost, error = np.asarray(costs, dtype=np.float64), np.asarray(errors, dtype=np.float64)
     fit = np.flatnonzero((error <= limit) & np.isfinite(cost))
     return int(fit[np.argmin(cost[fit])]) if len(fit) else None
 
 
 def richardson(coarse: Array, fine: Array, ratio: float, order: float) -> tuple[Array, float]:
-    """Return the value that two runs point to, and the error of the finer one.
+    """Return the Richardson extrapolation of two runs, and the error of the finer one.
 
     Args:
         coarse: values of the run with fewer steps.
-        fine: the same of the run with `ratio` times as many.
+        fine: values of the run with `ratio` times as many.
         ratio: above 1.
-        order: at which the error falls.
+        order: order of convergence.
 
     Returns:
         The extrapolated values, and the largest distance of the finer run from them.

@@ -9,18 +9,19 @@ from mechsim.errors import InputError
 
 Kind = TypeVar("Kind")
 
-# beyond this a number is a slip of the unit or the exponent, and its square too large for a double
+# largest magnitude of a number; larger ones are errors of the unit or the exponent, and their squares
+# overflow
 HUGE = 1e30
 
 
 def number(value: object) -> float:
-    """Return a real number as a float; NaN for text, None, lists and all else."""
+    """Return a real number as a float; NaN for text, None, lists and other values."""
     values = numbers(value)
     return float(values) if values.ndim == 0 else float("nan")
 
 
 def numbers(value: object) -> NDArray[np.float64]:
-    """Return real numbers, nested or not, as an array of their shape; one NaN for anything else."""
+    """Return real numbers, nested or not, as an array of their shape; a single NaN for other values."""
     try:
         array = np.asarray(value)
         if array.dtype.kind in "biuf" or (array.dtype.kind == "O" and array.size == 0):
@@ -31,12 +32,12 @@ def numbers(value: object) -> NDArray[np.float64]:
 
 
 def units_remedy(value: object, example: str) -> str:
-    """Return the end of a sentence that refuses text where a number in SI is wanted; empty for all else."""
-    return f"; text is made a number by {example}" if isinstance(value, str) else ""
+    """Return the end of an error message for text instead of a number in SI; empty for other values."""
+    return f"; convert text by {example}" if isinstance(value, str) else ""
 
 
 def require(what: str, value: object, kind: type[Kind]) -> Kind:
-    """Return a thing of a kind; raise InputError for any other."""
+    """Return a value of a type; raise InputError for any other."""
     if not isinstance(value, kind):
         raise InputError(f"{what} is of type {type(value).__name__}; give one of type {kind.__name__}")
     return value

@@ -1,8 +1,7 @@
-"""Jets: a quantity with its first and second rate by time, carried through the formula of the quantity.
+"""Jets: a quantity with its first and second time derivative, propagated through formulas.
 
-A position function written with + - * / **, the ufuncs of `RULES` and the functions of
-`mechsim.analytic.vector_method.vectors` runs on plain arrays, which gives positions, and on jets, which
-gives the motion.
+A position formula written with + - * / **, the ufuncs of `RULES` and the functions of
+`mechsim.analytic.vector_method.vectors` gives positions on plain arrays, and the motion on jets.
 """
 
 from collections.abc import Callable
@@ -14,23 +13,23 @@ from numpy.typing import NDArray
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import Ball
 
-# the imaginary part of a change of one: its square vanishes in rounding next to any real part
+# complex step: its square is lost in rounding relative to any real part
 STEP = 2.0**-80
 
 
 def stepped(value: Array, change: Array) -> Array:
-    """Return values with changes as imaginary parts; what is reckoned from them changes by `change_of`."""
+    """Return values with changes as imaginary parts; `change_of` reads the changes of results."""
     complex_values: Any = value + 1j * STEP * change
     return complex_values
 
 
 def change_of(value: Array) -> Array:
-    """Return the derivative that values carry; zeros for real ones."""
+    """Return the derivative in the imaginary parts of values; zeros for real ones."""
     return np.imag(value) / STEP
 
 
-def turn_of(sine: Array, cosine: Array) -> Array:
-    """Return the angle of directions in (-pi, pi] rad, as arctan2 does, of complex steps too."""
+def angle_of(sine: Array, cosine: Array) -> Array:
+    """Return the angle of directions in (-pi, pi] rad as arctan2, also with complex steps."""
     if not np.iscomplexobj(sine) and not np.iscomplexobj(cosine):
         return np.arctan2(sine, cosine)
     x, y = np.real(cosine), np.real(sine)
@@ -39,21 +38,21 @@ def turn_of(sine: Array, cosine: Array) -> Array:
 
 
 def unwrapped(angle: Array) -> Array:
-    """Return angles without jumps of whole turns; changes as they are."""
+    """Return angles without jumps of whole revolutions; their changes are kept."""
     return _joined(np.unwrap(np.real(angle)), np.imag(angle)) if np.iscomplexobj(angle) else np.unwrap(angle)
 
 
 def size_of(value: Array) -> Array:
-    """Return values without their sign, and their changes with it."""
+    """Return absolute values with the corresponding changes."""
     return np.where(np.real(value) < 0.0, -value, value) if np.iscomplexobj(value) else np.abs(value)
 
 
 def least_norm(matrix: Array, right: Array, rcond: float) -> Array:
-    """Return least-norm solutions of equations that can be met, (n, m, k) and (n, m) -> (n, k).
+    """Return minimum-norm solutions of consistent equations, (n, m, k) and (n, m) -> (n, k).
 
     Args:
-        matrix: of any rank, which its changes keep.
-        right: sides.
+        matrix: matrices of any rank, which their changes preserve.
+        right: right-hand sides.
         rcond: singular values below this fraction of the largest are zero.
 
     Source: G. Golub and V. Pereyra, The differentiation of pseudo-inverses and nonlinear least squares
@@ -85,7 +84,7 @@ def _joined(real: Array, imaginary: Array) -> Array:
 
 
 class Jet:
-    """A quantity and its first two rates; arrays that broadcast against each other, real or complex."""
+    """A quantity and its first two derivatives; arrays that broadcast against each other, real or complex."""
 
     __slots__ = ("rate", "second", "value")
 
@@ -167,7 +166,7 @@ Values = Array | Jet
 
 
 def values(x: Values) -> Array:
-    """Return the quantity without its rates."""
+    """Return the quantity without its derivatives."""
     return x.value if isinstance(x, Jet) else x
 
 
@@ -199,12 +198,12 @@ def cos_sin(angle: Values) -> tuple[Any, Any]:
 
 
 def revalued(x: Values, value: Array) -> Any:
-    """Return the quantity with another value, such as one rid of rounding, and its own rates."""
+    """Return the quantity with another value, such as one without rounding, and the same derivatives."""
     return Jet(value, x.rate, x.second) if isinstance(x, Jet) else value
 
 
 def chosen(which: NDArray[np.bool_], first: Values, second: Values) -> Any:
-    """Return a quantity made of two: one where that is said, (n,), else the other."""
+    """Return the first quantity where a condition holds, (n,), else the second."""
     if isinstance(first, Jet) and isinstance(second, Jet):
         fields = ((getattr(x, field) for x in (first, second)) for field in ("value", "rate", "second"))
         return Jet(*(np.where(which, a, b) for a, b in fields))
@@ -212,15 +211,15 @@ def chosen(which: NDArray[np.bool_], first: Values, second: Values) -> Any:
 
 
 def still(value: Array) -> Jet:
-    """Return a quantity that does not change."""
+    """Return a constant as a jet."""
     return Jet(value, np.zeros_like(value), np.zeros_like(value))
 
 
 def root(residual: Callable[[Jet], Jet], solution: Array, derivative: Array) -> Jet:
-    """Return a root, found numerically, as a jet: two Newton steps in jets, which give one rate each.
+    """Return a numerical root as a jet, by two Newton steps in jets, one per derivative.
 
     Args:
-        residual: what vanishes at the root, in jets.
+        residual: equation of the root, in jets.
         solution: the root, (n,).
         derivative: derivative of the residual by the root, (n,).
     """
@@ -231,7 +230,7 @@ def root(residual: Callable[[Jet], Jet], solution: Array, derivative: Array) -> 
 
 
 def composed(x: Jet, value: Array, derivative: Array, second_derivative: Array) -> Jet:
-    """Return a function of a jet from the function's value and first two derivatives there, (n,) each."""
+    """Return a function of a jet from the function's value and first two derivatives, (n,) each."""
     return Jet(value, derivative * x.rate, derivative * x.second + second_derivative * (x.rate * x.rate))
 
 
@@ -248,7 +247,7 @@ def _exp(x: Jet) -> Jet:
 
 
 def _arctan2(y: Jet, x: Jet) -> Jet:
-    """The rate is (x y' - y x') / r2 with r2 = x2 + y2; the second rate follows from it as a quotient."""
+    """The derivative is (x y' - y x') / r2 with r2 = x2 + y2; the second follows from this quotient."""
     r2 = x.value * x.value + y.value * y.value
     rate = (x.value * y.rate - y.value * x.rate) / r2
     second = x.value * y.second - y.value * x.second - 2.0 * rate * (x.value * x.rate + y.value * y.rate)
@@ -276,7 +275,7 @@ def _arctan(x: Jet) -> Jet:
 
 
 def _power(base: Any, exponent: Any) -> Jet:
-    """Return base ** exponent; of a constant exponent also where the base is not above zero."""
+    """Return base ** exponent; with a constant exponent also for a base that is not positive."""
     if isinstance(exponent, Jet):
         return np.exp(exponent * np.log(base))  # pyright: ignore[reportReturnType, reportCallIssue, reportArgumentType]
     if np.ndim(exponent) == 0 and exponent == 2:

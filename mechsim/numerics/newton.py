@@ -11,7 +11,7 @@ from mechsim.numerics.arrays import Array
 
 Q = TypeVar("Q")
 
-# a residual that falls by less than this factor in one step has stagnated
+# reduction of the residual in a step below which Newton's method has stagnated
 STAGNATION = 0.25
 
 
@@ -47,19 +47,19 @@ class ConstraintSystem(Protocol[Q, L_co]):
 
 @dataclass(frozen=True, slots=True)
 class NewtonSettings:
-    """When Newton's method stops. Lengths of steps are their largest component, in the unknowns' units.
+    """Settings of Newton's method. The length of a step is its largest component, in the unknowns' units.
 
     Attributes:
-        max_iterations: limit on the number of steps.
-        tolerance: residual that is small enough; the iteration ends once no residual exceeds it.
+        max_iterations: limit of the number of steps.
+        tolerance: the iteration ends once no residual exceeds it.
         rounding: residual below which a configuration has converged once a step reduces it by less than
             `STAGNATION`.
-        last_step: a step shorter than this is the last one: by quadratic convergence it leaves rounding.
-        max_step: a longer step is shortened to this length.
-        max_displacement: limit on the sum of the steps; a configuration that would exceed it is abandoned,
+        last_step: a shorter step is the last one: with quadratic convergence only rounding remains.
+        max_step: longer steps are shortened to this length.
+        max_displacement: limit of the sum of the steps; a configuration that would exceed it is abandoned,
             since it may converge to another solution.
-        verify: False leaves out the linearisation after a last step whose square is below the tolerance; a
-            third of the time of a close guess.
+        verify: False omits the linearisation after a last step whose square is below the tolerance, a third
+            of the time for a close guess.
     """
 
     max_iterations: int = 8
@@ -73,13 +73,13 @@ class NewtonSettings:
 
 @dataclass(frozen=True, slots=True)
 class NewtonResult(Generic[Q, L]):
-    """Configurations after Newton's method. The caller decides by the residual which have converged.
+    """Configurations after Newton's method. The caller checks convergence by the residual.
 
     Attributes:
         q: configurations.
         linearised: the equations about them.
         displacement: sum of the lengths of the steps, (n,); infinite where abandoned.
-        unverified: last step, (n, k), where `linearised` is about the configurations before it.
+        unverified: last step, (n, k), if `linearised` is about the configurations before it.
     """
 
     q: Q
@@ -99,16 +99,16 @@ def newton(
     settings: NewtonSettings,
     solve: Callable[[Array, Array], Array] | None = None,
 ) -> NewtonResult[Q, L]:
-    """Return configurations corrected by Newton's method, each until it has converged or is abandoned.
+    """Return configurations corrected by Newton's method until each has converged or is abandoned.
 
     Args:
         system: the equations.
         q: n configurations near solutions.
-        settings: when to stop.
-        solve: (n, m, k) and (n, m) -> solutions (n, k); None solves square systems.
+        settings: stopping criteria.
+        solve: (n, m, k) and (n, m) -> solutions (n, k); the default solves square systems.
 
     Raises:
-        LinAlgError: where a square system is singular.
+        LinAlgError: if a square system is singular.
     """
     linearised = system.linearise(q)
     residual = _largest(linearised.rhs)
@@ -116,7 +116,7 @@ def newton(
     active: NDArray[np.bool_] = np.ones(len(residual), dtype=np.bool_)
     for _ in range(settings.max_iterations):
         active &= ~((residual < settings.rounding) & (residual > STAGNATION * previous))
-        # steps from residuals below the tolerance are taken too: they leave rounding
+        # residuals below the tolerance are corrected too, down to rounding
         if not (active & (residual > settings.tolerance)).any():
             break
         step = -(solve or square_solution)(linearised.matrix, linearised.rhs)
@@ -151,7 +151,7 @@ def root(function: Callable[[float], float], low: float, high: float) -> float:
     from scipy import optimize
 
     brent: Any = optimize.brentq
-    # a function as flat as a cube at its root needs more than brentq's default of 100 iterations
+    # a root of multiplicity three needs more than brentq's default of 100 iterations
     return float(brent(function, low, high, xtol=1e-300, rtol=1e-15, maxiter=1000))
 
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from mechsim.numerics.arrays import Array
 
 # singular values below this fraction of the largest are zero: between rounding (1e-16) and the 1e-6 of a
-# configuration that is merely near a singular one
+# configuration near a singular one
 RANK_TOLERANCE = 1e-9
-# singular values below this are zero too, 450 times the spacing of doubles at 1: a ball joint at the common
-# point of all axes of its loop leaves equations that consist of rounding
+# singular values below this are zero too, 450 times the spacing of doubles at 1: equations can consist only
+# of rounding, such as those of a ball joint at the common point of all axes of its loop
 FLOOR = 1e-13
 
 
@@ -24,9 +24,9 @@ def significant(
     """Return which singular values, (..., k) in descending order, are nonzero.
 
     Args:
-        values: of scaled matrices.
-        tolerance: those below this fraction of the largest are zero.
-        floor: so are those below it.
+        values: singular values of scaled matrices.
+        tolerance: values below this fraction of the largest are zero.
+        floor: values below it are zero.
     """
     return values > np.maximum(tolerance * values[..., :1], floor)
 
@@ -55,5 +55,5 @@ def pseudo_inverse(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: floa
 
 
 def least_norm(matrix: Array, right: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR) -> Array:
-    """Return the least-squares solutions of least norm, (..., k), of (..., m, k) x = (..., m)."""
+    """Return the minimum-norm least-squares solutions, (..., k), of (..., m, k) x = (..., m)."""
     return (pseudo_inverse(matrix, tolerance, floor) @ right[..., None])[..., 0]

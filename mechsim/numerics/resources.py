@@ -9,68 +9,68 @@ from time import process_time
 
 from mechsim.errors import BudgetError, InputError
 
-# of the memory that is free, what one piece of work may take
+# largest fraction of the free memory that one task may use
 MAX_FRACTION = 0.7
-# and of the address space under `ulimit -v`: about half of that is reserved by allocators and never used
-ADDRESSABLE = 0.4
-PROCESS = Path("/proc/meminfo")
-# of this process, in pages; the first number is the address space it takes
-OWN = Path("/proc/self/statm")
-# of a container: what it may take, and what it has taken
-GROUPS = (
+# the same of the address space under `ulimit -v`, half of which allocators reserve without use
+MAX_ADDRESS_FRACTION = 0.4
+MEMORY_INFO = Path("/proc/meminfo")
+# memory of this process in pages; the first number is its address space
+PROCESS_MEMORY = Path("/proc/self/statm")
+# memory of a container: files with its limit and its use
+CONTAINER_MEMORY = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
 )
 
 
 def available_memory() -> float:
-    """Return the bytes of memory that one piece of work may take: of machine, container or `ulimit -v`."""
+    """Return the bytes of memory that a task may use, by machine, container or `ulimit -v`."""
     free = float("inf")
     with suppress(OSError, ValueError, IndexError):
-        line = next(row for row in PROCESS.read_text().splitlines() if row.startswith("MemAvailable"))
+        line = next(row for row in MEMORY_INFO.read_text().splitlines() if row.startswith("MemAvailable"))
         free = 1024.0 * float(line.split()[1])
     if free == float("inf"):
         with suppress(OSError, ValueError, AttributeError):
             free = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    for limit, used in GROUPS:
+    for limit, used in CONTAINER_MEMORY:
         with suppress(OSError, ValueError):
             free = min(free, float(Path(limit).read_text()) - float(Path(used).read_text()))
-    return min(MAX_FRACTION * free, ADDRESSABLE * _address_space())
+    return min(MAX_FRACTION * free, MAX_ADDRESS_FRACTION * _address_space())
 
 
 def _address_space() -> float:
-    """Return the bytes of address space that `ulimit -v` leaves this process; infinite without a limit."""
-    # no such module on Windows
+    """Return the bytes of address space left by `ulimit -v`; infinite without a limit."""
+    # Windows has no such module
     with suppress(ImportError, OSError, ValueError, IndexError):
         import resource
 
         limit, _ = resource.getrlimit(resource.RLIMIT_AS)
         if limit != resource.RLIM_INFINITY:
-            pages = float(OWN.read_text().split()[0])
+            pages = float(PROCESS_MEMORY.read_text().split()[0])
             return max(0.0, limit - pages * os.sysconf("SC_PAGE_SIZE"))
     return float("inf")
 
 
 def require_memory(what: str, count: float, each: float, remedy: str = "") -> None:
-    """Raise InputError where so many things, of so many bytes each, do not fit into memory.
+    """Raise InputError if a number of items does not fit into memory.
 
     Args:
-        what: they are, as the sentence says it: "1,440,000 instants".
-        count: of them.
-        each: bytes that one of them takes.
-        remedy: what to do, with `{most}` for how many would fit.
+        what: the items, for the message, such as "1,440,000 instants".
+        count: number of items.
+        each: bytes per item.
+        remedy: what to do, with `{most}` for the number that would fit.
     """
     free = available_memory()
     if count * each > free:
         most = f"{int(free / each):,}"
         raise InputError(
             f"{what} would take {size_text(count * each)} of memory, and {size_text(free)} are available; "
-            + (remedy.format(most=most) or f"take {most} at the most")
+            + (remedy.format(most=most) or f"use {most} at most")
         )
 
 
 def size_text(bytes_: float) -> str:
-    """Return a size in words."""
+    """Return a size in bytes as text."""
     for unit, scale in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
         if bytes_ >= scale:
             return f"{bytes_ / scale:.3g} {unit}"
@@ -79,12 +79,12 @@ def size_text(bytes_: float) -> str:
 
 @dataclass
 class ProcessorBudget:
-    """What work may take of the processor, so that a result does not depend on what else the machine does.
+    """A budget of processor time, so that results do not depend on other processes of the machine.
 
     Attributes:
-        seconds: of processor time, of all threads.
-        processor_time: gives processor time in [s].
-        began: processor time at which the budget started.
+        seconds: budget of processor time, of all threads.
+        processor_time: returns processor time in [s].
+        began: processor time at the start of the budget.
     """
 
     seconds: float
@@ -92,20 +92,20 @@ class ProcessorBudget:
     began: float = field(init=False)
 
     def __post_init__(self) -> None:
-        """Begin to run."""
+        """Start the budget."""
         self.began = self.processor_time()
 
     @property
     def spent(self) -> float:
-        """What was taken so far, in [s]."""
+        """Processor time used so far, in [s]."""
         return self.processor_time() - self.began
 
     def affords(self, seconds: float) -> bool:
-        """Return whether work of some seconds would end within the budget."""
+        """Whether work of some seconds would end within the budget."""
         return self.spent + seconds <= self.seconds
 
     def require_left(self, progress: str) -> None:
-        """Raise BudgetError where the budget is spent; `progress` says how far the work has come."""
+        """Raise BudgetError if the budget is exhausted; `progress` is the progress of the work in words."""
         if self.spent > self.seconds:
             raise BudgetError(
                 f"{self.ended}: it reached {progress}; give a larger --budget or a shorter motion"
@@ -113,5 +113,5 @@ class ProcessorBudget:
 
     @property
     def ended(self) -> str:
-        """How a sentence begins that reports the end of the budget."""
+        """Start of a sentence about the exhausted budget."""
         return f"not converged within the budget of {self.seconds:g} s of processor time"

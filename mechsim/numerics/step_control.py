@@ -7,13 +7,13 @@ from numpy.typing import ArrayLike
 
 from mechsim.numerics.arrays import Array
 
-# lower bound of errors, to divide by
+# lower bound of errors, to avoid division by zero
 TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
 class StepControl:
-    """Lengths of the segments of a path, and the errors at which one is rejected.
+    """Lengths of the segments of a path, and the errors at which a segment is rejected.
 
     Lengths have the unit of the path parameter: [rad] of a crank, or arc length in [rad] and characteristic
     lengths. Errors are in [rad] and characteristic lengths. With the defaults a smooth revolution needs few
@@ -23,15 +23,15 @@ class StepControl:
         nodes: Chebyshev nodes of a segment.
         first_length: length of the first segment, which the tangent predicts.
         max_length: largest length.
-        min_length: length below which the path ends: it has reached a singular configuration.
+        min_length: length below which the path ends at a singular configuration.
         max_growth: largest ratio of successive lengths.
         shrink: ratio after a rejected segment.
         max_error: interpolation error above which a segment is rejected.
-        target_error: interpolation error that the next segment should have.
+        target_error: interpolation error for which the next segment is chosen.
         max_correction: corrector displacement above which a segment is rejected: Newton's method may
-            have converged to another assembly.
-        target_correction: corrector displacement that the next segment should have.
-        safety: factor on the ratio that the errors allow.
+            have converged to another assembly mode.
+        target_correction: corrector displacement for which the next segment is chosen.
+        safety: factor on the allowed ratio.
 
     Source: P. Deuflhard, Newton methods for nonlinear problems (2004), chapter 5.
     """
@@ -53,9 +53,9 @@ class StepControl:
 
         Args:
             error: interpolation error of this segment by half of its nodes, of any shape.
-            correction: displacement of the corrector from the polynomial of the previous segment; None where
-                that did not predict it.
-            ratio: length of the previous segment relative to this one's.
+            correction: displacement of the corrector from the polynomial of the previous segment; None
+                without this prediction.
+            ratio: length of the previous segment divided by this one's.
         """
         # the interpolation error of half the nodes grows with the length to the power of their number
         order = (self.nodes + 1) / 2

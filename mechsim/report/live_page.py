@@ -20,8 +20,8 @@ from mechsim.codegen.solver_code import solver_code
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND
-from mechsim.model.masses import PIN_LENGTH, STEEL, THICKNESS
-from mechsim.model.mechanism import ONE_PLACE, Mechanism
+from mechsim.model.masses import PIN_LENGTH, RELATIVE_DIAMETER, STEEL
+from mechsim.model.mechanism import COINCIDENT, Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import LivePage
@@ -74,7 +74,12 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
             for name, (link, local) in solver.mechanism.points.items()
         ],
         "rods": [*_rods(solved)] if code.inertias is not None else [],
-        "masses": {"density": STEEL, "thickness": THICKNESS, "pin": PIN_LENGTH, "one_place": ONE_PLACE},
+        "masses": {
+            "density": STEEL,
+            "thickness": RELATIVE_DIAMETER,
+            "pin": PIN_LENGTH,
+            "one_place": COINCIDENT,
+        },
         "transmission": [*_transmissions(solver.mechanism)],
         "speed": speed,
         "size": solver.mechanism.characteristic_length,

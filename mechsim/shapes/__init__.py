@@ -1,5 +1,5 @@
-"""Which shapes a link is drawn with, from its joints alone: rods, eyes, pins, balls, rails, bearings, gears.
+"""Shapes of links, from their joints alone: rods, eyes, pins, balls, rails, bearings, gears.
 
-Sizes follow from the size of the mechanism, so that a needle drive of millimetres and a press of
-metres look alike. Nothing here is physics: the shapes carry no mass and meet nothing.
+All sizes are proportional to the characteristic length, so that mechanisms of any size look alike. Shapes are
+visual only, without mass or contact.
 """

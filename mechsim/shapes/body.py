@@ -1,4 +1,4 @@
-"""The body of a link: rods between its points, the space they take, and layers of planar links."""
+"""The body of a link: rods between its points, the space they occupy, and layers of planar links."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -25,12 +25,12 @@ def link_colours(mechanism: Mechanism) -> dict[str, Rgba]:
 
 def point_colours(mechanism: Mechanism) -> dict[str, Rgba]:
     """Return the colour of every tracked point, the same in pictures, plots and pages."""
-    # the brightest fades on white
+    # the brightest colour is too pale on white
     return {name: PALETTE[i % (len(PALETTE) - 1)] for i, name in enumerate(mechanism.points)}
 
 
 def rod_radius(mechanism: Mechanism) -> float:
-    """Return the radius of rods in [m]: a fixed part of the mechanism, less where a link is very short."""
+    """Return the radius of rods in [m]: a fixed fraction of the span, smaller if a link is very short."""
     length = shortest = span(mechanism)
     for link in mechanism.links:
         for a, b in combinations(stations(mechanism, link.name), 2):
@@ -39,10 +39,10 @@ def rod_radius(mechanism: Mechanism) -> float:
 
 
 def span(mechanism: Mechanism) -> float:
-    """Return the longest distance between two points of one link, outline included, in [m].
+    """Return the longest distance between two points of one link, with its outline, in [m].
 
     Raises:
-        InputError: for a mechanism whose links are all mere points.
+        InputError: for a mechanism whose links are all single points.
     """
     longest = mechanism.characteristic_length
     for link in mechanism.links:
@@ -54,7 +54,7 @@ def span(mechanism: Mechanism) -> float:
 
 
 def stations(mechanism: Mechanism, link: str) -> list[Array]:
-    """Return the points that the body of a link connects: joints, outline, tracked points; none twice."""
+    """Return the distinct points that the body of a link connects: joints, outline, tracked points."""
     outline = next((candidate.outline for candidate in mechanism.links if candidate.name == link), ())
     tracked = [local for owner, local in mechanism.points.values() if owner == link]
     positions: list[Array] = []
@@ -67,10 +67,10 @@ def stations(mechanism: Mechanism, link: str) -> list[Array]:
 
 
 def edges(points: list[Array]) -> Iterable[tuple[Array, Array]]:
-    """Yield pairs of points that a rod joins into one piece, none through a third point.
+    """Yield pairs of points whose rods connect all points, none through a third point.
 
-    These are all of two or three; of more a ring of the outer ones, with spokes to it from the innermost of
-    those that lie inside; and what is apart then, by the shortest way.
+    Two or three points are all connected. More points form a ring of the outer ones, with spokes from the
+    innermost of the points inside. Points that are still separate are connected by the shortest rods.
     """
     every = sorted(combinations(range(len(points)), 2), key=lambda pair: _length(points, pair))
     pairs = [pair for pair in every if not _through(points, pair)]
@@ -84,7 +84,7 @@ def edges(points: list[Array]) -> Iterable[tuple[Array, Array]]:
 
 
 def _ring_and_spokes(points: Array) -> Iterable[tuple[int, int]]:
-    """Pairs of a ring around points in the plane that fits them best, and of spokes to the innermost."""
+    """Yield the pairs of a ring around points in their plane of best fit, and of spokes to the innermost."""
     flat = (points - points.mean(0)) @ np.linalg.svd(points - points.mean(0))[2][:2].T
     ring = _hull(flat)
     inside = [i for i in range(len(flat)) if i not in ring]
@@ -96,7 +96,7 @@ def _ring_and_spokes(points: Array) -> Iterable[tuple[int, int]]:
 
 
 def _hull(flat: Array) -> list[int]:
-    """The points around all others in a plane, in their order; those on its sides count too."""
+    """Return the convex hull of points in a plane, in order, with the points on its sides."""
     slack = 1e-9 * float(np.ptp(flat, axis=0).max())
     order = [int(i) for i in np.lexsort((flat[:, 1], flat[:, 0]))]
     halves: list[list[int]] = []
@@ -111,7 +111,7 @@ def _hull(flat: Array) -> list[int]:
 
 
 def _offset_to_the_right(flat: Array, i: int, j: int, k: int) -> float:
-    """How far point j lies to the right of the line from i to k, negative to the left."""
+    """Return the distance of point j to the right of the line from i to k, negative to the left."""
     direction, off = flat[k] - flat[i], flat[j] - flat[i]
     return float(direction[1] * off[0] - direction[0] * off[1]) / max(float(np.hypot(*direction)), 1e-300)
 
@@ -121,14 +121,14 @@ def _length(points: list[Array], pair: tuple[int, int]) -> float:
 
 
 def _through(points: list[Array], pair: tuple[int, int]) -> bool:
-    """Whether the line between two points leads through a third."""
+    """Whether the line between two points passes through a third."""
     straight, (i, j) = _length(points, pair) * (1.0 + 1e-9), pair
     others = (k for k in range(len(points)) if k not in pair)
     return any(_length(points, (i, k)) + _length(points, (k, j)) < straight for k in others)
 
 
 def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]:
-    """Return balls that hold links in all their poses: centres (k, 3) and radii (k,) in [m].
+    """Return balls that contain links in all their poses: centres (k, 3) and radii (k,) in [m].
 
     Args:
         drawn: pose or poses of a link, and its shapes.
@@ -145,7 +145,7 @@ def extent(drawn: Iterable[tuple[Pose, Sequence[Shape]]]) -> tuple[Array, Array]
 
 
 def travels(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, tuple[float, float]]:
-    """Return the least and greatest displacement of every joint that slides along or across its axis."""
+    """Return the smallest and largest displacement of every joint that slides along or across its axis."""
     displacements: dict[str, tuple[float, float]] = {}
     for joint in mechanism.joints:
         if 0 < len(KINDS[joint.kind].slides) < 3:
@@ -155,18 +155,18 @@ def travels(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, tuple[
 
 
 def displacement(joint: Joint, pose_a: Pose, pose_b: Pose) -> Array:
-    """Return how far a joint has slid along its axis, or how far off it in any direction, (...,) in [m]."""
+    """Return the displacement of a joint along its axis, or across it in any direction, (...,) in [m]."""
     coordinate = joint_coordinate(joint, pose_a, pose_b)
     slides = len(KINDS[joint.kind].slides)
     return coordinate[..., 0] if slides < 2 else np.linalg.norm(coordinate[..., :slides], axis=-1)
 
 
 def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, float]:
-    """Return the side of every ground joint where a shaft and its bearing are farthest from all rods.
+    """Return the side of every ground joint on which a shaft and its bearing are farthest from all rods.
 
     Args:
-        mechanism: whose joints.
-        poses: link -> pose or poses; links left out do not count.
+        mechanism: the mechanism.
+        poses: link -> pose or poses; other links are ignored.
 
     Returns:
         Joint -> +1 or -1, along the axis of its end on the ground.
@@ -191,7 +191,7 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
                     default=0.0,
                 )
             inward = float((_middle(mechanism) - np.asarray(ground.point)) @ np.asarray(ground.axis))
-            # a clear difference decides; else the shaft leads off the mechanism
+            # a clear difference decides; else the shaft points away from the mechanism
             clear = abs(gaps[1.0] - gaps[-1.0]) > 2.0 * rod_radius(mechanism)
             sides[joint.name] = (
                 max(gaps, key=gaps.__getitem__) if clear else (1.0 if inward < -reach / 90.0 else -1.0)
@@ -200,7 +200,7 @@ def free_sides(mechanism: Mechanism, poses: Mapping[str, Pose]) -> dict[str, flo
 
 
 def _gap(points: Array, pose: Pose, rods: Array) -> float:
-    """The least distance between points, (k, 3), and points of rods in all poses of their link."""
+    """Return the smallest distance between points, (k, 3), and rods in all poses of their link."""
     local = rods.reshape(-1, 3)
     if not len(local):
         local = np.zeros((1, 3))
@@ -210,14 +210,15 @@ def _gap(points: Array, pose: Pose, rods: Array) -> float:
 
 
 def _middle(mechanism: Mechanism) -> Array:
-    """The middle of all joints on the ground."""
+    """Return the centre of all joints on the ground."""
     return np.array([end.point for end in mechanism.ends(GROUND)]).mean(0)
 
 
 def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
     """Return the normal of the plane of motion in each link's frame, or None unless the links can be flat.
 
-    Besides moving in planes, as `model.link_poses` says it, a flat link has all its joints in one plane.
+    The mechanism must be planar, as in `model.link_poses`, and all joints of a flat link must lie in one
+    plane.
     """
     if not all(KINDS[joint.kind].aligned for joint in mechanism.joints):
         return None
@@ -230,7 +231,7 @@ def planar_normals(mechanism: Mechanism) -> dict[str, Array] | None:
 
 
 def layers_of(mechanism: Mechanism) -> dict[str, float]:
-    """Return layers of a planar mechanism such that links which share a joint lie in different ones."""
+    """Return layers of a planar mechanism such that links with a common joint lie in different layers."""
     layers: dict[str, int] = {}
     for link in mechanism.links:
         used = {
@@ -245,16 +246,16 @@ def layers_of(mechanism: Mechanism) -> dict[str, float]:
 
 
 class Canvas:
-    """What link shapes are drawn on.
+    """The drawing of all links.
 
     Attributes:
-        mechanism: what is drawn.
-        travel: joint -> least and greatest displacement in [m], where known; see `displacement`.
+        mechanism: the mechanism.
+        travel: joint -> smallest and largest displacement in [m], if known; see `displacement`.
         outward: joint -> side of its shaft.
         r: radius of rods in [m].
         colours: link -> colour.
         normals: link -> normal of its plane of motion; None for a spatial mechanism.
-        out: link -> shapes drawn so far.
+        out: link -> its shapes so far.
     """
 
     def __init__(
@@ -292,11 +293,11 @@ class Canvas:
         self.bearing(end, low, high)
 
     def carry(self) -> None:
-        """Let a post carry what was drawn last on the ground."""
+        """Mark the last shape on the ground as carried by a post."""
         self.out[GROUND][-1] = replace(self.out[GROUND][-1], role="bearing")
 
     def join(self, link: str, points: Sequence[ArrayLike]) -> None:
-        """Draw a rod of a link from point to point."""
+        """Draw a rod of a link through points."""
         for frm, to in pairwise(points):
             if float(np.linalg.norm(np.subtract(to, frm))) > 0.1 * self.r:
                 self.add(link, "capsule", frm, to, self.r, self.colours[link])
@@ -306,17 +307,17 @@ class Canvas:
         return 1.6 * self.r * self.layers.get(link, 0.0)
 
     def level(self, link: str) -> float:
-        """Return the middle of a planar link's layer, of the ground the mounting plate, along its normal."""
+        """Return the middle of a planar link's layer along its normal; for the ground its mounting plate."""
         return self.back if link == GROUND else self.height(link)
 
     @property
     def back(self) -> float:
-        """Where the mounting plate of a planar mechanism stands, along the ground's normal."""
+        """Position of the mounting plate of a planar mechanism along the ground's normal."""
         lowest = min(self.height(link.name) for link in self.mechanism.links)
         return lowest - (5.0 if self.mechanism.gears or self.mechanism.couplings else 2.6) * self.r
 
     def lift(self, end: End) -> Array:
-        """Return the layer of a planar link as a vector in its frame; the ground takes that of its guest."""
+        """Return a planar link's layer as a vector in its frame; the ground has that of its neighbour."""
         if not self.normals:
             return np.zeros(3)
         guided = end.link
@@ -326,11 +327,11 @@ class Canvas:
         return self.height(guided) * self.normals[end.link]
 
     def thickness(self, end: End) -> Array:
-        """Return the direction in which what slides at a joint is thin."""
+        """Return the thickness direction of the slider or rail at a joint."""
         return self.normals[end.link] if self.normals else end.frame[:, 1]
 
     def travel_of(self, joint: Joint) -> tuple[float, float]:
-        """Return the least and greatest displacement of a joint, known or bounded by the crank's reach."""
+        """Return the smallest and largest displacement of a joint, known or bounded by the crank's reach."""
         if joint.name in self.travel:
             return self.travel[joint.name]
         guess = {GROUND: GROUND_POSE, **self.mechanism.guess}
@@ -344,5 +345,5 @@ class Canvas:
 
 
 def upright_end(end: End, normal: Array) -> End:
-    """Return the end with its axis along the plane's normal."""
+    """Return the joint end with its axis along the plane's normal."""
     return replace(end, axis=vector(normal))

@@ -1,7 +1,8 @@
-"""The camera: where it looks from, how much it holds, and which pixel a point falls on.
+"""The camera: viewing direction, framing, and the pixel of a point.
 
-Parallel projection throughout: a length across the picture has one scale everywhere, so a scale bar
-is right everywhere, and framing is exact.
+The projection is parallel: the scale is the same everywhere, so that a scale bar is valid everywhere and
+    framing
+is exact.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,9 +18,9 @@ from mechsim.numerics.arrays import Array
 from mechsim.shapes.shape import HOUSING, Shape, vector
 
 PRESETS = ("iso", "shaft", "top", "side")
-# share of the picture kept free on each side for labels, scale bar and read-out
+# fraction of the picture that is free on each side for labels, scale bar and read-out
 BORDER = 0.09
-# a shaft whose direction has this part along an axis stands along it
+# cosine of the angle to an axis above which a shaft counts as parallel to it
 PARALLEL = 0.9
 
 
@@ -32,7 +33,7 @@ class Camera:
         right: unit vector to the right of the picture, (3,).
         up: unit vector to its top, (3,).
         back: unit vector from the scene to the camera, (3,).
-        height: of what the picture holds, in [m].
+        height: height of the visible area in [m].
         resolution: of the picture (width, height) in pixels.
     """
 
@@ -49,7 +50,7 @@ class Camera:
         return self.resolution[1] / self.height
 
     def pixel(self, points: Array) -> Array:
-        """Return where points fall in the picture, x to the right and y down; (..., 3) -> (..., 2)."""
+        """Return the pixels of points, x to the right and y down; (..., 3) -> (..., 2)."""
         off = points - self.position
         x = self.resolution[0] / 2.0 + self.scale * (off @ self.right)
         y = self.resolution[1] / 2.0 - self.scale * (off @ self.up)
@@ -57,10 +58,10 @@ class Camera:
 
 
 def upright(mechanism: Mechanism, up: Up | None = None) -> Array:
-    """Return the unit vector that points up, (3,): of `up`, else the mechanism's own, else y.
+    """Return the unit vector that points up, (3,): `up`, else the axis of the description, else y.
 
-    A mechanism that moves in one horizontal plane is drawn in that plane, its y axis up (z where y is
-    vertical). Where nothing states what is up and the first driver's axis lies along y, z is up.
+    A mechanism that moves in a horizontal plane is drawn in that plane, with its y axis up (z if y is
+    vertical). If nothing states the axis and the first driver's axis is parallel to y, z is up.
     """
     stated = up or mechanism.up
     vertical = unit_vector(stated or "y")
@@ -71,18 +72,16 @@ def upright(mechanism: Mechanism, up: Up | None = None) -> Array:
 
 
 def _other_axis(vertical: Array) -> Array:
-    """Return the y axis, or z where the vertical lies along y."""
+    """Return the y axis, or z if the vertical is parallel to y."""
     return unit_vector("y" if abs(float(vertical[1])) < PARALLEL else "z")
 
 
 def directions(mechanism: Mechanism, preset: str, up: Up | None = None) -> tuple[Array, Array]:
     """Return (back, up) of a preset: unit vectors from scene to camera and to the top of the picture.
 
-    `up` is the axis that points up, see `upright`.
-
-    "shaft" looks along the crank shaft, the crank turning anticlockwise at positive speed; "top"
-    and "side" look across it; "iso" looks from a corner, or, for a planar mechanism, straight on
-    its plane.
+    `up` is the axis that points up, see `upright`. "shaft" looks along the crank shaft, with the crank
+    rotating anticlockwise at positive speed; "top" and "side" look across it; "iso" looks from a corner, or,
+    for a planar mechanism, perpendicular to its plane.
     """
     if preset not in PRESETS:
         raise InputError(f"there is no camera {preset!r}; known are {', '.join(PRESETS)}")
@@ -112,7 +111,7 @@ def directions(mechanism: Mechanism, preset: str, up: Up | None = None) -> tuple
 
 
 def _shaft(mechanism: Mechanism) -> Array:
-    """Return the normal of the plane that all moves in, else the axis of the first driver."""
+    """Return the normal of the plane of motion, else the axis of the first driver."""
     normals = hinged_normals(mechanism)
     return normals[GROUND] if normals else np.asarray(mechanism.driven_joints[0].a.axis)
 
@@ -126,9 +125,9 @@ def framed(
     border: float = BORDER,
     foot: float = 0.0,
 ) -> Camera:
-    """Return the camera along `back` that holds balls about points, (n, 3) and (n,), with a margin.
+    """Return the camera along `back` that shows balls about points, (n, 3) and (n,), with a margin.
 
-    Of the picture's height the share `foot` stays free at the bottom, or the margin if that is more.
+    The fraction `foot` of the picture's height is free at the bottom, or the margin if that is larger.
     """
     foot = max(0.0, foot - border)
     right = np.cross(up, back)
@@ -143,12 +142,12 @@ def framed(
 
 
 def clearest_pose(mechanism: Mechanism, poses: Mapping[str, Pose], view: tuple[Array, Array]) -> int:
-    """Return the pose in which joints and tracked points spread over the largest area of a picture.
+    """Return the index of the pose with the largest projected area of joints and tracked points.
 
-    The area is that of the ellipse of inertia of their projections; it is 0 where all lie on one line.
+    The area is that of the ellipse of inertia of their projections; it is 0 if all are collinear.
 
     Args:
-        mechanism: whose joints.
+        mechanism: the mechanism.
         poses: link -> poses, (n, ...), or one pose; ground included.
         view: unit vectors to the right and to the top of the picture, (3,) each.
     """
@@ -161,7 +160,7 @@ def clearest_pose(mechanism: Mechanism, poses: Mapping[str, Pose], view: tuple[A
 
 
 def nice(length: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is no longer than a length."""
+    """Return the largest of 1, 2, 5 times a power of ten that does not exceed a length."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= length * (1.0 + 1e-9)))
 
@@ -176,9 +175,9 @@ class Wall:
     """A plane with a grid on it.
 
     Attributes:
-        point: its middle, (3,) in [m].
-        normal: unit vector off it towards the mechanism, (3,).
-        half: half its edges in [m], the first along `across`.
+        point: its centre, (3,) in [m].
+        normal: unit normal towards the mechanism, (3,).
+        half: half its edge lengths in [m], the first along `across`.
         across: unit vector along its first edge, (3,).
     """
 
@@ -189,7 +188,7 @@ class Wall:
 
     @property
     def frame(self) -> Array:
-        """Axes as columns: along the first edge, the second, off the wall; (3, 3)."""
+        """Axes as columns: along the first edge, the second, along the normal; (3, 3)."""
         return np.column_stack([self.across, np.cross(self.normal, self.across), self.normal])
 
 
@@ -199,11 +198,11 @@ def backdrop(
     """Return the plane behind a mechanism, as large as the picture needs.
 
     Args:
-        mechanism: what stands before it.
-        camera: that looks at it.
-        up: unit vector along a coordinate axis, across which a floor lies, (3,).
-        low: least coordinates of what must lie in front, (3,) in [m].
-        high: greatest coordinates, (3,) in [m].
+        mechanism: the mechanism in front of it.
+        camera: the camera.
+        up: unit vector along a coordinate axis, the normal of a floor, (3,).
+        low: smallest coordinates that must lie in front, (3,) in [m].
+        high: largest coordinates, (3,) in [m].
         grid_step: edge of a grid cell in [m]; the grid passes through the origin, so that it can be read.
     """
     normal, centre, back = _backdrop_axis(mechanism, camera.back, up), camera.position, camera.back
@@ -219,7 +218,7 @@ def backdrop(
 
 
 def corner(camera: Camera, low: Array, high: Array) -> list[Wall]:
-    """Return the three coordinate planes that stand behind a box."""
+    """Return the three coordinate planes behind a box."""
     middle, half = (low + high) / 2.0, (high - low) / 2.0
     walls: list[Wall] = []
     for i, axis in enumerate(np.eye(3)):
@@ -238,7 +237,7 @@ def lowered(low: Array, high: Array, up: Array, by: float) -> tuple[Array, Array
 def stands(shapes: Iterable[Shape], up: Array, floor: float, radius: float) -> list[Shape]:
     """Return a post with a foot for every bearing, down to a floor at a height along the unit vector `up`.
 
-    Of bearings above one another the lowest stands on the floor: the same shaft or rail carries the others.
+    Of several bearings above one another only the lowest gets a post; the others share its shaft or rail.
     """
     posts: list[Shape] = []
     bearings = sorted((s for s in shapes if s.role == "bearing"), key=lambda s: float(s.centre @ up))
@@ -252,7 +251,7 @@ def stands(shapes: Iterable[Shape], up: Array, floor: float, radius: float) -> l
 
 
 def _backdrop_axis(mechanism: Mechanism, back: Array, up: Array) -> Array:
-    """Return the direction off the plane that stands behind the mechanism: a floor, or a wall."""
+    """Return the normal of the plane behind the mechanism: a floor or a wall."""
     normals = hinged_normals(mechanism)
     if normals and abs(float(normals[GROUND] @ back)) > 0.5:
         return normals[GROUND] * np.sign(normals[GROUND] @ back)

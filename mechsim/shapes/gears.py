@@ -1,4 +1,4 @@
-"""Gears: pairs of toothed wheels that mesh, on the frame or on an arm that carries them, and racks."""
+"""Gears: pairs of meshing toothed wheels, on the frame or on an arm, and racks."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,17 +14,17 @@ from mechsim.shapes.body import Canvas, rod_radius, upright_end
 from mechsim.shapes.shape import HOUSING, Rgba, Shape, pale, vector
 
 WheelKey = tuple[str, float]
-# part of a bevel gear's slant that its teeth take
+# length of the teeth of a bevel gear relative to its slant height
 FACE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
 class Cone:
-    """On what cone the teeth of a bevel gear lie.
+    """The pitch cone of a bevel gear.
 
     Attributes:
-        apex: height of its tip over the joint's point along the axis, in [m].
-        height: of the wheel's back over the tip, in [m].
+        apex: height of its apex over the joint's point along the axis, in [m].
+        height: height of the wheel's back over the apex, in [m].
     """
 
     apex: float
@@ -36,13 +36,14 @@ class Wheel:
     """A toothed wheel.
 
     Attributes:
-        end: of the joint about whose axis it lies.
-        radius: of the circle on which it meshes, in [m].
-        teeth: how many it has.
-        first: angle of one of them from the joint's reference direction, in [rad].
-        direction: +1, or -1 for the one of a pair that turns against the other, both about their own axes.
-        hollow: whether it is a ring with teeth inside.
-        cone: of a bevel gear, on what its teeth lie.
+        end: joint end whose axis is the wheel's.
+        radius: radius of the pitch circle, in [m].
+        teeth: number of teeth.
+        first: angle of a tooth from the joint's reference direction, in [rad].
+        direction: +1, or -1 for the wheel of a pair that rotates in the opposite direction about its own
+            axis.
+        hollow: whether it is a ring with internal teeth.
+        cone: pitch cone of a bevel gear.
     """
 
     end: End
@@ -55,14 +56,14 @@ class Wheel:
 
     @property
     def key(self) -> WheelKey:
-        """Link and radius, to six digits: the key of a wheel."""
+        """Link and radius to six digits."""
         return self.end.link, float(f"{self.radius:.5e}")
 
 
 def draw_wheel(canvas: Canvas, wheel: Wheel) -> None:
-    """Draw a toothed disc, or a ring with teeth inside, behind all links; a bevel gear where it lies.
+    """Draw a toothed disc, or a ring with internal teeth, behind all links; a bevel gear in its place.
 
-    What turns with a link hangs on it by a hub, a ring by a disc behind its teeth.
+    A wheel is connected to its link by a hub, a ring by a disc behind its teeth.
     """
     if wheel.cone is not None:
         _bevel(canvas, wheel, wheel.cone)
@@ -82,14 +83,14 @@ def draw_wheel(canvas: Canvas, wheel: Wheel) -> None:
         _hub(canvas, upright, (low, radius + depth), wheel.hollow, colour)
     for angle in wheel.first + 2.0 * np.pi * np.arange(teeth) / teeth:
         out = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
-        # a shade thinner than the disc, so that the faces do not fight where they overlap
+        # slightly thinner than the disc, so that coincident faces do not flicker
         tooth = (0.42 * np.pi * radius / teeth, 0.57 * canvas.r)
         ends = vector(centre + inner * out), vector(centre + outer * out)
         canvas.out[end.link].append(Shape("box", *ends, tooth, colour, upright.axis))
 
 
 def _hub(canvas: Canvas, end: End, sizes: tuple[float, float], hollow: bool, colour: Rgba) -> None:
-    """Draw what joins a wheel to its link: from its back at a height, of a radius in [m]."""
+    """Draw the hub that connects a wheel to its link: from its back at a height, with a radius in [m]."""
     low, radius = sizes
     if hollow:
         low -= 0.3 * canvas.r
@@ -108,7 +109,7 @@ def wheel_height(canvas: Canvas) -> float:
 
 
 def _bevel(canvas: Canvas, wheel: Wheel, cone: Cone) -> None:
-    """Draw a bevel gear: its back, its hub, a shaft to the joint, and teeth that point at the cone's tip."""
+    """Draw a bevel gear: its back, its hub, a shaft to the joint, and teeth that point to the cone's apex."""
     end, colour = wheel.end, wheel_colour(canvas, wheel.end.link)
     axis, point = np.asarray(end.axis), np.asarray(end.point)
     back, front = cone.apex + cone.height, cone.apex + (1.0 - FACE) * cone.height
@@ -134,13 +135,13 @@ def _bevel(canvas: Canvas, wheel: Wheel, cone: Cone) -> None:
 def _rim(
     canvas: Canvas, link: str, centre: Array, end: End, sizes: tuple[float, float, int], colour: Rgba
 ) -> None:
-    """Draw a ring of so many bars: inner radius, half a thickness, bars."""
+    """Draw a ring of bars: inner radius, half thickness, number of bars."""
     inner, thick, bars = sizes
     half = 1.2 * canvas.r
     for angle in 2.0 * np.pi * np.arange(bars) / bars:
         c, s = np.cos(angle), np.sin(angle)
         out, along = end.frame @ np.array([c, s, 0.0]), end.frame @ np.array([-s, c, 0.0])
-        # long enough that their outer corners meet
+        # the length at which the outer corners of bars meet
         reach = (inner + 2.0 * half) * np.tan(np.pi / bars)
         middle = centre + (inner + half) * out
         ends = vector(middle - reach * along), vector(middle + reach * along)
@@ -148,7 +149,7 @@ def _rim(
 
 
 def teeth_on(radius: float, pitch: float) -> int:
-    """Return how many teeth a wheel has of which each takes `pitch` of a radius."""
+    """Return the number of teeth of a wheel if a tooth takes `pitch` of its radius."""
     return max(1, round(radius / pitch))
 
 
@@ -158,12 +159,12 @@ def angle_in(end: End, direction: Array) -> float:
     return float(np.arctan2(y, x))
 
 
-# teeth of the smallest wheel
-FEWEST = 18
+# number of teeth of the smallest wheel
+MIN_TEETH = 18
 
 
 def draw_gears(canvas: Canvas) -> None:
-    """Draw the wheels of all gears whose shafts are parallel or meet, each wheel once, and all racks."""
+    """Draw the wheels of all gears with parallel or intersecting shafts, each wheel once, and all racks."""
     mechanism, drawn = canvas.mechanism, dict[WheelKey, Wheel]()
     pitch = _pitch([wheel.radius for gear in mechanism.gears for wheel in wheels_of(mechanism, gear)])
     for gear in mechanism.gears:
@@ -171,21 +172,21 @@ def draw_gears(canvas: Canvas) -> None:
             if wheel.key not in drawn:
                 drawn[wheel.key] = wheel
                 draw_wheel(canvas, wheel)
-    draw_racks(canvas, FEWEST)
+    draw_racks(canvas, MIN_TEETH)
 
 
 def _pitch(radii: Sequence[float]) -> float:
-    """Return the part of a radius a tooth takes such that all wheels have nearly whole numbers of teeth."""
+    """Return the radius per tooth with which all wheels have nearly integer numbers of teeth."""
     if not radii:
         return 1.0
-    counts = np.arange(FEWEST, 3 * FEWEST)
+    counts = np.arange(MIN_TEETH, 3 * MIN_TEETH)
     teeth = np.outer(counts, radii) / min(radii)
     off = np.abs(teeth - np.round(teeth)).max(1).round(6)
     return min(radii) / float(counts[np.argmin(off)])
 
 
 def _meshing(pair: Sequence[Wheel], drawn: Mapping[WheelKey, Wheel]) -> Sequence[Wheel]:
-    """Return a pair turned so that the one which is drawn already has its teeth where they are."""
+    """Return a pair rotated so that the wheel that is already drawn keeps its teeth."""
     for wheel, other in (pair, pair[::-1]) if pair else ():
         if wheel.key in drawn:
             off = (drawn[wheel.key].first - wheel.first) * wheel.teeth / other.teeth
@@ -194,7 +195,7 @@ def _meshing(pair: Sequence[Wheel], drawn: Mapping[WheelKey, Wheel]) -> Sequence
 
 
 def wheels_of(mechanism: Mechanism, gear: Gear, pitch: float = 1.0) -> list[Wheel]:
-    """Return both wheels of a gear, none where shafts pass each other or do not turn as wheels would.
+    """Return both wheels of a gear; none if the shafts are skew or the ratio does not fit wheels.
 
     A tooth takes `pitch` of a radius, in [m].
     """
@@ -213,14 +214,14 @@ def wheels_of(mechanism: Mechanism, gear: Gear, pitch: float = 1.0) -> list[Whee
 
 
 def _side_by_side(first: Joint, second: Joint, gear: Gear, pitch: float) -> list[Wheel]:
-    """Two wheels whose shafts the same link carries, meshing outside."""
+    """Return two externally meshing wheels whose shafts are on the same link."""
     across, distance = _apart(first.a, second.a)
     if not (_parallel(first.a, second.a) and gear.ratio < 0.0 and distance > 0.0):
         return []
-    fast = 1.0 / (1.0 + abs(gear.ratio))  # the driven gear's part of the distance
+    fast = 1.0 / (1.0 + abs(gear.ratio))  # radius of the driven gear relative to the distance
     radii = distance * (1.0 - fast), distance * fast
     angles = [angle_in(joint.a, sign * across) for joint, sign in ((first, 1.0), (second, -1.0))]
-    # at driver angle zero a gap of the driven gear meets a tooth of the driver
+    # at driver angle zero a gap of the driven gear faces a tooth of the driver
     counts = [teeth_on(radius, pitch) for radius in radii]
     second_angle = angles[1] - gear.phase + np.pi / counts[1]
     return [
@@ -230,10 +231,10 @@ def _side_by_side(first: Joint, second: Joint, gear: Gear, pitch: float) -> list
 
 
 def _on_an_arm(arm: Joint, planet: Joint, gear: Gear, pitch: float) -> list[Wheel]:
-    """A planet on the arm that drives it, and the wheel that stands where the arm's shaft does.
+    """Return a planet on the arm that drives it, and the fixed wheel on the arm's shaft.
 
-    Seen from the arm that wheel turns back as far as the arm turns: inside a ring the planet turns back as
-    well, round a wheel it turns on.
+    Relative to the arm, that wheel rotates backward by the arm's angle. Inside a ring the planet also rotates
+    backward, around a wheel it rotates forward.
     """
     across, distance = _apart(arm.b, planet.a)
     ratio = -gear.ratio if _parallel(arm.b, planet.a) else 0.0
@@ -242,7 +243,7 @@ def _on_an_arm(arm: Joint, planet: Joint, gear: Gear, pitch: float) -> list[Whee
         return []
     radius = distance / radius_ratio
     teeth, standing = teeth_on(radius, pitch), teeth_on(abs(ratio) * radius, pitch)
-    # at zero of both joints a tooth of the planet points at the wheel that stands, which has a gap there
+    # at zero of both joints a tooth of the planet points at the fixed wheel, which has a gap there
     out = np.asarray(arm.a.frame) @ np.asarray(arm.b.frame).T @ across
     first = angle_in(planet.a, across) - gear.phase
     gap = angle_in(arm.a, out) + np.pi / standing
@@ -253,7 +254,7 @@ def _on_an_arm(arm: Joint, planet: Joint, gear: Gear, pitch: float) -> list[Whee
 
 
 def _apart(a: End, b: End) -> tuple[Array, float]:
-    """Return the vector from one shaft to another of the same link, across the first, and its length."""
+    """Return the vector between two shafts of the same link, perpendicular to the first, and its length."""
     across, axis = np.subtract(b.point, a.point), np.asarray(a.axis)
     across = across - axis * (across @ axis)
     return across, float(np.linalg.norm(across))
@@ -263,11 +264,11 @@ def _parallel(a: End, b: End) -> bool:
     return float(np.asarray(a.axis) @ np.asarray(b.axis)) > 1.0 - 1e-9
 
 
-# axes that pass each other at less than this part of a rod's radius meet
-MEETS = 1e-3
+# distance of two axes relative to a rod's radius below which they intersect
+MAX_AXIS_DISTANCE = 1e-3
 # sine of the angle between axes below which they are parallel
 PARALLEL = 1e-6
-# slant of wheels whose joints both lie where the shafts meet, in radii of rods
+# slant height of wheels whose joints both lie at the intersection of the shafts, in radii of rods
 SLANT = 9.0
 Ends = tuple[End, End]
 
@@ -275,21 +276,21 @@ Ends = tuple[End, End]
 def bevel_pair(
     first: Ends, second: Ends, rates: tuple[float, float], phase: float, rod: float, pitch: float
 ) -> list[Wheel]:
-    """Return two wheels whose shafts meet, none where these are parallel or pass each other.
+    """Return two wheels with intersecting shafts; none if these are parallel or skew.
 
-    Seen from the link that carries both, wheels of rates w1 and w2 about axes u1 and u2 roll on each other
-    along the direction of w1 u1 - w2 u2. The wheels lie where their joints do, as far as they can.
+    Relative to the link that carries both, wheels with rates w1 and w2 about axes u1 and u2 roll on each
+    other along the direction of w1 u1 - w2 u2. The wheels lie near their joints, if possible.
 
     Args:
-        first: of the first wheel's joint, the end on the link that carries both, and the wheel's own.
-        second: of the second wheel's.
-        rates: of both wheels about their axes, seen from that link.
-        phase: angle of the second joint where the first is at zero, in [rad].
+        first: ends of the first wheel's joint: on the link that carries both, and on the wheel.
+        second: those of the second wheel's joint.
+        rates: rates of both wheels about their axes, relative to that link.
+        phase: angle of the second joint at zero of the first, in [rad].
         rod: radius of rods in [m].
-        pitch: part of a radius that a tooth takes, in [m].
+        pitch: radius per tooth, in [m].
     """
     carriers, own = zip(first, second, strict=True)
-    apex = _axes_intersection(*carriers, MEETS * rod)
+    apex = _axes_intersection(*carriers, MAX_AXIS_DISTANCE * rod)
     axes = np.array([end.axis for end in carriers])
     along = rates[0] * axes[0] - rates[1] * axes[1]
     length = float(np.linalg.norm(along))
@@ -304,7 +305,7 @@ def bevel_pair(
     along, cosines, slant = _side(along, cosines, -tips, SLANT * rod)
     counts = [teeth_on(slant * sine, pitch) for sine in sines]
     angles = [angle_in(end, along) for end in carriers]
-    # where the first joint is at zero a tooth of its wheel meets a gap of the other
+    # at zero of the first joint a tooth of its wheel faces a gap of the other
     starts = angles[0], angles[1] - phase + np.pi / counts[1]
     ways = 1.0, float(np.sign(rates[0] * rates[1]))
     cones = [Cone(tip, slant * cosine) for tip, cosine in zip(tips.tolist(), cosines.tolist(), strict=True)]
@@ -314,10 +315,9 @@ def bevel_pair(
 
 
 def _side(along: Array, cosines: Array, heights: Array, least: float) -> tuple[Array, Array, float]:
-    """Return the line of contact to the side where the joints lie, its cosines, and its length in [m].
+    """Return the line of contact on the side of the joints, its cosines, and its length in [m].
 
-    Heights are those of the joints over the point where the shafts meet; a wheel as flat as a plate may lie
-    anywhere.
+    Heights are those of the joints over the intersection of the shafts; a flat wheel can lie anywhere.
     """
     conical = np.abs(cosines) > PARALLEL
     slants = np.divide(heights, cosines, out=np.zeros(2), where=conical)
@@ -330,7 +330,7 @@ def _side(along: Array, cosines: Array, heights: Array, least: float) -> tuple[A
 
 
 def _axes_intersection(a: End, b: End, max_distance: float) -> Array | None:
-    """Return where the axes of two joints meet, (3,); None where they are parallel or farther apart."""
+    """Return the intersection of two joint axes, (3,); None if they are parallel or farther apart."""
     across = np.cross(a.axis, b.axis)
     square = float(across @ across)
     if not square > PARALLEL**2:
@@ -341,14 +341,14 @@ def _axes_intersection(a: End, b: End, max_distance: float) -> Array | None:
     return a.point + np.asarray(a.axis) * float(np.cross(off, b.axis) @ across / square)
 
 
-# cosine of the angle between slide and shaft below which they are square
+# cosine of the angle between slide and shaft below which they are perpendicular
 SQUARE = 1e-9
-# a rack of more teeth is not drawn
+# largest number of teeth of a rack that is drawn
 MAX_RACK_TEETH = 400
 
 
 def draw_racks(canvas: Canvas, teeth: int) -> None:
-    """Draw pinions of so many teeth and their racks, as long as their way asks for."""
+    """Draw pinions with a number of teeth, and racks that are as long as their travel."""
     for coupling in canvas.mechanism.couplings:
         if isinstance(coupling.left, str) and isinstance(coupling.right, str):
             joints = {joint.name: joint for joint in canvas.mechanism.joints}
@@ -365,9 +365,9 @@ def _meshes(coupling: Coupling, rack: Joint, pinion: Joint) -> bool:
 
 
 def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth: int) -> None:
-    """Draw a pinion and the teeth of its rack, a tooth of the one in a gap of the other.
+    """Draw a pinion and the teeth of its rack, with a tooth of one in a gap of the other.
 
-    A bracket joins the rack to the place of its slide.
+    A bracket connects the rack to its slide.
     """
     radius = abs(coupling.ratio)
     step = 2.0 * np.pi * radius / teeth
@@ -377,7 +377,7 @@ def _draw(canvas: Canvas, coupling: Coupling, rack: Joint, pinion: Joint, teeth:
     own = pinion.a
     up = np.asarray((upright_end(own, canvas.normals[own.link]) if canvas.normals else own).axis)
     meet = own.point + wheel_height(canvas) * up + radius * out
-    # in the rack's frame, which goes along the slide
+    # in the rack's frame, which moves along the slide
     rotation = rack.b.frame @ rack.a.frame.T
     zero = coupling.zeros[0] + coupling.coefficients[0]
     base = rack.b.point + rotation @ (meet - rack.a.point) - zero * (rotation @ slide_axis)

@@ -1,4 +1,4 @@
-"""How each kind of joint is drawn: eyes and pins, shafts in bearings, blocks on rails, balls, crosses."""
+"""Shapes of each kind of joint: eyes and pins, shafts in bearings, blocks on rails, balls, crosses."""
 
 from collections.abc import Callable, Mapping
 
@@ -16,12 +16,12 @@ from mechsim.shapes.shape import HOUSING, STEEL, Shape, vector
 
 
 def revolute(canvas: Canvas, joint: Joint) -> None:
-    """Draw eyes and a pin in a flat mechanism, else a shaft in a bearing or a fork."""
+    """Draw eyes and a pin in a planar mechanism, else a shaft in a bearing or a fork."""
     (flat_revolute if canvas.normals else spatial_revolute)(canvas, joint)
 
 
 def flat_revolute(canvas: Canvas, joint: Joint) -> None:
-    """Draw two eyes in their layers and the pin through both; on the ground a boss on the plate."""
+    """Draw two eyes in their layers and a pin through both; on the ground a boss on the plate."""
     assert canvas.normals
     heights = [canvas.height(end.link) for end in (joint.a, joint.b) if end.link != GROUND]
     thick, top = 0.62 * canvas.r, max(heights) + 1.0 * canvas.r
@@ -58,7 +58,7 @@ def spatial_revolute(canvas: Canvas, joint: Joint) -> None:
 
 
 def ball(canvas: Canvas, joint: Joint) -> None:
-    """Draw a steel ball on the ground, else on the first link, and a collar of the other around it."""
+    """Draw a steel ball on the ground, else on the first link, and a collar of the other link around it."""
     inner, around = (joint.b, joint.a) if joint.b.link == GROUND else (joint.a, joint.b)
     canvas.add(inner.link, "sphere", inner.point, inner.point, 2.0 * canvas.r, STEEL)
     if inner.link == GROUND:
@@ -82,7 +82,7 @@ def cross(canvas: Canvas, joint: Joint) -> None:
 
 
 def slide(canvas: Canvas, joint: Joint) -> None:
-    """Draw a block on a rail that is as long as its travel, on a moving link as far as that link reaches."""
+    """Draw a block on a rail as long as its travel; on a moving link the rail ends with the link."""
     r = canvas.r
     low, high = _reach(canvas, joint, 4.0 * r)
     rail, block = joint.a, joint.b
@@ -108,7 +108,7 @@ def slide(canvas: Canvas, joint: Joint) -> None:
 
 
 def sleeve(canvas: Canvas, joint: Joint) -> None:
-    """Draw a shaft on one link as long as the travel along it, a sleeve on the other."""
+    """Draw a shaft on one link, as long as its travel, and a sleeve on the other."""
     r = canvas.r
     low, high = _reach(canvas, joint, 8.0 * r)
     canvas.disc(joint.a.link, joint.a, low, high, 1.0 * r, canvas.colours.get(joint.a.link, STEEL))
@@ -121,9 +121,9 @@ def sleeve(canvas: Canvas, joint: Joint) -> None:
 
 
 def plate(canvas: Canvas, joint: Joint) -> None:
-    """Draw a table across the axis on one link, as wide as its travel, and a foot that glides on it."""
+    """Draw a table across the axis on one link, as wide as its travel, and a foot on it."""
     r = canvas.r
-    table, foot, (table_height, foot_height) = _apart(canvas, joint)
+    table, foot, (table_height, foot_height) = _joint_ends(canvas, joint)
     radius = canvas.travel_of(joint)[1] + 3.0 * r
     canvas.disc(
         table.link, table, table_height - 0.6 * r, table_height, radius, canvas.colours.get(table.link, STEEL)
@@ -137,16 +137,16 @@ def plate(canvas: Canvas, joint: Joint) -> None:
 
 
 def weld(canvas: Canvas, joint: Joint) -> None:
-    """Draw a collar where two links are one."""
-    a, b, heights = _apart(canvas, joint)
+    """Draw a collar at a fixed joint."""
+    a, b, heights = _joint_ends(canvas, joint)
     r, end = canvas.r, b if a.link != GROUND else a
     canvas.disc(end.link, end, min(heights) - 0.8 * r, max(heights) + 0.8 * r, 1.6 * r, HOUSING)
     if end.link == GROUND:
         canvas.carry()
 
 
-def _apart(canvas: Canvas, joint: Joint) -> tuple[End, End, tuple[float, float]]:
-    """Return both ends of a joint, of a flat mechanism with axes along its normal, and their heights."""
+def _joint_ends(canvas: Canvas, joint: Joint) -> tuple[End, End, tuple[float, float]]:
+    """Return both ends of a joint, with axes along the normal in a planar mechanism, and their heights."""
     if not canvas.normals:
         return joint.a, joint.b, (0.0, 0.0)
     a, b = (upright_end(end, canvas.normals[end.link]) for end in (joint.a, joint.b))
@@ -154,14 +154,14 @@ def _apart(canvas: Canvas, joint: Joint) -> tuple[End, End, tuple[float, float]]
 
 
 def _reach(canvas: Canvas, joint: Joint, clearance: float) -> tuple[float, float]:
-    """Return from where to where a guide goes along its axis: a margin beyond the travel, and to its link."""
+    """Return both ends of a guide along its axis: the travel with a margin, extended to its link."""
     low, high = canvas.travel_of(joint)
     low, high = low - clearance, high + clearance
     return (low, high) if joint.a.link == GROUND else (min(low, -canvas.r), max(high, canvas.r))
 
 
 def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
-    """Draw two feet that carry a rail or a block: on the mounting plate, or clamps for posts."""
+    """Draw two feet of a rail or a block: on the mounting plate, or clamps for posts."""
     r = canvas.r
     for end, inward in ((guide.frm, guide.to), (guide.to, guide.frm)):
         along = np.subtract(inward, end)
@@ -180,7 +180,7 @@ def _feet(canvas: Canvas, guide: Shape, thick: Array) -> None:
 
 
 def _rod_direction(canvas: Canvas, end: End) -> Array | None:
-    """The direction from a joint to the rest of its link, None where the link is only that point."""
+    """Return the direction from a joint to the rest of its link; None if the link is only that point."""
     rest = np.array(stations(canvas.mechanism, end.link)) - np.asarray(end.point)
     towards = rest.sum(0)
     length = float(np.linalg.norm(towards))
@@ -208,11 +208,11 @@ def link_shapes(
     """Return the shapes of every link, "ground" included.
 
     Args:
-        mechanism: what to draw.
-        travel: joint -> least and greatest displacement along its axis in [m], where it is known from a
-            motion; else sliding joints get rails long enough for any motion from the guess.
-        outward: joint -> in which direction its shaft leads along its axis to a bearing, +1 or -1; see
-            `free_sides`. Else the side that is free in the guess.
+        mechanism: the mechanism.
+        travel: joint -> smallest and largest displacement along its axis in [m], if known from a motion;
+            other sliding joints get rails long enough for any motion from the guess.
+        outward: joint -> direction along its axis from which its shaft extends to a bearing, +1 or -1; see
+            `free_sides`. The default is the side that is free in the guess.
     """
     if outward is None:
         outward = free_sides(mechanism, {GROUND: GROUND_POSE, **mechanism.guess})
@@ -226,7 +226,7 @@ def link_shapes(
 
 
 def _body(canvas: Canvas, link: str) -> None:
-    """Rods between the points of a link, an eye where no joint is."""
+    """Draw rods between the points of a link, and an eye where there is no joint."""
     positions, colour = stations(canvas.mechanism, link), canvas.colours[link]
     lift = canvas.height(link) * canvas.normals[link] if canvas.normals else np.zeros(3)
     for a, b in edges(positions):

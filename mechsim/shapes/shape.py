@@ -1,4 +1,4 @@
-"""A shape: one solid in a link's own frame, and the colours it may have."""
+"""A shape: a solid in a link's frame, and the colours of shapes."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -24,12 +24,12 @@ class TriangleMesh:
 
     @property
     def corners(self) -> Array:
-        """The corners of the box along the axes that holds it, (8, 3)."""
+        """The corners of its axis-aligned bounding box, (8, 3)."""
         low, high = self.vertices.min(0), self.vertices.max(0)
         return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
 
     def coarser(self, grid_step: float) -> "TriangleMesh":
-        """Return it with all vertices within a cell of a grid made one, at their middle; cells in [m]."""
+        """Return the mesh with all vertices in a grid cell merged at their centre; cells in [m]."""
         keys, group = np.unique(np.round(self.vertices / grid_step), axis=0, return_inverse=True)
         group = group.reshape(-1)
         count = np.bincount(group, minlength=len(keys))[:, None]
@@ -45,7 +45,7 @@ Rgba = tuple[float, float, float, float]
 Kind = Literal["capsule", "cylinder", "sphere", "box", "facets"]
 Role = Literal["body", "bearing"]
 
-# Okabe and Ito's colours, which stay apart for colour-blind eyes; the brightest last, as it fades on white
+# Okabe and Ito's colours, distinct for colour-blind eyes; the brightest is last, because it is pale on white
 PALETTE: tuple[Rgba, ...] = (
     (0.835, 0.369, 0.000, 1.0),
     (0.000, 0.447, 0.698, 1.0),
@@ -61,18 +61,18 @@ HOUSING: Rgba = (0.62, 0.64, 0.67, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """One solid in a link's own frame ("ground": in the world's).
+    """A solid in a link's frame ("ground": the world frame).
 
     Attributes:
-        kind: capsule, cylinder and box reach from `frm` to `to`; a sphere sits at `frm`; facets stand where
-            their vertices say.
+        kind: capsule, cylinder and box extend from `frm` to `to`; a sphere has its centre at `frm`; facets
+            have their own vertices.
         frm: start point in [m].
         to: end point in [m]; equal to `frm` for a sphere.
         sizes: (radius,), or for a box (half width, half thickness) in [m].
-        rgba: colour, each part 0 to 1.
-        thickness: of a box, the direction of its thickness.
-        role: "bearing" for what a stand can carry, else "body".
-        facets: the triangles of a body made of them.
+        rgba: colour, components 0 to 1.
+        thickness: direction of the thickness of a box.
+        role: "bearing" for a shape that a post can carry, else "body".
+        facets: triangles of a shape of kind "facets".
     """
 
     kind: Kind
@@ -86,12 +86,12 @@ class Shape:
 
     @property
     def centre(self) -> Array:
-        """The middle, (3,) in [m]."""
+        """The centre, (3,) in [m]."""
         return (np.asarray(self.frm) + np.asarray(self.to)) / 2.0
 
     @property
     def half_sizes(self) -> tuple[float, ...]:
-        """The sizes as MuJoCo orders them, in [m]."""
+        """The sizes in the order of MuJoCo, in [m]."""
         if self.kind == "sphere":
             return self.sizes
         return (*self.sizes, float(np.linalg.norm(np.subtract(self.to, self.frm))) / 2.0)
@@ -109,7 +109,7 @@ class Shape:
 
     @property
     def bounds(self) -> tuple[Array, float]:
-        """Points whose balls of the returned radius hold the shape, (k, 3) and [m]."""
+        """Points whose balls of the returned radius contain the shape, (k, 3) and [m]."""
         if self.facets is not None:
             return self.facets.corners, 0.0
         if self.kind != "box":
@@ -123,7 +123,7 @@ class Shape:
 
 
 def across_of(direction: Array, axis: Array) -> Array:
-    """Return the unit part of a direction across an axis, or any such unit vector."""
+    """Return the unit component of a direction perpendicular to an axis, or any such unit vector."""
     for candidate in (direction, *np.eye(3)):
         across = candidate - axis * (candidate @ axis)
         length = float(np.linalg.norm(across))
@@ -139,6 +139,6 @@ def pale(colour: Rgba) -> Rgba:
 
 
 def vector(point: ArrayLike, by: ArrayLike = 0.0) -> Vector:
-    """Return a point, moved by a vector, as three plain numbers."""
+    """Return a point, shifted by a vector, as three plain numbers."""
     x, y, z = (np.asarray(point, dtype=np.float64) + np.asarray(by)).tolist()
     return (x, y, z)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.errors import BudgetError
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.convergence import believed_order
+from mechsim.numerics.convergence import plausible_order
 from mechsim.simulation.configurations import lag_distance
 from mechsim.simulation.driven_run import DrivenRun
 from mechsim.simulation.result import Run
@@ -176,7 +176,7 @@ def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tup
     # an error that grew over the last revolution continues to grow
     predicted_error = last * max(1.0, last / max(previous, TINY)) ** 2
     if predicted_error > tolerance:
-        order = believed_order(last, error, trial / steps)
+        order = plausible_order(last, error, trial / steps)
         steps = _whole_steps(driven, steps_for(steps, predicted_error, tolerance, order))
         steps = steps if steps <= WORTHWHILE_FRACTION * trial else trial
     return steps, spent

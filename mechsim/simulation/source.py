@@ -340,7 +340,7 @@ def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array
     assert loops.drivers is not None
     guess = loops.model.qpos0.copy()
     for name, address in zip(loops.drivers.names, loops.drivers.addresses, strict=True):
-        guess[address] = mechanism.counted.get(name, guess[address])
+        guess[address] = mechanism.guess_coordinates.get(name, guess[address])
     return replace(loops, drivers=loops.drivers.locked_at(guess[loops.drivers.addresses])), guess
 
 

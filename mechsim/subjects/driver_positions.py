@@ -1,4 +1,4 @@
-"""Tables of driver positions: poses at each row, and motion laws that pass through all rows."""
+"""Tables of driver positions: configurations at their rows, and motion laws through all rows."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -14,16 +14,16 @@ from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.numerics.arrays import Array
 
-# suffixes of the columns that a pose has: coordinates of points
+# suffixes of the columns of a point's coordinates
 _COORDINATE_SUFFIXES = (".x", ".y", ".z")
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses of a mechanism, one a row.
+    """Configurations of a mechanism, one per row.
 
     Attributes:
-        motion: which stands still at each of them.
+        motion: a motion that is at rest at each configuration.
     """
 
     motion: Motion
@@ -44,11 +44,11 @@ class Poses:
 
 @dataclass(frozen=True)
 class DriverPath:
-    """Motion laws that connect rows of driver positions linearly.
+    """Motion laws that connect rows of driver positions by straight lines.
 
     Attributes:
-        motion_laws: of the drivers; they stand still at each row.
-        times: of the rows, in [s], (n,); of rows that are alike the same.
+        motion_laws: of the drivers; they are at rest at each row.
+        times: times of the rows in [s], (n,); equal consecutive rows have equal times.
     """
 
     motion_laws: MotionLaws
@@ -56,7 +56,7 @@ class DriverPath:
 
 
 def poses_of_table(solver: KinematicSolver, table: Mapping[str, Array], source: str) -> Poses:
-    """Return the poses at rows of driver coordinates, in the assembly followed from the guess through them.
+    """Return the configurations at rows of driver positions, on the path from the guess through all rows.
 
     Raises:
         InputError: as `driver_path`.
@@ -75,14 +75,14 @@ def driver_path(
     """Return the motion laws through rows of driver positions.
 
     Args:
-        solver: what moves.
+        solver: the mechanism.
         table: driver -> values, (n,) in [m] or [rad].
-        source: where the rows come from, for messages.
-        uniform: whether rows are one second apart; otherwise their time is the distance in [rad] or in
-            mechanism sizes.
+        source: origin of the rows, for messages.
+        uniform: whether rows are one second apart; by default their distance in [rad] or in characteristic
+            lengths is their time.
 
     Raises:
-        InputError: for a driver without its column, or numbers that are not finite.
+        InputError: for a driver without a column, or numbers that are not finite.
     """
     mechanism = solver.mechanism
     missing = [name for name in mechanism.drivers if name not in table]
@@ -93,7 +93,7 @@ def driver_path(
         )
     values = np.array([table[name] for name in mechanism.drivers])
     if not np.isfinite(values).all():
-        raise InputError(f"{source} holds numbers that are not finite; correct the table")
+        raise InputError(f"{source} contains numbers that are not finite; correct the table")
     scales = [
         mechanism.characteristic_length if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers
     ]
@@ -109,10 +109,10 @@ def driver_path(
 def _piecewise_laws(
     mechanism: Mechanism, knots: Array, values: Array, rows: NDArray[np.intp], source: str
 ) -> MotionLaws:
-    """Return motion laws that go straight from row to row, and stand still at each: smooth for that."""
+    """Return smooth motion laws that connect rows by straight lines and are at rest at each row."""
 
     def locate(time: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
-        """Return on which stretch times lie, how far of it is gone, and the first two derivatives of that."""
+        """Return the segments of times, the fractions covered, and two derivatives of the fractions."""
         segment = np.clip(np.searchsorted(knots, time, side="right") - 1, 0, max(len(knots) - 2, 0))
         length = knots[segment + 1] - knots[segment] if len(knots) > 1 else np.ones_like(time)
         u = np.clip((time - knots[segment]) / length, 0.0, 1.0)
@@ -135,7 +135,7 @@ def _piecewise_laws(
 
     def description(time: float) -> str:
         segment = int(np.clip(np.searchsorted(knots, time, side="right") - 1, 0, len(knots) - 1))
-        return f"the stretch after row {rows[segment] + 1} of {source}"
+        return f"the segment after row {rows[segment] + 1} of {source}"
 
     states = tuple(state_of(column) for column in values)
     return MotionLaws(float(knots[-1]) or 1.0, mechanism.drivers, states, 1.0, description)

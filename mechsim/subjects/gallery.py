@@ -7,18 +7,18 @@ PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def folder() -> Path:
-    """Return where the gallery lies: in an installed package, or next to one that is run from its sources."""
+    """Return the folder of the gallery, in an installed package or in the source tree."""
     inside = PACKAGE / "gallery"
     return inside if inside.is_dir() else PACKAGE.parent / "models" / "gallery"
 
 
 def files() -> dict[str, Path]:
-    """Return the mechanisms of the gallery: name -> its file."""
+    """Return the mechanisms of the gallery: name -> file."""
     return {path.stem: path for path in sorted(folder().glob("*.toml"))}
 
 
 def description(path: Path) -> str:
-    """Return what a file of the gallery says of itself: how the comment at its head begins."""
+    """Return the first sentence of the comment at the head of a gallery file."""
     lines: list[str] = []
     for line in path.read_text(encoding="utf-8").splitlines():
         if not line.startswith("# ") or line.startswith("# Source:"):

@@ -16,15 +16,15 @@ from mechsim.numerics.arrays import Array
 from mechsim.subjects.time_expressions import VARIABLES, time_function
 from mechsim.units import Unit
 
-# gives where a driver starts, in SI
+# returns the initial value of a driver, in SI
 Start = Callable[[], float]
 
-# a number and what may be its unit, and nothing else
+# a number with an optional unit, and nothing else
 _QUANTITY = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*([^\d\W_°%][^*+()]*|[°%])?")
 _RATES: dict[str, Unit] = {"m": "m/s", "rad": "rad/s"}
 _EXAMPLES = {
-    "m": "20mm/s, 10mm*sin(2*pi*t), 15mm where it stands, or FILE.csv",
-    "rad": "600rpm, 30deg*sin(2*pi*0.6*t), 45deg where it stands, or FILE.csv",
+    "m": "20mm/s, 10mm*sin(2*pi*t), a constant 15mm, or FILE.csv",
+    "rad": "600rpm, 30deg*sin(2*pi*0.6*t), a constant 45deg, or FILE.csv",
 }
 
 
@@ -33,9 +33,9 @@ class MotionLaw:
     """The motion law of a driver.
 
     Attributes:
-        text: the law as a command line or a file in SI states it.
+        text: the law as text for the command line or a file in SI.
         state: times (n,) in [s] -> value, rate, acceleration.
-        end_time: last time of its table, in [s]; None if the law has no end.
+        end_time: last time of its table, in [s]; None without a table.
     """
 
     text: str
@@ -60,15 +60,16 @@ def parse_motion_law(
     """Return the motion law of a driver.
 
     Args:
-        text: `600rpm` or `20mm/s`, steady from where the driver starts; an expression of t in s, such as
-            `30deg*sin(2*pi*t)`; `30deg`, which stands still; or FILE.csv with columns t and value in SI.
-        name: of the driven coordinate.
-        unit: of it, "m" or "rad".
-        start: gives where it starts, in SI.
-        default_unit: what numbers without a unit are counted in, in SI.
-        parameters: parameter -> its number in those units.
-        declared: unit that the mechanism's file declares for the coordinate, where the text is from
-            elsewhere; text without a unit is then rejected.
+        text: `600rpm` or `20mm/s`, a constant speed from the initial value of the driver; an expression of t
+            in s, such as `30deg*sin(2*pi*t)`; `30deg`, a constant value; or FILE.csv with columns t and value
+            in SI.
+        name: name of the driven coordinate.
+        unit: unit of the coordinate, "m" or "rad".
+        start: returns its initial value, in SI.
+        default_unit: unit of numbers without a unit, in SI.
+        parameters: parameter -> its number in that unit.
+        declared: unit that the mechanism's file declares for the coordinate, if the text has another
+            origin; text without a unit is then an error.
 
     Raises:
         InputError: names the driver, the text and the remedy.
@@ -102,33 +103,33 @@ def parse_motion_law(
         position = units.parse(text, "m" if unit == "m" else "rad")
     except InputError:
         kind = "a speed or a length" if unit == "m" else "a speed of rotation or an angle"
-        raise InputError(f"{subject} measures something else; give {kind}, as in {_EXAMPLES[unit]}") from None
+        raise InputError(f"{subject} has another unit; give {kind}, as in {_EXAMPLES[unit]}") from None
     return MotionLaw(text, steady(position, 0.0))
 
 
 def _tabulated_law(path: str, name: str) -> MotionLaw:
-    """Return the motion law that two columns of a file say; of more the one of the driver's name."""
+    """Return the motion law in two columns of a file, or in the column with the driver's name."""
     _, time, value = read_column(path, name, ("t", "time"), f"the motion law of {name} give two, t in s")
     state = tabled(name, time, value)
     if not time[0] <= 0.0 < time[-1]:
         raise InputError(
             f"{path} goes from {time[0]:g} to {time[-1]:g} s; "
-            f"give the motion law of {name} from 0 s, and beyond it"
+            f"give the motion law of {name} from 0 s to a later time"
         )
     return MotionLaw(path, state, float(time[-1]))
 
 
 def read_column(path: str, name: str, axes: Sequence[str], expected: str) -> tuple[str, Array, Array]:
-    """Return the axis of a table in a file, its places and the values there, (n,) each.
+    """Return the axis of a table in a file, its positions, and the values there, (n,) each.
 
     Args:
-        path: of the file.
-        name: of the column of values where there are several.
-        axes: names of which one is the axis.
-        expected: what the file is to be, for messages, up to its axis.
+        path: path of the file.
+        name: name of the column of values if there are several.
+        axes: possible names of the axis.
+        expected: expected contents of the file with its axis, for messages.
 
     Raises:
-        InputError: for a file that is no table, has no axis or two, or no such column.
+        InputError: for a file without a table, axis or such a column, or with two axes.
     """
     table = files.read(path)
     axis_columns = [name_ for name_ in axes if name_ in table]
@@ -153,8 +154,8 @@ class LoadComponent:
     """A load along one axis.
 
     Attributes:
-        text: its number, or the text by which a file in SI says the same.
-        profile: its course, one number at each place.
+        text: its number, or the text that defines it in a file in SI.
+        profile: its load profile, one number at each position.
     """
 
     text: float | str
@@ -163,47 +164,47 @@ class LoadComponent:
 
 @dataclass(frozen=True)
 class WrittenLoad:
-    """The value of a load over time or angle, known by its text.
+    """The value of a load over time or angle, with its text.
 
     Attributes:
-        components: of one axis or of three.
+        components: one or three components.
     """
 
     components: tuple[LoadComponent, ...]
 
     def __call__(self, position: Array) -> Array:
-        """Return the values at places (n,), (n,) or (n, 3)."""
+        """Return the values at positions (n,), (n,) or (n, 3)."""
         columns = [component.profile.evaluate(position, position) for component in self.components]
         return columns[0] if len(columns) == 1 else np.stack(columns, 1)
 
 
 def variables(text: str) -> list[str]:
-    """Return which variables a text names: t, angle."""
+    """Return the variables in a text: t, angle."""
     return sorted(set(_VARIABLE.findall(text)))
 
 
 def is_profile(value: object) -> TypeGuard[str]:
-    """Whether a value is text that says how a load goes over time or the crank's angle."""
+    """Whether a value is text with a load over time or crank angle."""
     return isinstance(value, str) and (is_table(value) or bool(variables(value)))
 
 
 def is_table(text: str) -> bool:
-    """Whether a text names a file with a table."""
+    """Whether a text is the name of a file with a table."""
     return text.strip().lower().endswith(files.EXTENSIONS)
 
 
 def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, float]) -> LoadComponent:
-    """Return what text that `varies` says of a load along one axis.
+    """Return a load along one axis that varies.
 
     Args:
-        text: an expression of t in s or of the crank's angle in rad, or FILE.csv with columns t or angle,
-            and value in SI; straight lines join its rows, and one turn of angles repeats.
-        name: of the column in a file that has several.
+        text: an expression of t in s or of the crank angle in rad, or FILE.csv with columns t or angle and
+            value in SI. Straight lines connect its rows, and a revolution of angles repeats.
+        name: name of the column in a file with several columns.
         unit: "N" or "N m"; numbers without a unit are in it.
         parameters: parameter -> its number.
 
     Raises:
-        InputError: for what is none of these; of an expression its sentence has no subject.
+        InputError: for any other text; for an expression the caller puts the subject before the message.
     """
     if is_table(text):
         axis, position, value = read_column(
@@ -213,10 +214,10 @@ def parse_component(text: str, name: str, unit: str, parameters: Mapping[str, fl
         return LoadComponent(text, table(position, value, over=_AXES[axis], periodic=bool(full_turn)))
     names = variables(text)
     if len(names) > 1:
-        raise InputError(f"names both {' and '.join(names)}; a load goes over one of them")
+        raise InputError(f"names both {' and '.join(names)}; a load varies over only one of them")
     (variable,) = names
     if variable in parameters:
-        raise InputError(f"names {variable!r}, here a parameter, too; give the parameter another name")
+        raise InputError(f"names {variable!r}, which is also a parameter; give the parameter another name")
     si_text, state = time_function(text, unit, parameters=parameters, variable=variable)
     return LoadComponent(si_text, function(lambda position: state(position)[0], over=_AXES[variable]))
 
@@ -225,13 +226,14 @@ def combine_components(components: Sequence[LoadComponent]) -> LoadProfile:
     """Return a load of one component or three.
 
     Raises:
-        InputError: where some go over time and others over the angle; its sentence has no subject.
+        InputError: if components vary over different variables; the caller puts the subject before the
+            message.
     """
     axes: set[Over] = {
         component.profile.over for component in components if component.profile.over is not None
     }
     if len(axes) > 1:
-        raise InputError("goes over t in one component and over angle in another; give one for all")
+        raise InputError("varies over t in one component and over angle in another; use the same in all")
     if not axes:
         numbers = [component.text for component in components]
         return constant(numbers[0] if len(numbers) == 1 else numbers)
@@ -242,10 +244,10 @@ def control_law(text: str, name: str) -> MotionLaw:
     """Return the control law of an actuator.
 
     Args:
-        text: a number, a quantity such as `20deg` or `30rpm`, which is kept; an expression of t in s, such as
-            `255*(0.5-0.5*cos(2*pi*t))`; or FILE.csv with columns t and value. In the control's own unit,
-            quantities in SI.
-        name: of the actuator.
+        text: a number or a constant quantity such as `20deg` or `30rpm`; an expression of t in s, such as
+            `255*(0.5-0.5*cos(2*pi*t))`; or FILE.csv with columns t and value. Numbers are in the unit of the
+            control, quantities in SI.
+        name: name of the actuator.
 
     Raises:
         InputError: names the actuator, the text and the remedy.
@@ -261,7 +263,9 @@ def control_law(text: str, name: str) -> MotionLaw:
             return MotionLaw(*time_function(text, unit))
         except InputError as error:
             reason = str(error)
-    raise InputError(f"what feeds actuator {name}, {text!r}, {reason}, as in --ctrl '{name}=0.3*sin(2*pi*t)'")
+    raise InputError(
+        f"the control of actuator {name}, {text!r}, {reason}, as in --ctrl '{name}=0.3*sin(2*pi*t)'"
+    )
 
 
 def control_laws(texts: Mapping[str, str]) -> dict[str, MotionLaw]:
@@ -270,7 +274,7 @@ def control_laws(texts: Mapping[str, str]) -> dict[str, MotionLaw]:
 
 
 def _constant(text: str) -> float | None:
-    """Return a number or a quantity in SI; None for what is neither."""
+    """Return a number, or a quantity in SI; None for other text."""
     try:
         return float(text)
     except ValueError:
@@ -283,7 +287,7 @@ def _constant(text: str) -> float | None:
 
 def _constant_law(value: float):
     def state(time: Array) -> tuple[Array, Array, Array]:
-        still = np.zeros_like(time)
-        return value + still, still, still
+        zero = np.zeros_like(time)
+        return value + zero, zero, zero
 
     return state

@@ -1,11 +1,11 @@
-"""The mechanisms that come with mechsim, each with a sentence on what it is."""
+"""The mechanisms that come with mechsim, each with a one-sentence description."""
 
 from mechsim.analytic import catalog
 from mechsim.subjects import gallery
 
 
 def list() -> dict[str, dict[str, str]]:
-    """Return the mechanisms that come with mechsim: catalogue and gallery, name -> what it is.
+    """Return the mechanisms that come with mechsim: catalogue and gallery, name -> description.
 
     Example:
         >>> sorted(ms.list())

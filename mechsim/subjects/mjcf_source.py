@@ -1,4 +1,4 @@
-"""A mechanism from an MJCF file: our own loop equations move it, and MuJoCo can run the file itself."""
+"""A mechanism from an MJCF file, solved by mechsim's loop equations; MuJoCo can run the file itself."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -32,9 +32,9 @@ class MjcfForm(LoopForm):
     """A mechanism read from an MJCF file.
 
     Attributes:
-        source: what was read: the specification that MuJoCo runs, limits, actuators, remarks.
-        facts: sentences on what was left out or changed, and on how far the loops stood open.
-        corrected: by how much joints were moved in [m] and turned in [rad] so that the loops can close.
+        source: the model as read: the specification that MuJoCo runs, limits, actuators, remarks.
+        facts: sentences on omissions, changes, and the initial loop-closure error.
+        corrected: largest corrections of joints in [m] and [rad] that let the loops close.
     """
 
     source: "MjcfModel | None" = None
@@ -44,7 +44,7 @@ class MjcfForm(LoopForm):
     __repr__ = short_repr
 
     def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
-        """Return the motion along its path; links between several joints of one body are no part of it.
+        """Return the motion along the path, without the virtual bodies between several joints of one body.
 
         Raises:
             AssemblyError: where the loops do not close, or a joint would leave its range.
@@ -52,12 +52,12 @@ class MjcfForm(LoopForm):
         return _without_hidden_links(self.within_ranges(super().solve_along(parameter, rate, second)))
 
     def solve_as(self, driven: Motion) -> Motion:
-        """Return the motion where the drivers of another motion really were."""
+        """Return the motion at the actual driver positions of another motion."""
         return _without_hidden_links(super().solve_as(driven))
 
 
 def _without_hidden_links(motion: Motion) -> Motion:
-    """Return a motion without the links that stand for nothing in the file."""
+    """Return a motion without links that are no body in the file."""
     return replace(motion, links={k: v for k, v in motion.links.items() if not k.startswith(VIRTUAL_PREFIX)})
 
 
@@ -72,7 +72,7 @@ class MujocoSource(ModelSource):
     model: "MujocoInput"
 
     def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
-        """Return the mechanism with locks, keyframe and tracked points; motion laws are bound later."""
+        """Return the mechanism with locks, keyframe and tracked points, without motion laws."""
         if changed:
             raise InputError(f"{self.model}: an MJCF file has no parameters; leave out --set")
         solver = read_mjcf(
@@ -88,21 +88,21 @@ class MujocoSource(ModelSource):
 
 
 def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "MujocoInput | None":
-    """Return the path or object of a model that MuJoCo compiles as it is; None for any other model.
+    """Return the path or object of a model that MuJoCo compiles unchanged; None for any other model.
 
     Args:
-        model: as `load` takes it. Of a solver that was read from MJCF, this is the specification it runs.
+        model: as in `load`; for a solver that was read from MJCF, the specification that it runs.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
-        InputError: for loops of another model.
+        InputError: for `loops` with another model.
     """
     if isinstance(model, MjcfForm) and model.source is not None:
         model = model.source.spec
     named = fspath(model) if isinstance(model, str | PathLike) else model
     closed = with_loops(named, None if loops is None else fspath(loops))
     if isinstance(closed, str):
-        # MuJoCo says what it misses in a file of unknown suffix
+        # let MuJoCo report what is wrong with a file of unknown suffix
         of_mujoco = closed.lower().endswith((".xml", ".urdf"))
         return closed if of_mujoco or (Path(closed).suffix and file_reader(closed) is None) else None
     return closed if type(closed).__name__ in ("MjSpec", "MjModel") else None
@@ -119,7 +119,7 @@ def with_loops(model: Any, loops: str | None) -> Any:
     from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
 
     if not isinstance(model, str):
-        raise InputError(f"loops from {loops} close those of a URDF file; give its path")
+        raise InputError(f"loops from {loops} need the path of a URDF file; give one")
     closed = urdf_specification(model, loops)
     return model if closed is None else closed
 
@@ -138,16 +138,16 @@ def read_mjcf(
 
     Args:
         source: path of an MJCF or URDF file, or an object.
-        drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
-        lock: joint -> value at which it is locked, as text or in SI; None for that of the start.
+        drivers: driven joints; empty selects those with actuators, else a hinge called crank.
+        lock: joint -> value at which it is locked, as text or in SI; None is its initial value.
         fix_base: whether bodies with free joints are fixed.
-        key: keyframe to start from; None takes the reference configuration.
-        track: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty takes the named sites, or the
-            origins of bodies where there are none.
-        still: whether no driver is needed, as when the model is only described.
+        key: keyframe to start from; the default is the reference configuration.
+        track: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty selects the named sites, or the
+            origins of bodies if there are none.
+        still: whether the model may have no driver, because it is only described.
 
     Raises:
-        InputError: for what MuJoCo rejects, or an unknown joint, keyframe or point; one line.
+        InputError: for models that MuJoCo rejects, or an unknown joint, keyframe or point; one line.
         AssemblyError: where a joint cannot reach the value at which it is locked.
     """
     from mechsim.simulation.mjcf_reader import model_label, read_model
@@ -164,14 +164,14 @@ def read_mjcf(
         label = model_label(source)
         raise error if label in str(error) else InputError(f"{label}: {error}") from None
     exact = corrected(model.mechanism)
-    # a MuJoCo scene without gravity stands on its x-y plane all the same
+    # pictures of a scene without gravity have z up, too
     mechanism = replace(_with_locked_guess(exact.mechanism), up=against(model.forces.gravity) or "z")
     return MjcfForm(
         mechanism,
         forces=model.forces,
         source=model,
         ranges=model.limits,
-        facts=(*model.remarks, *_correction_remarks(model, exact)),
+        facts=(*model.remarks, *_corrections(model, exact)),
         corrected=(exact.moved, exact.rotated),
     )
 
@@ -180,45 +180,50 @@ def _parser(name: str, text: str) -> Callable[[Unit], float]:
     return lambda unit: units.parse(text, unit, f"the locked position of {name}")
 
 
-def _correction_remarks(model: "MjcfModel", exact: Corrected) -> list[str]:
-    """Say how far the loops of a file stood open, and what was changed to close them."""
+def _corrections(model: "MjcfModel", exact: Corrected) -> list[str]:
+    """Return the initial loop-closure error of a file, and the corrections that close its loops."""
     remarks: list[str] = []
     if model.gap > 1e-12 * exact.mechanism.characteristic_length:
         remarks.append(
-            f"the loops stand open by {model.gap:.2g} m where the file starts; "
-            "what is solved closes them exactly"
+            f"the initial loop-closure error of the file is {model.gap:.2g} m; "
+            "the solution closes the loops exactly"
         )
     if exact.moved or exact.rotated:
         remarks.append(
-            f"joints were moved by up to {exact.moved:.2g} m and turned by up to {exact.rotated:.2g} rad: "
-            "to the digits of the file its loops would close in no pose"
+            f"joints were moved by up to {exact.moved:.2g} m and rotated by up to {exact.rotated:.2g} rad: "
+            "with the rounded numbers of the file the loops cannot close"
         )
     return remarks
 
 
 def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism whose guess has its joints where they are held, brought there with drivers still."""
-    counted, locked = dict(mechanism.counted), dict(mechanism.locked)
-    displaced = {name: value for name, value in locked.items() if value != counted[name]}
+    """Return a mechanism whose guess has its joints at their locked values, at constant driver positions."""
+    guess_coordinates, locked = dict(mechanism.guess_coordinates), dict(mechanism.locked)
+    displaced = {name: value for name, value in locked.items() if value != guess_coordinates[name]}
     if not displaced:
         return mechanism
     drivers = (*mechanism.drivers, *locked)
     unlocked = replace(mechanism, driver=drivers, locked={})
     states = {
-        name: steady(counted[name], displaced.get(name, counted[name]) - counted[name]) for name in drivers
+        name: steady(
+            guess_coordinates[name], displaced.get(name, guess_coordinates[name]) - guess_coordinates[name]
+        )
+        for name in drivers
     }
     laws = make_motion_laws(unlocked, states, 1.0)
     try:
         motion = LoopForm(unlocked, motion_laws=laws).solve(t=[1.0])
     except MechsimError as error:
         targets = ", ".join(f"{name} = {value:g}" for name, value in displaced.items())
-        raise type(error)(f"on the way to {targets}, where it is to be held: {error}") from None
+        raise type(error)(f"on the path to the locked position {targets}: {error}") from None
     poses = {
         name: Pose(np.array(link.position[0]), np.array(link.rotation[0]))
         for name, link in motion.links.items()
     }
-    counted |= {name: float(motion.joints[name].value[0]) for name in counted if name in motion.joints}
-    return replace(mechanism, guess=poses, counted=counted | locked)
+    guess_coordinates |= {
+        name: float(motion.joints[name].value[0]) for name in guess_coordinates if name in motion.joints
+    }
+    return replace(mechanism, guess=poses, guess_coordinates=guess_coordinates | locked)
 
 
 def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> tuple[Finding, ...] | None:
@@ -226,7 +231,7 @@ def scene_findings(solver: KinematicSolver, laws: MotionLaws | None = None) -> t
 
     Args:
         solver: the mechanism.
-        laws: motion laws of the drivers; None takes its own.
+        laws: motion laws of the drivers; the default is those of the mechanism.
     """
     if not isinstance(solver, MjcfForm) or solver.source is None:
         return None

@@ -1,4 +1,4 @@
-"""What a model can be opened from: a row of READERS for each file format and each type of object."""
+"""Sources of models: a row of READERS for each file format and each type of object."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -18,9 +18,9 @@ class ModelDescription:
     """A mechanism as its source describes it.
 
     Attributes:
-        solver: its solver, without motion laws of its own where `motion_laws` states them.
-        motion_laws: driver -> motion law that the source states.
-        duration: of these motion laws in [s]; None where the source states none.
+        solver: its solver, without the motion laws in `motion_laws`.
+        motion_laws: driver -> motion law in the source.
+        duration: duration of these motion laws in [s]; None if the source has none.
         prescribed: whether locks, fixed bases, keyframes and tracked points are applied already.
     """
 
@@ -36,7 +36,7 @@ class Parameters:
 
     Attributes:
         dimensions: parameter -> its value and unit.
-        derived: parameter -> those that its expression uses.
+        derived: parameter -> parameters in its expression.
     """
 
     dimensions: Mapping[str, "Dimension"] = field(default_factory=dict[str, "Dimension"])
@@ -44,7 +44,7 @@ class Parameters:
 
 
 class ModelSource(ABC):
-    """A model that was opened. Its file is read once, and described as often as its parameters change."""
+    """An opened model. Its file is read once and described for each set of parameters."""
 
     @abstractmethod
     def describe(self, changed: Mapping[str, str | float], prescription: "Prescription") -> ModelDescription:
@@ -56,23 +56,23 @@ class ModelSource(ABC):
                 them all, except motion laws, sets `prescribed`; `load` applies them for other sources.
 
         Raises:
-            InputError: for what cannot be read, in one sentence.
+            InputError: for a model that cannot be read, in one sentence.
         """
 
     def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
-        """Return the parameters; a source without any has the positions of its joints as dimensions."""
+        """Return the parameters; a source without parameters has the joint positions as dimensions."""
         return Parameters()
 
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """How one kind of model is opened.
+    """A reader of one kind of model.
 
     Attributes:
-        opens: makes a `ModelSource` from a path or an object; a function, or "module:function", which is
+        opens: returns a `ModelSource` for a path or an object; a function, or "module:function", which is
             imported when the first model of this kind is opened.
-        suffixes: of its files, in lower case, such as ".toml"; "FILE.py:OBJECT" counts as ".py".
-        types: of its objects, as package and class, such as "mujoco.MjSpec".
+        suffixes: suffixes of its files in lower case, such as ".toml"; "FILE.py:OBJECT" counts as ".py".
+        types: types of its objects, as package and class, such as "mujoco.MjSpec".
     """
 
     opens: str | Callable[[Any], ModelSource]
@@ -101,7 +101,7 @@ READERS: list[Reader] = [
 
 
 def file_reader(path: str) -> Reader | None:
-    """Return the reader of a file by its suffix alone, so that no file hides a known name; else None."""
+    """Return the reader for the suffix of a path, or None; it does not look for the file."""
     return next(
         (
             reader
@@ -113,6 +113,6 @@ def file_reader(path: str) -> Reader | None:
 
 
 def object_reader(model: object) -> Reader | None:
-    """Return the reader of an object by its type; None for any other."""
+    """Return the reader for the type of an object, or None."""
     types = {f"{base.__module__.partition('.')[0]}.{base.__name__}" for base in type(model).__mro__}
     return next((reader for reader in READERS if types.intersection(reader.types)), None)

@@ -1,4 +1,4 @@
-"""Units of the parameters of a TOML file, inferred from their use, and dependencies between them."""
+"""Units of the parameters of a TOML file, inferred from their use, and their dependencies."""
 
 import ast
 from collections.abc import Iterable, Iterator, Mapping
@@ -11,7 +11,7 @@ from mechsim.subjects.toml_keys import ROOT, AnyOf, KeyType, ListOf, Number, Pro
 from mechsim.subjects.toml_values import TomlSource, is_quantity, shown
 from mechsim.units import Unit, of_any_kind
 
-# numbers of other kinds than these are in SI in a file, too
+# the units that a file can choose; numbers in other units are in SI
 _DIMENSIONS: tuple[Unit, ...] = ("m", "rad")
 _TRIGONOMETRIC, _INVERSE_TRIGONOMETRIC, _UNIT_PRESERVING = (
     ("sin", "cos", "tan"),
@@ -21,10 +21,10 @@ _TRIGONOMETRIC, _INVERSE_TRIGONOMETRIC, _UNIT_PRESERVING = (
 
 
 def parameter_units(document: Mapping[str, Any]) -> dict[str, Unit]:
-    """Return which parameters are lengths or angles, as far as their use says: name -> "m" or "rad".
+    """Return the units of parameters whose use determines them: name -> "m" or "rad".
 
     Args:
-        document: what a file holds; it need not be right.
+        document: contents of a file, which can be invalid.
     """
     parameters: dict[str, Any] = (
         document.get("parameters", {}) if isinstance(document.get("parameters"), dict) else {}
@@ -48,12 +48,12 @@ def parameter_units(document: Mapping[str, Any]) -> dict[str, Unit]:
 
 
 def parameter_dependencies(document: Mapping[str, Any]) -> dict[str, frozenset[str]]:
-    """Return of each parameter of a file those that it is reckoned from, directly or by others."""
+    """Return parameter -> all parameters of which it is a function, directly or indirectly."""
     dependencies: dict[str, frozenset[str]] = {}
     for name, text in document.get("parameters", {}).items():
         tree = _parsed(text)
         names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} if tree else set[str]()
-        # a parameter is reckoned from those before it
+        # an expression uses parameters before it
         dependencies[name] = frozenset().union(
             *({node} | dependencies[node] for node in names if node in dependencies)
         )
@@ -61,19 +61,19 @@ def parameter_dependencies(document: Mapping[str, Any]) -> dict[str, frozenset[s
 
 
 def require_dimensions(source: TomlSource, parameters: Mapping[str, Any]) -> None:
-    """Refuse a parameter with a unit that is no length, or no angle, where one stands alone in the file.
+    """Raise InputError for a parameter whose unit contradicts its use in the file.
 
     Args:
-        source: of the file.
-        parameters: parameter -> what it is, in the file or by `--set`.
+        source: the file.
+        parameters: parameter -> its value, in the file or by `--set`.
 
     Raises:
-        InputError: names the parameter, its value and what the file makes of it.
+        InputError: names the parameter, its value and its use.
     """
-    rest = {key: value for key, value in source.document.items() if key != "parameters"}
+    remaining = {key: value for key, value in source.document.items() if key != "parameters"}
     dimension_of = {
         tree.id: unit
-        for tree, unit in _uses(ROOT, rest)
+        for tree, unit in _uses(ROOT, remaining)
         if isinstance(tree, ast.Name) and unit in _DIMENSIONS
     }
     for name in dimension_of.keys() & parameters.keys():
@@ -91,7 +91,7 @@ def require_dimensions(source: TomlSource, parameters: Mapping[str, Any]) -> Non
 
 
 def _uses(key: KeyType, value: Any) -> Iterator[tuple[ast.expr, Unit]]:
-    """Yield the expressions of a file, and what each measures."""
+    """Yield the expressions of a file and their units."""
     match key:
         case Profile() if is_profile(value):
             return
@@ -117,7 +117,7 @@ def _uses(key: KeyType, value: Any) -> Iterator[tuple[ast.expr, Unit]]:
 
 
 def _parsed(value: Any) -> ast.expr | None:
-    """Return an expression; None for a plain number, a quantity, or what is none."""
+    """Return an expression; None for a plain number, a quantity, or other text."""
     if not isinstance(value, str) or is_quantity(value):
         return None
     try:
@@ -127,13 +127,13 @@ def _parsed(value: Any) -> ast.expr | None:
 
 
 class _UnitInference:
-    """What is known of the parameters, and what expressions add."""
+    """Units of parameters as inferred so far; each expression adds to them."""
 
     def __init__(self, names: Iterable[str]):
         self.units: dict[str, Unit | None] = dict.fromkeys(names)
 
     def assign(self, node: ast.expr, unit: Unit) -> None:
-        """Take in that an expression measures something."""
+        """Infer units of parameters from an expression with a known unit."""
         match node:
             case ast.Name(id=name):
                 if name in self.units and self.units[name] is None:
@@ -164,7 +164,7 @@ class _UnitInference:
                 return
 
     def unit_of(self, node: ast.expr) -> Unit | None:
-        """Return what an expression measures; None where that is not known."""
+        """Return the unit of an expression; None if unknown."""
         match node:
             case ast.Constant():
                 return "1"

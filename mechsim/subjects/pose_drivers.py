@@ -1,8 +1,8 @@
-"""Drivers that are a point's coordinate or a link's position or rotation: inverse kinematics.
+"""Drivers that are coordinates of a point, or the position or rotation of a link: inverse kinematics.
 
-A chain of slides from the ground to the point, closed by a ball, has the point's coordinates as its own and
-leaves the mobility unchanged; three hinges in place of the ball add the rotation of a link. Both methods then
-solve an ordinary mechanism, whose drivers are joints of the chain.
+A chain of slides from the ground to the point, closed by a spherical joint, has the coordinates of the point
+as joint coordinates and leaves the mobility unchanged. Three hinges instead of the spherical joint add the
+rotation of a link. Both methods then solve an ordinary mechanism whose drivers are joints of the chain.
 """
 
 from collections.abc import Iterable
@@ -23,23 +23,23 @@ from mechsim.numerics.arrays import Array
 
 POSITIONS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 DIRECTIONS: tuple[Vector, ...] = (EX, EY, EZ)
-# directions across the axes of a chain, from which its angles are counted
-ACROSS: tuple[Vector, ...] = (EY, EZ, EX)
-# inertia of a link of a chain: below what any motor notices, above what MuJoCo rejects
+# reference directions of the axes of a chain
+REFERENCES: tuple[Vector, ...] = (EY, EZ, EX)
+# inertia of a link of a chain: negligible for any motor, but accepted by MuJoCo
 NEGLIGIBLE = Inertia(1e-9, ORIGIN, ((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
-# rz and rx are not distinct nearer than this to ry = 90 deg, in [rad]
+# smallest distance from ry = 90 deg, in [rad], at which rz and rx are distinct
 GIMBAL_LOCK = 1e-3
 
 
 def pose_subjects(mechanism: Mechanism, names: Iterable[str]) -> dict[str, bool]:
-    """Return the points and links that names of drivers such as P.x or plate.rz mean.
+    """Return the points and links that driver names such as P.x or plate.rz refer to.
 
     Args:
-        mechanism: whose joints come first.
-        names: of driven coordinates; names of joints are left out.
+        mechanism: the mechanism; its joint names come first.
+        names: driven coordinates; names of joints are ignored.
 
     Returns:
-        Point or link -> whether its rotation is driven too.
+        Point or link -> whether its rotation is driven, too.
     """
     joints = {name for joint in mechanism.joints for name in joint.coordinates}
     links = {link.name for link in mechanism.links}
@@ -58,13 +58,13 @@ def pose_subjects(mechanism: Mechanism, names: Iterable[str]) -> dict[str, bool]
 def with_pose_drivers(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     """Return a mechanism with a chain for each point or link whose coordinates are driven.
 
-    A point's coordinates are P.x, P.y and P.z in the ground frame in [m]. A link's are those of its origin,
-    and LINK.rx, LINK.ry and LINK.rz in [rad]: its rotation from the ground is a turn about x, then about the
-    turned y, then about the turned z (Cardan angles).
+    A point has the coordinates P.x, P.y and P.z in the ground frame in [m]. A link has those of its origin,
+    and LINK.rx, LINK.ry and LINK.rz in [rad]: the Cardan angles of its rotation about x, the rotated y and
+    the rotated z.
 
     Raises:
         InputError: for the rotation of a point.
-        AssemblyError: where the mechanism does not close at its guess, or a link starts at ry = 90 deg.
+        AssemblyError: if the mechanism does not close at its guess, or a link starts at ry = 90 deg.
     """
     subjects = pose_subjects(mechanism, names)
     if not subjects:
@@ -77,7 +77,7 @@ def with_pose_drivers(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
 
 
 def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
-    """Return a mechanism with the chain of one point or link."""
+    """Return a mechanism with the chain of a point or link."""
     is_link = subject not in mechanism.points or rotates
     link, point = (subject, ORIGIN) if is_link else mechanism.points[subject]
     pose = mechanism.guess[link]
@@ -89,7 +89,7 @@ def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
         last = suffix == "rz"
         name, after = f"{subject}.{suffix}", link if last else f"{VIRTUAL_PREFIX}{subject}.{suffix}"
         kind: KindName = "prismatic" if i < 3 else "revolute"
-        axis, reference = DIRECTIONS[i % 3], ACROSS[i % 3]
+        axis, reference = DIRECTIONS[i % 3], REFERENCES[i % 3]
         joints.append(
             Joint(name, kind, End(before, ORIGIN, axis, reference), End(after, ORIGIN, axis, reference))
         )
@@ -102,18 +102,18 @@ def _with_chain(mechanism: Mechanism, subject: str, rotates: bool) -> Mechanism:
     if not rotates:
         ball = f"{VIRTUAL_PREFIX}{subject}"
         joints.append(Joint(ball, "spherical", End(before), End(link, point)))
-    counted = {f"{subject}.{suffix}": value for suffix, value in zip(suffixes, values, strict=True)}
+    guess_coordinates = {f"{subject}.{suffix}": value for suffix, value in zip(suffixes, values, strict=True)}
     return replace(
         mechanism,
         links=(*mechanism.links, *(Link(name, inertia=NEGLIGIBLE) for name in guess)),
         joints=(*mechanism.joints, *joints),
         guess={**mechanism.guess, **guess},
-        counted={**mechanism.counted, **counted},
+        guess_coordinates={**mechanism.guess_coordinates, **guess_coordinates},
     )
 
 
 def _cardan_angles(link: str, rotation: Array) -> list[float]:
-    """Return the angles about x, the turned y and the turned z of a rotation matrix, (3, 3), in [rad]."""
+    """Return the Cardan angles (x, rotated y, rotated z) of a rotation matrix, (3, 3), in [rad]."""
     from scipy.spatial.transform import Rotation
 
     if abs(abs(rotation[0, 2]) - 1.0) < 0.5 * GIMBAL_LOCK**2:
@@ -139,26 +139,26 @@ def _in_chain(link: str) -> bool:
 
 
 def motor_laws(solver: KinematicSolver, own: Mechanism) -> dict[str, State]:
-    """Return motion laws of a mechanism's own drivers that move it as its pose drivers prescribe.
+    """Return motion laws of the actual drivers that move a mechanism as its pose drivers prescribe.
 
     Args:
-        solver: under motion laws of points or links.
-        own: the same mechanism with its own drivers; those that others determine are left out.
+        solver: solver under motion laws of points or links.
+        own: the same mechanism with its actual drivers; redundant drivers are left out.
 
     Returns:
-        Driver -> function of times, exact to the closure of the loops.
+        Driver -> function of times, as exact as the loop closure.
 
     Raises:
-        InputError: where the mechanism has no drivers of its own.
+        InputError: if the mechanism has no drivers of its own.
     """
     redundant = driver_determinacy(own).redundant_drivers if own.drivers else ()
     names = [name for name in own.drivers if name not in redundant]
     if not names:
         raise InputError(f"{own.name} has no drivers of its own; name the joints that its motors drive")
-    return {name: _followed(solver, name) for name in names}
+    return {name: _solved_law(solver, name) for name in names}
 
 
-def _followed(solver: KinematicSolver, name: str) -> State:
+def _solved_law(solver: KinematicSolver, name: str) -> State:
     def state(time: Array) -> tuple[Array, Array, Array]:
         joint = solver.solve(t=np.atleast_1d(time)).joints[name]
         return joint.value, joint.rate, joint.acceleration

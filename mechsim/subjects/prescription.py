@@ -1,4 +1,4 @@
-"""What is prescribed of a mechanism: what is driven and how, what is held, and which points count."""
+"""Prescription of a motion: drivers and their motion laws, locked coordinates, tracked points."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -23,7 +23,7 @@ from mechsim.subjects.toml_coordinates import FileMotionLaw
 from mechsim.subjects.toml_values import suggestion
 from mechsim.units import Unit, WrittenUnits
 
-# how long motion laws run, in [s], where neither a table ends nor a file says
+# duration of motion laws in [s] if no table ends and no file states one
 DEFAULT_DURATION = 1.0
 
 DriverLaw = str | State | FileMotionLaw
@@ -31,18 +31,18 @@ DriverLaw = str | State | FileMotionLaw
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prescription:
-    """What the user requests of a model in addition to its own description.
+    """Requests of the user in addition to the model's own description.
 
     Attributes:
         drive: coordinate -> its motion law, as text (see `parse_motion_law`) or a function of time.
-        lock: joint or coordinate -> where it is locked, as text or in SI; None holds it where it starts, and
-            alone holds a ball.
-        fix_base: whether what floats is held where it starts.
-        lock_others: whether what the drivers leave undetermined is locked where it starts.
-        key: name of a keyframe to start from.
-        track: the only points that count, as `NAME` or `NAME,LINK@x,y,z`; empty for those there are.
-        duration: of the motion laws in [s].
-        still: whether nothing need be driven.
+        lock: joint or coordinate -> its constant value, as text or in SI; None is the initial value, the only
+            choice for a spherical joint.
+        fix_base: whether floating bases are fixed at their initial pose.
+        lock_others: whether coordinates that the drivers do not determine are locked at their initial values.
+        key: name of the keyframe to start from.
+        track: points to record, as `NAME` or `NAME,LINK@x,y,z`; empty for all points of the model.
+        duration: duration of the motion laws in [s].
+        still: whether the model may have no driver.
         loops: path of a sidecar file with the loop closures of a URDF file.
     """
 
@@ -63,16 +63,16 @@ def apply_prescription(
     file_laws: Mapping[str, FileMotionLaw] | None = None,
     file_duration: float | None = None,
 ) -> KinematicSolver:
-    """Return what moves as it is asked to.
+    """Return a solver with the prescription applied.
 
     Args:
-        solver: what moves.
-        prescription: what is prescribed.
-        file_laws: what a file says of drivers of which nothing is asked.
-        file_duration: of them in [s], where a file says.
+        solver: the mechanism.
+        prescription: the requests of the user.
+        file_laws: driver -> motion law in the file, for drivers without a request.
+        file_duration: duration of these laws in [s]; None if the file states none.
 
     Raises:
-        InputError: for a coordinate, a point or a motion law that is none.
+        InputError: for an unknown coordinate or point, or an invalid motion law.
     """
     if prescription == Prescription() and not file_laws:
         return solver
@@ -109,34 +109,34 @@ def apply_prescription(
     return replace(
         loop_form,
         mechanism=mechanism,
-        # the user's formula is one of its own drivers
+        # the user's formula is a function of the mechanism's own drivers
         formula=loop_form.formula if mechanism.drivers == solver.mechanism.drivers else "",
         motion_laws=_motion_laws(mechanism, laws, prescription.duration, file_duration, loop_form.written),
     )
 
 
 class _NeedsStartError(Exception):
-    """A motion law counts from where its driver starts."""
+    """A motion law starts at the initial value of its driver, which is unknown."""
 
 
 def started_by_laws(solver: LoopForm, laws: Mapping[str, DriverLaw]) -> LoopForm:
-    """Return a mechanism whose drivers start where their motion laws begin, if nothing else says where.
+    """Return a mechanism whose drivers start at the initial values of their motion laws if these are unknown.
 
-    A value that the file states, or a guess of both links of a driver's joint, comes first. A lone crank
-    starts at zero.
+    A value in the file, or a guess of both links of a driver's joint, has priority. A crank that is the only
+    driver starts at zero.
     """
     mechanism = solver.mechanism
     if mechanism.has_crank:
         return solver
-    guessed, starts = {GROUND, *mechanism.guess}, dict(mechanism.counted)
+    guessed, starts = {GROUND, *mechanism.guess}, dict(mechanism.guess_coordinates)
     for name, joint in zip(mechanism.drivers, mechanism.driven_joints, strict=True):
         if name in laws and name not in starts and not {joint.a.link, joint.b.link} <= guessed:
             with suppress(_NeedsStartError):
                 state = _state(mechanism, name, laws[name], _no_start, solver.written)
                 starts[name] = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
-    if starts == mechanism.counted or not np.isfinite(list(starts.values())).all():
+    if starts == mechanism.guess_coordinates or not np.isfinite(list(starts.values())).all():
         return solver
-    return replace(solver, mechanism=replace(mechanism, counted=starts))
+    return replace(solver, mechanism=replace(mechanism, guess_coordinates=starts))
 
 
 def _no_start() -> float:
@@ -144,7 +144,7 @@ def _no_start() -> float:
 
 
 def _state(mechanism: Mechanism, name: str, law: DriverLaw, start: Start, written: WrittenUnits) -> State:
-    """Return the motion law of a driver, read."""
+    """Return the parsed motion law of a driver."""
     unit = mechanism.unit(name)
     if isinstance(law, str):
         return parse_motion_law(law, name, unit, start, declared=written.declared(unit))
@@ -158,19 +158,20 @@ def _motion_laws(
     stated: float | None,
     written: WrittenUnits,
 ) -> MotionLaws:
-    """Return the motion laws of what is given for drivers; `CRANK` where nothing is."""
+    """Return the motion laws of all drivers; `CRANK` without any law."""
     if laws:
         states = _states(mechanism, laws, written)
         return make_motion_laws(mechanism, states, duration_of(requested, stated, states))
     if requested is not None:
         raise InputError(
-            f"{mechanism.name} has no motion laws that could last {requested:g} s; give --drive JOINT=LAW too"
+            f"{mechanism.name} has no motion laws for a duration of {requested:g} s; "
+            "give --drive JOINT=LAW too"
         )
     return CRANK
 
 
 def _states(mechanism: Mechanism, laws: Mapping[str, DriverLaw], written: WrittenUnits) -> dict[str, State]:
-    """Return the motion laws of drivers, read."""
+    """Return the parsed motion laws of drivers."""
     starts: dict[str, float] = {}
 
     def start(name: str) -> Callable[[], float]:
@@ -185,12 +186,12 @@ def _states(mechanism: Mechanism, laws: Mapping[str, DriverLaw], written: Writte
 
 
 def duration_of(requested: float | None, stated: float | None, states: Mapping[str, State]) -> float:
-    """Return how long motion laws run, in [s], and not beyond a table.
+    """Return the duration of motion laws in [s], limited by the end of their tables.
 
     Args:
-        requested: for how long; None where nothing was.
-        stated: how long a file says; None where it says nothing.
-        states: of the drivers.
+        requested: requested duration; None for no request.
+        stated: duration in the file; None if it has none.
+        states: motion laws of the drivers.
     """
     ends = {
         name: state.end_time
@@ -203,7 +204,7 @@ def duration_of(requested: float | None, stated: float | None, states: Mapping[s
         if requested > end * (1.0 + 1e-12):
             raise InputError(
                 f"the table of {name} ends at {end:g} s, before the duration, {requested:g} s; "
-                "give a shorter one, or more rows"
+                "give a shorter duration, or more rows"
             )
     return requested
 
@@ -211,9 +212,9 @@ def duration_of(requested: float | None, stated: float | None, states: Mapping[s
 def _with_drivers_and_locks(
     mechanism: Mechanism, prescription: Prescription, written: WrittenUnits
 ) -> Mechanism:
-    """Return the mechanism with what is asked driven and held.
+    """Return the mechanism with the requested drivers and locked coordinates.
 
-    Where others are driven than its own drivers, those alone are; what is held is driven no more.
+    Requested drivers replace the mechanism's own drivers. A locked coordinate is not driven.
     """
     names = [name for joint in mechanism.joints for name in joint.coordinates]
     for name in prescription.drive:
@@ -230,18 +231,22 @@ def _with_drivers_and_locks(
             name: value for name, value in locked.items() if name not in drivers or name in prescription.lock
         }
     if not drivers:
-        raise InputError(f"{mechanism.name}: nothing is driven; hold less, or name a driver by --drive")
-    counted = {name: starts[name] for name in drivers}
-    counted |= {name: value for name, value in mechanism.counted.items() if name not in locked}
+        raise InputError(
+            f"{mechanism.name}: no coordinate is driven; lock fewer, or name a driver by --drive"
+        )
+    guess_coordinates = {name: starts[name] for name in drivers}
+    guess_coordinates |= {
+        name: value for name, value in mechanism.guess_coordinates.items() if name not in locked
+    }
     single = drivers[0] if len(drivers) == 1 else ""
     changed = replace(
         mechanism,
         driver=single or drivers,
         locked=locked,
-        counted=counted,
+        guess_coordinates=guess_coordinates,
         guess=poses,
     )
-    return replace(changed, start=counted[single]) if changed.has_crank else changed
+    return replace(changed, start=guess_coordinates[single]) if changed.has_crank else changed
 
 
 def _locked_coordinates(
@@ -250,7 +255,7 @@ def _locked_coordinates(
     starts: Mapping[str, float],
     written: WrittenUnits,
 ) -> dict[str, float]:
-    """Return all coordinates held, and where, in SI."""
+    """Return all locked coordinates and their values in SI."""
     locked = dict(mechanism.locked)
     coordinates_of: dict[str, tuple[str, ...]] = {
         name: (name,) for joint in mechanism.joints for name in joint.coordinates
@@ -260,12 +265,12 @@ def _locked_coordinates(
     for name, value in lock.items():
         if name in balls:
             raise InputError(
-                f"joint {name!r} turns about every axis, and no one value says how far; give none, to hold "
-                "it where it starts"
+                f"joint {name!r} rotates about every axis, so that no single value locks it; give no "
+                "value, to lock it at its initial orientation"
             )
         if name not in coordinates_of:
             raise InputError(
-                f"{mechanism.name} has no coordinate {name!r} to hold"
+                f"{mechanism.name} has no coordinate {name!r} to lock"
                 f"{suggestion(name, [*coordinates_of, *balls])}"
             )
         first, *others = coordinates_of[name]
@@ -273,7 +278,7 @@ def _locked_coordinates(
             locked |= {coordinate: starts[coordinate] for coordinate in coordinates_of[name]}
         elif others:
             listed = ", ".join(coordinates_of[name])
-            raise InputError(f"joint {name!r} has coordinates {listed}; hold each by its own name")
+            raise InputError(f"joint {name!r} has coordinates {listed}; lock each by its own name")
         elif isinstance(value, str):
             unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
             units.require_written(value, unit, written.declared(unit), f"the locked position of {name}")
@@ -300,37 +305,39 @@ def _tracked_point(mechanism: Mechanism, text: str, written: WrittenUnits) -> tu
     if link not in links:
         raise InputError(f"the point {name} is tracked on link {link!r}{suggestion(link, links)}")
     if separator:
-        units.require_written(numbers, "m", written.length, f"the place of {name}")
-    values = units.parse_vector(numbers, "m", f"the place of {name}") if separator else ORIGIN
+        units.require_written(numbers, "m", written.length, f"the position of {name}")
+    values = units.parse_vector(numbers, "m", f"the position of {name}") if separator else ORIGIN
     if len(values) != 3:
-        raise InputError(f"the place of {name} is {numbers!r}; give three numbers in m, with commas")
+        raise InputError(
+            f"the position of {name} is {numbers!r}; give three numbers in m, separated by commas"
+        )
     return name, (link, (values[0], values[1], values[2]))
 
 
 def _joints_to_fix(mechanism: Mechanism, prescription: Prescription) -> list[str]:
-    """Return the joints to be fixed where they start: what floats, or balls held without a value."""
+    """Return the joints to fix at their initial pose: floating or spherical joints locked as they are."""
     floating = [
         joint.name
         for joint in mechanism.joints
         if KINDS[joint.kind].floating and GROUND in (joint.a.link, joint.b.link)
     ]
     if prescription.fix_base and not floating:
-        raise InputError(f"{mechanism.name} has no link that floats; leave out --fix-base")
+        raise InputError(f"{mechanism.name} has no floating link; leave out --fix-base")
     balls = [name for name in _ball_joints(mechanism) if prescription.lock.get(name, "") is None]
     return [*(floating if prescription.fix_base else ()), *balls]
 
 
 def _ball_joints(mechanism: Mechanism) -> list[str]:
-    """Return the joints that turn about every axis."""
+    """Return the spherical joints."""
     return [joint.name for joint in mechanism.joints if KINDS[joint.kind].ball]
 
 
 def _with_fixed_joints(mechanism: Mechanism, names: list[str]) -> Mechanism:
-    """Return the mechanism with joints fixed where they start."""
+    """Return the mechanism with joints fixed at their initial pose."""
     poses, _ = start_poses(mechanism)
-    frames = {GROUND: IDENTITY, **poses}
+    link_frames = {GROUND: IDENTITY, **poses}
     joints = tuple(
-        _fixed_joint(joint_, frames) if joint_.name in names else joint_ for joint_ in mechanism.joints
+        _fixed_joint(joint_, link_frames) if joint_.name in names else joint_ for joint_ in mechanism.joints
     )
     coordinates = [name for joint in joints for name in joint.coordinates]
     return replace(
@@ -338,12 +345,14 @@ def _with_fixed_joints(mechanism: Mechanism, names: list[str]) -> Mechanism:
         joints=joints,
         guess=poses,
         locked={name: value for name, value in mechanism.locked.items() if name in coordinates},
-        counted={name: value for name, value in mechanism.counted.items() if name in coordinates},
+        guess_coordinates={
+            name: value for name, value in mechanism.guess_coordinates.items() if name in coordinates
+        },
     )
 
 
 def _fixed_joint(joint: Joint, poses: Mapping[str, Pose]) -> Joint:
-    """Return a joint that leaves its links as they stand."""
+    """Return a fixed joint that keeps the present relative pose of its links."""
     a, b = poses[joint.a.link], poses[joint.b.link]
     frame = a.rotation.T @ b.rotation @ joint.b.frame
     point = a.rotation.T @ (b.point(joint.b.point) - a.position)

@@ -1,4 +1,4 @@
-"""A mechanism that a Python file makes: FILE.py:OBJECT."""
+"""A mechanism from a Python file: FILE.py:OBJECT."""
 
 import inspect
 import os
@@ -24,7 +24,7 @@ from mechsim.subjects.toml_values import suggestion
 class PythonObject(ModelSource):
     """An object in a Python file: a Mechanism, a catalogue object, or a function that returns one of them.
 
-    Arguments of the function that have numbers as defaults are parameters. The file is run once.
+    Arguments of the function with numbers as defaults are parameters. The file is run once.
 
     Attributes:
         address: FILE.py:OBJECT.
@@ -45,7 +45,7 @@ class PythonObject(ModelSource):
         """Return the solver for some arguments of the function, each as text or in SI.
 
         Raises:
-            InputError: for a file that cannot be run, an object that is no mechanism, or an unknown argument.
+            InputError: for a file that fails, an object that is no mechanism, or an unknown argument.
         """
         result, (path, _, name) = self.loaded, self.address.rpartition(":")
         if _is_factory(result):
@@ -58,12 +58,12 @@ class PythonObject(ModelSource):
         if isinstance(result, Mechanism):
             return LoopForm(result)
         raise InputError(
-            f"{name} of {path} is of type {type(result).__name__}; give a Mechanism, what catalog.make "
-            "returns, or a function that returns either"
+            f"{name} of {path} is of type {type(result).__name__}; give a Mechanism, the result of "
+            "catalog.make, or a function that returns either"
         )
 
     def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
-        """Return the arguments that have numbers as defaults; the file states no units."""
+        """Return the arguments with numbers as defaults; the file states no units."""
         if not _is_factory(self.loaded):
             return Parameters()
         values = _defaults(self.loaded) | _arguments(self.address, self.loaded, changed)
@@ -72,7 +72,7 @@ class PythonObject(ModelSource):
 
 @dataclass(frozen=True)
 class GivenObject(ModelSource):
-    """A Mechanism, a catalogue object or a solver of loop equations that is passed as it is."""
+    """A Mechanism, a catalogue object or a solver of loop equations, used unchanged."""
 
     model: Mechanism | KinematicSolver
 
@@ -110,7 +110,7 @@ def run_object(model: str) -> Any:
     """Run a Python file and return one of its objects.
 
     Raises:
-        InputError: for a file that cannot be run, or that makes no such object.
+        InputError: for a file that fails or does not define the object.
     """
     path, colon, name = model.rpartition(":")
     if not colon or not name.isidentifier():
@@ -120,12 +120,12 @@ def run_object(model: str) -> Any:
     names: dict[str, Any] = run_user_code(path, lambda: runpy.run_path(path, run_name="mechsim_model"))
     if name not in names:
         defined = [name_ for name_ in names if not name_.startswith("__")]
-        raise InputError(f"{path} makes no {name!r}{suggestion(name, defined)}")
+        raise InputError(f"{path} defines no {name!r}{suggestion(name, defined)}")
     return names[name]
 
 
 def run_user_code(what: str, call: Any) -> Any:
-    """Return what a user's code returns; its errors in one line."""
+    """Return the result of a user's code; its errors become one-line messages."""
     try:
         return call()
     except MechsimError as error:

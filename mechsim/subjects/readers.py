@@ -1,4 +1,4 @@
-"""Models from names, files and objects: `load`, and the dimensions by which their designs differ."""
+"""Models from names, files and objects: `load`, and parametric models of designs."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -43,7 +43,7 @@ class CatalogName(ModelSource):
 
 
 def open_model(model: "Model") -> ModelSource:
-    """Return the source of a model; a file is read here, and only here.
+    """Return the source of a model; a file is read here and nowhere else.
 
     Raises:
         InputError: for an unknown name, a file that cannot be read, or an object of another type.
@@ -54,7 +54,9 @@ def open_model(model: "Model") -> ModelSource:
         reader = object_reader(model)
         if reader is None:
             kind = type(model).__name__
-            raise InputError(f"a model is of type {kind}; give a name or a file, as 'rssr' or 'linkage.toml'")
+            raise InputError(
+                f"a model is of type {kind}; give a name or a file, such as 'rssr' or 'linkage.toml'"
+            )
         return reader.open(model)
     name = fspath(model)
     if reader := file_reader(name):
@@ -85,27 +87,27 @@ def load(
 
     Args:
         model: a name of the catalogue or the gallery; FILE.toml; FILE.xml in MJCF; FILE.urdf; a planar
-            linkage in FILE.json or FILE.pmks; FILE.py:OBJECT,
-            a Mechanism, a catalogue object, or a function that returns one, whose arguments with numbers as
-            defaults are parameters (the Python file is run); or such an object, a `mujoco.MjSpec`, or a
-            `mujoco.MjModel` that MuJoCo loaded last.
-        set: parameter -> its value as text, as `--set` takes it, or a number in SI;
-            docs/reference/toml.md states the rule of numbers without a unit.
-        drive: coordinate -> its motion law: text as `--drive` takes it, or a function of times (n,) in [s]
+            linkage in FILE.json or FILE.pmks; or FILE.py:OBJECT. The object is a Mechanism, a catalogue
+            object, or a function that returns one; arguments with numbers as defaults are parameters (the Python file
+            is run). Also such an object itself, a `mujoco.MjSpec`, or the `mujoco.MjModel` that MuJoCo loaded
+            last.
+        set: parameter -> its value as text, as in `--set`, or a number in SI;
+            docs/reference/toml.md states the rule for numbers without a unit.
+        drive: coordinate -> its motion law: text as in `--drive`, or a function of times (n,) in [s]
             that returns value, rate and acceleration, (n,) each in SI.
-        lock: joint or coordinate -> where it is locked, as text or in SI; None, or a name alone: where
-            it starts.
+        lock: joint or coordinate -> its constant value, as text or in SI; None, or a name alone, is the
+            initial value.
         fix_base: whether floating bases are fixed at their initial pose.
-        lock_others: whether joints that the drivers leave undetermined are locked where they start: all those
-            outside loops, and in loops as many as there are undetermined degrees of freedom.
-        key: name of a keyframe to start from; of MuJoCo models only.
-        track: the points to record, as `NAME` or `NAME,LINK@x,y,z`; by default all.
-        duration: of the motion laws, as text or in [s].
-        still: whether a MuJoCo model needs no driver, as when it is only described.
+        lock_others: whether joint coordinates that the drivers do not determine are locked at their initial
+            values: all outside loops, and in loops as many as there are undetermined degrees of freedom.
+        key: name of the keyframe to start from, for MuJoCo models.
+        track: points to record, as `NAME` or `NAME,LINK@x,y,z`; all by default.
+        duration: duration of the motion laws, as text or in [s].
+        still: whether a MuJoCo model may have no driver, because it is only described.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
-        InputError: for anything else; names the file, the line, the value and the remedy.
+        InputError: for an invalid model or option; names the file, the line, the value and the remedy.
     """
     return _load(
         open_model(model),
@@ -118,12 +120,12 @@ def load(
 def load_by_motors(
     model: "Model", set: Mapping[str, str | float] | None = None, **options: Any
 ) -> KinematicSolver:
-    """Return the solver of a model whose own drivers follow the motion of driven points or links.
+    """Return the solver of a model whose actual drivers follow the motion of driven points or links.
 
-    Efforts are then those of its motors. A model whose drivers are joints is returned as `load` does.
+    Drive forces are then those of its motors. A model whose drivers are joints is returned as by `load`.
 
     Args:
-        model, set, options: as `load` takes them.
+        model, set, options: as in `load`.
 
     Raises:
         InputError: as `load`, and for a model without drivers of its own.
@@ -165,9 +167,9 @@ def _prescription(
 def _load(
     source: ModelSource, changed: Mapping[str, str | float], prescription: Prescription, *, assembled: bool
 ) -> KinematicSolver:
-    """Return the solver of a source; without `assembled`, its guess is the file's own, which reads faster."""
+    """Return the solver of a source; without `assembled`, it keeps the guess of the file, which is faster."""
     if prescription.lock_others:
-        # a path to the value of one locked joint may need the others locked
+        # the path to a locked value can need the other locks
         at_start = replace(prescription, lock_others=False, lock=dict.fromkeys(prescription.lock))
         undetermined = undetermined_joints(_load(source, changed, at_start, assembled=assembled).mechanism)
         lock = {**prescription.lock, **dict.fromkeys(undetermined)}
@@ -175,7 +177,7 @@ def _load(
     description = source.describe(changed, prescription)
     if prescription.loops is not None and not description.prescribed:
         name = description.solver.name
-        raise InputError(f"{name}: loops from {prescription.loops} close those of a URDF file; give its path")
+        raise InputError(f"{name}: loops from {prescription.loops} need the path of a URDF file; give one")
     solver = description.solver
     if description.prescribed:
         return apply_prescription(
@@ -191,23 +193,23 @@ def _load(
 def parametric_model(
     model: "Model", set: Mapping[str, str | float] | None = None, **options: Any
 ) -> DesignFamily:
-    """Return a model as a family of designs: its dimensions in SI, and the function that makes a design.
+    """Return a parametric model: its dimensions in SI, and the function that makes a design.
 
-    The dimensions of a catalogue mechanism, a TOML file and a Python function are their parameters, those of
-    a position by component, as pivot.x; arguments of a Python function have no unit. The dimensions of any
-    other model are the positions of its joints, as JOINT.at.x.
+    The dimensions of a catalogue mechanism, a TOML file and a Python function are their parameters. A vector
+    counts by component, such as pivot.x; arguments of a Python function have no unit. The dimensions of any
+    other model are its joint positions, such as JOINT.at.x.
 
     Args:
-        model: as `load` takes it.
-        set: parameter -> its value, as `load` takes it.
-        options: what else `load` takes.
+        model: as in `load`.
+        set: parameter -> its value, as in `load`.
+        options: other options of `load`.
 
     Raises:
         InputError: as `load`.
     """
     changed, prescription = dict(set or {}), _prescription(**options)
     source = open_model(model)
-    # an object is taken as it is
+    # an object keeps its own guess
     solver = _load(source, changed, prescription, assembled=not isinstance(source, GivenObject))
     parameters = source.parameters(changed)
     dimensions = parameters.dimensions
@@ -236,5 +238,5 @@ def parametric_model(
 
 
 def as_text(value: float, unit: str) -> str:
-    """Return the value of a dimension in SI as text that a file of any units reads to the last bit."""
+    """Return a dimension in SI as text that a file with any units reads to the last bit."""
     return f"{float(value)!r} {unit}" if unit in ("m", "rad") else repr(float(value))

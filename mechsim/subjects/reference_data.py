@@ -1,4 +1,4 @@
-"""The reference data: mechanisms in TOML, tables of their motion to 30 digits; with the package."""
+"""The reference data in the package: mechanisms in TOML and tables of their motion to 30 digits."""
 
 import csv
 import hashlib
@@ -20,12 +20,12 @@ DRIVE_FORCE_PREFIXES = ("torque:", "force:")
 
 @dataclass(frozen=True, slots=True)
 class ReferenceTable:
-    """What is known of a mechanism's motion.
+    """The reference motion of a mechanism.
 
     Attributes:
-        name: of the mechanism.
-        mechanism: its TOML file.
-        speed: of the crank in [rad/s]; None where drivers follow motion laws.
+        name: name of the mechanism.
+        mechanism: path of its TOML file.
+        speed: crank speed in [rad/s]; None under motion laws.
         first: crank angle in [rad], or under motion laws time in [s], (n,).
         points: tracked point -> its motion.
         drive_forces: driver -> torque in [N m] or force in [N], (n,).
@@ -40,7 +40,7 @@ class ReferenceTable:
 
 
 def folder() -> Path:
-    """Return where the data lie: in an installed package, or next to one that is run from its sources."""
+    """Return the folder of the data, in an installed package or in the source tree."""
     inside = PACKAGE / "reference"
     return inside if inside.is_dir() else PACKAGE.parent / "reference"
 
@@ -54,7 +54,7 @@ def read(where: Path, name: str) -> ReferenceTable:
     """Return the table of a mechanism.
 
     Raises:
-        InputError: where it is missing, or is not what its checksum says.
+        InputError: if it is missing, or its checksum is wrong.
     """
     available = names(where)
     if name not in available:
@@ -68,7 +68,7 @@ def read(where: Path, name: str) -> ReferenceTable:
     for file_name, path in paths.items():
         if sums.get(file_name) != hashlib.sha256(path.read_bytes()).hexdigest():
             raise InputError(
-                f"{path} is not what its checksum in {CHECKSUMS} says; get the reference data anew"
+                f"the checksum of {path} in {CHECKSUMS} is wrong; download the reference data again"
             )
     with paths[f"data/{name}.csv"].open(encoding="utf-8", newline="") as file:
         head, *lines = csv.reader(file)

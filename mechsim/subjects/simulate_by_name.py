@@ -1,4 +1,4 @@
-"""Simulate in MuJoCo anything that `load` takes: a name, a file, or a model."""
+"""`simulate` for all models that `load` accepts: names, files and objects."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -13,13 +13,13 @@ P = ParamSpec("P")
 
 
 def _accepting_names(run: Callable[P, Run]) -> Callable[P, Run]:
-    """Return what runs a model, and what `load` takes as well: a name, FILE.toml or FILE.py:OBJECT."""
+    """Return a run function that also accepts a name, FILE.toml or FILE.py:OBJECT, as `load` does."""
 
     @wraps(run)
     def load_and_run(*args: P.args, **options: P.kwargs) -> Run:
         if args and isinstance(args[0], str | PathLike):
             text = str(args[0])
-            # MJCF is MuJoCo's own: its text or file is run as it is
+            # MuJoCo runs the text or file of an MJCF model unchanged
             if "<" not in text and not text.lower().endswith((".xml", ".urdf")):
                 rest: Any = (load(text), *args[1:])
                 return run(*rest, **options)

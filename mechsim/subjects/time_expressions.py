@@ -1,4 +1,4 @@
-"""Expressions of t, or of a crank's angle, with units: a value in SI and its exact first and second rates."""
+"""Expressions of time or crank angle with units: value in SI and two exact derivatives."""
 
 import ast
 import re
@@ -13,14 +13,14 @@ from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
 
-# a number and then letters: a quantity in the midst of an expression; an exponent is part of its number
+# a number followed by letters, a quantity within an expression; an exponent belongs to the number
 _NUMBER = r"(?<![\w.])((?>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?))"
 _QUANTITY = re.compile(_NUMBER + r"\s*((?:[^\W\d_]|°)+)(?![\w(]|\s*\()")
-# how a quantity is named in the tree
+# name of a quantity in the syntax tree
 _PLACEHOLDER = "quantity_{}_"
-# what quantities in an expression may measure
+# units allowed in an expression
 _UNITS = ("m", "rad", "s", "N", "N m")
-# what an expression may go over
+# possible variables of an expression
 VARIABLES = {"t": "the time in s", "angle": "the crank's in rad"}
 
 
@@ -33,18 +33,19 @@ def time_function(
     variable: str = "t",
     declared: str = "",
 ) -> tuple[str, State]:
-    """Return the motion law that an expression of t says, and the same in SI without parameters.
+    """Return the text in SI without parameters, and the motion law of an expression of t.
 
     Args:
         text: the expression; t is the time in s, sines take radians, and quantities have units.
-        unit: of what it gives, "m" or "rad" of a coordinate, "N" or "N m" of a load.
-        default_unit: what a result without a unit is counted in, in SI.
+        unit: unit of its value: "m" or "rad" of a coordinate, "N" or "N m" of a load.
+        default_unit: unit of a result without a unit, in SI.
         parameters: parameter -> its number.
-        variable: one of `VARIABLES`, in place of t.
-        declared: unit in which a result without one was perhaps meant; it is rejected if that is not SI.
+        variable: one of `VARIABLES`, instead of t.
+        declared: unit of the file, in which a result without a unit could be meant; an error unless it is SI.
 
     Raises:
-        InputError: for what is no expression of t, or measures something else; its sentence has no subject.
+        InputError: for text that is no expression of t, or has another unit; the caller puts the subject
+            before the message.
     """
     quantities: dict[str, Term] = {}
 
@@ -75,7 +76,7 @@ def time_function(
             raise
         raise InputError("has no value that is a finite real number") from None
     if not any(isinstance(node, ast.Name) and node.id == variable for node in ast.walk(tree)):
-        raise InputError(f"holds no {variable}, {VARIABLES[variable]}")
+        raise InputError(f"contains no {variable}, {VARIABLES[variable]}")
     _require_unit(probe, unit, default_unit, declared)
     scale = default_unit if probe.dimensionless else 1.0
 
@@ -92,7 +93,7 @@ def time_function(
 
 
 def _require_unit(probe: Term, unit: str, default_unit: float, declared: str) -> None:
-    """Reject a value in another unit than a coordinate or load has, and one whose unit is ambiguous."""
+    """Raise InputError for a value with a wrong or ambiguous unit."""
     expected = without_time(unit_powers(unit))
     # a length times an angle is a length
     fits = probe.powers[:3] == expected[:3] and (unit != "rad" or probe.powers == expected)
@@ -106,15 +107,15 @@ def _require_unit(probe: Term, unit: str, default_unit: float, declared: str) ->
 
 
 def _unit(name: str, names: Iterable[str]) -> Term:
-    """Return what the name of a unit stands for."""
+    """Return the quantity that the name of a unit stands for."""
     try:
         return quantity(f"1 {name}")
     except InputError:
-        raise InputError(f"names {name!r}, which is nothing here; known are {', '.join(names)}") from None
+        raise InputError(f"names {name!r}, which is not defined; known are {', '.join(names)}") from None
 
 
 def python_expression(text: str) -> str:
-    """Return an expression of t that `over_time` takes as Python has it, quantities in SI."""
+    """Return an expression of t in Python, with quantities in SI."""
 
     def number(match: re.Match[str]) -> str:
         return repr(float(quantity(f"{match[1]} {match[2]}").value))
@@ -128,5 +129,5 @@ def quantity(text: str) -> Term:
         return Term(float(text.split()[0]))
     value, unit = units.of_any_kind(text, "the quantity")
     if unit.removesuffix("/s") not in _UNITS:
-        raise InputError(f"holds {text!r}, which is neither a length, an angle, a force nor a time")
+        raise InputError(f"contains {text!r}, which is neither a length, an angle, a force nor a time")
     return Term(value, without_time(unit_powers(unit)))

@@ -1,4 +1,4 @@
-"""What a TOML file says is driven, how, from where, and what is held."""
+"""Drivers, motion laws, start, locked coordinates and couplings of a TOML file."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,16 +16,16 @@ from mechsim.subjects.toml_keys import Number
 from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, suggestion
 from mechsim.units import Unit
 
-# what a joint is driven by where no driver is named
+# name of the joint that is the default driver
 CRANK = "crank"
 
 
 @dataclass(frozen=True)
 class FileCoordinates:
-    """The coordinates of a file's joints, by which it names drivers, holds and couplings.
+    """The joint coordinates of a file, which name its drivers, locked coordinates and couplings.
 
     Attributes:
-        values: what reads the file's numbers.
+        values: reader of the file's numbers.
         kinds: coordinate -> kind of its joint.
         units: coordinate -> "m" or "rad".
     """
@@ -35,7 +35,7 @@ class FileCoordinates:
     units: Mapping[str, Unit]
 
     def require(self, name: str, path: KeyPath) -> None:
-        """Refuse what is no coordinate."""
+        """Raise InputError for an unknown coordinate."""
         if name not in self.units:
             raise self.values.source.error(path, f"names coordinate {name!r}{suggestion(name, self.units)}")
 
@@ -45,11 +45,11 @@ class FileCoordinates:
         return self.values.checked(Number(self.units[name], ""), written, path)
 
     def unit_in_si(self, name: str) -> float:
-        """Return what a bare number of a coordinate counts, in SI."""
+        """Return the value in SI of the number 1 without a unit for a coordinate."""
         return self.values.in_si(1.0, self.units[name])
 
     def table(self, read: Mapping[str, Any], key: str) -> dict[str, tuple[KeyPath, Any]]:
-        """Return a table by coordinates: name -> its place in the file, and its value."""
+        """Return a table by coordinates: name -> its key path, and its value."""
         entries: dict[str, tuple[KeyPath, Any]] = {}
         for name, value_ in read.get(key, {}).items():
             components = value_ if isinstance(value_, dict) else {"": value_}
@@ -62,7 +62,7 @@ class FileCoordinates:
 
 
 def coordinates_of(values: Values, joints: Mapping[str, Any]) -> FileCoordinates:
-    """Return the coordinates of joints as read."""
+    """Return the coordinates of the joints of a file."""
     kinds: dict[str, KindName] = {}
     units: dict[str, Unit] = {}
     for name, table in joints.items():
@@ -76,7 +76,7 @@ def coordinates_of(values: Values, joints: Mapping[str, Any]) -> FileCoordinates
 def drivers_of(
     coordinates: FileCoordinates, read: Mapping[str, Any], requested: tuple[str, ...]
 ) -> str | tuple[str, ...]:
-    """Return what is driven: what the file names, else what is asked, else the joint called crank."""
+    """Return the driven coordinates: of the file, else the requested ones, else the joint called crank."""
     only_crank = "drivers" not in read and CRANK in read["joints"]
     drivers = read.get("drivers") or requested or ((CRANK,) if only_crank else ())
     if not drivers:
@@ -94,7 +94,7 @@ def drivers_of(
 def start_of(
     coordinates: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
 ) -> tuple[float, dict[str, float]]:
-    """Return the crank angle of the guess in [rad], and what other coordinates are counted from."""
+    """Return the crank angle of the guess in [rad], and the values of other coordinates at the guess."""
     stated = read.get("start", 0.0)
     crank = driver if isinstance(driver, str) and KINDS[coordinates.kinds[driver]].hinge else None
     if not isinstance(stated, dict):
@@ -116,17 +116,17 @@ def start_of(
 def locked_of(
     coordinates: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
 ) -> dict[str, float]:
-    """Return the coordinates held, and where in SI."""
+    """Return the locked coordinates and their values in SI."""
     locked: dict[str, float] = {}
     for name, (path, value) in coordinates.table(read, "locked").items():
         if name in ((driver,) if isinstance(driver, str) else driver):
-            raise coordinates.values.source.error(path, "is driven; hold it, or drive it")
+            raise coordinates.values.source.error(path, "is also driven; lock it, or drive it")
         locked[name] = coordinates.value(name, value, path)
     return locked
 
 
 def leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield the entries of nested tables that are no tables, and where they are."""
+    """Yield the key paths and entries of nested tables, without the tables themselves."""
     for key, entry in table.items():
         if isinstance(entry, dict):
             yield from leaves(cast(Mapping[str, Any], entry), (*path, key))
@@ -135,12 +135,12 @@ def leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[tu
 
 
 def initial_of(coordinates: FileCoordinates, read: Mapping[str, Any]) -> dict[str, float]:
-    """Return the state of release: J.q and J.v of coordinates J, in SI."""
+    """Return the initial state: J.q and J.v of coordinates J, in SI."""
     source, initial = coordinates.values.source, dict[str, float]()
     for path, written in leaves(read.get("initial", {}), ("initial",)):
         name, component = ".".join(path[1:-1]), path[-1]
         if component not in ("q", "v"):
-            raise source.error(path, "is no state; give q, the coordinate, or v, its rate")
+            raise source.error(path, "is no state variable; give q, the coordinate, or v, its rate")
         if component == "q":
             initial[f"{name}.q"] = coordinates.value(name, written, path)
         else:
@@ -152,12 +152,12 @@ def initial_of(coordinates: FileCoordinates, read: Mapping[str, Any]) -> dict[st
 
 @dataclass(frozen=True)
 class FileMotionLaw:
-    """A motion law as a file has it: numbers without a unit are in the file's, and parameters have names.
+    """A motion law in a file: numbers without a unit are in the file's units, and parameters have names.
 
     Attributes:
         coordinates: the file's coordinates.
-        text: as it is written.
-        path: where.
+        text: its text.
+        path: its key path.
     """
 
     coordinates: FileCoordinates
@@ -165,7 +165,7 @@ class FileMotionLaw:
     path: KeyPath
 
     def parse(self, name: str, unit: str, start: Start) -> MotionLaw:
-        """Return the motion law; as `motion_law_text.parse_motion_law`."""
+        """Return the motion law, as `parse_motion_law`."""
         values = self.coordinates.values
         text = self.text
         if text.strip().lower().endswith(files.EXTENSIONS):
@@ -197,7 +197,7 @@ def motion_laws_of(
 
 Side = str | dict[str, float]
 
-# key that selects a kind of coupling, and the keys that go with it
+# key that determines the kind of a coupling -> further keys of this kind
 _KEYS_OF_KIND = {
     "ratio": ("phase", "pressure_angle"),
     "radius": ("phase", "pressure_angle"),
@@ -224,7 +224,7 @@ def couplings_of(
 
 
 def require_pitch_points(source: TomlSource, mechanism: Mechanism, read: Mapping[str, Any]) -> None:
-    """Refuse a pressure angle of couplings whose geometry gives teeth no place."""
+    """Raise InputError for a pressure angle of a coupling without a pitch point."""
     for name, table in read.get("couplings", {}).items():
         if not table.get("pressure_angle"):
             continue
@@ -233,7 +233,8 @@ def require_pitch_points(source: TomlSource, mechanism: Mechanism, read: Mapping
         if mesh_of(mechanism, law) is None:
             reason = (
                 "is of teeth, and this coupling has no pitch point; couple two hinges whose axes are "
-                "parallel or meet, or a hinge and a slide across it, on the same link, or take it out"
+                "parallel or intersect, or a hinge and a slide perpendicular to it, on the same link, or "
+                "leave it out"
             )
             raise source.error(("couplings", name, "pressure_angle"), reason)
 
@@ -251,7 +252,7 @@ def _coupling(
         raise source.error(path, reason)
     for key in table:
         if key not in ("driver", "driven", kind_keys[0], *_KEYS_OF_KIND[kind_keys[0]]):
-            raise source.error((*path, key), f"does not go with {kind_keys[0]!r}; take it out")
+            raise source.error((*path, key), f"does not go with {kind_keys[0]!r}; leave it out")
     for side in ("driver", "driven"):
         side_value = table.get(side, {})
         for coordinate in (side_value,) if isinstance(side_value, str) else side_value:
@@ -264,16 +265,18 @@ def _coupling(
     units = coordinates.units[driver], coordinates.units[driven]
     if kind_keys[0] == "ratio":
         if units[0] != units[1]:
-            raise source.error(path, "is between a turn and a displacement; give radius or travel")
+            raise source.error(path, "is between an angle and a displacement; give radius or travel")
         if KINDS[coordinates.kinds[driver]].hinge and KINDS[coordinates.kinds[driven]].hinge:
             return Gear(driver, driven, table["ratio"], phase, teeth or 0.0)
         turns = units[0] == "rad"
         return Coupling(name, driven, driver, (phase, table["ratio"]), turns=turns, pressure_angle=teeth)
     if units[0] == units[1]:
-        raise source.error(path, "is a rack between two of a kind; give a turn and a displacement")
+        raise source.error(
+            path, "is a rack between two coordinates of one unit; give an angle and a displacement"
+        )
     radius = table["radius"] if kind_keys[0] == "radius" else table["travel"] / REVOLUTION
     if radius == 0.0:
-        raise source.error((*path, kind_keys[0]), "is 0; give a length, negative for the other sense")
+        raise source.error((*path, kind_keys[0]), "is 0; give a length, negative for the opposite direction")
     ratio = radius if units[0] == "rad" else 1.0 / radius
     return Coupling(name, driven, driver, (phase, ratio), pressure_angle=teeth or 0.0)
 
@@ -281,7 +284,7 @@ def _coupling(
 def _single_coordinate(
     coordinates: FileCoordinates, table: Mapping[str, Any], side: str, path: KeyPath
 ) -> str:
-    """Return the one coordinate of a side."""
+    """Return the single coordinate of a side."""
     value = table.get(side)
     if value is None:
         raise coordinates.values.source.error(path, f"has no {side!r}; name a coordinate")
@@ -323,6 +326,6 @@ def _zero(coordinates: FileCoordinates, side: Side, written: Any, path: KeyPath)
 
 
 def _unit_factor(coordinates: FileCoordinates, side: Side) -> float:
-    """Return what a bare number of a side counts in SI; a sum of lengths and angles is in SI."""
+    """Return the value in SI of the number 1 on a side; a sum of lengths and angles is in SI."""
     factors = {coordinates.unit_in_si(name) for name in ((side,) if isinstance(side, str) else side)}
     return factors.pop() if len(factors) == 1 else 1.0

@@ -1,4 +1,4 @@
-"""What acts on a mechanism, as a TOML file says it."""
+"""Forces on a mechanism in a TOML file."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -18,14 +18,14 @@ from mechsim.subjects.toml_values import KeyPath, Values, shown, suggestion
 from mechsim.units import Unit
 
 GRAVITY = (0.0, -9.81, 0.0)
-# by the coordinate's unit: of viscous friction, dry friction, stiffness
+# unit of the coordinate -> unit of viscous friction, Coulomb friction and stiffness
 _VISCOUS: dict[str, Unit] = {"m": "N s/m", "rad": "N m s/rad"}
 _COULOMB: dict[str, Unit] = {"m": "N", "rad": "N m"}
 _STIFFNESS: dict[str, Unit] = {"m": "N/m", "rad": "N m/rad"}
 
 
 def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> Forces | None:
-    """Return what acts on a mechanism; None where a file says nothing of it."""
+    """Return the forces on a mechanism; None if the file defines none."""
     if "forces" not in read:
         return None
     table: dict[str, Any] = read["forces"]
@@ -108,7 +108,7 @@ def _joint_springs(values: Values, mechanism: Mechanism, table: Mapping[str, Any
 
 
 def _unit(values: Values, mechanism: Mechanism, joint: str, path: tuple[str, ...]) -> Unit:
-    """Return the unit of a joint's first coordinate; of a ball's turning "rad"."""
+    """Return the unit of a joint's first coordinate; "rad" for a spherical joint."""
     kinds: dict[str, KindName] = {joint_.name: joint_.kind for joint_ in mechanism.joints}
     if joint not in kinds:
         raise values.source.error(path, f"names joint {joint!r}{suggestion(joint, kinds)}")
@@ -131,7 +131,7 @@ def _motor(values: Values, table: Mapping[str, Any]) -> Motor:
             )
     for key in table:
         if key not in ("kind", "gear", *required):
-            raise values.source.error((*path, key), f"does not go with kind {kind!r}; take it out")
+            raise values.source.error((*path, key), f"does not go with kind {kind!r}; leave it out")
     numbers = [table[key] for key in required]
     motor = {"constant": ConstantTorque, "line": TorqueSpeedLine, "dc": DCMotor}[kind](*numbers)
     return Geared(motor, table["gear"]) if "gear" in table else motor
@@ -143,17 +143,17 @@ Written = float | str
 def load_profile_of(
     values: Values, mechanism: Mechanism, written: Sequence[Written], unit: str, path: KeyPath
 ) -> LoadProfile:
-    """Return the course of a load.
+    """Return the load profile of a load.
 
     Args:
-        values: what reads the file.
-        mechanism: on which it acts.
-        written: of the crank's torque one component, else three, as checked by a key `Course`.
+        values: reader of the file's numbers.
+        mechanism: the mechanism.
+        written: one component of the crank's torque, else three, as checked by a key `Profile`.
         unit: "N" or "N m".
-        path: of its key.
+        path: its key path.
 
     Raises:
-        InputError: for text that says no load; names file, line, key, value and remedy.
+        InputError: for text that is no load; names file, line, key, value and remedy.
     """
     single = len(written) == 1
     components = [
@@ -180,6 +180,8 @@ def _component(
         raise values.source.error(path, f"is {shown(written)}{link}{error}") from None
     if component.profile.over == "angle" and not mechanism.has_crank:
         drivers = ", ".join(mechanism.drivers)
-        reason = f"is {shown(written)}, but no crank has an angle where {drivers} drive; give it over t"
+        reason = (
+            f"is {shown(written)}, but with the drivers {drivers} there is no crank angle; give it over t"
+        )
         raise values.source.error(path, reason)
     return component

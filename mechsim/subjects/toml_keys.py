@@ -1,4 +1,4 @@
-"""The keys of a mechanism in TOML: what the reader checks by and `mechsim schema` is made from."""
+"""The keys of a mechanism in TOML, for the reader and for `mechsim schema`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Text; one of some words where they are listed."""
+    """Text; with `options`, one of these words."""
 
     about: str
     options: tuple[str, ...] = ()
@@ -27,7 +27,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class JointNumber:
-    """A number as `Number`; its unit follows from the joint."""
+    """A number as `Number` with the unit of the joint's coordinate."""
 
     about: str
 
@@ -85,12 +85,12 @@ KeyType = Number | JointNumber | Profile | Text | Boolean | ListOf | TableOf | T
 
 
 def vector(unit: Unit, about: str) -> ListOf:
-    """Return the key of three numbers."""
+    """Return the key of a vector of three numbers."""
     return ListOf(Number(unit, "a component"), about, 3)
 
 
 def by_coordinate(value_type: KeyType, about: str) -> TableOf:
-    """Return the key of a table by coordinates: `joint`, or `joint.way` and `joint.turn`."""
+    """Return the key of a table by coordinate: `joint`, or `joint.way` and `joint.turn`."""
     return TableOf(
         AnyOf((value_type, TableOf(value_type, "of a joint with several coordinates")), value_type.about),
         about,
@@ -102,19 +102,19 @@ POINT = AnyOf(
         Text("name of a point"),
         Table(
             {"link": Text("name of a link, or ground"), "at": vector("m", "in the link's frame")},
-            "a place on a link",
+            "a point on a link",
             ("link",),
         ),
     ),
-    "name of a point, or link and place in its frame",
+    "name of a point, or a link and a point in its frame",
 )
-_VISCOUS, _DRY = "viscous friction, per unit of the joint's rate", "dry friction, a force or a moment"
+_VISCOUS, _COULOMB = "viscous friction, per unit of the joint's rate", "Coulomb friction, a force or a moment"
 _FRICTION = Table(
     {
         "viscous": JointNumber(_VISCOUS),
-        "coulomb": JointNumber(_DRY),
-        "viscous_turn": Number("N m s/rad", "the same of the turning in a cylindrical joint"),
-        "coulomb_turn": Number("N m", "the same of the turning in a cylindrical joint"),
+        "coulomb": JointNumber(_COULOMB),
+        "viscous_turn": Number("N m s/rad", "viscous friction of the rotation in a cylindrical joint"),
+        "coulomb_turn": Number("N m", "Coulomb friction of the rotation in a cylindrical joint"),
     },
     "friction in a joint",
 )
@@ -123,21 +123,21 @@ _SPRING = Table(
     _ENDS
     | {
         "stiffness": Number("N/m", "force per elongation"),
-        "rest": Number("m", "length without force; 0 if left out"),
-        "damping": Number("N s/m", "force per rate of elongation; 0 if left out"),
+        "rest": Number("m", "length without force; default 0"),
+        "damping": Number("N s/m", "force per rate of elongation; default 0"),
     },
-    "a spring, and damper, on the line between two places",
+    "a spring, and damper, on the line between two points",
     ("a", "b", "stiffness"),
 )
 _DAMPER = Table(
     _ENDS | {"damping": Number("N s/m", "force per rate of elongation")},
-    "a damper on the line between two places",
+    "a damper on the line between two points",
     ("a", "b", "damping"),
 )
 _JOINT_SPRING = Table(
     {
         "stiffness": JointNumber("force or moment per unit of the joint's coordinate"),
-        "rest": JointNumber("the coordinate without force; 0 if left out"),
+        "rest": JointNumber("the coordinate without force; default 0"),
     },
     "a spring in a revolute or prismatic joint",
     ("stiffness",),
@@ -150,19 +150,19 @@ _LOAD = Table(
 _COUPLE = ListOf(Profile("N m", "a component"), "moment in the ground's axes", 3)
 MOTOR = Table(
     {
-        "kind": Text("how its torque goes with speed", ("constant", "line", "dc")),
-        "torque": Number("N m", "of a constant one"),
-        "stall": Number("N m", "of a line: torque at rest"),
-        "no_load": Number("rad/s", "of a line: speed at which the torque vanishes"),
-        "voltage": Number("V", "of a dc motor"),
-        "resistance": Number("ohm", "of a dc motor's armature"),
-        "constant": Number("N m/A", "of a dc motor"),
-        "gear": Number("1", "turns of the motor per turn of the crank; 1 if left out"),
+        "kind": Text("dependence of the torque on the speed", ("constant", "line", "dc")),
+        "torque": Number("N m", "torque of a constant motor"),
+        "stall": Number("N m", "torque at rest of a torque-speed line"),
+        "no_load": Number("rad/s", "speed of zero torque of a torque-speed line"),
+        "voltage": Number("V", "voltage of a dc motor"),
+        "resistance": Number("ohm", "armature resistance of a dc motor"),
+        "constant": Number("N m/A", "motor constant of a dc motor"),
+        "gear": Number("1", "revolutions of the motor per revolution of the crank; default 1"),
     },
     "a motor on the crank",
     ("kind",),
 )
-# kind of motor -> the keys that it needs
+# kind of motor -> its required keys
 MOTOR_PARAMETERS = {
     "constant": ("torque",),
     "line": ("stall", "no_load"),
@@ -171,22 +171,22 @@ MOTOR_PARAMETERS = {
 
 FORCES = Table(
     {
-        "gravity": vector("m/s^2", "in the ground's axes; 0, -9.81, 0 if left out"),
+        "gravity": vector("m/s^2", "in the ground's axes; default 0, -9.81, 0"),
         "friction": TableOf(_FRICTION, "by joint"),
-        "springs": TableOf(_SPRING, "under names of your own"),
-        "dampers": TableOf(_DAMPER, "under names of your own"),
+        "springs": TableOf(_SPRING, "by name of your choice"),
+        "dampers": TableOf(_DAMPER, "by name of your choice"),
         "joint_springs": TableOf(_JOINT_SPRING, "by joint"),
-        "loads": TableOf(_LOAD, "under names of your own"),
+        "loads": TableOf(_LOAD, "by name of your choice"),
         "couples": TableOf(_COUPLE, "by link"),
-        "crank_torque": Profile("N m", "a load on the crank, positive as its angle rises"),
-        "flywheel": Number("kg m^2", "moment of inertia that turns with the crank"),
+        "crank_torque": Profile("N m", "a load on the crank, positive for increasing crank angle"),
+        "flywheel": Number("kg m^2", "moment of inertia that rotates with the crank"),
         "motor": MOTOR,
         "controllers": by_coordinate(
-            Text("an effort in N m or N, of J.q, J.v and t in SI, as -20*crank.q - 2*crank.v"),
-            "efforts that depend on the state",
+            Text("a torque or force in N m or N, of J.q, J.v and t in SI, such as -20*crank.q - 2*crank.v"),
+            "torques and forces that depend on the state",
         ),
     },
-    "what acts on the mechanism, for `dynamics` and scenes of level dynamics",
+    "forces on the mechanism, for `dynamics` and scenes of level dynamics",
 )
 
 
@@ -194,12 +194,12 @@ _MOMENT = ListOf(Number("kg m^2", "a moment of inertia"), "a row of the matrix",
 _END = Table(
     {
         "link": Text("name of a link, or ground"),
-        "at": vector("m", "where the joint is, in the link's frame; the origin if left out"),
-        "axis": vector("1", "direction of the joint's axis in the link's frame; z if left out"),
+        "at": vector("m", "position of the joint in the link's frame; default: the origin"),
+        "axis": vector("1", "direction of the joint's axis in the link's frame; default z"),
         "reference": vector(
             "1",
-            "direction across the axis from which the angle is counted; x if left out; where both "
-            "sides of a slide leave it out, links turn by the least that lays axis on axis, if not guessed",
+            "direction of zero joint angle, perpendicular to the axis; default x. If both sides of a slide "
+            "have none, the smallest rotation that aligns the axes gives the orientation, or the guess does",
         ),
         "mark": vector("1", "older name of `reference`"),
     },
@@ -208,7 +208,7 @@ _END = Table(
 )
 _LINK = Table(
     {
-        "outline": ListOf(vector("m", "a point"), "points in the link's frame that a picture joins up"),
+        "outline": ListOf(vector("m", "a point"), "points in the link's frame that pictures connect"),
         "inertia": Table(
             {
                 "mass": Number("kg", "mass"),
@@ -217,11 +217,11 @@ _LINK = Table(
                     AnyOf(
                         (Number("kg m^2", "a moment of inertia"), _MOMENT), "a moment of inertia, or three"
                     ),
-                    "about the centre along the link's axes: three, or the matrix of three rows",
+                    "about the centre along the link's axes: three moments, or the matrix in three rows",
                     3,
                 ),
             },
-            "mass, centre and moments; a steel rod if left out",
+            "mass, centre and moments; default: a steel rod",
             ("mass", "centre", "moments"),
         ),
     },
@@ -229,11 +229,11 @@ _LINK = Table(
 )
 _JOINT = Table(
     {
-        "kind": Text("what it leaves free", tuple(KINDS)),
+        "kind": Text("kind of the joint, its free motions", tuple(KINDS)),
         "a": _END,
         "b": _END,
-        "cross_angle": Number("rad", "between the axes of a universal joint; a right angle if left out"),
-        "lead": Number("m", "of a screw, displacement a turn"),
+        "cross_angle": Number("rad", "between the axes of a universal joint; default: a right angle"),
+        "lead": Number("m", "displacement of a screw per revolution"),
     },
     "a joint",
     ("kind", "a", "b"),
@@ -249,20 +249,20 @@ _COUPLING = Table(
     {
         "driver": _SIDE,
         "driven": _SIDE,
-        "ratio": Number("1", "of a gear: turns of the driven joint per turn of the driver"),
+        "ratio": Number("1", "of a gear: revolutions of the driven joint per revolution of the driver"),
         "radius": Number("m", "of a rack: displacement per radian of its pinion"),
-        "travel": Number("m", "of a rack, instead: displacement per turn of its pinion"),
+        "travel": Number("m", "of a rack, instead of radius: displacement per revolution of its pinion"),
         "coefficients": ListOf(
-            JointNumber("of a power of the driver's coordinate"),
-            "of a polynomial: driven as a function of driver, from the constant up, five at most",
+            JointNumber("coefficient of a power of the driver's coordinate"),
+            "of a polynomial: driven as a function of driver, constant first, five at most",
         ),
-        "phase": JointNumber("driven coordinate where the driver's is zero; 0 if left out"),
+        "phase": JointNumber("driven coordinate at zero of the driver's; default 0"),
         "zeros": ListOf(
-            JointNumber("a coordinate"), "of driven and driver, from which a polynomial counts", 2
+            JointNumber("a coordinate"), "zero positions of driven and driver of a polynomial", 2
         ),
-        "turns": Boolean("whether whole turns between both sides of a polynomial do not count"),
+        "turns": Boolean("whether both sides of a polynomial may differ by whole revolutions"),
         "pressure_angle": Number(
-            "rad", "of the teeth of a gear or rack, 0 to 90 deg; 0 if left out: the tooth force is tangential"
+            "rad", "pressure angle of a gear or rack, 0 to 90 deg; default 0: the tooth force is tangential"
         ),
     },
     "driven = ratio * driver + phase, a rack, or a polynomial, selected by its keys",
@@ -270,35 +270,35 @@ _COUPLING = Table(
 )
 _GUESS = Table(
     {
-        "at": vector("m", "of the link's origin"),
+        "at": vector("m", "position of the link's origin"),
         "turn": Table(
-            {"axis": vector("1", "to turn about"), "angle": Number("rad", "by how much")},
-            "from the frame's axes to the link's",
+            {"axis": vector("1", "axis of rotation"), "angle": Number("rad", "angle of rotation")},
+            "rotation from the frame's axes to the link's",
             ("axis", "angle"),
         ),
         "rotation": ListOf(
-            ListOf(Number("1", "a cosine"), "a row", 3), "the same as a matrix, instead of `turn`", 3
+            ListOf(Number("1", "a cosine"), "a row", 3), "rotation as a matrix, instead of `turn`", 3
         ),
     },
-    "roughly where a link is",
+    "approximate pose of a link",
 )
 
 ROOT = Table(
     {
-        "name": Text("of the mechanism"),
+        "name": Text("name of the mechanism"),
         "units": Table(
-            {"length": Text("as in mm; m if left out"), "angle": Text("as in deg; rad if left out")},
-            "of numbers without a unit of their own",
+            {"length": Text("such as mm; default m"), "angle": Text("such as deg; default rad")},
+            "units of numbers without a unit",
         ),
         "drivers": ListOf(
             Text("name of a revolute or prismatic joint, or NAME.way or NAME.turn of a cylindrical one"),
-            "what is driven; a lone revolute joint is the crank",
+            "driven coordinates; a single revolute joint is the crank",
         ),
         "parameters": TableOf(
             Number("1", "a number, a quantity, or an expression of parameters before it"),
-            "numbers used below by name, and changed by --set",
+            "numbers that the file uses by name and --set changes",
         ),
-        "links": TableOf(_LINK, "moving links; one that several joints name needs no table"),
+        "links": TableOf(_LINK, "moving links; a link that several joints name needs no table"),
         "joints": TableOf(_JOINT, "joints"),
         "couplings": TableOf(_COUPLING, "gears, racks and polynomials between coordinates"),
         "points": TableOf(
@@ -307,36 +307,38 @@ ROOT = Table(
                 "a point",
                 ("link",),
             ),
-            "points whose motion is wanted",
+            "tracked points",
         ),
         "start": AnyOf(
             (
-                JointNumber("of the one driver"),
+                JointNumber("value of a single driver"),
                 by_coordinate(JointNumber("its value at the guess"), "by coordinate"),
             ),
-            "where the driver stands at the guess, or a table by coordinate; 0 if left out",
+            "position of the driver at the guess, or a table by coordinate; default 0",
         ),
-        "locked": by_coordinate(JointNumber("where it is held"), "coordinates that do not move"),
+        "locked": by_coordinate(JointNumber("its constant value"), "locked coordinates"),
         "motion_laws": by_coordinate(
-            Text("as in 600rpm, 30deg*sin(2*pi*t) with t in s, or FILE.csv"), "how drivers move over time"
+            Text("such as 600rpm, 30deg*sin(2*pi*t) with t in s, or FILE.csv"), "motion laws of the drivers"
         ),
         "programs": by_coordinate(Text("a motion law"), "older name of `motion_laws`"),
-        "duration": Number("s", "of the motion laws"),
+        "duration": Number("s", "duration of the motion laws"),
         "initial": TableOf(
             AnyOf(
                 (
-                    TableOf(JointNumber("of q, the coordinate, and v, its rate"), "of a joint"),
-                    TableOf(TableOf(JointNumber("of q and v"), "of a coordinate"), "of a joint with several"),
+                    TableOf(JointNumber("value of q, the coordinate, or v, its rate"), "of a joint"),
+                    TableOf(
+                        TableOf(JointNumber("value of q or v"), "of a coordinate"), "of a joint with several"
+                    ),
                 ),
                 "of a joint",
             ),
-            "state from which `dynamics` releases the mechanism, as crank.q and crank.v",
+            "initial state of `dynamics`, such as crank.q and crank.v",
         ),
         "forces": FORCES,
         "display": Table(
-            {"up": Text("axis that points up; against gravity, else y, if left out", AXES)}, "of pictures"
+            {"up": Text("axis that points up; default: against gravity, else y", AXES)}, "of pictures"
         ),
-        "guess": TableOf(_GUESS, "which assembly is meant: rough places of links"),
+        "guess": TableOf(_GUESS, "approximate poses of links, which select the assembly mode"),
         "formula": Table(
             {"python": Text("FILE.py:FUNCTION, the user's own model of the motion")}, "an analytic model"
         ),
@@ -347,7 +349,7 @@ ROOT = Table(
 
 
 def schema() -> dict[str, Any]:
-    """Return the JSON Schema by which an editor completes and checks a mechanism's file."""
+    """Return the JSON Schema of a mechanism's file, for editors."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "A mechanism for mechsim"}
     return head | _schema_of(ROOT)
 

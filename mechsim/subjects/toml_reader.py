@@ -36,21 +36,21 @@ from mechsim.units import WrittenUnits
 
 @dataclass(frozen=True)
 class TomlModel(ModelSource):
-    """A TOML file.
+    """A mechanism in a TOML file.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
     """
 
     path: str
 
     @cached_property
     def source(self) -> TomlSource:
-        """What the file contains."""
+        """The parsed file."""
         return read_source(self.path)
 
     def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
-        """Return the mechanism; the requested coordinates drive it where the file names no driver."""
+        """Return the mechanism; the requested coordinates are the drivers if the file names none."""
         return toml_model(self.source, changed, drivers=tuple(prescription.drive))
 
     def values(self, changed: Mapping[str, str | float]) -> Values:
@@ -60,7 +60,7 @@ class TomlModel(ModelSource):
         return values_of(self.source).with_parameters(texts, changed, units_of)
 
     def parameters(self, changed: Mapping[str, str | float]) -> Parameters:
-        """Return the parameters; one whose use does not determine its unit is a plain number."""
+        """Return the parameters; a parameter whose use does not determine its unit is a plain number."""
         document = self.source.document
         texts, units_of = document.get("parameters", {}), parameter_units(document)
         values = self.values(changed)
@@ -82,8 +82,8 @@ def toml_model(
 
     Args:
         source: the file.
-        changed: parameter -> text, or number in SI, that replaces what the file states.
-        drivers: coordinates that are driven where the file names none.
+        changed: parameter -> text, or number in SI, that replaces the value in the file.
+        drivers: driven coordinates if the file names none.
 
     Raises:
         InputError: for invalid contents; names file, line, key, value and remedy.
@@ -97,7 +97,7 @@ def toml_model(
     coordinates = coordinates_of(values, read["joints"])
     with source.error_context(()):
         driver = drivers_of(coordinates, read, drivers)
-        start, counted = start_of(coordinates, read, driver)
+        start, guess_coordinates = start_of(coordinates, read, driver)
         gears, couplings = couplings_of(coordinates, read)
         mechanism = Mechanism(
             name=read["name"],
@@ -113,7 +113,7 @@ def toml_model(
             start=start,
             couplings=couplings,
             locked=locked_of(coordinates, read, driver),
-            counted=counted,
+            guess_coordinates=guess_coordinates,
             up=_up(read),
         )
     require_pitch_points(source, mechanism, read)
@@ -132,7 +132,7 @@ def toml_model(
 
 
 def _up(read: Mapping[str, Any]) -> Up | None:
-    """Return the axis that points up: as stated, else against the gravity that acts by `[forces]`."""
+    """Return the axis that points up: as stated in the file, else against the gravity of `[forces]`."""
     stated: Up | None = read.get("display", {}).get("up")
     if stated or "forces" not in read:
         return stated
@@ -140,13 +140,13 @@ def _up(read: Mapping[str, Any]) -> Up | None:
 
 
 def _formula(path: str, read: Mapping[str, Any]) -> str:
-    """Return FILE.py:FUNCTION of the formula, with the folder of the mechanism; empty without."""
+    """Return FILE.py:FUNCTION of the formula with the folder of the mechanism; empty if there is none."""
     reference = read.get("formula", {}).get("python", "")
     return os.path.join(os.path.dirname(path), reference) if reference else ""
 
 
 def values_of(source: TomlSource) -> Values:
-    """Return what reads values, with the file's units and no parameters yet."""
+    """Return the reader of values, with the file's units and without parameters."""
     bare = Values(source, "m", "rad", {})
     units_table = Table({"units": ROOT.keys["units"]}, "")
     stated = {name: entry for name, entry in source.document.items() if name == "units"}
@@ -163,10 +163,10 @@ def _entries(read: Mapping[str, Any], table: str) -> Iterator[tuple[str, Any]]:
 
 
 def _links(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
-    """Yield the links with tables, then those that only joints name, at least two of them."""
+    """Yield the links with tables, then those that at least two joints name."""
     declared: dict[str, Any] = read.get("links", {})
     if GROUND in declared:
-        raise source.error(("links", GROUND), "is the frame, which has no table; take it out")
+        raise source.error(("links", GROUND), "is the frame, which has no table; leave it out")
     for name, entry in declared.items():
         with source.error_context(("links", name)):
             inertia = entry.get("inertia")
@@ -178,7 +178,7 @@ def _links(source: TomlSource, read: Mapping[str, Any]) -> Iterator[Link]:
             continue
         if count[link] == 1:
             candidates = dict.fromkeys(name for name in (GROUND, *declared, *count) if name != link)
-            reason = f"is {link!r}, which no other joint names and [links] does not hold"
+            reason = f"is {link!r}, which no other joint names and [links] does not contain"
             table = f"; a link of one joint needs a table, [links.{link}]"
             raise source.error(("joints", joint, side, "link"), reason + suggestion(link, candidates) + table)
     yield from (Link(name) for name in count if name not in declared and name != GROUND)

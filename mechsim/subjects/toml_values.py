@@ -1,4 +1,4 @@
-"""The values of a TOML file checked by the table of keys, as plain values in SI."""
+"""Values of a TOML file, checked by the table of keys and converted to SI."""
 
 import difflib
 import math
@@ -31,9 +31,9 @@ from mechsim.subjects.toml_keys import (
 )
 from mechsim.units import Unit
 
-# a file longer than this describes no mechanism
+# largest file in bytes: mechanisms need far less
 MAX_BYTES = 1_000_000
-# characters of a value that an error message repeats
+# largest number of characters of a value in an error message
 MAX_SHOWN = 60
 
 _NAME = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
@@ -50,12 +50,12 @@ class LocatedError(InputError):
 
 @dataclass(frozen=True)
 class TomlSource:
-    """A file that was read.
+    """A parsed TOML file.
 
     Attributes:
-        path: as it was named.
-        document: what it holds.
-        lines: key path -> line on which it stands.
+        path: its path, as given.
+        document: its contents.
+        lines: key path -> line number.
     """
 
     path: str
@@ -63,23 +63,23 @@ class TomlSource:
     lines: dict[tuple[str, ...], int] = field(default_factory=dict[tuple[str, ...], int])
 
     def line(self, key: KeyPath) -> int:
-        """Return the line of a key, or of the table that holds it."""
+        """Return the line of a key, or of the table that contains it."""
         names = tuple(name for name in key if isinstance(name, str))
         while names and names not in self.lines:
             names = names[:-1]
         return self.lines.get(names, 1)
 
     def sibling(self, name: str) -> str:
-        """Return the path of a file that is named in this one and looked for next to it."""
+        """Return the path of a file relative to the folder of this one."""
         return str(Path(self.path).parent / name.strip())
 
     def error(self, key: KeyPath, reason: str) -> InputError:
-        """Return the error about a key: file, line, key, and why."""
+        """Return the error about a key: file, line, key, and reason."""
         return LocatedError(f"{self.path}, line {self.line(key)}: {dotted(key)} {reason}")
 
     @contextmanager
     def error_context(self, key: KeyPath) -> Generator[None]:
-        """Give errors raised inside the place of a key, unless they name one."""
+        """Add the position of a key to errors that have no position."""
         try:
             yield
         except LocatedError:
@@ -89,13 +89,13 @@ class TomlSource:
 
 
 def dotted(key: KeyPath) -> str:
-    """Return a key as joints.crank.a.at[1]."""
+    """Return a key path as text, such as joints.crank.a.at[1]."""
     text = "".join(f"[{name}]" if isinstance(name, int) else f".{name}" for name in key)
     return text.removeprefix(".") or "the file"
 
 
 def shown(value: object) -> str:
-    """Return a value as an error message repeats it."""
+    """Return a value as text for error messages."""
     return cut(repr(value), MAX_SHOWN)
 
 
@@ -111,7 +111,7 @@ def read_source(path: str) -> TomlSource:
     """Return a TOML file.
 
     Raises:
-        InputError: for a file that is not there, is too large, or is no TOML.
+        InputError: for a missing or too large file, or one that is no TOML.
     """
     try:
         status = os.stat(path)
@@ -136,7 +136,7 @@ def read_source(path: str) -> TomlSource:
 
 
 def _lines(text: str) -> dict[tuple[str, ...], int]:
-    """Return on which line each key stands; those in inline tables are left to their table."""
+    """Return the line of each key; keys of inline tables have the line of their table."""
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
     for line_number, line in enumerate(text.splitlines(), 1):
@@ -153,22 +153,22 @@ def _key_names(name: str) -> tuple[str, ...]:
     return tuple(name_.strip().strip("\"'") for name_ in re.findall(_NAME, name))
 
 
-# an SI number this many times the file's own value was probably meant in the file's unit: a value in mm read
-# as metres is 1,000 times too large
+# ratio of an SI number to the value in the file above which it was probably given in the file's unit: a value
+# in mm read as metres is 1,000 times too large
 IMPLAUSIBLE = 100.0
-# a number and then letters is a quantity; all other text is an expression
+# a number followed by letters is a quantity; other text is an expression
 _QUANTITY = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*[^\W\d_eE°%]|.*[°%]")
 
 
 @dataclass(frozen=True)
 class Values:
-    """What makes plain values in SI of a file's.
+    """Converts values of a file to plain values in SI.
 
     Attributes:
         source: the file.
-        length: unit of lengths without one.
-        angle: unit of angles without one.
-        parameters: name -> value, lengths and angles in the file's units, all else in SI.
+        length: unit of lengths without a unit.
+        angle: unit of angles without a unit.
+        parameters: name -> value, lengths and angles in the file's units, others in SI.
     """
 
     source: TomlSource
@@ -177,10 +177,10 @@ class Values:
     parameters: Mapping[str, float]
 
     def checked(self, key: KeyType, value: Any, path: KeyPath) -> Any:
-        """Return a value as a key wants it.
+        """Return a value checked and converted by its key.
 
         Raises:
-            InputError: for any that does not fit; names file, line, key, value and remedy.
+            InputError: for an invalid value; names file, line, key, value and remedy.
         """
         match key:
             case Number(unit=unit):
@@ -188,7 +188,7 @@ class Values:
             case Profile(unit=unit):
                 return value if is_profile(value) else self._number(value, unit, path)
             case JointNumber():
-                return self._amount(value, path)
+                return self._unchecked(value, path)
             case Boolean():
                 if not isinstance(value, bool):
                     raise self.source.error(path, f"is {shown(value)}; give true or false")
@@ -210,8 +210,8 @@ class Values:
                     raise self.source.error(path, f"is {shown(value)}; give {about}")
                 return self.checked(fitting, value, path)
 
-    def _amount(self, value: Any, path: KeyPath) -> Any:
-        """Return a number, a quantity or an expression as it is: a `Number` will give it its unit."""
+    def _unchecked(self, value: Any, path: KeyPath) -> Any:
+        """Return a number, a quantity or an expression unchanged, if the key gives it a unit later."""
         if not isinstance(value, str):
             self.plain_number(value, path)
         return value
@@ -224,7 +224,7 @@ class Values:
             else:
                 number = self.in_si(bare, unit)
         if not abs(number) <= HUGE:
-            raise self.source.error(path, f"is {shown(value)}; give {HUGE:g} in SI at most")
+            raise self.source.error(path, f"is {shown(value)}; give at most {HUGE:g} in SI")
         return number
 
     def plain_number(self, value: Any, path: KeyPath) -> float:
@@ -250,22 +250,22 @@ class Values:
         close = difflib.get_close_matches(name, self.parameters, n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
         listed = ", ".join(self.parameters) or "none"
-        raise InputError(f"names {name!r}, which is no parameter given before{hint}; known are {listed}")
+        raise InputError(f"names {name!r}, which is no parameter defined before{hint}; known are {listed}")
 
     def in_si(self, value: float, unit: Unit) -> float:
-        """Return a number without a unit of its own in SI."""
+        """Return a number without a unit in SI."""
         own: dict[Unit, str] = {"m": self.length, "rad": self.angle}
         return units.in_si(value, own.get(unit, unit), unit)
 
     def with_parameters(
         self, entries: Any, changed: Mapping[str, str | float], units_of: Mapping[str, Unit]
     ) -> "Values":
-        """Return the same with parameters, each reckoned from those before it.
+        """Return the same reader with parameters; each expression uses parameters before it.
 
         Args:
-            entries: the file's table.
-            changed: name -> text, or number in SI, that stands for what the file has.
-            units_of: parameter -> "m" or "rad", of those whose use determines it.
+            entries: the table of parameters in the file.
+            changed: name -> text, or number in SI, that replaces the value in the file.
+            units_of: parameter -> "m" or "rad", if its use determines it.
         """
         table = self._table(entries, ("parameters",))
         for name in changed:
@@ -275,7 +275,7 @@ class Values:
         for name, value in table.items():
             path = ("parameters", name)
             if not name.isidentifier() or name in (*FUNCTIONS, "pi"):
-                raise self.source.error(path, "is no name for a parameter; use letters, digits and _")
+                raise self.source.error(path, "is no valid parameter name; use letters, digits and _")
             if name in changed:
                 number = result.changed_parameter(name, changed[name], value, units_of)
             else:
@@ -286,7 +286,7 @@ class Values:
     def changed_parameter(
         self, name: str, text: str | float, before: Any, units_of: Mapping[str, Unit]
     ) -> float:
-        """Return a parameter that `--set` or `set=` gives, in the file's unit; see `_require_unit`."""
+        """Return the value of `--set` or `set=` for a parameter, in the file's unit; see `_require_unit`."""
         path = ("parameters", name)
         unit = self.unit_of(name, before, units_of)
         if unit is not None:
@@ -298,7 +298,7 @@ class Values:
         return self.plain_number(bare, path) / (1.0 if unit is None else self.in_si(1.0, unit))
 
     def unit_of(self, name: str, before: Any, units_of: Mapping[str, Unit]) -> Unit | None:
-        """Return what a parameter measures, by its use or by how the file writes it; None if unknown."""
+        """Return the unit of a parameter, by its use or its text in the file; None if unknown."""
         unit = units_of.get(name)
         if unit is None and is_quantity(before):
             with self.source.error_context(("parameters", name)):
@@ -306,13 +306,13 @@ class Values:
         return unit
 
     def declared_unit(self, before: Any, unit: Unit) -> str:
-        """Return the unit that the file declares for a parameter: of its own text, else of bare numbers."""
+        """Return the unit of a parameter's text in the file, else that of numbers without a unit."""
         if is_quantity(before):
             return units.unit_in(before)
         return {"m": self.length, "rad": self.angle}.get(unit, unit)
 
     def _require_unit(self, name: str, text: str | float, before: Any, unit: Unit) -> None:
-        """Reject text without a unit, and implausible numbers in SI, where the file declares another unit."""
+        """Raise InputError for text without a unit or implausible SI numbers if the file has another unit."""
         declared = self.declared_unit(before, unit)
         if isinstance(text, str):
             with self.source.error_context(("parameters", name)):
@@ -331,7 +331,7 @@ class Values:
             )
 
     def parameter(self, value: Any, path: KeyPath) -> float:
-        """Return a parameter, a length or an angle in the file's unit."""
+        """Return a parameter; a length or an angle in the file's unit."""
         if not is_quantity(value):
             return self.plain_number(value, path)
         with self.source.error_context(path):
@@ -355,7 +355,7 @@ class Values:
         table = self._table(value, path)
         for name in table:
             if name not in keys.keys:
-                raise self.source.error((*path, name), f"is no key here{suggestion(name, keys.keys)}")
+                raise self.source.error((*path, name), f"is no known key{suggestion(name, keys.keys)}")
         for name in keys.required:
             if name not in table:
                 raise self.source.error(path, f"has no {name!r}; give it: {keys.keys[name].about}")
@@ -368,7 +368,7 @@ class Values:
 
 
 def is_quantity(value: object) -> TypeGuard[str]:
-    """Whether a value is text that begins as a number with a unit does."""
+    """Whether a value is text that starts with a number and a unit."""
     return isinstance(value, str) and _QUANTITY.match(value) is not None
 
 

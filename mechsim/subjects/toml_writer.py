@@ -1,4 +1,4 @@
-"""Any mechanism as TOML that reads back to the same one, to the last bit."""
+"""Mechanisms as TOML text that reads back to the last bit."""
 
 import json
 import re
@@ -48,7 +48,7 @@ def driving_lines(solver: LoopForm) -> Iterator[str]:
     """Yield the lines of motion laws, forces and formula.
 
     Raises:
-        InputError: for a motion law or a load that no text says.
+        InputError: for a motion law or load without text.
     """
     if not solver.motion_laws.crank:
         yield from _motion_law_lines(solver.motion_laws)
@@ -63,7 +63,7 @@ def _motion_law_lines(laws: MotionLaws) -> Iterator[str]:
     yield from ("", "[motion_laws]")
     for name, state in laws.by_name.items():
         if not isinstance(state, MotionLaw):
-            raise InputError(f"the motion law of {name} is a function, which no text says; give it as text")
+            raise InputError(f"the motion law of {name} is a function without text; give it as text")
         yield f"{key(name)} = {quoted(_absolute(state.text))}"
 
 
@@ -112,17 +112,17 @@ def _plain_motor(motor: PlainMotor) -> dict[str, str]:
 
 
 def _components(profile: LoadProfile, what: str) -> list[str]:
-    """Return what a load is along each axis."""
+    """Return the text of a load along each axis."""
     if isinstance(profile.value, WrittenLoad):
         texts = [component.text for component in profile.value.components]
         return [quoted(_absolute(text)) if isinstance(text, str) else number(text) for text in texts]
     if profile.over is not None:
-        raise InputError(f"{what} is a function of {profile.over}, which no text says; give it as text")
+        raise InputError(f"{what} is a function of {profile.over} without text; give it as text")
     return [number(text) for text in profile.evaluate(np.zeros(1)).ravel()]
 
 
 def _absolute(text: str) -> str:
-    """Return the text of a motion law or a load, by which it is found from anywhere if it is a file."""
+    """Return the text of a motion law or a load with an absolute path if it is a file."""
     return str(Path(text).resolve()) if text.lower().endswith(files.EXTENSIONS) else text
 
 
@@ -137,13 +137,13 @@ def _table(fields: Mapping[str, str]) -> str:
 
 
 def to_toml(source: Mechanism | LoopForm) -> str:
-    """Return a mechanism as text in TOML, in metres and radians, numbers with 17 digits.
+    """Return a mechanism as TOML text, in metres and radians, numbers with 17 digits.
 
     Args:
-        source: the mechanism, or what moves: then with its motion laws, forces and formula.
+        source: the mechanism, or a solver with its motion laws, forces and formula.
 
     Raises:
-        InputError: for a motion law or a load that is no text and no constant.
+        InputError: for a motion law or load that is neither text nor constant.
     """
     mechanism = source if isinstance(source, Mechanism) else source.mechanism
     lines = [f"name = {quoted(mechanism.name)}", f"drivers = [{', '.join(map(quoted, mechanism.drivers))}]"]
@@ -177,7 +177,7 @@ def to_toml(source: Mechanism | LoopForm) -> str:
 
 
 def _initial(initial: Mapping[str, float]) -> Iterator[str]:
-    """Yield the coordinates and rates of the state of release."""
+    """Yield the coordinates and rates of the initial state."""
     for quantity, value in initial.items():
         coordinate, _, component = quantity.rpartition(".")
         names = ".".join(key(name) for name in coordinate.split("."))
@@ -185,15 +185,15 @@ def _initial(initial: Mapping[str, float]) -> Iterator[str]:
 
 
 def _start(mechanism: Mechanism) -> Iterator[str]:
-    """Yield where the drivers stand at the guess: the crank's angle, or a table."""
-    counted = dict(mechanism.counted)
+    """Yield the driver positions at the guess: the crank angle, or a table."""
+    guess_coordinates = dict(mechanism.guess_coordinates)
     if mechanism.has_crank:
-        if not counted:
+        if not guess_coordinates:
             yield f"start = {number(mechanism.start)}"
             return
-        counted = {mechanism.crank.name: mechanism.start, **counted}
-    if counted:
-        yield f"start = {{ {', '.join(_values(counted))} }}"
+        guess_coordinates = {mechanism.crank.name: mechanism.start, **guess_coordinates}
+    if guess_coordinates:
+        yield f"start = {{ {', '.join(_values(guess_coordinates))} }}"
 
 
 def _values(values: Mapping[str, float]) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Agreement of models and formulas in a test suite of one's own: an assertion, and a plugin for pytest."""
+"""Checks of models against formulas in your own test suite: an assertion, and a pytest plugin."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 __all__ = ["assert_agrees"]
 
 
-if not TYPE_CHECKING:  # pytest loads the plugin in every run: nothing is imported before it is used
+if not TYPE_CHECKING:  # pytest loads the plugin in every run: import only what is used
 
     def __getattr__(name: str) -> Any:
         if name != "assert_agrees":

@@ -1,4 +1,4 @@
-"""An assertion for test suites: a model agrees with a formula, or the failure says why not."""
+"""An assertion for test suites: a model agrees with a formula; a failure states the likely cause."""
 
 import inspect
 import shlex
@@ -29,23 +29,24 @@ def assert_agrees(
     duration: str | float | None = None,
     speed: float | str = SPEED,
 ) -> Agreement:
-    """Return how a model and a formula agree, and fail where they do not.
+    """Return the agreement of a model with a formula; fail if they differ.
 
     Args:
-        model: a name, FILE.toml, FILE.xml, FILE.py:OBJECT, or what `ms.load` returns.
-        formula: a function of the drivers' coordinates, FILE.py:FUNC or FILE.csv; None takes the one that
-            the model's file names. It is run.
-        tolerance: bound on places in [m] or text, as "10um", on other quantities in proportion;
-            None takes 1e-8 of the workspace, and rounding for the formula that the model's file names.
-        set: parameter -> its value, as `ms.load` takes it.
-        drive: coordinate -> its motion law, as `ms.load` takes it.
-        duration: of the motion laws, as `ms.load` takes it.
-        speed: of a crank, in [rad/s], or text, as "600rpm".
+        model: a name, FILE.toml, FILE.xml, FILE.py:OBJECT, or a solver from `ms.load`.
+        formula: a function of the drivers' coordinates, FILE.py:FUNC or FILE.csv; the default is the formula
+            in the model's file. It is run.
+        tolerance: tolerance of positions in [m] or text such as "10um"; those of other quantities are
+            proportional. The default is 1e-8 of the workspace size, and rounding for the formula in the
+            model's file.
+        set: parameter -> its value, as in `ms.load`.
+        drive: coordinate -> its motion law, as in `ms.load`.
+        duration: duration of the motion laws, as in `ms.load`.
+        speed: crank speed, in [rad/s] or text such as "600rpm".
 
     Raises:
-        AssertionError: where a quantity is beyond its bound: verdict, likely cause, the command that shows it
-            again, and in a run of pytest the path of a report.
-        InputError: for a model or a formula that cannot be used; one sentence.
+        AssertionError: if a quantity exceeds its tolerance; states the verdict, the likely cause, the command
+            that repeats the comparison, and in a run of pytest the path of a report.
+        InputError: for an invalid model or formula, in one sentence.
     """
     __tracebackhide__ = True
     source = str(model) if isinstance(model, Path) else model
@@ -63,7 +64,7 @@ def assert_agrees(
 
 
 def _record(running: RunningTest, agreement: Agreement) -> None:
-    """Leave in the JUnit file what came out."""
+    """Record the result in the JUnit file."""
     running.record("mechsim.model", agreement.solver.name)
     running.record("mechsim.against", agreement.source)
     running.record("mechsim.outcome", agreement.outcome)
@@ -84,7 +85,7 @@ def _command(
     duration: str | float | None,
     running: RunningTest | None,
 ) -> str:
-    """Return the one command that shows a difference again: of mechsim, else of pytest."""
+    """Return the command that repeats a comparison: of mechsim, else of pytest."""
     against = _named(formula)
     plain = all(isinstance(law, str) for law in drive.values())
     if isinstance(model, str) and plain and (against or formula is None):
@@ -98,7 +99,7 @@ def _command(
 
 
 def _named(formula: Formula | None) -> str:
-    """Return FILE.py:FUNC of a function that a file holds by its name; empty where there is none."""
+    """Return FILE.py:FUNC of a function that a file defines; empty for any other function."""
     if formula is None or isinstance(formula, str | Path):
         return str(formula or "")
     name, home = getattr(formula, "__qualname__", ""), inspect.getmodule(formula)
@@ -114,13 +115,13 @@ class ModelFolder:
     """Models and formulas in a folder.
 
     Attributes:
-        folder: of the test.
+        folder: folder of the test.
     """
 
     folder: Path
 
     def load(self, model: str | Path, **options: Any) -> KinematicSolver:
-        """Return a model of the folder, or a known one, as `ms.load` does."""
+        """Return a model of the folder, or a known one, as `ms.load`."""
         return load(str(self._path_of(model)), **options)
 
     def assert_agrees(
@@ -130,12 +131,12 @@ class ModelFolder:
         tolerance: float | str | None = None,
         **options: Any,
     ) -> Agreement:
-        """Return how a model of the folder and a formula agree, as `ms.testing.assert_agrees` does."""
+        """Return the agreement of a model of the folder with a formula, as `ms.testing.assert_agrees`."""
         __tracebackhide__ = True
         return assert_agrees(self._path_of(model), self._path_of(formula), tolerance, **options)
 
     def _path_of(self, source: Any) -> Any:
-        """Return the path of a file of the folder; anything else as it is."""
+        """Return the path of a file of the folder; other values are returned unchanged."""
         if not isinstance(source, str | Path):
             return source
         file, python, _ = str(source).rpartition(".py:")

@@ -1,6 +1,6 @@
-"""The pytest plugin: a fixture, TOML files with a formula as tests, and where failed tests leave reports.
+"""The pytest plugin: a fixture, TOML files with a formula as tests, and reports of failed tests.
 
-pytest loads it in every run, so nothing of mechsim is imported here before a test asks for it.
+pytest loads it in every run, so it imports nothing of mechsim before a test needs it.
 """
 
 import re
@@ -18,40 +18,40 @@ from mechsim.testing.running import RUNNING, RunningTest
 if TYPE_CHECKING:
     from mechsim.testing.assertion import ModelFolder
 
-# a description is no longer than this, and says so; pyproject.toml and its like are never looked into
+# characters of a description at most; other TOML files, such as pyproject.toml, are not read
 MAX_LENGTH = 1_000_000
 FORMULA = re.compile(r"^\s*\[\s*formula\s*\]", re.MULTILINE)
 JOINTS = re.compile(r"^\s*(\[\s*joints\b|joints\s*[.=])", re.MULTILINE)
-FOREIGN = ("pyproject.toml", "pytest.toml", "ruff.toml", "uv.toml", "pixi.toml")
+OTHER_TOML = ("pyproject.toml", "pytest.toml", "ruff.toml", "uv.toml", "pixi.toml")
 CACHE = "mechsim"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Declare what a project can ask for."""
+    """Declare the options of a project."""
     group = parser.getgroup("mechsim")
     group.addoption(
         "--mechsim-reports",
         metavar="DIR",
-        help="Where failed agreements leave their reports (pytest's cache if left out).",
+        help="Folder for the reports of failed agreements (default: pytest's cache).",
     )
     parser.addini(
         "mechsim_collect",
-        "Patterns of TOML files that are tests if they have a [formula], as *.toml or models/*.toml; none if "
-        "left out: then only those named on the command line are.",
+        "Patterns of TOML files that are tests if they have a [formula], such as *.toml or models/*.toml; by "
+        "default only files named on the command line are.",
         type="args",
         default=[],
     )
-    parser.addini("mechsim_reports", "Where failed agreements leave their reports.", default="")
+    parser.addini("mechsim_reports", "Folder for the reports of failed agreements.", default="")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the mark of TOML files that are tests."""
-    config.addinivalue_line("markers", "mechsim: a TOML file held against the formula it names")
+    """Register the marker of TOML files that are tests."""
+    config.addinivalue_line("markers", "mechsim: a TOML file compared with its formula")
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Return a TOML file with a formula as a test file, where it was named or the project asks for it."""
-    if file_path.suffix != ".toml" or file_path.name in FOREIGN:
+    """Return a TOML file with a formula as a test file, if it is named or a pattern selects it."""
+    if file_path.suffix != ".toml" or file_path.name in OTHER_TOML:
         return None
     if not (parent.session.isinitpath(file_path) or _is_requested(file_path, parent.config)):
         return None
@@ -61,7 +61,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 
 def _is_requested(path: Path, config: pytest.Config) -> bool:
-    """Whether a pattern of the project's names a file, by its name or its path from the root."""
+    """Whether a pattern of the project selects a file, by its name or its path from the root."""
     root = config.rootpath
     called = path.relative_to(root).as_posix() if path.is_relative_to(root) else path.name
     patterns: list[str] = config.getini("mechsim_collect")
@@ -69,7 +69,7 @@ def _is_requested(path: Path, config: pytest.Config) -> bool:
 
 
 def _has_formula(path: Path) -> bool:
-    """Whether a file describes joints and names a formula; whether it is sound is for its test to say."""
+    """Whether a file describes joints and has a formula; its test checks whether it is valid."""
     try:
         if path.stat().st_size > MAX_LENGTH:
             return False
@@ -81,7 +81,7 @@ def _has_formula(path: Path) -> bool:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
-    """Say which test runs, so that an assertion knows where to report."""
+    """Set the running test, so that an assertion knows where to report."""
 
     def record(name: str, value: object) -> None:
         item.user_properties.append((name, str(value)))
@@ -94,7 +94,7 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
 
 
 def _reports(config: pytest.Config) -> Path:
-    """Return where reports go: where was asked, else into pytest's cache, else among temporary files."""
+    """Return the folder of reports: the requested one, else in pytest's cache, else a temporary one."""
     requested: str = config.getoption("--mechsim-reports") or config.getini("mechsim_reports")
     if requested:
         return config.rootpath / requested
@@ -106,19 +106,19 @@ def _reports(config: pytest.Config) -> Path:
 
 @pytest.fixture
 def mechsim(request: pytest.FixtureRequest) -> "ModelFolder":
-    """Models next to the test's own file: `mechsim.load(FILE)`, `mechsim.assert_agrees(FILE, formula)`."""
+    """Models in the folder of the test: `mechsim.load(FILE)`, `mechsim.assert_agrees(FILE, formula)`."""
     module: Any = import_module("mechsim.testing.assertion")
     return module.ModelFolder(request.path.parent)
 
 
 class FormulaItem(pytest.Item):
-    """The test that a file's mechanism agrees with the formula it names."""
+    """The test that a file's mechanism agrees with its formula."""
 
     def runtest(self) -> None:
         """Run it."""
         root = Path.cwd()
         path = self.path.relative_to(root) if self.path.is_relative_to(root) else self.path
-        # what is only collected needs none of it
+        # import only when a test runs, not when it is collected
         assertion: Any = import_module("mechsim.testing.assertion")
         assertion.assert_agrees(str(path))
 
@@ -130,15 +130,15 @@ class FormulaItem(pytest.Item):
         return str(super().repr_failure(excinfo))
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Return where the test stands."""
+        """Return the position of the test in its file."""
         return self.path, 0, self.nodeid
 
 
 class TomlFile(pytest.File):
-    """A file that describes a mechanism and names a formula."""
+    """A file that describes a mechanism and has a formula."""
 
     def collect(self) -> Iterable[pytest.Item]:
-        """Return its one test."""
+        """Return its single test."""
         item = FormulaItem.from_parent(self, name="formula")
         item.add_marker("mechsim")
         return [item]

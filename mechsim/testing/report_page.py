@@ -1,4 +1,4 @@
-"""A small page on a failed test: verdict, cause, every quantity, the worst one's difference as a curve."""
+"""A report of a failed test: verdict, cause, all quantities, and a plot of the largest difference."""
 
 import html
 import re
@@ -14,26 +14,26 @@ from mechsim.studies.agreement.agreement import Agreement
 from mechsim.testing.running import RunningTest
 from mechsim.verdict.checks import Check
 
-# columns of a terminal, and failed quantities that a message lists
-WIDE, FEW = 78, 3
+# width in characters, and number of failed quantities in a message
+WIDTH_OF_MESSAGE, MAX_LISTED = 78, 3
 
 
 def failure(agreement: Agreement, command: str, page: Path | None) -> str:
     """Return the message of a failed assertion, lines of 78 columns unless a path or command is longer.
 
     Args:
-        agreement: what came out.
-        command: shows it again.
-        page: the report; None where none was written.
+        agreement: the result.
+        command: command that repeats the comparison.
+        page: path of the report; None if it was not written.
     """
     failed = sorted(
         (check for check in agreement.checks if not check.passed),
         key=lambda check: -(check.fraction_of_tolerance or 0.0),
     )
     lines = [f"{agreement.solver.name} does not agree with {agreement.source}"]
-    lines += [_failed_check(check) for check in failed[:FEW]]
-    if len(failed) > FEW:
-        lines.append(f"  and {len(failed) - FEW} more of {len(agreement.checks)} quantities")
+    lines += [_failed_check(check) for check in failed[:MAX_LISTED]]
+    if len(failed) > MAX_LISTED:
+        lines.append(f"  and {len(failed) - MAX_LISTED} more of {len(agreement.checks)} quantities")
     cause = cause_of(agreement)
     lines += _labelled("cause", cause or "none of the known mistakes explains the difference")
     lines.append(f"again:  {command}")
@@ -44,7 +44,7 @@ def failure(agreement: Agreement, command: str, page: Path | None) -> str:
 
 
 def cause_of(agreement: Agreement) -> str:
-    """Return what explains a difference, and how surely; empty where nothing does."""
+    """Return the likely cause of a difference, with its certainty; empty if there is none."""
     certain = [finding for finding in agreement.findings if finding.certain]
     if certain:
         return " or ".join(finding.message for finding in certain)
@@ -56,16 +56,16 @@ def cause_of(agreement: Agreement) -> str:
 
 def _failed_check(check: Check) -> str:
     text = f"{check.title}: off by {check.worst:.3g} {check.unit}, tolerance {check.tolerance:.3g}"
-    return f"  {textwrap.shorten(text, WIDE - 2)}"
+    return f"  {textwrap.shorten(text, WIDTH_OF_MESSAGE - 2)}"
 
 
 def _labelled(label: str, text: str) -> list[str]:
     first = f"{label}:".ljust(8)
-    return textwrap.wrap(text, WIDE, initial_indent=first, subsequent_indent=" " * 8)
+    return textwrap.wrap(text, WIDTH_OF_MESSAGE, initial_indent=first, subsequent_indent=" " * 8)
 
 
 WIDTH, HEIGHT = 640, 200
-# characters of a file's name
+# largest number of characters of a file name
 MAX_LENGTH = 80
 STYLE = (
     "body{font:15px/1.5 sans-serif;margin:2em auto;max-width:60em;padding:0 1em}"
@@ -75,7 +75,7 @@ STYLE = (
 
 
 def write_page(agreement: Agreement, command: str, running: RunningTest) -> Path | None:
-    """Write the page of a failed test and return its path; None where its folder cannot be written."""
+    """Write the report of a failed test and return its path; None if its folder cannot be written."""
     name = re.sub(r"[^\w.-]+", "-", running.name).strip("-")[-MAX_LENGTH:]
     path = running.folder / f"{name}.html"
     try:
@@ -88,7 +88,7 @@ def write_page(agreement: Agreement, command: str, running: RunningTest) -> Path
 
 
 def page(agreement: Agreement, command: str) -> str:
-    """Return the page as HTML without other files."""
+    """Return the report as self-contained HTML."""
     title = html.escape(f"{agreement.solver.name} against {agreement.source}: {agreement.outcome}")
     rows = "".join(
         f"<tr><td>{html.escape(check.title)}</td><td>{check.worst:.3g}</td><td>{check.tolerance:.3g}</td>"
@@ -105,14 +105,14 @@ def page(agreement: Agreement, command: str) -> str:
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
         f"<h1>{title}</h1><p>{cause}</p>"
         f"<p>Again: <code>{html.escape(command)}</code></p>{_curve(agreement)}"
-        f"<h2>What was tried</h2><ul>{causes}</ul>"
-        f"<h2>Every quantity</h2><table><tr><th>quantity<th>worst<th>tolerance<th>unit<th>result</tr>{rows}"
+        f"<h2>Possible causes</h2><ul>{causes}</ul>"
+        f"<h2>All quantities</h2><table><tr><th>quantity<th>worst<th>tolerance<th>unit<th>result</tr>{rows}"
         "</table></html>\n"
     )
 
 
 def _curve(agreement: Agreement) -> str:
-    """Return the difference of the quantity that is off most, over the instants compared."""
+    """Return a plot of the quantity with the largest relative difference, over the compared instants."""
     used = [check.fraction_of_tolerance or 0.0 for check in agreement.checks]
     if not used or len(used) != len(agreement.candidates):
         return ""
@@ -128,11 +128,11 @@ def _curve(agreement: Agreement) -> str:
     return (
         f'<figure><svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" role="img" aria-label="{label}">'
         f'<polyline fill="none" stroke="#a00" stroke-width="1.5" points="{points}"/></svg>'
-        f"<figcaption>{label}, instant by instant</figcaption></figure>"
+        f"<figcaption>{label}, over the instants</figcaption></figure>"
     )
 
 
 def _scaled(fraction: Array) -> Array:
-    """Return values from 0 to 1 as places in the picture, (n, 2)."""
+    """Return values from 0 to 1 as points of the plot, (n, 2)."""
     along = np.linspace(0.0, WIDTH, len(fraction))
     return np.column_stack([along, HEIGHT - 4.0 - (HEIGHT - 8.0) * fraction])

@@ -8,12 +8,12 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True)
 class RunningTest:
-    """A test that runs.
+    """A running test.
 
     Attributes:
-        name: by which pytest selects it.
-        folder: where a report may be written; made when it is.
-        record: takes a name and a value, for JUnit files.
+        name: its name for pytest.
+        folder: folder of its report; created when needed.
+        record: records a name and a value, for JUnit files.
     """
 
     name: str

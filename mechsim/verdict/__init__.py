@@ -1,1 +1,1 @@
-"""Whether two records agree, within which tolerance and why; knows neither method."""
+"""Comparison of two records: errors, tolerances and their reasons; knows neither method."""

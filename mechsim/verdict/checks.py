@@ -1,4 +1,4 @@
-"""Checks of quantities against their tolerances, and the verdict that follows."""
+"""Checks of quantities against their tolerances, and the resulting verdict."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,17 +29,17 @@ class Check:
     """One quantity of a verdict.
 
     Attributes:
-        kind: what was compared, a name of `QUANTITIES` or words of its own.
-        subject: point, link or joint; empty for the whole.
-        method: "pose", "step" or another; empty if the verdict covers one method only.
-        variant: of the mechanism, empty if there is only one.
-        unit: of worst, rms and tolerance.
-        worst: error where it is the largest fraction of its tolerance.
+        kind: compared quantity, a name in `QUANTITIES` or other words.
+        subject: point, link or joint; empty for the whole record.
+        method: "pose", "step" or another; empty if the verdict covers only one method.
+        variant: variant of the mechanism; empty if there is only one.
+        unit: unit of worst, rms and tolerance.
+        worst: error at the instant where it is the largest fraction of its tolerance.
         instant: crank angle of the worst error in [rad], or time in [s] under motion laws; see `at_unit`.
         at_unit: "rad", "s", or "row" of a table without times.
         rms: root mean square of the error over the run.
-        tolerance: largest error allowed at that instant.
-        reason: for the tolerance.
+        tolerance: largest allowed error at that instant.
+        reason: reason of the tolerance.
     """
 
     kind: str
@@ -56,7 +56,7 @@ class Check:
 
     @property
     def quantity(self) -> str:
-        """The quantity and its subject in words, after the variant if there is one."""
+        """Quantity and subject in words, after the variant if there is one."""
         return f"{self.variant}, {self._name}" if self.variant else self._name
 
     @property
@@ -77,7 +77,7 @@ class Check:
 
     @property
     def fraction_of_tolerance(self) -> float | None:
-        """The worst error over its tolerance; None where that is no number."""
+        """The worst error divided by its tolerance; None if this is not a number."""
         return self.worst / self.tolerance if np.isfinite(self.worst) and self.tolerance > 0.0 else None
 
     @property
@@ -116,8 +116,8 @@ class Verdict:
 
     Attributes:
         outcome: one of "passed", "failed", "diverged", "changed assembly", "cannot assemble".
-        checks: quantity by quantity.
-        reason: one sentence where the outcome is not "passed".
+        checks: the checks of all quantities.
+        reason: one sentence if the outcome is not "passed".
     """
 
     outcome: Outcome
@@ -163,7 +163,7 @@ def tolerances_of(
     requested: Requested,
     replacements: Tolerances | None = None,
 ) -> dict[str, Tolerance]:
-    """Return the tolerances of quantities by a method, or those that replace them."""
+    """Return the tolerances of quantities for a method, or their replacements."""
     tolerances: dict[str, Tolerance] = {}
     for row in rows:
         own = None if replacements is None else replacements.get(row.name)
@@ -185,14 +185,15 @@ def checks_of(
     allowed: Tolerances,
     conditioning: Array | None = None,
 ) -> Iterator[Check]:
-    """Compare two records: subject by subject, each in all quantities of its kind.
+    """Compare two records: each quantity for each of its subjects.
 
     Args:
         rows: the quantities.
         computed: the record to check.
-        exact: the record it is compared with.
+        exact: the reference record.
         allowed: tolerances by quantity.
-        conditioning: of the loops at each instant, (n,), by which tolerances widen; None where it is unknown.
+        conditioning: conditioning of the loops at each instant, (n,), which widens tolerances; None if
+            unknown.
     """
     instants = instants_of(computed)
     for over, group in groupby(rows, lambda row: row.over):
@@ -214,20 +215,19 @@ def check_of(
 ) -> Check:
     """Return the check of an error (n,), 0 or more, at instants (n,) against a tolerance in its unit.
 
-    Instants that are a bare array are crank angles in [rad].
-
-    Every instant is compared with its own tolerance, which widens where the conditioning (n,) is poor.
+    Instants in a plain array are crank angles in [rad]. The tolerance of each instant is wider where the
+    conditioning (n,) is poor.
     """
     if not isinstance(instants, RecordInstants):
         instants = RecordInstants(instants, "rad")
     allowed = tolerance.widened(conditioning, len(error))
-    # NaN counts as the worst error, and so does any error where the tolerance is 0
+    # NaN is the worst error, and so is any error with a tolerance of 0
     fraction = np.divide(error, allowed, out=np.where(error > 0.0, np.inf, error), where=allowed > 0.0)
     index = int(np.argmax(np.where(np.isnan(fraction), np.inf, fraction)))
     reason = tolerance.reason
     if conditioning is not None and allowed[index] > tolerance.value:
         factor = allowed[index] / tolerance.value
-        reason += f"; x {factor:.3g} where the loops' conditioning is {conditioning[index]:.2g}"
+        reason += f"; x {factor:.3g} at a loop conditioning of {conditioning[index]:.2g}"
     return Check(
         kind=kind,
         subject=subject,
@@ -249,10 +249,10 @@ def concluded(
     """Return the verdict of checks.
 
     Args:
-        checks: quantity by quantity.
-        elsewhere: returns the first instant at which a failed simulation is in another assembly, as a
-            crank angle in [rad] or a time in [s]; None where it is in none.
-        unit: of that instant.
+        checks: the checks of all quantities.
+        elsewhere: returns the first instant at which a failed simulation is in another assembly mode, as a
+            crank angle in [rad] or a time in [s]; None if it never is.
+        unit: unit of that instant.
     """
     checks = tuple(checks)
     failed = [check for check in checks if not check.passed]
@@ -276,7 +276,7 @@ def combined(verdicts: Mapping[str, Verdict]) -> Verdict:
 
 
 def _beyond(check: Check) -> str:
-    """Return by how much a check failed, as text."""
+    """Return in words by how much a check failed."""
     if check.tolerance > 0.0:
         return f"by {check.worst / check.tolerance:.3g} times"
     return f"by {check.worst:.3g} {check.unit} where none is allowed"

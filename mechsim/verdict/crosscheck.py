@@ -16,10 +16,10 @@ from mechsim.numerics.inputs import numbers, require
 from mechsim.verdict.checks import Tolerances, Verdict, checks_of, concluded, tolerances_of
 from mechsim.verdict.quantities import (
     CRANK_DRIVE,
+    DRIVERS,
     FORCES,
     FREE,
     MOTION,
-    PROGRAMMED,
     force_scales,
     free_scales,
     largest_acceleration,
@@ -31,56 +31,57 @@ from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
 
 PointFunction = Callable[[Array], Mapping[str, Array]]
 
-# central differences of order eight for first and second derivatives, at 0, +-1 ... +-4
-FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
-SECOND = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
-SPACING = 0.01  # rad: rounding 1e-14 and truncation 1e-16 x (harmonic)^9 balance for smooth motions
+# central differences of order eight for first and second derivatives, at 0, +-1 ... +-4 spacings
+FIRST_DIFFERENCES = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+SECOND_DIFFERENCES = np.array([-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560])
+SPACING = 0.01  # rad: balances rounding of 1e-14 and truncation of 1e-16 x (harmonic)^9 for smooth motions
 
 
 def differentiated(function: PointFunction, angle: Array, speed: Array, acceleration: Array) -> Motion:
     """Return the motion of a function's points at crank angles, speeds and accelerations, (n,) each.
 
     Raises:
-        InputError: unless it gives points of the right shape.
+        InputError: unless the function returns points of the right shape.
     """
     around = [function(angle + k * SPACING) for k in range(-4, 5)]
     points: dict[str, PointMotion] = {}
     if not isinstance(around[4], Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise InputError(
-            f"the function gives a {type(around[4]).__name__}; give a dictionary from points to places (n, 3)"
+            f"the function returns a {type(around[4]).__name__}; return a dictionary of points "
+            "to positions (n, 3)"
         )
     for name in around[4]:
         samples = [numbers(values[name]) for values in around]
         if {sample.shape for sample in samples} != {(len(angle), 3)}:
             raise InputError(
-                f"the function gives point {name!r} of shape {samples[4].shape} for {len(angle)} crank "
-                f"angles; give ({len(angle)}, 3)"
+                f"the function returns point {name!r} of shape {samples[4].shape} for {len(angle)} crank "
+                f"angles; return ({len(angle)}, 3)"
             )
         values = np.stack(samples)
-        first = np.tensordot(FIRST, values, 1) / SPACING
-        second = np.tensordot(SECOND, values, 1) / SPACING**2
+        first = np.tensordot(FIRST_DIFFERENCES, values, 1) / SPACING
+        second = np.tensordot(SECOND_DIFFERENCES, values, 1) / SPACING**2
         points[name] = PointMotion(
             values[4], first * speed[:, None], second * speed[:, None] ** 2 + first * acceleration[:, None]
         )
     return Motion("user", angle, speed, acceleration, points)
 
 
-# a simulation is in another assembly where its distance to it is below this fraction of its distance
-# to its own, validation/robustness/assembly_detector.py
-NEARER = 0.5
-# least distance between two assemblies that are distinguished, in units of the stroke
+# a simulation is in another assembly mode if its distance from that mode is below this fraction of its
+# distance from its own (validation/robustness/assembly_detector.py)
+MAX_DISTANCE_RATIO = 0.5
+# smallest distance of two assembly modes that are distinguished, relative to the stroke
 MIN_ASSEMBLY_DISTANCE = 0.02
-# largest number of pairs of records that are searched
+# largest number of pairs of consecutive records that are checked
 MAX_PAIRS = 100
 
 
 def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
-    """Return the instant at which a simulation is first in another assembly; None if it is in none.
+    """Return the first instant at which a simulation is in another assembly mode; None if it never is.
 
-    The sign that distinguishes assemblies is no proof: rounding flips it close to a singular pose, and
-    of more than two assemblies some share it. So positions decide: at two records in a row, with the
-    assemblies well apart, they must be twice as close to another assembly as to the right one.
-    Measured on 1,200 runs past singular poses: validation/robustness/assembly_detector.py.
+    The sign of the assembly mode is not sufficient: rounding flips it near a singular pose, and more than two
+    modes can share a sign. Positions decide: at two consecutive records, with the modes well separated, the
+    simulation must be twice as close to another mode as to its own. Measured on 1,200 runs past singular
+    poses: validation/robustness/assembly_detector.py.
     """
     angle = instants_of(simulated).value
     listed = getattr(solver, "assembly_points", None)
@@ -96,8 +97,8 @@ def elsewhere(simulated: Motion, exact: Motion, solver: Solver) -> float | None:
     for k, i in enumerate(rows):
         for _, points in listed(float(exact.angle[i])):
             gap = _farthest(points, {name: exact.points[name].position[i] for name in points})
-            off = _farthest(points, {name: simulated.points[name].position[i] for name in points})
-            apart[k] = max(apart[k], gap if off < NEARER * distance[i] else 0.0)
+            difference = _farthest(points, {name: simulated.points[name].position[i] for name in points})
+            apart[k] = max(apart[k], gap if difference < MAX_DISTANCE_RATIO * distance[i] else 0.0)
     wrong = apart > MIN_ASSEMBLY_DISTANCE * stroke_of(exact)
     first = np.flatnonzero(wrong[1:] & wrong[:-1])
     return float(angle[rows[first[0]]]) if len(first) else None
@@ -108,7 +109,7 @@ def _farthest(points: Mapping[str, Array], others: Mapping[str, Array]) -> float
 
 
 class RunWithTolerance(Protocol):
-    """A run in MuJoCo: its motion and the position tolerance in [m] that it reports."""
+    """A run in MuJoCo with its motion and its position tolerance in [m]."""
 
     @property
     def motion(self) -> Motion: ...
@@ -128,18 +129,18 @@ def crosscheck(
     """Compare a simulated motion with an analytic one, at the crank angles of the simulation.
 
     Args:
-        simulated: a run from `simulate`, which brings its own tolerance if stepped, or any motion.
-        analytic: a closed form, a motion it gave (it is then solved again at the simulated crank
-            angles and speeds), or a function crank angles (n,) -> {point: (n, 3)}, whose rates come
-            by eighth-order differences. A motion that nothing can solve again must have the same angles.
-        tolerance: of the position of any point, in [m]; None takes the run's, or 1e-4 of the stroke for
-            a stepped motion, and rounding for solved poses.
+        simulated: a run of `simulate`, which has a tolerance if stepped, or any motion.
+        analytic: a closed form; a motion of one, which is solved again at the simulated crank angles and
+            speeds; or a function of crank angles (n,) -> {point: (n, 3)}, whose derivatives are eighth-order
+            differences. A motion without a solver must have the same angles.
+        tolerance: of the position of any point, in [m]; the default is the tolerance of the run, or 1e-4 of
+            the stroke for a stepped motion, and rounding for solved poses.
         bounds: tolerances that replace those of `quantities`, by name ("position", "velocity", ...).
-        speed: requested crank speed, in [rad/s]; None takes the analytic motion's, if steady.
+        speed: requested crank speed, in [rad/s]; the default is the constant speed of the analytic motion.
 
     Returns:
-        The verdict. The error of the drive has checks of its own. Tolerances apply instant by instant: they
-        widen where the loops are poorly conditioned, as errors of any computed motion do there.
+        The verdict. The error of the drive has separate checks. Tolerances apply to each instant; they are
+        wider where the loops are poorly conditioned, as the errors of any computed motion are.
     """
     motion, tolerance = _motion_and_tolerance(simulated, tolerance)
     if not (isinstance(analytic, Motion) or hasattr(analytic, "solve") or callable(analytic)):
@@ -149,14 +150,14 @@ def crosscheck(
     if len(motion) == 0:
         raise InputError("the simulated motion has no instants; give at least one")
     if motion.drivers:
-        # its path parameter is no crank angle
+        # a path parameter is no crank angle
         speed = None
     elif speed is None and isinstance(analytic, Motion) and np.ptp(analytic.speed) == 0.0:
         speed = float(analytic.speed[0])
     if motion.broken:
         return Verdict("diverged", (), motion.broken)
     if not _finite(motion):
-        return Verdict("diverged", (), "the simulated motion holds numbers that are not finite")
+        return Verdict("diverged", (), "the simulated motion contains numbers that are not finite")
     try:
         exact = _analytic_motion(motion, analytic)
     except AssemblyError as error:
@@ -169,7 +170,7 @@ def crosscheck(
         checks += checks_of(CRANK_DRIVE, motion, _at_constant_speed(motion, speed), allowed)
     motion_laws = getattr(solver, "motion_laws", CRANK)
     if motion.drivers and not motion_laws.crank:
-        checks += checks_of(PROGRAMMED, motion, _under_motion_laws(motion, motion_laws), allowed)
+        checks += checks_of(DRIVERS, motion, _under_motion_laws(motion, motion_laws), allowed)
     other = None if solver is None else lambda: elsewhere(motion, exact, solver)
     return concluded(checks, other, instants_of(motion).unit)
 
@@ -183,25 +184,26 @@ def crosscheck_forces(
     bounds: Tolerances | None = None,
     conditioning: Array | None = None,
 ) -> Verdict:
-    """Compare the forces of a run with prescribed motion with the exact ones at the same states.
+    """Compare the forces of a run under prescribed motion with the exact forces at the same states.
 
     Args:
         computed: the record to check.
-        exact: the record it is compared with.
-        method: of the computed record: "pose" or "step".
-        tolerance: requested of a stepped run, as a fraction; None where none was.
-        bounds: tolerances that replace those of `FORCES`, by name; fractions of the scale where their
-            unit is "1".
-        conditioning: of the loops at each instant, (n,), by which tolerances widen; None where it is unknown.
+        exact: the reference record.
+        method: method of the computed record: "pose" or "step".
+        tolerance: requested relative tolerance of a stepped run; None for no request.
+        bounds: tolerances that replace those of `FORCES`, by name; fractions of the scale if their unit is
+            "1".
+        conditioning: conditioning of the loops at each instant, (n,), which widens tolerances; None if
+            unknown.
 
     Returns:
-        The verdict. Forces are relative to the largest root mean square of any joint's force, moments
-        to that times the mechanism's size, torque and energies to their own. Components that rigid
-        links do not determine are left out, and so are forces at instants where a joint with dry
-        friction stands still, and the torque where the crank does.
+        The verdict. The scale of forces is the largest root mean square of any joint's force, that of moments
+        is this force times the characteristic length; torque and energies have their own. Components that
+        rigid links do not determine are left out, and so are forces at instants where a joint with Coulomb
+        friction stands still, and the torque if the crank does.
     """
     requested = Requested() if tolerance is None else Requested(tolerance)
-    by = "asked" if tolerance is not None else method
+    by = "requested" if tolerance is not None else method
     allowed = tolerances_of(FORCES, by, force_scales(exact), requested, bounds)
     return concluded(checks_of(FORCES, computed, exact, allowed, conditioning))
 
@@ -209,14 +211,13 @@ def crosscheck_forces(
 def crosscheck_free_run(
     computed: FreeRun, exact: FreeRun, *, tolerance: float | None = None, bounds: Tolerances | None = None
 ) -> Verdict:
-    """Compare a free run with the exact one from the same start, at the same instants.
+    """Compare a free run with the exact one from the same initial state, at the same instants.
 
     Args:
         computed: the run to check.
-        exact: the run it is compared with; the verdict reports if it ends earlier.
-        tolerance: requested of the crank angle in [rad]; None where none was.
-        bounds: tolerances that replace those of `FREE`, by name; fractions of the scale where their unit
-            is "1".
+        exact: the reference run; the verdict reports if it ends earlier.
+        tolerance: requested tolerance of the crank angle in [rad]; None for no request.
+        bounds: tolerances that replace those of `FREE`, by name; fractions of the scale if their unit is "1".
 
     Raises:
         InputError: for a run of fewer than two instants.
@@ -224,12 +225,12 @@ def crosscheck_free_run(
     if computed.outcome == "diverged":
         return Verdict("diverged", (), computed.reason)
     if len(computed) < 2:
-        raise InputError("a free run of fewer than two instants says nothing; run it longer")
+        raise InputError("a free run needs at least two instants to compare; run it longer")
     if len(exact) < len(computed):
         reason = f"the reduced equation ends after {exact.time[-1]:.6g} s: {exact.reason}"
         return Verdict("failed", (), reason)
     turns = float(np.ptp(exact.angle)) / (2.0 * np.pi)
-    by = "step" if tolerance is None else "asked"
+    by = "step" if tolerance is None else "requested"
     allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 0.0, turns=turns), bounds)
     return concluded(checks_of(FREE, computed, exact, allowed))
 
@@ -237,7 +238,7 @@ def crosscheck_free_run(
 def _motion_and_tolerance(
     simulated: Motion | RunWithTolerance, tolerance: float | None
 ) -> tuple[Motion, float | None]:
-    """Return the motion to compare, and its position tolerance if there is one."""
+    """Return the motion to compare, and its position tolerance or None."""
     motion = simulated if isinstance(simulated, Motion) else getattr(simulated, "motion", simulated)
     require("the simulated side", motion, Motion)
     assert isinstance(motion, Motion)
@@ -249,7 +250,10 @@ def _motion_and_tolerance(
 def _motion_tolerances(simulated: Motion, exact: Motion, tolerance: float | None) -> dict[str, Tolerance]:
     stroke, reach, fastest = stroke_of(exact), reach_of(exact), float(np.abs(simulated.speed).max())
     quickest = largest_acceleration(exact, reach)
-    rows, scales = (*MOTION, *CRANK_DRIVE, *PROGRAMMED), motion_scales(stroke, fastest, reach, quickest)
+    rows, scales = (
+        (*MOTION, *CRANK_DRIVE, *DRIVERS),
+        motion_scales(stroke, fastest, reach, quickest),
+    )
     method = "pose" if simulated.source == "pose" and tolerance is None else "step"
     requested = Requested(POSITION_TOLERANCE * stroke if tolerance is None else tolerance, scale=stroke)
     allowed = tolerances_of(rows, method, scales, requested)
@@ -261,7 +265,7 @@ def _motion_tolerances(simulated: Motion, exact: Motion, tolerance: float | None
 
 
 def _conditioning(simulated: Motion, exact: Motion, solver: Solver | None) -> Array | None:
-    """Return the conditioning of the loops at each instant by the exact side, or else by the simulation."""
+    """Return the conditioning of the loops at each instant by the exact motion, else by the simulation."""
     conditioning = getattr(solver, "conditioning", None)
     if exact.conditioning is None and conditioning is not None and exact.links:
         return conditioning(exact)
@@ -269,14 +273,14 @@ def _conditioning(simulated: Motion, exact: Motion, solver: Solver | None) -> Ar
 
 
 def _at_constant_speed(simulated: Motion, speed: float) -> Motion:
-    """Return the crank's motion at a constant speed from its first angle."""
+    """Return the motion of the crank at a constant speed from its first angle."""
     time = simulated.time
     angle = simulated.angle if time is None else simulated.angle[0] + speed * (time - time[0])
     return replace(simulated, angle=angle, speed=np.full_like(angle, speed))
 
 
 def _under_motion_laws(simulated: Motion, motion_laws: MotionLaws) -> Motion:
-    """Return the drivers' motion by their motion laws."""
+    """Return the motion of the drivers by their motion laws."""
     assert simulated.time is not None
     states = dict(
         zip(motion_laws.drivers, np.moveaxis(np.array(motion_laws.state(simulated.time)), 1, 0), strict=True)
@@ -296,25 +300,25 @@ def _solver(analytic: Motion | Solver | PointFunction) -> Solver | None:
 
 
 def _require_points(simulated: Motion, exact: Motion) -> None:
-    """Raise InputError unless every point of the analytic side is simulated, and finite at every instant."""
+    """Raise InputError unless the simulation has all analytic points, and all are finite at every instant."""
     missing = sorted(set(exact.points) - set(simulated.points))
     if missing or not exact.points:
         raise InputError(
             f"the simulation has no point {', '.join(missing)} (it has {', '.join(simulated.points)}); "
-            "name a site of the model like each point of the analytic side"
+            "name a site of the model like each point of the analytic motion"
             if missing
-            else f"the analytic side gives no point; give one or more of {', '.join(simulated.points)}"
+            else f"the analytic motion has no point; give one or more of {', '.join(simulated.points)}"
         )
     for name, point in exact.points.items():
         finite = np.isfinite(point.position).all(1)
         if not finite.all():
             raise InputError(
-                f"the analytic side gives no finite place for point {name!r} at "
-                f"{_called(simulated, int(np.argmin(finite)))}; give one at every instant simulated"
+                f"the analytic motion has no finite position of point {name!r} at "
+                f"{_instant_label(simulated, int(np.argmin(finite)))}; give one at every simulated instant"
             )
 
 
-def _called(motion: Motion, row: int) -> str:
+def _instant_label(motion: Motion, row: int) -> str:
     """Return the label of an instant of a motion."""
     instants = instants_of(motion)
     value = instants.value[row]
@@ -328,8 +332,8 @@ def _analytic_motion(simulated: Motion, analytic: Motion | Solver | PointFunctio
         motion_laws = getattr(solver, "motion_laws", CRANK)
         if not motion_laws.crank and not simulated.drivers:
             raise InputError(
-                f"motion laws drive {', '.join(motion_laws.drivers)} on the analytic side, and a crank at a "
-                "given speed drives the simulated one; simulate it under the same motion laws"
+                f"motion laws drive {', '.join(motion_laws.drivers)} in the analytic motion, and a crank at "
+                "a constant speed drives the simulated one; simulate it under the same motion laws"
             )
         if not motion_laws.crank:
             as_driven = getattr(solver, "solve_as", None)
@@ -343,18 +347,18 @@ def _analytic_motion(simulated: Motion, analytic: Motion | Solver | PointFunctio
 
 
 def _crank_motion(simulated: Motion) -> tuple[Array, Array, Array]:
-    """Return crank angles, speeds and accelerations of a motion, also where a motion law drives the crank.
+    """Return crank angles, speeds and accelerations of a motion, also under a motion law of the crank.
 
     Raises:
-        InputError: where motion laws drive anything but one revolute joint.
+        InputError: if motion laws drive anything but one revolute joint.
     """
     if not simulated.drivers:
         return simulated.angle, simulated.speed, simulated.acceleration
     crank = simulated.joints[simulated.drivers[0]]
     if len(simulated.drivers) > 1 or crank.unit != "rad":
         raise InputError(
-            f"motion laws drive {', '.join(simulated.drivers)} in the simulation, and the analytic side "
-            "knows crank angles only; give a mechanism under the same laws, or use ms.validate"
+            f"motion laws drive {', '.join(simulated.drivers)} in the simulation, and the analytic motion "
+            "is a function of crank angles; give a mechanism under the same laws, or use ms.validate"
         )
     return crank.value, crank.rate, crank.acceleration
 
@@ -366,8 +370,8 @@ def _require_same_instants(simulated: Motion, analytic: Motion) -> None:
         needed, available, label = simulated.time, analytic.time, "times"
     if available.shape != needed.shape or not np.allclose(available, needed, rtol=0.0, atol=1e-12):
         raise InputError(
-            f"the analytic motion stands at other {label} than the simulated one and nothing can solve it "
-            f"again; give it at the simulated {label}, or give the function itself"
+            f"the analytic motion has other {label} than the simulated one and no solver; "
+            f"give it at the simulated {label}, or give the function itself"
         )
 
 

@@ -1,6 +1,6 @@
-"""The table of quantities: error, unit, scale, tolerance by method and its reason.
+"""The table of compared quantities: error, unit, scale, tolerance by method and its reason.
 
-Verdicts, the trade-off, its plots and the report all read this one table.
+Verdicts, the trade-off study, its plots and the report read this table.
 """
 
 from collections.abc import Mapping
@@ -17,31 +17,31 @@ from mechsim.verdict import record_errors as errors
 from mechsim.verdict.record_errors import Error, Subjects, field_error, field_value
 from mechsim.verdict.tolerances import EPS, FRACTION_OF, ToleranceRule
 
-# a drive torque that is a smaller fraction of the kinetic energy counts as zero
-IDLE = 1e-3
+# a drive torque below this fraction of the kinetic energy counts as zero
+ZERO_TORQUE = 1e-3
 # rounding of a prescribed crank angle in [rad]
-PLACED_TO = 2000.0 * EPS
-# points that move by a smaller fraction of their distance from the origin stand still: it is rounding
-STILL = 1e-12
-# errors of a stepped run relative to its position error, as multiples of position x speed^k:
-# measured 2 and 5 for the catalogue at 100 steps a turn or more (validation/choices/
+ANGLE_ROUNDING = 2000.0 * EPS
+# points that move by less than this fraction of their distance from the origin are at rest (rounding)
+AT_REST = 1e-12
+# errors of the rates of a stepped run as multiples of (position error x speed^k):
+# measured 2 and 5 for the catalogue at 100 or more steps per turn (validation/choices/
 # constraint_settings.py), 12 and 69 for random mechanisms at 400 (validation/robustness/bounds.py)
 RATE_GAIN, ACCELERATION_GAIN = 30.0, 300.0
 
 
 @dataclass(frozen=True, slots=True)
 class ComparedQuantity:
-    """A quantity in which two records are compared.
+    """A quantity that is compared in two records.
 
     Attributes:
         name: its kind.
-        unit: of the error.
-        error: (computed, exact, subject) -> errors >= 0, (n,); None where the quantity is undefined.
-        scale: of errors and tolerances; a key of `motion_scales`, `force_scales` or `free_scales`.
-        bounds: method -> tolerance.
+        unit: unit of the error.
+        error: (computed, exact, subject) -> errors >= 0, (n,); None if the quantity is undefined.
+        scale: scale of errors and tolerances; a key of `motion_scales`, `force_scales` or `free_scales`.
+        bounds: method -> tolerance rule.
         over: (computed, exact) -> the points, links or joints to compare.
-        text: label, {} for the subject; empty is the name.
-        title: of a plot's axis.
+        text: label with {} for the subject; the default is the name.
+        title: title of a plot's axis.
     """
 
     name: str
@@ -54,20 +54,22 @@ class ComparedQuantity:
     title: str = ""
 
     def label(self, subject: str = "") -> str:
-        """Return the quantity of a point, link or joint in words."""
+        """Return the quantity and its subject in words."""
         return (self.text or self.name).format(subject)
 
     def largest(self, computed: Any, exact: Any, scales: Mapping[str, float]) -> float:
-        """Return the largest error as a fraction of its scale; 0 where the quantity is undefined."""
+        """Return the largest error relative to its scale; 0 if the quantity is undefined."""
         errors_of = (self.error(computed, exact, subject) for subject in self.over(computed, exact))
         return (
             max((worst(error) for error in errors_of if error is not None), default=0.0) / scales[self.scale]
         )
 
 
-SWING = "x position bound x crank speed{}: the loop's swing"
+VIBRATION = "x position tolerance x crank speed{}: vibration of the loop"
 # measured 7.3 over random mechanisms, by a Bennett of twists 0.07 and 1.2: validation/robustness/bounds.py
-LEVERS = ToleranceRule("position bound over the stroke, for levers a tenth as long", requested=10.0, power=1)
+LEVERS = ToleranceRule(
+    "position tolerance over the stroke, for levers a tenth as long", requested=10.0, power=1
+)
 
 
 def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "rounding") -> ToleranceRule:
@@ -75,8 +77,8 @@ def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "
     return ToleranceRule(f"{how}: {eps} eps, measured {measured}", eps * EPS, power=power, scale=scale)
 
 
-FUNCTION = "eighth-order differences of the function given: rounding {}, harmonics up to the tenth"
-PLACED = "the crank is placed, not driven"
+FUNCTION = "eighth-order differences of the function: rounding {}, harmonics up to the tenth"
+ANGLE_SET = "the crank angle is set, not driven"
 
 MOTION = (
     ComparedQuantity(
@@ -86,11 +88,11 @@ MOTION = (
         "stroke",
         {
             "pose": _rounding(512, 100, 1, "reach"),
-            "step": ToleranceRule("asked for: {part:.1g} of the stroke of {scale:.4g} m", requested=1.0),
+            "step": ToleranceRule("requested: {part:.1g} of the stroke of {scale:.4g} m", requested=1.0),
         },
         over=errors.points,
         text="position of {}",
-        title="place error",
+        title="position error",
     ),
     ComparedQuantity(
         "velocity",
@@ -99,7 +101,7 @@ MOTION = (
         "stroke · crank speed",
         {
             "pose": _rounding(2048, 220, 3, "reach · crank speed", "a linear solve"),
-            "step": ToleranceRule(f"{RATE_GAIN:.0f} {SWING.format('')}", requested=RATE_GAIN, power=2),
+            "step": ToleranceRule(f"{RATE_GAIN:.0f} {VIBRATION.format('')}", requested=RATE_GAIN, power=2),
             "function": ToleranceRule(FUNCTION.format("1e-13"), 1e-10),
             "closed form": _rounding(1024, 100, 3, "reach · crank speed", "a linear solve"),
         },
@@ -115,7 +117,9 @@ MOTION = (
         {
             "pose": _rounding(8192, 1000, 5, "reach · crank speed²", "two linear solves"),
             "step": ToleranceRule(
-                f"{ACCELERATION_GAIN:.0f} {SWING.format(' squared')}", requested=ACCELERATION_GAIN, power=4
+                f"{ACCELERATION_GAIN:.0f} {VIBRATION.format(' squared')}",
+                requested=ACCELERATION_GAIN,
+                power=4,
             ),
             "function": ToleranceRule(FUNCTION.format("1e-11"), 1e-9),
             "closed form": _rounding(4096, 160, 5, "reach · crank speed²", "two linear solves"),
@@ -142,7 +146,7 @@ MOTION = (
         "m",
         errors.of_joints("m"),
         "stroke",
-        {"pose": _rounding(128, 8, 1, "reach"), "step": ToleranceRule("position bound", requested=1.0)},
+        {"pose": _rounding(128, 8, 1, "reach"), "step": ToleranceRule("position tolerance", requested=1.0)},
         over=errors.joints,
         text="joint {}",
     ),
@@ -166,7 +170,7 @@ MOTION = (
         {
             "pose": _rounding(256, 51, 0, "reach"),
             "step": ToleranceRule(
-                "an open loop of this size moves a point by about the bound", requested=10.0
+                "a loop-closure error of this size moves a point by about the tolerance", requested=10.0
             ),
         },
         text="loop residual",
@@ -181,7 +185,7 @@ CRANK_DRIVE = (
         field_error("speed"),
         "crank speed",
         {
-            "pose": ToleranceRule(PLACED, PLACED_TO),
+            "pose": ToleranceRule(ANGLE_SET, ANGLE_ROUNDING),
             "step": ToleranceRule(
                 "virtual drive inertia of 1e12 times the links: no reaction changes its speed", 1e-8
             ),
@@ -194,8 +198,8 @@ CRANK_DRIVE = (
         errors.drive_angle,
         "rad",
         {
-            "pose": ToleranceRule(PLACED, 10.0 * PLACED_TO),
-            "step": ToleranceRule("does not enter the errors, which are computed at the angle reached", 1e-7),
+            "pose": ToleranceRule(ANGLE_SET, 10.0 * ANGLE_ROUNDING),
+            "step": ToleranceRule("not in the errors, which are computed at the actual crank angle", 1e-7),
         },
         text="drive: crank angle",
         title="error of the crank angle over time",
@@ -203,17 +207,20 @@ CRANK_DRIVE = (
 )
 
 CONSTANT_FORCE = (
-    "does not enter the errors, taken where the drivers were; a force constant over a step errs by its "
-    "square: measured 2.4e-4 at 100 steps a turn"
+    "not in the errors, which are computed at the actual driver positions; a force that is constant over a "
+    "step has a second-order error: measured 2.4e-4 at 100 steps per turn"
 )
 # drivers compared with their motion laws
-PROGRAMMED = (
+DRIVERS = (
     ComparedQuantity(
         "driver angle",
         "rad",
         errors.of_joints("rad"),
         "rad",
-        {"pose": ToleranceRule(PLACED, 10.0 * PLACED_TO), "step": ToleranceRule(CONSTANT_FORCE, 1e-3)},
+        {
+            "pose": ToleranceRule(ANGLE_SET, 10.0 * ANGLE_ROUNDING),
+            "step": ToleranceRule(CONSTANT_FORCE, 1e-3),
+        },
         over=errors.drivers,
         text="drive: {}",
     ),
@@ -222,18 +229,21 @@ PROGRAMMED = (
         "m",
         errors.of_joints("m"),
         "reach",
-        {"pose": ToleranceRule(PLACED, 10.0 * PLACED_TO), "step": ToleranceRule(CONSTANT_FORCE, 1e-3)},
+        {
+            "pose": ToleranceRule(ANGLE_SET, 10.0 * ANGLE_ROUNDING),
+            "step": ToleranceRule(CONSTANT_FORCE, 1e-3),
+        },
         over=errors.drivers,
         text="drive: {}",
     ),
 )
 
 SPRINGS = ToleranceRule(
-    f"{FRACTION_OF}rounding: no integration; 3e-14 without springs, 3e-11 with stiff ones that balance",
+    f"{FRACTION_OF}rounding, without integration; 3e-14 without springs, 3e-11 with stiff springs in balance",
     1e-10,
     power=5,
 )
-REQUESTED = ToleranceRule(f"{FRACTION_OF}asked for", requested=1.0)
+REQUESTED = ToleranceRule(f"{FRACTION_OF}requested", requested=1.0)
 AS_TORQUE = ToleranceRule(
     f"{FRACTION_OF}as the torque; rates of closed loops: measured 1e-9", 1e-8, requested=1.0
 )
@@ -241,29 +251,29 @@ SHARED = ToleranceRule("redundant constraints share forces by their compliance: 
 TORQUE = {
     "pose": SPRINGS,
     "step": ToleranceRule(
-        f"{FRACTION_OF}error of 1,000 steps a turn, fourth order: measured 6e-8 at the worst", 1e-6
+        f"{FRACTION_OF}error of 1,000 steps per turn, fourth order: measured 6e-8 at most", 1e-6
     ),
-    "asked": REQUESTED,
+    "requested": REQUESTED,
 }
 REACTION = {
     "pose": SPRINGS,
-    "step": ToleranceRule(f"{FRACTION_OF}as the torque, and forces that add up to none in it: 1.5e-7", 1e-5),
-    "asked": REQUESTED,
+    "step": ToleranceRule(f"{FRACTION_OF}as the torque, with forces that cancel in it: 1.5e-7", 1e-5),
+    "requested": REQUESTED,
 }
 ENERGY = {
     "pose": ToleranceRule(f"{FRACTION_OF}rounding: measured 1e-14", 1e-12, power=3),
     "step": ToleranceRule(f"{FRACTION_OF}rates of closed loops: measured 1e-9", 1e-8),
-    "asked": AS_TORQUE,
+    "requested": AS_TORQUE,
 }
 POWER = {
     "pose": SPRINGS,
     "step": ToleranceRule(f"{FRACTION_OF}rates of loops closed to 1e-8: measured 4e-9", 4e-7),
-    "asked": AS_TORQUE,
+    "requested": AS_TORQUE,
 }
 RESIDUAL = {
     "pose": ToleranceRule("rounding times the condition of the mass matrix; measured 1e-10", 1e-8),
     "step": SHARED,
-    "asked": SHARED,
+    "requested": SHARED,
 }
 
 FORCES = (
@@ -288,17 +298,20 @@ FORCES = (
     ComparedQuantity("accelerations under these forces", "1", field_value("residual"), "1", RESIDUAL),
 )
 
-GROWING = "1e-6 over 10 turns: an energy error that grows evenly shifts the angle by its square"
-FOLLOWS = f"{FRACTION_OF}ten times the angle: speed follows the angle as inertia varies over the turn"
+GROWING = "1e-6 over 10 turns: a constant growth of the energy error shifts the angle by its square"
+FOLLOWS = f"{FRACTION_OF}ten times the angle: the speed varies with the inertia over the turn"
 SUMMED = f"{FRACTION_OF}a hundred times the angle: work is summed over records as far apart as the steps"
-ANGLE = {"step": ToleranceRule(GROWING, 1e-6, growth=2), "asked": ToleranceRule("asked for", requested=1.0)}
+ANGLE = {
+    "step": ToleranceRule(GROWING, 1e-6, growth=2),
+    "requested": ToleranceRule("requested", requested=1.0),
+}
 SPEED = {
-    "step": ToleranceRule(f"{FRACTION_OF}1e-6 over 10 turns, growing evenly", 1e-6, growth=1),
-    "asked": ToleranceRule(FOLLOWS, 1e-6, requested=10.0, growth=1),
+    "step": ToleranceRule(f"{FRACTION_OF}1e-6 over 10 turns, with constant growth", 1e-6, growth=1),
+    "requested": ToleranceRule(FOLLOWS, 1e-6, requested=10.0, growth=1),
 }
 BALANCE = {
-    "step": ToleranceRule(f"{FRACTION_OF}energy of all the turns; a frictionless run keeps it to 4e-7", 1e-6),
-    "asked": ToleranceRule(SUMMED, 1e-6, requested=100.0),
+    "step": ToleranceRule(f"{FRACTION_OF}energy of all turns; a frictionless run conserves it to 4e-7", 1e-6),
+    "requested": ToleranceRule(SUMMED, 1e-6, requested=100.0),
 }
 
 FREE = (
@@ -309,7 +322,7 @@ FREE = (
     ComparedQuantity("energy lost", "J", field_error("lost"), "energy", BALANCE),
 )
 
-QUANTITIES = {row.name: row for row in (*MOTION, *CRANK_DRIVE, *PROGRAMMED, *FORCES, *FREE)}
+QUANTITIES = {row.name: row for row in (*MOTION, *CRANK_DRIVE, *DRIVERS, *FORCES, *FREE)}
 
 
 def motion_scales(
@@ -319,19 +332,18 @@ def motion_scales(
 
     Args:
         stroke: in [m].
-        speed: largest of the crank, in [rad/s].
-        reach: largest coordinate of anything in [m]; None takes the stroke.
-        acceleration: largest of the crank, in [rad/s2]; where it is more than the speed squared it counts
-            instead.
+        speed: largest crank speed, in [rad/s].
+        reach: largest coordinate of any point in [m]; the default is the stroke.
+        acceleration: largest crank acceleration, in [rad/s2]; it replaces the speed squared if it is larger.
     """
-    reach, quickest = stroke if reach is None else reach, max(speed**2, acceleration)
+    reach, rate_squared = stroke if reach is None else reach, max(speed**2, acceleration)
     return {
         "stroke": stroke,
         "stroke · crank speed": stroke * speed,
-        "stroke · crank speed²": stroke * quickest,
+        "stroke · crank speed²": stroke * rate_squared,
         "reach": reach,
         "reach · crank speed": reach * speed,
-        "reach · crank speed²": reach * quickest,
+        "reach · crank speed²": reach * rate_squared,
         "crank speed": speed,
         "rad": 1.0,
     }
@@ -340,7 +352,7 @@ def motion_scales(
 def force_scales(exact: ForceRecord) -> dict[str, float]:
     """Return the scales of forces: root mean squares of torque and forces, largest energies."""
     kinetic = float(np.abs(exact.kinetic).max())
-    torque = max(rms(exact.torque), IDLE * kinetic)
+    torque = max(rms(exact.torque), ZERO_TORQUE * kinetic)
     largest = max(rms(errors.lengths(reaction.force)) for reaction in exact.reactions.values())
     force = largest or torque / exact.characteristic_length
     return {
@@ -348,9 +360,9 @@ def force_scales(exact: ForceRecord) -> dict[str, float]:
         "force": force,
         "moment": force * exact.characteristic_length,
         "kinetic energy": kinetic,
-        # where weight does no work only the rounding of positions remains
+        # if gravity does no work, the error is the rounding of positions
         "potential energy": max(
-            float(np.abs(exact.potential).max()), IDLE * force * exact.characteristic_length
+            float(np.abs(exact.potential).max()), ZERO_TORQUE * force * exact.characteristic_length
         ),
         "power": torque * float(np.abs(exact.speed).max()),
         "1": 1.0,
@@ -368,9 +380,9 @@ def free_scales(exact: FreeRun) -> dict[str, float]:
 
 
 def stroke_of(motion: Motion) -> float:
-    """Return half the largest extent of any point's path; where nothing moves, `reach_of` it, in [m]."""
+    """Return half the largest extent of any point's path in [m]; `reach_of` it if nothing moves."""
     extent, reach = half_extent(point.position for point in motion.points.values()), reach_of(motion)
-    return extent if extent > STILL * reach else reach
+    return extent if extent > AT_REST * reach else reach
 
 
 def reach_of(motion: Motion) -> float:
@@ -382,7 +394,7 @@ def reach_of(motion: Motion) -> float:
 def largest_acceleration(motion: Motion, reach: float) -> float:
     """Return the largest acceleration of the crank, or of any driver under motion laws, in [rad/s2].
 
-    Of a sliding driver it is relative to the reach, in [m].
+    That of a sliding driver is divided by the reach, in [m].
     """
     largest = [float(np.abs(motion.acceleration).max())]
     for name in motion.drivers:

@@ -1,6 +1,6 @@
 """Differences of two records: functions of (computed, exact, subject) that return errors >= 0, (n,).
 
-The subject names a point, link, joint or pair of gears. It is empty for the whole record.
+The subject is the name of a point, link, joint or pair of gears; it is empty for the whole record.
 """
 
 from collections.abc import Callable, Iterable
@@ -17,8 +17,8 @@ from mechsim.numerics.arrays import Array
 Error = Callable[[Any, Any, str], Array | None]
 Subjects = Callable[[Any, Any], Iterable[str]]
 
-# fraction of the largest crank speed below which the crank stands: Coulomb friction has no direction there
-STANDING = 1e-7
+# fraction of the largest crank speed below which the crank is at rest: Coulomb friction has no direction
+AT_REST = 1e-7
 
 
 def lengths(vectors: Array) -> Array:
@@ -47,7 +47,7 @@ def drivers(computed: Motion, exact: Motion) -> Iterable[str]:
 
 
 def links(computed: Motion, exact: Motion) -> Iterable[str]:
-    """Return the links of both records whose spin is determined."""
+    """Return the links of both records whose rotation is determined."""
     return [name for name in exact.links if name in computed.links and name not in exact.spinning]
 
 
@@ -67,7 +67,7 @@ def field_error(field: str) -> Error:
 
 
 def field_value(field: str) -> Error:
-    """Return a field (n,) of the computed record as its own error; None where the method does not give it."""
+    """Return a field (n,) of the computed record as its own error; None if the method does not have it."""
 
     def error(computed: Any, exact: Any, _: str) -> Array | None:
         value = getattr(computed, field)
@@ -100,20 +100,20 @@ def of_joints(unit: Literal["rad", "m"]) -> Error:
 def orientation(computed: Motion, exact: Motion, name: str) -> Array:
     """Return the angle between the two orientations of a link, in [rad]."""
     rotation = np.swapaxes(exact.links[name].rotation, 1, 2) @ computed.links[name].rotation
-    # for a small angle the off-diagonal difference is twice the rotation vector
+    # the off-diagonal difference of a small rotation is twice the rotation vector
     vector = rotation[:, [2, 0, 1], [1, 2, 0]] - rotation[:, [1, 2, 0], [2, 0, 1]]
     cosine = 0.5 * (np.trace(rotation, axis1=1, axis2=2) - 1.0)
     return np.arctan2(0.5 * lengths(vector), cosine)
 
 
 def drive_angle(computed: Motion, target: Motion, _: str) -> Array | None:
-    """Return the error of the crank angle; None where the record has no times."""
+    """Return the error of the crank angle; None if the record has no times."""
     return None if computed.time is None else np.abs(computed.angle - target.angle)
 
 
 def torque(computed: ForceRecord, exact: ForceRecord, _: str) -> Array:
     """Return the error of the drive torque; 0 where a crank with Coulomb friction stands still."""
-    standing = exact.reversing & (np.abs(exact.speed) <= STANDING * np.abs(exact.speed).max())
+    standing = exact.reversing & (np.abs(exact.speed) <= AT_REST * np.abs(exact.speed).max())
     return np.where(standing, 0.0, np.abs(computed.torque - exact.torque))
 
 
@@ -122,10 +122,10 @@ def of_reactions(kind: Literal["force", "moment"]) -> Error:
     names = COMPONENTS[:3] if kind == "force" else COMPONENTS[3:]
 
     def error(computed: ForceRecord, exact: ForceRecord, name: str) -> Array | None:
-        true, own = exact.reactions[name], computed.reactions[name]
-        if {*names} <= {*true.undetermined} - {*true.partly_undetermined}:
+        reference, own = exact.reactions[name], computed.reactions[name]
+        if {*names} <= {*reference.undetermined} - {*reference.partly_undetermined}:
             return None
-        force, moment = true.project(own.force - true.force, own.moment - true.moment)
+        force, moment = reference.project(own.force - reference.force, own.moment - reference.moment)
         return np.where(_discontinuous(exact), 0.0, lengths(force if kind == "force" else moment))
 
     return error
@@ -137,13 +137,13 @@ def drives(computed: ForceRecord, exact: ForceRecord) -> Iterable[str]:
 
 
 def drive_effort(computed: ForceRecord, exact: ForceRecord, name: str) -> Array:
-    """Return the error of the torque of one drive; a force counts times the mechanism's size."""
-    own, true = ({**record.drives, **record.locked}[name] for record in (computed, exact))
-    return _along(own, true, exact, name)
+    """Return the error of the torque of a drive; a force is multiplied by the characteristic length."""
+    own, reference = ({**record.drives, **record.locked}[name] for record in (computed, exact))
+    return _along(own, reference, exact, name)
 
 
 def gear_torque(computed: ForceRecord, exact: ForceRecord, name: str) -> Array:
-    """Return the error of the torque between two gears; a force on a rack counts times the size."""
+    """Return the error of the torque of a coupling; a force is multiplied by the characteristic length."""
     return _along(computed.gears[name], exact.gears[name], exact, name)
 
 
@@ -159,11 +159,11 @@ def mesh_force(computed: ForceRecord, exact: ForceRecord, name: str) -> Array:
     )
 
 
-def _along(computed: Array, true: Array, exact: ForceRecord, name: str) -> Array:
-    error = np.where(_discontinuous(exact), 0.0, np.abs(computed - true))
+def _along(computed: Array, reference: Array, exact: ForceRecord, name: str) -> Array:
+    error = np.where(_discontinuous(exact), 0.0, np.abs(computed - reference))
     return error * exact.characteristic_length if name in exact.straight else error
 
 
 def _discontinuous(exact: ForceRecord) -> NDArray[np.bool_]:
-    """Return where forces between links jump or are unbounded, (n,)."""
+    """Return whether forces between links are discontinuous or unbounded, (n,)."""
     return exact.reversing | exact.unbounded

@@ -1,8 +1,8 @@
 """Tolerances of a verdict, each with its reason.
 
-A tolerance lies between the measured error and the effect of the smallest mistake worth catching: a link
-0.1 % long moves a point of any catalogue mechanism by 1e-3 of the crank's stroke or more; a link's mass
-0.1 % off changes torque, forces and energies of every one by more than 1e-5.
+A tolerance lies between the measured error and the effect of the smallest relevant mistake. A link that is
+0.1 % too long moves a point of any catalogue mechanism by 1e-3 of the crank's stroke or more. An error of 0.1
+% in the mass of a link changes torque, forces and energies of any mechanism by more than 1e-5.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ EPS = 2.0**-52
 # conditioning of the loops below which tolerances widen. Measured over random mechanisms:
 # validation/robustness/bounds.py
 WELL_CONDITIONED = 0.1
-# revolutions over which the errors of a free run are bounded; over more they may grow
+# revolutions over which tolerances of a free run are constant; over more they may grow
 FREE_TURNS = 10.0
 # start of the reason of a tolerance relative to a measured scale
 FRACTION_OF = "{part:.0e} of {scale:.3g} {unit}; "
@@ -29,10 +29,11 @@ class Tolerance:
     """A tolerance, its unit and its reason.
 
     Attributes:
-        value: where the loops are well conditioned.
-        unit: of the value; "1" is a fraction of a quantity's scale.
-        reason: for the value.
-        power: of conditioning over `WELL_CONDITIONED`, by which the tolerance widens where that is below 1.
+        value: tolerance for well-conditioned loops.
+        unit: unit of the value; "1" is a fraction of a quantity's scale.
+        reason: reason of the value.
+        power: the tolerance is divided by this power of (conditioning / `WELL_CONDITIONED`) if that is below
+            1.
     """
 
     value: float
@@ -41,15 +42,15 @@ class Tolerance:
     power: int = 0
 
     def widened(self, conditioning: Array | None, count: int) -> Array:
-        """Return the tolerance at each of `count` instants of given conditioning, (n,)."""
+        """Return the tolerance at each of `count` instants with their conditioning, (n,)."""
         if conditioning is None or not self.power:
             return np.full(count, self.value)
         return self.value * np.maximum(1.0, WELL_CONDITIONED / np.maximum(conditioning, EPS)) ** self.power
 
 
-# rounding divided by the conditioning moves a pose, by its square the rates: measured 0.5 times this for
-# closed forms of random four-bars at conditioning 1e-8 to 1e-4, mostly 0.3 and up to 70 for loop equations:
-# tests/cli/test_conditioning.py
+# the error of a pose is rounding divided by the conditioning, that of rates by its square: measured 0.5 times
+# this for closed forms of random four-bars at conditioning 1e-8 to 1e-4, mostly 0.3 and at most 70 for loop
+# equations: tests/cli/test_conditioning.py
 RATES = Tolerance(
     EPS / WELL_CONDITIONED**2,
     "1",
@@ -60,12 +61,12 @@ RATES = Tolerance(
 
 @dataclass(frozen=True, slots=True)
 class Requested:
-    """The tolerance requested of a run, and its length.
+    """The requested tolerance of a run, and its length.
 
     Attributes:
-        tolerance: requested; 0 where nothing was.
-        scale: of the quantity it bounds, in the unit of the tolerance.
-        turns: of a free crank.
+        tolerance: requested tolerance; 0 for no request.
+        scale: scale of its quantity, in the unit of the tolerance.
+        turns: revolutions of a free crank.
     """
 
     tolerance: float = 0.0
@@ -75,15 +76,15 @@ class Requested:
 
 @dataclass(frozen=True, slots=True)
 class ToleranceRule:
-    """How a tolerance follows from a quantity's scale and from the requested tolerance.
+    """A rule for a tolerance, from a quantity's scale and the requested tolerance.
 
     Attributes:
-        reason: text with {part}, the tolerance as a fraction of the scale, {scale} and {unit}.
+        reason: text with {part}, the tolerance relative to the scale, {scale} and {unit}.
         fixed: fraction of the scale that is always allowed.
         requested: multiple of the requested tolerance that is allowed.
-        growth: power of the revolutions beyond `FREE_TURNS` by which the fixed fraction grows.
-        power: of the conditioning, as in `Tolerance`.
-        scale: of the fixed fraction, where it is not the quantity's own.
+        growth: power of (revolutions / `FREE_TURNS`) by which the fixed fraction grows.
+        power: power of the conditioning, as in `Tolerance`.
+        scale: scale of the fixed fraction; empty for that of the quantity.
     """
 
     reason: str
@@ -102,7 +103,7 @@ class ToleranceRule:
         return Tolerance(tolerance, unit, reason, self.power)
 
 
-# rows are those of a table without times
+# rows of a table without times
 InstantUnit = Literal["rad", "s", "row"]
 
 
@@ -111,8 +112,8 @@ class RecordInstants:
     """The instants of a record.
 
     Attributes:
-        value: crank angle in [rad], time in [s], or row of a table counted from 1, (n,).
-        unit: which of them.
+        value: crank angle in [rad], time in [s], or row number of a table from 1, (n,).
+        unit: unit of the values.
     """
 
     value: Array
@@ -122,7 +123,7 @@ class RecordInstants:
 def instants_of(record: Any) -> RecordInstants:
     """Return the instants of a motion, a force record or a free run.
 
-    The angle of a record under motion laws is an internal path parameter, so its times stand for it.
+    The angle of a record under motion laws is an internal path parameter; its times are used instead.
     """
     drives: Mapping[str, Array] = getattr(record, "drives", {})
     laws = record.drivers if isinstance(record, Motion) else drives

@@ -48,12 +48,12 @@ def test_a_spherical_four_bar_closes_without_a_guess(seed):
     assert np.abs(loops.linearise(at)[0]).max() < 1e-12
 
 
-def test_what_closes_nowhere_is_rejected_as_before():
+def test_a_loop_that_cannot_close_is_rejected():
     with pytest.raises(AssemblyError, match="the loops do not close at crank"):
         assembled(spherical(3, reach=0.01))
 
 
-def test_what_closes_elsewhere_states_where():
+def test_a_loop_that_closes_at_another_crank_angle_reports_it():
     # a slide that starts out of the rod's reach, and a rod that is too short wherever the slide stands
     def press(rod: float, start: float) -> Mechanism:
         def joint(name: str, kind: str, *ends: tuple[str, tuple[float, float, float]], axis=(0.0, 0.0, 1.0)):
@@ -92,7 +92,7 @@ def test_what_closes_elsewhere_states_where():
 @pytest.mark.parametrize(
     ("lead", "near", "stands"), [(0.008, 0.05, 0.048), (-0.008, 0.053, 0.056), (0.03, 0.001, 0.0)]
 )
-def test_a_nut_stands_at_the_turn_of_its_screw_that_its_guess_means(lead, near, stands):
+def test_a_nut_has_the_revolution_of_its_screw_in_the_guess(lead, near, stands):
     ex = (1.0, 0.0, 0.0)
     jack = Mechanism(
         "jack",
@@ -118,7 +118,7 @@ def test_a_nut_stands_at_the_turn_of_its_screw_that_its_guess_means(lead, near, 
     )
 
 
-def test_a_universal_joint_begins_with_its_axes_crossed():
+def test_a_universal_joint_starts_with_crossed_axes():
     mechanism = ms.load("stewart_gough").mechanism
     bare = replace(mechanism, guess={"plate": mechanism.guess["plate"]})
     rough = rough_poses(bare)
@@ -130,7 +130,7 @@ def test_a_universal_joint_begins_with_its_axes_crossed():
     assert {name: pytest.approx(value, abs=1e-9) for name, value in wanted.items()} == told
 
 
-def test_links_without_a_guess_are_drawn_no_longer_than_something_is_gained(monkeypatch):
+def test_the_search_for_initial_poses_ends_without_progress(monkeypatch):
     mechanism = ms.load("hoeken").mechanism
     name, pose = list(mechanism.guess.items())[-1]
     told = replace(mechanism, guess={name: pose})

@@ -56,7 +56,7 @@ def test_half_angle_tangents_keep_one_ratio(drive):
 
 @settings(max_examples=20)
 @given(bennetts(), st.floats(0.1, 3.0))
-def test_b_is_the_corner_that_fifty_digits_of_geometry_put_it_at(drive, angle):
+def test_b_agrees_with_fifty_digits(drive, angle):
     """B by circle and sphere alone: of the two corners one lies where the axes are met, too."""
     with mp.workdps(50):
         near, far, twist = (mp.mpf(x) for x in (drive.length0, drive.length1, drive.twist0))
@@ -77,7 +77,7 @@ def test_b_is_the_corner_that_fifty_digits_of_geometry_put_it_at(drive, angle):
 
 
 @given(bennetts())
-def test_assembly_sign_distinguishes_it_from_the_links_twisted_the_other_way(drive):
+def test_the_assembly_sign_distinguishes_the_opposite_twist(drive):
     away = np.abs(np.sin(ANGLES)) > 0.05
     angles = ANGLES[away]
     assume(abs(np.cos(drive.twist1)) > 0.05)
@@ -96,7 +96,7 @@ def test_mobility_names_three_redundant_constraints_and_why():
     assert any("3 redundant constraints" in line and "special dimensions" in line for line in freedom.lines())
 
 
-def test_a_link_a_thousandth_too_long_closes_nowhere():
+def test_with_a_link_too_long_by_a_thousandth_the_loop_does_not_close():
     mechanism = Bennett().mechanism
     joints = tuple(
         replace(joint, a=replace(joint.a, point=(1.001 * joint.a.point[0], 0.0, 0.0)))
@@ -108,12 +108,12 @@ def test_a_link_a_thousandth_too_long_closes_nowhere():
         loops.assemble(replace(mechanism, joints=joints), [1.0])
 
 
-def test_it_goes_through_validation_by_every_method():
+def test_it_passes_validation_by_every_method():
     assert case_of(Bennett()).verdict.outcome == "passed"
 
 
 @pytest.mark.parametrize("cut", ["A", "B", "rocker"])
-def test_it_may_be_cut_at_any_passive_joint(cut):
+def test_it_can_be_cut_at_any_passive_joint(cut):
     from mechsim.model.scene import Scene
 
     drive = Bennett()
@@ -132,6 +132,6 @@ def test_it_may_be_cut_at_any_passive_joint(cut):
         ({"length0": -1.0}, "above 0"),
     ],
 )
-def test_what_makes_no_linkage_is_rejected_with_its_remedy(values, said):
+def test_invalid_dimensions_are_rejected_with_a_remedy(values, said):
     with pytest.raises(InputError, match=said):
         Bennett(**values)

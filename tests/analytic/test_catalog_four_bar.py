@@ -28,7 +28,7 @@ def test_links_keep_their_lengths_and_the_coupler_triangle_its_shape(drive):
 
 
 @given(four_bars())
-def test_the_coupler_point_lies_on_the_side_its_angle_states(drive):
+def test_the_coupler_point_lies_on_the_side_of_its_angle(drive):
     points = drive.positions(angles_of(drive))
     along, arm = points["B"] - points["A"], points["C"] - points["A"]
     sine = np.cross(along, arm)[:, 2] / (drive.coupler * drive.arm)
@@ -36,7 +36,7 @@ def test_the_coupler_point_lies_on_the_side_its_angle_states(drive):
 
 
 @given(four_bars())
-def test_branch_states_on_which_side_of_the_line_from_pin_to_pivot_the_rocker_is(drive):
+def test_branch_is_the_side_of_the_rocker(drive):
     points = drive.positions(angles_of(drive))
     line = np.array([drive.ground, 0.0, 0.0]) - points["A"]
     left = np.cross(line, points["B"] - points["A"])[:, 2]
@@ -72,11 +72,11 @@ def test_both_assemblies_share_the_pin_and_differ_in_the_rocker(drive):
     assert np.linalg.norm(first["B"] - second["B"]) > 0.0
 
 
-def test_a_loop_that_cannot_close_states_where_it_can():
+def test_a_loop_that_cannot_close_reports_its_range():
     drive = replace(FourBar(), crank=0.08)
     (low, high), *_ = drive.crank_range().arcs
     with pytest.raises(
-        AssemblyError, match=r"does not close at crank angle .* it can stand from .* to .* rad"
+        AssemblyError, match=r"does not close at crank angle .* its range is from .* to .* rad"
     ):
         drive.positions([high + 0.1])
     assert np.isfinite(drive.positions([low + 1e-9, high - 1e-9])["B"]).all()

@@ -30,7 +30,7 @@ from mechsim.errors import AssemblyError, InputError
         ("guide", "yes", "on or off"),
     ],
 )
-def test_a_parameter_that_cannot_be_is_rejected_with_what_can(parameter, value, remedy):
+def test_an_invalid_parameter_is_rejected_with_the_valid_values(parameter, value, remedy):
     with pytest.raises(InputError, match=rf"{parameter}.* is .*{remedy}"):
         catalog.make("rssr", **{parameter: value})
 
@@ -54,14 +54,14 @@ def test_an_unknown_mechanism_is_rejected_with_the_nearest():
 
 
 @pytest.mark.parametrize("angles", [[np.nan], [np.inf], [], [[0.1, 0.2]], ["a"], None])
-def test_crank_angles_that_are_none_are_rejected(angles):
+def test_invalid_crank_angles_are_rejected(angles):
     with pytest.raises(InputError, match=r"crank angles (must be a list of finite numbers|in rad)"):
         catalog.make("rssr").solve(angles)
 
 
 @pytest.mark.parametrize("rate", [np.nan, np.inf, 1e200, [1.0, 2.0], "fast"])
 @pytest.mark.parametrize("which", ["speed", "acceleration"])
-def test_crank_rates_that_are_none_are_rejected(which, rate):
+def test_invalid_crank_rates_are_rejected(which, rate):
     with pytest.raises(InputError, match=rf"the crank's {which} .*(one|a) finite number"):
         catalog.make("rssr").solve([0.1, 0.2, 0.3], **{which: rate})
 
@@ -88,7 +88,7 @@ def test_shorter_and_shorter_couplers_end_in_numbers_or_in_a_sentence(name):
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
-def test_many_angles_in_pieces_are_the_same_as_one_by_one(name):
+def test_many_angles_give_the_same_as_single_angles(name):
     drive = catalog.make(name)
     count = 2 * CHUNK + 1000
     angles = np.linspace(0.0, 40.0, count)

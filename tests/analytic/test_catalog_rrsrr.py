@@ -102,7 +102,7 @@ def test_loop_equations_assembled_from_the_guess_find_the_same_assembly(drive):
     assert loops.dof_count(drive.mechanism, loops.assemble(drive.mechanism, angles[:1])).mobility == 1
 
 
-def test_default_layout_swings_as_the_digest_states():
+def test_the_default_layout_swings_as_in_the_digest():
     motion = Rrsrr().solve(np.linspace(0.0, 2 * np.pi, 3601))
     assert Rrsrr().crank_range().full
     assert abs(np.rad2deg(np.ptp(motion.joints["rocker"].value)) - 42.2) <= 0.05
@@ -123,7 +123,7 @@ def test_dead_centres_are_where_both_assemblies_meet_and_the_output_locks(drive)
         assert np.abs(first - second).max() <= 0.02 * longest(drive)
 
 
-def test_transmission_angle_is_that_of_the_only_force_the_hinges_pass():
+def test_the_transmission_angle_is_that_of_the_only_transmitted_force():
     drive = SWINGING
     low, high = drive.crank_range().arcs[0]
     angles = low + (high - low) * (np.arange(9) + 0.37) / 9
@@ -177,7 +177,7 @@ def test_a_link_a_thousandth_long_moves_the_path_by_far_more_than_any_tolerance(
     assert 1e-6 < moved < 1e-3
 
 
-def test_the_catalogue_makes_it_by_name_and_rejects_what_it_has_not():
+def test_the_catalogue_makes_it_by_name_and_rejects_unknown_parameters():
     assert catalog.make("rrsrr", branch=-1) == Rrsrr(branch=-1)
     with pytest.raises(InputError, match="no parameter 'rocker'"):
         catalog.make("rrsrr", rocker=0.1)
@@ -203,7 +203,7 @@ def test_start_points_lie_on_both_surfaces_and_none_is_missed(drive):
 
 
 @pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
-def test_the_paper_s_arc_length_method_agrees_with_the_closed_form_and_closes(drive):
+def test_the_arc_length_method_of_the_paper_agrees_with_the_closed_form_and_closes(drive):
     path = trace_path(drive)
     u1 = path.parameters[:, 0]
     assert path.curve.closed
@@ -227,7 +227,7 @@ def test_the_paper_s_arc_length_method_agrees_with_the_closed_form_and_closes(dr
         assert own[1] - 0.05 < u1.max() <= own[1] + 1e-9
 
 
-def test_the_arc_length_method_reports_a_link_a_thousandth_long_from_the_right_one():
+def test_the_arc_length_method_detects_a_link_too_long_by_a_thousandth():
     path = trace_path(replace(Rrsrr(), coupler=1.001 * Rrsrr().coupler))
     gap = np.linalg.norm(Rrsrr().positions(path.parameters[:, 0])["S"] - path.on_torus, axis=1)
     assert gap.min() > 1e-6
@@ -239,7 +239,7 @@ def test_the_length_of_the_path_is_that_of_the_closed_form():
     assert abs(trace_path(Rrsrr()).curve.length - 2 * np.pi * speed.mean()) <= 1e-12
 
 
-def test_a_start_off_the_curve_or_a_path_without_one_is_rejected():
+def test_an_invalid_start_of_the_path_is_rejected():
     with pytest.raises(InputError, match="off the curve"):
         trace_path(Rrsrr(), Rrsrr().positions([0.7])["S"][0] + 1e-4)
     without = replace(Rrsrr(), gamma1=1.0, gamma2=-1.0)

@@ -18,7 +18,7 @@ def test_links_keep_their_lengths_and_the_slider_its_height(drive):
 
 
 @given(slider_cranks())
-def test_branch_states_whether_the_slider_is_ahead_of_the_pin(drive):
+def test_branch_is_the_side_of_the_slider(drive):
     points = drive.positions(angles_of(drive))
     assert (np.sign(points["B"][:, 0] - points["A"][:, 0]) == drive.branch).all()
     assert (drive.assembly_sign(points) > 0.0).all()
@@ -36,7 +36,7 @@ def test_mirror_images_are_the_other_offset_and_the_other_branch(drive):
 
 
 @given(slider_cranks())
-def test_dead_centres_are_where_the_rod_stands_across_the_slide(drive):
+def test_dead_centres_are_where_the_rod_is_perpendicular_to_the_slide(drive):
     ends = []
     for height in (drive.offset + drive.rod, drive.offset - drive.rod):
         sine = height / drive.crank
@@ -52,5 +52,5 @@ def test_dead_centres_are_where_the_rod_stands_across_the_slide(drive):
 def test_a_slide_out_of_reach_is_rejected():
     drive = SliderCrank(crank=0.05, rod=0.02, offset=0.2)
     assert drive.assemblies(0.0) == []
-    with pytest.raises(AssemblyError, match="can close nowhere in the turn"):
+    with pytest.raises(AssemblyError, match="cannot close at any crank angle"):
         drive.positions([0.0])

@@ -191,7 +191,7 @@ def test_a_ratio_of_three_to_two_repeats_after_two_turns_of_crank_one():
     assert max(np.abs(here[name] - once[name]).max() for name in here) > 1e-3
 
 
-def test_a_ratio_that_no_gear_has_is_followed_turn_by_turn():
+def test_an_irrational_ratio_is_traced_revolution_by_revolution():
     drive = WarpKnitter(gear_ratio=-np.sqrt(2.0))
     assert open_loops(drive, drive.positions(np.linspace(-40.0, 40.0, 60))) <= CLOSED
 
@@ -224,7 +224,7 @@ def test_every_assembly_at_a_crank_angle_is_listed_with_its_number_or_none(seed)
             assert max(np.abs(there[name][0] - points[name]).max() for name in points) <= 1e-12
 
 
-def test_an_assembly_that_cannot_be_carried_from_zero_is_listed_without_a_number():
+def test_an_assembly_without_a_path_from_zero_has_no_number():
     drive = random_knitter(7)
     listed = [drive.assembly_points(f) for f in np.linspace(0, TURN, 40)]
     assert any(chosen["assembly"] is None for here in listed for chosen, _ in here)
@@ -243,23 +243,23 @@ def test_the_crank_range_ends_where_the_roots_of_the_sextic_meet(assembly):
     assert drive.dead_centres() == (low, high)
 
 
-def test_poses_are_given_up_to_the_dead_centres_and_rejected_beyond():
+def test_poses_exist_up_to_the_dead_centres_only():
     ((low, high),) = BLOCKED.crank_range().arcs
     near = np.logspace(-15, -6, 19)
     angles = np.concatenate([low + near, high - near])
     # Newton's method stalls at the square root of rounding where the assembly modes meet
     assert open_loops(BLOCKED, BLOCKED.positions(angles)) <= 1e-11
     for beyond in (low - 1e-6, high + 1e-6):
-        with pytest.raises(AssemblyError, match=r"it can stand from 1\.89557 to 7\.17315 rad"):
+        with pytest.raises(AssemblyError, match=r"its range is from 1\.89557 to 7\.17315 rad"):
             BLOCKED.positions([beyond])
 
 
-def test_a_crank_angle_a_turn_away_is_reached_the_other_way_round():
+def test_a_crank_angle_a_revolution_away_is_reached_in_the_other_direction():
     here, there = BLOCKED.positions([2.5]), BLOCKED.positions([2.5 - TURN])
     assert max(np.abs(here[name] - there[name]).max() for name in here) <= 1e-15
 
 
-def test_a_way_longer_than_a_turn_is_never_left_for_another():
+def test_a_path_longer_than_a_revolution_is_not_left_for_another():
     # found among random ones: the triad passes into another assembly before it meets a dead centre
     long = random_knitter(LONG)
     assert not long.crank_range().full
@@ -295,7 +295,7 @@ def test_transmission_angle_is_that_of_the_line_from_k_to_where_the_rods_cross()
         assert value == pytest.approx(np.arccos(cosine), rel=1e-12)
 
 
-def test_without_gears_the_mechanism_has_two_dofs():
+def test_without_gears_the_mechanism_has_two_degrees_of_freedom():
     drive = WarpKnitter()
     links = drive.solve([0.4]).links
     poses = {name: Pose(link.position, link.rotation) for name, link in links.items()}
@@ -327,7 +327,7 @@ def test_velocities_away_from_the_gears_agree_with_a_drive_geared_otherwise():
         assert np.abs(found[name] - point.velocity).max() <= 1e-14
 
 
-def test_a_crank_that_cannot_be_turned_alone_is_rejected():
+def test_a_crank_that_cannot_rotate_alone_is_rejected():
     # lengthened, crank 2 meets a dead centre of its own
     drive = WarpKnitter(crank2=0.028)
     with pytest.raises(AssemblyError, match="crank 2 cannot turn"):
@@ -335,7 +335,7 @@ def test_a_crank_that_cannot_be_turned_alone_is_rejected():
 
 
 @pytest.mark.parametrize("assembly", [0, 3, -1])
-def test_an_impossible_assembly_is_rejected_with_the_number_there_are(assembly):
+def test_an_impossible_assembly_is_rejected_with_the_number_of_assemblies(assembly):
     with pytest.raises(InputError, match=rf"assembly is {assembly}, but at crank angle 0 there are 2"):
         WarpKnitter(assembly=assembly)
 
@@ -344,7 +344,7 @@ def test_an_impossible_assembly_is_rejected_with_the_number_there_are(assembly):
     ("name", "value"),
     [("assembly", 1.5), ("gear_ratio", 0.0), ("gear_ratio", np.nan), ("rod3", -1.0), ("base_c", (1.0,))],
 )
-def test_parameters_that_mean_nothing_are_rejected_by_name(name, value):
+def test_invalid_parameters_are_rejected_by_name(name, value):
     with pytest.raises(InputError, match=name):
         WarpKnitter(**{name: value})
 
@@ -378,7 +378,7 @@ def test_scaling_all_lengths_scales_the_motion():
             assert np.abs(gap).max() <= 1e-13 * np.abs(getattr(other, part)).max()
 
 
-def test_the_other_assembly_is_reported_by_its_sign_and_by_its_place():
+def test_the_other_assembly_differs_in_sign_and_position():
     angles = np.linspace(0.0, TURN, 73)
     mine, other = WarpKnitter(), WarpKnitter(assembly=1).positions(angles)
     assert (mine.assembly_sign(other) < 0.0).all()

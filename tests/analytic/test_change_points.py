@@ -10,7 +10,7 @@ from flat_linkages import FLAT_ONES, FOLDING, flat_linkages, named, smooth_b, wo
 
 from mechsim import catalog, loops
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.vector_method.trig_polynomial import FLAT, sampled, signed_root
+from mechsim.analytic.vector_method.trig_polynomial import ZERO_POLYNOMIAL, sampled, signed_root
 from mechsim.errors import AssemblyError
 from mechsim.report.facts import facts
 
@@ -33,7 +33,7 @@ MEETINGS = {
 
 
 @pytest.mark.parametrize("lengths", flat_linkages(), ids=lambda one: "-".join(f"{1e3 * x:.0f}" for x in one))
-def test_the_closed_form_passes_flat_poses_smoothly_to_full_digits(lengths):
+def test_the_closed_form_passes_flat_poses_smoothly_with_full_accuracy(lengths):
     drive = catalog.make("four_bar", **named(lengths))
     # where crank and frame lie on each other the coupler could turn about them
     angles = ANGLES[np.abs(lengths[1] * np.exp(1j * ANGLES) - lengths[0]) > 1e-3 * lengths[0]]
@@ -48,7 +48,7 @@ def test_the_closed_form_passes_flat_poses_smoothly_to_full_digits(lengths):
 
 
 @pytest.mark.parametrize("which", FLAT_ONES)
-def test_change_points_are_reported_and_the_mechanism_states_when_it_comes_round(which):
+def test_change_points_and_period_are_reported(which):
     drive = FLAT_ONES[which]
     count, turns = MEETINGS[which]
     assert len(drive.change_points()) == count
@@ -64,7 +64,7 @@ def test_change_points_are_reported_and_the_mechanism_states_when_it_comes_round
 
 
 @pytest.mark.parametrize("which", FLAT_ONES)
-def test_closed_form_and_loop_equations_pass_change_points_alike(which):
+def test_closed_form_and_loop_equations_pass_change_points_equally(which):
     drive = FLAT_ONES[which]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *drive.change_points()])
     exact, found = (solve(angles, 3.0, -2.0) for solve in (drive.solve, partial(loops.solve, drive)))
@@ -77,7 +77,7 @@ def test_closed_form_and_loop_equations_pass_change_points_alike(which):
 
 
 @pytest.mark.parametrize("which", FLAT_ONES)
-def test_links_keep_their_lengths_and_nothing_leaps_at_a_change_point(which):
+def test_links_keep_their_lengths_and_motions_are_continuous_at_a_change_point(which):
     drive = FLAT_ONES[which]
     for at in drive.change_points():
         near = at + np.array([-1e-3, -1e-6, -1e-9, -1e-13, 0.0, 1e-13, 1e-9, 1e-6, 1e-3])
@@ -90,7 +90,7 @@ def test_links_keep_their_lengths_and_nothing_leaps_at_a_change_point(which):
 
 
 @pytest.mark.parametrize("which", FOLDING)
-def test_folding_keeps_to_the_side_of_the_branch(which):
+def test_the_branch_policy_keeps_the_sign(which):
     drive = FLAT_ONES[which].with_change_point("branch")
     angles = np.linspace(-TURN, TURN, 41)
     assert (drive.assembly_sign(drive.positions(angles)) >= -1e-15).all()
@@ -102,7 +102,7 @@ def test_folding_keeps_to_the_side_of_the_branch(which):
 
 
 @pytest.mark.parametrize("which", FOLDING)
-def test_loop_equations_fold_as_the_closed_form_does(which):
+def test_loop_equations_keep_the_branch_as_the_closed_form(which):
     drive = FLAT_ONES[which]
     beside = [at + off for at in drive.change_points() for off in (-1e-3, -1e-7, 0.0, 1e-7, 1e-3)]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *beside])
@@ -122,15 +122,15 @@ def test_loop_equations_fold_as_the_closed_form_does(which):
 
 
 @pytest.mark.parametrize("which", ["kite round its frame", "rhombus"])
-def test_what_cannot_fold_is_rejected_on_either_method(which):
+def test_a_branch_without_continuation_is_rejected_by_both_methods(which):
     drive = FLAT_ONES[which]
-    with pytest.raises(AssemblyError, match="no assembly leads into another; take change_point=smooth"):
+    with pytest.raises(AssemblyError, match="no assembly mode leads into another; use change_point=smooth"):
         drive.positions([0.5], change_point="branch")
     with pytest.raises(AssemblyError, match="by folding, for it does not turn"):
         loops.solve(drive.mechanism, [-0.5, 0.5], change_point="branch")
 
 
-def test_a_mechanism_of_ones_own_folds_too():
+def test_a_user_defined_mechanism_can_keep_its_branch():
     drive = FLAT_ONES["parallelogram"]
     form = LoopForm(drive.mechanism).with_change_point("branch")
     angles = np.linspace(-TURN, TURN, 17)
@@ -154,7 +154,9 @@ def test_a_polynomial_that_nearly_touches_zero_does_not_touch(lack):
     assert near.touching() == ()
     assert signed_root(near).over(np.zeros(1))[0] == pytest.approx(np.sqrt(lack), rel=1e-3)
     assert sampled(lambda f: 1.0 - np.cos(f) - lack, 1).touching() == ()
-    assert sampled(lambda f: 1.0 - np.cos(f) + FLAT / 4, 1).touching() == pytest.approx((0.0,), abs=1e-12)
+    assert sampled(lambda f: 1.0 - np.cos(f) + ZERO_POLYNOMIAL / 4, 1).touching() == pytest.approx(
+        (0.0,), abs=1e-12
+    )
 
 
 LOOPER = catalog.make("looper")
@@ -165,7 +167,7 @@ FLAT_LOOPERS = {
 
 
 @pytest.mark.parametrize("which", FLAT_LOOPERS)
-def test_a_looper_reports_where_its_four_bar_lies_flat_and_its_range_ends_there(which):
+def test_the_range_of_a_looper_ends_where_its_four_bar_lies_flat(which):
     drive, count = FLAT_LOOPERS[which]
     flat = drive.change_points()
     assert len(flat) == count

@@ -67,7 +67,7 @@ def test_behind_a_start_is_looked_only_where_a_change_point_there_could_blur_it(
 
 def test_a_path_that_is_too_long_is_rejected_before_it_is_followed():
     drive = catalog.make("four_bar")
-    said = r"the crank would be followed from 0 rad to 8000000 rad, 1,273,240 revolutions.* 1,274 times"
+    said = r"the crank would be traced from 0 rad to 8000000 rad, 1,273,240 revolutions.* 1,274 times"
     with pytest.raises(InputError, match=said):
         loops.solve(drive.mechanism, [0.0, 8e6])
 

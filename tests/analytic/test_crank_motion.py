@@ -85,7 +85,7 @@ def test_a_path_on_another_revolution_begins_a_turn_on_and_a_crank_turns_evenly_
 
 
 def test_what_is_held_stands_still_however_fast_the_crank_turns():
-    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, counted={})
+    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, guess_coordinates={})
     motion = loops.solve(mechanism, [1.9, 2.1], 5.0, -7.0)
     for part, wanted in (("value", 1.2), ("rate", 0.0), ("acceleration", 0.0)):
         np.testing.assert_allclose(getattr(motion.joints["right"], part), wanted, atol=1e-15)

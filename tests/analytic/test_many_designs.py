@@ -83,7 +83,7 @@ def test_full_turns_and_ranges_are_those_of_the_exact_roots(name):
 def test_a_linkage_that_can_be_laid_flat_is_in_doubt_and_no_other_is():
     form = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
     found = md.crank_ranges(form, {"crank": np.array([0.04, 0.039])})
-    assert found.doubtful.tolist() == [True, False]
+    assert found.uncertain.tolist() == [True, False]
     assert not found.full[0]
 
 

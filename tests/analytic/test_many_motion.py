@@ -9,7 +9,7 @@ import mechsim as ms
 from mechsim.analytic.loops import design_motion, path, solver
 from mechsim.analytic.loops.design_motion import many_motion, shared_loops
 from mechsim.errors import AssemblyError
-from mechsim.model.design_arrays import those_alike
+from mechsim.model.design_arrays import similar_designs
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24
 JOINTS = {
@@ -34,7 +34,7 @@ def moved(name, parameter, values, joints):
 def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0):
     """Return the motion of those that are like one, and of which of all it is reported."""
     like = shared_loops(mechanism, joints)
-    started, which = those_alike(mechanism, mechanisms)
+    started, which = similar_designs(mechanism, mechanisms)
     motion, good = many_motion(like, started, angles, speed, joints)
     return motion, np.isin(np.arange(len(mechanisms)), which[good])
 

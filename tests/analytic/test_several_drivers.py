@@ -53,14 +53,14 @@ def test_a_five_bar_goes_where_two_circles_meet():
 
 
 def test_what_the_drivers_leave_open_is_named():
-    mechanism = replace(five_bar(), driver=("left",), counted={})
+    mechanism = replace(five_bar(), driver=("left",), guess_coordinates={})
     form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, {"left": steady(2.0, 1.0)}, 1.0))
     with pytest.raises(MobilityError, match=r"underdetermined: .* right is left open"):
         at_times(form)
 
 
 def test_a_held_coordinate_is_no_dof():
-    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, counted={})
+    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, guess_coordinates={})
     motion = LoopForm(mechanism).solve(np.linspace(1.8, 2.2, 5))
     truth = where_circles_meet(motion.angle, np.full(5, 1.2))
     assert motion.points["P"].position[:, :2] == pytest.approx(truth, abs=1e-15)
@@ -87,13 +87,16 @@ def shaken(time):
 @pytest.mark.parametrize(
     ("states", "said"),
     [
-        ({"left": steady(0.0, 1.0)}, "no motion law says how right moves"),
+        ({"left": steady(0.0, 1.0)}, "right has no motion law"),
         ({"left": steady(0.0, 0.0), "right": steady(0.0, 0.0)}, "all drivers stand still"),
         (
             {"left": steady(0.0, 1e299), "right": steady(0.0, 1.0)},
             "rate in the motion law of left is up to 1e.299 rad/s; give",
         ),
-        ({"left": steady(0.0, 1e-301), "right": steady(0.0, 0.0)}, "no driver moves by more than 1e-301 rad"),
+        (
+            {"left": steady(0.0, 1e-301), "right": steady(0.0, 0.0)},
+            "the fastest driver moves at 1e-301 rad/s",
+        ),
         (
             {"left": shaken, "right": steady(0.0, 1.0)},
             "acceleration in the motion law of left is up to 1e.20 rad/s2; give",

@@ -103,7 +103,7 @@ def test_show_answers_whatever_is_driven(mechsim):
 
 WRONG = {
     "no programs": (["solve", "arm.toml"], ["lift, turn have no motion law", "--drive JOINT=LAW"]),
-    "one program": (["solve", "arm.toml", *DRIVE[:2]], ["how turn moves", "--drive JOINT"]),
+    "one program": (["solve", "arm.toml", *DRIVE[:2]], ["turn has no motion law", "--drive JOINT"]),
     "an angle for a slide": (["solve", "arm.toml", "--drive", "lift=3deg*t"], ["is an angle; give a length"]),
     "no equals sign": (["solve", "arm.toml", "--drive", "lift"], ["--drive NAME=VALUE"]),
     "twice": (["solve", "arm.toml", "--drive", "lift=1", "--drive", "lift=2"], ["lift twice"]),

@@ -25,7 +25,7 @@ def test_solve_and_simulate_make_one_swing_and_state_so(mechsim):
 def test_what_is_requested_for_beyond_the_range_is_rejected(mechsim):
     done = mechsim("solve", *SWINGS, "--angles", "0:360:5deg")
     assert done.code == 2
-    assert "it can stand from -2.43123 to 2.43123 rad" in done.err
+    assert "its range is from -2.43123 to 2.43123 rad" in done.err
     done = mechsim("simulate", *SWINGS, "--turns", "1")
     assert done.code == 2
     assert "cannot make 1 turns" in done.err

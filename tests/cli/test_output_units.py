@@ -47,14 +47,14 @@ def press(tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        ("show --set rx=40", "rx: 40 has no unit; the file is in mm: write 40mm, or 40m if m is meant"),
-        ("show --angle 30", "--angle: 30 has no unit; the file is in deg: write 30deg, or 30rad"),
+        ("show --set rx=40", "rx: 40 has no unit; the file is in mm: write 40mm or 40m"),
+        ("show --angle 30", "--angle: 30 has no unit; the file is in deg: write 30deg or 30rad"),
         (
             "sweep --vary rx=0:40:5 --measure stroke:B -o s.csv",
             "rx: 0:40:5 has no unit; the file is in mm",
         ),
-        ("sweep --vary rx=30,40 --measure stroke:B -o s.csv", "write 30,40mm, or 30,40m if m is meant"),
-        ("sweep --vary rx=30:40 --sample sobol:4 --measure stroke:B -o s.csv", "write 30:40mm, or 30:40m"),
+        ("sweep --vary rx=30,40 --measure stroke:B -o s.csv", "write 30,40mm or 30,40m"),
+        ("sweep --vary rx=30:40 --sample sobol:4 --measure stroke:B -o s.csv", "write 30:40mm or 30:40m"),
         ("solve --angles 0:360:5", "--angles: 0:360:5 has no unit; the file is in deg: write 0:360:5deg"),
         ("sensitivity --of B --angles 0,30", "--angles: 0,30 has no unit; the file is in deg"),
         (
@@ -68,7 +68,7 @@ def press(tmp_path):
         ),
         (
             "solve --track P,rod@60,0,0",
-            "the place of P: 60,0,0 has no unit; the file is in mm",
+            "the position of P: 60,0,0 has no unit; the file is in mm",
         ),
         ("render --angle 30 -o p.png", "--angle: 30 has no unit"),
     ],

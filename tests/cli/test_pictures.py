@@ -28,7 +28,7 @@ def test_a_crank_that_only_swings_is_drawn_wherever_it_can_stand(mechsim, tmp_pa
     assert code == 0, err
     code, _, err = mechsim(*words[:-1], "160deg", "-o", "b.png", *SMALL)
     assert code == 2
-    assert "it can stand from -2.10243" in err
+    assert "its range is from -2.10243" in err
     assert not (tmp_path / "b.png").exists()
 
 

@@ -17,7 +17,7 @@ from mechsim import catalog, files
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND
-from mechsim.model.mechanism import LONGEST_NAME, Mechanism
+from mechsim.model.mechanism import MAX_NAME_LENGTH, Mechanism
 from mechsim.model.scene import Scene
 from mechsim.pictures import plots
 from mechsim.pictures.view.offline_page import page
@@ -146,7 +146,7 @@ def test_no_command_ends_in_an_internal_error(mechsim):
 @pytest.mark.parametrize("name", ["", " a", "a ", "a\nb", "a\tb", "\x7f", "\u202eb", "\ufeffa", "x" * 201])
 def test_names_that_no_output_could_show_are_rejected_in_one_sentence(name):
     mechanism = catalog.make("four_bar").mechanism
-    limit = f"give it {LONGEST_NAME} at most" if len(name) > LONGEST_NAME else "printable characters"
+    limit = f"give it {MAX_NAME_LENGTH} at most" if len(name) > MAX_NAME_LENGTH else "printable characters"
     with pytest.raises(InputError, match=limit):
         replace(mechanism, name=name)
     with pytest.raises(InputError, match=limit):

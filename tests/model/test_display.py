@@ -44,7 +44,7 @@ def test_results_show_themselves_in_a_few_readable_lines(record, lines, said):
     assert "array(" not in text
 
 
-def test_a_motion_becomes_the_table_that_its_file_holds(tmp_path):
+def test_to_pandas_returns_the_columns_of_the_file(tmp_path):
     pytest.importorskip("pandas", reason="pandas is not installed: pip install '.[tables]'")
     table = run().motion.to_pandas()
     write(tmp_path / "run.csv", run().motion)
@@ -56,7 +56,7 @@ def test_a_motion_becomes_the_table_that_its_file_holds(tmp_path):
     assert list(units) == list(table.columns)
 
 
-def test_a_motion_becomes_a_dataset_whose_variables_carry_their_units():
+def test_to_xarray_returns_variables_with_units():
     pytest.importorskip("xarray", reason="xarray is not installed: pip install '.[tables]'")
     dataset = run().motion.to_xarray()
     assert set(dataset.coords) == {"time", "angle"}
@@ -67,7 +67,7 @@ def test_a_motion_becomes_a_dataset_whose_variables_carry_their_units():
 
 
 @pytest.mark.parametrize(("asked", "library"), [("to_pandas", "pandas"), ("to_xarray", "xarray")])
-def test_a_library_that_is_missing_is_named_with_what_brings_it(asked, library, monkeypatch):
+def test_a_missing_library_is_named_with_its_extra(asked, library, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(MissingToolError, match=rf"{library} is not installed; .*mechsim\[tables\]"):
         getattr(run().motion, asked)()

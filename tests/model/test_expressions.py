@@ -52,15 +52,15 @@ def test_an_expression_takes_numbers_too():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("gain*angle", "names 'gain', which is nothing here; known are angle, speed, t, pi"),
+        ("gain*angle", "names 'gain', which is not defined; known are angle, speed, t, pi"),
         ("angle +", "is no expression"),
-        ("sine(angle)", "calls 'sine', which is no function here"),
+        ("sine(angle)", "calls 'sine', which is no known function"),
         ("atan2(angle)", "gives atan2 1 numbers; give 2"),
         ("angle**100", "an exponent of 100; give 64 at most"),
         ("t*(1/0)", "has no value that is a finite real number"),
         ("angle.real", "which is no arithmetic"),
     ],
 )
-def test_what_is_no_expression_of_the_names_is_rejected(text, words):
+def test_invalid_expressions_are_rejected(text, words):
     with pytest.raises(InputError, match=re.escape(words)):
         compiled(text, NAMES)

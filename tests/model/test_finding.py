@@ -3,7 +3,7 @@ import json
 from mechsim.model.finding import Finding
 
 
-def test_a_finding_is_reported_in_one_line_with_its_line_and_its_remedy():
+def test_a_finding_is_printed_in_one_line_with_position_and_remedy():
     found = Finding(
         kind="gap",
         what="c1",
@@ -18,6 +18,6 @@ def test_a_finding_is_reported_in_one_line_with_its_line_and_its_remedy():
     assert bare.one_line == "tip can move"
 
 
-def test_a_finding_goes_into_json_with_the_names_that_are_promised():
+def test_a_finding_has_the_documented_json_keys():
     found = Finding(kind="gap", what="c1", by=0.002, explains=0.5, message="open").as_dict()
     assert {"kind", "what", "by", "explains", "message"} <= set(json.loads(json.dumps(found)))

@@ -30,7 +30,7 @@ FAR = (0.0, 0.0, 1.0)
         (partial(motors.TorqueSpeedLine, 1.0, -100.0), "drives nothing"),
     ],
 )
-def test_numbers_that_mean_nothing_are_rejected(make, said):
+def test_meaningless_numbers_are_rejected(make, said):
     with pytest.raises(InputError, match=said):
         make()
 
@@ -52,7 +52,7 @@ def test_forces_that_do_not_fit_the_mechanism_are_rejected(forces, said):
         forces.check(RSSR)
 
 
-def test_forces_that_fit_pass_and_lose_their_motor_alone():
+def test_valid_forces_pass_and_without_motor_removes_only_the_motor():
     forces = Forces(
         friction=(Friction("rocker", 1.0, 2.0), Friction("P2", 1.0)),
         springs=(Spring(("ground", FAR), "P3", 10.0, 0.1, 1.0),),

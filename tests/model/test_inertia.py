@@ -10,7 +10,7 @@ CUBE = ((2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 2.0))
 
 
 @pytest.mark.parametrize("mass", [-1.0, 0.0, np.nan, np.inf])
-def test_a_mass_that_no_body_has_is_rejected(mass):
+def test_an_invalid_mass_is_rejected(mass):
     with pytest.raises(InputError, match=r"mass of a link is .* kg; give"):
         Inertia(mass, (0.0, 0.0, 0.0), CUBE)
 
@@ -28,7 +28,7 @@ def test_a_mass_that_no_body_has_is_rejected(mass):
         (((1.0, 0.5, 0.0), (0.5, 1.0, 0.0), (0.0, 0.0, 2.5)), "no body has one above the sum"),
     ],
 )
-def test_an_inertia_that_no_body_has_is_rejected(moments, said):
+def test_an_impossible_inertia_is_rejected(moments, said):
     with pytest.raises(InputError, match=said):
         Inertia(1.0, (0.0, 0.0, 0.0), moments)
 
@@ -42,7 +42,7 @@ places = st.tuples(*[st.integers(-999, 999).map(lambda value: (value + 0.37) * 1
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 5.0), places), min_size=1, max_size=4))
-def test_bodies_joined_have_the_moments_that_their_points_have_one_by_one(parts):
+def test_combined_bodies_have_the_moments_of_all_their_points(parts):
     bodies = [Inertia(mass, place, (0.4, 0.5, 0.6)) for mass, place in parts]
     whole = combine(bodies)
     about = np.sum([body.about((0.3, -0.2, 0.7)) for body in bodies], axis=0)

@@ -21,14 +21,14 @@ CROSS_ANGLE = 1.1
         ("floating", 6, 0, 0, ("m", "m", "m")),
     ],
 )
-def test_a_row_of_the_table_states_what_is_free_and_what_is_held(name, freedoms, forces, moments, units):
+def test_a_row_of_the_table_determines_free_and_constrained_motions(name, freedoms, forces, moments, units):
     kind = KINDS[name]
     assert (kind.dof, kind.forces, kind.moments, kind.units) == (freedoms, forces, moments, units)
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 @given(offsets, offsets, turns, turns)
-def test_coordinates_state_where_they_displace_a_joint(kind, first, second, angle, other):
+def test_coordinates_are_the_inverse_of_displacements(kind, first, second, angle, other):
     lengths, angles = iter((first, second, first)), iter((angle, other))
     values = [next(lengths if unit == "m" else angles) for unit in kind.units]
     shift, turn = displaced(kind, values, CROSS_ANGLE)
@@ -37,7 +37,7 @@ def test_coordinates_state_where_they_displace_a_joint(kind, first, second, angl
     assert np.abs(found - values).max(initial=0.0) <= 16 * EPS * np.pi
 
 
-def test_kinds_are_named_by_what_they_do():
+def test_kinds_that_satisfy_a_rule_are_listed_by_name():
     assert kinds_that(lambda kind: kind.single).startswith("revolute or prismatic")
     assert kinds_that(lambda kind: kind.mixed).startswith("cylindrical")
     assert kinds_that(lambda kind: kind.dof > 6) == ""

@@ -30,7 +30,7 @@ def test_a_smooth_table_follows_a_smooth_load_with_fourth_order():
     assert 3.8 < np.log2(error(48) / error(96)) < 4.2
 
 
-def test_harmonics_are_their_own_sum():
+def test_harmonics_are_the_sum_of_cosines_and_sines():
     x = np.linspace(-1.0, 8.0, 50)
     load = load_profile.harmonics([0.5, 0.0, 2.0], [1.5])
     assert np.allclose(load.evaluate(x), 0.5 + 2.0 * np.cos(2.0 * x) + 1.5 * np.sin(x), atol=1e-14)
@@ -39,22 +39,22 @@ def test_harmonics_are_their_own_sum():
 @pytest.mark.parametrize(
     ("at", "values", "said"),
     [
-        ([0.0, 1.0, 0.5, TURN], [0.0] * 4, r"does not rise: angle 0.5 in row 3 follows 1"),
-        ([0.0, 1.0, 1.0, TURN], [0.0] * 4, "does not rise"),
-        ([0.0, 1.0, 6.0], [0.0] * 3, r"does not cover the turn: it goes from 0 to 6 rad"),
-        ([0.0, 1.0, 7.0], [0.0] * 3, "does not cover the turn"),
-        ([0.0, 1.0, TURN], [0.0, 1.0, 0.1], "does not close: its last row differs from its first by 0.1"),
-        ([0.0, np.nan, TURN], [0.0] * 3, "no finite number"),
+        ([0.0, 1.0, 0.5, TURN], [0.0] * 4, r"does not increase: angle 0.5 in row 3 follows 1"),
+        ([0.0, 1.0, 1.0, TURN], [0.0] * 4, "does not increase"),
+        ([0.0, 1.0, 6.0], [0.0] * 3, r"does not span one revolution: it goes from 0 to 6 rad"),
+        ([0.0, 1.0, 7.0], [0.0] * 3, "does not span one revolution"),
+        ([0.0, 1.0, TURN], [0.0, 1.0, 0.1], "is not periodic: its last row differs from its first by 0.1"),
+        ([0.0, np.nan, TURN], [0.0] * 3, "not a finite number"),
         ([0.0, TURN], [[0.0, 0.0]] * 2, "one value or three each"),
         ([0.0], [0.0], "two rows or more"),
     ],
 )
-def test_a_table_that_is_no_load_over_the_turn_is_rejected(at, values, said):
+def test_an_invalid_load_table_is_rejected(at, values, said):
     with pytest.raises(InputError, match=said):
         load_profile.table(at, values)
 
 
-def test_a_table_whose_turn_is_written_with_six_digits_is_drawn_to_the_turn():
+def test_a_table_with_a_period_of_six_digits_is_stretched_to_a_revolution():
     x = np.linspace(0.0, TURN, 9)
     exact, written = (load_profile.table(at, np.cos(x).round(12)) for at in (x, x.round(5)))
     places = np.linspace(0.0, TURN, 40)
@@ -62,11 +62,13 @@ def test_a_table_whose_turn_is_written_with_six_digits_is_drawn_to_the_turn():
     assert np.abs(exact.evaluate(places, places) - written.evaluate(places, places)).max() < 1e-5
 
 
-def test_a_table_over_part_of_the_turn_or_over_time_is_never_read_outside_it():
+def test_a_table_that_is_not_periodic_is_not_extrapolated():
     for over in ("angle", "time"):
         load = load_profile.table([0.0, 1.0], [2.0, 3.0], over=over, periodic=False)
         assert load.evaluate([0.5], [0.5])[0] == 2.5
-        with pytest.raises(InputError, match=r"covers .* 0 to 1, but 1.5 is asked for; make it longer"):
+        with pytest.raises(
+            InputError, match=r"covers .* 0 to 1, but the motion needs 1.5; make the table longer"
+        ):
             load.evaluate([1.5], [1.5])
 
 
@@ -74,7 +76,7 @@ def test_a_load_over_time_needs_times_and_a_function_must_give_finite_numbers():
     with pytest.raises(InputError, match="give the motion its time"):
         load_profile.function(np.sin, over="time").evaluate([0.0])
     broken = load_profile.function(lambda x: np.where(x < 0.5, x, np.nan))
-    with pytest.raises(InputError, match=r"load over angle is no finite number at 0.5 rad"):
+    with pytest.raises(InputError, match=r"load over angle is not a finite number at 0.5 rad"):
         broken.evaluate([0.0, 0.5])
     with pytest.raises(InputError, match="of shape"):
         load_profile.function(lambda x: np.zeros(3)).evaluate([0.0, 1.0])

@@ -17,7 +17,7 @@ def joint(kind, a=GROUND, b="arm", **more):
 
 
 def placed(joint, relative, along=0.0):
-    """Pose of b such that its joint frame stands at `relative` to a's, `along` further along a's axis."""
+    """Return the pose of b with its joint frame at `relative` to a's, displaced by `along` along a's axis."""
     frame = joint.a.frame
     r = frame @ relative @ joint.b.frame.T
     return Pose(np.array(joint.a.point) + along * frame[:, 2] - r @ np.array(joint.b.point), r)
@@ -33,14 +33,14 @@ def test_an_end_makes_its_directions_unit_and_square():
 
 
 @given(turns)
-def test_angle_of_a_revolute_joint_is_counted_from_reference_to_reference(angle):
+def test_the_angle_of_a_revolute_joint_is_measured_between_references(angle):
     hinge = joint("revolute")
     pose = placed(hinge, rotation("z", angle))
     assert abs(joint_coordinate(hinge, IDENTITY, pose)[0] - angle) <= 8 * EPS * np.pi
 
 
 @given(offsets)
-def test_displacement_of_a_prismatic_joint_is_counted_along_the_axis(along):
+def test_the_displacement_of_a_prismatic_joint_is_measured_along_the_axis(along):
     slide = joint("prismatic")
     assert abs(joint_coordinate(slide, IDENTITY, placed(slide, np.eye(3), along))[0] - along) <= 8 * EPS * 0.1
 
@@ -73,7 +73,7 @@ def test_a_spherical_joint_has_no_coordinate():
 
 
 @given(turns, turns)
-def test_coordinates_do_not_depend_on_where_the_whole_stands(angle, whole):
+def test_coordinates_do_not_depend_on_the_pose_of_the_whole_mechanism(angle, whole):
     hinge = joint("revolute")
     b = placed(hinge, rotation("z", angle))
     about = np.array([0.3, -1.0, 0.5])
@@ -97,7 +97,7 @@ def chain(**changes):
     return Mechanism(**{**given, **changes})
 
 
-def test_joints_that_rounding_parts_do_not_measure_a_spherical_linkage():
+def test_rounding_between_coincident_joints_is_no_characteristic_length():
     near = End("arm", (0.1, 0.2, 0.3)), End("arm", (0.1, 0.1 + 0.1, 0.3 + 1e-17), axis=EX)
     hinges = (
         Joint("crank", "revolute", End(GROUND), near[0]),
@@ -111,7 +111,7 @@ def test_joints_that_rounding_parts_do_not_measure_a_spherical_linkage():
         ).characteristic_length == pytest.approx(0.4)
 
 
-def test_size_is_the_longest_distance_within_a_link():
+def test_the_characteristic_length_is_the_longest_distance_within_a_link():
     assert chain().characteristic_length == pytest.approx(0.5)
     assert [end.link for end in chain().ends("arm")] == ["arm", "arm"]
 
@@ -130,12 +130,12 @@ def test_size_is_the_longest_distance_within_a_link():
         ({"gears": (Gear("crank", "knee", float("nan")),)}, "ratio of gear 'crank'-'knee' is nan"),
     ],
 )
-def test_a_mechanism_that_contradicts_itself_is_rejected(changes, said):
+def test_a_contradictory_mechanism_is_rejected(changes, said):
     with pytest.raises(InputError, match=said):
         chain(**changes)
 
 
-def test_an_unknown_joint_is_rejected_with_the_known_ones():
+def test_an_unknown_joint_is_rejected_with_the_known_names():
     with pytest.raises(InputError, match="there are only crank, knee"):
         chain().joint("elbow")
 
@@ -153,14 +153,14 @@ def test_an_unknown_joint_is_rejected_with_the_known_ones():
         (lambda: joint("universal", cross_angle=0.0), "cross angle"),
     ],
 )
-def test_an_end_or_joint_that_cannot_be_is_rejected(make, said):
+def test_an_invalid_end_or_joint_is_rejected(make, said):
     with pytest.raises(InputError, match=said):
         make()
 
 
 @pytest.mark.parametrize("kind", ["prismatic", "fixed"])
 @given(turns, turns)
-def test_a_slide_without_references_turns_its_links_by_the_least_that_lays_axis_on_axis(kind, first, second):
+def test_a_slide_without_references_has_the_smallest_rotation_that_aligns_its_axes(kind, first, second):
     a, b = (
         rotation("x", first) @ np.array([0.3, -0.2, 0.9]),
         rotation("y", second) @ np.array([0.1, 0.8, 0.4]),
@@ -174,14 +174,14 @@ def test_a_slide_without_references_turns_its_links_by_the_least_that_lays_axis_
 
 
 @given(turns, turns)
-def test_a_slide_without_references_in_a_plane_keeps_its_links_in_the_plane(first, second):
+def test_a_slide_without_references_keeps_a_planar_mechanism_planar(first, second):
     a, b = ((float(np.cos(one)), float(np.sin(one)), 0.0) for one in (first, second))
     for axis in (b, tuple(-one for one in a)):
         made = Joint("slide", "prismatic", End(GROUND, axis=a), End("arm", axis=axis))
         assert (made.a.frame @ made.b.frame.T)[2, 2] == pytest.approx(1.0, abs=1e-9)
 
 
-def test_references_that_are_given_state_how_a_slide_is_turned():
+def test_references_determine_the_orientation_of_a_slide():
     slanted = End(GROUND, axis=(0.6, 0.8, 0.0))
     made = Joint("slide", "prismatic", slanted, End("arm", axis=EX, reference=EZ))
     assert made.b.reference == EZ
@@ -197,7 +197,7 @@ def guessed(turned, joint=SLIDE):
 
 
 @given(turns)
-def test_a_guess_states_how_a_slide_without_references_is_turned_and_one_far_off_is_rejected(about):
+def test_a_guess_selects_the_orientation_of_a_slide_without_references_unless_it_is_far_off(about):
     by_itself = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=SLIDE.b.axis, reference=EX))
     off = {}
     for meant in (SLIDE, by_itself):
@@ -211,11 +211,13 @@ def test_a_guess_states_how_a_slide_without_references_is_turned_and_one_far_off
             assert found.joints[0].b.reference == pytest.approx(reference, abs=1e-15)
             assert found.with_guess({"arm": Pose(np.ones(3), turned)}, 0.0).joints == found.joints
         elif least > 2.9:
-            with pytest.raises(InputError, match="prismatic joint 'slide' has no marks, and the guess turns"):
+            with pytest.raises(
+                InputError, match="prismatic joint 'slide' has no reference, and the guess rotates"
+            ):
                 guessed(turned)
 
 
-def test_a_guess_reports_nothing_of_slides_with_references_or_with_axes_alike():
+def test_a_guess_does_not_change_slides_with_references_or_equal_axes():
     turned = rotation("x", 1.7)
     for a, b in (((0.2, 0.3, 1.0), {"reference": EY}), (SLIDE.a.axis, {})):
         made = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=a, **b))

@@ -35,7 +35,7 @@ def pair(second, ratio, angle=ANGLE):
     return mesh
 
 
-def test_teeth_of_an_external_pair_push_their_wheels_apart():
+def test_tooth_forces_of_an_external_pair_separate_the_wheels():
     mesh = pair(hinge("two", (0.03, 0.0, 0.008)), -0.5)
     # radii 10 and 20 mm; the middle of both along their shafts
     assert_allclose(mesh.point, (0.01, 0.0, 0.004), atol=1e-16)
@@ -45,7 +45,7 @@ def test_teeth_of_an_external_pair_push_their_wheels_apart():
     assert_allclose(mesh.separating, (np.tan(ANGLE) / 0.02, 0.0, 0.0), atol=1e-13)
 
 
-def test_a_ring_pushes_its_pinion_towards_the_pinions_shaft():
+def test_the_tooth_force_of_a_ring_points_to_the_shaft_of_the_pinion():
     # a pinion of 10 mm in a ring of 20 mm whose shaft lies 10 mm to the right
     mesh = pair(hinge("ring", (0.01, 0.0, 0.0)), 0.5)
     assert_allclose(mesh.point, (-0.01, 0.0, 0.0), atol=1e-16)
@@ -55,7 +55,7 @@ def test_a_ring_pushes_its_pinion_towards_the_pinions_shaft():
 
 
 @pytest.mark.parametrize("radius", [0.02, -0.02])
-def test_a_rack_lies_a_radius_from_its_pinions_shaft_and_is_pushed_away_from_it(radius):
+def test_a_rack_lies_a_radius_from_the_shaft_and_its_force_points_away(radius):
     joints = hinge("pinion", (0.1, 0.2, 0.3)), slide("rack", (0.5, 0.2, 0.7), X)
     mesh_law = Coupling("mesh", "rack", "pinion", (0.0, radius), pressure_angle=ANGLE)
     (mesh,) = meshes_of(mechanism(joints, couplings=(mesh_law,))).values()
@@ -95,7 +95,7 @@ def test_gears_without_a_pitch_point_are_ideal_transmissions(second, ratio):
     assert meshes_of(mechanism((hinge("one"), second), (Gear("one", "two", ratio),))) == {}
 
 
-def test_a_coupling_that_is_no_rack_and_a_thread_have_no_teeth():
+def test_polynomials_and_screws_have_no_teeth():
     joints = hinge("pinion"), slide("rack", (0.0, 0.1, 0.0), X), slide("along", (0.0, 0.1, 0.0), Z)
     plain = Coupling("law", "rack", "pinion", (0.0, 0.02))
     leant = Coupling("leant", "along", "pinion", (0.0, 0.02), pressure_angle=0.0)

@@ -37,15 +37,15 @@ def test_parameters_and_times_of_motion_laws_belong_together():
         np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-14)
 
 
-def test_a_revolution_of_a_crank_is_spread_without_its_end():
+def test_a_revolution_of_a_crank_is_sampled_without_its_end():
     np.testing.assert_allclose(CRANK.spread(4), 0.5 * np.pi * np.arange(4), rtol=1e-15)
 
 
 def test_motion_laws_that_do_not_drive_all_drivers_are_rejected():
     mechanism = five_bar()
-    with pytest.raises(InputError, match="left, right have no motion law; give each one"):
+    with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
         CRANK.require_drivers(mechanism)
     laws = ms.load("five_bar", drive=LAWS, duration=1.0).motion_laws
     laws.require_drivers(mechanism)
-    with pytest.raises(InputError, match="the motion laws are of left, right; drivers are crank"):
+    with pytest.raises(InputError, match="there are motion laws of left, right; the drivers are crank"):
         laws.require_drivers(ms.load("four_bar").mechanism)

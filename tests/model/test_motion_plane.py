@@ -11,7 +11,7 @@ from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
 
 
-def test_planar_is_what_no_joint_leaves_the_plane_of():
+def test_a_mechanism_is_planar_if_no_joint_leaves_the_plane():
     planar = [catalog.make(name).mechanism for name in ("four_bar", "slider_crank")]
     assert all(plane_normals(one) for one in [*planar, mechanisms.geared_five_bar()])
     spatial = [catalog.make("rssr").mechanism, mechanisms.bennett(), mechanisms.rsup()]
@@ -19,7 +19,7 @@ def test_planar_is_what_no_joint_leaves_the_plane_of():
 
 
 @pytest.mark.parametrize("tilt", [1e-3, 1e-8])
-def test_a_four_bar_with_one_axis_a_little_off_is_not_planar(tilt):
+def test_a_four_bar_with_a_slightly_tilted_axis_is_not_planar(tilt):
     mechanism = catalog.make("four_bar").mechanism
     tilted = [
         replace(joint, b=replace(joint.b, axis=(tilt, 0.0, 1.0))) if joint.name == "rocker" else joint

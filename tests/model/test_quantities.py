@@ -1,4 +1,4 @@
-"""Names of quantities: one grammar, understood by sweep, sensitivity, fit, optimise and validate."""
+"""Names of quantities: the grammar of sweep, sensitivity, fit, optimise and validate."""
 
 from dataclasses import replace
 
@@ -137,24 +137,24 @@ def test_a_vector_stands_for_its_components():
         ("angle:crank,arm", "has no link 'arm'; known are ground, crank"),
         ("expr:A.x + rocker", "puts a length and an angle together"),
         ("expr:sin(A.x)", "gives sin a length"),
-        ("expr:2*pi", "holds no quantity"),
+        ("expr:2*pi", "contains no quantity"),
         ("expr:A.x +", "is no expression"),
         ("expr:A.x + Z.x", "has no quantity 'Z.x'"),
         ("expr:A.x**B.x", "exponent that is a length"),
     ],
 )
-def test_what_is_no_quantity_is_rejected(name, message):
+def test_unknown_quantities_are_rejected(name, message):
     with pytest.raises(InputError, match=message):
         quantity(name, catalog.make("four_bar").mechanism)
 
 
-def test_commas_in_names_and_brackets_do_not_part_names():
+def test_commas_inside_names_and_brackets_do_not_separate_names():
     text = "rocker,distance:A,B,expr:atan2(B.y, B.x)*angle:crank,rocker,P3.x"
     names = ("rocker", "distance:A,B", "expr:atan2(B.y, B.x)*angle:crank,rocker", "P3.x")
     assert quantity_names(text) == names
 
 
-def test_a_distance_from_a_point_of_the_frame_is_a_quantity_and_its_place_is_none():
+def test_a_distance_from_a_fixed_point_is_a_quantity_but_its_position_is_not():
     form = catalog.make("four_bar")
     points = {**form.mechanism.points, "O": ("ground", (0.0, 0.0, 0.0)), "O4": ("ground", (0.1, 0.0, 0.0))}
     mechanism = replace(form.mechanism, points=points)
@@ -163,15 +163,15 @@ def test_a_distance_from_a_point_of_the_frame_is_a_quantity_and_its_place_is_non
         length = quantity(name, mechanism)
         assert length.number(record_columns(motion, [length])) == pytest.approx(0.032, abs=1e-15)
     for name, message in {
-        "O.x": "is a point of the frame",
-        "speed:O": "is a point of the frame",
+        "O.x": "is a fixed point of the frame",
+        "speed:O": "is a fixed point of the frame",
         "distance:O,O4": "is constant",
     }.items():
         with pytest.raises(InputError, match=message):
             quantity(name, mechanism)
 
 
-def test_units_follow_through_an_expression():
+def test_expressions_have_the_unit_of_their_operands():
     mechanism = catalog.make("four_bar").mechanism
     units = {
         "expr:A.vx*B.x": "m2 s-1",

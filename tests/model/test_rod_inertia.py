@@ -5,11 +5,11 @@ from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EY, GROUND, Inertia, Link
-from mechsim.model.masses import STEEL, THICKNESS, round_rod, slender_rod, with_inertia
+from mechsim.model.masses import RELATIVE_DIAMETER, STEEL, round_rod, slender_rod, with_inertia
 from mechsim.model.mechanism import Mechanism
 
 
-def test_a_round_rod_has_the_moments_of_its_points_summed_up():
+def test_a_round_rod_has_the_moments_of_all_its_points():
     start, end, diameter = (0.1, 0.2, -0.1), (0.4, -0.1, 0.3), 0.05
     rod = round_rod(start, end, 2000.0, diameter)
     rng = np.random.default_rng(5)
@@ -43,7 +43,7 @@ def test_every_link_of_the_catalogue_gets_an_inertia_that_scales_with_density():
             assert np.allclose(b.inertia.matrix, 2.0 * a.inertia.matrix, rtol=1e-13, atol=0.0)
 
 
-def test_an_inertia_given_is_kept_unless_all_are_to_be_replaced():
+def test_a_given_inertia_is_kept_unless_replace_all():
     own = Inertia(3.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     mechanism = Mechanism(
         "arm",
@@ -59,7 +59,7 @@ def test_an_inertia_given_is_kept_unless_all_are_to_be_replaced():
     assert kept.links[0].inertia is own
     assert with_inertia(mechanism, replace_all=True).links[0].inertia != own
     # a link of one point is a pin along its joint's axis, twice as long as thick
-    thick = THICKNESS * 0.2
+    thick = RELATIVE_DIAMETER * 0.2
     assert kept.links[1].inertia == round_rod((0.0, -thick, 0.0), (0.0, thick, 0.0), STEEL, thick)
 
 
@@ -82,7 +82,7 @@ def test_three_points_in_a_line_are_one_rod_and_a_triangle_its_two_shorter_sides
 
 
 @pytest.mark.parametrize(("density", "diameter"), [(-1.0, 0.01), (np.nan, 0.01), (1000.0, 0.0)])
-def test_rods_without_density_or_thickness_are_rejected(density, diameter):
+def test_rods_without_density_or_diameter_are_rejected(density, diameter):
     with pytest.raises(InputError, match="give a finite number above 0"):
         with_inertia(catalog.make("rssr").mechanism, density, diameter)
     with pytest.raises(InputError, match="two finite, distinct points"):

@@ -1,4 +1,4 @@
-"""Links between several joints of one body: no motion tells of them, and pictures need their places."""
+"""Virtual bodies between several joints of one body: motions omit them, and pictures need their poses."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def form():
     return ms.load(str(LOOPER))
 
 
-def test_their_joints_state_where_they_are(form):
+def test_virtual_bodies_are_posed_by_their_joints(form):
     unseen = [link.name for link in form.mechanism.links if not link.is_body]
     assert unseen == ["~slide.way"]
     everything = LoopForm.solve_along(form, ANGLES)
@@ -36,8 +36,8 @@ def test_their_joints_state_where_they_are(form):
             assert np.abs(pose.rotation - wanted.rotation).max() < 1e-12, name
 
 
-def test_a_link_that_stands_for_a_body_has_to_be_reported(form):
+def test_a_motion_must_contain_every_body(form):
     motion = form.solve(ANGLES)
     motion.links.pop("crank")
-    with pytest.raises(InputError, match="does not say where link 'crank' is"):
+    with pytest.raises(InputError, match="the motion has no pose of link 'crank'"):
         moved_links(form.mechanism, motion)

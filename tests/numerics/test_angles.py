@@ -1,4 +1,4 @@
-"""Laps: which turns bring an angle near wanted ones, reported by trying them all."""
+"""Revolutions that bring an angle near targets, compared with an exhaustive search."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from mechsim.numerics.angles import REVOLUTION, other_revolutions
 
 
-def test_a_turn_is_the_way_round_a_circle_of_radius_one():
+def test_a_revolution_is_the_circumference_of_the_unit_circle():
     assert abs(np.exp(1j * REVOLUTION) - 1.0) < 1e-15
     assert 6.2 < REVOLUTION < 6.3
 
@@ -15,7 +15,7 @@ def test_a_turn_is_the_way_round_a_circle_of_radius_one():
 @pytest.mark.parametrize(
     "wanted", [(0.5,), (0.1, 2.0), (-4.0, 1.5), (-9.0, -3.2), (40.0, 46.0), (-3.0, 12.0)]
 )
-def test_other_laps_are_all_from_which_every_wanted_angle_lies_within_a_turn_nearest_first(angle, wanted):
+def test_other_revolutions_bring_every_target_within_a_revolution_nearest_first(angle, wanted):
     near = [
         laps
         for laps in range(-12, 13)

@@ -1,4 +1,4 @@
-"""Memory that arrays find again."""
+"""Reuse of memory by arrays."""
 
 import platform
 import resource
@@ -10,7 +10,7 @@ from mechsim.numerics.arrays import Array
 
 
 def worked(size: int) -> Array:
-    """A calculation in several steps, each with an array of its own."""
+    """Calculate in several steps, each with an array of its own."""
     found = np.zeros(size)
     for k in range(8):
         found = np.sqrt(found + k)
@@ -18,7 +18,7 @@ def worked(size: int) -> Array:
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="how glibc hands memory back")
-def test_a_calculation_done_again_finds_its_memory_where_it_left_it():
+def test_a_repeated_calculation_reuses_its_memory():
     worked(100_000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
     for _ in range(20):

@@ -71,7 +71,7 @@ def test_sine_and_cosine_contain_the_exact_values_of_all_angles_of_a_ball(angle,
         assert contains(cosine, mpmath.cos(x))
 
 
-def test_sines_of_exact_angles_are_tight_and_those_beyond_the_limit_only_that_of_every_sine():
+def test_sines_of_exact_angles_are_tight_and_beyond_the_limit_the_ball_is_minus_1_to_1():
     angles = np.concatenate([np.linspace(-7.0, 7.0, 2001), np.pi / 4 * np.arange(-9, 10)])
     sine, cosine = ball(angles).sin_cos()
     with mpmath.workdps(DIGITS):
@@ -90,7 +90,7 @@ def test_matrix_products_contain_exact_products():
             assert contains(result[i], np.array((mpmath.matrix(a[i]) * mpmath.matrix(b[i])).tolist()))
 
 
-def test_a_radius_without_the_rounding_error_would_be_noticed(monkeypatch):
+def test_a_radius_without_the_rounding_error_is_rejected(monkeypatch):
     """The check by 60 digits rejects an arithmetic that does not round outward."""
     monkeypatch.setattr(balls, "ROUNDOFF", 0.0)
     monkeypatch.setattr(balls, "OUTWARD", 1.0)
@@ -119,7 +119,7 @@ def test_powers_contain_the_exact_results(a, ra, exponent):
 
 
 def test_a_power_without_a_bound_is_rejected():
-    with pytest.raises(TypeError, match=r"no bound of a power 0\.5"):
+    with pytest.raises(TypeError, match=r"no bound for the power 0\.5"):
         ball(2.0) ** 0.5
 
 

@@ -1,4 +1,4 @@
-"""Polynomials through nodes, one after another, and beyond them: against numpy's."""
+"""Polynomials through nodes, piecewise polynomials and extrapolation, compared with numpy's."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def table(nodes):
     return np.column_stack([CUBIC(nodes), np.sin(nodes)])
 
 
-def test_a_polynomial_through_any_nodes_is_that_through_its_own():
+def test_a_polynomial_is_the_same_through_any_nodes():
     nodes = np.sort(RANDOM.uniform(2.0, 3.0, 6))
     s = np.linspace(2.0, 3.0, 11)
     fit = through(nodes, CUBIC(nodes)[:, None])
@@ -37,7 +37,7 @@ def test_a_polynomial_through_any_nodes_is_that_through_its_own():
     )
 
 
-def test_a_lower_degree_goes_on_beyond_the_nodes_and_a_wrong_one_does_not():
+def test_a_polynomial_of_the_right_degree_extrapolates_and_one_of_lower_degree_does_not():
     x, ahead = np.linspace(-1.0, 1.0, 9), np.array([1.5, 2.0])
     assert extrapolated(x, CUBIC(x)[:, None], 3, ahead)[:, 0] == pytest.approx(CUBIC(ahead), rel=1e-12)
     assert np.abs(extrapolated(x, CUBIC(x)[:, None], 2, ahead)[:, 0] - CUBIC(ahead)).min() > 1.0
@@ -49,7 +49,7 @@ def test_the_integral_of_a_polynomial_is_that_of_numpy():
     assert integral(x, CUBIC(x)) == pytest.approx(exact(x) - exact(x[0]), rel=1e-11)
 
 
-def test_a_parameter_belongs_to_the_polynomial_beyond_a_junction_however_they_run():
+def test_a_parameter_at_a_junction_belongs_to_the_next_polynomial():
     forward, backward = (through(np.linspace(*ends, 9), np.zeros((9, 1))) for ends in ((0, 1), (2, 1)))
     pieces = Piecewise([forward, backward])
     assert pieces.segment_at(0.5) is forward
@@ -60,7 +60,7 @@ def test_a_parameter_belongs_to_the_polynomial_beyond_a_junction_however_they_ru
     assert found == {id(forward): [1], id(backward): [0, 2]}
 
 
-def test_polynomials_one_after_another_give_values_and_rates_in_the_order_requested():
+def test_piecewise_polynomials_keep_the_order_of_parameters():
     pieces = Piecewise(
         [through(nodes, table(nodes)) for nodes in (np.linspace(0, 1, 12), np.linspace(1, 2, 12))]
     )

@@ -1,15 +1,15 @@
-"""Error norms, orders, Pareto fronts and choices on data whose answer is known."""
+"""Error norms, orders, Pareto fronts and choices for data with known results."""
 
 import numpy as np
 import pytest
 
 from mechsim.numerics.arrays import rms, worst
 from mechsim.numerics.convergence import (
-    believed_order,
     cheapest,
     half_extent,
     observed_order,
     pareto,
+    plausible_order,
     richardson,
 )
 
@@ -23,7 +23,7 @@ def test_norms():
     assert worst([]) == rms([]) == rms([0.0, 0.0]) == 0.0
 
 
-def test_a_nan_is_the_worst_error_there_is():
+def test_a_nan_is_an_infinite_error():
     assert worst([0.0, np.nan]) == np.inf
     assert rms([0.0, np.nan]) == np.inf
 
@@ -56,7 +56,7 @@ def test_order_does_not_depend_on_the_sequence_of_points():
     assert forward.low < 3.0 < forward.high
 
 
-def test_points_beyond_floor_and_ceiling_state_nothing_of_the_order():
+def test_points_beyond_floor_and_ceiling_do_not_change_the_order():
     error = np.maximum(STEPS**-4.0, 1e-7)
     error[0] = 1.0
     naive, bounded = observed_order(STEPS, error), observed_order(STEPS, error, floor=1e-7, ceiling=0.5)
@@ -71,29 +71,29 @@ def test_no_order_without_two_points(errors):
     assert observed_order(STEPS, errors) is None
 
 
-def test_the_order_of_two_runs_is_believed_between_one_and_four_and_else_is_one():
-    assert believed_order(8.0, 1.0, 2.0) == pytest.approx(3.0)
-    assert believed_order(8e-9, 1e-9, 2.0) == pytest.approx(3.0)
-    assert believed_order(1e9, 1.0, 2.0) == 4.0
-    assert believed_order(1.0, 2.0, 2.0) == 1.0
+def test_the_order_of_two_runs_is_clipped_to_one_to_four():
+    assert plausible_order(8.0, 1.0, 2.0) == pytest.approx(3.0)
+    assert plausible_order(8e-9, 1e-9, 2.0) == pytest.approx(3.0)
+    assert plausible_order(1e9, 1.0, 2.0) == 4.0
+    assert plausible_order(1.0, 2.0, 2.0) == 1.0
     for nothing in (0.0, np.nan, np.inf):
-        assert believed_order(nothing, 1.0, 2.0) == believed_order(1.0, nothing, 2.0) == 1.0
+        assert plausible_order(nothing, 1.0, 2.0) == plausible_order(1.0, nothing, 2.0) == 1.0
 
 
-def test_the_front_holds_what_nothing_beats():
+def test_the_front_contains_the_undominated_points():
     cost = [1.0, 2.0, 2.0, 3.0, 4.0, 5.0, np.nan, 0.5]
     error = [1e-1, 1e-3, 1e-2, 1e-3, 1e-5, np.nan, 1e-9, np.inf]
     assert pareto(cost, error).tolist() == [0, 1, 4]
 
 
-def test_a_front_by_brute_force():
+def test_the_front_equals_a_brute_force_search():
     cost, error = np.random.default_rng(3).random((2, 200))
     beaten = ((cost <= cost[:, None]) & (error <= error[:, None])).sum(1) > 1
     assert sorted(pareto(cost, error)) == np.flatnonzero(~beaten).tolist()
     assert (np.diff(cost[pareto(cost, error)]) > 0.0).all()
 
 
-def test_the_cheapest_within_a_bound():
+def test_the_cheapest_point_within_a_limit():
     cost, error = [1.0, 2.0, 3.0, np.nan], [1e-2, 1e-4, 1e-4, 0.0]
     assert cheapest(cost, error, 1e-3) == 1
     assert cheapest(cost, error, 1e-2) == 0

@@ -11,18 +11,18 @@ def test_a_real_number_is_itself(value):
 
 
 @pytest.mark.parametrize("value", ["2", None, [2.0], 2j, object(), {}, np.array([1.0, 2.0])])
-def test_what_is_no_number_is_nan_and_so_rejected_by_any_comparison(value):
+def test_other_values_become_nan_which_fails_any_comparison(value):
     assert np.isnan(number(value))
 
 
-def test_lists_of_numbers_keep_their_shape_and_ragged_ones_are_none():
+def test_lists_of_numbers_keep_their_shape_and_ragged_lists_become_nan():
     assert numbers([[1, 2, 3]]).shape == (1, 3)
     assert numbers([]).shape == (0,)
     for value in ([[1], [1, 2]], ["a", 1], [None], "0:1"):
         assert np.isnan(numbers(value)).all()
 
 
-def test_only_text_is_reported_how_it_becomes_a_number():
+def test_only_text_gets_a_hint_to_a_converter():
     assert "units.parse" in units_remedy("1um", "units.parse_length('1 um')")
     assert units_remedy(np.nan, "units.parse_length('1 um')") == ""
 
@@ -39,11 +39,11 @@ def test_an_array_of_objects_is_no_array_of_numbers_unless_it_is_empty():
         assert np.isnan(found)
 
 
-def test_a_thing_of_its_kind_is_handed_on_and_any_other_is_named():
+def test_a_value_of_the_type_is_returned_and_another_type_is_named():
     assert require("the count", 3, int) == 3
     with pytest.raises(InputError, match=r"^the count is of type str; give one of type int$"):
         require("the count", "3", int)
 
 
-def test_numbers_are_huge_from_where_docs_state():
+def test_numbers_are_huge_from_the_documented_limit():
     assert HUGE == 1e30

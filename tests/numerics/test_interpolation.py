@@ -1,4 +1,4 @@
-"""Tables over time joined smoothly."""
+"""Smooth interpolation of tables over time."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from mechsim.numerics.collocation import quintic_spline
 TIME = np.array([0.0, 0.3, 0.5, 1.1, 1.4, 2.0, 2.2])
 
 
-def test_a_polynomial_of_degree_five_is_had_back_with_its_rates():
+def test_a_quintic_spline_reproduces_a_polynomial_of_degree_five():
     power = np.polynomial.Polynomial([1.0, -2.0, 0.5, 0.3, -0.7, 0.2])
     at = np.linspace(0.0, 2.2, 50)
     found = quintic_spline("it", TIME, power(TIME))(at)
@@ -22,10 +22,10 @@ def test_a_polynomial_of_degree_five_is_had_back_with_its_rates():
     [
         (TIME[:5], TIME[:5], "at least 6 rows"),
         (TIME, TIME[:6], "equal length"),
-        (TIME[::-1], TIME, "do not rise"),
+        (TIME[::-1], TIME, "do not increase"),
         (TIME, np.where(TIME > 1.0, np.nan, TIME), "not finite"),
     ],
 )
-def test_a_table_that_makes_no_curve_is_rejected(time, value, said):
+def test_an_invalid_table_is_rejected(time, value, said):
     with pytest.raises(InputError, match=said):
         quintic_spline("the table of hip", time, value)

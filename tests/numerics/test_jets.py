@@ -1,4 +1,4 @@
-"""Jets carry both rates through every operation: fifty digits, and the same places as arrays."""
+"""Jets have both derivatives after every operation, compared with fifty digits, and the values of arrays."""
 
 from types import SimpleNamespace
 
@@ -86,7 +86,7 @@ def test_vector_products_have_the_rates_of_their_components(parts):
             assert np.abs(gap).max() <= 1e-12 * (1.0 + np.abs(getattr(expected, part)).max())
 
 
-def test_the_same_formula_gives_the_same_places_on_arrays_and_on_jets():
+def test_a_formula_gives_the_same_positions_on_arrays_and_on_jets():
     angles = np.linspace(0.1, 6.0, 50)
     centre, axis = vectors.column((0.02, -0.03, 0.01)), vectors.column((0.6, 0.0, 0.8))
 
@@ -98,7 +98,7 @@ def test_the_same_formula_gives_the_same_places_on_arrays_and_on_jets():
     assert (point(Jet(angles, 1.0, 0.0)).value == point(angles)).all()
 
 
-def test_a_root_found_numerically_gets_both_its_rates():
+def test_a_numerical_root_has_both_derivatives():
     time = np.linspace(0.0, 1.0, 5)
     offset = Jet(np.sin(time), np.cos(time), -np.sin(time))
     # t3 + t = offset

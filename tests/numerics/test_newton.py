@@ -1,4 +1,4 @@
-"""Newton's method on many configurations, and roots that are known to the last digits."""
+"""Newton's method on many configurations with known roots."""
 
 from dataclasses import dataclass
 
@@ -30,7 +30,7 @@ class Linear:
 
 
 class Square:
-    """x**2 = c, one equation a configuration; counts linearisations."""
+    """x**2 = c, one equation per configuration; counts linearisations."""
 
     def __init__(self, c):
         self.c, self.linearised = np.asarray(c), 0
@@ -49,7 +49,7 @@ def test_each_configuration_converges_to_its_own_root():
     assert result.residual.max() < 1e-15
 
 
-def test_a_configuration_that_goes_too_far_is_abandoned_where_it_stands():
+def test_a_configuration_beyond_max_displacement_is_abandoned():
     result = newton(Square([2.0, 9.0]), np.array([1.0, 4.0]), NewtonSettings(max_displacement=0.6))
     assert result.displacement.tolist() == [pytest.approx(0.5 + 0.0833 + 0.0025, abs=1e-4), np.inf]
     np.testing.assert_allclose(result.q, [2.0**0.5, 4.0], rtol=1e-15)

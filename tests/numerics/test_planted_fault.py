@@ -1,4 +1,4 @@
-"""A fault of the shared Newton's method is noticed by both sides, each by its own residual."""
+"""Both methods detect a fault of the shared Newton's method, each by its own residual."""
 
 import sys
 from dataclasses import replace
@@ -45,7 +45,7 @@ def test_both_sides_reject_configurations_that_have_not_converged(name, monkeypa
         LoopForm(mechanism).solve(angles, speed=1.0)
 
 
-def test_mujoco_states_are_checked_by_the_residual_of_the_state_that_is_returned(monkeypatch):
+def test_mujoco_states_are_checked_by_their_own_residual(monkeypatch):
     closed = from_source(catalog.make("rssr").mechanism)
     loops = read_loops(closed.model)
     assert loops.closure_error(loops.residual(loop_jacobian.close(loops, closed.qpos[None]))) < 1e-13

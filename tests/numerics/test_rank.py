@@ -43,7 +43,7 @@ def test_null_spaces_are_those_of_the_zero_singular_values():
 
 
 @pytest.mark.parametrize("values", [(1.0, 0.5, 1e-6), (1.0, 1e-3, 1e-10), (1e-14, 1e-14, 1e-14)])
-def test_solutions_leave_out_zero_singular_values(values):
+def test_solutions_ignore_zero_singular_values(values):
     kept = np.array([value if value > 1e-9 * values[0] and value > 1e-13 else np.inf for value in values])
     exact = RIGHT.T @ np.diag(1.0 / kept) @ LEFT.T
     matrix, right = with_values(*values), np.array([1.0, -2.0, 3.0])
@@ -62,7 +62,7 @@ def test_a_tall_matrix_has_a_wide_pseudo_inverse():
     )
 
 
-def test_a_solution_leaves_out_what_is_below_the_floor():
+def test_a_solution_ignores_singular_values_below_the_floor():
     right = np.ones(3)
     assert least_norm(1e-6 * np.eye(3), right) == pytest.approx(1e6 * right)
     assert least_norm(1e-14 * np.eye(3), right).tolist() == [0.0, 0.0, 0.0]

@@ -51,7 +51,7 @@ def test_an_unknown_extension_is_rejected_with_the_known_ones(motion, tmp_path, 
 
 
 def test_a_missing_directory_is_rejected(motion, tmp_path):
-    with pytest.raises(OutputError, match=r"there is no directory .*nowhere; make it first"):
+    with pytest.raises(OutputError, match=r"there is no directory .*nowhere; create it first"):
         files.write(tmp_path / "nowhere" / "table.csv", motion)
 
 

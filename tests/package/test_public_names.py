@@ -37,8 +37,8 @@ REFUSED = {
     "no source": (lambda: ms.simulate(None, speed=10.0), "a NoneType cannot be simulated; give a mechanism"),
     "speed in mm": (lambda: simulated(speed="600mm"), "the crank speed '600mm' has unit 'mm'"),
     "speed as list": (lambda: simulated(speed=[1.0, 2.0]), "give a finite speed"),
-    "turns as text": (lambda: simulated(turns="2"), "2 turns asked for; give a finite number"),
-    "no turns": (lambda: simulated(turns=None), "None turns asked for"),
+    "turns as text": (lambda: simulated(turns="2"), "2 turns requested; give a finite number"),
+    "no turns": (lambda: simulated(turns=None), "None turns requested"),
     "tolerance in seconds": (lambda: simulated(tolerance="1us"), "the tolerance '1us' has unit 'us'"),
     "half a sample": (lambda: simulated(samples=2.5), "2.5 samples asked for; take a whole number"),
     "settings as text": (
@@ -95,7 +95,7 @@ REFUSED = {
     "density as text": (lambda: ms.masses.with_inertia(MECHANISM, "steel"), "density of the rods is steel"),
     "a number for text": (lambda: ms.units.parse_length(3.0), "the length is 3.0, which is no text"),
     "text for rpm": (lambda: ms.units.rpm("600 rpm"), r"or read text by units\.parse_speed"),
-    "an unknown unit": (lambda: ms.units.parse("3", "mm"), "no unit 'mm' to turn the value into"),
+    "an unknown unit": (lambda: ms.units.parse("3", "mm"), "the value cannot be converted to 'mm'"),
 }
 
 

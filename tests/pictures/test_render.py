@@ -258,7 +258,7 @@ def test_frames_between_samples_hold_rigid_links(drive):
 
 
 def test_motions_that_cannot_be_drawn_are_rejected(drive, motion):
-    with pytest.raises(InputError, match="does not say where link 'crank' is"):
+    with pytest.raises(InputError, match="the motion has no pose of link 'crank'"):
         frame_poses(drive.mechanism, replace(motion, links={}))
     broken = replace(motion.links["rocker"], position=np.full_like(motion.links["rocker"].position, np.nan))
     with pytest.raises(InputError, match="'rocker' holds NaN"):

@@ -89,7 +89,7 @@ def test_what_needs_more_reports_so_in_one_line_with_the_command(ended):
         code, said = ends[line]
         assert code == 2, line
         told = said.strip().splitlines()[-1]
-        assert told.endswith("pip install 'mechsim[pictures]' brings it"), (line, said)
+        assert told.endswith("pip install 'mechsim[pictures]' installs it"), (line, said)
         assert f"{library} is not installed" in told or not library
         assert "Traceback" not in said
     assert {path.name for path in folder.iterdir() if path.is_file()} == {
@@ -108,7 +108,7 @@ def test_a_table_in_python_reports_so_too(library, tmp_path):
     )
     done = core(code, tmp_path)
     assert done.returncode == 1
-    assert f"{library} is not installed; pip install 'mechsim[tables]' brings it" in done.stderr
+    assert f"{library} is not installed; pip install 'mechsim[tables]' installs it" in done.stderr
 
 
 def test_an_import_that_fails_inside_mechsim_is_not_taken_for_a_missing_library():

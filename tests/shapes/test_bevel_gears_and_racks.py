@@ -1,4 +1,4 @@
-"""Teeth of bevel gears and of racks stand in each other's gaps at every angle."""
+"""Teeth of bevel gears and of racks lie in each other's gaps at every angle."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ APEX = np.array([0.01, -0.02, 0.03])
 
 
 def shafts(heights, carried):
-    """Two shafts that meet at the apex; the second is carried by the frame or by the first."""
+    """Return two shafts that intersect at the apex; the frame or the first shaft carries the second."""
     points = [tuple(APEX + height * axis) for height, axis in zip(heights, AXES, strict=True)]
     first, second = (tuple(axis) for axis in AXES)
     joints = (
@@ -33,7 +33,7 @@ def shafts(heights, carried):
 
 
 def heels(mechanism, link, poses):
-    """Outer ends of the teeth that point at the apex, in the world, (teeth, n, 3)."""
+    """Return the outer ends of the teeth, which point at the apex, in the world, (teeth, n, 3)."""
     boxes = [shape for shape in link_shapes(mechanism)[link] if shape.kind == "box"]
     local = [
         np.array(box.to) for box in boxes if np.linalg.norm(np.cross(box.frm - APEX, box.to - APEX)) < 1e-12
@@ -74,7 +74,7 @@ def test_teeth_of_bevel_gears_mesh_at_every_angle(heights, carried):
     np.testing.assert_allclose((phases[0] - way * phases[1]) % 1.0, 0.5, atol=1e-6)
 
 
-def test_shafts_that_pass_each_other_carry_no_bevel_gears():
+def test_skew_shafts_have_no_bevel_gears():
     mechanism = shafts((0.03, 0.05), GROUND)
     one, two = mechanism.joints
     aside = tuple(np.add(two.a.point, 0.01 * np.cross(*AXES)))
@@ -83,7 +83,7 @@ def test_shafts_that_pass_each_other_carry_no_bevel_gears():
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_pinion_meshes_with_its_rack_all_the_way(sign):
+def test_a_pinion_meshes_with_its_rack_over_the_whole_travel(sign):
     form = load("rack_steering")
     mesh = form.mechanism.couplings[0]
     radius = 0.04

@@ -16,7 +16,7 @@ from mechsim.subjects import gallery
 
 
 def pieces(shapes, radius):
-    """Groups of shapes that touch one another, as lists of indices."""
+    """Return groups of shapes that touch one another, as lists of indices."""
     spec = mujoco.MjSpec()
     spec.add_material(name=scenery.MATTE)
     for shape in shapes:
@@ -35,7 +35,7 @@ def pieces(shapes, radius):
 
 
 def in_two_ways(joint):
-    """A joint, and the same with its sides exchanged."""
+    """Return a joint, and the same joint with its sides exchanged."""
     return joint, replace(joint, a=joint.b, b=joint.a)
 
 
@@ -70,7 +70,7 @@ def test_every_link_is_drawn_in_one_piece(name):
 @pytest.mark.parametrize("first", [CRANK, SHAFT], ids=["flat", "spatial"])
 @pytest.mark.parametrize("carrier", [GROUND, "crank"])
 @pytest.mark.parametrize("kind", KINDS_HELD)
-def test_joints_of_every_kind_either_way_round_leave_links_in_one_piece(kind, carrier, first):
+def test_links_are_in_one_piece_with_joints_of_every_kind_and_order(kind, carrier, first):
     for joint in held(kind, carrier):
         mechanism, shapes = of_joints(first, joint, travel=FAR)
         for link in mechanism.links:
@@ -78,7 +78,7 @@ def test_joints_of_every_kind_either_way_round_leave_links_in_one_piece(kind, ca
 
 
 @pytest.mark.parametrize("kind", KINDS_HELD)
-def test_what_stands_on_the_ground_reaches_its_floor_or_wall(kind):
+def test_shapes_on_the_ground_reach_the_floor_or_wall(kind):
     for first in (CRANK, SHAFT):
         for joint in held(kind, GROUND):
             mechanism, shapes = of_joints(first, joint, travel=FAR)
@@ -93,7 +93,7 @@ def test_what_stands_on_the_ground_reaches_its_floor_or_wall(kind):
                 assert lowest[piece].min() < lowest.min() + 1.5 * radius
 
 
-def test_of_bearings_above_one_another_the_lowest_stands():
+def test_only_the_lowest_of_stacked_bearings_gets_a_post():
     axis = (0.0, 1.0, 0.0)
     sleeve = Joint("sleeve", "cylindrical", End(GROUND, axis=axis), End("guest", axis=axis))
     mechanism, shapes = of_joints(SHAFT, sleeve, travel={"sleeve": (0.0, 0.1)})
@@ -109,7 +109,7 @@ def test_of_bearings_above_one_another_the_lowest_stands():
 
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
 @pytest.mark.parametrize("number", range(2, 10))
-def test_rods_join_all_places_of_a_link_and_pass_through_none(number, dimensions):
+def test_rods_connect_all_points_of_a_link_and_pass_through_none(number, dimensions):
     chance = np.random.default_rng(number)
     for _ in range(20):
         places = np.zeros((number, 3))
@@ -131,7 +131,7 @@ def test_rods_join_all_places_of_a_link_and_pass_through_none(number, dimensions
         assert len(set(piece)) == 1
 
 
-def test_a_place_amid_a_plate_is_joined_to_all_its_corners_and_a_convex_one_to_its_neighbours():
+def test_inner_points_of_a_plate_connect_to_all_corners_and_convex_points_to_neighbours():
     turns = np.radians([50, 70, 170, 190, 290, 310])
     ring = [np.array([np.cos(turn), np.sin(turn), 0.0]) for turn in turns]
     assert len(list(edges(ring))) == 6
@@ -140,7 +140,7 @@ def test_a_place_amid_a_plate_is_joined_to_all_its_corners_and_a_convex_one_to_i
     assert len(lengths) == 12
 
 
-def test_wheels_rings_and_racks_hang_on_their_links():
+def test_wheels_rings_and_racks_are_connected_to_their_links():
     second = Joint("second", "revolute", End(GROUND, (0.05, 0.0, 0.0)), End("wheel"))
     outside = of_joints(CRANK, second, gears=(Gear("crank", "second", -1.7),))
     axle = Joint("axle", "revolute", End("crank", (0.04, 0.0, 0.0)), End("planet"))

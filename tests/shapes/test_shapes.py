@@ -76,17 +76,17 @@ def test_shapes_grow_with_the_mechanism():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_links_have_colours_of_their_own(name):
+def test_links_have_distinct_colours(name):
     colours = link_colours(mechanism_of(name))
     assert len(set(colours.values())) == len(colours) <= len(PALETTE)
 
 
-def test_planar_mechanisms_are_distinguished_from_spatial_ones():
+def test_planar_and_spatial_mechanisms_are_distinguished():
     planar = {name for name in NAMES if planar_normals(mechanism_of(name))}
     assert planar == {"four_bar", "slider_crank", "warp_knitter"} & set(NAMES)
 
 
-def test_a_plane_may_lie_anywhere():
+def test_the_plane_of_a_mechanism_can_lie_anywhere():
     normals = planar_normals(crank_only(axis=(0.0, 1.0, 0.0)))
     assert normals is not None
     np.testing.assert_allclose(normals["crank"], (0.0, 1.0, 0.0))
@@ -123,7 +123,7 @@ def test_a_rail_is_as_long_as_a_known_motion_needs():
 
 
 def teeth_of(mechanism, link, centre, axis):
-    """Angles of the radial boxes that reach farthest, or of a ring those that begin nearest, from x."""
+    """Return the angles from x of the outermost radial boxes, or of the innermost ones of a ring."""
     boxes = [s for s in link_shapes(mechanism)[link] if s.kind == "box" and s.thickness == axis]
     spokes = [np.array([s.frm, s.to])[:, :2] - centre for s in boxes]
     spokes = [s for s in spokes if abs(np.linalg.det(s)) < 1e-9 * np.linalg.norm(s) ** 2]
@@ -133,7 +133,7 @@ def teeth_of(mechanism, link, centre, axis):
 
 
 def assert_mesh(motion, mechanism, wheels, inside):
-    """A tooth of one wheel stands where the other has a gap: half a pitch apart, whatever the angle."""
+    """Check that a tooth of one wheel faces a gap of the other: half a pitch apart, at any angle."""
     links = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()} | {
         GROUND: STANDING
     }
@@ -171,7 +171,7 @@ def test_a_planet_meshes_with_its_sun_and_its_ring(ring, sun):
     assert_mesh(motion, mechanism, ((carrier, GROUND), (planet, "planet")), inside=True)
 
 
-def test_a_planet_runs_round_a_wheel_that_stands():
+def test_a_planet_meshes_with_a_fixed_wheel():
     mechanism = load("planetary_gear").mechanism
     first, second = mechanism.gears
     gears = replace(first, ratio=1.5, phase=0.2), replace(second, ratio=-1.0 / 1.5, phase=0.1)
@@ -180,7 +180,7 @@ def test_a_planet_runs_round_a_wheel_that_stands():
     assert_mesh(loops.solve(mechanism, TURN), mechanism, wheels, inside=False)
 
 
-def test_shafts_lead_to_the_side_that_the_links_keep_free():
+def test_shafts_extend_to_the_side_without_links():
     drive = catalog.make("rssr")
     motion = drive.solve(TURN)
     sides = free_sides(drive.mechanism, {GROUND: STANDING, **motion.links})
@@ -189,7 +189,7 @@ def test_shafts_lead_to_the_side_that_the_links_keep_free():
 
 
 @pytest.mark.parametrize("kind", ["capsule", "cylinder", "box", "sphere"])
-def test_tolerances_hold_the_shape(kind):
+def test_bounds_contain_the_shape(kind):
     frm, to = (0.1, 0.2, -0.3), (0.4, -0.1, 0.2)
     to = frm if kind == "sphere" else to
     shape = Shape(kind, frm, to, (0.05, 0.02) if kind == "box" else (0.05,), PALETTE[0])
@@ -199,7 +199,7 @@ def test_tolerances_hold_the_shape(kind):
         assert ((points.min(0) - radius - 1e-12 <= corner) & (corner <= points.max(0) + radius + 1e-12)).all()
 
 
-def test_sliding_way_of_the_guess_is_that_of_the_joint():
+def test_the_displacement_at_the_guess_is_that_of_the_joint():
     drive = catalog.make("slider_crank")
     mechanism = drive.mechanism
     joint = mechanism.joint("slide")
@@ -262,7 +262,7 @@ def test_a_planar_mechanism_is_drawn_in_its_plane_with_gravity_down(up, expected
     np.testing.assert_allclose(top, unit_vector(expected), atol=1e-12)
 
 
-def test_what_balls_close_or_slides_drive_in_a_plane_is_looked_at_straight_on():
+def test_planar_mechanisms_with_balls_or_driven_slides_are_viewed_along_the_normal():
     flat = mechanism_of("slider_crank")
     ball = tuple(replace(joint, kind="spherical") if joint.name == "A" else joint for joint in flat.joints)
     for mechanism in (replace(flat, joints=ball), replace(flat, driver="slide", start=0.2)):

@@ -69,7 +69,7 @@ def test_each_of_the_two_estimates_sees_an_error_that_is_there(monkeypatch):
         return driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-6).tolerance_report
 
     monkeypatch.setattr(torque_tolerance, "against_poses", lambda *_: (1e-9, 1e-9))
-    monkeypatch.setattr(torque_tolerance, "believed_order", lambda *_: 4.0)
+    monkeypatch.setattr(torque_tolerance, "plausible_order", lambda *_: 4.0)
     # poses that claim all is well let too few steps through, halving does not
     assert asked().estimates["halving"] <= 1e-6
     monkeypatch.setattr(tolerance, "MAX_STEPS", torque_tolerance.EVEN)

@@ -75,8 +75,8 @@ def test_links_stand_where_mujoco_has_the_bodies_and_coordinates_are_those_of_qp
 
 def test_the_guess_is_the_reference_and_turns_are_counted_as_mujoco_counts_them(file):
     read = read_model(file(TREE.replace('ref="25"', 'ref="745"')))
-    assert read.mechanism.counted["first"] == pytest.approx(np.radians(745.0))
-    assert read.mechanism.counted["third"] == 0.04
+    assert read.mechanism.guess_coordinates["first"] == pytest.approx(np.radians(745.0))
+    assert read.mechanism.guess_coordinates["third"] == 0.04
 
 
 def test_what_has_no_name_gets_one_and_links_between_joints_of_a_body_are_marked(file):
@@ -219,7 +219,7 @@ def test_a_held_base_stands_where_the_keyframe_has_it_whatever_frame_it_is_in(fi
     assert len(read.qpos) == 9
     np.testing.assert_allclose(model.body("loose").pos, [4.0, 5.0, 6.0], atol=1e-14)
     np.testing.assert_allclose(model.body("loose").quat, [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0], atol=1e-14)
-    assert read.mechanism.counted["crank"] == 0.3
+    assert read.mechanism.guess_coordinates["crank"] == 0.3
     assert "loose" not in {link.name for link in read.mechanism.links}
 
 

@@ -124,7 +124,7 @@ def test_a_platform_goes_where_its_legs_were_measured():
 
 
 def test_a_lone_crank_under_a_steady_motion_law_goes_as_at_that_speed():
-    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, counted={})
+    mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, guess_coordinates={})
     moves = make_motion_laws(mechanism, {"left": steady(2.0, 0.5)}, 1.0)
     known = simulate(mechanism, speed=0.5, turns=0.5 / (2 * np.pi), samples=10, method="pose").motion
     for method, near in (("pose", 1e-15), ("step", 1e-11)):
@@ -141,14 +141,14 @@ def test_parts_of_a_joint_are_recorded_as_such():
 
 
 def test_what_the_drivers_leave_open_is_named():
-    mechanism = replace(five_bar(), driver=("left",), counted={})
+    mechanism = replace(five_bar(), driver=("left",), guess_coordinates={})
     moves = make_motion_laws(mechanism, {"left": steady(2.0, 1.0)}, 0.01)
     with pytest.raises(MobilityError, match=r"underdetermined: with the drivers held .*joint 'right'"):
         simulate(mechanism, motion_laws=moves, method="pose")
     assert simulate(mechanism, motion_laws=moves).method == "step"
 
 
-def test_drivers_that_are_too_many_are_named():
+def test_redundant_drivers_are_named():
     mechanism = replace(five_bar(), driver=("left", "right", "A"))
     moves = make_motion_laws(mechanism, ARMS | {"A": steady(0.0, 0.0)}, 1.0)
     with pytest.raises(MobilityError, match=r"overdetermined: the loops do not let left.* move"):
@@ -174,8 +174,8 @@ def test_a_joint_that_would_leave_its_range_is_named_with_the_time():
     <joint name="right" axis="0 0 1" range="-30 30"/><geom size=".01" pos=".05 0 0"/><site name="P"/>
     </body></body></worldbody></mujoco>"""
     arms = {"left": waving(0.0, 0.3, 1.0), "right": steady(0.0, 1.0)}
-    moves = make_motion_laws(replace(five_bar(), counted={}), arms, 2.0)
-    with pytest.raises(AssemblyError, match=r"'right' would stand at 2 rad, .* at 2 s; widen the range"):
+    moves = make_motion_laws(replace(five_bar(), guess_coordinates={}), arms, 2.0)
+    with pytest.raises(AssemblyError, match=r"'right' would be at 2 rad, .* at 2 s; widen the range"):
         simulate(text, motion_laws=moves)
 
 
@@ -183,9 +183,9 @@ def test_what_is_requested_for_twice_or_not_at_all_is_rejected():
     mechanism, moves = CASES["five-bar"]()
     with pytest.raises(InputError, match="both motion laws and a crank's motion"):
         simulate(mechanism, motion_laws=moves, speed=1.0)
-    with pytest.raises(InputError, match="left, right have no motion law; give each one"):
+    with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
         simulate(mechanism, speed=1.0)
-    with pytest.raises(InputError, match="the motion laws are of left, right; drivers are stroke"):
+    with pytest.raises(InputError, match="there are motion laws of left, right; the drivers are stroke"):
         simulate(boom(), motion_laws=moves)
 
 

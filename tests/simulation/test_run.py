@@ -322,7 +322,7 @@ def test_a_users_spec_is_left_as_it_was() -> None:
     [
         ({"speed": 0.0}, "crank speed is 0.0 rad/s"),
         ({"speed": np.nan}, "crank speed is nan rad/s"),
-        ({"turns": 0.0}, "0.0 turns asked for"),
+        ({"turns": 0.0}, "0.0 turns requested"),
         ({"tolerance": -1.0}, "tolerance is -1.0 m"),
         ({"tolerance": np.nan}, "tolerance is nan m"),
         ({"samples": 0}, "0 samples asked for"),

@@ -90,9 +90,7 @@ def test_a_joint_does_not_leave_its_range_and_the_sentence_states_which():
         'name="C" axis="0 0 1"', 'name="C" axis="0 0 1" limited="true" range="-60 60"'
     )
     assert simulate(limited, speed=1.0, turns=0.002, method="pose").outcome == "passed"
-    with pytest.raises(
-        AssemblyError, match=r"joint 'C' would stand at .* beyond its range of .* crank angle"
-    ):
+    with pytest.raises(AssemblyError, match=r"joint 'C' would be at .* beyond its range of .* crank angle"):
         simulate(limited, speed=1.0, turns=0.3, method="pose")
 
 

@@ -79,10 +79,10 @@ def test_a_file_states_controllers_and_is_written_with_them(tmp_path):
     ("coordinate", "text", "message"),
     [
         ("crank", "-20*crank.a", "crank"),
-        ("crank", "-20*angle", "names 'angle', which is nothing here"),
+        ("crank", "-20*angle", "names 'angle', which is not defined"),
         ("crank", "-20*", "write an expression of J.q, J.v and t"),
-        ("crank", "wheel.q", "names 'wheel', no coordinate of four_bar"),
-        ("wheel", "1", "names 'wheel', no coordinate of four_bar"),
+        ("crank", "wheel.q", "names 'wheel', which is no coordinate of four_bar"),
+        ("wheel", "1", "names 'wheel', which is no coordinate of four_bar"),
     ],
 )
 def test_what_is_no_controller_ends_in_one_sentence(coordinate, text, message):

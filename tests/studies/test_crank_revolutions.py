@@ -12,7 +12,7 @@ from strategies import CASES, random_knitter
 
 from mechsim import catalog, loops
 from mechsim.errors import AssemblyError
-from mechsim.model.motion_laws import PART_OF_RANGE, constant, interval_around, swing
+from mechsim.model.motion_laws import SWING_FRACTION, constant, interval_around, swing
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import Settings, simulate
@@ -41,7 +41,7 @@ def swings(draw, name):
     angles = np.linspace(low, high, 61)[2:-2]
     assume(drive.transmission_angle(angles).min() > 0.02)
     middle = low + (high - low) * draw(PARTS)
-    reach = PART_OF_RANGE * min(middle - low, high - middle) * draw(PARTS)
+    reach = SWING_FRACTION * min(middle - low, high - middle) * draw(PARTS)
     return drive, swing(middle + REVOLUTION * draw(st.sampled_from([-2, -1, 1])), reach, 20.0)
 
 

@@ -78,7 +78,7 @@ def test_two_independent_joints_are_coupled_by_tendons():
         ("four_bar", {"independent": {"wheel": ("0deg", "10deg")}}, "wheel"),
         ("four_bar", {"independent": {"crank": None}}, "no limits"),
         ("four_bar", {}, "no actuator"),
-        ("four_bar", {"loops": "loops.yaml"}, "give its path|no URDF"),
+        ("four_bar", {"loops": "loops.yaml"}, "need the path of a URDF file|no URDF"),
         ("stewart_gough", {"independent": {f"l{i}": ("150mm", "151mm") for i in range(1, 7)}}, "ball"),
     ],
 )

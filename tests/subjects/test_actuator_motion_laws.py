@@ -32,6 +32,6 @@ def test_a_control_is_read_from_a_table(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["fast", "3*kg*t", "t +", ""])
-def test_a_control_that_reports_nothing_is_rejected_by_name(text):
+def test_an_invalid_control_is_rejected_by_name(text):
     with pytest.raises(InputError, match="actuator servo"):
         control_law(text, "servo")

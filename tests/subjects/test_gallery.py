@@ -32,7 +32,7 @@ def moved(form, count=61):
     return form.solve(middle + np.linspace(-reach, reach, count))
 
 
-def test_a_file_of_the_gallery_bears_its_mechanism_s_name_and_states_where_it_is_from(shown):
+def test_a_gallery_file_has_the_name_of_its_mechanism_and_a_source(shown):
     text = FILES[shown.name].read_text()
     assert len(text.splitlines()) <= 60
     assert text.startswith("# ")
@@ -41,7 +41,7 @@ def test_a_file_of_the_gallery_bears_its_mechanism_s_name_and_states_where_it_is
     assert len(gallery.description(FILES[shown.name])) > 20
 
 
-def test_a_mechanism_of_the_gallery_meets_every_bound_and_its_law_to_rounding(shown):
+def test_a_gallery_mechanism_passes_every_check_and_satisfies_its_law_to_rounding(shown):
     case = case_of(shown, quick=True)
     assert case.passed, case.verdict.reason
     told = [check for check in case.verdict.checks if check.method == "formula"]
@@ -51,12 +51,12 @@ def test_a_mechanism_of_the_gallery_meets_every_bound_and_its_law_to_rounding(sh
 
 
 @pytest.mark.slow
-def test_a_mechanism_of_the_gallery_meets_every_bound_in_steps(shown):
+def test_a_gallery_mechanism_passes_every_check_when_stepped(shown):
     case = case_of(shown)
     assert case.passed, case.verdict.reason
 
 
-def test_the_law_rejects_a_dimension_a_thousandth_off(shown):
+def test_the_law_rejects_a_dimension_off_by_a_thousandth(shown):
     name = next(iter(shown.parameters))
     wrong = load(shown.name, {name: f"1.001*{shown.parameters[name]!r}"})
     evaluation = evaluation_points(wrong, speed=1.0)
@@ -88,7 +88,7 @@ def test_a_law_follows_the_parameters_that_are_changed():
     assert case_of(wide, quick=True).passed
 
 
-def test_the_quick_return_s_strokes_take_the_time_that_the_law_states():
+def test_the_strokes_of_the_quick_return_have_the_ratio_of_the_law():
     form = load("quick_return")
     half = np.arcsin(form.parameters["crank"] / form.parameters["ground"])
     # the lever stands still where the crank is across it
@@ -128,7 +128,7 @@ def test_the_planetary_gear_s_wheels_do_not_slip_on_each_other():
     np.testing.assert_allclose(along + 2.0 * planet * form.parameters["planet"], 0.0, atol=1e-9)
 
 
-def test_the_gripper_opens_as_far_as_the_manual_states_and_its_fingers_do_not_turn():
+def test_the_gripper_opens_as_in_the_manual_and_its_fingers_do_not_rotate():
     motion = load("parallel_gripper").solve(np.deg2rad([30.0, 60.0, 80.0]))
     apart = motion.points["right"].position - motion.points["left"].position
     np.testing.assert_allclose(apart[0], [0.085, 0.0, 0.0], atol=1e-15)
@@ -136,7 +136,7 @@ def test_the_gripper_opens_as_far_as_the_manual_states_and_its_fingers_do_not_tu
         np.testing.assert_allclose(motion.links[f"finger_{side}"].rotation - np.eye(3), 0.0, atol=1e-14)
 
 
-def test_a_gallery_lies_in_an_installed_package_or_next_to_the_sources(monkeypatch, tmp_path):
+def test_the_gallery_is_in_the_installed_package_or_in_the_source_tree(monkeypatch, tmp_path):
     package = tmp_path / "mechsim"
     (package / "gallery").mkdir(parents=True)
     (tmp_path / "models" / "gallery").mkdir(parents=True)

@@ -76,7 +76,7 @@ def test_the_command_releases_a_file_that_has_one(tmp_path, monkeypatch, capsys)
         ("crank = 3", "crank"),
     ],
 )
-def test_what_is_no_state_ends_in_one_sentence_with_its_line(tmp_path, line, message):
+def test_an_invalid_state_ends_in_one_sentence_with_its_line(tmp_path, line, message):
     text = TEXT.replace("crank.q = 30\n", line + "\n").replace('crank.v = "2 rad/s"\n', "")
     with pytest.raises(ms.InputError, match=message) as caught:
         ms.load(written(tmp_path, text))

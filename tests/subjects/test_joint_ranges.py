@@ -46,15 +46,15 @@ ROADS = {
 
 
 @pytest.mark.parametrize("road", ROADS)
-def test_a_start_beyond_a_range_is_rejected_on_every_method_and_one_within_is_not(arm, road):
-    with pytest.raises(AssemblyError, match=r"joint 'wrist' would stand at 0\.1 rad, .* of 0\.2 to 1, at "):
+def test_a_start_outside_a_range_is_rejected_by_every_method(arm, road):
+    with pytest.raises(AssemblyError, match=r"joint 'wrist' would be at 0\.1 rad, .* of 0\.2 to 1, at "):
         ROADS[road](arm("0.1rad"))
     ROADS[road](arm("0.3rad"))
     off = ARM.replace("<worldbody>", '<option><flag limit="disable"/></option><worldbody>')
     ROADS[road](arm("0.1rad", off))
 
 
-def test_poses_state_what_floats_next_to_them(tmp_path):
+def test_poses_report_floating_bodies(tmp_path):
     path = tmp_path / "load.xml"
     load_text = '<body name="load" pos="1 0 0"><freejoint/><geom size="0.01"/></body></worldbody>'
     path.write_text(ARM.replace("</worldbody>", load_text))
@@ -90,7 +90,7 @@ def parallelogram(tmp_path, joint, low, high, **asked):
 
 
 @pytest.mark.parametrize("joint", ["crank", "rocker"])
-def test_the_crank_range_ends_where_any_joint_reaches_its_range(tmp_path, joint):
+def test_the_crank_range_ends_at_the_limit_of_any_joint(tmp_path, joint):
     form = parallelogram(tmp_path, joint, 0.1, 0.85)
     arcs = form.crank_range()
     assert not arcs.full
@@ -103,13 +103,13 @@ def test_the_crank_range_ends_where_any_joint_reaches_its_range(tmp_path, joint)
     assert told["change_points"] == []
 
 
-def test_a_range_that_is_never_reached_leaves_a_full_turn(tmp_path):
+def test_a_range_that_is_never_reached_allows_a_full_revolution(tmp_path):
     form = parallelogram(tmp_path, "rocker", -10.0, 10.0)
     assert form.crank_range().full
     assert len(form.change_points()) == 2
 
 
-def test_a_range_wider_than_a_change_point_keeps_it(tmp_path):
+def test_a_range_that_contains_a_change_point_keeps_it(tmp_path):
     form = parallelogram(tmp_path, "crank", -0.3, 0.85)
     np.testing.assert_allclose(form.crank_range().arcs, [(-0.3, 0.85)], atol=1e-9)
     np.testing.assert_allclose(form.change_points(), [0.0], atol=1e-9)
@@ -125,18 +125,18 @@ BETWEEN = {
 @pytest.mark.parametrize("road", BETWEEN)
 @pytest.mark.parametrize("samples", [3, 4, 91])
 @pytest.mark.parametrize("joint", ["crank", "rocker"])
-def test_ranges_are_checked_between_samples_alike_by_every_method(tmp_path, road, samples, joint):
+def test_ranges_are_checked_between_samples_by_every_method(tmp_path, road, samples, joint):
     # largest at 0.5 s, which is no sample of three or four
     law, limit = "0.4 + 0.2*(1-cos(2*pi*t))", 0.8
     beyond = parallelogram(tmp_path, joint, 0.1, limit - 1e-6, drive={"crank": law}, duration="0.9s")
-    with pytest.raises(AssemblyError, match=rf"joint '{joint}' would stand at 0\.8 rad, .* at 0\.5 s"):
+    with pytest.raises(AssemblyError, match=rf"joint '{joint}' would be at 0\.8 rad, .* at 0\.5 s"):
         BETWEEN[road](beyond, samples)
     within = parallelogram(tmp_path, joint, 0.1, limit + 1e-9, drive={"crank": law}, duration="0.9s")
     BETWEEN[road](within, samples)
 
 
-def test_rows_of_driver_coordinates_are_poses_each_by_itself(tmp_path):
+def test_rows_of_driver_coordinates_are_independent_poses(tmp_path):
     form = parallelogram(tmp_path, "rocker", 0.1, 0.85)
     assert len(poses_of_table(form, {"crank": np.array([0.2, 0.8])}, "rows.csv")) == 2
-    with pytest.raises(AssemblyError, match=r"joint 'rocker' would stand at 0\.9 rad"):
+    with pytest.raises(AssemblyError, match=r"joint 'rocker' would be at 0\.9 rad"):
         poses_of_table(form, {"crank": np.array([0.2, 0.9])}, "rows.csv")

@@ -68,21 +68,21 @@ def made(tmp_path):
     return of
 
 
-def test_varying_loads_are_in_si_at_their_places(made):
+def test_varying_loads_are_in_si(made):
     forces = made(VARYING).forces
     at = np.array([0.0, 0.3, 2.0])
-    push, table, couple, torque = (one.evaluate(at, at) for one in forces.courses)
+    push, table, couple, torque = (one.evaluate(at, at) for one in forces.load_profiles)
     np.testing.assert_allclose(push[:, 0], 10.0 * np.sin(2 * np.pi * at + np.pi / 6), rtol=1e-14)
     assert (push[:, 1:] == [1.0, 0.0]).all()
     # straight lines over 4 degrees miss a square of sines by 7 h^2/4 at most
     np.testing.assert_allclose(table[:, 0], 7.0 * np.sin(at) ** 2, atol=7.0 * np.deg2rad(4.0) ** 2 / 4.0)
     np.testing.assert_allclose(couple[:, 2], 0.003 * at + 0.01, rtol=1e-14)
     np.testing.assert_allclose(torque, 0.02 * np.cos(3 * at) + 0.1 * np.sin(at), rtol=1e-13)
-    assert [one.over for one in forces.courses] == ["time", "angle", "time", "angle"]
+    assert [one.over for one in forces.load_profiles] == ["time", "angle", "time", "angle"]
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_both_methods_agree_under_varying_loads_and_a_wrong_one_is_rejected(made, method):
+def test_both_methods_agree_under_varying_loads_and_a_wrong_load_fails(made, method):
     form = made(VARYING)
     machine = dynamics.dynamic_model(form, form.forces)
     run = driven(machine.mechanism, machine.forces, speed=20.0, turns=2.0, method=method, samples=36)
@@ -93,7 +93,7 @@ def test_both_methods_agree_under_varying_loads_and_a_wrong_one_is_rejected(made
         assert not crosscheck_driven(run, machine.with_forces(other)).passed
 
 
-def test_varying_loads_are_written_as_they_are_read(made, tmp_path):
+def test_varying_loads_are_written_as_read(made, tmp_path):
     form = made(VARYING)
     path = tmp_path / "deeper"
     path.mkdir()
@@ -101,12 +101,12 @@ def test_varying_loads_are_written_as_they_are_read(made, tmp_path):
     path.write_text(to_toml(form))
     again = load(str(path))
     at = np.linspace(0.0, 2.0, 11)
-    for found, wanted in zip(again.forces.courses, form.forces.courses, strict=True):
+    for found, wanted in zip(again.forces.load_profiles, form.forces.load_profiles, strict=True):
         # lengths and angles were in other units, and are computed again
         np.testing.assert_allclose(found.evaluate(at, at), wanted.evaluate(at, at), rtol=1e-14)
     assert to_toml(again) == to_toml(form)
     push = replace(form.forces.loads[0], force=replace(form.forces.loads[0].force, value=np.sin))
-    with pytest.raises(InputError, match="load on B is a function of time, which no text says"):
+    with pytest.raises(InputError, match="load on B is a function of time without text"):
         to_toml(replace(form, forces=replace(form.forces, loads=(push,))))
 
 
@@ -117,29 +117,31 @@ def test_varying_loads_are_written_as_they_are_read(made, tmp_path):
         ('couples.rod = [0, 0, "5mm*t"]', "forces.couples.rod[2] is '5mm*t', which is a length"),
         ('crank_torque = "sin(t)*angle"', "names both angle and t"),
         ('crank_torque = "sin(t"', "is no expression"),
-        ('crank_torque = "2*t + lift"', "names 'lift', which is nothing here; known are t, pi, crank, rod"),
+        ('crank_torque = "2*t + lift"', "names 'lift', which is not defined; known are t, pi, crank, rod"),
         ('crank_torque = "(-8)**0.5*t"', "no value that is a finite real number"),
-        ('couples.rod = ["t", "angle", 0]', "forces.couples.rod goes over t in one component and over angle"),
+        ('couples.rod = ["t", "angle", 0]', "couples.rod varies over t in one component and over angle"),
         ('couples.rod = ["press.csv", 0, "press.csv"]', "as a load give two, t in s or angle in rad"),
         ('crank_torque = "none.csv"', "forces.crank_torque is 'none.csv': there is no file"),
     ],
 )  # fmt: skip
-def test_what_is_no_load_is_rejected_with_line_and_key(made, line, words):
+def test_an_invalid_load_is_rejected_with_line_and_key(made, line, words):
     with pytest.raises(InputError, match=re.escape(words)) as error:
         made(f"[forces]\n{line}\n")
     assert "slider.toml, line 30: " in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_a_load_over_the_angle_wants_a_crank_that_nothing_else_moves(made, tmp_path):
+def test_a_load_over_the_angle_needs_a_crank_as_the_only_driver(made, tmp_path):
     late = SLIDER.replace("swell", "angle") + '[forces]\ncrank_torque = "angle"\n'
     path = tmp_path / "late.toml"
     path.write_text(late)
-    with pytest.raises(InputError, match="'angle', here a parameter, too; give the parameter another name"):
+    with pytest.raises(
+        InputError, match="'angle', which is also a parameter; give the parameter another name"
+    ):
         load(str(path))
     turned = '[forces]\ncouples.rod = [0, 0, "angle"]\n'
     path.write_text(SLIDER.replace("[parameters]", 'drivers = ["slide"]\n[parameters]') + turned)
-    with pytest.raises(InputError, match="no crank has an angle where slide drive; give it over t"):
+    with pytest.raises(InputError, match="with the drivers slide there is no crank angle; give it over t"):
         load(str(path))
     made(turned)
     form = load(str(tmp_path / "slider.toml"), drive={"crank": "30deg*sin(t)"})
@@ -147,7 +149,7 @@ def test_a_load_over_the_angle_wants_a_crank_that_nothing_else_moves(made, tmp_p
         dynamics.dynamic_model(form, form.forces)
 
 
-def test_the_schema_states_what_a_load_may_be():
+def test_the_schema_describes_loads():
     torque = schema()["properties"]["forces"]["properties"]["crank_torque"]
     assert torque["type"] == ["number", "string"]
     assert "expression of t or angle, or FILE.csv" in torque["description"]

@@ -51,18 +51,18 @@ def test_the_arm_the_head_and_the_base_are_locked_and_the_loop_moves(robot):
     assert simulate(form, method="pose", samples=5).outcome == "passed"
 
 
-def test_what_is_held_by_hand_stays_where_it_was_put(robot):
+def test_explicit_locks_keep_their_values(robot):
     form = load(robot, drive={"motor": "0.2*t"}, lock={"elbow": 0.5}, lock_others=True)
     assert form.mechanism.locked["elbow"] == 0.5
 
 
-def test_in_a_loop_no_more_is_locked_than_has_to_be(robot):
+def test_in_a_loop_only_the_necessary_joints_are_locked(robot):
     form = load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
     assert "elbow" in form.mechanism.locked
     assert len({"motor", "A", "C"} & set(form.mechanism.locked)) == 1
 
 
-def test_where_drivers_determine_all_nothing_is_locked():
+def test_nothing_is_locked_if_the_drivers_determine_the_motion():
     assert not load("five_bar", lock_others=True).mechanism.locked
 
 
@@ -75,7 +75,7 @@ P = {{ link = "L3", at = [0.1, 0, 0] }}
 """
 
 
-def test_a_file_in_toml_is_locked_likewise(file):
+def test_a_toml_file_is_locked_in_the_same_way(file):
     links = ["ground", "L0", "L1", "L2", "L3"]
     joints = "\n".join(
         f'[joints.J{i}]\nkind = "revolute"\na = {{ link = "{a}", at = [0.1, 0, 0] }}\nb = {{ link = "{b}" }}'

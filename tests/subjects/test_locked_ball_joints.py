@@ -51,7 +51,7 @@ def tip(key, turned):
 
 
 @pytest.mark.parametrize("key", [None, "k"])
-def test_what_a_ball_and_a_free_joint_carry_stands_as_it_starts_on_every_method(boom, key):
+def test_links_on_a_locked_ball_or_free_joint_keep_their_initial_pose_by_every_method(boom, key):
     form = load(boom, drive={"crank": "0.5*t"}, lock=HELD, key=key)
     begin = float(form.motion_laws.first["crank"])
     at = 0.0 if key is None else 0.7
@@ -66,7 +66,7 @@ def test_what_a_ball_and_a_free_joint_carry_stands_as_it_starts_on_every_method(
 
 
 @pytest.mark.parametrize("key", [None, "k"])
-def test_a_specification_holds_them_where_it_starts(key):
+def test_a_specification_locks_them_at_its_initial_pose(key):
     spec = mujoco.MjSpec.from_string(BOOM)
     run = simulate(spec, drive="crank", speed=1.0, turns=0.1, lock=dict.fromkeys(HELD), key=key)
     place = run.motion.points["tip"].position
@@ -75,7 +75,7 @@ def test_a_specification_holds_them_where_it_starts(key):
         simulate(spec, drive="crank", speed=1.0, lock={"neck": 0.1})
 
 
-def test_a_scene_and_its_tuned_text_lose_the_ball(boom):
+def test_a_scene_and_its_tuned_text_have_no_ball_joint(boom):
     driven = DriveOptions(lock=(("neck", None), ("loose", None)), drive=(("crank", "0.5*t"),))
     scene = user_scene(boom, driven, ControlOptions())
     assert (scene.model.nq, spec_of(scene).compile().nq) == (3, 3)
@@ -106,7 +106,7 @@ turn = { axis = [1, 0.5, 0.2], angle = 0.7 }
 """
 
 
-def test_a_ball_of_a_description_carries_its_link_round_with_the_crank(tmp_path):
+def test_a_locked_ball_of_a_description_moves_its_link_with_the_crank(tmp_path):
     path = tmp_path / "arm.toml"
     path.write_text(ARM)
     form = load(str(path), lock=["neck"])
@@ -118,5 +118,5 @@ def test_a_ball_of_a_description_carries_its_link_round_with_the_crank(tmp_path)
         assert run.outcome == "passed"
         np.testing.assert_allclose(run.motion.points["tip"].position[0], place[0], atol=1e-13)
         assert np.ptp(np.linalg.norm(run.motion.points["tip"].position, axis=1)) < 1e-9
-    with pytest.raises(InputError, match="'neck' turns about every axis, and no one value says how far"):
+    with pytest.raises(InputError, match="'neck' rotates about every axis, so that no single value locks it"):
         load(str(path), lock={"neck": "10deg"})

@@ -74,7 +74,7 @@ def driven(path, states, duration=1.0, **asked):
     return form, form.solve(t=np.linspace(0.0, duration, 21))
 
 
-def test_a_five_bar_drawn_open_moves_as_two_circles_meet(file):
+def test_a_five_bar_with_an_open_initial_loop_follows_the_intersection_of_two_circles(file):
     states = {"left": lambda t: (2.0 + 0.3 * np.sin(5 * t), 1.5 * np.cos(5 * t), -7.5 * np.sin(5 * t))}
     states["right"] = steady(7.28, 0.5)
     form, motion = driven(file(five_bar()), states)
@@ -91,7 +91,7 @@ def test_a_five_bar_drawn_open_moves_as_two_circles_meet(file):
     truth = plane.pos + np.column_stack([tip, np.zeros(21)]) @ turn.reshape(3, 3).T
     np.testing.assert_allclose(motion.points["P"].position, truth, atol=1e-14)
     assert form.source.gap == pytest.approx(3e-3, rel=1e-3)
-    assert any("stand open by 0.003 m" in fact for fact in form.facts)
+    assert any("loop-closure error of the file is 0.003 m" in fact for fact in form.facts)
     assert opening(form, motion) < 1e-15
 
 
@@ -113,7 +113,7 @@ WELDED = """
 </mujoco>"""
 
 
-def test_a_spatial_chain_closed_by_a_weld_closes_in_mujoco_too_and_counts_the_file_s_turns(file):
+def test_a_spatial_chain_closed_by_a_weld_closes_in_mujoco_and_keeps_revolutions(file):
     form = read_mjcf(file(WELDED))
     start = np.radians(400.0)
     assert form.mechanism.start == pytest.approx(start)
@@ -136,14 +136,14 @@ def test_rates_are_derivatives_of_what_is_solved(file):
         assert joint.acceleration[2] == pytest.approx((joint.rate[3] - joint.rate[1]) / (2.0 * h), rel=1e-4)
 
 
-def test_a_keyframe_states_from_where_the_loops_are_closed(file):
+def test_a_keyframe_is_the_initial_configuration(file):
     form = read_mjcf(file(WELDED), key="other")
     assert form.mechanism.start == 7.3
     assert form.source.gap > 1e-3
     assert opening(form, form.solve([7.3, 7.4])) < 1e-13
 
 
-def test_a_joint_is_brought_to_where_it_is_held_along_the_assembly(file):
+def test_a_joint_moves_to_its_locked_value_within_the_assembly_mode(file):
     path = file(five_bar())
     form = read_mjcf(path, drivers=["left"], lock={"right": "8.0rad"})
     assert form.mechanism.locked == {"right": 8.0}
@@ -152,19 +152,19 @@ def test_a_joint_is_brought_to_where_it_is_held_along_the_assembly(file):
     assert motion.points["P"].position[1] == pytest.approx(moved.points["P"].position[-1], abs=1e-13)
 
 
-def test_a_joint_that_cannot_go_to_where_it_is_held_is_rejected_with_the_place(file):
-    with pytest.raises(AssemblyError, match=r"on the way to right = 6.28, where it is to be held"):
+def test_an_unreachable_locked_value_is_rejected_with_the_configuration(file):
+    with pytest.raises(AssemblyError, match=r"on the path to the locked position right = 6.28"):
         read_mjcf(file(five_bar(rod=0.078)), drivers=["left"], lock={"right": 6.28})
 
 
-def test_what_is_left_open_is_named_once_for_each_dof(file):
+def test_undetermined_degrees_of_freedom_are_named_once_each(file):
     form = read_mjcf(file(WELDED.replace('<weld body1="c" body2="s"/>', "")))
     with pytest.raises(MobilityError, match=r"x, y, z, u, v and rocker are left open; drive") as refused:
         form.solve([7.0])
     assert refused.value.outcome == "underdetermined"
 
 
-def test_a_base_that_floats_is_named_with_its_remedy(file):
+def test_a_floating_base_is_named_with_its_remedy(file):
     text = FIVE_BAR[: FIVE_BAR.index('<body name="d"')] + "</body></worldbody></mujoco>"
     text = text.replace('euler="0.4 -0.7 1.1">', '><freejoint name="root"/><geom size="1"/>')
     text = text.replace("ACOS ASIN", "0.1 0").replace("PX PY", "0.1 0")
@@ -176,7 +176,7 @@ def test_a_base_that_floats_is_named_with_its_remedy(file):
     assert motion.joints["elbow"].value[-1] == pytest.approx(-0.8)
 
 
-def test_drivers_that_are_too_many_are_named(file):
+def test_redundant_drivers_are_named(file):
     states = {name: steady(at, 0.1) for name, at in (("left", 2.0), ("right", 7.28), ("elbow", -1.3))}
     with pytest.raises(MobilityError, match=r"overdetermined: left, right settle elbow already") as refused:
         driven(file(five_bar(0.0)), states)
@@ -189,19 +189,19 @@ def test_a_file_with_six_digits_moves_where_its_axes_are_not_quite_parallel(file
     moved, turned = form.corrected
     assert 0.0 < moved < 1e-6
     assert 0.0 < turned < 3e-6
-    assert any("to the digits of the file" in fact for fact in form.facts)
+    assert any("with the rounded numbers of the file" in fact for fact in form.facts)
     exact, truth = driven(file(five_bar(0.0)), {"left": steady(2.0, 0.2), "right": steady(7.28, 0.1)})
     assert exact.corrected == (0.0, 0.0)
     np.testing.assert_allclose(motion.points["P"].position, truth.points["P"].position, atol=1e-6)
     assert opening(form, motion) < 1e-6
 
 
-def test_axes_that_are_intended_to_differ_are_left_as_they_are(file):
+def test_axes_with_a_real_tilt_are_not_changed(file):
     form = read_mjcf(file(five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-3 -2e-3 1"')))
     assert form.corrected == (0.0, 0.0)
 
 
-def test_commands_state_next_to_their_output_what_was_changed(file, monkeypatch, capsys):
+def test_commands_report_corrections_on_stderr(file, monkeypatch, capsys):
     path = file(WELDED)
     words = ["mechsim", "solve", path, "--key", "other", "--angles", "7.3:7.4:0.1"]
     monkeypatch.setattr("sys.argv", words)
@@ -210,10 +210,10 @@ def test_commands_state_next_to_their_output_what_was_changed(file, monkeypatch,
     said = capsys.readouterr()
     assert ended.value.code in (0, None)
     assert said.out.startswith("angle,")
-    assert said.err.startswith("welded: the loops stand open by")
+    assert said.err.startswith("welded: the initial loop-closure error of the file is")
 
 
-def test_a_rejection_states_all_there_is_to_state(file, monkeypatch, capsys):
+def test_an_error_states_everything_in_one_message(file, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["mechsim", "solve", file(five_bar())])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -223,7 +223,7 @@ def test_a_rejection_states_all_there_is_to_state(file, monkeypatch, capsys):
     assert "left, right have no motion law" in said
 
 
-def test_a_wheel_about_the_origin_has_an_extent(file):
+def test_a_wheel_at_the_origin_has_a_characteristic_length(file):
     body = '<body><joint name="crank"/><geom size="0.1" pos="0.2 0 0"/></body>'
     text = f"<mujoco><worldbody>{body}</worldbody></mujoco>"
     assert read_mjcf(file(text)).mechanism.characteristic_length > 0.0
@@ -234,7 +234,7 @@ def test_an_mjcf_file_has_no_parameters(file):
         load(file(five_bar()), {"crank": "3mm"})
 
 
-def test_a_model_without_a_driver_states_which_joints_there_are(file):
+def test_a_model_without_a_driver_lists_its_joints(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     with pytest.raises(
         InputError, match=r"model\.xml: nothing says what is driven.*left, elbow, right, wrist"
@@ -242,7 +242,7 @@ def test_a_model_without_a_driver_states_which_joints_there_are(file):
         load(file(text))
 
 
-def test_what_is_only_shown_needs_no_driver_and_what_moves_does(file):
+def test_only_motions_need_a_driver(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     form = load(file(text), still=True)
     said = facts(form)
@@ -261,7 +261,7 @@ def test_scenes_without_joints_or_of_one_free_body_are_shown(file, body):
     assert scene_findings(form) == ()
 
 
-def test_motion_laws_are_bound_to_the_drivers_of_the_file(file):
+def test_motion_laws_are_those_of_the_drivers_of_the_file(file):
     form = read_mjcf(file(five_bar()))
-    with pytest.raises(InputError, match="no motion law says how right moves"):
+    with pytest.raises(InputError, match="right has no motion law"):
         make_motion_laws(form.mechanism, {"left": steady(2.0, 1.0)}, 1.0)

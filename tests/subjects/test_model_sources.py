@@ -64,7 +64,7 @@ def test_a_file_format_is_one_row_of_readers(toy):
     assert list(model.mechanism.points) == ["C"]
 
 
-def test_designs_of_a_new_format_are_known_by_the_positions_of_its_joints(toy):
+def test_designs_of_a_new_format_have_joint_positions_as_dimensions(toy):
     assert "rocker.at.x" in parametric_model(toy).dimensions
 
 

@@ -40,7 +40,7 @@ def made(text, unit="rad", start=0.3):
         ("min(10deg, 20deg*t)", "rad", np.minimum(10, 20 * TIMES) * np.pi / 180),
     ],
 )
-def test_a_motion_law_states_where_its_driver_is(text, unit, value):
+def test_a_motion_law_gives_the_position_of_its_driver(text, unit, value):
     np.testing.assert_allclose(made(text, unit).state(TIMES)[0], value, rtol=1e-14)
 
 
@@ -92,7 +92,7 @@ def test_rates_of_an_expression_are_exact(text):
         np.testing.assert_allclose(found, other, rtol=exact, atol=exact * (1 + np.abs(other).max()))
 
 
-def test_the_check_of_rates_sees_a_wrong_one():
+def test_the_check_of_rates_rejects_a_wrong_rate():
     with pytest.raises(AssertionError):
         np.testing.assert_allclose(
             time_function("sin(2*t)", "rad")[1](TIMES)[1],
@@ -111,11 +111,11 @@ def test_the_check_of_rates_sees_a_wrong_one():
         ("30deg*t", "m", "is an angle; give a length"),
         ("1mm*t + 2deg", "m", "a length and an angle together"),
         ("3mm*2mm*t", "m", "is a value in m2; give a length"),
-        ("2*pi", "rad", "holds no t"),
+        ("2*pi", "rad", "contains no t"),
         ("2t", "rad", "write 2*t"),
         ("sin(1mm*t)", "rad", "gives sin a length"),
         ("sin(t", "rad", "no expression"),
-        ("sine(t)", "rad", "no function here"),
+        ("sine(t)", "rad", "no known function"),
         ("speed*t", "rad", "'speed'"),
         ("1kg*t", "rad", "neither a length, an angle, a force nor a time"),
         ("__import__('os').system('ls')", "rad", "no arithmetic"),
@@ -132,7 +132,7 @@ def test_the_check_of_rates_sees_a_wrong_one():
         ("nowhere.csv", "rad", "there is no file nowhere.csv"),
     ],
 )
-def test_what_is_no_motion_law_is_rejected_in_one_line(text, unit, words):
+def test_an_invalid_motion_law_is_rejected_in_one_line(text, unit, words):
     with pytest.raises(InputError, match=re.escape(words)) as error:
         made(text, unit)
     assert "\n" not in str(error.value)
@@ -155,7 +155,7 @@ def table(folder, text):
     return str(path)
 
 
-def test_a_table_is_joined_smoothly_and_states_how_long_it_lasts(tmp_path):
+def test_a_table_is_interpolated_smoothly_and_has_a_duration(tmp_path):
     time = np.linspace(0.0, 2.0, 41)
     rows = "".join(f"{t:.17g},{np.sin(3 * t):.17g}\n" for t in time)
     found = made(table(tmp_path, "t,arm\n" + rows))
@@ -173,13 +173,13 @@ def test_a_table_is_joined_smoothly_and_states_how_long_it_lasts(tmp_path):
         ("t\n1\n", "give two, t in s and its value"),
         ("t,left,right\n0,0,0\n", "or one called arm"),
         ("t,arm\n" + "".join(f"{i},{i}\n" for i in range(5)), "at least 6 rows"),
-        ("t,arm\n" + "".join(f"{5 - i},{i}\n" for i in range(7)), "do not rise"),
+        ("t,arm\n" + "".join(f"{5 - i},{i}\n" for i in range(7)), "do not increase"),
         ("t,arm\n" + "".join(f"{i + 1},{i}\n" for i in range(7)), "from 0 s"),
         ("t,arm\n" + "".join(f"{i},nan\n" for i in range(7)), "not finite"),
         ("t,arm\n0,x\n", "is no number"),
     ],
 )
-def test_a_table_that_is_no_motion_law_is_rejected_in_one_line(tmp_path, text, words):
+def test_an_invalid_table_of_a_motion_law_is_rejected_in_one_line(tmp_path, text, words):
     with pytest.raises(InputError, match=words) as error:
         made(table(tmp_path, text))
     assert "\n" not in str(error.value)

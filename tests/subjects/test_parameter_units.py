@@ -36,7 +36,7 @@ tip = { link = "arm", at = ["crank", 0, 0] }
 """
 
 
-def test_lengths_angles_and_plain_numbers_are_distinguished_apart():
+def test_lengths_angles_and_plain_numbers_are_distinguished():
     found = parameter_units(tomllib.loads(FILE))
     lengths = {name for name, unit in found.items() if unit == "m"}
     angles = {name for name, unit in found.items() if unit == "rad"}
@@ -65,7 +65,7 @@ def test_a_parameter_has_its_unit_or_is_a_number_in_si(tmp_path, name, text, val
     path = tmp_path / "arm.toml"
     path.write_text(FILE)
     if value is None:
-        with pytest.raises(Exception, match="given before"):
+        with pytest.raises(Exception, match="defined before"):
             load(str(path), {name: text})
         return
     assert load(str(path), {name: text}).parameters[name] == pytest.approx(value, rel=1e-15)
@@ -74,11 +74,11 @@ def test_a_parameter_has_its_unit_or_is_a_number_in_si(tmp_path, name, text, val
 @pytest.mark.parametrize(
     ("name", "given", "words"),
     [
-        ("crank", "40", "crank: 40 has no unit; the file is in mm: write 40mm, or 40m if m is meant"),
-        ("crank", "0.04", "write 0.04mm, or 0.04m"),
-        ("bend", "30", "bend: 30 has no unit; the file is in deg: write 30deg, or 30rad if rad is meant"),
+        ("crank", "40", "crank: 40 has no unit; the file is in mm: write 40mm or 40m"),
+        ("crank", "0.04", "write 0.04mm or 0.04m"),
+        ("bend", "30", "bend: 30 has no unit; the file is in deg: write 30deg or 30rad"),
         # its own text has another unit than the file's
-        ("span", "4", "span: 4 has no unit; the file is in cm: write 4cm, or 4m"),
+        ("span", "4", "span: 4 has no unit; the file is in cm: write 4cm or 4m"),
         ("crank", 40.0, "crank: 40 is 40 m, and the file has 0.03 m; numbers in set= are SI and the file is"),
         ("bend", 30, "bend: 30 is 30 rad"),
     ],
@@ -91,5 +91,5 @@ def test_a_number_without_a_unit_is_rejected_where_the_file_declares_another(tmp
 
 
 @pytest.mark.parametrize("document", [{}, {"parameters": 3}, {"parameters": {"a": [1]}, "joints": 4}])
-def test_a_file_that_is_not_right_reports_nothing(document):
+def test_an_invalid_file_determines_no_units(document):
     assert parameter_units(document) == {}

@@ -33,7 +33,7 @@ def five_bar_angles(x, y):
     return angles
 
 
-def test_a_point_follows_its_laws_and_the_motors_those_of_two_circles():
+def test_a_point_follows_its_laws_and_the_motors_two_circles():
     motion = ms.load("five_bar", drive=CIRCLE).solve(t=TIMES)
     x, y = 0.01 * np.sin(2 * np.pi * TIMES), 0.1 + 0.01 * np.cos(2 * np.pi * TIMES)
     point = motion.points["P"]
@@ -43,7 +43,7 @@ def test_a_point_follows_its_laws_and_the_motors_those_of_two_circles():
         np.testing.assert_allclose(motion.joints[name].value, angle, atol=1e-13)
 
 
-def test_a_platform_takes_the_pose_and_its_legs_their_lengths():
+def test_a_platform_has_the_prescribed_pose_and_leg_lengths():
     solver = ms.load("stewart_gough", drive=TILT)
     motion = solver.solve(t=TIMES)
     plate = motion.links["plate"]
@@ -112,7 +112,7 @@ def test_an_mjcf_file_is_driven_by_its_sites_and_bodies(tmp_path, monkeypatch, c
     assert not any(name.startswith("~") for name in motion.points)
 
 
-def test_default_classes_of_a_file_do_not_touch_the_chain():
+def test_default_classes_of_a_file_do_not_affect_the_chain():
     limited = mujoco.MjSpec.from_string(
         """<mujoco><default><joint range="-40 40" limited="true" damping="3"/></default><worldbody>
         <body name="arm"><joint name="shoulder" axis="0 0 1"/><geom size=".01" pos=".1 0 0"/>
@@ -136,7 +136,7 @@ def test_default_classes_of_a_file_do_not_touch_the_chain():
         ({"P.x": "10mm*t", "P.y": "100mm", "left": "120deg+1deg*t"}, "overdetermined"),
     ],
 )
-def test_what_cannot_be_driven_ends_in_one_sentence(drive, message):
+def test_invalid_pose_drivers_end_in_one_sentence(drive, message):
     with pytest.raises(ms.MechsimError, match=message) as caught:
         ms.load("five_bar", drive=drive, duration=1.0).solve(t=TIMES)
     assert "\n" not in str(caught.value)

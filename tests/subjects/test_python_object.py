@@ -27,7 +27,7 @@ def path(tmp_path):
     return str(tmp_path / "own.py")
 
 
-def test_a_mechanism_a_catalogue_object_and_a_function_that_makes_one_are_taken(path):
+def test_mechanisms_catalogue_objects_and_functions_that_return_them_are_accepted(path):
     exact = catalog.make("four_bar").positions([1.0])["B"]
     for name in ("plain", "made"):
         assert load(f"{path}:{name}").positions([1.0])["B"] == pytest.approx(exact, abs=1e-15)
@@ -43,20 +43,20 @@ def test_a_mechanism_a_catalogue_object_and_a_function_that_makes_one_are_taken(
         ("", "names no object"),
     ],
 )
-def test_what_is_no_mechanism_is_rejected_in_one_line(path, name, words):
+def test_other_objects_are_rejected_in_one_line(path, name, words):
     with pytest.raises(InputError, match=re.escape(words)) as error:
         load(f"{path}:{name}")
     assert "\n" not in str(error.value)
 
 
-def test_a_path_is_a_model_and_what_is_neither_name_nor_path_is_rejected():
+def test_a_path_is_a_model_and_other_types_are_rejected():
     path = Path(__file__).parents[2] / "models" / "gallery" / "scotch_yoke.toml"
     assert load(path).mechanism == load(str(path)).mechanism
     with pytest.raises(InputError, match="a model is of type int; give a name or a file"):
         load(7)
 
 
-def test_a_file_that_does_not_run_is_rejected(tmp_path):
+def test_a_python_file_that_fails_is_rejected(tmp_path):
     (tmp_path / "own.py").write_text("def x(:\n")
     with pytest.raises(InputError, match="SyntaxError"):
         load(f"{tmp_path / 'own.py'}:x")

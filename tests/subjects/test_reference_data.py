@@ -43,7 +43,7 @@ def made(name, digits, row):
 
 
 @pytest.mark.parametrize(("name", "row"), grid([("rssr", 3), ("five_bar", 5)]))
-def test_the_script_makes_the_same_digits_with_another_number_of_them(name, row):
+def test_the_script_gives_the_same_digits_at_another_precision(name, row):
     again, kept = made(name, 50, row), rows(name)[row]
     assert again.pop("cell") == next(iter(kept.values()))
     with mp.workdps(40):
@@ -52,7 +52,7 @@ def test_the_script_makes_the_same_digits_with_another_number_of_them(name, row)
             assert abs(mpf(one) - exact) <= abs(exact) * mpf(10) ** -29 + mpf(10) ** -36, key
 
 
-def test_the_catalogue_the_gallery_and_two_problems_of_the_iftomm_library_are_there():
+def test_the_data_contain_catalogue_gallery_and_two_problems_of_the_iftomm_library():
     from mechsim.analytic import catalog
 
     assert set(NAMES) == {*catalog.DRIVES, *gallery.files(), "spatial_slider_crank", "bricard"}
@@ -95,7 +95,7 @@ def test_the_spatial_slider_crank_starts_as_the_library_prints():
             assert abs(mpf(first[key]) - mpf(value)) < mpf(10) ** -29
 
 
-def test_closed_formulas_meet_the_digits():
+def test_closed_formulas_agree_with_the_digits():
     with mp.workdps(45):
         for row in rows("scotch_yoke"):
             assert abs(mpf(row["yoke.x"]) - mpf("0.03") * mp.cos(mpf(row["angle"]))) < mpf(10) ** -31
@@ -115,11 +115,11 @@ def test_the_ten_lines_of_the_folder_run_without_mechsim():
     assert subprocess.run([sys.executable, "-c", wrong], cwd=ROOT, capture_output=True).returncode == 1
 
 
-def test_a_table_that_was_changed_is_rejected(tmp_path):
+def test_a_changed_table_is_rejected(tmp_path):
     shutil.copytree(WHERE, tmp_path / "reference")
     path = tmp_path / "reference" / "data" / "four_bar.csv"
     path.write_text(path.read_text().replace("1", "2", 1))
-    with pytest.raises(InputError, match="not what its checksum"):
+    with pytest.raises(InputError, match="is wrong; download"):
         reference_data.read(tmp_path / "reference", "four_bar")
     with pytest.raises(InputError, match="no reference data of 'sundial'"):
         reference_data.read(WHERE, "sundial")

@@ -49,16 +49,16 @@ def test_a_platform_without_start_begins_where_its_laws_begin(load):
     assert ms.crosscheck(run, form).passed
 
 
-def test_laws_given_in_place_of_those_of_the_file_state_where_it_begins(load):
+def test_laws_that_replace_those_of_the_file_determine_the_start(load):
     form = load("0.05 + 0.01*t", drive=dict.fromkeys(DRIVERS, "0.32 + 0.01*t"))
     np.testing.assert_allclose(lengths(form.solve(t=[0.0])), 0.32, atol=1e-13)
 
 
-def test_a_start_that_is_stated_comes_before_the_laws(load):
+def test_a_stated_start_has_priority_over_the_laws(load):
     form = load("20mm/s", "start = { l1 = 0.3, l2 = 0.3, l3 = 0.3 }")
     np.testing.assert_allclose(lengths(form.solve(t=[0.0, 1.0]))[:, 1], 0.32, atol=1e-13)
 
 
-def test_a_law_that_counts_from_the_start_does_not_state_it(load):
+def test_a_law_relative_to_the_start_does_not_determine_it(load):
     with pytest.raises(AssemblyError, match=r"l1 = 0 m, .* where the drivers start"):
         load("20mm/s").solve(t=[0.0])

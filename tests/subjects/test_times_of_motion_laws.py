@@ -53,7 +53,7 @@ def test_crank_angles_are_rejected_where_motion_laws_drive(swung, call):
         ANGLES_GIVEN[call](swung)
 
 
-def test_other_instants_that_state_nothing_are_rejected_with_the_remedy(swung, tmp_path):
+def test_invalid_instants_are_rejected_with_the_remedy(swung, tmp_path):
     with pytest.raises(InputError, match=r"no times are given; give times in s, as t="):
         swung.solve()
     with pytest.raises(InputError, match="determine every rate; leave speed out"):
@@ -68,7 +68,7 @@ def test_other_instants_that_state_nothing_are_rejected_with_the_remedy(swung, t
     assert table.solve(t=[0.35]).joints["crank"].value[0] == pytest.approx(0.035)
 
 
-def test_times_serve_in_inverse_dynamics_and_sensitivities(swung):
+def test_inverse_dynamics_and_sensitivities_take_times(swung):
     machine = ms.dynamics.dynamic_model(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)))
     run = driven(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)), samples=8, method="pose")
     found = ms.dynamics.prescribed(machine, t=TIMES).forces.drives["crank"]
@@ -101,7 +101,7 @@ def test_a_crank_at_a_known_speed_takes_times_too(looped):
 
 
 def test_several_drivers_without_motion_laws_are_named():
-    with pytest.raises(InputError, match="left, right have no motion law; give each one"):
+    with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
         LoopForm(ms.load("five_bar").mechanism).solve(t=TIMES)
 
 
@@ -118,7 +118,7 @@ def test_a_run_under_a_motion_law_is_compared_at_the_angles_that_its_crank_had(s
 
 def test_a_run_of_a_crank_is_not_compared_with_motion_laws(swung):
     run = ms.simulate(ms.catalog.make("four_bar"), speed=1.0, samples=8)
-    with pytest.raises(InputError, match="motion laws drive crank on the analytic side"):
+    with pytest.raises(InputError, match="motion laws drive crank in the analytic motion"):
         ms.crosscheck(run, swung)
 
 

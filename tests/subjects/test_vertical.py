@@ -86,7 +86,7 @@ def test_a_scene_exported_as_toml_keeps_what_points_up(tmp_path):
         assert again.up == "z"
 
 
-def test_a_mechanism_with_gravity_along_z_is_drawn_standing(tmp_path):
+def test_a_mechanism_with_gravity_along_z_is_drawn_upright(tmp_path):
     mechanism = loaded(tmp_path, ARM + "[forces]\ngravity = [0, 0, -9.81]").mechanism
     for preset in ("iso", "side"):
         _, up = camera.directions(mechanism, preset)
@@ -110,12 +110,12 @@ def test_pages_and_pictures_take_another_vertical(tmp_path, capsys, monkeypatch)
         assert not place.exists()
 
 
-def test_what_is_no_axis_is_rejected_with_its_line(tmp_path):
+def test_an_invalid_axis_is_rejected_with_its_line(tmp_path):
     with pytest.raises(InputError, match=r"line 17: display.up is 'w'; it can be x, y, z, -x, -y, -z"):
         loaded(tmp_path, ARM + '[display]\nup = "w"')
     with pytest.raises(InputError, match="up is 'north'; it can be x"):
         replace(catalog.make("rssr").mechanism, up="north")
 
 
-def test_no_gravity_points_nowhere():
+def test_without_gravity_no_axis_points_up():
     assert against((0.0, 0.0, 0.0)) is None

@@ -1,4 +1,4 @@
-"""Bounds follow the conditioning of the loops: wider near a dead centre, never so wide as to hide a fault."""
+"""Tolerances follow the conditioning of the loops: wider near a dead centre, but never hiding a fault."""
 
 from dataclasses import replace
 
@@ -28,19 +28,19 @@ SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
 
 
 def near_a_dead_centre(name, part):
-    """Return a drive that swings over a part of its range, and that swing."""
+    """Return a mechanism that swings over a fraction of its range, and that swing."""
     drive = catalog.make(name, **special_designs(name).swinging)
     low, high = drive.crank_range().arcs[0]
     return drive, swing(0.5 * (low + high), 0.5 * part * (high - low), 20.0)
 
 
-def test_a_valid_mechanism_of_small_transmission_angle_is_met():
+def test_a_correct_mechanism_with_a_small_transmission_angle_passes():
     case = case_of(catalog.make("rrsrr", **FIVE_LINK))
     assert case.passed, case.verdict.reason
-    assert any("where the loops' conditioning is" in check.reason for check in case.verdict.checks)
+    assert any("at a loop conditioning of" in check.reason for check in case.verdict.checks)
 
 
-def test_a_valid_mechanism_that_goes_bad_by_the_first_steps_is_stepped_finer(monkeypatch):
+def test_a_correct_mechanism_that_fails_with_the_first_steps_gets_smaller_steps(monkeypatch):
     # a random knitter near a dead centre does so by a thousand steps a turn, the plain one by four
     monkeypatch.setattr(validate, "STEPS", 4)
     drive = catalog.make("warp_knitter")
@@ -52,7 +52,7 @@ def test_a_valid_mechanism_that_goes_bad_by_the_first_steps_is_stepped_finer(mon
 
 @pytest.mark.parametrize("name", SWINGING)
 @pytest.mark.parametrize("part", [0.99, 0.9999])
-def test_poses_near_a_dead_centre_are_met_by_run_and_verdict(name, part):
+def test_poses_near_a_dead_centre_pass_run_and_verdict(name, part):
     drive, profile = near_a_dead_centre(name, part)
     run = simulate(drive.mechanism, profile=profile, method="pose", samples=72)
     verdict = crosscheck(run, drive)
@@ -61,7 +61,7 @@ def test_poses_near_a_dead_centre_are_met_by_run_and_verdict(name, part):
 
 @pytest.mark.parametrize("name", SWINGING)
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_link_a_thousandth_long_is_rejected_near_a_dead_centre_too(name, method):
+def test_a_link_too_long_by_a_thousandth_fails_near_a_dead_centre_too(name, method):
     drive, profile = near_a_dead_centre(name, 0.98)
     longer = next(one for one in ("coupler", "rod", "link", "rod3") if hasattr(drive, one))
     wrong = replace(drive, **{longer: 1.001 * getattr(drive, longer)})
@@ -74,21 +74,21 @@ def test_a_link_a_thousandth_long_is_rejected_near_a_dead_centre_too(name, metho
     assert conditioning.min() < WELL_CONDITIONED
 
 
-def test_each_instant_is_held_against_its_own_bound():
+def test_each_instant_has_its_own_tolerance():
     tolerance = Tolerance(1.0, "m", "here", power=2)
     conditioning = WELL_CONDITIONED * np.array([2.0, 1.0, 0.1, 0.5])
     error, angle = np.array([0.9, 0.9, 90.0, 3.9]), np.arange(4.0)
     check = check_of("position", "A", error, angle, tolerance, conditioning)
     assert check.passed
     assert (check.worst, check.instant, check.tolerance) == (3.9, 3.0, pytest.approx(4.0))
-    assert check.reason == "here; x 4 where the loops' conditioning is 0.05"
+    assert check.reason == "here; x 4 at a loop conditioning of 0.05"
     # an error that is allowed where conditioning is poor is not where it is good
     assert not check_of("position", "A", error[[2, 0, 1, 3]], angle, tolerance, conditioning).passed
     flat = check_of("position", "A", error, angle, Tolerance(1.0, "m", "here"), conditioning)
     assert (flat.worst, flat.tolerance, flat.reason) == (90.0, 1.0, "here")
 
 
-def test_where_nothing_is_allowed_any_error_is_missed():
+def test_a_tolerance_of_zero_allows_no_error():
     nothing = Tolerance(0.0, "m", "none")
     assert check_of("position", "A", np.zeros(2), np.zeros(2), nothing).passed
     assert not check_of("position", "A", np.array([0.0, 1e-300]), np.zeros(2), nothing).passed
@@ -96,7 +96,7 @@ def test_where_nothing_is_allowed_any_error_is_missed():
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "slider_crank", "rrsrr"])
 def test_both_methods_report_the_conditioning_of_the_loops(name):
-    """They write the loops in other coordinates: it is alike, not the same, and falls to a dead centre."""
+    """The methods use different coordinates: conditionings are similar, and fall at a dead centre."""
     drive, profile = near_a_dead_centre(name, 0.9999)
     run = simulate(drive.mechanism, profile=profile, method="pose", samples=40)
     simulated, exact = (

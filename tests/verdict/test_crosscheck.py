@@ -39,7 +39,7 @@ def motion_of(mechanism: Mechanism, road: str = "step", speed: float = SPEED, **
 
 @cache
 def turned(name: str, road: str = "step") -> Motion:
-    """A turn of a right mechanism, which several tests look at."""
+    """Return a revolution of a correct mechanism, for several tests."""
     return motion_of(DRIVES[name].mechanism, road)
 
 
@@ -52,7 +52,7 @@ def named_as_the_points(drive: ClosedForm):
 
 @pytest.mark.parametrize("name", DRIVES)
 @pytest.mark.parametrize("road", ROADS)
-def test_a_right_mechanism_passes_by_either_method(name: str, road: str) -> None:
+def test_a_correct_mechanism_passes_by_both_methods(name: str, road: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(turned(name, road), drive, speed=SPEED)
     assert verdict.passed, verdict
@@ -63,7 +63,7 @@ def test_a_right_mechanism_passes_by_either_method(name: str, road: str) -> None
 
 @pytest.mark.parametrize("name", DRIVES)
 @pytest.mark.parametrize("road", ROADS)
-def test_a_function_is_an_analytic_side(name: str, road: str) -> None:
+def test_a_function_can_be_the_analytic_motion(name: str, road: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(turned(name, road), named_as_the_points(drive))
     assert verdict.passed, verdict
@@ -71,7 +71,7 @@ def test_a_function_is_an_analytic_side(name: str, road: str) -> None:
 
 
 @pytest.mark.parametrize("name", DRIVES)
-def test_the_loop_equations_are_an_analytic_side(name: str) -> None:
+def test_the_loop_equations_can_be_the_analytic_motion(name: str) -> None:
     mechanism = DRIVES[name].mechanism
     motion = motion_of(mechanism, samples=24)
     exact = loops.solve(mechanism, motion.angle, motion.speed, motion.acceleration)
@@ -79,7 +79,7 @@ def test_the_loop_equations_are_an_analytic_side(name: str) -> None:
     assert crosscheck(motion, replace(exact, spinning=free)).passed
 
 
-def test_a_motion_at_other_angles_is_solved_again_at_the_simulated_ones() -> None:
+def test_a_motion_at_other_angles_is_solved_at_the_simulated_angles() -> None:
     drive = DRIVES["rssr"]
     exact = drive.solve(np.linspace(0.0, 1.0, 5), SPEED)
     verdict = crosscheck(motion_of(drive.mechanism, samples=50), exact)
@@ -88,7 +88,7 @@ def test_a_motion_at_other_angles_is_solved_again_at_the_simulated_ones() -> Non
     assert any(check.title == "drive: crank speed" for check in verdict.checks)
 
 
-def test_the_package_itself_is_called_by_the_modules_name() -> None:
+def test_the_function_is_available_under_the_name_of_its_module() -> None:
     drive = DRIVES["four_bar"]
     for _ in range(2):
         assert ms.crosscheck(turned("four_bar", "pose"), drive).passed
@@ -111,14 +111,14 @@ ONE_ROAD = [
 
 
 @pytest.mark.parametrize(("name", "link", "road"), ONE_ROAD)
-def test_a_link_a_thousandth_long_is_rejected(name: str, link: str, road: str) -> None:
+def test_a_link_too_long_by_a_thousandth_fails(name: str, link: str, road: str) -> None:
     drive = DRIVES[name]
     wrong = replace(drive, **{link: 1.001 * getattr(drive, link)})
     refused(crosscheck(motion_of(wrong.mechanism, road), drive))
 
 
 @pytest.mark.parametrize("name", ["rssr", "guided rssr", "four_bar"])
-def test_two_links_swapped_are_rejected(name: str) -> None:
+def test_two_swapped_links_fail(name: str) -> None:
     drive = DRIVES[name]
     wrong = replace(drive, coupler=drive.rocker, rocker=drive.coupler)
     assert wrong.crank_range().full
@@ -135,14 +135,14 @@ def test_the_other_assembly_is_named_as_such(name: str, road: str) -> None:
 
 @pytest.mark.parametrize("turned", ["gamma1", "gamma2"])
 @pytest.mark.parametrize("road", ROADS)
-def test_a_rocker_axis_turned_by_a_tenth_of_a_degree_is_rejected(turned: str, road: str) -> None:
+def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(turned: str, road: str) -> None:
     drive = DRIVES["rssr"]
     wrong = replace(drive, **{turned: getattr(drive, turned) + np.deg2rad(0.1)})
     refused(crosscheck(motion_of(wrong.mechanism, road), drive))
 
 
 @pytest.mark.parametrize("name", DRIVES)
-def test_a_crank_turned_the_wrong_way_is_rejected_by_its_drive(name: str) -> None:
+def test_a_crank_in_the_wrong_direction_fails_the_drive_check(name: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(motion_of(drive.mechanism, speed=-SPEED), drive, speed=SPEED)
     refused(verdict)
@@ -153,7 +153,7 @@ def test_a_crank_turned_the_wrong_way_is_rejected_by_its_drive(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", DRIVES)
-def test_a_crank_whose_angle_counts_the_wrong_way_is_rejected(name: str) -> None:
+def test_a_crank_angle_of_the_wrong_sign_fails(name: str) -> None:
     drive = DRIVES[name]
     driver = drive.mechanism.driver
     joints = tuple(
@@ -173,7 +173,7 @@ def test_a_crank_whose_angle_counts_the_wrong_way_is_rejected(name: str) -> None
 @pytest.mark.parametrize(
     ("name", "points"), [("rssr", ("P2", "P3")), ("four_bar", ("A", "B")), ("four_bar", ("B", "C"))]
 )
-def test_two_points_swapped_are_rejected(name: str, points: tuple[str, str]) -> None:
+def test_two_swapped_points_fail(name: str, points: tuple[str, str]) -> None:
     drive = DRIVES[name]
     motion = turned(name)
     one, other = points
@@ -182,7 +182,7 @@ def test_two_points_swapped_are_rejected(name: str, points: tuple[str, str]) -> 
 
 
 @pytest.mark.parametrize("kind", ["position", "velocity", "acceleration"])
-def test_one_number_that_is_none_is_a_diverged_run(kind: str) -> None:
+def test_a_nan_means_a_diverged_run(kind: str) -> None:
     drive = DRIVES["rssr"]
     motion = turned("rssr")
     values = getattr(motion.points["P3"], kind).copy()
@@ -191,7 +191,7 @@ def test_one_number_that_is_none_is_a_diverged_run(kind: str) -> None:
     refused(crosscheck(bad, drive), "diverged")
 
 
-def test_a_number_that_is_none_in_a_joint_or_a_loop_is_not_passed_over() -> None:
+def test_a_nan_in_a_joint_or_a_loop_is_detected() -> None:
     drive = DRIVES["four_bar"]
     motion = turned("four_bar")
     values = motion.joints["rocker"].value.copy()
@@ -199,12 +199,12 @@ def test_a_number_that_is_none_in_a_joint_or_a_loop_is_not_passed_over() -> None
     joints = {**motion.joints, "rocker": replace(motion.joints["rocker"], value=values)}
     refused(crosscheck(replace(motion, joints=joints), drive), "diverged")
     assert motion.closure is not None
-    open_loop = motion.loops.copy()
+    open_loop = motion.closure.copy()
     open_loop[-1] = np.nan
     refused(crosscheck(replace(motion, closure=open_loop), drive), "diverged")
 
 
-def test_a_run_that_blew_up_is_rejected_though_its_beginning_was_good() -> None:
+def test_a_run_that_diverges_late_fails() -> None:
     drive = DRIVES["rssr"]
     wild = Settings(integrator="Euler", steps_per_turn=100, constant_steps=0.1)
     run = simulate(drive.mechanism, speed=SPEED, turns=5.0, settings=wild)
@@ -213,7 +213,7 @@ def test_a_run_that_blew_up_is_rejected_though_its_beginning_was_good() -> None:
     refused(crosscheck(run.motion, drive, tolerance=1e9), "diverged")
 
 
-def test_a_loose_run_is_missed_by_how_much() -> None:
+def test_a_run_with_soft_loops_fails_and_states_by_how_much() -> None:
     drive = DRIVES["rssr"]
     motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=30))
     verdict = crosscheck(motion, drive, tolerance=1e-9)
@@ -221,7 +221,7 @@ def test_a_loose_run_is_missed_by_how_much() -> None:
     assert "beyond the tolerance: position of P3 by" in verdict.reason
 
 
-def test_velocities_of_another_instant_are_rejected() -> None:
+def test_velocities_of_another_instant_fail() -> None:
     drive = DRIVES["rssr"]
     motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=1000), samples=1000)
     point = motion.points["P3"]
@@ -229,19 +229,19 @@ def test_velocities_of_another_instant_are_rejected() -> None:
     assert not crosscheck(replace(motion, points={**motion.points, "P3": late}), drive).passed
 
 
-def test_a_crank_a_thousandth_too_fast_is_rejected_by_its_drive_only() -> None:
+def test_a_crank_too_fast_by_a_thousandth_fails_only_the_drive_check() -> None:
     drive = DRIVES["slider_crank"]
     verdict = crosscheck(motion_of(drive.mechanism, speed=1.001 * SPEED), drive, speed=SPEED)
     refused(verdict)
     assert all(check.title.startswith("drive") for check in verdict.checks if not check.passed)
 
 
-def test_a_closed_form_that_cannot_stand_where_the_simulation_did_reports_so() -> None:
+def test_a_closed_form_that_does_not_close_at_the_simulated_angles_is_reported() -> None:
     swinging = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     refused(crosscheck(turned("four_bar"), swinging), "cannot assemble")
 
 
-def test_tolerances_given_replace_the_usual_ones() -> None:
+def test_given_tolerances_replace_the_default_ones() -> None:
     drive = DRIVES["four_bar"]
     motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=100))
     strict = {"acceleration": Tolerance(1e-12, "m/s2", "as asked")}
@@ -271,31 +271,31 @@ def function(shape: str):
 @pytest.mark.parametrize(
     ("shape", "sentence"),
     [
-        ("transposed", r"gives point 'A' of shape \(3, 73\) for 73 crank angles; give \(73, 3\)"),
-        ("flat", r"gives point 'A' of shape \(73,\)"),
-        ("one", r"gives point 'A' of shape \(3,\)"),
-        ("none", "the analytic side gives no point"),
+        ("transposed", r"returns point 'A' of shape \(3, 73\) for 73 crank angles; return \(73, 3\)"),
+        ("flat", r"returns point 'A' of shape \(73,\)"),
+        ("one", r"returns point 'A' of shape \(3,\)"),
+        ("none", "the analytic motion has no point"),
         ("other", r"the simulation has no point Q \(it has A, B, C\)"),
-        ("nan", "gives no finite place for point 'A' at crank angle"),
+        ("nan", "has no finite position of point 'A' at crank angle"),
     ],
 )
-def test_a_function_of_the_wrong_kind_is_rejected_in_one_sentence(shape: str, sentence: str) -> None:
+def test_an_invalid_function_is_rejected_in_one_sentence(shape: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as told:
         crosscheck(turned("four_bar"), function(shape))
     assert "\n" not in str(told.value)
 
 
-def test_a_simulation_without_one_of_the_points_is_reported_which() -> None:
+def test_a_missing_point_of_the_simulation_is_named() -> None:
     drive = DRIVES["rssr"]
     motion = turned("rssr")
     with pytest.raises(InputError, match=r"has no point P3 \(it has P2\)"):
         crosscheck(replace(motion, points={"P2": motion.points["P2"]}), drive)
 
 
-def test_a_motion_that_nothing_can_solve_again_must_stand_at_the_same_angles() -> None:
+def test_a_motion_without_a_solver_must_have_the_same_angles() -> None:
     drive = DRIVES["rssr"]
     exact = replace(drive.solve(np.linspace(0.0, 1.0, 73), SPEED), origin=None)
-    with pytest.raises(InputError, match="stands at other crank angles"):
+    with pytest.raises(InputError, match="has other crank angles"):
         crosscheck(turned("rssr"), exact)
 
 

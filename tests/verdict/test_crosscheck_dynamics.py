@@ -1,4 +1,4 @@
-"""The verdict on dynamics: right machines pass on both methods, each wrong one is rejected."""
+"""The verdict on dynamics: correct models pass by both methods, and every wrong one fails."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def push(angle):
 
 
 def everything(name: str) -> Forces:
-    """Return forces of every kind that the mechanism's joints take."""
+    """Return forces of every kind that the mechanism's joints allow."""
     mechanism = catalog.make(name).mechanism
     tip = list(mechanism.points)[-1]
     straight = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")]
@@ -113,7 +113,7 @@ def frictionless(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("name", ["four_bar", "rssr"])
-def test_each_wrong_model_is_rejected(name, method):
+def test_each_wrong_model_fails(name, method):
     machine = of(name, everything(name))
     run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
     for wrong in (heavier, turned, upside_down, load_next_door, frictionless):
@@ -121,7 +121,7 @@ def test_each_wrong_model_is_rejected(name, method):
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_torque_of_the_wrong_sign_and_one_that_is_no_number_are_rejected(method):
+def test_a_torque_of_the_wrong_sign_and_a_nan_fail(method):
     machine = of("four_bar", Forces(gravity=GRAVITY))
     run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
     backwards = replace(run, forces=replace(run.forces, torque=-run.forces.torque))
@@ -146,7 +146,7 @@ def test_a_free_run_without_friction_follows_the_reduced_equation_over_four_turn
     [TorqueSpeedLine(5.0, 100.0), DCMotor(24.0, 0.5, 0.2), ConstantTorque(0.5)],
     ids=["line", "dc", "constant"],
 )
-def test_a_motor_starts_the_model_as_the_reduced_equation_states(motor):
+def test_a_motor_starts_the_mechanism_as_in_the_reduced_equation(motor):
     machine = of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
     run = free_run(machine.mechanism, machine.forces, turns=1.0)
     assert run.free.outcome == "done"
@@ -154,7 +154,7 @@ def test_a_motor_starts_the_model_as_the_reduced_equation_states(motor):
     assert verdict.passed, verdict
 
 
-def test_each_wrong_model_is_rejected_by_its_free_run():
+def test_each_wrong_model_fails_in_its_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
     machine = of("four_bar", forces)
     run = free_run(machine.mechanism, machine.forces, turns=0.5)
@@ -183,15 +183,15 @@ def test_a_motor_weaker_than_friction_or_weight_cannot_start():
     assert "turns back" in run.free.reason
 
 
-def test_forces_of_a_crank_that_creeps_under_weight_are_right():
-    """What is left over of accelerations was measured by those of the motion, which are next to none."""
+def test_forces_of_a_slow_crank_under_gravity_are_correct():
+    """The residual of accelerations was relative to those of the motion, which are almost zero."""
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
     run = driven(machine.mechanism, machine.forces, speed=1e-4, method="pose", samples=12)
     assert crosscheck_driven(run, machine).passed
     assert run.forces.residual.max() < 1e-12
 
 
-def test_a_free_run_without_an_end_is_bad_input():
+def test_a_free_run_without_an_end_is_invalid_input():
     with pytest.raises(InputError, match="needs turns of the crank, or a duration"):
         free_run(catalog.make("four_bar").mechanism)
     with pytest.raises(InputError, match="duration of a free run is 0"):
@@ -210,14 +210,14 @@ def test_a_model_with_all_forces_reads_back_from_its_text_bit_by_bit(name):
             np.testing.assert_array_equal(getattr(back, field), made, err_msg=field)
 
 
-def test_the_exported_crank_carries_the_flywheel_of_the_model_and_none_of_the_drive():
+def test_the_exported_crank_has_the_flywheel_and_no_drive_inertia():
     mechanism = catalog.make("rssr").mechanism
     spec = assembled(mechanism, Scene(level="dynamics", forces=Forces(flywheel=0.02)))
     model = spec.compile()
     assert model.dof_armature[model.joint("crank").dofadr[0]] == 0.02
 
 
-def test_a_loop_in_space_is_cut_where_there_is_no_dry_friction_and_else_has_an_actuator_for_it():
+def test_a_spatial_loop_is_cut_at_a_joint_without_coulomb_friction_or_gets_an_actuator():
     mechanism = catalog.make("bennett").mechanism
     names = [joint.name for joint in mechanism.joints]
     for dry in names[1:]:

@@ -1,4 +1,4 @@
-"""The two methods to forces meet: MuJoCo agrees with the right machine, and the check rejects wrong ones."""
+"""Forces by both methods: MuJoCo agrees with the correct model, and the check rejects wrong ones."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ SPEED = 60.0
 
 
 def judged(method, mechanism=RIGHT, forces=FORCES):
-    """The verdict on MuJoCo's run of a machine, against the right machine's reduced equation."""
+    """Return the verdict on MuJoCo's run of a model against the correct model's reduced equation."""
     found = driven(mechanism, forces, speed=SPEED, method=method, samples=24)
     return crosscheck_driven(found, dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT))
 
@@ -69,7 +69,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_the_right_model_is_met(method):
+def test_the_correct_model_passes(method):
     verdict = judged(method)
     assert verdict.passed, verdict
     assert len(verdict.checks) > 10
@@ -77,13 +77,13 @@ def test_the_right_model_is_met(method):
 
 @pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_wrong_model_is_missed(method, wrong):
+def test_a_wrong_model_fails(method, wrong):
     verdict = judged(method, **WRONG[wrong])
     assert verdict.outcome == "failed", verdict
     assert "drive torque" in verdict.reason or "force in" in verdict.reason
 
 
-def test_a_torque_of_the_wrong_sign_or_that_is_no_number_is_seen():
+def test_a_torque_of_the_wrong_sign_or_a_nan_is_detected():
     found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
     machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
     turned = replace(found, forces=replace(found.forces, torque=-found.forces.torque))
@@ -95,7 +95,7 @@ def test_a_torque_of_the_wrong_sign_or_that_is_no_number_is_seen():
     assert crosscheck_driven(replace(found, outcome="diverged"), machine).outcome == "diverged"
 
 
-def test_a_reaction_on_the_other_link_is_seen():
+def test_a_reaction_on_the_wrong_link_is_detected():
     found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
     machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
     one = found.forces.reactions["S"]
@@ -104,7 +104,7 @@ def test_a_reaction_on_the_other_link_is_seen():
     assert [check.title for check in verdict.checks if not check.passed] == ["force in S"]
 
 
-def test_every_mechanism_of_the_catalogue_meets_its_reduced_equation_pose_by_pose():
+def test_every_catalogue_mechanism_satisfies_its_reduced_equation_at_each_pose():
     for name in catalog.DRIVES:
         drive = catalog.make(name)
         if drive.crank_range().full:
@@ -114,7 +114,7 @@ def test_every_mechanism_of_the_catalogue_meets_its_reduced_equation_pose_by_pos
             assert verdict.passed, verdict
 
 
-def test_a_free_run_is_met_and_one_with_another_motor_missed():
+def test_a_free_run_passes_and_one_with_another_motor_fails():
     drive = catalog.make("four_bar")
     motor = motors.DCMotor(6.0, 2.0, 0.05)
     machine = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
@@ -130,11 +130,11 @@ def test_a_free_run_is_met_and_one_with_another_motor_missed():
 
 
 def three_armed(place):
-    """A parallelogram with a third crank under weight, its unit motion by loop equations."""
+    """Return a parallelogram with a third crank under gravity, with its unit motion by loop equations."""
     return dynamics.dynamic_model(three_cranks(place), Forces(gravity=(0.4, -9.81, 0.0)))
 
 
-def test_of_a_redundant_crank_the_force_across_it_is_known_and_checked():
+def test_the_determined_force_in_a_redundant_crank_is_checked():
     machine = three_armed((0.047, 0.02))
     # where all cranks lie along x the third takes no part in the self-stress
     angle = 0.2 + np.linspace(0.0, 2.0 * np.pi, 25)
@@ -165,7 +165,7 @@ def test_of_a_redundant_crank_the_force_across_it_is_known_and_checked():
     assert {("force", "third"), ("force", "third pin")} <= missed
 
 
-def test_forces_next_to_a_change_point_are_what_they_are_without_it():
+def test_forces_near_a_change_point_are_continuous():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     angle = np.array([0.0, 0.7, 2.0, np.pi, 4.0])
@@ -176,7 +176,7 @@ def test_forces_next_to_a_change_point_are_what_they_are_without_it():
         np.testing.assert_allclose(whole.reactions[name].force[[1, 2, 4]], one.force, rtol=1e-9, atol=1e-9)
 
 
-def test_no_record_states_itself_where_it_is_not_checked():
+def test_records_do_not_decide_where_they_are_checked():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).forces
@@ -187,14 +187,14 @@ def test_no_record_states_itself_where_it_is_not_checked():
         assert (error > 0.0).tolist() == [False, True, True, False, True]
 
 
-def test_no_step_is_taken_from_where_assemblies_meet():
+def test_no_step_starts_at_a_change_point():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     with pytest.raises(AssemblyError, match=r"starts at crank angle 0 rad, where two assemblies meet"):
         driven(flat.mechanism, profile=constant(50.0, 1.0, 0.0), method="step", samples=24)
 
 
 def glued():
-    """The R-S-C-R whose lever is of two pieces that a fixed joint joins."""
+    """Return the R-S-C-R whose lever consists of two links connected by a fixed joint."""
     whole = rscr()
     glue = Joint("glue", "fixed", End("half", (0.03, 0.01, 0.0)), End("lever", (0.03, 0.01, 0.0)))
     joints = [
@@ -207,7 +207,7 @@ def glued():
 
 @pytest.mark.parametrize(("mechanism", "cut"), [(rscr(), "sleeve"), (glued(), "glue")])
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_state(mechanism, cut, method):
+def test_cylindrical_and_fixed_cut_joints_have_the_newton_euler_reactions(mechanism, cut, method):
     acting = Forces(
         gravity=(0.3, -9.81, 2.1),
         friction=(Friction("sleeve", 0.02, 0.01, viscous_turn=1e-5, coulomb_turn=1e-4),),
@@ -226,7 +226,7 @@ def test_a_loop_closed_by_a_sleeve_or_a_fixed_joint_carries_what_the_laws_state(
     assert not crosscheck_driven(run, wrong).passed
 
 
-def test_what_is_too_light_for_mujoco_is_rejected_with_a_remedy_that_holds():
+def test_links_too_light_for_mujoco_are_rejected_with_a_working_remedy():
     lengths = {"ground": 1e-2, "crank": 3e-3, "coupler": 9e-3, "rocker": 7e-3, "arm": 4e-3}
     large, small = (
         dynamics.dynamic_model(catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}))
@@ -240,7 +240,7 @@ def test_what_is_too_light_for_mujoco_is_rejected_with_a_remedy_that_holds():
 
 
 @pytest.mark.parametrize("name", ["rack_steering", "elliptic_trammel", "oldham_coupling"])
-def test_a_stepped_torque_keeps_its_bound_near_dead_centres_and_where_it_is_a_small_part_of_forces(name):
+def test_a_stepped_torque_is_within_its_tolerance_near_dead_centres_and_if_it_is_small(name):
     form = load(name)
     machine = weighing(form)
     profile = within_range(form.mechanism, form.crank_range(), SPEED)
@@ -249,7 +249,7 @@ def test_a_stepped_torque_keeps_its_bound_near_dead_centres_and_where_it_is_a_sm
     assert verdict.passed, verdict
 
 
-def test_redundant_loops_that_agree_are_held_hard_when_a_crank_runs_freely():
+def test_consistent_redundant_loops_are_stiff_in_a_free_run():
     agreeing, other = three_armed((0.05, 0.03)), dynamics.dynamic_model(catalog.make("bennett"), Forces())
     found = free_run(agreeing.mechanism, agreeing.forces, speed=60.0, turns=1.0)
     verdict = crosscheck_free(found, agreeing)
@@ -258,7 +258,7 @@ def test_redundant_loops_that_agree_are_held_hard_when_a_crank_runs_freely():
     assert free_run(other.mechanism, other.forces, speed=60.0, turns=0.05).settings == REDUNDANT
 
 
-def test_a_free_crank_whose_couplings_bend_keeps_its_tolerances_with_the_order_of_its_steps():
+def test_a_free_crank_with_nonlinear_couplings_keeps_its_tolerance_and_order():
     machine = dynamics.dynamic_model(bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
     errors = []
     for steps in (125, 250):
@@ -272,7 +272,7 @@ def test_a_free_crank_whose_couplings_bend_keeps_its_tolerances_with_the_order_o
     assert 3.5 < np.log2(errors[0] / errors[1]) < 5.0, errors
 
 
-def test_that_loops_hardly_hold_their_links_is_reported_of_stepped_forces():
+def test_poor_conditioning_is_reported_with_stepped_forces():
     said = {}
     for aside in (1e-4, 0.03):
         machine = dynamics.dynamic_model(three_cranks((0.047, aside), start=0.0), Forces())
@@ -283,7 +283,7 @@ def test_that_loops_hardly_hold_their_links_is_reported_of_stepped_forces():
     assert said[0.03] == ""
 
 
-def test_the_energy_of_a_start_under_a_stiff_motor_balances_and_another_motor_is_missed():
+def test_the_energy_of_a_start_with_a_stiff_motor_balances_and_another_motor_fails():
     motor = motors.TorqueSpeedLine(100.0, 60.0)
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
     found = free_run(machine.mechanism, machine.forces, turns=0.2, samples=20)

@@ -1,4 +1,4 @@
-"""Sizes of errors on small records: each is what a hand or another route makes it."""
+"""Errors of small records, compared with hand calculations or another method."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ FLAT = np.zeros((N, 3))
 
 
 def about(axis, angle):
-    """Turn about an axis by Rodrigues' formula, (3, 3)."""
+    """Return the rotation about an axis by Rodrigues' formula, (3, 3)."""
     x, y, z = np.asarray(axis) / np.linalg.norm(axis)
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
@@ -61,7 +61,7 @@ def efforts(**fields):
 
 
 @pytest.mark.parametrize("turn", [1e-9, 1e-3, 0.4, 1.5, 2.5, 3.1])
-def test_a_link_turned_about_any_axis_is_off_by_the_angle(turn):
+def test_the_orientation_error_is_the_angle_of_rotation(turn):
     for axis in (*np.eye(3), *RANDOM.normal(size=(5, 3))):
         start = about(RANDOM.normal(size=3), 1.1)
         found, exact = motion(about(axis, turn) @ start), motion(start)
@@ -69,12 +69,12 @@ def test_a_link_turned_about_any_axis_is_off_by_the_angle(turn):
             assert_allclose(errors.orientation(one, other, "rod"), turn, rtol=1e-6)
 
 
-def test_a_link_a_milliradian_off_is_missed_and_one_that_is_not_is_off_by_nothing():
+def test_a_milliradian_is_detected_and_equal_orientations_have_no_error():
     start = about((0.3, -0.4, 0.8), 0.7)
     assert_allclose(errors.orientation(motion(start), motion(start), "rod"), 0.0, atol=1e-15)
 
 
-def test_errors_of_points_are_lengths_of_their_gaps():
+def test_point_errors_are_distances():
     gaps = RANDOM.normal(size=(3, N, 3))
     base = RANDOM.normal(size=(3, N, 3))
     exact = motion(points={"P": PointMotion(*base)})
@@ -85,7 +85,7 @@ def test_errors_of_points_are_lengths_of_their_gaps():
 
 @pytest.mark.parametrize("turns", [-3, -1, 0, 1, 2])
 @pytest.mark.parametrize("off", [-0.2, 1e-6, 0.5, 3.0])
-def test_joint_angles_are_compared_by_the_shorter_way_round_and_lengths_as_they_are(turns, off):
+def test_joint_angles_are_compared_modulo_a_revolution(turns, off):
     exact = motion(joints={"hinge": joint(0.4), "slide": joint(0.4, "m")})
     value = 0.4 + off + 2.0 * np.pi * turns
     found = motion(joints={"hinge": joint(value), "slide": joint(value, "m")})
@@ -95,7 +95,7 @@ def test_joint_angles_are_compared_by_the_shorter_way_round_and_lengths_as_they_
     assert errors.of_joints("m")(found, exact, "hinge") is None
 
 
-def test_only_what_both_know_is_compared_and_neither_the_crank_nor_a_spin_nothing_holds():
+def test_only_common_joints_and_links_are_compared_without_the_crank_and_passive_rotations():
     known = {name: joint(0.0) for name in ("crank", "one", "two")}
     exact = motion(joints=known, links=("rod", "arm", "loose"), spinning=frozenset({"loose"}))
     found = motion(joints={"crank": joint(0.0), "two": joint(0.0)}, links=("arm", "loose"))
@@ -104,7 +104,7 @@ def test_only_what_both_know_is_compared_and_neither_the_crank_nor_a_spin_nothin
     assert list(errors.points(found, exact)) == ["P"]
 
 
-def test_the_crank_is_off_by_how_far_it_lags_or_leads_where_there_is_time():
+def test_the_drive_error_is_the_lag_or_lead_of_the_crank():
     late = motion(time=ANGLE / 2.0)
     for off in (-0.1, 0.1):
         wanted = replace(late, angle=ANGLE + off)
@@ -112,14 +112,14 @@ def test_the_crank_is_off_by_how_far_it_lags_or_leads_where_there_is_time():
     assert errors.drive_angle(motion(), late, "") is None
 
 
-def test_a_field_is_off_by_its_difference_or_alone_by_what_it_is():
+def test_a_field_error_is_a_difference_or_the_field_itself():
     found, exact = efforts(torque=np.full(N, -3.0)), efforts(torque=np.full(N, 1.0))
     assert_allclose(errors.field_error("torque")(found, exact, ""), 4.0)
     assert_allclose(errors.field_value("torque")(found, exact, ""), 3.0)
     assert errors.field_value("time")(found, exact, "") is None
 
 
-def test_the_torque_counts_unless_dry_friction_has_no_direction_and_the_crank_stands():
+def test_the_torque_is_ignored_where_a_crank_with_coulomb_friction_stands_still():
     found, true = efforts(torque=np.full(N, -2.0)), np.full(N, -3.0)
     # a part of 1e-7 of the fastest counts as standing
     speed = np.full(N, 20.0)
@@ -131,7 +131,7 @@ def test_the_torque_counts_unless_dry_friction_has_no_direction_and_the_crank_st
     assert errors.torque(found, efforts(torque=true, speed=speed), "").tolist() == [1.0] * N
 
 
-def test_reactions_count_in_the_components_that_are_determined():
+def test_only_determined_components_of_reactions_are_compared():
     known = np.array([True, False, True, False, False, True])
     wrong = replace(
         efforts().reactions["A"],
@@ -152,7 +152,7 @@ def test_reactions_count_in_the_components_that_are_determined():
         assert_allclose(size, np.abs(np.array([3.0, 100.0, 4.0, 7.0, 100.0, -2.0]))[i])
 
 
-def test_the_force_of_a_slide_or_rack_is_off_by_the_moment_it_has_at_the_mechanisms_size():
+def test_force_errors_of_slides_and_racks_are_multiplied_by_the_characteristic_length():
     found, exact = (
         efforts(gears={"a-b": np.full(N, one)}, drives={"ram": np.full(N, 2.0 * one)}) for one in (5.0, 2.0)
     )
@@ -162,7 +162,7 @@ def test_the_force_of_a_slide_or_rack_is_off_by_the_moment_it_has_at_the_mechani
         assert_allclose(errors.drive_effort(found, true, "ram"), 6.0 * size)
 
 
-def test_reactions_and_gears_state_nothing_where_a_dry_joint_turns_round():
+def test_reactions_and_gears_are_ignored_where_coulomb_friction_reverses():
     wrong = replace(efforts().reactions["A"], force=FLAT + 1.0)
     sliding = np.ones((N, 2))
     sliding[2, 1] = 0.0

@@ -1,4 +1,4 @@
-"""Friction in joints of every kind, couples and geared motors: two roads, one answer, and wrong ones seen."""
+"""Friction in joints of every kind, couples and geared motors: both methods agree, and wrong models fail."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def test_torque_and_reactions_agree_under_friction_in_joints_of_every_kind(kind,
 
 
 @pytest.mark.parametrize("opposed", [(), ("A",), ("B",), ("crank", "A")])
-def test_friction_where_a_flat_loop_is_cut_opposes_its_joint_whichever_way_round_axes_are_given(opposed):
+def test_friction_in_a_cut_joint_opposes_its_motion_for_either_direction_of_its_axes(opposed):
     mechanism = catalog.make("four_bar").mechanism
     down = {"axis": (0.0, 0.0, -1.0)}
     turned = tuple(
@@ -65,13 +65,13 @@ def test_friction_where_a_flat_loop_is_cut_opposes_its_joint_whichever_way_round
 
 
 @pytest.mark.parametrize("part", ["viscous", "coulomb", "viscous_turn", "coulomb_turn"])
-def test_each_part_of_the_friction_of_a_sleeve_is_seen_when_left_out(part):
+def test_each_missing_component_of_friction_in_a_cylindrical_joint_is_detected(part):
     machine = of("cylindrical")
     run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, samples=12)
     assert crosscheck_driven(run, without(machine, **{part: 0.0})).outcome == "failed"
 
 
-def test_friction_takes_the_power_of_its_joint_s_rates_and_both_routes_to_torque_agree():
+def test_friction_power_follows_from_joint_rates_and_both_torques_agree():
     machine = of("cylindrical")
     study = dynamics.prescribed(machine, np.linspace(0.7, 1.4, 9), 30.0)
     found = study.forces
@@ -86,7 +86,7 @@ def test_friction_takes_the_power_of_its_joint_s_rates_and_both_routes_to_torque
     assert study.second_torque == pytest.approx(found.torque, rel=1e-10)
 
 
-def test_dry_friction_of_a_ball_opposes_its_spin_and_no_axis_apart():
+def test_coulomb_friction_of_a_ball_opposes_its_angular_velocity():
     machine = of("spherical, cut")
     ball = machine.mechanism.joint("S")
     study = dynamics.prescribed(machine, np.linspace(0.0, 6.0, 13), 30.0)
@@ -98,7 +98,7 @@ def test_dry_friction_of_a_ball_opposes_its_spin_and_no_axis_apart():
 
 
 @pytest.mark.parametrize("kind", ["spherical, cut", "cut in space"])
-def test_a_free_run_loses_in_these_joints_what_the_reduced_equation_states(kind):
+def test_a_free_run_loses_the_energy_of_the_reduced_equation(kind):
     machine = of(kind)
     machine = machine.with_forces(replace(machine.forces, flywheel=1e-3))
     run = free_run(machine.mechanism, machine.forces, speed=60.0, duration=0.01, timestep=1e-5, samples=20)
@@ -107,14 +107,14 @@ def test_a_free_run_loses_in_these_joints_what_the_reduced_equation_states(kind)
     assert crosscheck_free(run, without(machine, coulomb=0.0)).outcome == "failed"
 
 
-def test_a_crank_that_a_ball_joint_holds_cannot_start():
+def test_a_crank_locked_by_ball_friction_cannot_start():
     held = Forces(friction=(Friction("S", 0.0, 0.5),), motor=ConstantTorque(0.01))
     machine = dynamics.dynamic_model(catalog.make("rrsrr"), held)
     assert dynamics.free_run(machine, turns=1.0).outcome == "cannot start"
     assert free_run(machine.mechanism, machine.forces, turns=1.0).free.outcome == "cannot start"
 
 
-def test_a_couple_on_a_link_is_the_same_on_both_methods_and_missed_on_another_link():
+def test_a_couple_agrees_by_both_methods_and_fails_on_another_link():
     moment = load_profile.function(
         lambda at: np.stack([np.cos(at), 0.3 + 0.0 * at, np.sin(2.0 * at)], 1), width=3
     )
@@ -129,7 +129,7 @@ def test_a_couple_on_a_link_is_the_same_on_both_methods_and_missed_on_another_li
 
 
 @pytest.mark.parametrize("motor", [TorqueSpeedLine(0.02, 900.0), DCMotor(12.0, 4.0, 0.012)])
-def test_a_geared_motor_drives_as_the_reduced_equation_states_and_a_wrong_ratio_is_seen(motor):
+def test_a_geared_motor_satisfies_the_reduced_equation_and_a_wrong_ratio_fails(motor):
     machine = dynamics.dynamic_model(
         catalog.make("four_bar"), Forces(gravity=GRAVITY, motor=Geared(motor, 9.0))
     )
@@ -160,6 +160,6 @@ def test_a_geared_motor_drives_as_the_reduced_equation_states_and_a_wrong_ratio_
         ),
     ],
 )
-def test_what_means_nothing_is_rejected(make, said):
+def test_meaningless_friction_couples_and_ratios_are_rejected(make, said):
     with pytest.raises(InputError, match=said):
         make()

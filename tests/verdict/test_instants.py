@@ -1,4 +1,4 @@
-"""Where an error is worst is named by the crank angle, or by the time where motion laws drive."""
+"""The worst error is located by crank angle, or by time under motion laws."""
 
 import json
 
@@ -22,7 +22,7 @@ def swung():
 
 
 def late(form, by):
-    """Return a function of the crank angle that is off by 1 mm where the crank stands at an angle."""
+    """Return a function of the crank angle that is off by 1 mm at one angle."""
 
     def claim(angle):
         place = form.positions(angle)["B"]
@@ -52,7 +52,7 @@ def test_a_verdict_on_a_crank_names_crank_angles():
     assert "at [rad]" in verdict_html(verdict)
 
 
-def test_efforts_under_motion_laws_are_checked_at_times(swung):
+def test_forces_under_motion_laws_are_checked_at_times(swung):
     run = driven(swung, samples=20)
     verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(swung))
     assert {one.at_unit for one in verdict.checks} == {"s"}

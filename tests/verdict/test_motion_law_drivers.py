@@ -1,4 +1,4 @@
-"""Motions under motion laws are judged where their drivers were, and the drivers next to their programs."""
+"""Motions under motion laws are checked at the driver positions, and the drivers against their laws."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ TIME = np.linspace(0.0, 1.0, 40)
 
 
 def record(form: LoopForm, source: str):
-    """Return a motion as a simulator would have recorded it."""
+    """Return a motion as a simulator would record it."""
     assert not form.motion_laws.crank
     motion = form.solve(t=TIME)
     return replace(motion, source=source, time=TIME, origin=None, closure=np.zeros(len(TIME)))
@@ -33,7 +33,7 @@ def lagging(by: float) -> LoopForm:
 
 
 @pytest.mark.parametrize("source", ["pose", "step"])
-def test_a_motion_as_its_motion_laws_have_it_is_met_with_a_line_for_each_driver(source):
+def test_a_motion_that_follows_its_laws_passes_with_a_check_for_each_driver(source):
     verdict = crosscheck(record(FORM, source), FORM)
     assert verdict.passed, verdict
     told = {check.subject: check.worst for check in verdict.checks if check.kind == "driver angle"}
@@ -41,13 +41,13 @@ def test_a_motion_as_its_motion_laws_have_it_is_met_with_a_line_for_each_driver(
     assert max(told.values()) < 1e-14
 
 
-def test_drivers_are_held_against_no_motion_laws_where_the_exact_motion_knows_none():
+def test_drivers_are_not_checked_without_motion_laws():
     verdict = crosscheck(record(FORM, "pose"), record(lagging(0.0), "loop equations"))
     assert verdict.passed
     assert "driver angle" not in {check.kind for check in verdict.checks}
 
 
-def test_a_driver_behind_its_motion_law_is_missed_by_what_it_lags_and_nothing_else_is():
+def test_a_driver_that_lags_fails_only_its_own_check():
     verdict = crosscheck(record(lagging(0.05), "step"), FORM)
     assert [check.title for check in verdict.checks if not check.passed] == ["drive: left"]
     worst = next(check.worst for check in verdict.checks if check.title == "drive: left")
@@ -55,7 +55,7 @@ def test_a_driver_behind_its_motion_law_is_missed_by_what_it_lags_and_nothing_el
 
 
 @pytest.mark.parametrize("form", [FORM, LIFTING], ids=["arms", "cylinder"])
-def test_accelerations_are_parts_of_the_quickest_driver_in_radians_or_sizes(form):
+def test_accelerations_are_relative_to_the_fastest_driver(form):
     found = record(form, "pose")
     verdict = crosscheck(found, form)
     bound = next(c for c in verdict.checks if c.kind == "acceleration").tolerance
@@ -65,7 +65,7 @@ def test_accelerations_are_parts_of_the_quickest_driver_in_radians_or_sizes(form
     assert bound == pytest.approx(8192 * np.finfo(np.float64).eps * reach * quickest, rel=1e-9)
 
 
-def test_what_cannot_be_solved_where_its_drivers_were_is_solved_at_the_instants_of_the_clock():
+def test_a_motion_without_a_solver_at_driver_positions_is_solved_at_its_times():
     found = record(FORM, "step")
     by_clock = SimpleNamespace(solve=FORM.solve, motion_laws=MOVES, assembly_sign=FORM.assembly_sign)
     assert crosscheck(found, by_clock).passed

@@ -1,4 +1,4 @@
-"""The detector of another assembly, on made-up solvers whose assemblies lie where they are put."""
+"""Detection of another assembly mode, with artificial solvers whose modes have given positions."""
 
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,7 @@ RIGHT = at(PATH)
 
 @dataclass
 class TwoAssemblies:
-    """The right assembly, and one whose P lies above it."""
+    """The right assembly mode, and one whose P lies above it."""
 
     apart: np.ndarray
 
@@ -37,7 +37,7 @@ class TwoAssemblies:
 
 @dataclass
 class Signed:
-    """A solver that tells assemblies by a sign: that of P's height."""
+    """A solver that distinguishes assembly modes by a sign: that of P's height."""
 
     def assembly_sign(self, points):
         return points["P"][:, 1]
@@ -54,20 +54,20 @@ def up_from(first, height, until=N):
 
 
 @pytest.mark.parametrize("first", [0, 3, N - 2])
-def test_a_run_that_goes_over_to_the_other_assembly_is_distinguished_from_where_on(first):
+def test_a_change_of_assembly_is_reported_with_its_first_instant(first):
     solver = TwoAssemblies(np.full(N, 0.2))
     assert elsewhere(lifted(up_from(first, 0.2)), RIGHT, solver) == pytest.approx(ANGLE[first])
     assert elsewhere(lifted(up_from(first, 0.14)), RIGHT, solver) == pytest.approx(ANGLE[first])
 
 
-def test_a_run_nearer_to_its_own_assembly_or_not_twice_as_near_to_the_other_is_in_its_own():
+def test_a_run_is_in_its_assembly_unless_another_is_twice_as_near():
     solver = TwoAssemblies(np.full(N, 0.2))
     # a third of the way over: nearer to its own; three fifths: two to three from the other
     for height in (0.0, 0.06, 0.12, -0.2):
         assert elsewhere(lifted(up_from(0, height)), RIGHT, solver) is None
 
 
-def test_one_record_alone_is_no_proof():
+def test_a_single_record_is_no_change_of_assembly():
     solver = TwoAssemblies(np.full(N, 0.2))
     assert elsewhere(lifted(up_from(4, 0.2, 5)), RIGHT, solver) is None
     assert elsewhere(lifted(up_from(N - 1, 0.2)), RIGHT, solver) is None
@@ -75,25 +75,25 @@ def test_one_record_alone_is_no_proof():
 
 
 @pytest.mark.parametrize(("apart", "told"), [(0.009, False), (0.011, True)])
-def test_assemblies_closer_than_a_fiftieth_of_the_stroke_are_not_distinguished_apart(apart, told):
+def test_assemblies_closer_than_a_fiftieth_of_the_stroke_are_not_distinguished(apart, told):
     found = elsewhere(lifted(up_from(0, apart)), RIGHT, TwoAssemblies(np.full(N, apart)))
     assert (found == pytest.approx(ANGLE[0])) if told else (found is None)
 
 
-def test_assemblies_that_part_on_the_way_are_distinguished_from_where_they_have_parted():
+def test_assemblies_that_separate_are_distinguished_from_there_on():
     gaps = np.linspace(0.0, 0.2, N)
     first = int(np.flatnonzero(gaps > 0.01)[0])
     assert elsewhere(lifted(gaps), RIGHT, TwoAssemblies(gaps)) == pytest.approx(ANGLE[first])
 
 
-def test_every_point_counts_and_the_farthest_decides():
+def test_the_farthest_point_decides():
     # P is in the other assembly, but Q is as far from both: the right one is as near
     solver = TwoAssemblies(np.full(N, 0.2))
     both = {**PATH, "P": PATH["P"] + np.array([0.0, 0.2, 0.0]), "Q": PATH["Q"] + np.array([0.0, 0.0, 0.19])}
     assert elsewhere(at(both), RIGHT, solver) is None
 
 
-def test_a_long_run_is_looked_at_here_and_there_from_its_beginning_to_its_end():
+def test_a_long_run_is_sampled_from_start_to_end():
     n, looked = 1000, []
     angle = np.linspace(0.0, 50.0, n)
     flat = np.zeros((n, 3))
@@ -111,7 +111,7 @@ def test_a_long_run_is_looked_at_here_and_there_from_its_beginning_to_its_end():
     assert (looked[-2], looked[-1]) == (angle[-2], angle[-1])
 
 
-def test_where_a_sign_reports_assemblies_apart_two_wrong_ones_in_a_row_are_proof():
+def test_two_consecutive_records_with_the_wrong_sign_are_a_change_of_assembly():
     heights = np.ones(N)
     heights[2] = heights[6:9] = -1.0
     assert elsewhere(lifted(heights), RIGHT, Signed()) == pytest.approx(ANGLE[6])
@@ -121,7 +121,7 @@ def test_where_a_sign_reports_assemblies_apart_two_wrong_ones_in_a_row_are_proof
     assert elsewhere(lifted(np.ones(N)), RIGHT, Signed()) is None
 
 
-def test_one_record_reports_nothing_and_two_are_enough():
+def test_one_record_is_not_sufficient_and_two_are():
     class Above:
         def assembly_points(self, angle):
             yield "other", {"P": np.array([0.0, 0.2, 0.0])}

@@ -1,4 +1,4 @@
-"""The table of quantities: each row sees its own error and no other, on records of one method alone."""
+"""The table of quantities: each row detects its own error and no other, on records of one method."""
 
 from dataclasses import replace
 
@@ -12,10 +12,10 @@ from mechsim.verdict.checks import Check, check_of, checks_of, concluded, tolera
 from mechsim.verdict.crosscheck import crosscheck, crosscheck_forces, crosscheck_free_run
 from mechsim.verdict.quantities import (
     CRANK_DRIVE,
+    DRIVERS,
     FORCES,
     FREE,
     MOTION,
-    PROGRAMMED,
     QUANTITIES,
     ComparedQuantity,
     force_scales,
@@ -44,7 +44,7 @@ def motion_of(name, speed=SPEED):
 
 
 def changed(mapping, name, **fields):
-    """Return a mapping of records with one of them changed."""
+    """Return a mapping of records with one changed record."""
     return {**mapping, name: replace(mapping[name], **fields)}
 
 
@@ -75,13 +75,13 @@ def spoiled_motion(kind):
 
 
 @pytest.mark.parametrize("kind", [row.name for row in MOTION])
-def test_each_quantity_of_a_motion_is_missed_alone_where_it_alone_is_wrong(kind):
+def test_each_wrong_quantity_of_a_motion_fails_alone(kind):
     drive = catalog.make("slider_crank")
     assert crosscheck(motion_of("slider_crank"), drive, speed=SPEED).passed
     assert missed(crosscheck(spoiled_motion(kind), drive, speed=SPEED)) == {kind}
 
 
-def test_a_crank_that_lags_behind_is_missed_by_its_drive():
+def test_a_crank_that_lags_fails_its_drive_check():
     motion = motion_of("slider_crank")
     late = replace(motion, time=motion.time * (1.0 + 1e-6))
     assert missed(crosscheck(late, catalog.make("slider_crank"), speed=SPEED)) == {"drive"}
@@ -110,7 +110,7 @@ def spoiled_efforts(kind):
     return replace(EXACT, reactions=changed(EXACT.reactions, "A", **wrong))
 
 
-def test_potential_energy_that_is_rounding_is_measured_by_the_forces():
+def test_the_scale_of_potential_energy_without_work_is_that_of_forces():
     exact = replace(EXACT, potential=np.zeros(len(ANGLES)))
     force, size = force_scales(exact)["force"], exact.characteristic_length
     rounded = replace(exact, potential=np.full(len(ANGLES), 1e-16 * force * size))
@@ -121,7 +121,7 @@ def test_potential_energy_that_is_rounding_is_measured_by_the_forces():
 
 @pytest.mark.parametrize("road", ["pose", "step"])
 @pytest.mark.parametrize("kind", [row.name for row in FORCES])
-def test_each_quantity_of_efforts_is_missed_alone_where_it_alone_is_wrong(kind, road):
+def test_each_wrong_quantity_of_forces_fails_alone(kind, road):
     assert crosscheck_forces(EXACT, EXACT, method=road).passed
     assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=road)) == {kind}
     assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=road, tolerance=1e-7)) == {kind}
@@ -137,7 +137,7 @@ def test_each_quantity_of_efforts_is_missed_alone_where_it_alone_is_wrong(kind, 
         ("lost", {"energy balance", "energy lost"}),
     ],
 )
-def test_each_quantity_of_a_free_run_is_missed_where_it_is_wrong(field, kinds):
+def test_each_wrong_quantity_of_a_free_run_fails(field, kinds):
     assert crosscheck_free_run(RUN, RUN).passed
     drifting = np.linspace(0.0, 1e-2, len(RUN))
     wrong = replace(RUN, **{field: getattr(RUN, field) + drifting})
@@ -145,15 +145,15 @@ def test_each_quantity_of_a_free_run_is_missed_where_it_is_wrong(field, kinds):
     assert missed(crosscheck_free_run(wrong, RUN, tolerance=1e-5)) == kinds
 
 
-def test_a_free_run_that_goes_beyond_the_true_one_or_reports_nothing_is_reported_so():
+def test_a_free_run_longer_than_the_exact_one_or_too_short_is_reported():
     short = replace(RUN, **{name: values[:5] for name, values in RUN.columns()}, reason="held")
     assert "ends after" in crosscheck_free_run(RUN, short).reason
     one = replace(RUN, **{name: values[:1] for name, values in RUN.columns()})
-    with pytest.raises(InputError, match="fewer than two instants"):
+    with pytest.raises(InputError, match="at least two instants"):
         crosscheck_free_run(one, RUN)
 
 
-def test_tolerances_given_replace_those_of_the_table_as_parts_of_the_scale_or_in_the_unit():
+def test_given_tolerances_replace_those_of_the_table_relative_or_absolute():
     off = replace(EXACT, torque=EXACT.torque + 1e-3)
     size = force_scales(EXACT)["torque"]
     for bound, unit in ((2e-3 / size, "1"), (2e-3, "N m")):
@@ -164,7 +164,7 @@ def test_tolerances_given_replace_those_of_the_table_as_parts_of_the_scale_or_in
         assert verdict.checks[0].reason.endswith("as asked")
 
 
-def test_a_number_that_is_none_has_no_part_of_its_bound_and_no_tolerance_allows_it():
+def test_a_nan_has_no_fraction_of_its_tolerance_and_never_passes():
     tolerance = Tolerance(1.0, "m", "")
     check = check_of("position", "A", np.array([0.1, np.nan]), np.array([0.0, 0.5]), tolerance)
     assert check.fraction_of_tolerance is None
@@ -173,7 +173,7 @@ def test_a_number_that_is_none_has_no_part_of_its_bound_and_no_tolerance_allows_
     assert concluded([check]).outcome == "diverged"
 
 
-def test_a_check_states_its_variant_method_quantity_and_subject():
+def test_a_check_names_its_variant_method_quantity_and_subject():
     numbers = {"unit": "m", "worst": 1.0, "instant": 0.0, "rms": 1.0, "tolerance": 2.0, "reason": ""}
     check = Check(kind="position", subject="P3", **numbers)
     assert check.title == "position of P3"
@@ -183,7 +183,7 @@ def test_a_check_states_its_variant_method_quantity_and_subject():
     assert replace(check, kind="loop", subject="").title == "loop residual"
 
 
-def test_a_longer_free_run_and_one_requested_for_less_have_wider_tolerances():
+def test_longer_free_runs_and_larger_requests_have_wider_tolerances():
     row = QUANTITIES["crank angle"]
     bounds = [
         row.bounds["step"].tolerance("rad", 1.0, Requested(turns=turns)).value for turns in (1, 10, 100)
@@ -191,19 +191,19 @@ def test_a_longer_free_run_and_one_requested_for_less_have_wider_tolerances():
     assert bounds == pytest.approx([1e-6, 1e-6, 1e-4])
     place = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Requested(1e-6, scale=0.3))
     assert place.value == 1e-6
-    assert place.reason == "asked for: 3e-06 of the stroke of 0.3 m"
+    assert place.reason == "requested: 3e-06 of the stroke of 0.3 m"
 
 
-def test_every_quantity_has_a_scale_and_a_reason_for_each_of_its_tolerances():
+def test_every_quantity_has_a_scale_and_a_reason_for_each_tolerance():
     known = {*motion_scales(1.0, 1.0), *force_scales(EXACT), "energy"}
-    assert len(QUANTITIES) == len(MOTION) + len(CRANK_DRIVE) + len(PROGRAMMED) + len(FORCES) + len(FREE)
+    assert len(QUANTITIES) == len(MOTION) + len(CRANK_DRIVE) + len(DRIVERS) + len(FORCES) + len(FREE)
     for row in QUANTITIES.values():
         assert row.scale in known
         assert row.bounds
         assert all(bound.reason and (bound.fixed or bound.requested) for bound in row.bounds.values())
 
 
-def test_a_quantity_more_is_one_row():
+def test_a_new_quantity_is_one_row():
     crank = ComparedQuantity(
         "crank", "rad/s2", field_error("acceleration"), "1", {"pose": ToleranceRule("none turns up", 1e-12)}
     )

@@ -81,7 +81,7 @@ class SceneFile:
 def _swing(scene: SceneFile, name: str, rate: float) -> tuple[str, str]:
     """Return a program that swings a driver from its start, within its limits, and back."""
     form = load(str(scene.path), drive=dict.fromkeys(scene.mechanism.drivers, "0.1*t"))
-    start = form.mechanism.counted[name]
+    start = form.mechanism.guess_coordinates[name]
     # several drivers at once would pass a singular pose
     turning = form.mechanism.unit(name) == "rad"
     reach = 0.3 / len(form.mechanism.drivers) if turning else 0.1 * form.mechanism.characteristic_length

@@ -69,7 +69,7 @@ def initial_of(form: MjcfForm) -> dict[str, float]:
     for name in form.mechanism.drivers:
         scale = 1.0 if form.mechanism.unit(name) == "rad" else form.mechanism.characteristic_length
         low, high = form.source.limits.get(name, (-np.inf, np.inf))
-        start = form.mechanism.counted.get(name, 0.0)
+        start = form.mechanism.guess_coordinates.get(name, 0.0)
         sign = 1.0 if high - start > start - low else -1.0
         initial |= {f"{name}.q": start + sign * PUSH * scale, f"{name}.v": sign * RATE * scale}
     return initial

@@ -50,7 +50,7 @@ def reaches(form: MjcfForm, asked):
     for name in mechanism.drivers:
         far = 0.3 if mechanism.unit(name) == "rad" else 0.1 * mechanism.characteristic_length
         low, high = form.source.limits.get(name, (-np.inf, np.inf))
-        at = mechanism.counted[name]
+        at = mechanism.guess_coordinates[name]
         up, down = high - at, at - low
         found[name] = asked.get(name, min(far, up) if up >= min(far, down) else -min(far, down))
     return found

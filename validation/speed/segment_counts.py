@@ -14,7 +14,7 @@ from mechsim import catalog
 from mechsim.analytic.loops import path
 from mechsim.analytic.loops.design_motion import many_motion, shared_loops
 from mechsim.analytic.loops.motion import crank_path
-from mechsim.model.design_arrays import those_alike
+from mechsim.model.design_arrays import similar_designs
 
 TURN = 2.0 * np.pi
 SMOOTH = {"four_bar": 25, "rssr": 39, "slider_crank": 22}
@@ -43,7 +43,7 @@ def cells_together(name: str, spread: float) -> int:
     path.nodes_between = counted
     try:
         alike = shared_loops(mechanisms[1], ())
-        started, _ = those_alike(mechanisms[1], mechanisms)
+        started, _ = similar_designs(mechanisms[1], mechanisms)
         many_motion(alike, started, np.array([-7.0, 0.0, 7.0]), 1.0, ())
     finally:
         path.nodes_between = nodes

@@ -25,12 +25,12 @@ def make(name: str, /, **values: Any) -> ClosedForm:
     """Return a catalogue mechanism with some parameters changed from their defaults.
 
     Args:
-        name: as listed in `DRIVES`.
-        values: lengths in [m], angles in [rad], or text with a unit, as "14mm"; names as the class declares
-            them.
+        name: a key of `DRIVES`.
+        values: lengths in [m], angles in [rad], or text with a unit, such as "14mm"; named as the fields of
+            the class.
 
     Raises:
-        InputError: for an unknown name or parameter (with the nearest known one) or a bad value.
+        InputError: for an unknown name or parameter (with the nearest known one), or an invalid value.
     """
     fields_of = parameters(name)
     for parameter in values:
@@ -42,31 +42,31 @@ def make(name: str, /, **values: Any) -> ClosedForm:
 
 
 def parameters(name: str) -> dict[str, Field[Any]]:
-    """Return the parameters of a mechanism: name -> field with default and, in its metadata, unit and doc.
+    """Return the parameters of a mechanism: name -> field, whose metadata has its unit and description.
 
     Raises:
         InputError: for an unknown name, with the nearest known one.
     """
     if str(name) not in DRIVES:
         raise InputError(f"there is no mechanism {name!r}{nearest(str(name), list(DRIVES))}")
-    # how change points are passed stands last: it is no dimension
+    # the change-point policy comes last, since it is no dimension
     ordered = sorted(fields(DRIVES[name]), key=lambda field: field.name == "change_point")
     return {field.name: field for field in ordered}
 
 
 def with_theory(theory: str) -> str:
-    """Return the names of the mechanisms that a theory is about, as text."""
+    """Return the names of the mechanisms for which a theory exists, as text."""
     return ", ".join(name for name, mechanism in DRIVES.items() if theory in mechanism.declaration.theories)
 
 
 def nearest(name: str, names: list[str]) -> str:
-    """Return the tail of a sentence that says what was probably meant."""
+    """Return the end of an error message: the most similar name, and all names."""
     close = difflib.get_close_matches(name, names)
-    # of names that are as near the first is meant
-    alike = {
+    # of equally similar names the first is suggested
+    similarity = {
         candidate: difflib.SequenceMatcher(None, candidate, name).ratio()
         for candidate in names
         if candidate in close
     }
-    hint = f"; did you mean {max(alike, key=alike.__getitem__)!r}? " if alike else "; "
+    hint = f"; did you mean {max(similarity, key=similarity.__getitem__)!r}? " if similarity else "; "
     return f"{hint}known are {', '.join(names)}"

@@ -29,7 +29,7 @@ from mechsim.units import WrittenUnits
 class ClosedForm(Formulas):
     """A catalogue mechanism with a driven crank and a closed form."""
 
-    # what only the file of a mechanism solved by its loop equations states
+    # only a mechanism solved by its loop equations, from a file, can have these
     motion_laws = CRANK
     forces = None
     formula = ""
@@ -37,9 +37,9 @@ class ClosedForm(Formulas):
     written = WrittenUnits()
 
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
-        """Return every real assembly at a crank angle: the parameters that select it, and its tracked points.
+        """Return every real assembly mode at a crank angle: its selectors and its tracked points.
 
-        Points are (3,) in [m]. A selector is None where no value of it leads to the assembly.
+        Points are (3,) in [m]. A selector is None if no value of it selects the mode.
         """
         listed: list[tuple[dict[str, int | None], dict[str, Array]]] = []
         for assembly in self.assemblies(angle):
@@ -59,17 +59,17 @@ class ClosedForm(Formulas):
     ) -> dict[str, Array]:
         """Return the tracked points at crank angles, or at times: name -> (n, 3) in [m].
 
-        `change_point`, `t` and `speed` are as in `solve`; so is the assembly.
+        `change_point`, `t`, `speed` and the assembly mode are as in `solve`.
 
         Raises:
-            AssemblyError: where the loop cannot close; says over which part of the turn it can.
+            AssemblyError: where the loop cannot close; states the interval in which it can.
         """
         if t is not None or angles is None:
             angles = path_instants(self.mechanism, CRANK, angles, speed, 0.0, t).parameter
         angles = checked_angles(self.name, angles)
         solver = self.with_change_point(change_point).starting_at(angles)
-        pieces = [positions_at(solver, angles[piece]) for piece in chunks(len(angles))]
-        points = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+        chunk_motions = [positions_at(solver, angles[piece]) for piece in chunks(len(angles))]
+        points = {name: np.concatenate([piece[name] for piece in chunk_motions]) for name in chunk_motions[0]}
         require_closed(self, angles, points)
         return points
 
@@ -85,26 +85,27 @@ class ClosedForm(Formulas):
     ) -> Motion:
         """Return the motion at crank angles, or at times, in closed form.
 
-        The sign of the assembly applies at the first crank angle, as `starting_at` has it.
+        The sign of the assembly mode applies at the first crank angle, as in `starting_at`.
 
         Args:
-            angles: crank angles, (n,) in [rad], in any order, or text, as "0:360:5deg".
-            speed: crank speed, scalar or (n,) in [rad/s], or text, as "600rpm"; None is 1 at crank angles.
+            angles: crank angles, (n,) in [rad], in any order, or text such as "0:360:5deg".
+            speed: crank speed, scalar or (n,) in [rad/s], or text such as "600rpm"; the default at crank
+                angles is 1.
             acceleration: crank acceleration, scalar or (n,) in [rad/s2].
-            t: times, (n,) in [s], in place of crank angles: the crank turns at a constant `speed` and stands
-                at the mechanism's `start` at time zero.
-            links: False leaves out links and joints, for speed where only points are wanted.
-            change_point: "smooth" or "branch" at change points; None takes the mechanism's own. Rates
-                there are limits, of a fold those beyond it.
+            t: times, (n,) in [s], instead of crank angles: the crank rotates at a constant `speed` from the
+                mechanism's `start` at time zero.
+            links: False leaves out links and joints, which is faster.
+            change_point: policy "smooth" or "branch" at change points; the default is that of the mechanism.
+                Rates there are limits; with "branch" they are limits from beyond the change point.
 
         Returns:
             Poses, velocities and accelerations of tracked points, links and joints, ground frame, SI.
 
         Raises:
-            AssemblyError: where the loop cannot close; says over which part of the turn it can.
+            AssemblyError: where the loop cannot close; states the interval in which it can.
 
-        Accuracy: loops close to 8 ulp of the longest link; rates are carried through the formula of
-            the pose, relative error a few ulp divided by the sine of the transmission angle.
+        Accuracy: loops close to 8 ulp of the longest link. Rates are exact derivatives of the formula of
+            the pose; their relative error is a few ulp divided by the sine of the transmission angle.
         """
         time = None
         if t is not None or angles is None:
@@ -114,11 +115,11 @@ class ClosedForm(Formulas):
         speed = checked_rate(self.name, "speed", 1.0 if speed is None else speed, angles.shape)
         acceleration = checked_rate(self.name, "acceleration", acceleration, angles.shape)
         solver = self.with_change_point(change_point).starting_at(angles, float(speed[0]))
-        pieces = [
+        chunk_motions = [
             motion_at(solver, Jet(angles[piece], speed[piece], acceleration[piece]), links=links)
             for piece in chunks(len(angles))
         ]
-        motion = join(pieces)
+        motion = join(chunk_motions)
         self.check_finite(motion)
         return replace(motion, time=time, origin=solver)
 
@@ -127,44 +128,44 @@ class ClosedForm(Formulas):
         return self.solve(parameter, rate, second)
 
     def solve_as(self, driven: Motion) -> Motion:
-        """Return the motion where the crank of another motion was."""
+        """Return the motion at the crank angles, speeds and accelerations of another motion."""
         return self.solve(driven.angle, driven.speed, driven.acceleration)
 
     def dead_centres(self) -> tuple[float, ...]:
-        """Return the crank angles at which the assemblies meet, in [rad]; empty if the crank turns fully."""
+        """Return the crank angles of dead centres, in [rad]; empty if the crank rotates fully."""
         arcs = self.crank_range()
         return () if arcs.full else tuple(end for arc in arcs.arcs for end in arc)
 
     @property
     def period(self) -> float:
-        """Crank angle in [rad] after which the mechanism stands as before, if the crank gets so far.
+        """Crank angle in [rad] after which the configuration repeats.
 
-        It is two turns where the linkage passes one change point a turn, or any other odd number.
+        It is two revolutions if the linkage passes an odd number of change points per revolution.
         """
         return REVOLUTION
 
     @property
     def change_point(self) -> ChangePointPolicy:
-        """How the motion continues at change points."""
+        """Policy at change points."""
         return "smooth"
 
     def with_change_point(self, change_point: ChangePointPolicy | None) -> Self:
-        """Return the mechanism that goes on so where assemblies meet; None, or none meet: as it is."""
+        """Return the mechanism with another policy at change points, if it has any; None changes nothing."""
         return self
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
-        """Return the mechanism whose assembly is the one that its parameters select at the first crank angle.
+        """Return the mechanism in the assembly mode that its parameters select at the first crank angle.
 
-        Only change points make a difference: past one the sign of an assembly is another. At a change point
-        the configurations right after it count. What this returns keeps its assembly at all crank angles.
+        This matters only with change points, beyond which the sign of the mode differs. At a change point the
+        sign applies right after it. The result keeps its assembly mode at all crank angles.
 
         Args:
             angles: crank angles in the order of the motion, (n,) in [rad].
-            direction: sign of the crank's motion, where the angles are all one.
+            direction: sign of the crank's motion if all angles are equal.
         """
         checked_angles(self.name, angles)
         return self
 
     def check_finite(self, motion: Motion) -> None:
-        """Raise AssemblyError where the closed form gave no number."""
+        """Raise AssemblyError where the closed form has no finite rates."""
         require_finite(self, motion)

@@ -1,4 +1,4 @@
-"""Bennett linkage: four skew revolutes that move only because their dimensions are special."""
+"""Bennett linkage: four skew revolutes with one degree of freedom due to special dimensions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,21 +20,21 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, cos_sin
 
-# ratio of the half-angle tangents beyond which a turn of the crank is a jump of the rocker
-STEEPEST = 1e6
+# largest ratio of the half-angle tangents; beyond it the rocker moves almost in jumps
+MAX_RATIO = 1e6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bennett(ClosedForm):
-    """Overconstrained spatial 4R O-A-B-O4 after Bennett; opposite links are alike.
+    """Overconstrained spatial 4R O-A-B-O4 after Bennett; opposite links are equal.
 
-    LinkFrame and coupler have length0 and twist0, crank and rocker length1 and twist1; each link's length is
-    the common normal of its two axes, so that no joint has an offset. The linkage moves because
-    length / sin(twist) is one number: length1 follows from the other three. The crank turns about Z at
-    the origin, its angle counted from X, where O4 lies; a twist turns the far axis about the line to it.
+    Frame and coupler have length0 and twist0, crank and rocker length1 and twist1. Each length is the common
+    normal of two axes, so that no joint has an offset. The linkage moves because all links have the same
+    length / sin(twist); length1 follows from the other three dimensions. The crank rotates about Z at the
+    origin, with its angle measured from X, where O4 lies; a twist rotates the far axis about the line to it.
 
-    The loop closes in one way only. The twist pi - twist1 gives links of the same lengths that put B on
-    the other side of the plane of O4A and the rocker axis: that is the other circle-sphere intersection.
+    The loop closes in one assembly mode only. The other intersection of circle and sphere, B on the other
+    side of the plane of O4A and the rocker axis, needs the twist pi - twist1.
 
     Source: G. T. Bennett, "A new mechanism", Engineering 76 (1903); closed form in `frames`.
     """
@@ -57,7 +57,7 @@ class Bennett(ClosedForm):
             raise InputError(
                 f"{self.name}: twist0 is {self.twist0} rad and twist1 {self.twist1} rad; give both one sign"
             )
-        if not 1.0 / STEEPEST < abs(self.ratio) < STEEPEST:
+        if not 1.0 / MAX_RATIO < abs(self.ratio) < MAX_RATIO:
             raise InputError(
                 f"{self.name}: twist0 and twist1 are both {self.twist0} rad, a chain that folds flat; "
                 "give two different twists"
@@ -103,17 +103,18 @@ class Bennett(ClosedForm):
         return [self]
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Zero where the linkage lies flat along X, and everywhere if twist1 is a right angle."""
+        """Zero if the linkage lies flat along X, and everywhere if twist1 is a right angle."""
         pivot = np.array([self.length0, 0.0, 0.0])
         normal = np.cross(points["A"] - pivot, self._rocker_axis)
         side = ((points["B"] - pivot) * normal).sum(-1)
         return -float(np.cos(self.twist1)) * side * points["A"][:, 1]
 
     def transmission_angle(self, angles: ArrayLike) -> Array:
-        """Return the angle whose sine is the ratio of the slower to the faster of crank and rocker.
+        """Return the angle whose sine is the ratio of the lower to the higher speed of crank and rocker.
 
-        The hinges of the coupler pass moments too, so that the angle of the rod alone says nothing: a
-        Bennett linkage moves on where A, B and both pivots lie in a line.
+        The hinges of the coupler transmit moments, too, so that the angle of the coupler alone is not
+            sufficient: a
+        Bennett linkage moves on if A, B and both pivots lie in a line.
         """
         half = 0.5 * np.asarray(angles, dtype=np.float64)
         speed = np.abs(self.ratio) / (np.cos(half) ** 2 + (self.ratio * np.sin(half)) ** 2)
@@ -126,9 +127,9 @@ class Bennett(ClosedForm):
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """tan(u/2) = r tan(f/2): f crank angle, u rocker angle from X and coupler angle from the crank.
 
-        With B on the rocker's circle, |AB| = length0 reads, in the half-angle tangents t and w,
-        (length1 - length0) w2 - 2 length1 cos(twist0) t w + (length0 + length1) t2 = 0: two straight
-        lines w = r t under Bennett's condition, of which the axes at B pick the one.
+        With B on the rocker's circle, |AB| = length0 is, in the half-angle tangents t and w,
+        (length1 - length0) w2 - 2 length1 cos(twist0) t w + (length0 + length1) t2 = 0. Under Bennett's
+        condition these are two straight lines w = r t; the axes at B select one of them.
         """
         ex, ez, pivot = column(EX), column(EZ), column((self.length0, 0.0, 0.0))
         axis = column(self._rocker_axis)
@@ -146,6 +147,6 @@ class Bennett(ClosedForm):
 
 
 def _far_end(link: str, reach: float, twist: float) -> End:
-    """Return the far end of a link: along its x axis, its axis turned about x by the twist."""
+    """Return the far end of a link: along its x axis, with its axis rotated about x by the twist."""
     axis = (0.0, -float(np.sin(twist)), float(np.cos(twist)))
     return End(link, (reach, 0.0, 0.0), axis)

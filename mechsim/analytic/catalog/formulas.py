@@ -1,4 +1,4 @@
-"""What the file of a catalogue mechanism states: its dimensions, its description and its formulas."""
+"""Declaration, dimensions and formulas of a catalogue mechanism."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ from mechsim.model.motion_laws import no_crank_range_error
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values
 
-# squares and fourth powers of lengths and rates below this stay far from overflow
+# largest length in [m] and rate in SI; squares and fourth powers stay far from overflow
 HUGE = 1e30
 
 
@@ -40,7 +40,7 @@ def angle(default: float, doc: str) -> Any:
 
 
 def number(default: float, doc: str) -> Any:
-    """Declare a pure number."""
+    """Declare a dimensionless number."""
     return field(default=default, metadata={"unit": "1", "doc": doc})
 
 
@@ -50,12 +50,12 @@ def position(default: tuple[float, ...], doc: str) -> Any:
 
 
 def choice(default: Any, options: tuple[Any, ...], doc: str) -> Any:
-    """Declare a parameter that takes one of a few values."""
+    """Declare a parameter with a few possible values."""
     return field(default=default, metadata={"unit": "1", "doc": doc, "options": options})
 
 
 def checked(mechanism: str, name: str, value: Any, default: Any, rule: Mapping[str, Any]) -> Any:
-    """Return a parameter as it is to be kept; raise InputError for what its declaration does not allow."""
+    """Return the stored value of a parameter; raise InputError if its declaration does not allow it."""
     if "options" in rule:
         if np.ndim(value) != 0 or value not in rule["options"]:
             options = " or ".join(str(option) for option in rule["options"])
@@ -71,7 +71,7 @@ def checked(mechanism: str, name: str, value: Any, default: Any, rule: Mapping[s
         raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give {count}{_below(most)}")
     if rule.get("positive") and not float(numbers) > 1.0 / HUGE:
         raise InputError(
-            f"{mechanism}: {name} is {value} {rule['unit']}; give a length above 0, {1.0 / HUGE:g} m at least"
+            f"{mechanism}: {name} is {value} {rule['unit']}; give a length above 0, at least {1.0 / HUGE:g} m"
         )
     if shape:
         return tuple(numbers.tolist())
@@ -79,7 +79,7 @@ def checked(mechanism: str, name: str, value: Any, default: Any, rule: Mapping[s
 
 
 def checked_rate(mechanism: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return a crank rate for each crank angle; raise InputError for what is none."""
+    """Return a crank rate for each crank angle; raise InputError if it is invalid."""
     value = units.si(value, "rad/s", f"the crank's {what}") if what == "speed" else value
     try:
         rate = np.broadcast_to(np.asarray(value, dtype=np.float64), shape)
@@ -98,13 +98,13 @@ def _below(most: float) -> str:
 
 
 def parameter_value(mechanism: str, field: Any, parameter: str, value: Any) -> Any:
-    """Return the value of a parameter: text is read with its unit, all else is returned as it is.
+    """Return the value of a parameter: text is read with its unit, other values are returned unchanged.
 
     Args:
-        mechanism: its name.
-        field: of the mechanism's class, which declares unit, options and default.
-        parameter: its name.
-        value: text, a sequence with text in it, or a value in SI.
+        mechanism: name of the mechanism.
+        field: field of the mechanism's class with unit, options and default.
+        parameter: name of the parameter.
+        value: text, a sequence that contains text, or a value in SI.
 
     Raises:
         InputError: for text that is no such value.
@@ -120,7 +120,7 @@ def parameter_value(mechanism: str, field: Any, parameter: str, value: Any) -> A
         values = units.parse_vector(value, unit, what)
         if len(values) != len(field.default):
             raise InputError(
-                f"{what} is {value!r}, {len(values)} numbers; give {len(field.default)}, with commas"
+                f"{what} is {value!r}, {len(values)} numbers; give {len(field.default)} separated by commas"
             )
         return values
     number = units.parse(value, unit, what)
@@ -141,20 +141,20 @@ def _option(what: str, options: tuple[Any, ...], text: str) -> Any:
     return words[word]
 
 
-# parameters that select the assembly
+# parameters that select the assembly mode
 SELECTORS = ("branch", "side", "assembly")
 
 
 @dataclass(frozen=True, slots=True)
 class Declaration:
-    """What a catalogue mechanism is called and which studies apply to it.
+    """Name of a catalogue mechanism, and the studies that apply to it.
 
     Attributes:
-        name: in the catalogue.
-        theories: studies that know this mechanism alone: "coupler line", "velocity plan".
-        gear: the parameter that is a gear ratio; empty if there is none.
+        name: name in the catalogue.
+        theories: studies that exist only for this mechanism: "coupler line", "velocity plan".
+        gear: name of the parameter that is a gear ratio; empty if there is none.
         array_parameters: parameters that may be arrays, one number per design.
-        discriminant_degree: of the trigonometric polynomial whose sign changes are the dead centres.
+        discriminant_degree: degree of the trigonometric polynomial whose sign changes are the dead centres.
     """
 
     name: str
@@ -170,8 +170,8 @@ class Geometry:
 
     Attributes:
         points: tracked point -> its position in its link, in [m].
-        joints: joint -> its points on links a and b, in [m]; a joint that is missing has them at the origins.
-        frames: joint -> frame of its side a, (3, 3) or (3, 3, n), where it depends on parameters.
+        joints: joint -> its points on links a and b, in [m]; other joints have them at the origins.
+        frames: joint -> frame of its side a, (3, 3) or (3, 3, n), if it depends on parameters.
     """
 
     points: Mapping[str, Sequence[Any]]
@@ -209,7 +209,7 @@ class Formulas(ABC):
         """Yield links and their frames at crank angles, those that carry tracked points first.
 
         Args:
-            angle: (n,) in [rad], as an array, which gives places, or as a jet, which gives the motion.
+            angle: (n,) in [rad]; an array gives poses, a jet gives the motion.
 
         Frames are NaN where the loop does not close.
         """
@@ -220,14 +220,14 @@ class Formulas(ABC):
         return self.declaration.array_parameters
 
     def geometry(self) -> Geometry:
-        """Return points and frames fixed in links, of many designs where parameters are arrays."""
+        """Return points and frames fixed in links; of many designs if parameters are arrays."""
         points = {name: local for name, (_, local) in self.described.points.items()}
         return Geometry(
             points, {joint.name: (joint.a.point, joint.b.point) for joint in self.described.joints}
         )
 
     def start_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]] | None:
-        """Return links and frames of designs with cranks at 0; None if that does not determine the assembly.
+        """Return links and frames of designs at crank angle 0; None if they do not determine the mode.
 
         Frames are NaN where the loop does not close.
         """
@@ -235,7 +235,7 @@ class Formulas(ABC):
 
     @abstractmethod
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Return the signed geometry that distinguishes the assemblies, (n,); positive for this one.
+        """Return the signed geometry that distinguishes the assembly modes, (n,); positive for this one.
 
         Args:
             points: tracked point -> (n, 3) in [m], by any method.
@@ -243,39 +243,39 @@ class Formulas(ABC):
 
     @abstractmethod
     def transmission_angle(self, angles: ArrayLike) -> Array:
-        """Return the angle between coupler force and the output's motion, (n,) in [rad], 0 to pi/2.
+        """Return the angle between the coupler force and the output's motion, (n,) in [rad], 0 to pi/2.
 
-        90 degrees is best; zero is a pose in which the output locks.
+        90 degrees is best; at zero the output locks.
         """
 
     @abstractmethod
     def crank_range(self) -> Arcs:
-        """Return the arcs of crank angle over which the loops close in this assembly."""
+        """Return the intervals of crank angle in which the loops close in this assembly mode."""
 
     @abstractmethod
     def assemblies(self, angle: float) -> Sequence[Self]:
-        """Return the mechanism in each real assembly it has at a crank angle; empty if it has none."""
+        """Return the mechanism in each of its real assembly modes at a crank angle; empty if it has none."""
 
     @property
     def spinning(self) -> frozenset[str]:
-        """Links whose spin about their own line nothing determines."""
+        """Links whose rotation about their own line is undetermined."""
         return frozenset()
 
     def variants(self) -> Mapping[str, Self]:
-        """Return what is validated besides this mechanism itself: name -> the same with something changed."""
+        """Return variants that are validated in addition: name -> the mechanism with another parameter."""
         return {}
 
     def change_points(self) -> tuple[float, ...]:
-        """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
+        """Return the crank angles of change points, in [-pi, pi) rad.
 
-        There bars lie on each other, as in a parallelogram laid flat, and the linkage could go on in either
-        assembly.
+        There the links are collinear, as in a flat parallelogram, and the linkage can continue in either
+        assembly mode.
         """
         return ()
 
     @property
     def mechanism(self) -> Mechanism:
-        """The description, with a guess that selects the assembly."""
+        """The description, with a guess that selects the assembly mode."""
         return self._assembled
 
     @cached_property
@@ -284,7 +284,7 @@ class Formulas(ABC):
 
     @cached_property
     def described(self) -> Mechanism:
-        """The description, made once."""
+        """The description, cached."""
         return self.description
 
     def guess(self) -> tuple[dict[str, Pose], float]:
@@ -301,7 +301,8 @@ class Formulas(ABC):
         for name, pose in guess.items():
             if not np.isfinite(pose.rotation).all():
                 raise AssemblyError(
-                    f"{self.name}: nothing can hold link {name!r} at crank angle {start:.6g} rad"
+                    f"{self.name}: the orientation of link {name!r} is undetermined at crank "
+                    f"angle {start:.6g} rad"
                 )
         return guess, start
 
@@ -314,5 +315,5 @@ class Formulas(ABC):
 
     @cached_property
     def _start_angle(self) -> float:
-        """The crank angle of the guess in [rad], at which the sign of the assembly applies."""
+        """The crank angle of the guess in [rad], at which the sign of the assembly mode applies."""
         return self._start()

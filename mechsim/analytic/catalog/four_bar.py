@@ -23,8 +23,8 @@ from mechsim.numerics.jets import Values, cos_sin
 class FourBar(TwoBranchForm):
     """Planar four-bar O-A-B-O4 in the XY plane, O at the origin and O4 at (ground, 0).
 
-    The crank angle counts from +X. The coupler point C is at `arm` from A, turned by `arm_angle`
-    from AB. `branch` is the sign of O4B . (O4A x eZ): +1 if B lies left of the line from A to O4.
+    The crank angle is measured from +X. The coupler point C is at distance `arm` from A, at the angle
+    `arm_angle` from AB. `branch` is the sign of O4B . (O4A x eZ): +1 if B lies left of the line from A to O4.
     """
 
     declaration = Declaration(
@@ -94,7 +94,7 @@ class FourBar(TwoBranchForm):
         ahead = spun(column(EX), ez, angle)
         a = self.crank * ahead
         if np.all(self.ground == self.crank) and np.all(self.coupler == self.rocker):
-            swing = self._whip(angle)
+            swing = self._kite_rocker(angle)
         else:
             swing = circle_sphere(pivot, ez, self.rocker, a, self.coupler, self.branch, self.across(angle))
         b = pivot + self.rocker * swing
@@ -102,18 +102,19 @@ class FourBar(TwoBranchForm):
         yield "coupler", LinkFrame(a, x=(b - a) / self.coupler, z=ez)
         yield "rocker", LinkFrame(pivot, x=swing, z=ez)
 
-    def _whip(self, angle: Values) -> Any:
+    def _kite_rocker(self, angle: Values) -> Any:
         """Return the rocker's direction in a kite whose crank is as long as its frame, (3, n).
 
-        There A comes to lie on O4, and coupler and rocker on each other. O4A, 2 r sin(f/2) long with its
+        At the change point A lies on O4, and coupler and rocker coincide. O4A, of signed length 2 r sin(f/2),
+        points along (-sin(f/2), cos(f/2)), which is continuous there. A rhombus also lies flat at f = pi.
         sign, points along (-sin(f/2), cos(f/2)), which leads through. A rhombus lies flat at f = pi, too.
         """
         if self.change_point == "branch":
             raise AssemblyError(
                 f"four_bar: crank and ground are {self.crank} m, coupler and rocker {self.rocker} m: where A "
-                "lies on O4 no assembly leads into another; take change_point=smooth"
+                "lies on O4 no assembly mode leads into another; use change_point=smooth"
             )
-        half = 0.5 * self.counted(angle)
+        half = 0.5 * self.within_range(angle)
         cosine, sine = cos_sin(half)
         rhombus = self.crank == self.rocker
         along = self.crank / self.rocker * sine

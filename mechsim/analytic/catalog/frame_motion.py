@@ -1,4 +1,4 @@
-"""Motion of a catalogue mechanism from the frames of its links, at one chunk of crank angles."""
+"""Motion of a catalogue mechanism from the frames of its links, for chunks of crank angles."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +16,7 @@ from mechsim.model.motion import JointMotion, Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values
 
-# crank angles solved together: arrays of this length stay in a core's own cache
+# crank angles solved together: arrays of this length fit in the cache of a core
 CHUNK = 8192
 
 
@@ -26,10 +26,10 @@ def chunks(count: int) -> list[slice]:
 
 
 def checked_angles(name: str, angles: ArrayLike) -> Array:
-    """Return crank angles as (n,) in [rad], from text too.
+    """Return crank angles as (n,) in [rad]; they may be text.
 
     Raises:
-        InputError: for anything but a list of finite numbers.
+        InputError: unless they are a list of finite numbers.
     """
     angles = units.si_angles(angles, f"the crank angles of {name}")
     try:
@@ -72,7 +72,7 @@ def motion_at(formulas: Formulas, angle: Jet, *, links: bool) -> Motion:
 
 
 def _frames(formulas: Formulas, angle: Values, *, links: bool) -> dict[str, LinkFrame]:
-    """Return frames of links, or of those only that carry tracked points."""
+    """Return frames of links; without `links`, only of those with tracked points."""
     carriers = {link for link, _ in formulas.described.points.values()}
     frames_by_link: dict[str, LinkFrame] = {}
     for name, frame in formulas.frames(angle):
@@ -83,16 +83,16 @@ def _frames(formulas: Formulas, angle: Values, *, links: bool) -> dict[str, Link
 
 
 def _joints(formulas: Formulas, angle: Jet, frames: Mapping[str, LinkFrame]) -> dict[str, JointMotion]:
-    """Return the motion of the coordinates of joints; those of gears count the revolutions of the crank."""
+    """Return the motion of joint coordinates; those of gears include the revolutions of the crank."""
     mechanism = formulas.described
     frame_of = {**frames, GROUND: GROUND_FRAME}
     geared = {gear.driven: gear.ratio * angle + gear.phase for gear in mechanism.gears}
-    counted = {mechanism.crank.name: angle, **geared}
+    crank_angles = {mechanism.crank.name: angle, **geared}
     motions: dict[str, JointMotion] = {}
     for joint in mechanism.joints:
         coordinates: Sequence[Values] = (
-            [counted[joint.name]]
-            if joint.name in counted
+            [crank_angles[joint.name]]
+            if joint.name in crank_angles
             else link_frames.joint_coordinates(joint, frame_of[joint.a.link], frame_of[joint.b.link])
         )
         motions |= link_frames.joint_motions(joint, coordinates, len(angle.value))
@@ -100,12 +100,12 @@ def _joints(formulas: Formulas, angle: Jet, frames: Mapping[str, LinkFrame]) -> 
 
 
 def require_closed(formulas: Formulas, angles: Array, points: Mapping[str, Array]) -> None:
-    """Raise AssemblyError where a closed form gave no position."""
+    """Raise AssemblyError where a closed form has no real position."""
     for position in points.values():
         if not np.isfinite(position).all():
             closed = np.isfinite(position).all(1)
             arcs = formulas.crank_range()
-            where = f"it can stand {arcs}" if arcs.arcs else "it can close nowhere in the turn"
+            where = f"its range is {arcs}" if arcs.arcs else "it cannot close at any crank angle"
             raise AssemblyError(
                 f"{formulas.name}: the loop does not close at crank angle "
                 f"{angles[np.argmin(closed)]:.6g} rad; {where}; "
@@ -114,19 +114,19 @@ def require_closed(formulas: Formulas, angles: Array, points: Mapping[str, Array
 
 
 def require_finite(formulas: Formulas, motion: Motion) -> None:
-    """Raise AssemblyError where a closed form gave no number."""
+    """Raise AssemblyError where a closed form has no finite rates."""
     require_closed(formulas, motion.angle, {name: point.position for name, point in motion.points.items()})
     for point in motion.points.values():
         if not np.isfinite(point.acceleration).all():
             bounded = np.isfinite(point.acceleration).all(1)
             raise AssemblyError(
                 f"{formulas.name}: crank angle {motion.angle[np.argmin(bounded)]:.6g} rad is a dead centre, "
-                "where rates have no bound; keep away from it"
+                "where rates are unbounded; keep away from it"
             )
     for name, link in motion.links.items():
         finite = np.isfinite(link.rotation[:, 0]).all(1) & np.isfinite(link.angular_acceleration[:, 0])
         if not finite.all():
             raise AssemblyError(
-                f"{formulas.name}: nothing can hold link {name!r} at crank angle "
+                f"{formulas.name}: the orientation of link {name!r} is undetermined at crank angle "
                 f"{motion.angle[np.argmin(finite)]:.6g} rad; change the angles of its guide"
             )

@@ -25,12 +25,12 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, cos_sin, root, values
 
 Side = int
-# in nine hundred random linkages the highest number met was five
+# in nine hundred random linkages at most five roots had the same sign
 SIDES = tuple(sign * count for count in range(1, 9) for sign in (1, -1))
 
 
 class _Planar(NamedTuple):
-    """The planar four-bar: A, unit vectors along crank, O2B and AB, and across AB, (3, n) each."""
+    """The planar four-bar: A, unit vectors along crank, O2B and AB, and perpendicular to AB, (3, n) each."""
 
     a: Any
     crank: Any
@@ -41,7 +41,7 @@ class _Planar(NamedTuple):
 
 @dataclass(frozen=True)
 class PlanarLoop:
-    """The planar four-bar O1ABO2, and C as if the coupler stayed in its plane; fields may be (n,).
+    """The planar four-bar O1ABO2, and C with the coupler in its plane; fields may be (n,).
 
     Attributes:
         crank: length O1A in [m].
@@ -49,8 +49,8 @@ class PlanarLoop:
         rocker: length O2B in [m].
         pivot: O2, (3, 1) in [m].
         branch: sign of O2B . (O2A x eZ).
-        along: position of C along AB from A, in [m].
-        across: position of C at right angles to AB, in [m].
+        along: coordinate of C along AB from A, in [m].
+        across: coordinate of C perpendicular to AB, in [m].
     """
 
     crank: Any
@@ -62,7 +62,7 @@ class PlanarLoop:
     across: Any
 
     def crank_range(self) -> Arcs:
-        """Return the arcs of crank angle over which the four-bar O1ABO2 closes, cut at change points."""
+        """Return the intervals of crank angle in which the four-bar O1ABO2 closes, split at change points."""
         whole = reachable_arcs(self.discriminant, 2)
         cuts = np.array(self.change_points())
         if not len(cuts):
@@ -79,7 +79,7 @@ class PlanarLoop:
         return sampled(self.discriminant, 2).touching()
 
     def point(self, angles: ArrayLike) -> Array:
-        """Return C as if the coupler stayed in the plane XY, (n, 3) in [m]; NaN where the four-bar is open.
+        """Return C with the coupler in the plane XY, (n, 3) in [m]; NaN where the four-bar does not close.
 
         Source: paper 004, eqs (4), (5).
         """
@@ -99,29 +99,30 @@ class PlanarLoop:
         a = self.crank * crank
         swing = circle_sphere(self.pivot, ez, self.rocker, a, self.coupler, self.branch)
         rod = self.pivot + self.rocker * swing - a
-        # a short coupler off by an ulp must not make a long arm off by many
+        # normalise, so that the relative error of a short coupler is not amplified by a long arm
         ahead = rod / norm(rod)
         return _Planar(a, crank, swing, ahead, cross(ez, ahead))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Looper(ClosedForm):
-    """Spatial five-link whose coupler ABC, on spherical pairs, swings and shifts a follower C-D-E.
+    """Spatial five-link whose coupler ABC, on spherical pairs, rotates and shifts a follower C-D-E.
 
-    Crank O1A and rocker O2B turn about Z; O1 is the origin and the crank angle counts from +X. C is at
-    `arm` from A, turned by `arm_angle` from AB, and turns with the coupler about AB. The follower turns
-    about and slides along the line y = axis_y, z = axis_z; D is the foot of C on it, and E lies opposite
-    C: DE = -follower_ratio DC.
+    Crank O1A and rocker O2B rotate about Z; O1 is the origin, and the crank angle is measured from +X. C is
+    at distance `arm` from A, at `arm_angle` from AB, and rotates with the coupler about AB. The follower
+    rotates about and slides along the line y = axis_y, z = axis_z; D is the foot of C on it, and E lies
+    opposite C: DE = -follower_ratio DC.
 
     `branch` is the sign of O2B . (O2A x eZ), as in `four_bar`. `side` is the sign of DC . (AB x AC): the
-    cylinder is met by the circle of C from within or from without. Neither can change without a dead
-    centre. Two roots of the quartic can have the same sign: side 2 (-2), 3 (-3) are the further ones, as
-    `assemblies` numbers them; 1 and -1 are those at crank angle zero nearest to the plane.
-    A root may run on for more than a turn of the crank between its dead centres; crank angles then count
-    turns inside `crank_range`. Angles beyond it are taken back into it by whole turns, those asked for
-    together as of one motion by as many, and where none will do the loop does not close.
+    circle of C intersects the cylinder from inside or from outside. Both signs change only at a dead centre.
+    Two roots of the quartic can have the same sign: sides 2 (-2) and 3 (-3) are further roots, as
+    `assemblies` numbers them; 1 and -1 are those nearest to the plane at crank angle zero. A root may exist
+    for more than one revolution of the crank between its dead centres; crank angles inside `crank_range` then
+    count revolutions. Angles outside it are shifted into it by whole revolutions, all angles of a call by the
+    same number. If no shift fits, the loop does not close.
 
-    Source: paper 004, eqs (2), (4)-(15), the cylinder along X as in (2) and (14), not along Z as printed in
+    Source: paper 004, eqs (2), (4)-(15), with the cylinder along X as in (2) and (14), not along Z as printed
+        in
     (6); defaults from papers.md section 4.
     """
 
@@ -172,7 +173,7 @@ class Looper(ClosedForm):
         joints, point_e = geometry.joints, vector(geometry.points["E"])
         (tip, _), (at_b, on_rocker), (pivot, _) = (joints[name] for name in ("A", "B", "rocker"))
         (on_coupler, on_follower), (slide, _) = joints["C"], joints["slide"]
-        # counted from the direction to O1, which a crank-rocker's angle stays near: it never wraps
+        # measured from the direction to O1, near which the angle of a crank-rocker stays: it never wraps
         inward = vector(-np.array(_direction(self.frame_angle)))
         line = End(GROUND, slide, axis=EX, reference=EY)
         return Mechanism(
@@ -226,14 +227,14 @@ class Looper(ClosedForm):
         )
 
     def change_points(self) -> tuple[float, ...]:
-        """Return the crank angles at which the four-bar lies flat, in [-pi, pi) rad: the range ends there.
+        """Return the crank angles at which the four-bar lies flat, in [-pi, pi) rad; they bound the range.
 
-        This form keeps the sign of its branch. A real looper continues with the other one.
+        The closed form keeps the sign of its branch, while a real looper continues with the other sign.
         """
         return self.plane.change_points()
 
     def planar_point(self, angles: ArrayLike) -> Array:
-        """Return C as if the coupler stayed in the plane XY, (n, 3) in [m]; NaN where it cannot close."""
+        """Return C with the coupler in the plane XY, (n, 3) in [m]; NaN where the loop cannot close."""
         return self.plane.point(angles)
 
     def crank_range(self) -> Arcs:
@@ -249,9 +250,9 @@ class Looper(ClosedForm):
         ]
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Return the lesser of the two sines whose signs are `branch` and `side`, (n,).
+        """Return the smaller of the two sines with the signs `branch` and `side`, (n,).
 
-        It does not distinguish further roots of one sign (side 2 and 3) from the first.
+        It does not distinguish several roots with the same sign (side 2 and 3) from the first.
         """
         to_a, to_b = (points[name] - self.pivot[:, 0] for name in "AB")
         planar = (to_b * np.cross(to_a, np.asarray(EZ))).sum(-1) / (self.rocker * np.sqrt((to_a**2).sum(-1)))
@@ -261,10 +262,10 @@ class Looper(ClosedForm):
         return np.minimum(self.branch * planar, np.sign(self.side) * spatial)
 
     def transmission_angle(self, angles: ArrayLike) -> Array:
-        """Return the lesser of two angles, (n,) in [rad]: coupler AB to rocker, and circle of C to cylinder.
+        """Return the smaller of two angles, (n,) in [rad]: coupler AB to rocker, and circle of C to cylinder.
 
-        The first is the four-bar's; the second is zero where C, as it turns about AB, moves along the
-        cylinder, so that the follower no longer holds the coupler.
+        The first is that of the four-bar. The second is zero if C, rotating about AB, moves along the
+        cylinder, so that the follower no longer constrains the coupler.
         """
         points = self.positions(angles)
         ab, ac = points["B"] - points["A"], points["C"] - points["A"]
@@ -276,7 +277,7 @@ class Looper(ClosedForm):
 
     @cached_property
     def _sheets(self) -> list[tuple[Sheet, int]]:
-        """Every root whose sign is that of `side`, by number: a sheet and a layer of it."""
+        """Every root with the sign of `side`, in order: its sheet and layer."""
         sign = 1 if self.side > 0 else -1
         with np.errstate(invalid="ignore", divide="ignore"):
             listed = sheets(
@@ -289,14 +290,14 @@ class Looper(ClosedForm):
 
     @cached_property
     def _all_assemblies(self) -> list[tuple[Self, Sheet, int]]:
-        """This mechanism in every assembly, with its sheet and layer; each takes long."""
+        """This mechanism in every assembly mode, with its sheet and layer; slow, therefore cached."""
         members: list[tuple[Self, Sheet, int]] = []
         for branch in (1, -1):
             for sign in (1, -1):
                 first = replace(self, branch=branch, side=sign)
                 for count, (sheet, layer) in enumerate(first._sheets, 1):
                     member = replace(first, side=sign * count)
-                    # all roots of one sign lie on the same sheets
+                    # all roots of one sign share the sheets
                     vars(member)["_sheets"] = first._sheets
                     members.append((member, sheet, layer))
         return members
@@ -313,30 +314,30 @@ class Looper(ClosedForm):
         """
         height = flat.a[1] + self.plane.along * flat.ahead[1] - self.axis_y
         flank, out, depth = self.plane.across * flat.across[1], self.plane.across, self.axis_z
-        # (r2 - R2)/2 by the exact slant of the coupler, not as a difference
+        # (r2 - R2)/2 from the slant of the coupler, which avoids a difference of squares
         second = -0.5 * (out * flat.ahead[1]) ** 2
         mean = height**2 + 0.5 * (flank**2 + out**2) + (depth - self.follower) * (depth + self.follower)
         return mean, 2.0 * height * flank, -2.0 * depth * out, second, 0.0
 
     def _cone_angle(self, angle: Values, flat: _Planar) -> Values:
-        """Return the root of the chosen sheet at each crank angle, (n,) in [rad]; NaN off the sheet."""
-        polynomial = self._cylinder(flat)
-        at_rest = _stacked(polynomial)
+        """Return the root on the selected sheet at each crank angle, (n,) in [rad]; NaN off the sheet."""
+        coefficients = self._cylinder(flat)
+        at_rest = _stacked(coefficients)
         root_angle = self._root_on_sheet(values(angle), at_rest)
         if not isinstance(angle, Jet):
             return root_angle
         return root(
-            lambda t: trig_polynomial.value(polynomial, t),
+            lambda t: trig_polynomial.value(coefficients, t),
             root_angle,
             trig_polynomial.derivative(at_rest, root_angle),
         )
 
-    def _root_on_sheet(self, angles: Array, polynomial: Array) -> Array:
+    def _root_on_sheet(self, angles: Array, coefficients: Array) -> Array:
         if self._sheet is None:
             return np.full_like(angles, np.nan)
         sheet, layer = self._sheet
-        roots = trig_polynomial.real_roots(polynomial)
-        fits = np.sign(self.side) * trig_polynomial.derivative(polynomial, roots) > 0.0
+        roots = trig_polynomial.real_roots(coefficients)
+        fits = np.sign(self.side) * trig_polynomial.derivative(coefficients, roots) > 0.0
         unrolled = sheet.unrolled(_within(angles, self.crank_range()), layer)
         away = np.abs(np.mod(roots - sheet.guide(unrolled) + np.pi, 2.0 * np.pi) - np.pi)
         best = np.argmin(np.where(fits, away, np.inf), 0)
@@ -345,21 +346,21 @@ class Looper(ClosedForm):
         return np.where(valid, roots[best, columns], np.nan)
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
-        """The planar four-bar, then C on its circle about AB, turned by the cone angle from the plane."""
+        """The planar four-bar, then C on its circle about AB, rotated by the cone angle from the plane."""
         flat = self.plane.directions(angle)
         return self._posed(flat, self._cone_angle(angle, flat))
 
     def start_frames(self, count: int) -> Iterator[tuple[str, LinkFrame]] | None:
-        """Return frames in designs with cranks at 0; NaN where more than one root has the sign.
+        """Return frames of designs at crank angle 0; NaN if several roots have the sign.
 
-        None of a further root: its number depends on the whole revolution.
+        None for a further root, whose number depends on the whole revolution.
         """
         if abs(self.side) != 1:
             return None
         flat = self.plane.directions(np.zeros(count))
-        polynomial = _stacked(self._cylinder(flat))
-        roots = trig_polynomial.real_roots(polynomial)
-        fits = np.sign(self.side) * trig_polynomial.derivative(polynomial, roots) > 0.0
+        coefficients = _stacked(self._cylinder(flat))
+        roots = trig_polynomial.real_roots(coefficients)
+        fits = np.sign(self.side) * trig_polynomial.derivative(coefficients, roots) > 0.0
         alone = np.where(fits, roots, 0.0).sum(0)
         return self._posed(flat, np.where(fits.sum(0) == 1, alone, np.nan))
 
@@ -375,10 +376,10 @@ class Looper(ClosedForm):
         yield "follower", LinkFrame(foot, x=ex, y=(tip - foot) / self.follower)
 
 
-def _stacked(polynomial: trig_polynomial.Coefficients) -> Array:
-    """Return the coefficients without their rates, (5, n)."""
+def _stacked(coefficients: trig_polynomial.Coefficients) -> Array:
+    """Return the coefficients without derivatives, (5, n)."""
     rest = (
-        values(coefficient) if isinstance(coefficient, Jet) else coefficient for coefficient in polynomial
+        values(coefficient) if isinstance(coefficient, Jet) else coefficient for coefficient in coefficients
     )
     return np.stack(np.broadcast_arrays(*rest))
 
@@ -388,7 +389,7 @@ def _direction(angle: float) -> tuple[float, float, float]:
 
 
 def _within(angles: Array, arcs: Arcs) -> Array:
-    """Return the crank angles of one motion inside a range of more than a turn, (n,); NaN outside it."""
+    """Return the crank angles of a motion shifted into a range above one revolution, (n,); NaN outside."""
     if arcs.full or not arcs.arcs or np.ptp(arcs.arcs[0]) <= REVOLUTION:
         return angles
     low, high = arcs.arcs[0]

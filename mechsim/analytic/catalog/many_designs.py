@@ -1,4 +1,4 @@
-"""Many designs of one closed form solved together: the formulas of the catalogue on arrays of parameters."""
+"""Many designs of a closed form solved together: the formulas of the catalogue on arrays of parameters."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -21,54 +21,54 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet
 
-# distance of a root from the unit circle up to which it is real, and up to which that is not certain
-REAL, NEARLY = 1e-6, 1e-2
-# real roots nearer to each other in [rad], and leading coefficients smaller than this part of the largest,
-# leave a design to be solved by itself
-MIN_ROOT_DISTANCE, LEAST = 1e-2, 1e-8
-# Newton steps to a root
-NEWTON = 3
+# distance of a root from the unit circle below which it is real, and below which this is uncertain
+REAL, NEARLY_REAL = 1e-6, 1e-2
+# distance of real roots in [rad], and leading coefficient relative to the largest, below which a design is
+# solved separately
+MIN_ROOT_DISTANCE, MIN_LEADING = 1e-2, 1e-8
+# Newton steps per root
+NEWTON_STEPS = 3
 
 Complex = NDArray[np.complex128]
 
 
 Solver = TypeVar("Solver", bound=ClosedForm)
 AXES = "xyz"
-# crank angles at which discriminants are sampled, Newton steps to their minima, and the size of a minimum,
-# relative to the largest harmonic, that may be a change point or the end of a range
-GRID, MINIMUM_STEPS, CLOSE = 48, 6, 1e-7
-# a polynomial without change points: an array of parameters holds only designs that have none
-PLAIN = SignedRoot(TrigPolynomial(np.array([1.0 + 0.0j])), ())
+# crank angles at which discriminants are sampled, Newton steps to their minima, and the minimum, relative to
+# the largest harmonic, below which it may be a change point or an end of the range
+GRID, MINIMUM_STEPS, TOUCHING = 48, 6, 1e-7
+# arrays of parameters contain only designs without change points
+NO_CHANGE_POINTS = SignedRoot(TrigPolynomial(np.array([1.0 + 0.0j])), ())
 
 Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class CrankRanges:
-    """Over which part of the turn designs can stand.
+    """Ranges of the cranks of n designs.
 
     Attributes:
-        full: whether the crank turns fully, (n,).
-        doubtful: whether discriminants come so close to 0 that only the exact roots decide, (n,).
-        lowest: the crank angle at which each comes nearest to falling apart, or is farthest open, (n,).
-        discriminants: coefficients of the discriminants as `numpy.fft` orders them, (n, 2 degree + 1).
-        clear: whether the crank angle 0 is away from dead centres, (n,); designs start there.
+        full: whether the crank rotates fully, (n,).
+        uncertain: whether the discriminant has a minimum so close to 0 that only exact roots decide, (n,).
+        lowest: crank angle of the lowest discriminant, (n,).
+        discriminants: coefficients of the discriminants in the order of `numpy.fft`, (n, 2 degree + 1).
+        clear: whether the crank angle 0, the start of designs, is away from dead centres, (n,).
     """
 
     full: Bools
-    doubtful: Bools
+    uncertain: Bools
     lowest: Array
     discriminants: NDArray[np.complex128]
     clear: Bools
 
 
 def can_be_many(solver: ClosedForm, varied: Iterable[str]) -> bool:
-    """Whether a closed form takes arrays of these parameters; parts of a place are called pivot.x."""
+    """Whether a closed form accepts arrays of these parameters; components are named as in pivot.x."""
     return isinstance(solver, TwoBranchForm) and _array_parameters(solver, varied)
 
 
 def can_be_started(solver: ClosedForm, varied: Iterable[str]) -> bool:
-    """Whether `started` determines where designs of these parameters start."""
+    """Whether `started` determines the initial poses of designs with these parameters."""
     with np.errstate(all="ignore"):
         return _array_parameters(solver, varied) and solver.start_frames(1) is not None
 
@@ -78,7 +78,7 @@ def _array_parameters(solver: ClosedForm, varied: Iterable[str]) -> bool:
 
 
 def allowed(solver: ClosedForm, varied: Mapping[str, Array]) -> Bools:
-    """Return which designs have parameters that their declarations allow, (n,)."""
+    """Return which designs have valid parameters, (n,)."""
     rules = {parameter.name: parameter.metadata for parameter in fields(solver)}
     valid = np.ones(len(next(iter(varied.values()))), dtype=np.bool_)
     for name, values in varied.items():
@@ -93,9 +93,9 @@ def allowed(solver: ClosedForm, varied: Mapping[str, Array]) -> Bools:
 
 
 def many(solver: Solver, varied: Mapping[str, Array], repeat: int) -> Solver:
-    """Return a closed form whose varied parameters are arrays, each number so many times in a row.
+    """Return a closed form whose varied parameters are arrays, each number repeated.
 
-    Only its formulas are of use: `frames`, `discriminant`, `geometry`; nothing is checked.
+    Only its formulas can be used: `frames`, `discriminant`, `geometry`. Nothing is checked.
     """
     design = object.__new__(type(solver))
     values = {parameter.name: getattr(solver, parameter.name) for parameter in fields(solver)}
@@ -110,16 +110,16 @@ def many(solver: Solver, varied: Mapping[str, Array], repeat: int) -> Solver:
             values[parameter] = wide
     for name, value in values.items():
         object.__setattr__(design, name, value)
-    # in place of what `cached_property` would find
+    # preset cached properties
     own: dict[str, object] = vars(design)
-    own["_root"] = PLAIN
+    own["_root"] = NO_CHANGE_POINTS
     return design
 
 
 def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRanges:
-    """Return over which part of the turn designs can stand: by their discriminants' lowest values.
+    """Return the crank ranges of designs from the minima of their discriminants.
 
-    A discriminant is a trigonometric polynomial; each of its minima is found from evenly spread places.
+    A discriminant is a trigonometric polynomial; Newton's method from evenly spaced angles finds its minima.
     """
     count, n = 2 * solver.declaration.discriminant_degree + 1, len(next(iter(varied.values())))
     angles = REVOLUTION * np.arange(count) / count
@@ -144,32 +144,32 @@ def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRan
     lowest = np.zeros(n)
     lowest[design[low == least[design]]] = minimum[low == least[design]] % REVOLUTION
     finite = np.isfinite(least) & (scale > 0.0)
-    doubtful = ~finite | (np.abs(least) <= CLOSE * scale)
+    uncertain = ~finite | (np.abs(least) <= TOUCHING * scale)
     clear = heights[:, 0] > MIN_START_DISCRIMINANT * heights.max(1)
-    return CrankRanges(finite & (least > CLOSE * scale), doubtful, lowest, harmonics, clear)
+    return CrankRanges(finite & (least > TOUCHING * scale), uncertain, lowest, harmonics, clear)
 
 
 def closed_at(solver: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
-    """Return which designs' loops close at all of some crank angles (p,) in [rad], (n,)."""
+    """Return which designs close at all of some crank angles (p,) in [rad], (n,)."""
     designs = len(next(iter(varied.values())))
     with np.errstate(all="ignore"):
         discriminants = many(solver, varied, len(angles)).discriminant(np.tile(angles, designs))
     return np.all(discriminants.reshape(designs, -1) > 0.0, axis=1)
 
 
-def ranges(turning_: CrankRanges) -> tuple[Array, NDArray[np.intp]]:
-    """Return over how much of the turn cranks can stand, (n,) in [rad], and how many dead centres end it.
+def ranges(cranks: CrankRanges) -> tuple[Array, NDArray[np.intp]]:
+    """Return the width of the crank ranges, (n,) in [rad], and the number of dead centres, (n,).
 
-    Those in doubt are as if discriminants that touch 0 did not.
+    Uncertain designs count as if a discriminant that touches 0 did not end the range.
     """
-    count = turning_.discriminants.shape[1]
+    count = cranks.discriminants.shape[1]
     degree = count // 2
-    top = np.fft.fftshift(turning_.discriminants, axes=1)[:, ::-1]
-    widest, ends = np.where(turning_.full, REVOLUTION, 0.0), np.zeros(len(top), dtype=np.intp)
+    top = np.fft.fftshift(cranks.discriminants, axes=1)[:, ::-1]
+    widest, ends = np.where(cranks.full, REVOLUTION, 0.0), np.zeros(len(top), dtype=np.intp)
     order = np.arange(-degree, degree + 1.0)
-    for i in np.flatnonzero(~turning_.full & np.isfinite(top).all(1)):
+    for i in np.flatnonzero(~cranks.full & np.isfinite(top).all(1)):
         zeros = np.roots(top[i])
-        real = np.sort(np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < CLOSE**0.5]))
+        real = np.sort(np.angle(zeros[np.abs(np.abs(zeros) - 1.0) < TOUCHING**0.5]))
         gaps = np.diff(np.append(real, real[:1] + REVOLUTION))
         middle = (np.exp(1j * np.outer(real + 0.5 * gaps, order)) @ top[i][::-1]).real
         widest[i], ends[i] = gaps[middle > 0.0].sum(), len(real)
@@ -189,16 +189,16 @@ def solved(
     """Return the motions of designs, one design after another.
 
     Args:
-        solver: what the parameters that do not vary are of.
+        solver: the closed form with the constant parameters.
         varied: parameter -> (n,) in SI.
-        angles: crank angles, (p,) in [rad], or (n, p) where each design has its own.
-        speed: of the crank, alike in [rad/s].
-        acceleration: alike in [rad/s2].
-        rates: False leaves velocities and accelerations 0.
-        joints: whether joints are wanted, too.
+        angles: crank angles, (p,) in [rad], or (n, p) if they differ by design.
+        speed: crank speed, of the same shapes, in [rad/s].
+        acceleration: crank acceleration, of the same shapes, in [rad/s2].
+        rates: False sets velocities and accelerations to 0.
+        joints: whether to include joints.
 
     Returns:
-        Points and joints with one coordinate at n p instants; not a number where a loop stands open.
+        Points and joints with one coordinate at n p instants; NaN where a loop does not close.
     """
     designs = len(next(iter(varied.values())))
     wide_rows = (np.broadcast_to(row, angles.shape) for row in (angles, speed, acceleration))
@@ -235,9 +235,9 @@ def solved(
 
 
 def started(solver: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
-    """Return the description of designs, and their poses with the crank at 0, where they close.
+    """Return the description of designs, and their poses at crank angle 0, if they close.
 
-    As `form.mechanism` describes one.
+    The description is that of `mechanism`.
     """
     n, described = len(next(iter(varied.values()))), solver.mechanism
     wide, links = many(solver, varied, 1), [link.name for link in described.links]
@@ -262,23 +262,22 @@ def _frame(frame: Array, n: int) -> Array:
     return np.broadcast_to(frame if frame.ndim == 3 else frame[..., None], (3, 3, n))
 
 
-def swing_arcs(turning_: CrankRanges) -> tuple[Array, Array]:
-    """Return lower and upper ends of the arc over which each crank swings, (n,) in [rad].
+def swing_arcs(cranks: CrankRanges) -> tuple[Array, Array]:
+    """Return lower and upper ends of the interval over which each crank swings, (n,) in [rad].
 
-    That is the arc with crank angle zero, otherwise the longest. NaN where there is none, or none that is
-    certain.
+    It is the interval with crank angle zero, otherwise the longest. NaN if there is none or it is uncertain.
     """
-    count = turning_.discriminants.shape[1]
+    count = cranks.discriminants.shape[1]
     order = np.arange(count) - count // 2
-    harmonics = np.fft.fftshift(turning_.discriminants, axes=1)
+    harmonics = np.fft.fftshift(cranks.discriminants, axes=1)
     low, high = np.full(len(harmonics), np.nan), np.full(len(harmonics), np.nan)
-    lead = np.abs(harmonics[:, -1]) > LEAST * np.abs(harmonics).max(1)
-    index = np.flatnonzero(lead & np.isfinite(harmonics).all(1) & ~turning_.full)
+    lead = np.abs(harmonics[:, -1]) > MIN_LEADING * np.abs(harmonics).max(1)
+    index = np.flatnonzero(lead & np.isfinite(harmonics).all(1) & ~cranks.full)
     if not len(index):
         return low, high
     roots = _roots(harmonics[index])
     off = np.abs(np.abs(roots) - 1.0)
-    certain = ((off < REAL) | (off > NEARLY)).all(1)
+    certain = ((off < REAL) | (off > NEARLY_REAL)).all(1)
     number = (off < REAL).sum(1)
     for real in range(2, count, 2):
         rows = np.flatnonzero(certain & (number == real))
@@ -292,7 +291,7 @@ def swing_arcs(turning_: CrankRanges) -> tuple[Array, Array]:
 
 
 def _roots(harmonics: Complex) -> Complex:
-    """Return the complex roots of polynomials with coefficients (n, k + 1) by rising power, (n, k)."""
+    """Return the complex roots of polynomials with coefficients (n, k + 1), lowest power first, (n, k)."""
     n, degree = len(harmonics), harmonics.shape[1] - 1
     companion = np.zeros((n, degree, degree), dtype=np.complex128)
     companion[:, 1:, :-1] = np.eye(degree - 1)
@@ -307,14 +306,14 @@ def _values(angles: Array, harmonics: Complex, order: Array, derivative: int = 0
 
 
 def _polished(angles: Array, harmonics: Complex, order: Array) -> Array:
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_STEPS):
         derivative = _values(angles, harmonics, order, 1)
         angles = angles - _values(angles, harmonics, order) / np.where(derivative == 0.0, np.inf, derivative)
     return angles
 
 
 def _chosen(ends: Array, harmonics: Complex, order: Array) -> tuple[Array, Array]:
-    """Return the arc with crank angle zero, otherwise the longest, between roots (n, m) that rise."""
+    """Return the interval with crank angle zero, otherwise the longest, between increasing roots (n, m)."""
     after = np.concatenate([ends[:, 1:], ends[:, :1] + REVOLUTION], 1)
     width = after - ends
     open_ = _values(0.5 * (ends + after), harmonics, order) > 0.0

@@ -30,8 +30,8 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, revalued, values
 
-# cosine of v2 below which the rocker angle counts as lost: its acceleration grows as 1/cos2 and a
-# third of the digits are gone already
+# cosine of v2 below which the rocker angle counts as undetermined: its acceleration grows as 1/cos2, and a
+# third of the digits are lost already
 POLE = 1e-6
 
 
@@ -39,16 +39,16 @@ POLE = 1e-6
 class Rrsrr(TwoBranchForm):
     """Spatial five-link crank-rocker with four revolute pairs and one spherical pair.
 
-    The crank turns about X at the origin, its angle u1 counted from Y, and carries at C the coupler
-    CS on a hinge tangent to the crank circle, so that S lies on a torus; v1 is the coupler's angle
-    from the crank's direction towards +X. The connecting link joins S to P02, where its hinge
-    crosses the rocker axis TY(gamma1) TX(gamma2) eZ at right angles, so that S lies on a sphere; u2
-    is the rocker angle and v2 the link's angle from the rocker's direction towards its axis.
+    The crank rotates about X at the origin, with its angle u1 measured from Y. At C it carries the coupler CS
+    on a hinge tangent to the crank circle, so that S lies on a torus; v1 is the coupler's angle from the
+    crank's direction towards +X. The connecting link joins S to P02, where its hinge intersects the rocker
+    axis TY(gamma1) TX(gamma2) eZ at right angles, so that S lies on a sphere; u2 is the rocker angle and v2
+    the link's angle from the rocker's direction towards its axis.
 
-    The pairs (u2, v2) and (u2 + pi, pi - v2) are the same S: v2 lies in (-pi/2, pi/2). Where S comes
-    to the rocker axis, |v2| = pi/2, the rocker angle is lost and asking for it is an AssemblyError.
-    `branch` is the sign of sin(v1 - w), w being the direction from P02 to C in the plane of the
-    coupler's motion: the two values of v1 lie to either side of w.
+    The pairs (u2, v2) and (u2 + pi, pi - v2) give the same S; v2 lies in (-pi/2, pi/2). If S lies on the
+    rocker axis, |v2| = pi/2, the rocker angle is undetermined, which raises AssemblyError. `branch` is the
+    sign of sin(v1 - w), with the direction w from P02 to C in the plane of the coupler's motion: the two
+    values of v1 lie on either side of w.
 
     Source: paper 002; closed form and defaults from papers.md section 2.
     """
@@ -68,7 +68,7 @@ class Rrsrr(TwoBranchForm):
 
     @cached_property
     def rocker_frame(self) -> Array:
-        """LinkFrame at P02 whose third column is the rocker axis, (3, 3); T2 of paper 002."""
+        """Frame at P02 whose third column is the rocker axis, (3, 3); T2 of paper 002."""
         return turned_twice(rotation("y", self.gamma1), rotation("x", self.gamma2))
 
     @property
@@ -76,7 +76,7 @@ class Rrsrr(TwoBranchForm):
         x, _, z = (vector(column) for column in self.rocker_frame.T)
         joints = self.geometry().joints
         (at_c, _), (tip, on_link), (pivot, _) = (joints[name] for name in ("C", "S", "rocker"))
-        # both inner hinges are signed so that they count v1 from er to ex and v2 from x to z
+        # signs of both inner hinges: v1 from er to ex, and v2 from x to z
         coupler_hinge = End("crank", at_c, axis=(0.0, 0.0, -1.0), reference=EY)
         link_hinge = End("rocker", axis=(0.0, -1.0, 0.0), reference=EX)
         return Mechanism(
@@ -123,9 +123,9 @@ class Rrsrr(TwoBranchForm):
     def transmission_angle(self, angles: ArrayLike) -> Array:
         """Return the angle between the force at S and the link's own direction, (n,) in [rad], 0 to pi/2.
 
-        Hinges pass no moment about themselves, so the force at S is across both free swings of S,
-        of the coupler about C and of the link about its hinge: it lies in the plane of the link's
-        direction, which does not turn the rocker, and the direction in which the rocker moves S.
+        Hinges transmit no moment about their axes, so that the force at S is perpendicular to both free
+        motions of S, with the coupler about C and with the link about its hinge. It lies in the plane of the
+        link's direction, which does not move the rocker, and the direction in which the rocker moves S.
         """
         points = self.positions(angles)
         c, s = points["C"].T, points["S"].T
@@ -142,11 +142,11 @@ class Rrsrr(TwoBranchForm):
             self._require_off_pole(np.array([start]), np.isfinite(poses["rocker"].rotation[:1, 0]))
         return poses, start
 
-    def _require_off_pole(self, angles: Array, off: NDArray[np.bool_]) -> None:
-        if not off.all():
+    def _require_off_pole(self, angles: Array, outside: NDArray[np.bool_]) -> None:
+        if not outside.all():
             raise AssemblyError(
-                f"{self.name}: at crank angle {angles[np.argmin(off)]:.6g} rad S lies on the rocker axis, "
-                "where the rocker angle is lost; turn the axis by gamma1 or gamma2"
+                f"{self.name}: at crank angle {angles[np.argmin(outside)]:.6g} rad S lies on the rocker "
+                "axis, where the rocker angle is undetermined; rotate the axis by gamma1 or gamma2"
             )
 
     def check_finite(self, motion: Motion) -> None:
@@ -160,7 +160,7 @@ class Rrsrr(TwoBranchForm):
         """S lies on the coupler's circle about C and on the sphere about P02; link and rocker point at it."""
         origin, ex, pivot = column(ORIGIN), column(EX), column(self.pivot)
         radial = spun(column(EY), ex, angle)  # er of papers.md
-        hinge = cross(radial, ex)  # axis at C, v1 turns from er to ex about it
+        hinge = cross(radial, ex)  # axis at C, about which v1 increases from er to ex
         c = self.crank * radial
         across = self.across(angle)
         rod = self.coupler * circle_sphere(c, hinge, self.coupler, pivot, self.link, self.branch, across)
@@ -178,11 +178,11 @@ class Rrsrr(TwoBranchForm):
 
 
 def _determined(rod: Values, swing: Values, arm: Values, link: float) -> Any:
-    """Return rod vectors turned by the last few ulp that bring |arm| to the length of the link.
+    """Return rod vectors rotated by a few ulp so that |arm| is the length of the link.
 
-    A short link against long others would otherwise stand open by the rounding of their squares.
+    Otherwise the rounding of squares of longer links would exceed the loop-closure error of a short link.
     """
     gap = (norm(arm) - link) * link / dot(arm, swing)
-    # a turn above 1e-8 is a dead centre, where the gap is rounding of the wrong order to act on
+    # a rotation above 1e-8 means a dead centre, where the error is rounding of another order
     gap_value = values(gap)
     return rod - revalued(gap, np.where(np.abs(gap_value) < 1e-8, gap_value, 0.0)) * swing

@@ -28,7 +28,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values
 
-# parameters on which nothing depends without a guide
+# parameters that have no effect without a guide
 GUIDE_PARAMETERS = ("psi1", "psi2", "beta1", "beta2", "guide_branch")
 
 
@@ -36,14 +36,14 @@ GUIDE_PARAMETERS = ("psi1", "psi2", "beta1", "beta2", "guide_branch")
 class Rssr(TwoBranchForm):
     """Spatial four-bar with two revolute and two spherical pairs.
 
-    The crank P1P2 turns about X at the origin, its angle counted from Y; the rocker P4P3 swings about
-    the axis TY(gamma1) TX(gamma2) eZ through P4, at right angles to it. `branch` is the sign of
-    P4P3 . (P4P2 x axis).
+    The crank P1P2 rotates about X at the origin, with its angle measured from Y; the rocker P4P3 rotates
+    about the axis TY(gamma1) TX(gamma2) eZ through P4, perpendicular to it. `branch` is the sign of P4P3 .
+    (P4P2 x axis).
 
-    With `guide` on, the spherical pair at P2 becomes a universal joint: a pin on the crank, along
-    TZ(psi1) TX(psi2) eY when the crank is at zero, slides at angle beta1 to a direction of the coupler
-    that makes beta2 with the rod; `guide_branch` is the sign of direction . (pin x rod). The rocker
-    moves the same either way; only the coupler's spin is then defined.
+    With `guide`, the spherical pair at P2 becomes a universal joint: a pin on the crank, along TZ(psi1)
+    TX(psi2) eY at crank angle zero, keeps the angle beta1 to a direction of the coupler that has the angle
+    beta2 to the rod; `guide_branch` is the sign of direction . (pin x rod). The rocker's motion is the same;
+    only the coupler's rotation about its line is then determined.
 
     Source: paper 000; defaults from papers.md section 1.
     """
@@ -69,7 +69,7 @@ class Rssr(TwoBranchForm):
 
     @cached_property
     def rocker_frame(self) -> Array:
-        """LinkFrame at P4 whose third column is the rocker axis, (3, 3). Paper 000, eqs (8), (9)."""
+        """Frame at P4 whose third column is the rocker axis, (3, 3). Paper 000, eqs (8), (9)."""
         return turned_twice(rotation("y", self.gamma1), rotation("x", self.gamma2))
 
     @property
@@ -118,7 +118,7 @@ class Rssr(TwoBranchForm):
         )
 
     def discriminant(self, angles: ArrayLike) -> Array:
-        """4 r2 d2 - (d2 + h2 + r2 - l2)2; rocker r, coupler l, P4P2 with parts d across, h along the axis."""
+        """4 r2 d2 - (d2 + h2 + r2 - l2)2; rocker r, coupler l, P4P2 with d across and h along the axis."""
         to_crank = self.crank * self._radial(np.asarray(angles)) - column(self.pivot)
         height = dot(to_crank, column(self.rocker_frame[:, 2]))
         reach2 = dot(to_crank, to_crank) - height**2
@@ -164,7 +164,7 @@ class Rssr(TwoBranchForm):
     def _side(self, crank: LinkFrame, along: Values) -> Any:
         """Return the coupler's y axis, (3, n), from its x axis. Paper 000, eqs (27)-(30).
 
-        Without a guide nothing determines it: the usual guide (all four angles as a rule) defines it.
+        Without a guide it is undetermined; the usual guide (default angles) then defines it.
         """
         beta1, beta2 = (self.beta1, self.beta2) if self.guide else (np.pi / 2, np.pi / 2)
         pin = crank.direction(vector(self._pin_at_zero) if self.guide else (-1.0, 0.0, 0.0))

@@ -21,7 +21,7 @@ from mechsim.numerics.jets import Values
 class SliderCrank(TwoBranchForm):
     """Planar slider-crank O-A-B in the XY plane, the slider B moving along X at height `offset`.
 
-    The crank angle counts from +X. `branch` is +1 if B lies ahead of A along the slide, else -1.
+    The crank angle is measured from +X. `branch` is +1 if B lies ahead of A along the slide, else -1.
     """
 
     declaration = Declaration(
@@ -74,7 +74,7 @@ class SliderCrank(TwoBranchForm):
         return np.arcsin(np.minimum(along, 1.0))
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
-        """B is ahead of A by a leg of the right triangle over the rod, the height above A is the other."""
+        """B lies ahead of A by a leg of the right triangle with hypotenuse AB; the height is the other."""
         ez, origin = column(EZ), column(ORIGIN)
         ahead = spun(column(EX), ez, angle)
         a = self.crank * ahead

@@ -1,4 +1,4 @@
-"""Mechanisms whose loop closes in two ways."""
+"""Mechanisms with two assembly modes."""
 
 import copy
 from abc import abstractmethod
@@ -27,21 +27,21 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, values
 
-# smallest discriminant of a start, relative to the largest: closer to a dead centre assemblies coincide
+# smallest discriminant at a start, relative to the largest: nearer to a dead centre the modes coincide
 MIN_START_DISCRIMINANT = 1e-3
 # crank angles within this of a change point, in [rad], are that change point
 AT_POINT = 1e-9
 # distance in [rad] from a change point to the configuration that counts as right after it
-AFTER = 1e-6
+AFTER_POINT = 1e-6
 
 
 def first_sign_angle(angles: Array, change_points: Sequence[float], direction: float) -> float:
-    """Return the crank angle at which a sign applies: the first, or right after it at a change point.
+    """Return the crank angle at which the sign applies: the first one, or right after it at a change point.
 
     Args:
         angles: crank angles in the order of the motion, (n,) in [rad].
         change_points: in [rad], of any revolution.
-        direction: sign of the crank's motion, where the angles are all one.
+        direction: sign of the crank's motion if all angles are equal.
     """
     first = float(angles[0])
     distance = first - np.asarray(change_points)
@@ -50,18 +50,18 @@ def first_sign_angle(angles: Array, change_points: Sequence[float], direction: f
     displacement = angles - first
     moved = displacement[np.abs(displacement) > AT_POINT]
     ahead = float(moved[0]) if len(moved) else direction
-    return first + (-AFTER if ahead < 0.0 else AFTER)
+    return first + (-AFTER_POINT if ahead < 0.0 else AFTER_POINT)
 
 
 def segment(
     angle: float, change_points: Sequence[float], arc: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """Return the interval of crank angles around one angle that is free of change points, in [rad].
+    """Return the interval of crank angles around an angle that is free of change points, in [rad].
 
     Args:
-        angle: in [rad], not a change point.
+        angle: in [rad], no change point.
         change_points: in [rad], of any revolution.
-        arc: reachable interval that bounds it; None for a crank that turns fully.
+        arc: reachable interval that bounds it; None for a crank that rotates fully.
     """
     points = np.asarray(change_points)
     below = points + REVOLUTION * np.floor((angle - points) / REVOLUTION)
@@ -71,25 +71,25 @@ def segment(
 
 @dataclass(frozen=True, kw_only=True)
 class TwoBranchForm(ClosedForm):
-    """A mechanism whose loop closes in two ways, selected by the parameter `branch`.
+    """A mechanism with two assembly modes, selected by the parameter `branch`.
 
-    A subclass gives `discriminant`, whose sign changes are the dead centres.
+    A subclass defines `discriminant`, whose sign changes are the dead centres.
     """
 
     if TYPE_CHECKING:
-        # every subclass declares it where its own parameters say
+        # subclasses declare it, in the order of their parameters
         branch: Sign
 
     change_point: ChangePointPolicy = choice(  # pyright: ignore[reportIncompatibleMethodOverride]
-        "smooth", ("smooth", "branch"), "how it goes on where both assemblies meet"
+        "smooth", ("smooth", "branch"), "policy at change points"
     )
 
     @abstractmethod
     def discriminant(self, angles: ArrayLike) -> Array:
-        """Return how far each crank angle is from a dead centre, (n,); negative where the loop cannot close.
+        """Return the discriminant at crank angles, (n,): zero at a dead centre, negative without a solution.
 
-        A trigonometric polynomial of the crank angle, of degree `declaration.discriminant_degree`, so that
-        its roots, the dead centres, are exact.
+        It is a trigonometric polynomial of the crank angle, of degree `declaration.discriminant_degree`, so
+        that its roots, the dead centres, are exact.
         """
 
     def crank_range(self) -> Arcs:
@@ -118,7 +118,7 @@ class TwoBranchForm(ClosedForm):
         angles = checked_angles(self.name, angles)
         if self._keeps_assembly or not self._root.touching:
             return self
-        sign_angle = first_sign_angle(self.counted(angles), self._root.touching, direction)
+        sign_angle = first_sign_angle(self.within_range(angles), self._root.touching, direction)
         made = copy.copy(self)
         vars(made)["_keeps_assembly"] = True
         vars(made).pop("_all_assemblies", None)
@@ -128,19 +128,19 @@ class TwoBranchForm(ClosedForm):
         return made
 
     def across(self, angle: Values) -> Any:
-        """Return the square root of the discriminant that passes change points as `change_point` says, (n,).
+        """Return the square root of the discriminant, continued at change points by the policy, (n,).
 
-        At the first configuration, see `starting_at`, it has the sign of `branch`. None where there are
-        no change points, and the sign never changes.
+        At the first configuration (see `starting_at`) it has the sign of `branch`. None without change
+        points, where the sign never changes.
         """
         if not self._root.touching:
             return None
-        angle = self.counted(angle)
+        angle = self.within_range(angle)
         if self.change_point == "branch":
             return self.branch * self._root.folded(angle)
         return self.branch * self._root.sign(self._start_angle) * self._root.over(angle)
 
-    def counted(self, angle: Values) -> Any:
+    def within_range(self, angle: Values) -> Any:
         """Return crank angles within the revolution of the range, (n,)."""
         if self._arcs.full or not self._arcs.arcs:
             return angle
@@ -156,7 +156,7 @@ class TwoBranchForm(ClosedForm):
 
     @cached_property
     def _keeps_assembly(self) -> bool:
-        """Whether the first crank angle is known, so that others do not select another assembly."""
+        """Whether the first crank angle is known, so that later ones do not change the assembly mode."""
         return False
 
     def _start(self) -> float:
@@ -165,13 +165,13 @@ class TwoBranchForm(ClosedForm):
             return self._clear_angle(first_sign_angle(np.array([start]), self._root.touching, 1.0))
         spread = np.concatenate([np.linspace(low, high, 25) for low, high in arcs.arcs])
         discriminants = self.discriminant(spread)
-        # near a dead centre no guess distinguishes the assemblies
+        # near a dead centre no guess distinguishes the assembly modes
         if self.discriminant(np.array([start]))[0] > MIN_START_DISCRIMINANT * discriminants.max():
             return start
         return float(spread[np.argmax(discriminants)])
 
     def _clear_angle(self, angle: float) -> float:
-        """Return a crank angle, in [rad], with well separated assemblies and no change point between."""
+        """Return a crank angle in [rad] with well separated assembly modes and no change point in between."""
         full, turns = self._arcs.full, round(self.period / REVOLUTION)
         angle -= turns * REVOLUTION * np.round(angle / (turns * REVOLUTION)) if full else 0.0
         low, high = segment(angle, self._root.touching, None if full else interval_around(self._arcs, angle))
@@ -193,6 +193,6 @@ class TwoBranchForm(ClosedForm):
 
     @cached_property
     def _all_assemblies(self) -> list[Self]:
-        """This mechanism in both assemblies; kept, for each finds its own dead centres."""
+        """This mechanism in both assembly modes, cached with their dead centres."""
         own = None if self._keeps_assembly else self.branch
         return [self if branch == own else replace(self, branch=branch) for branch in (1, -1)]

@@ -25,10 +25,10 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, values
 
-# gears have hardly more teeth than this
-MOST_TEETH = 1000
-# joint -> the links it joins, the one nearer the frame first
-JOINED = {
+# largest number of teeth of a gear
+MAX_TEETH = 1000
+# joint -> the links it connects, the one nearer the frame first
+LINKS_OF_JOINT = {
     "crank": (GROUND, "crank1"),
     "crank2": (GROUND, "crank2"),
     "A": ("crank1", "rod3"),
@@ -38,21 +38,21 @@ JOINED = {
     "K": ("base", "rocker"),
     "rocker": (GROUND, "rocker"),
 }
-# turns of crank 1 tried before a gear that never brings both cranks round is called free to turn
-TURNS_TRIED = 100
+# revolutions of crank 1 after which a gear ratio without common period counts as a full turn
+MAX_REVOLUTIONS = 100
 
-# an assembly is followed turn by turn of crank 2: beyond this a turn of crank 1 takes minutes
-MOST_RATIO = 1000.0
+# largest gear ratio: the mode is traced revolution by revolution of crank 2, for minutes beyond this
+MAX_RATIO = 1000.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class WarpKnitter(ClosedForm):
     """Cranks O1A and O2D, rods AB and CD, ternary base link BCK, rocker KE, in the XY plane.
 
-    Crank 1 turns about the origin, its angle counted from +X; gears turn crank 2 by `gear_ratio`
-    times that, from `phase`. Links 3, 4, 5, 6 are an Assur group of class III: up to six assemblies.
-    They are numbered from 1 at crank angle 0, by rising angle of the base link (of its frame, in
-    which B is the origin) in [0, 2 pi); `assembly` is followed from there as the crank turns.
+    Crank 1 rotates about the origin, with its angle measured from +X; gears rotate crank 2 by `gear_ratio`
+    times that, from `phase`. Links 3, 4, 5, 6 are an Assur group of class III with up to six assembly modes.
+    They are numbered from 1 at crank angle 0, by increasing angle of the base link (of its frame with origin
+    B) in [0, 2 pi); the motion follows `assembly` from there.
 
     Source: paper 003; defaults from papers.md section 3.
     """
@@ -70,24 +70,26 @@ class WarpKnitter(ClosedForm):
         (0.042, 0.0), "C in the frame of the base link, B being its origin"
     )
     base_k: tuple[float, float] = position((0.003, 0.024), "K in the frame of the base link")
-    phase: float = angle(math.radians(75.0), "angle of crank 2 where crank 1 is at zero")
-    gear_ratio: float = number(-2.0, "turns of crank 2 per turn of crank 1")
-    assembly: int = number(2, "number of the assembly at crank angle 0, by rising angle of the base link")
+    phase: float = angle(math.radians(75.0), "angle of crank 2 at zero of crank 1")
+    gear_ratio: float = number(-2.0, "revolutions of crank 2 per revolution of crank 1")
+    assembly: int = number(2, "number of the assembly mode at crank angle 0, by angle of the base link")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.gear_ratio == 0.0:
-            raise InputError(f"{self.name}: gear_ratio is 0; give the turns of crank 2 per turn of crank 1")
-        if not 1.0 / MOST_RATIO <= abs(self.gear_ratio) <= MOST_RATIO:
+            raise InputError(
+                f"{self.name}: gear_ratio is 0; give the revolutions of crank 2 per revolution of crank 1"
+            )
+        if not 1.0 / MAX_RATIO <= abs(self.gear_ratio) <= MAX_RATIO:
             raise InputError(
                 f"{self.name}: gear_ratio is {self.gear_ratio}; "
-                f"give one from 1/{MOST_RATIO:g} to {MOST_RATIO:g}, of either sign"
+                f"give one from 1/{MAX_RATIO:g} to {MAX_RATIO:g}, of either sign"
             )
         if self.assembly != int(self.assembly):
             raise InputError(f"{self.name}: assembly is {self.assembly}; give a whole number")
         object.__setattr__(self, "assembly", int(self.assembly))
         count = len(self._at_zero)
-        # where none exists the dimensions are to blame, which solving says
+        # if there is none, solving reports the dimensions
         if self.assembly < 1 or 0 < count < self.assembly:
             raise InputError(
                 f"{self.name}: assembly is {self.assembly}, but at crank angle 0 there are {count}; "
@@ -98,8 +100,9 @@ class WarpKnitter(ClosedForm):
     def description(self) -> Mechanism:
         """Six links, eight revolute joints and the gears.
 
-        Frames: cranks and rocker at their pivots, rods at their cranks, x along the link; the base link
-        at B as its parameters say.
+        Frames: cranks and rocker at their pivots, rods at their cranks, x along the link; the base link at B
+            as
+        its parameters define it.
         """
         positions = {
             ("crank2", GROUND): self.pivot2,
@@ -125,7 +128,7 @@ class WarpKnitter(ClosedForm):
             name=self.name,
             links=tuple(Link(name) for name in ("crank1", "crank2", "rod3", "rod5", "base", "rocker")),
             joints=tuple(
-                Joint(name, "revolute", end(name, a), end(name, b)) for name, (a, b) in JOINED.items()
+                Joint(name, "revolute", end(name, a), end(name, b)) for name, (a, b) in LINKS_OF_JOINT.items()
             ),
             driver="crank",
             points={name: (link, position_of(name, link)) for name, link in points.items()},
@@ -144,7 +147,7 @@ class WarpKnitter(ClosedForm):
 
     @property
     def pivots(self) -> Pivots:
-        """Where A, D and E go as crank 1 turns."""
+        """Motion of A, D and E with the angle of crank 1."""
         return Pivots(
             (0j, complex(*self.pivot2), complex(*self.pivot_rocker)),
             (self.crank1, self.crank2, 0.0),
@@ -153,19 +156,19 @@ class WarpKnitter(ClosedForm):
         )
 
     def guess(self) -> tuple[dict[str, Pose], float]:
-        """Return link poses at crank angle 0, where assemblies are numbered; none if it cannot stand."""
+        """Return link poses at crank angle 0, where modes are numbered; none if it cannot be assembled."""
         return super().guess() if self._path is not None else ({}, 0.0)
 
     def _start(self) -> float:
         return 0.0
 
     def crank_range(self) -> Arcs:
-        """Return the arc of crank angle that this assembly reaches from crank angle 0.
+        """Return the interval of crank angle that this assembly mode reaches from crank angle 0.
 
-        An arc shorter than a turn begins in [-pi, pi), as for any drive, where the cranks come round
-        with every turn of crank 1. Else it contains 0: a triad may go round into another assembly and
-        meet its dead centre more than a turn later. Where the cranks never come round, 100 turns
-        either way count as a full turn.
+        If both cranks return after every revolution of crank 1, an interval shorter than a revolution starts
+        in [-pi, pi), as for any mechanism. Else it contains 0: a triad may pass into another mode and reach
+        its dead centre more than a revolution later. If the cranks never return together, 100 revolutions in
+        either direction count as a full rotation.
 
         Accuracy: 1e-12 rad.
         """
@@ -173,7 +176,7 @@ class WarpKnitter(ClosedForm):
             return Arcs(False, ())
         if self._path.round() is not None:
             return Arcs(True, ((-np.pi, np.pi),))
-        limit = 2.0 * np.pi * TURNS_TRIED
+        limit = 2.0 * np.pi * MAX_REVOLUTIONS
         low, high = self._path.end(-1, -limit), self._path.end(1, limit)
         if low is None and high is None:
             return Arcs(True, ((-np.pi, np.pi),))
@@ -184,7 +187,7 @@ class WarpKnitter(ClosedForm):
         return Arcs(False, ((low, high),))
 
     def assemblies(self, angle: float) -> Sequence[Self]:
-        """Return the mechanism in each assembly that is carried from crank angle 0 to this one."""
+        """Return the mechanism in each assembly mode that leads from crank angle 0 to this one."""
         at_angle = np.array([angle])
         return [
             member
@@ -193,7 +196,7 @@ class WarpKnitter(ClosedForm):
         ]
 
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
-        """Return every real assembly at a crank angle; its number is None if none at angle 0 leads to it."""
+        """Return every real assembly mode at a crank angle; its number is None without a path from 0."""
         numbered = [(member.assembly, member.positions([angle])) for member in self.assemblies(angle)]
         numbered_points = [(n, {name: p[0] for name, p in points.items()}) for n, points in numbered]
         longest = max(*self.sides, *(abs(point) for point in self.platform))
@@ -215,9 +218,9 @@ class WarpKnitter(ClosedForm):
         return listed
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Return the triad's determinant over that of this assembly at crank angle 0, (n,).
+        """Return the triad's determinant divided by that of this assembly mode at crank angle 0, (n,).
 
-        It cannot change sign without passing a dead centre. Among six assemblies three share it.
+        Its sign changes only at a dead centre. Three of six modes share it.
         """
         a, b, c, d, k = (flat(points[name]) for name in "ABCDK")
         legs = [b - a, c - d, k - complex(*self.pivot_rocker)]
@@ -227,8 +230,8 @@ class WarpKnitter(ClosedForm):
     def transmission_angle(self, angles: ArrayLike) -> Array:
         """Return the angle between the rocker and the force on it, (n,) in [rad], 0 to pi/2.
 
-        Rods 3 and 5 carry only pull and push, so the base link presses on K along the line from K to
-        where the lines of the two rods meet. Zero is a pose in which the triad locks.
+        Rods 3 and 5 transmit only axial forces, so that the force of the base link on K points along the line
+        from K to the intersection of the lines of both rods. At zero the triad locks.
         """
         points = self.positions(angles)
         a, b, c, d, k = (flat(points[name]) for name in "ABCDK")
@@ -239,7 +242,7 @@ class WarpKnitter(ClosedForm):
         return np.arcsin(np.minimum(abs(cross(force, e6)) / magnitude, 1.0))
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
-        """The base link as the triad carries it; rods and rocker between its points and the pivots."""
+        """The base link from the triad; rods and rocker between its points and the pivots."""
         origin, direction = self._base(angle)
         a, d, e = self.pivots.positions_of(angle)
         b, c, k = (origin + direction * point for point in self.platform)
@@ -253,7 +256,7 @@ class WarpKnitter(ClosedForm):
         yield "rocker", LinkFrame(column((*self.pivot_rocker, 0.0)), x=xyz((k - e) / self.rocker), z=ez)
 
     def _base(self, angle: Values) -> tuple[Any, Any]:
-        """Return place and turn of the base link, (n,) each."""
+        """Return position and orientation of the base link as complex numbers, (n,) each."""
         angles = values(angle)
         if self._path is None:
             return np.full(angles.shape, np.nan + 0j), np.full(angles.shape, np.nan + 0j)
@@ -269,7 +272,7 @@ class WarpKnitter(ClosedForm):
         return dict(zip("ABCDK", (a, b, c, d, k), strict=True))
 
     def _assemblies_at(self, pivots: list[complex]) -> list[tuple[complex, complex]]:
-        """Return place and turn of the base link in every assembly, by rising angle."""
+        """Return position and orientation of the base link in every assembly mode, by increasing angle."""
         moved, fixed = ([(z.real, z.imag) for z in points] for points in (pivots, self.platform))
         poses = triad.assemblies(moved, fixed, self.sides)
         return [(complex(x, y), complex(np.exp(1j * t))) for x, y, t in poses[np.isfinite(poses[:, 2])]]
@@ -280,7 +283,7 @@ class WarpKnitter(ClosedForm):
 
     @cached_property
     def _all_assemblies(self) -> list[Self]:
-        """This mechanism in every assembly of crank angle 0; kept, for each knows its path."""
+        """This mechanism in every assembly mode at crank angle 0, cached with their paths."""
         numbers = range(1, 1 + len(self._at_zero))
         return [self if n == self.assembly else replace(self, assembly=n) for n in numbers]
 
@@ -299,8 +302,8 @@ class WarpKnitter(ClosedForm):
 
 
 def period_of(ratio: float) -> float | None:
-    """Return the crank angle in [rad] after which both cranks stand as before; None if no gear does so."""
-    teeth = Fraction(ratio).limit_denominator(MOST_TEETH)
+    """Return the crank angle in [rad] after which both cranks repeat; None if there is none."""
+    teeth = Fraction(ratio).limit_denominator(MAX_TEETH)
     if abs(float(teeth) - ratio) > 4.0 * np.finfo(np.float64).eps * abs(ratio):
         return None
     return 2.0 * np.pi * teeth.denominator

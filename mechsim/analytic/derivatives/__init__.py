@@ -1,7 +1,7 @@
-"""Exact derivatives of motions and efforts by the dimensions of a mechanism.
+"""Exact derivatives of motions and forces by the dimensions of a mechanism.
 
-All that a mechanism's motion depends on is a row of numbers (`numbers`). Each dimension changes some of them,
-by derivatives of its description (`dimensions`); with these as tiny imaginary parts the loop equations are
-closed once more, and what becomes imaginary is the derivative, to rounding: no difference of two motions is
-taken (`motion`).
+The motion depends on a vector of numbers (`numbers_of`). Each dimension changes some of them, by derivatives
+of the description (`dimensions`). These are imaginary parts of a complex step with which the loop equations
+are solved again. The imaginary parts of the solution are the derivatives, exact to rounding, without
+differences of two motions (`motion`).
 """

@@ -1,4 +1,4 @@
-"""What dimensions change of a mechanism: the derivatives of its numbers."""
+"""Derivatives of the numbers of a mechanism by its dimensions."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -20,28 +20,28 @@ from mechsim.model.links import GROUND, IDENTITY, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
-# weights of the values a step, two, three and four steps ahead, and minus them behind, divided by the step
+# weights of the values 1 to 4 steps ahead (and negative ones behind), divided by the step
 EIGHTH = np.array([4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0])
 SIXTH = np.array([3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0, 0.0])
 ONE_SIDED = np.array([4.0, -3.0, 4.0 / 3.0, -1.0 / 4.0])
-# steps tried, as powers of two of a dimension's scale: so far is exact in binary numbers
+# steps as powers of two times the scale of a dimension, which are exact in binary numbers
 POWERS = (-7, -9, -11, -13, -15)
-# part of what a description changes by to which two orders of difference agree so well that no other step is
-# tried, to which they must at the best of them, and to which either side must agree
-CLOSE, AGREE, KINK = 1e-11, 1e-7, 1e-3
-# a length below this part of the mechanism's size is stepped by the size
-SMALL = 1e-3
+# largest relative disagreement of two orders of difference at which no other step is tried, at which the best
+# step is accepted, and of the one-sided differences
+CLOSE, ACCEPTED, KINK = 1e-11, 1e-7, 1e-3
+# relative length below which the step of a length is based on the characteristic length
+SMALL_LENGTH = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Dimension:
-    """A number that a mechanism is made from.
+    """A dimension of a mechanism.
 
     Attributes:
-        name: of it.
-        value: in SI.
+        name: its name.
+        value: its value in SI.
         unit: "m", "rad" or "1".
-        declared: unit that a file declares for it; empty where it is no parameter of a file.
+        declared: unit that a file declares for it; empty if it is no parameter of a file.
     """
 
     name: str
@@ -52,17 +52,18 @@ class Dimension:
 
 @dataclass(frozen=True)
 class DesignFamily:
-    """Mechanisms that differ in their dimensions alone.
+    """A parametric model: mechanisms that differ only in their dimensions.
 
     Attributes:
-        name: of the mechanism.
-        dimensions: name -> dimension, as they stand.
-        describe: name -> value in SI, of those that change, makes the description; it need not be one that
-            can be put together.
-        make: the same makes what moves, checked.
-        forces: the same makes what acts on it, where a file says; None where nothing is said.
-        usual: names of the dimensions that are meant by all of them; empty for every one.
-        reckoned: dimension -> those that it is reckoned from while it is not given.
+        name: name of the mechanism.
+        dimensions: name -> dimension with its present value.
+        describe: returns the description for changed dimensions, name -> value in SI; it may be one that
+            cannot be assembled.
+        make: returns the checked solver for the same.
+        forces: returns the forces for the same, None if the file defines none; None for a model without
+            forces.
+        usual: default selection of dimensions; empty for all.
+        derived: dimension -> dimensions from which its default value is computed.
     """
 
     name: str
@@ -71,43 +72,42 @@ class DesignFamily:
     make: Callable[[Mapping[str, float]], KinematicSolver]
     forces: Callable[[Mapping[str, float]], Forces | None] | None = None
     usual: tuple[str, ...] = ()
-    reckoned: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
+    derived: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
 
     def require_independent(self, names: Collection[str]) -> None:
-        """Refuse dimensions of which one is reckoned from another: it would no longer follow it.
+        """Raise InputError for dimensions of which one is computed from another.
 
         Raises:
-            InputError: naming both.
+            InputError: names both.
         """
         for name in names:
-            for other in self.reckoned.get(name, frozenset()) & {*names}:
+            for other in self.derived.get(name, frozenset()) & {*names}:
                 raise InputError(
-                    f"{self.name}: {name} is reckoned from {other}, so that they cannot both vary; "
+                    f"{self.name}: {name} is computed from {other}, so that they cannot both vary; "
                     "leave one of them out"
                 )
 
     def values(self) -> dict[str, float]:
-        """Return the dimensions as they stand, in SI."""
+        """Return the present dimensions in SI."""
         return {name: dimension.value for name, dimension in self.dimensions.items()}
 
 
 def changes(
     designs: DesignFamily, names: Sequence[str], numbers: Callable[[Mapping[str, float]], Array] | None = None
 ) -> dict[str, Array]:
-    """Return the derivatives of a mechanism's numbers by dimensions: name -> (k,), as `numbers_of` has them.
+    """Return the derivatives of a mechanism's numbers by dimensions: name -> (k,), ordered as `numbers_of`.
 
     Args:
-        designs: the mechanism.
-        names: of dimensions.
-        numbers: name -> value, of dimensions that change, to the numbers wanted; those of the description
-            if left out.
+        designs: the parametric model.
+        names: names of dimensions.
+        numbers: changed dimensions, name -> value, to numbers; the default is the numbers of the description.
 
     Raises:
         InputError: where a description has a kink at a dimension, or fails for a perturbed value.
 
-    Accuracy: a description is arithmetic: differences of eighth order over binary steps give its derivatives
-        to about 1e-13 of themselves, over the step at which a sixth order agrees best; one that disagrees by
-        more than 1e-7 is refused.
+    Accuracy: a description is arithmetic. Differences of eighth order over binary steps give relative errors
+        of about 1e-13, with the step at which a sixth order agrees best; a disagreement above 1e-7 is an
+        error.
     """
     read_numbers = numbers or (lambda values: numbers_of(designs.describe(values)))
     length = designs.describe({}).characteristic_length
@@ -138,18 +138,18 @@ def _change(
             best, apart = derivative, off
         if apart <= CLOSE:
             return best
-    if apart <= AGREE:
+    if apart <= ACCEPTED:
         return best
     raise InputError(
         f"{designs.name}: the description has no derivative by {dimension.name} at {dimension.value:.6g}: "
-        "it has a kink there, or fails for a perturbed value; move the dimension a little"
+        "it has a kink or fails for a perturbed value; change the dimension a little"
     )
 
 
 def _derivative(perturbed: Array, step: float) -> tuple[Array, float]:
-    """Return derivatives of numbers (k,) from what is added on either side, (2, 4, k), and how well known.
+    """Return derivatives from the changes of numbers (k,) on both sides, (2, 4, k), and their error estimate.
 
-    That is by how much a lower order disagrees, as a part of what changes most; infinite at a kink.
+    The estimate is the disagreement of a lower order, relative to the largest change; infinite at a kink.
     """
     ahead, behind = (np.tensordot(ONE_SIDED, side, 1) / step for side in perturbed)
     eighth, sixth = (np.tensordot(order, perturbed[0] - perturbed[1], 1) / step for order in (EIGHTH, SIXTH))
@@ -161,26 +161,26 @@ def _derivative(perturbed: Array, step: float) -> tuple[Array, float]:
 
 
 def _steps(dimension: Dimension, length: float) -> Iterator[float]:
-    """Yield steps of a dimension in SI, exact in binary numbers, the likeliest first."""
+    """Yield steps of a dimension in SI, exact in binary numbers, the most suitable first."""
     for scale in _scales(dimension, length):
         for power in POWERS:
             yield float(2.0 ** (np.floor(np.log2(scale)) + power))
 
 
 def _scales(dimension: Dimension, length: float) -> list[float]:
-    """Return over what a dimension may be stepped, the likeliest first, in SI."""
+    """Return possible scales of the steps of a dimension, the most suitable first, in SI."""
     own = abs(dimension.value)
     if dimension.unit == "rad":
         return [1.0]
     whole = length if dimension.unit == "m" else 1.0
-    return [own, whole] if own > SMALL * whole else [whole, own] if own else [whole]
+    return [own, whole] if own > SMALL_LENGTH * whole else [whole, own] if own else [whole]
 
 
 AXES = "xyz"
 
 
 def placed_designs(solver: KinematicSolver) -> DesignFamily:
-    """Return the designs of a mechanism whose dimensions are the places of its joints."""
+    """Return the designs of a mechanism whose dimensions are the positions of its joints."""
     mechanism = solver.mechanism
     own = solver if isinstance(solver, LoopForm) else LoopForm(mechanism)
 
@@ -211,7 +211,7 @@ def _joint_dimensions(joint: Joint) -> list[tuple[str, float, str]]:
 
 
 def _placed(mechanism: Mechanism, values: Mapping[str, float]) -> Mechanism:
-    """Return a mechanism with joints in other places."""
+    """Return a mechanism with changed joint positions and tilts."""
     joints = {joint.name: joint for joint in mechanism.joints}
     for name, value in values.items():
         rest, what, axis = name.rsplit(".", 2)
@@ -237,7 +237,7 @@ def _moved(mechanism: Mechanism, joint: Joint, side: str, what: str, change: Arr
 
 
 def _between(mechanism: Mechanism, joint: Joint) -> Array:
-    """Return the turn from link b's frame to link a's where both sides of a joint meet."""
+    """Return the rotation from link b's frame to link a's at which both sides of a joint coincide."""
     if KINDS[joint.kind].aligned:
         return joint.a.frame @ joint.b.frame.T
     poses = {GROUND: IDENTITY, **rough_poses(mechanism)}
@@ -257,7 +257,7 @@ def _vector(values: Array) -> Vector:
 
 
 def catalog_designs(solver: ClosedForm) -> DesignFamily:
-    """Return the designs of a catalogue mechanism: all its dimensions, parts of places as NAME.x, NAME.y."""
+    """Return the designs of a catalogue mechanism: all dimensions, positions as components NAME.x, NAME.y."""
     dimensions: dict[str, Dimension] = {}
     for parameter in fields(solver):
         unit, value = parameter.metadata["unit"], getattr(solver, parameter.name)
@@ -281,7 +281,7 @@ def _components(name: str, value: Any) -> dict[str, float]:
 
 
 def _whole(solver: ClosedForm, values: Mapping[str, float]) -> dict[str, Any]:
-    """Return parameters from dimensions: places put together from their parts."""
+    """Return parameters from dimensions, with positions combined from their components."""
     arguments: dict[str, Any] = {}
     for name, value in values.items():
         parameter, dot, axis = name.partition(".")
@@ -295,7 +295,7 @@ def _whole(solver: ClosedForm, values: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _unchecked(solver: ClosedForm, values: Mapping[str, Any]) -> ClosedForm:
-    """Return a mechanism whose dimensions nothing has checked, of which only the description is of use."""
+    """Return a mechanism with unchecked dimensions, of which only the description can be used."""
     copy = object.__new__(type(solver))
     for parameter in fields(solver):
         object.__setattr__(copy, parameter.name, values.get(parameter.name, getattr(solver, parameter.name)))

@@ -1,4 +1,4 @@
-"""Derivatives of drive torques and joint reactions by dimensions, at the same motion of the drivers."""
+"""Derivatives of drive torques and joint reactions by dimensions, for the same motion of the drivers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.derivatives.motion import Followed
+from mechsim.analytic.derivatives.motion import TracedMotion
 from mechsim.analytic.derivatives.parameter_vector import force_numbers, numbers_of, with_force_numbers
 from mechsim.analytic.dynamics.applied_forces import STILL
 from mechsim.analytic.dynamics.model import DynamicModel
@@ -21,12 +21,12 @@ from mechsim.numerics.jets import change_of, stepped
 
 @dataclass(frozen=True, slots=True)
 class EffortDerivatives:
-    """Efforts and their derivatives by dimensions, as columns of a table in SI.
+    """Forces and their derivatives by dimensions, as columns of a table in SI.
 
     Attributes:
-        columns: name -> values, (n,), as `InverseDynamics.columns` names them.
+        columns: name -> values, (n,), named as in `InverseDynamics.columns`.
         by: dimension -> derivatives of the columns, in SI per SI unit of the dimension.
-        open: columns of reactions that rigid links do not determine, whose derivatives mean nothing.
+        open: columns of reactions that rigid links do not determine, whose derivatives are meaningless.
     """
 
     columns: Mapping[str, Array]
@@ -36,25 +36,25 @@ class EffortDerivatives:
 
 def forces_along(
     model: DynamicModel,
-    followed: Followed,
+    followed: TracedMotion,
     change: Mapping[str, Array | None],
     speed: ArrayLike = 1.0,
     acceleration: ArrayLike = 0.0,
 ) -> EffortDerivatives:
-    """Return what drives and joints carry along a motion, and its exact derivatives by dimensions.
+    """Return drive forces and reactions along a motion, and their exact derivatives by dimensions.
 
     Args:
-        model: mechanism with masses, and what acts on it.
+        model: dynamic model: mechanism with masses, and its forces.
         followed: the motion, at unit rate of the path parameter.
-        change: dimension -> derivatives of `model_numbers`, as `changes` gives them; None for that by the
-            drivers themselves, where no load follows a course over their angle.
-        speed: of it, scalar or (n,) in [rad/s].
-        acceleration: of it, scalar or (n,) in [rad/s2].
+        change: dimension -> derivatives of `model_numbers`, from `changes`; None for the derivative by the
+            driver positions themselves, if no load depends on their angle.
+        speed: rate of the path parameter, scalar or (n,) in [rad/s].
+        acceleration: its second derivative, scalar or (n,) in [rad/s2].
 
     Raises:
         AssemblyError: as `motion_derivatives`.
 
-    Accuracy: about 1e-15 times the condition of the loops, as efforts have it.
+    Accuracy: about 1e-15 times the condition number of the loops.
     """
     followed = replace(followed, mechanism=model.mechanism)
     study = perturbed_forces(model, followed.motion(), speed, acceleration)
@@ -75,14 +75,14 @@ def forces_along(
 
 
 def _split(derivative: Array | None, acting: int) -> tuple[Array | None, Array]:
-    """Return changes of a mechanism's numbers, and those of what acts on it."""
+    """Return changes of the numbers of a mechanism, and of its forces."""
     if derivative is None:
         return None, np.zeros(acting)
     return derivative[: len(derivative) - acting], derivative[len(derivative) - acting :]
 
 
 def model_numbers(mechanism: Mechanism, forces: Forces) -> Array:
-    """Return the numbers of a mechanism with masses and of what acts on it, (k,) in SI."""
+    """Return the numbers of a mechanism with masses and of its forces, (k,) in SI."""
     return np.concatenate([numbers_of(mechanism), force_numbers(forces)])
 
 
@@ -93,14 +93,14 @@ def perturbed_forces(
     acceleration: ArrayLike = 0.0,
     nominal: Mechanism | None = None,
 ) -> InverseDynamics:
-    """Return the inverse dynamics of a model that moves so at unit speed of its crank.
+    """Return the inverse dynamics of a model with a given motion at unit speed of its crank.
 
     Args:
         model: the dynamic model.
-        motion: its motion at unit rate of the path parameter, complex or not.
+        motion: its motion at unit rate of the path parameter, complex or real.
         speed: scalar or (n,) in [rad/s].
         acceleration: scalar or (n,) in [rad/s2].
-        nominal: the mechanism itself where that of the model carries complex steps.
+        nominal: the unperturbed mechanism, if that of the model has complex steps.
     """
     speed, acceleration = (
         np.broadcast_to(np.asarray(rate, dtype=np.float64), motion.angle.shape)
@@ -112,7 +112,7 @@ def perturbed_forces(
 
 
 def _times(model: DynamicModel, motion: Motion, speed: Array, acceleration: Array) -> Array | None:
-    """Return times in [s] of motion laws, or of a crank at constant speed; None where they are not known."""
+    """Return times in [s] of motion laws, or of a crank at constant speed; None if unknown."""
     motion_laws = model.solver.motion_laws
     if not motion_laws.crank:
         return motion_laws.time(motion.angle)

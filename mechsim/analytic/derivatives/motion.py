@@ -1,4 +1,4 @@
-"""Derivatives of a motion by dimensions, at the same values of the drivers."""
+"""Derivatives of a motion by dimensions, at the same driver positions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -30,14 +30,14 @@ from mechsim.analytic.loops.path_rates import (
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.link_poses import split
+from mechsim.model.link_poses import split_joints
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import STEP, change_of, stepped
 
-# largest residual that a dimension may open in redundant loops, relative to the change of the loops
-TORN = 1e-6
+# largest residual in redundant loops that a dimension may cause, relative to the change of the loops
+INCONSISTENT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +45,9 @@ class MotionDerivatives:
     """A motion and its derivatives by dimensions.
 
     Attributes:
-        motion: by loop equations.
-        by: dimension -> derivatives of all that the motion holds, in its SI units per SI unit of the
-            dimension: of places, rates and accelerations, the drivers held as they are.
+        motion: the motion by loop equations.
+        by: dimension -> derivatives of positions, rates and accelerations at fixed driver positions, in SI
+            per SI unit of the dimension.
     """
 
     motion: Motion
@@ -55,16 +55,16 @@ class MotionDerivatives:
 
 
 @dataclass(frozen=True)
-class Followed:
-    """A motion that was followed once, from which those with other dimensions begin.
+class TracedMotion:
+    """A solved motion, the starting point for motions with other dimensions.
 
     Attributes:
-        solver: what moves.
-        mechanism: its mechanism, with masses where they count.
-        path: of its assembly.
-        instants: along it.
-        chunks: the instants, closed.
-        perturbed: the mechanism as numbers, where it is another than the path's own.
+        solver: the solver.
+        mechanism: its mechanism, with masses if needed.
+        path: continuation path of its assembly mode.
+        instants: instants along the path.
+        chunks: the instants in chunks, with solved configurations.
+        perturbed: the mechanism as numbers, if it differs from that of the path.
     """
 
     solver: KinematicSolver
@@ -80,21 +80,21 @@ class Followed:
         return record_of(self.path, record, self.instants, self.perturbed, self.solver)
 
     def changed(self, name: str, derivative: Array | None) -> tuple[Mechanism, Motion]:
-        """Return the mechanism and the motion whose imaginary parts are the changes by a dimension.
+        """Return the mechanism and the motion with the changes by a dimension as imaginary parts.
 
         Args:
-            name: of the dimension.
-            derivative: derivatives of the mechanism's numbers by it, (k,); None puts the drivers ahead.
+            name: name of the dimension.
+            derivative: derivatives of the mechanism's numbers by it, (k,); None changes the driver positions.
 
         Raises:
-            AssemblyError: where it alone would leave loops open that repeat each other.
+            AssemblyError: if the dimension alone makes redundant loop equations inconsistent.
         """
         nominal, ahead = numbers_of(self.mechanism), float(derivative is None)
         derivative = np.zeros(len(nominal)) if derivative is None else derivative
         if derivative.shape != nominal.shape or not np.isfinite(derivative).all():
             raise InputError(
                 f"the change by {name!r} has shape {derivative.shape} or is not finite; the mechanism has "
-                f"{len(nominal)} numbers: take what `changes` gives"
+                f"{len(nominal)} numbers: use the result of `changes`"
             )
         mechanism = with_numbers(self.mechanism, stepped(nominal, derivative))
         step = STEP * max(
@@ -118,19 +118,19 @@ def motion_derivatives(
     """Return a motion and its exact derivatives by dimensions, by the loop equations.
 
     Args:
-        solver: what moves.
-        change: dimension -> derivatives of the mechanism's numbers, as `changes` gives them; None for that
-            by the drivers themselves, all of them ahead by as much.
+        solver: the solver.
+        change: dimension -> derivatives of the mechanism's numbers, from `changes`; None for the derivative
+            by the driver positions, all changed equally.
         angles: path parameters, (n,) in [rad].
-        speed: of it, scalar or (n,) in [rad/s].
-        acceleration: of it, scalar or (n,) in [rad/s2].
-        torn: whether dimensions that changed alone would tear the loops are left out without a word.
+        speed: rate of the path parameter, scalar or (n,) in [rad/s].
+        acceleration: its second derivative, scalar or (n,) in [rad/s2].
+        torn: whether dimensions that alone make redundant loop equations inconsistent are left out silently.
 
     Raises:
-        AssemblyError: where the loops do not close, where two assemblies meet, for derivatives have no bound
-            there, or where a dimension changed alone would leave loops open that repeat each other.
+        AssemblyError: where the loops do not close, at change points, where derivatives are unbounded, or if
+            a dimension alone makes redundant loop equations inconsistent.
 
-    Accuracy: about 1e-15 times the condition of the loops, as the rates have it.
+    Accuracy: about 1e-15 times the condition number of the loops.
     """
     return derivatives_along(
         followed_motion(solver, solver.mechanism, angles, speed, acceleration), change, torn=torn
@@ -138,9 +138,9 @@ def motion_derivatives(
 
 
 def derivatives_along(
-    followed: Followed, change: Mapping[str, Array | None], *, torn: bool = False
+    followed: TracedMotion, change: Mapping[str, Array | None], *, torn: bool = False
 ) -> MotionDerivatives:
-    """Return a motion that was followed already, and its derivatives; as `motion_derivatives`."""
+    """Return a solved motion and its derivatives; as `motion_derivatives`."""
     motions: dict[str, Motion] = {}
     for name, derivative in change.items():
         try:
@@ -157,11 +157,11 @@ def followed_motion(
     angles: ArrayLike,
     speed: ArrayLike,
     acceleration: ArrayLike,
-) -> Followed:
-    """Return a motion, followed by loop equations; parameters as of `motion_derivatives`.
+) -> TracedMotion:
+    """Return a motion by loop equations; parameters as in `motion_derivatives`.
 
     Raises:
-        AssemblyError: where the loops do not close, or two assemblies meet.
+        AssemblyError: where the loops do not close, or at a change point.
     """
     angle = crank_angles(mechanism, angles)
     rates = [
@@ -174,16 +174,16 @@ def followed_motion(
     if singular.any():
         where = path.words.instant(float(angle[np.argmax(singular)]))
         raise AssemblyError(
-            f"{solver.name}: at {where} two assemblies meet, and derivatives by dimensions have no bound; "
+            f"{solver.name}: {where} is a change point, where derivatives by dimensions are unbounded; "
             "keep away from it"
         )
-    return Followed(solver, mechanism, path, instants, chunks)
+    return TracedMotion(solver, mechanism, path, instants, chunks)
 
 
 def driven_instants(
     solver: KinematicSolver, angle: Array, speed: Array, acceleration: Array
 ) -> tuple[ContinuationPath, Instants]:
-    """Return the path of what moves, and instants along it."""
+    """Return the continuation path of a solver, and instants along it."""
     motion_laws = solver.motion_laws
     path = driven_path(solver.mechanism, motion_laws, solver.change_point)
     if motion_laws.crank:
@@ -199,9 +199,9 @@ def _changed(
     step: float,
     ahead: float,
 ) -> LoopMotion:
-    """Return the motion of some instants with complex numbers, their imaginary parts at most as in the input.
+    """Return the motion of some instants in complex numbers, with imaginary parts at most as in the input.
 
-    Drivers are ahead by so many imaginary steps.
+    Driver positions are increased by `ahead` imaginary steps.
     """
     loops = with_mechanism(chunk.solver.loops, mechanism)
     solver = replace(chunk.solver, loops=loops)
@@ -214,20 +214,20 @@ def _changed(
     q = loops.displaced(q, solver.step(before.matrix, before.rhs))
     linearised = solver.linearise(q)
     torn = np.abs(linearised.residual.imag).max(initial=0.0)
-    opened = np.abs(before.residual.imag).max(initial=0.0)
-    if not torn <= TORN * max(opened, step):
+    residual_change = np.abs(before.residual.imag).max(initial=0.0)
+    if not torn <= INCONSISTENT * max(residual_change, step):
         raise AssemblyError(
-            f"{mechanism.name}: changed alone, {name} leaves the loops open, for joints repeat what "
-            "others hold (as out of the plane of a flat linkage); change what goes with it, too"
+            f"{mechanism.name}: {name} alone makes redundant loop equations inconsistent (as a tilt out of "
+            "the plane of a planar linkage does); change the related dimensions, too"
         )
     return with_rates(path, replace(chunk, solver=solver, q=q, linearised=linearised))
 
 
 def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
-    """Return the same loops of a mechanism with other numbers."""
+    """Return the loops for a mechanism with other numbers."""
     old = loops.tree
     parted = {joint.name for joint in old.original.joints if joint not in old.mechanism.joints}
-    own = split(mechanism, parted) if parted else mechanism
+    own = split_joints(mechanism, parted) if parted else mechanism
     branches = tuple(replace(branch, joint=own.joint(branch.joint.name)) for branch in old.branches)
     tree = SpanningTree(own, mechanism, branches, tuple(own.joint(cut.name) for cut in old.cuts))
     return replace(loops, tree=tree, cuts=cuts_of(tree))
@@ -240,7 +240,7 @@ def record_of(
     mechanism: GivenMechanism | None,
     solver: KinematicSolver,
 ) -> Motion:
-    """Return a motion as a record; of a mechanism with other numbers, without its conditioning."""
+    """Return a motion as a record, without conditioning if the mechanism has other numbers."""
     described = path.loops.tree.original if mechanism is None else mechanism
     record = motion_record(path, moved, instants.parameter, instants.speed, instants.acceleration, described)
     if mechanism is not None:
@@ -250,13 +250,13 @@ def record_of(
 
 
 def derivative_of(motion: Motion) -> Motion:
-    """Return the changes that a motion carries, as a record alike: of places, rates and accelerations."""
+    """Return the derivatives in a complex motion as a record of positions, rates and accelerations."""
     records = {name: _imaginary(getattr(motion, name)) for name in ("points", "links", "joints")}
     return replace(motion, conditioning=None, **records)
 
 
 def _imaginary(record: Any) -> Any:
-    """Return a record's imaginary parts per step; instants and what is no number as they are."""
+    """Return a record's imaginary parts per step; instants and other values stay unchanged."""
     if isinstance(record, np.ndarray):
         return change_of(record) if np.iscomplexobj(record) else record
     if isinstance(record, Mapping):
@@ -268,20 +268,21 @@ def _imaginary(record: Any) -> Any:
     return record
 
 
-# Newton steps at the most, the longest that is taken, one that ends them, and a gap that is none
-STEPS, MAX_STEP, SHORT, CLOSED = 20, 0.5, 1e-10, 1e-10
+# Newton's method: largest number of steps, largest step, step that ends it, residual of a solution
+MAX_STEPS, MAX_STEP, LAST_STEP, SOLVED = 20, 0.5, 1e-10, 1e-10
 
 
 @dataclass(frozen=True)
 class NearbyMotion:
-    """A motion that is solved, from which those of other dimensions are.
+    """A solved motion from which motions with other dimensions are solved.
 
     Attributes:
-        solver: what moves.
-        path: of its assembly.
-        instants: along it.
-        chunks: closed there.
-        reach: how far coordinates may move in all to another mechanism, in [rad] or fractions of the size.
+        solver: the solver.
+        path: continuation path of its assembly mode.
+        instants: instants along the path.
+        chunks: the instants in chunks, with solved configurations.
+        reach: largest total displacement of coordinates to another mechanism, in [rad] or characteristic
+            lengths.
     """
 
     solver: KinematicSolver
@@ -293,20 +294,20 @@ class NearbyMotion:
     def motion_of(self, mechanism: Mechanism, ahead: float = 0.0) -> Motion:
         """Return the motion of a mechanism with the same links, joints and drivers but other dimensions.
 
-        Its drivers may all be ahead, by so much in [rad] or [m], of where the record says. It is in the
-        assembly into which this one goes over as its dimensions become the other ones.
+        Its driver positions may be increased by `ahead` in [rad] or [m]. Its assembly mode is that reached by
+        a continuous change of the dimensions.
 
         Raises:
-            AssemblyError: where the loops do not close, or another assembly is too near to be distinguished.
+            AssemblyError: where the loops do not close, or another assembly mode is too near to distinguish.
         """
         return self.followed(mechanism, ahead).motion()
 
-    def followed(self, mechanism: Mechanism, ahead: float = 0.0) -> Followed:
-        """Return that motion as one from which others begin, and derivatives are taken; as `of`."""
+    def followed(self, mechanism: Mechanism, ahead: float = 0.0) -> TracedMotion:
+        """Return that motion as a `TracedMotion`, for derivatives; arguments as of `motion_of`."""
         own = self.solver.mechanism
         target = with_numbers(own, numbers_of(mechanism))
         chunks = [self._closed(chunk, target, ahead) for chunk in self.chunks]
-        return Followed(self.solver, mechanism, self.path, self.instants, chunks, target)
+        return TracedMotion(self.solver, mechanism, self.path, self.instants, chunks, target)
 
     def _closed(self, chunk: ClosedChunk, mechanism: GivenMechanism, ahead: float) -> ClosedChunk:
         loops = with_mechanism(chunk.solver.loops, mechanism)
@@ -317,7 +318,7 @@ class NearbyMotion:
         for driver in mechanism.drivers:
             q.values[loops.tree.index_of[driver]] += ahead
         linearised, displacement = solver.linearise(q), 0.0
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             step = solver.step(linearised.matrix, linearised.rhs)
             longest = float(np.abs(step).max(initial=0.0))
             displacement += longest
@@ -325,13 +326,13 @@ class NearbyMotion:
                 break
             q = loops.displaced(q, step)
             linearised = solver.linearise(q)
-            if longest < SHORT:
+            if longest < LAST_STEP:
                 break
         gap = float(np.abs(linearised.residual).max(initial=0.0))
-        if not gap <= CLOSED or (np.sign(linearised.signed_distance) != side).any():
+        if not gap <= SOLVED or (np.sign(linearised.signed_distance) != side).any():
             raise AssemblyError(
-                f"{mechanism.name}: with these dimensions the loops do not close in this assembly at all of "
-                "its instants; change them by less"
+                f"{mechanism.name}: with these dimensions the loops do not close in this assembly mode at "
+                "all instants; use smaller changes"
             )
         return replace(chunk, solver=solver, q=q, linearised=linearised)
 
@@ -344,12 +345,12 @@ def nearby_motion(
     *,
     reach: float = np.inf,
 ) -> NearbyMotion:
-    """Return a motion from which others near it are solved, at path parameters.
+    """Return a motion from which motions with other dimensions are solved, at path parameters.
 
-    Others are no farther than `reach`, as `NearbyMotion` has it.
+    `reach` is that of `NearbyMotion`.
 
     Raises:
-        AssemblyError: where the loops do not close, or where two assemblies meet.
+        AssemblyError: where the loops do not close, or at a change point.
     """
     solution = followed_motion(solver, solver.mechanism, angles, speed, acceleration)
     return NearbyMotion(solver, solution.path, solution.instants, tuple(solution.chunks), reach)

@@ -1,4 +1,4 @@
-"""All numbers of a mechanism in a row, and the mechanism that has others, complex ones too."""
+"""The numbers of a mechanism as a vector, and the mechanism with other numbers, complex ones included."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -13,14 +13,14 @@ from mechsim.numerics.arrays import Array
 
 
 class Unchecked:
-    """What is made of numbers that no check of its kind has seen, as complex ones."""
+    """Base of descriptions without the checks of their class, because their numbers can be complex."""
 
     def __post_init__(self) -> None: ...
 
 
 @dataclass(frozen=True)
 class GivenEnd(Unchecked, End):
-    """A side of a joint whose frame is given, (3, 3); axis and reference are columns of it."""
+    """A joint end with a given frame, (3, 3); axis and reference are columns of it."""
 
     columns: Array = field(default_factory=lambda: np.eye(3))
     has_reference: bool = field(init=False, default=True, compare=False, repr=False)
@@ -33,41 +33,41 @@ class GivenEnd(Unchecked, End):
 
 @dataclass(frozen=True)
 class GivenJoint(Unchecked, Joint):
-    """A joint of given numbers."""
+    """A joint with given numbers."""
 
 
 @dataclass(frozen=True)
 class GivenCoupling(Unchecked, Coupling):
-    """A coupling of given numbers."""
+    """A coupling with given numbers."""
 
 
 @dataclass(frozen=True)
 class GivenInertia(Unchecked, Inertia):
-    """An inertia of given numbers."""
+    """An inertia with given numbers."""
 
 
 @dataclass(frozen=True)
 class GivenMechanism(Unchecked, Mechanism):
-    """A mechanism of given numbers; its size and its couplings are given too."""
+    """A mechanism with given numbers, characteristic length and couplings."""
 
     given_length: float = 1.0
     given_laws: tuple[Coupling, ...] = ()
 
     @property
     def characteristic_length(self) -> float:
-        """The size it counts by, in [m]."""
+        """Its given characteristic length, in [m]."""
         return self.given_length
 
     @property
     def laws(self) -> tuple[Coupling, ...]:
-        """All couplings, those of gears and screws too."""
+        """All couplings, with those of gears and screws."""
         return self.given_laws
 
 
 def numbers_of(mechanism: Mechanism) -> Array:
-    """Return all numbers of a mechanism that its motion and its efforts depend on, (k,) in SI.
+    """Return all numbers on which the motion and the forces of a mechanism depend, (k,) in SI.
 
-    The guess is none of them, nor is where coordinates are counted from.
+    They do not include the guess and the coordinates at the guess.
     """
     rows = [np.atleast_1d(np.asarray(values, dtype=np.float64)).ravel() for values in _numbers(mechanism)]
     return np.concatenate(rows)
@@ -89,8 +89,8 @@ def _numbers(mechanism: Mechanism) -> Iterator[object]:
             yield from (link.inertia.mass, link.inertia.centre, link.inertia.moments)
 
 
-class Taker:
-    """Takes numbers from a row, some at a time."""
+class VectorReader:
+    """Reads numbers from a vector in order."""
 
     def __init__(self, row: Array):
         self.row, self.next = row, 0
@@ -105,16 +105,16 @@ class Taker:
         return tuple(self.numbers(count).tolist())
 
     def terms(self, table: Mapping[str, float]) -> dict[str, float]:
-        """Return the next numbers by the names of a table."""
+        """Return the next numbers for the names of a table."""
         return dict(zip(table, self.numbers(len(table)).tolist(), strict=True))
 
 
 def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
-    """Return a mechanism with other numbers, (k,) in the order of `numbers_of`, complex or not.
+    """Return a mechanism with other numbers, (k,) in the order of `numbers_of`, complex or real.
 
-    Its lengths are still counted in units of the size that it had.
+    Its characteristic length stays that of the original.
     """
-    take = Taker(numbers)
+    take = VectorReader(numbers)
     joints = tuple(_joint(joint, take) for joint in mechanism.joints)
     laws = tuple(_coupling(law, take) for law in mechanism.laws)
     holds = take.terms(mechanism.locked)
@@ -133,17 +133,17 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
     return GivenMechanism(**own)
 
 
-def _end(end: End, take: Taker) -> GivenEnd:
+def _end(end: End, take: VectorReader) -> GivenEnd:
     point, frame = take.tuple(3), take.numbers(9).reshape(3, 3)
     return GivenEnd(end.link, three(point), three(frame[:, 2]), three(frame[:, 0]), frame)
 
 
-def _joint(joint: Joint, take: Taker) -> GivenJoint:
+def _joint(joint: Joint, take: VectorReader) -> GivenJoint:
     a, b = _end(joint.a, take), _end(joint.b, take)
     return GivenJoint(joint.name, joint.kind, a, b, take.numbers(1)[0], joint.lead)
 
 
-def _coupling(law: Coupling, take: Taker) -> GivenCoupling:
+def _coupling(law: Coupling, take: VectorReader) -> GivenCoupling:
     coefficients, zeros = take.tuple(len(law.coefficients)), take.tuple(2)
     left_terms, right_terms = take.terms(law.left_terms), take.terms(law.right_terms)
     teeth = take.numbers(1)[0]
@@ -153,7 +153,7 @@ def _coupling(law: Coupling, take: Taker) -> GivenCoupling:
     )
 
 
-def _link(link: Link, take: Taker) -> Link:
+def _link(link: Link, take: VectorReader) -> Link:
     if link.inertia is None:
         return link
     mass, centre, moments = take.numbers(1)[0], take.tuple(3), take.numbers(9).reshape(3, 3).tolist()
@@ -169,26 +169,26 @@ def three(values: Sequence[float] | Array) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class GivenFriction(Unchecked, Friction):
-    """Friction of given numbers."""
+    """Friction with given numbers."""
 
 
 @dataclass(frozen=True)
 class GivenSpring(Unchecked, Spring):
-    """A spring of given numbers."""
+    """A spring with given numbers."""
 
 
 @dataclass(frozen=True)
 class GivenJointSpring(Unchecked, JointSpring):
-    """A spring in a joint, of given numbers."""
+    """A joint spring with given numbers."""
 
 
 @dataclass(frozen=True)
 class GivenForces(Unchecked, Forces):
-    """Forces of given numbers."""
+    """Forces with given numbers."""
 
 
 def force_numbers(forces: Forces) -> Array:
-    """Return the numbers of forces, (k,) in SI: all but the courses of loads over angle or time."""
+    """Return the numbers of forces, (k,) in SI, without load profiles over angle or time."""
     return np.concatenate(
         [np.atleast_1d(np.asarray(values, dtype=np.float64)) for values in _force_values(forces)]
     )
@@ -208,13 +208,13 @@ def _force_values(forces: Forces) -> Iterator[object]:
 
 
 def _local(location: Location) -> tuple[float, ...]:
-    """Return the numbers of a place: none of a tracked point, whose own are the mechanism's."""
+    """Return the numbers of a location; those of a tracked point belong to the mechanism."""
     return () if isinstance(location, str) else location[1]
 
 
 def with_force_numbers(forces: Forces, row: Array) -> Forces:
     """Return forces with other numbers, (k,) in the order of `force_numbers`."""
-    take = Taker(row)
+    take = VectorReader(row)
 
     def located(location: Location) -> Location:
         return location if isinstance(location, str) else (location[0], three(take.numbers(3)))

@@ -242,7 +242,7 @@ class EquationsOfMotion:
     def steady(self) -> bool:
         """Whether nothing depends on time: neither loads, controllers nor prescribed motion."""
         return not (self.prescribed or self.model.forces.controllers) and not any(
-            course.over == "time" for course in self.model.forces.courses
+            course.over == "time" for course in self.model.forces.load_profiles
         )
 
     def constraint_rows(
@@ -359,7 +359,7 @@ def equations_of_motion(
     mechanism, laws = model.mechanism, prescribed or {}
     controlled = [name for controller in model.forces.controllers for name in sorted(controller.coordinates)]
     kept = {name: 0.0 for name in [*(coordinates or {}), *laws, *controlled] if name not in mechanism.drivers}
-    loops, start = assembled(replace(mechanism, counted={**kept, **mechanism.counted}))
+    loops, start = assembled(replace(mechanism, guess_coordinates={**kept, **mechanism.guess_coordinates}))
     for name in controlled:
         if name not in loops.tree.index_of or name in mechanism.locked:
             raise InputError(

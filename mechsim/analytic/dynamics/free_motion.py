@@ -56,7 +56,7 @@ class Runner:
             *(load.force for load in forces.loads),
             *(friction.moment for friction in forces.couples),
         ]
-        self.steady = not any(course.over == "time" for course in forces.courses)
+        self.steady = not any(course.over == "time" for course in forces.load_profiles)
         self.start, self.turns, self.tolerance = angle, turns, tolerance
         self.reach = BEYOND_RUN if turns is None else REVOLUTION * (PAST + abs(turns))
         self.time, self.state = 0.0, np.array([angle, speed, 0.0, 0.0])

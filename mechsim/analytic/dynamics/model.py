@@ -11,7 +11,7 @@ from mechsim.analytic.dynamics.unit_motion import UnitMotion, from_motion
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces, acting_on
+from mechsim.model.forces import Forces, forces_of
 from mechsim.model.links import GROUND
 from mechsim.model.masses import STEEL, LinkMass, masses_of, with_inertia
 from mechsim.model.mechanism import Mechanism
@@ -114,14 +114,14 @@ def dynamic_model(
         )
     bare = mechanism or solver.mechanism
     described = with_inertia(bare, density, units.si(diameter, "m", "diameter of the rods"))
-    acting = acting_on(source, forces)
+    acting = forces_of(source, forces)
     acting.check(described)
     _check_crank(described, acting, solver.motion_laws)
     return DynamicModel(described, acting, solver)
 
 
 def _check_crank(mechanism: Mechanism, forces: Forces, motion_laws: MotionLaws) -> None:
-    if not motion_laws.crank and any(course.over == "angle" for course in forces.courses):
+    if not motion_laws.crank and any(course.over == "angle" for course in forces.load_profiles):
         raise InputError(
             f"{mechanism.name}: a load goes over the crank's angle, but motion laws drive it; "
             "give it over time, or drive the crank by its speed"

@@ -20,7 +20,7 @@ from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError
 from mechsim.model.forces import Forces
-from mechsim.model.limits import INSTANTS, ROUNDED, Ranges, check_instants, extremes, require_within
+from mechsim.model.limits import INSTANTS, ROUNDING, Ranges, check_instants, extremes, require_within
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import ChangePointPolicy, Motion, short_repr
 from mechsim.model.motion_laws import CRANK, MotionLaws, interval_around
@@ -65,7 +65,7 @@ class JointRanges:
         if end < start:
             parameters, values = parameters[::-1], {name: value[::-1] for name, value in values.items()}
         excess = self._excess(values)
-        slack = ROUNDED * max(1.0, *(high - low for low, high in (self.ranges[name] for name in values)))
+        slack = ROUNDING * max(1.0, *(high - low for low, high in (self.ranges[name] for name in values)))
         if not (excess > slack).any():
             return end
         first = int(np.argmax(excess > slack))

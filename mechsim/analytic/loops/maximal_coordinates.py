@@ -266,7 +266,7 @@ def _add_law(
         """A driver's own value counts its turns, and that of a start, so that any ratio works."""
         current, target = value(name), prescribed.get(name)
         if target is None and name not in mechanism.drivers:
-            target = mechanism.counted.get(name)
+            target = mechanism.guess_coordinates.get(name)
         if target is None or mechanism.unit(name) == "m":
             return current
         return np.asarray(target) + wrapped(current - np.asarray(target))

@@ -11,7 +11,7 @@ from mechsim.analytic.loops.solver import NEARBY, LoopSolver, loop_solver
 from mechsim.analytic.loops.start import assembled, closed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.link_poses import rough_poses, starts
+from mechsim.model.link_poses import initial_coordinates, rough_poses
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -386,7 +386,7 @@ def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
 
 def _at_generic_pose(mechanism: Mechanism) -> tuple[LoopSolver, Array]:
     """Return a solver about the pose near the start where the rank is highest, and the Jacobian there."""
-    loops, guess = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
+    loops, guess = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
     try:
         start = closed(replace(loops, driven=()), guess)
     except AssemblyError:  # with the drivers at their start the loops may close, or the error says why not
@@ -409,7 +409,7 @@ def checked_start(mechanism: Mechanism) -> LoopSolver:
     except AssemblyError:
         # drivers that are too many seldom agree to the last digit
         require_no_redundant_drivers(
-            loop_solver(*tree_loops(mechanism, rough_poses(mechanism), starts(mechanism)))
+            loop_solver(*tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism)))
         )
         raise
     solver = loop_solver(loops, start)

@@ -11,7 +11,7 @@ from mechsim.analytic.loops.oracle import completed_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import antiparallel_message
 from mechsim.model.joints import joint_coordinate
-from mechsim.model.link_poses import rough_poses, starts
+from mechsim.model.link_poses import initial_coordinates, rough_poses
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -220,7 +220,7 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
     Raises:
         AssemblyError: where they do not close; names the gap that is left, and where they would.
     """
-    guess, counted = rough_poses(mechanism), starts(mechanism)
+    guess, counted = rough_poses(mechanism), initial_coordinates(mechanism)
     candidates: list[tuple[float, TreeLoops, Coordinates]] = []
     first_error: AssemblyError | None = None
     for poses in _initial_guesses(mechanism, guess):
@@ -261,7 +261,7 @@ def _from_random_starts(
         AssemblyError: where the guess names every link, saying where else they close; that which is given
             where they close nowhere, or not near the guess.
     """
-    loops, initial = tree_loops(mechanism, guess, starts(mechanism))
+    loops, initial = tree_loops(mechanism, guess, initial_coordinates(mechanism))
     batches = [batch for _, batch in random_poses(loops, initial, STARTS, seed=1)]
     if len(mechanism.guess) == len(mechanism.links):
         raise _closes_elsewhere(loops, initial, batches) or first_error
@@ -356,7 +356,7 @@ def with_closed_guess(mechanism: Mechanism) -> Mechanism:
         return mechanism
     counted = _counted(mechanism, values)
     if (
-        counted == mechanism.counted
+        counted == mechanism.guess_coordinates
         and mechanism.guess.keys() == poses.keys()
         and all(
             np.abs(pose.position - poses[name].position).max() < SAME_POSE * mechanism.characteristic_length
@@ -365,12 +365,12 @@ def with_closed_guess(mechanism: Mechanism) -> Mechanism:
         )
     ):
         return mechanism
-    return replace(mechanism, guess=poses, counted=counted)
+    return replace(mechanism, guess=poses, guess_coordinates=counted)
 
 
 def _counted(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
     """Return what a mechanism counts, and coupled angles beyond half a turn where whole turns matter."""
-    counted = dict(mechanism.counted)
+    counted = dict(mechanism.guess_coordinates)
     for law in mechanism.laws:
         for name in law.coordinates if not law.turns else ():
             already_counted = name in counted or name in mechanism.drivers or name in mechanism.locked

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, crossed_at_zero
 from mechsim.model.joints import Joint
-from mechsim.model.link_poses import split
+from mechsim.model.link_poses import split_joints
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -376,7 +376,7 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
         *(name for law in mechanism.laws for name in law.coordinates),
     }
     # turns of a joint that closes a loop are not counted
-    counted = {*mechanism.counted}
+    counted = {*mechanism.guess_coordinates}
 
     def cost(joint: Joint) -> tuple[bool, bool, int]:
         names = {*joint.coordinates}
@@ -390,7 +390,7 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
         if joint.name not in chosen and not first.isdisjoint(joint.coordinates)
     }
     if closing:
-        return replace(spanning_tree(split(mechanism, closing)), original=mechanism)
+        return replace(spanning_tree(split_joints(mechanism, closing)), original=mechanism)
     index = {link.name: i for i, link in enumerate(mechanism.links)} | {GROUND: -1}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in chosen)
     branches: list[TreeJoint] = []

@@ -1,1 +1,1 @@
-"""The vector method: unit vectors at given angles, the roots they lead to, and the frames of links."""
+"""The vector method: unit vectors from given angles, roots of their equations, and frames of links."""

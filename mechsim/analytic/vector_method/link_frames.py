@@ -1,6 +1,6 @@
-"""Frames of links, at rest or in motion, and what follows from them: points, joint coordinates, turning.
+"""Frames of links at rest or in motion: points, joint coordinates, angular velocities.
 
-A frame is made of arrays, which gives poses, or of jets, which gives the motion too.
+A frame of arrays gives poses, a frame of jets gives the motion.
 """
 
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ from mechsim.numerics.jets import Jet, Values, values
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """A link's origin and axes in the ground frame, (3, n) each, or (3, 1) where they never move.
+    """A link's origin and axes in the ground frame, (3, n) each, or (3, 1) if constant.
 
-    One axis may be left out: it is the vector product of the other two, made when asked for.
+    One axis may be omitted: it is the vector product of the other two, computed when needed.
     """
 
     origin: Values
@@ -32,7 +32,7 @@ class LinkFrame:
     z: Values | None = None
 
     def axis(self, i: int) -> Any:
-        """Return axis x, y or z by number."""
+        """Return axis x, y or z by its index."""
         stored = self._axes[i]
         return self._third if stored is None else stored
 
@@ -51,12 +51,12 @@ class LinkFrame:
         return cross(self.axis((i + 1) % 3), self.axis((i + 2) % 3))
 
     def direction(self, local: Sequence[Any] | Array) -> Any:
-        """Return a vector given in the link's frame, (3, n); its parts are (n,) each for many designs."""
+        """Return a vector given in the link's frame, (3, n); its components are (n,) for many designs."""
         components = [_times(number, self.axis(i)) for i, number in enumerate(local) if _counts(number)]
         return sum(components[1:], components[0]) if components else np.zeros((3, 1))
 
     def point(self, local: Sequence[Any]) -> Any:
-        """Return the place of a point given in the link's frame, (3, n) in [m]."""
+        """Return the position of a point given in the link's frame, (3, n) in [m]."""
         return self.origin + self.direction(local) if any(map(_counts, local)) else self.origin
 
     @cached_property
@@ -77,8 +77,8 @@ class LinkFrame:
     def angular_rates(self) -> tuple[Array, Array]:
         """Angular velocity and acceleration, (3, n) or (3, 1) each.
 
-        Source: for axes e, e' = w x e, so that the sum of e x e' is 2 w and that of e x e'' is 2 w'. A
-        link with a constant axis rotates about it.
+        Source: for axes e, e' = w x e; the sum of e x e' is 2 w, and that of e x e'' is 2 w'. A link with a
+        constant axis rotates about it.
         """
         moving = [axis for axis in self._axes if isinstance(axis, Jet)]
         fixed = [axis for axis in self._axes if isinstance(axis, np.ndarray)]
@@ -106,7 +106,7 @@ GROUND_FRAME = LinkFrame(np.zeros((3, 1)), column(EX), column(EY), column(EZ))
 
 
 def rows(position: Values, n: int) -> Array:
-    """Return a place, (3, n) or (3, 1), as the rows of a motion, (n, 3)."""
+    """Return positions, (3, n) or (3, 1), as the rows of a motion, (n, 3)."""
     return _expanded(values(position), (3, n)).T
 
 
@@ -143,7 +143,7 @@ def link_motion(frame: LinkFrame, n: int) -> LinkMotion:
 def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | None = None) -> list[Values]:
     """Return the coordinates of a joint between two frames, (n,) each in [m] or in (-pi, pi] rad.
 
-    The frame of its side a is (3, 3), as the joint has it, or (3, 3, n) of many designs.
+    The frame of side a is (3, 3), by default that of the joint, or (3, 3, n) of many designs.
     """
     kind, coordinates = KINDS[joint.kind], list[Values]()
     columns_a = joint.a.frame_columns if side_a is None else tuple(side_a.swapaxes(0, 1))
@@ -153,15 +153,15 @@ def joint_coordinates(joint: Joint, a: LinkFrame, b: LinkFrame, side_a: Array | 
         coordinates += [dot(gap, a.direction(columns_a[COLUMN[along]])) for along in kind.slides]
     if kind.ball or not kind.turns:
         return coordinates
-    mark_b, side_b, axis_b = joint.b.frame_columns
+    reference_b, side_b, axis_b = joint.b.frame_columns
     if kind.hinge:
-        return [_hinge_angle(columns_a, mark_b, a, b)]
-    # seen from a, b's axis where axes cross, else its reference
-    observed = b.direction(axis_b if kind.crossed else mark_b)
+        return [_hinge_angle(columns_a, reference_b, a, b)]
+    # b's axis (crossed axes) or b's reference, in the frame of side a
+    observed = b.direction(axis_b if kind.crossed else reference_b)
     coordinates.append(np.arctan2(dot(a.direction(side), observed), dot(a.direction(reference), observed)))
     if kind.crossed:
         back = a.direction(axis)
-        coordinates.append(np.arctan2(-dot(b.direction(side_b), back), dot(b.direction(mark_b), back)))
+        coordinates.append(np.arctan2(-dot(b.direction(side_b), back), dot(b.direction(reference_b), back)))
     return coordinates
 
 
@@ -188,7 +188,7 @@ def _hinge_angle(columns: Sequence[Any], reference_b: Vector, a: LinkFrame, b: L
 
 
 def joint_motions(joint: Joint, coordinates: Sequence[Values], n: int) -> dict[str, JointMotion]:
-    """Return the motion of each coordinate of a joint, by its name."""
+    """Return the motion of each joint coordinate, by its name."""
     kind, motions = KINDS[joint.kind], {}
     for i, (name, unit, coordinate) in enumerate(
         zip(joint.coordinates, kind.units, coordinates, strict=True)

@@ -1,9 +1,9 @@
-"""Sheets: the real roots of an equation, followed as the crank turns until they meet another.
+"""Sheets: real roots of an equation, traced over the crank angle until they meet another root.
 
-A root t of g(crank angle, t) = 0 keeps the sign of dg/dt until it meets a root of the other sign, in a
-dead centre; that sign distinguishes most roots. Where two roots of one sign stand side by side, the sheet
-says which is which: it is laid once over the whole turn, so that an answer depends on the crank angle
-alone and never on the angle asked before.
+A root t of g(crank angle, t) = 0 keeps the sign of dg/dt until it meets a root of the other sign, at a dead
+centre. This sign distinguishes most roots. Sheets distinguish several roots of the same sign. They are
+constructed once over the whole revolution, so that a result depends only on its crank angle and not on the
+angle before it.
 """
 
 from collections.abc import Callable
@@ -19,23 +19,23 @@ from mechsim.numerics.arrays import Array
 
 Coefficients = Callable[[Array], Array]
 
-# nodes a turn: neighbouring roots of one sign are tens of degrees apart, a root moves by one or two
+# nodes per revolution: neighbouring roots of a sign are tens of degrees apart, a root moves by one or two
 NODES = 360
 SHRINK = 8.0 ** -np.arange(1, 7)
-# each finds one fold more in a gap between nodes that held several
+# each pass finds one more fold point in an interval between nodes with several
 PASSES = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """One root over a range of crank angle.
+    """A root over a range of crank angle.
 
     Attributes:
-        low: where it begins, in [-pi, pi) rad.
-        high: where it ends; may be more than a turn on, since the root need not come back to itself.
-        closed: it comes back to itself after (high - low) / 2 pi turns.
-        angles: crank angles of its nodes, rising, (m,).
-        roots: t at the nodes, without jumps, (m,).
+        low: start of the range, in [-pi, pi) rad.
+        high: end of the range; it can exceed a revolution, because a root need not be periodic in one.
+        closed: whether the root is periodic with high - low.
+        angles: crank angles of its nodes, increasing, (m,).
+        roots: t at the nodes, continuous, (m,).
     """
 
     low: float
@@ -46,21 +46,21 @@ class Sheet:
 
     @property
     def layers(self) -> int:
-        """How many roots of this sheet at most one crank angle has."""
+        """Largest number of roots of this sheet at a crank angle."""
         turns = (self.high - self.low) / REVOLUTION
         return max(1, round(turns)) if self.closed else int(np.ceil(turns))
 
     def unrolled(self, angles: Array, layer: int) -> Array:
-        """Return crank angles shifted by whole turns onto the sheet, (n,); NaN where it does not reach.
+        """Return crank angles shifted by whole revolutions onto the sheet, (n,); NaN outside it.
 
-        Layer 0 is the shift by the fewest turns, 1 the next.
+        Layer 0 has the shift by the fewest revolutions, layer 1 the next.
         """
         if self.closed:
             return self.low + np.mod(angles + layer * REVOLUTION - self.low, self.high - self.low)
         first = np.ceil((self.low - angles) / REVOLUTION)
         last = np.floor((self.high - angles) / REVOLUTION)
         clipped = np.clip(0.0, first, np.maximum(first, last))
-        # layers lie at near, then at its neighbours, upwards first
+        # layers: the nearest revolution, then its neighbours, upwards first
         above, below = last - clipped, clipped - first
         shift = (
             clipped if layer == 0 else np.where(above >= layer, clipped + layer, clipped - (layer - above))
@@ -69,11 +69,11 @@ class Sheet:
         return np.where(inside, angles + REVOLUTION * shift, np.nan)
 
     def guide(self, unrolled: Array) -> Array:
-        """Return about where the root is, (n,) in [rad]; NaN off the sheet."""
+        """Return the interpolated root, (n,) in [rad]; NaN off the sheet."""
         return np.where(np.isnan(unrolled), np.nan, np.interp(unrolled, self.angles, self.roots))
 
     def arcs(self, layer: int) -> Arcs:
-        """Return the crank angles that a layer reaches."""
+        """Return the intervals of crank angle of a layer."""
         if self.closed:
             return Arcs(True, ((-np.pi, np.pi),))
         low, high = self.low, self.high - REVOLUTION * layer
@@ -81,12 +81,12 @@ class Sheet:
 
 
 def sheets(coefficients: Coefficients, domain: Arcs, sign: int) -> list[Sheet]:
-    """Return the sheets of the roots whose slope has one sign, those at crank angle zero first.
+    """Return the sheets of the roots with one sign of the derivative, those at crank angle zero first.
 
     Args:
         coefficients: crank angles (n,) -> trigonometric polynomials, (5, n), smooth.
         domain: crank angles at which the polynomial exists.
-        sign: of the slope.
+        sign: sign of the derivative by the root.
     """
     branches = [sheet for arc in domain.arcs for sheet in _over(coefficients, arc, domain.full, sign)]
 
@@ -99,7 +99,7 @@ def sheets(coefficients: Coefficients, domain: Arcs, sign: int) -> list[Sheet]:
 
 
 def _over(coefficients: Coefficients, arc: tuple[float, float], full: bool, sign: int) -> list[Sheet]:
-    """Return the sheets over one arc; those of a full turn may run on across its ends."""
+    """Return the sheets over an interval; those of a full revolution can continue across its ends."""
     folds, nodes = _nodes(coefficients, arc, full)
     polynomials = coefficients(nodes)
     roots = trig_polynomial.real_roots(polynomials)
@@ -110,12 +110,12 @@ def _over(coefficients: Coefficients, arc: tuple[float, float], full: bool, sign
     for i in range(count if full else count - 1):
         k = (i + 1) % count
         follows |= {(i, a): (k, b) for a, b in _matched(columns[i], columns[k])}
-    led_to = set(follows.values())
+    successors = set(follows.values())
     every = [(i, j) for i in range(count) for j in range(len(columns[i]))]
     waiting = dict.fromkeys(every)
     out = []
-    # open sheets first, from where nothing leads to them; what is left then runs in rings
-    for begin in [node for node in every if node not in led_to] + every:
+    # open sheets first, from nodes without a predecessor; the remaining chains are closed
+    for begin in [node for node in every if node not in successors] + every:
         if begin not in waiting:
             continue
         chain = [begin]
@@ -147,7 +147,7 @@ def _sheet(
 
 
 def _matched(roots: Array, next_roots: Array) -> list[tuple[int, int]]:
-    """Pair the roots at two neighbouring nodes, at most four each, so that they move least in sum."""
+    """Match the roots at two neighbouring nodes, at most four each, with the least total displacement."""
     if len(roots) > len(next_roots):
         return [(b, a) for a, b in _matched(next_roots, roots)]
     if len(next_roots) == 1:
@@ -159,11 +159,11 @@ def _matched(roots: Array, next_roots: Array) -> list[tuple[int, int]]:
 
 
 def _nodes(coefficients: Coefficients, arc: tuple[float, float], full: bool) -> tuple[list[float], Array]:
-    """Return the folds, where two roots meet, and nodes that never have two folds between neighbours."""
+    """Return the fold points, where two roots meet, and nodes with at most one between neighbours."""
     low, high = arc
     if full:
         base = np.linspace(low, high, NODES + 1)
-    else:  # roots move like a square root at the ends of the arc
+    else:  # at the ends of the interval roots vary like a square root
         base = (low + high) / 2.0 - (high - low) / 2.0 * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 
     def apart(angles: Array) -> Array:
@@ -186,7 +186,7 @@ def _nodes(coefficients: Coefficients, arc: tuple[float, float], full: bool) -> 
             same = count(middle) == before
             lower, upper = np.where(same, middle, lower), np.where(same, upper, middle)
         new = (lower + upper) / 2.0
-        # near a fold roots move like a square root: nodes close up on it by a factor of eight
+        # near a fold point roots vary like a square root: reduce the node distances by a factor of eight
         clusters = [
             (np.outer(end - new, SHRINK) + new[:, None]).ravel()
             for end in (nodes[changes], nodes[changes + 1])
@@ -196,7 +196,7 @@ def _nodes(coefficients: Coefficients, arc: tuple[float, float], full: bool) -> 
 
 
 def _dips(function: Callable[[Array], Array], nodes: Array) -> Array:
-    """Return where a function that keeps its sign at three neighbouring nodes changes it between them."""
+    """Return the sign changes of a function between nodes at which its sign is constant."""
     values = function(nodes)
     magnitude, side = np.abs(values), values > 0.0
     dips = (magnitude[1:-1] < magnitude[:-2]) & (magnitude[1:-1] <= magnitude[2:])

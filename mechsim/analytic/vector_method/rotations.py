@@ -1,10 +1,10 @@
-"""Vectors stored last, (..., 3), and rotation matrices, (..., 3, 3): products and small turns."""
+"""Products of vectors, stored as (..., 3), and rotation matrices, (..., 3, 3), and small rotations."""
 
 import numpy as np
 
 from mechsim.numerics.arrays import Array
 
-# an element of a rotation this small counts as zero; its square would underflow some steps later
+# elements of a rotation below this count as zero; their squares would underflow later
 ZERO = 1e-40
 
 
@@ -31,7 +31,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def turned_by(rotation: Array, vector: Array) -> Array:
-    """Return exp(vector) @ rotation, (n, 3, 3), made orthogonal again to rounding."""
+    """Return exp(vector) @ rotation, (n, 3, 3), orthonormal to rounding."""
     angle = np.sqrt(dot(vector, vector))[:, None, None]
     small = angle < 1e-8
     safe = np.where(small, 1.0, angle)
@@ -39,6 +39,6 @@ def turned_by(rotation: Array, vector: Array) -> Array:
     a = np.where(small, 1.0, np.sin(safe) / safe)
     b = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
     rotated = (np.eye(3) + a * k + b * (k @ k)) @ rotation
-    # one Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
+    # a Newton step towards the nearest rotation keeps the columns orthonormal to an ulp
     rotated = rotated @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(rotated, -1, -2) @ rotated)
     return np.where(np.abs(rotated) < ZERO, 0.0, rotated)

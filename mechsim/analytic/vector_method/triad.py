@@ -1,6 +1,6 @@
-"""The planar class III triad: a link held by three legs, all its assemblies.
+"""The planar class III triad: a link on three legs, with all its assembly modes.
 
-Pose and legs are written as in `legs`: points of the plane are complex numbers.
+Pose and legs are written as in `leg_vectors`: points of the plane are complex numbers.
 """
 
 from collections.abc import Sequence
@@ -31,45 +31,45 @@ def dot(u: Any, v: Any) -> Any:
 
 
 def cross(u: Any, v: Any) -> Any:
-    """Return the vector product of plane vectors, its component across the plane."""
+    """Return the vector product of plane vectors, its component normal to the plane."""
     return u.real * v.imag - u.imag * v.real
 
 
 Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(np.float64).eps)
-# roots of the sextic this far from the unit circle (as |log |z||) may still be real ones: a double
-# root is known to the square root of rounding only, a worse one less well
-NEAR_CIRCLE = 2e-2
-# legs left open by no more than this part of the size of the triad are closed
+# roots of the sextic within this distance of the unit circle (as |log |z||) can be real: a double root is
+# accurate only to the square root of rounding, a multiple root less
+CIRCLE_DISTANCE = 2e-2
+# leg-length error relative to the triad's size below which legs are closed
 CLOSED = 64.0 * EPS
-# poses nearer than this (rad, and parts of the size) are one: two that meet are known no better
+# poses nearer than this (rad, and relative to the size) are equal: two that meet are not more accurate
 ROOT_TOLERANCE = 1e-7
 
 
 def assemblies(pivots: ArrayLike, platform: ArrayLike, legs: ArrayLike) -> Array:
-    """Return every real assembly of triads.
+    """Return every real assembly mode of triads.
 
-    |place + exp(i theta) platform_k - pivot_k| = leg_k for the three legs k. Two differences of these
-    are linear in the first leg; put into the first they leave a trigonometric polynomial of degree 3
-    in theta, a sextic in z = exp(i theta). Its roots on the unit circle are where Newton's method
-    on the three equations themselves begins, so that no root is accepted or polished on the sextic.
+    |position + exp(i theta) platform_k - pivot_k| = leg_k for the three legs k. Two differences of these are
+    linear in the first leg; substituted into the first equation they give a trigonometric polynomial of
+    degree 3 in theta, a sextic in z = exp(i theta). Newton's method on the three equations starts from its
+    roots on the unit circle, so that the sextic neither accepts nor refines a root.
 
     Args:
-        pivots: places of the pivots, (..., 3, 2) in [m].
+        pivots: positions of the pivots, (..., 3, 2) in [m].
         platform: points of the link in its own frame, in the same order, (..., 3, 2) in [m].
         legs: lengths, (..., 3) in [m].
 
     Returns:
-        x, y in [m] and theta in [0, 2 pi) rad of up to six poses, by rising theta, (..., 6, 3); NaN
-        where there are fewer. Poses that touch to rounding count as one.
+        x, y in [m] and theta in [0, 2 pi) rad of up to six poses, by increasing theta, (..., 6, 3); NaN for
+        missing ones. Poses that coincide to rounding count once.
 
     Accuracy: legs close to a few ulp of the triad's size. Two poses are distinguished from 1e-7 (rad,
-        parts of the size) on. Where all three legs are shorter than 0.03 of the size, the six roots
-        crowd together, the sextic blurs them, and poses may be missed.
+        relative to the size) on. If all three legs are shorter than 0.03 of the size, the six roots cluster,
+        the sextic is ill-conditioned, and poses may be missed.
 
-    Source: the six solutions after Gosselin & Merlet 1994; the elimination avoids the tangent of the
-        half angle as Rojas & Thomas, IEEE T-RO 27 (2011), ask.
+    Source: the six solutions after Gosselin & Merlet 1994; the elimination avoids the tangent of the half
+        angle, as in Rojas & Thomas, IEEE T-RO 27 (2011).
     """
     a, b = (np.asarray(points, dtype=np.float64) @ np.array([1.0, 1j]) for points in (pivots, platform))
     r = np.asarray(legs, dtype=np.float64)
@@ -94,13 +94,13 @@ def assemblies(pivots: ArrayLike, platform: ArrayLike, legs: ArrayLike) -> Array
 
 def _sextic_roots(a: Complex, b: Complex, r: Array) -> Complex:
     """Return the roots z = exp(i theta) of the eliminant of triads with a[0] = b[0] = 0, (n, 6)."""
-    z = np.exp(0.25j * np.pi * np.arange(8))[:, None]  # eight samples fix a polynomial of degree 3
+    z = np.exp(0.25j * np.pi * np.arange(8))[:, None]  # eight samples determine a polynomial of degree 3
     u2, u3 = z * b[1] - a[1], z * b[2] - a[2]
     e2, e3 = (r[k] ** 2 - r[0] ** 2 - abs(u) ** 2 for k, u in ((1, u2), (2, u3)))
     value = abs(e3 * u2 - e2 * u3) ** 2 - 4.0 * r[0] ** 2 * cross(u2, u3) ** 2
     harmonics = np.fft.fft(value, axis=0) / 8.0
     rising = np.concatenate([harmonics[-3:], harmonics[:4]])  # coefficients of z^0 .. z^6
-    # a leading coefficient lost in rounding is lifted to rounding: its roots go far off the circle
+    # a leading coefficient below rounding is set to rounding: its roots are far off the circle
     floor = EPS * np.maximum(abs(rising).max(0), np.finfo(np.float64).tiny)
     lost = abs(rising[6]) < floor
     rising[6] = np.where(lost, floor, rising[6])
@@ -112,13 +112,13 @@ def _sextic_roots(a: Complex, b: Complex, r: Array) -> Complex:
 
 
 def _starts(a: Complex, b: Complex, r: Array) -> tuple[NDArray[np.intp], Complex, Complex]:
-    """Return where Newton's method may begin: index of the problem, place and turn, (m,) each."""
+    """Return starts of Newton's method: index of the problem, position and orientation, (m,) each."""
     roots = _sextic_roots(a, b, r)
     with np.errstate(divide="ignore"):
         off = abs(np.log(abs(roots)))
-    problem, which = np.nonzero(off < NEAR_CIRCLE)
+    problem, which = np.nonzero(off < CIRCLE_DISTANCE)
     theta, off = np.angle(roots[problem, which]), off[problem, which]
-    # a pair driven off the circle by rounding stands about as far apart along it
+    # a pair moved off the circle by rounding is about as far apart along it
     theta = np.concatenate([theta, theta - off, theta + off])
     problem = np.tile(problem, 3)
     phase = np.exp(1j * theta)
@@ -126,8 +126,8 @@ def _starts(a: Complex, b: Complex, r: Array) -> tuple[NDArray[np.intp], Complex
     farthest = np.argmax(abs(u), axis=0)
     u = np.take_along_axis(u, farthest[None], 0)[0]
     r1, r2 = r[0, problem], r[1 + farthest, problem]
-    # the first leg lies on its circle and on the line that the longer of the two differences gives;
-    # both points are tried, for at some theta both may close
+    # the first leg lies on its circle and on the line given by the longer of the two differences;
+    # both intersections are tried, because at some theta both may close
     length = np.maximum(abs(u), EPS)
     along = (r2**2 - r1**2 - length**2) / (2.0 * length)
     across = np.sqrt(np.maximum(r1**2 - along**2, 0.0))
@@ -137,7 +137,7 @@ def _starts(a: Complex, b: Complex, r: Array) -> tuple[NDArray[np.intp], Complex
 
 
 def _collect(n: int, problem: NDArray[np.intp], position: Complex, phase: Complex) -> Array:
-    """Return the distinct poses of each problem by rising theta, (n, 6, 3), NaN where there are fewer."""
+    """Return the distinct poses of each problem by increasing theta, (n, 6, 3), NaN for missing ones."""
     theta = np.angle(phase) % (2.0 * np.pi)
     poses = np.full((n, 6, 3), np.nan)
     count = np.zeros(n, dtype=np.intp)
@@ -158,7 +158,7 @@ def _collect(n: int, problem: NDArray[np.intp], position: Complex, phase: Comple
 
 
 def _rank_within(problem: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return for each entry how many earlier ones share its number."""
+    """Return for each entry the number of earlier entries with its value."""
     order = np.argsort(problem, kind="stable")
     sorted_ = problem[order]
     first = np.searchsorted(sorted_, sorted_)
@@ -167,11 +167,11 @@ def _rank_within(problem: NDArray[np.intp]) -> NDArray[np.intp]:
     return rank
 
 
-Three = Sequence[Any]  # one entry a leg: complex or float, number or array
+Three = Sequence[Any]  # one entry per leg: complex or float, number or array
 
 
 def leg_vectors(position: Any, phase: Any, pivots: Three, platform: Three) -> Any:
-    """Return the legs, from pivot to link, a complex (3, ...)."""
+    """Return the legs, from pivot to link, complex (3, ...)."""
     return [position + phase * b - a for a, b in zip(pivots, platform, strict=True)]
 
 
@@ -192,7 +192,8 @@ def determinant(legs: Three, arms: Three) -> Any:
 def inverse(legs: Three, arms: Three) -> tuple[Any, Any]:
     """Return the columns of the inverse of the rows (leg_x, leg_y, moment).
 
-    Column k is how link 4 moves if leg k alone grows, at the rate 1/leg: shift (complex) and turning.
+    Column k is the rate of the link's pose if leg k alone grows at the rate 1/leg: position (complex),
+    orientation.
     """
     (l1, l2, l3), (m1, m2, m3) = legs, arms
     whole = determinant(legs, arms)
@@ -207,11 +208,11 @@ def inverse(legs: Three, arms: Three) -> tuple[Any, Any]:
 def close(
     position: Any, phase: Any, pivots: Three, platform: Three, legs: Three, steps: int
 ) -> tuple[Any, Any]:
-    """Close the legs by Newton's method, each start on its own; returns place and turn."""
+    """Return position and orientation with closed legs, by Newton's method from each start."""
     with np.errstate(all="ignore"):
         for _ in range(steps):
             vectors = leg_vectors(position, phase, pivots, platform)
-            # (|leg|^2 - r^2)/2 by factors, which keeps the digits of a gap that is nearly closed
+            # (|leg|^2 - r^2)/2 as a product, which keeps the digits of a small error
             gaps = [
                 0.5 * (abs(leg) - length) * (abs(leg) + length)
                 for leg, length in zip(vectors, legs, strict=True)
@@ -227,7 +228,7 @@ def close(
 def carried(position: Any, phase: Any, pivots: Sequence[Values], platform: Three) -> tuple[Jet, Jet]:
     """Return a closed pose as jets, from the pivots as jets.
 
-    The legs keep their lengths: (|leg|^2)/2 has rate zero and second rate zero.
+    The legs have constant lengths: (|leg|^2)/2 has first and second derivative zero.
     """
     moved = [pivot if isinstance(pivot, Jet) else still(np.asarray(pivot)) for pivot in pivots]
     arms = [phase * point for point in platform]

@@ -1,9 +1,8 @@
-"""The path of a triad as cranks carry its pivots round, with every step certified.
+"""The path of a triad whose pivots move with cranks, with certified steps.
 
-From a pose found, Newton's method for the next crank angle converges, and to the only solution
-nearby, if the theorem of Newton and Kantorovich says so for every crank angle in between. The step is
-taken as long as the theorem allows: so the assembly cannot be changed unseen, and where the
-assemblies meet the steps shrink to nothing.
+Newton's method from a known pose converges at the next crank angle, to the only solution nearby, if the
+Newton-Kantorovich theorem holds for every crank angle in between. Steps are as long as the theorem allows.
+Therefore the assembly mode cannot change unnoticed, and steps shrink to zero where modes meet.
 """
 
 import cmath
@@ -21,21 +20,21 @@ from mechsim.numerics.jets import Values
 
 Complex = NDArray[np.complex128]
 
-# the theorem wants at most 1/2; what is kept back keeps Newton's method quick
-KANTOROVICH = 0.4
-# a step shorter than this, in [rad], is a dead centre reached: it lies some ten or hundred such steps ahead
-SHORTEST = 1e-9
-# from the last node towards its dead centre a pose moves by 1e-4 or so, in [rad]
+# the theorem requires at most 1/2; the margin keeps Newton's method fast
+MAX_KANTOROVICH = 0.4
+# a shorter step, in [rad], means that a dead centre is reached: it is ten to a hundred such steps ahead
+MIN_STEP = 1e-9
+# largest displacement from the last node to its dead centre, in [rad]; usual are 1e-4
 MAX_DISPLACEMENT = 1e-2
-# a path longer than this many steps means dimensions in which the steps never get anywhere
-MOST_STEPS = 2_000_000
-# up to six assemblies can follow one another before the first comes round again
-MOST_ROUNDS = 6
+# largest number of steps; more are needed only with dimensions at which steps vanish
+MAX_STEPS = 2_000_000
+# six assembly modes can follow one another before the first returns
+MAX_PERIODS = 6
 
 
 @dataclass(frozen=True, slots=True)
 class Pivots:
-    """Three pivots on cranks: centre, crank length in [m], turns per turn of crank 1, phase in [rad].
+    """Three pivots on cranks: centre, crank length in [m], ratio to the angle of crank 1, phase in [rad].
 
     A pivot on the frame has crank length 0.
     """
@@ -51,7 +50,7 @@ class Pivots:
         return [centre + cmath.rect(crank, ratio * angle + phase) for centre, crank, ratio, phase in driven]
 
     def positions_of(self, angles: Values) -> list[Any]:
-        """Return the pivots at many crank angles, three (n,); as jets if the angles are one."""
+        """Return the pivots at many crank angles, three (n,); as jets for angles as a jet."""
         driven = zip(self.centres, self.cranks, self.ratios, self.phases, strict=True)
         return [
             centre + crank * np.exp(1j * (ratio * angles + phase)) for centre, crank, ratio, phase in driven
@@ -60,7 +59,7 @@ class Pivots:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A pose on the path and how singular it is."""
+    """A pose on the path and its determinant, which is zero in a singular pose."""
 
     angle: float
     position: complex
@@ -69,7 +68,7 @@ class Node:
 
 
 class TriadPath:
-    """All poses that a triad reaches from one pose as the crank turns to either side; grows as asked."""
+    """All poses that a triad reaches from a pose by crank rotation to either side; extended on demand."""
 
     def __init__(
         self,
@@ -79,22 +78,22 @@ class TriadPath:
         start: tuple[complex, complex],
         period: float | None = None,
     ):
-        """Begin at crank angle 0.
+        """Start at crank angle 0.
 
         Args:
             pivots: the moving pivots.
             platform: points of the link in its frame, in [m].
             legs: lengths in [m].
-            start: place and turn of the link at crank angle 0.
-            period: crank angle in [rad] after which the pivots stand as before; None if never.
+            start: position and orientation of the link at crank angle 0, complex.
+            period: crank angle in [rad] after which the pivots repeat; None if never.
         """
-        # poses are kept of the middle of the points, about which the bounds are tightest
+        # poses refer to the centre of the points, about which the bounds are tightest
         self._middle = sum(platform) / 3.0
         self._pivots, self._legs, self._period = pivots, legs, period
         self._platform = [point - self._middle for point in platform]
         self._extent = max(abs(point) for point in self._platform)
         self._travel = [crank * abs(ratio) for crank, ratio in zip(pivots.cranks, pivots.ratios, strict=True)]
-        # how far a gradient can turn: |second derivative of (leg^2 - r^2)/2| over (shift/size, angle)
+        # rate of rotation of a gradient: |second derivative of (leg^2 - r^2)/2| over (shift/size, angle)
         self._arms = [(self._extent**2 + abs(point) ** 2) ** 0.5 for point in self._platform]
         self._bends = [
             arm**2 + 2.0 * leg * abs(point)
@@ -108,7 +107,7 @@ class TriadPath:
         self._round: float | None = None
 
     def end(self, side: int, target: float) -> float | None:
-        """Return the dead centre met before a crank angle (side +1 up, -1 down), or None."""
+        """Return the dead centre before a crank angle (side +1 up, -1 down), or None."""
         nodes = self._nodes[side]
         while self._ends[side] is None and side * nodes[-1].angle < side * target:
             self._advance(side)
@@ -116,13 +115,13 @@ class TriadPath:
         return end if end is not None and side * end < side * target else None
 
     def round(self) -> float | None:
-        """Return the crank angle after which the triad itself stands as before, in [rad].
+        """Return the crank angle after which the pose of the triad repeats, in [rad].
 
-        None where the path is blocked or the pivots never stand as before.
+        None if the path ends at a dead centre or the pivots never repeat.
         """
         if self._round is None and self._period is not None:
             first = self._nodes[1][0]
-            for number in range(1, MOST_ROUNDS + 1):
+            for number in range(1, MAX_PERIODS + 1):
                 angle = number * self._period
                 if self.end(1, angle) is not None:
                     break
@@ -133,16 +132,17 @@ class TriadPath:
         return self._round
 
     def poses(self, angles: Array) -> tuple[Complex, Complex]:
-        """Return place and turn of the link at crank angles, (n,) each; NaN beyond a dead centre.
+        """Return position and orientation of the link at crank angles, (n,) each; NaN beyond a dead centre.
 
-        A crank angle beyond a dead centre that is within reach from the other side is taken so; where the
-        path is longer than the pivots' period, angles asked for together, as of one motion, are.
+        A crank angle beyond a dead centre is replaced by a periodic one on the path, if there is one. If the
+        path is longer than the pivots' period, all angles of a call are shifted by the same number of
+        periods.
 
         Accuracy: Newton's method to rounding.
         """
         angles = self._reduced(angles)
         bounds = self.end(-1, float(angles.min())), self.end(1, float(angles.max()))
-        # the last stretch before a dead centre carries no certificate: it needs more steps and a check
+        # the last segment before a dead centre is not certified: it needs more steps and a check
         position, phase = self._on_table(angles, 5 if bounds == (None, None) else 16)
         for side, limit in zip((-1, 1), bounds, strict=True):
             if limit is not None:
@@ -155,7 +155,7 @@ class TriadPath:
         return position - phase * self._middle, phase
 
     def _reduced(self, angles: Array) -> Array:
-        """Return crank angles of the path for which the pivots stand as at those asked for."""
+        """Return crank angles on the path with the same pivot positions as the requested ones."""
         low, high, period = float(angles.min()), float(angles.max()), self._period
         if period is None:
             return angles
@@ -164,17 +164,17 @@ class TriadPath:
         whole = self.round()
         if whole is not None:
             return angles - whole * np.floor(angles / whole)
-        # a path blocked on one side of a motion that repeats is blocked on the other
-        limit = (1 + MOST_ROUNDS) * period
+        # a periodic path with a dead centre on one side has one on the other
+        limit = (1 + MAX_PERIODS) * period
         low, high = self.end(-1, -limit), self.end(1, limit)
         if low is None or high is None or high - low >= period:
-            # without a gap between its ends the path would be left for another unseen
+            # a path without a gap between its ends continues on another path
             return angles if low is None or high is None else shifted_into(angles, (low, high), 0.0, period)
         back = np.ceil(np.maximum(angles - high, 0.0) / period)
         return angles - period * (back - np.ceil(np.maximum(low - angles, 0.0) / period))
 
     def _on_table(self, angles: Array, steps: int = 5) -> tuple[Complex, Complex]:
-        """Solve from the node that each angle was certified from: the nearest towards zero."""
+        """Solve from the certified node of each angle, the nearest towards zero."""
         if self._table is None:
             nodes = [*self._nodes[-1][:0:-1], *self._nodes[1]]
             self._table = (
@@ -195,17 +195,17 @@ class TriadPath:
         return Node(angle, position, phase, determinant(vectors, moments(vectors, phase, self._platform)))
 
     def _advance(self, side: int) -> None:
-        """Take the longest step the theorem allows, or find the dead centre ahead."""
+        """Take the longest certified step, or find the dead centre ahead."""
         nodes = self._nodes[side]
         current = nodes[-1]
         step = self._longest_step(current)
-        if step < SHORTEST:
+        if step < MIN_STEP:
             self._ends[side] = self._dead_centre(nodes)
             return
-        if len(nodes) > MOST_STEPS:
+        if len(nodes) > MAX_STEPS:
             raise AssemblyError(
-                f"the triad needs more than {MOST_STEPS} steps to reach crank angle {current.angle:.6g} rad; "
-                "ask for fewer turns"
+                f"the triad needs more than {MAX_STEPS} steps to reach crank angle {current.angle:.6g} rad; "
+                "request fewer revolutions"
             )
         angle = current.angle + side * step
         position, phase = close(
@@ -220,7 +220,7 @@ class TriadPath:
         self._table = None
 
     def _longest_step(self, node: Node) -> float:
-        """Return the crank step in [rad] over which Newton's method from a node is sure to converge."""
+        """Return a crank step in [rad] over which Newton's method from a node converges."""
         if node.determinant == 0.0:
             return 0.0
         vectors = leg_vectors(
@@ -230,16 +230,16 @@ class TriadPath:
         gains = [abs(complex(abs(s) / self._extent, t)) for s, t in zip(shift, turning, strict=True)]
         second_derivative = sum(gain * b for gain, b in zip(gains, self._bends, strict=True))
         travel = sum(g * leg * v for g, leg, v in zip(gains, self._legs, self._travel, strict=True))
-        step = KANTOROVICH / (second_derivative * travel) if travel > 0.0 else np.pi
+        step = MAX_KANTOROVICH / (second_derivative * travel) if travel > 0.0 else np.pi
         while not self._certified(gains, second_derivative, step):
             step *= 0.8
         return step
 
     def _certified(self, gains: list[float], second_derivative: float, step: float) -> bool:
-        """Say whether Newton-Kantorovich holds for every crank angle up to a step away.
+        """Whether the Newton-Kantorovich theorem holds for all crank angles within a step.
 
-        With moves of at most d the legs stand open by r d + d^2/2 and their gradients have changed by
-        d times the arm; the bends hold while no leg grows to twice its length.
+        For displacements of at most d the leg errors are r d + d^2/2 and the gradients change by d times the
+        arm; the second derivatives are bounded while no leg grows to twice its length.
         """
         moves = [v * step for v in self._travel]
         terms = list(zip(gains, moves, self._legs, self._arms, strict=True))
@@ -247,12 +247,12 @@ class TriadPath:
         if rotated >= 0.5:
             return False
         newton = sum(gain * move * (leg + 0.5 * move) for gain, move, leg, _ in terms) / (1.0 - rotated)
-        if newton * second_derivative / (1.0 - rotated) > KANTOROVICH:
+        if newton * second_derivative / (1.0 - rotated) > MAX_KANTOROVICH:
             return False
         return all(move + 2.0 * newton * arm <= leg for _, move, leg, arm in terms)
 
     def _dead_centre(self, path: list[Node]) -> float:
-        """Return where the determinant d vanishes, from angle = end + p d^2 + q d^3 through three nodes."""
+        """Return where the determinant d vanishes, by angle = end + p d^2 + q d^3 through three nodes."""
         last = path[-1]
         sizes = abs(np.array([node.determinant for node in path[-5000:]]))
         if len(path) < 3 or sizes[-1] == 0.0 or not sizes.max() >= 3.0 * sizes[-1]:

@@ -1,4 +1,4 @@
-"""Trigonometric polynomials of the crank angle: their simple roots, and where they touch zero."""
+"""Trigonometric polynomials of the crank angle: simple and double roots."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Values, cos_sin, values
 
-# one for each harmonic; as an array they are stacked, (5, n)
+# coefficients of 1, cos t, sin t, cos 2t, sin 2t; as an array (5, n)
 Coefficients = tuple[Values | float, Values | float, Values | float, Values | float, Values | float]
 EPS = np.finfo(np.float64).eps
 
-# an eigenvalue this near the real line may be a double root that rounding has split (1e-8)
+# imaginary part of an eigenvalue below which it may be a double root split by rounding (1e-8)
 NEARLY_REAL = 1e-5
-# what polishing leaves of a true root, in units of the largest coefficient
-LEFT_OVER = 64.0 * EPS
+# residual of a refined root, in units of the largest coefficient
+MAX_RESIDUAL = 64.0 * EPS
 
 
 def value(coefficients: Array | Coefficients, t: Values) -> Any:
-    """Return the polynomials at angles, (5, n) and (..., n) -> (..., n); in jets if either is."""
+    """Return the polynomials at angles, (5, n) and (..., n) -> (..., n); jets if either is a jet."""
     c0, c1, s1, c2, s2 = coefficients
     c, s = cos_sin(t)
     return c0 - c2 + c * (c1 + 2.0 * (c2 * c + s2 * s)) + s1 * s
@@ -45,7 +45,7 @@ def half_angle(coefficients: Array) -> Array:
 
 
 def discriminant(coefficients: Array) -> Array:
-    """Return a number that is zero where two roots meet, (n,), in units of the coefficients.
+    """Return a number that is zero where two roots coincide, (n,), in units of the coefficients.
 
     Negative with two real roots, positive with four or none.
 
@@ -65,15 +65,15 @@ def real_roots(coefficients: Array) -> Array:
         coefficients: (5, n).
 
     Returns:
-        Angles in (-pi, pi], (4, n), in no order; NaN in place of a pair that is not real.
+        Angles in (-pi, pi], (4, n), unordered; NaN for a pair that is not real.
 
-    Accuracy: polished by Newton's method on the polynomial, so an error of a few ulp of the largest
-    coefficient divided by the derivative there; where two roots meet, half the digits are lost.
+    Accuracy: refined by Newton's method on the polynomial, so that the error is a few ulp of the largest
+    coefficient divided by the derivative; half the digits are lost where two roots coincide.
     """
     n = coefficients.shape[1]
     scale = np.abs(coefficients).max(0)
     # the quartic's leading coefficient is the polynomial's value opposite the origin of the angle:
-    # turned to where it is largest, no root is lost to infinity
+    # with the origin at its largest value, no root is lost at infinity
     angles = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
     sizes = np.abs(value(coefficients[:, None], angles[:, None]))  # (8, n)
     origin = angles[np.argmax(sizes, 0)] + np.pi
@@ -90,7 +90,7 @@ def real_roots(coefficients: Array) -> Array:
         rise = derivative(coefficients, roots)
         step = value(coefficients, roots) / np.where(rise == 0.0, np.inf, rise)
         roots = roots - np.clip(step, -1e-2, 1e-2)
-    nearly &= np.abs(value(coefficients, roots)) <= LEFT_OVER * scale
+    nearly &= np.abs(value(coefficients, roots)) <= MAX_RESIDUAL * scale
     return np.where(nearly, np.pi - np.mod(np.pi - roots, 2.0 * np.pi), np.nan)
 
 
@@ -102,14 +102,14 @@ def _rotated(coefficients: Array, origin: Array) -> Array:
     return np.stack([c0, c1 * c + s1 * s, s1 * c - c1 * s, c2 * d + s2 * e, s2 * d - c2 * e])
 
 
-# a polynomial this small relative to its largest harmonic is rounding of the lengths it is made of
-FLAT = 256.0 * np.finfo(np.float64).eps
-# zeros of the complex polynomial this far from the unit circle are tried as real ones: a simple one, and
-# one of the derivative
+# size relative to the largest harmonic below which a polynomial is rounding of its lengths
+ZERO_POLYNOMIAL = 256.0 * np.finfo(np.float64).eps
+# distance of zeros of the complex polynomial from the unit circle up to which they are tried as real: of a
+# simple zero, and of a zero of the derivative
 CIRCLE_DISTANCE, EXTREMUM_DISTANCE = 1e-5, 1e-3
-# derivatives this small relative to the largest harmonic are those of an extremum
-LEVEL = 1e-9
-# an angle, as a part of itself, that may be a root but for rounding
+# derivative relative to the largest harmonic below which an angle is an extremum
+FLAT_DERIVATIVE = 1e-9
+# relative rounding error of an angle that may be a root
 ROOT_ROUNDING = 4.0 * np.finfo(np.float64).eps
 
 
@@ -118,7 +118,7 @@ class TrigPolynomial:
     """The real sum of harmonics_k exp(i k f) over k = -n .. n.
 
     Attributes:
-        harmonics: (2 n + 1,), of which those of k and -k are conjugate.
+        harmonics: (2 n + 1,); those of k and -k are conjugate.
     """
 
     harmonics: NDArray[np.complex128]
@@ -135,12 +135,12 @@ class TrigPolynomial:
         return float(np.abs(self.harmonics).max())
 
     def value(self, angle: float, derivative: int = 0) -> float:
-        """Return the value or a derivative at one angle."""
+        """Return the value or a derivative at an angle."""
         terms = (1j * self.order) ** derivative * self.harmonics * np.exp(1j * self.order * angle)
         return float(terms.sum().real)
 
     def over(self, angle: Values) -> Any:
-        """Return the values at angles, (n,), as jets if these are."""
+        """Return the values at angles, (n,), as jets for angles as jets."""
         degree = len(self.harmonics) // 2
         total: Any = 0.0 * angle + float(self.harmonics[degree].real)
         for k in range(1, degree + 1):
@@ -150,28 +150,29 @@ class TrigPolynomial:
         return total
 
     def roots(self) -> list[float]:
-        """Return the simple roots, rising, in [-pi, pi)."""
+        """Return the simple roots, increasing, in [-pi, pi)."""
         return sorted(_wrapped(self._polished(guess, 0)) for guess in self._zeros(0, CIRCLE_DISTANCE))
 
     def touching(self) -> tuple[float, ...]:
-        """Return where the polynomial touches zero to within rounding, rising, in [-pi, pi)."""
+        """Return the double roots to within rounding, increasing, in [-pi, pi)."""
         roots: list[float] = []
         for guess in self._zeros(1, EXTREMUM_DISTANCE):
             root = _wrapped(self._polished(guess, 1))
             flat = (
-                abs(self.value(root)) <= FLAT * self.scale and abs(self.value(root, 1)) <= LEVEL * self.scale
+                abs(self.value(root)) <= ZERO_POLYNOMIAL * self.scale
+                and abs(self.value(root, 1)) <= FLAT_DERIVATIVE * self.scale
             )
-            duplicate = any(abs(_wrapped(root - other)) < np.sqrt(LEVEL) for other in roots)
-            if flat and not duplicate and abs(self.value(root, 2)) > LEVEL * self.scale:
+            duplicate = any(abs(_wrapped(root - other)) < np.sqrt(FLAT_DERIVATIVE) for other in roots)
+            if flat and not duplicate and abs(self.value(root, 2)) > FLAT_DERIVATIVE * self.scale:
                 roots.append(root)
         return tuple(sorted(roots))
 
     def without(self, touching: float) -> "TrigPolynomial":
-        """Return what is left after division by sin2((f - touching) / 2), of one degree less."""
+        """Return the quotient by sin2((f - touching) / 2), of one degree less."""
         z = np.exp(1j * touching)
         remaining, _ = np.polydiv(self.harmonics[::-1], np.array([1.0, -2.0 * z, z * z]))
         remaining = -4.0 * z * remaining[::-1]
-        # what rounding takes from the symmetry
+        # restore the symmetry lost to rounding
         return TrigPolynomial(0.5 * (remaining + remaining[::-1].conj()))
 
     def _zeros(self, derivative: int, tolerance: float) -> Array:
@@ -184,7 +185,7 @@ class TrigPolynomial:
         angle = float(guess)
         for _ in range(8):
             derivative_value = self.value(angle, derivative + 1)
-            if abs(derivative_value) <= LEVEL * self.scale:
+            if abs(derivative_value) <= FLAT_DERIVATIVE * self.scale:
                 break
             angle -= float(np.clip(self.value(angle, derivative) / derivative_value, -1e-2, 1e-2))
         return angle
@@ -192,20 +193,20 @@ class TrigPolynomial:
 
 @dataclass(frozen=True)
 class SignedRoot:
-    """The square root of a polynomial that changes its sign where the polynomial touches zero.
+    """The square root of a polynomial, with a sign change at each double root.
 
     Attributes:
         rest: the polynomial without its double roots.
-        touching: those roots in [rad].
+        touching: double roots in [rad].
     """
 
     rest: TrigPolynomial
     touching: tuple[float, ...]
 
     def over(self, angle: Values) -> Any:
-        """Return the root at angles, not wrapped, (n,), as a jet if they are; NaN where it is not real.
+        """Return the root at angles, not wrapped, (n,), as a jet for a jet; NaN where it is not real.
 
-        Accuracy: relative error of a few ulp also close to a double root.
+        Accuracy: relative error of a few ulp, also near a double root.
         """
         roots = np.sqrt(self.rest.over(angle))
         for angle_of_root in self.touching:
@@ -213,7 +214,7 @@ class SignedRoot:
         return roots
 
     def folded(self, angle: Values) -> Any:
-        """Return the root's absolute value at angles as `over` does; where it is zero, its rates beyond."""
+        """Return the root's absolute value at angles as `over`; at zeros, with the rates beyond them."""
         angles = values(angle)
         beyond = angles + ROOT_ROUNDING * (1.0 + np.abs(angles))
         signs = np.sign(np.sin(0.5 * np.subtract.outer(beyond, np.array(self.touching))))
@@ -225,14 +226,14 @@ class SignedRoot:
 
 
 def sampled(polynomial: Callable[[Array], Array], degree: int) -> TrigPolynomial:
-    """Return a trigonometric polynomial known by its values, evaluated at (n,) angles in [rad]."""
+    """Return a trigonometric polynomial from its function of angles (n,) in [rad]."""
     count = 2 * degree + 1
     harmonics = np.fft.fft(polynomial(REVOLUTION * np.arange(count) / count)) / count
     return TrigPolynomial(np.concatenate([harmonics[-degree:], harmonics[: degree + 1]]))
 
 
 def signed_root(polynomial: TrigPolynomial) -> SignedRoot:
-    """Return the square root that passes double roots smoothly."""
+    """Return the square root that is smooth at double roots."""
     touching = polynomial.touching()
     rest = polynomial
     for root in touching:
@@ -251,10 +252,10 @@ def _wrapped(angle: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Arcs:
-    """Arcs of crank angle.
+    """Intervals of crank angle.
 
     Attributes:
-        full: the crank can turn fully; then `arcs` is one whole turn.
+        full: whether the crank rotates fully; then `arcs` is one revolution.
         arcs: (from, to) in [rad], from < to, from in [-pi, pi); empty if the loop closes nowhere.
     """
 
@@ -262,9 +263,10 @@ class Arcs:
     arcs: tuple[tuple[float, float], ...]
 
     def start(self) -> float:
-        """Return the angle to start from: 0 if the crank can stand there, else amid the longest arc.
+        """Return the start angle: 0 if it is in an interval, else the middle of the longest interval.
 
-        On an arc of more than a turn every revolution is another pose: there it may be a whole turn.
+        In an interval of more than a revolution, angles that differ by revolutions are different poses, and 0
+        can be replaced by such an angle.
         """
         if self.full or not self.arcs:
             return 0.0
@@ -282,14 +284,14 @@ class Arcs:
 
 
 def reachable_arcs(discriminant: Callable[[Array], Array], degree: int) -> Arcs:
-    """Return where a trigonometric polynomial of the crank angle is positive.
+    """Return the intervals in which a trigonometric polynomial of the crank angle is positive.
 
     Args:
-        discriminant: the polynomial, evaluated at (n,) angles.
+        discriminant: the polynomial as a function of angles (n,).
         degree: its highest harmonic.
 
-    Accuracy: simple roots to a few ulp (polished by Newton's method on the polynomial itself); a
-        double root, where two assemblies meet but the crank turns on, counts as no root.
+    Accuracy: simple roots to a few ulp (refined by Newton's method on the polynomial itself); a double root,
+        a change point, counts as no root.
     """
     rest = sampled(discriminant, degree)
     for double in rest.touching():
@@ -303,12 +305,13 @@ def reachable_arcs(discriminant: Callable[[Array], Array], degree: int) -> Arcs:
 
 
 def _joined(gaps: list[tuple[float, float]], heights: list[float]) -> Arcs:
-    """Return the arcs that neighbouring gaps between roots make up, from the polynomial's height in each.
+    """Return the intervals made of neighbouring gaps between roots, from the value of the polynomial in each.
 
-    A double root comes out as two with a gap of rounding between: it takes the sign of its neighbours.
+    A double root appears as two with a gap of rounding in between, which gets the sign of its neighbours.
     """
     noise = [
-        abs(height) <= FLAT and high - low < 1e-3 for (low, high), height in zip(gaps, heights, strict=True)
+        abs(height) <= ZERO_POLYNOMIAL and high - low < 1e-3
+        for (low, high), height in zip(gaps, heights, strict=True)
     ]
     first = noise.index(False)
     order = [*range(first, len(gaps)), *range(first)]

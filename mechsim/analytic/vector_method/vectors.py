@@ -1,7 +1,7 @@
-"""The vector method: turning, triangle angles and unit vectors at given angles, on arrays of vectors.
+"""The vector method: rotations, triangle angles and unit vectors at given angles, on arrays of vectors.
 
-Vectors are stored component first, shape (3,) or (3, n): whole-array operations on each component
-are what makes the closed forms fast. Angles are in [rad]. What takes `Values` works on jets too.
+Vectors are stored component first, shape (3,) or (3, n): operations on whole arrays of a component make the
+closed forms fast. Angles are in [rad]. Arguments of type `Values` can be jets.
 """
 
 from typing import Any, Literal
@@ -14,10 +14,10 @@ from mechsim.numerics.jets import Values, chosen, cos_sin, product, revalued, va
 
 Sign = Literal[1, -1]
 
-# a squared sine this little below zero is a dead centre met but for rounding, not a gap
+# a negative squared sine above minus this is rounding at a dead centre
 ROUNDING = 16.0 * np.finfo(np.float64).eps
-# a sine below this says more of its angle than the cosine
-SMALL = 0.5
+# a sine below this determines its angle better than the cosine does
+SMALL_SINE = 0.5
 # cyclic successors of the three components
 NEXT = np.array([1, 2, 0])
 
@@ -38,14 +38,14 @@ def norm(a: Values) -> Any:
 
 
 def column(v: Any) -> Array:
-    """Return one vector as a (3, 1) column that broadcasts against (3, n); of many designs (3, n)."""
+    """Return a vector as a (3, 1) column that broadcasts against (3, n); for many designs (3, n)."""
     if any(isinstance(component, np.ndarray) and component.ndim for component in v):
         return np.stack(np.broadcast_arrays(*v)).astype(np.float64, copy=False)
     return np.asarray(v, dtype=np.float64).reshape(3, 1)
 
 
 def rotation(axis: Literal["x", "y", "z"], angle: Any) -> Array:
-    """Return the matrix T_X, T_Y or T_Z of a turn by `angle` about a coordinate axis, (3, 3) or (3, 3, n).
+    """Return the matrix T_X, T_Y or T_Z of a rotation about a coordinate axis, (3, 3) or (3, 3, n).
 
     Source: paper 000, eq. (9).
     """
@@ -60,7 +60,7 @@ def rotation(axis: Literal["x", "y", "z"], angle: Any) -> Array:
 
 
 def turned_twice(first: Array, second: Array) -> Array:
-    """Return the product of two turns, (3, 3) each or (3, 3, n) of many designs."""
+    """Return the product of two rotations, (3, 3) each or (3, 3, n) for many designs."""
     if first.ndim == second.ndim == 2:
         return first @ second
     wide = [matrix if matrix.ndim == 3 else matrix[..., None] for matrix in (first, second)]
@@ -68,7 +68,7 @@ def turned_twice(first: Array, second: Array) -> Array:
 
 
 def spun(reference: Array, axis: Array, angle: Values) -> Any:
-    """Return a unit vector turned about an axis across it, (3, n).
+    """Return a unit vector rotated about an axis perpendicular to it, (3, n).
 
     Args:
         reference: the vector at angle zero, (3, 1).
@@ -80,16 +80,16 @@ def spun(reference: Array, axis: Array, angle: Values) -> Any:
 
 
 def rotated(vector: Array, about: Array, angle: ArrayLike, length: ArrayLike | None = None) -> Array:
-    """Turn vectors about a direction and rescale them.
+    """Return vectors rotated about a direction and rescaled.
 
     Args:
-        vector: the vectors to turn, (3,) or (3, n).
-        about: direction of the axis, any length but zero, (3,) or (3, n).
+        vector: the vectors, (3,) or (3, n).
+        about: direction of the axis, of any length but zero, (3,) or (3, n).
         angle: anticlockwise seen from the tip of `about`, in [rad], scalar or (n,).
-        length: length of the result; None keeps the length of `vector`.
+        length: length of the result; the default is the length of `vector`.
 
     Returns:
-        The turned vectors, (3,) or (3, n).
+        The rotated vectors, (3,) or (3, n).
 
     Source: paper 000, eqs (1)-(3): Rodrigues' formula split into the parts along and across the axis.
     """
@@ -106,19 +106,19 @@ def unit_at_angles(v1: Values, v2: Values, angle1: ArrayLike, angle2: ArrayLike,
     """Return the unit vector at `angle1` to `v1` and `angle2` to `v2`.
 
     Args:
-        v1: first direction, any length but zero, (3,) or (3, n).
+        v1: first direction, of any length but zero, (3,) or (3, n).
         v2: second direction, not parallel to the first, (3,) or (3, n).
         angle1: angle to `v1` in [rad], scalar or (n,).
         angle2: angle to `v2` in [rad], scalar or (n,).
-        sign: which of the two answers p: the sign of p . (v1 x v2).
+        sign: selects one of two solutions p: the sign of p . (v1 x v2).
 
     Returns:
         Unit vectors, (3,) or (3, n); NaN where no vector has these angles.
 
-    Accuracy: the angles are kept to a few ulp divided by the sine of the angle between `v1` and
-    `v2`; unlike the published form nothing depends on the coordinate frame.
+    Accuracy: the angles are exact to a few ulp divided by the sine of the angle between `v1` and `v2`; unlike
+    the published form, this one does not depend on the coordinate frame.
 
-    Source: paper 000, eqs (10)-(21), in the sound form of papers.md section 0.
+    Source: paper 000, eqs (10)-(21), in the numerically stable form of papers.md section 0.
     """
     u1, u2 = v1 / norm(v1), v2 / norm(v2)
     g = dot(u1, u2)
@@ -140,31 +140,31 @@ def circle_sphere(
     sign: Sign,
     across: Values | None = None,
 ) -> Any:
-    """Return where a circle meets a sphere.
+    """Return the intersection of a circle and a sphere.
 
     Args:
         centre: centre of the circle, (3, 1) or (3, n).
         axis: unit normal of its plane, (3, 1) or (3, n).
-        radius: of the circle.
+        radius: radius of the circle.
         sphere_centre: centre of the sphere, (3, n).
-        sphere_radius: of the sphere.
-        sign: which of the two points: the sign of p . (d x axis), where p points from the circle's
-            centre to the answer and d to the sphere's centre.
-        across: where it is known better than by the lengths, p . (d x axis) times twice the radius, (n,),
-            of either sign; then `sign` is not looked at.
+        sphere_radius: radius of the sphere.
+        sign: selects one of two points: the sign of p . (d x axis), where p points from the circle's centre
+            to the point and d to the sphere's centre.
+        across: p . (d x axis) times twice the radius, (n,), of either sign, if it is known more accurately
+            than from the lengths; then `sign` is not used.
 
     Returns:
-        Unit vectors p from the circle's centre to the point, (3, n), NaN where they do not meet.
+        Unit vectors p from the circle's centre to the point, (3, n), NaN without intersection.
 
-    Accuracy: the answer lies on both to a few ulp of the largest length, also at a dead centre,
-        where a miss by no more than rounding counts as touching. Only where the sphere's centre comes
-        near the axis, and p may point anywhere, p leaves the plane by an ulp times |d| over that way.
+    Accuracy: the point lies on both to a few ulp of the largest length, also at a dead centre, where a miss
+        by rounding counts as contact. If the sphere's centre is near the axis, where p is ill-conditioned, p
+        leaves the plane by an ulp times |d| divided by their distance.
     """
     d = sphere_centre - centre
     height = dot(d, axis)
     flat = d - height * axis
     reach = norm(flat)
-    # 1 - cosine of the angle between p and flat: a short sphere radius is then not lost among squares
+    # 1 - cosine of the angle between p and flat: keeps a short sphere radius, which squares would lose
     off = ((sphere_radius - height) * (sphere_radius + height) - (reach - radius) ** 2) / (
         2.0 * radius * reach
     )
@@ -174,18 +174,18 @@ def circle_sphere(
         sine_values = values(sine)
         cosine = np.where(values(off) < 1.0, 1.0, -1.0) * np.sqrt(1.0 - sine * sine)
         usual = np.where(sine_values < 0.0, -1.0, 1.0) * np.sqrt(_possible(off * (2.0 - off)))
-        small = np.abs(sine_values) < SMALL
+        small = np.abs(sine_values) < SMALL_SINE
         return chosen(small, cosine, 1.0 - off) * ahead + chosen(small, sine, usual) * cross(ahead, axis)
     return (1.0 - off) * ahead + sign * np.sqrt(_possible(off * (2.0 - off))) * cross(ahead, axis)
 
 
 def sine_of(cosine: Values) -> Any:
-    """Return the positive sine that goes with a cosine; NaN where it is beyond +-1 by more than rounding."""
+    """Return the positive sine of a cosine; NaN if the cosine exceeds +-1 by more than rounding."""
     return np.sqrt(_possible((1.0 - cosine) * (1.0 + cosine)))
 
 
 def _possible(square: Values) -> Any:
-    """Return a squared sine rid of rounding below zero; NaN where it is negative by more."""
+    """Return a squared sine without negative rounding; NaN if it is negative by more."""
     number = values(square)
     return revalued(square, np.where(number >= -ROUNDING, np.maximum(number, 0.0), np.nan))
 
@@ -196,7 +196,7 @@ def array_dot(a: Array, b: Array) -> Array:
 
 
 def array_cross(a: Array, b: Array) -> Array:
-    """Return vector products, (3, n) or with more axes between."""
+    """Return vector products, (3, n) or with more axes in between."""
     preceding = a * b.take(NEXT, 0)
     preceding -= a.take(NEXT, 0) * b
     return preceding.take(NEXT, 0)

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from mechsim.numerics.arrays import worst
-from mechsim.numerics.convergence import believed_order
+from mechsim.numerics.convergence import plausible_order
 from mechsim.simulation.dynamics.free_steps import FreeSteps
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
@@ -69,7 +69,7 @@ def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeSteppin
             half, run = let_run(steps // 2), let_run(steps, 2)
             spent = half.steps.steps
         change = _apart(half, run)
-        order = believed_order(before[1], change, steps / before[0])
+        order = plausible_order(before[1], change, steps / before[0])
         before = steps, change
         remaining = change / (2.0**HIGH_ORDER - 1.0) if order >= HIGH_ORDER else change
         return Attempt(

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.force_record import FreeRun
-from mechsim.model.forces import Forces, acting_on
+from mechsim.model.forces import Forces, forces_of
 from mechsim.model.limits import MAX_STIFF_STEPS, require_steps
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
@@ -117,7 +117,7 @@ def free_run(
     if turns is None and duration is None:
         raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
     mechanism = described(source)
-    loaded = loaded_model(mechanism, acting_on(source, forces), cut)
+    loaded = loaded_model(mechanism, forces_of(source, forces), cut)
     open_choice = settings is None and _is_redundant(loaded)
     settings = settings or Settings()
     first = mechanism.start if angle is None else angle
@@ -328,7 +328,7 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
 def _work(loaded: LoadedModel, states: States) -> tuple[Array, Array]:
     """Return work done by motor and loads, and lost, since the first state, (n,) each in [J]."""
     forces, n = loaded.forces, len(states.time)
-    outer = forces.motor or forces.courses
+    outer = forces.motor or forces.load_profiles
     if not (outer or forces.friction or any(spring.damping for spring in forces.springs)):
         return np.zeros(n), np.zeros(n)
     chunks = [powers(loaded, loaded_state(loaded, states.chunk(i))) for i in range(0, n, CHUNK)]

@@ -177,7 +177,7 @@ def _given_up(
 
 
 def _over_time(loaded: LoadedModel) -> bool:
-    return any(course.over == "time" for course in loaded.forces.courses)
+    return any(course.over == "time" for course in loaded.forces.load_profiles)
 
 
 def _softened(loaded: LoadedModel, start: tuple[Array, Array], timestep: float) -> tuple[list[float], float]:
@@ -203,7 +203,7 @@ def _advance(
     loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float], began: float
 ) -> Any:
     """Return what takes steps and returns the records: time, qpos, qvel, and whether MuJoCo warned."""
-    steady = not loaded.dry and all(course.over is None for course in loaded.forces.courses)
+    steady = not loaded.dry and all(course.over is None for course in loaded.forces.load_profiles)
     if steady and not bends(loops):
         return _in_c(loaded, loops, start, began)
     return _with_callback(loaded, loops, start, soft, began)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces, acting_on
+from mechsim.model.forces import Forces, forces_of
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
@@ -94,7 +94,7 @@ def driven(
         raise InputError(f"{samples} samples asked for; take at least 1")
     speed = si(speed, "rad/s", "the crank speed")
     motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
-    mechanism, acting = described(source), acting_on(source, forces)
+    mechanism, acting = described(source), forces_of(source, forces)
     acting.require_no_controllers(mechanism.name)
     loaded = loaded_model(mechanism, acting.without_motor(), cut, programmed=not motion_laws.crank)
     if not motion_laws.crank:

@@ -13,7 +13,7 @@ import numpy as np
 from mechsim.errors import AssemblyError
 from mechsim.model.force_record import ForceRecord
 from mechsim.numerics.arrays import Array, rms, worst
-from mechsim.numerics.convergence import believed_order
+from mechsim.numerics.convergence import plausible_order
 from mechsim.simulation.dynamics.determinacy import DeterminedComponents, determined_components
 from mechsim.simulation.dynamics.inverse_dynamics import inverse_dynamics
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
@@ -61,7 +61,7 @@ def within(
     determined = determined_components(loaded)
     runs = [trial(steps) for steps in TRIALS]
     first, second = (max(against_poses(loaded, run, determined)) for run in runs)
-    order = believed_order(first, second, TRIALS[1] / TRIALS[0])
+    order = plausible_order(first, second, TRIALS[1] / TRIALS[0])
 
     def attempt(steps: int) -> Attempt[Driven]:
         run = whole(steps)

@@ -289,7 +289,9 @@ def swing(scene: Inspected) -> Swing | None:
         more = f" and {len(listed) - MAX_LISTED} more drivers" if len(listed) > MAX_LISTED else ""
         swings = ", ".join(listed[:MAX_LISTED]) + more
         description = f"a swing of {swings} in {DURATION:g} s"
-        states = {name: wave(scene.read.mechanism.counted[name], by) for name, by in displacements.items()}
+        states = {
+            name: wave(scene.read.mechanism.guess_coordinates[name], by) for name, by in displacements.items()
+        }
         try:
             laws = make_motion_laws(scene.read.mechanism, states, DURATION)
             return _moved(scene, laws, description, returns=True)
@@ -320,7 +322,7 @@ def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
     for name in mechanism.drivers:
         reach = fraction * (REACH if mechanism.unit(name) == "rad" else STROKE * scene.length)
         low, high = scene.read.limits.get(name, (-np.inf, np.inf))
-        up, down = high - mechanism.counted[name], mechanism.counted[name] - low
+        up, down = high - mechanism.guess_coordinates[name], mechanism.guess_coordinates[name] - low
         result[name] = min(reach, up) if up >= min(reach, down) else -min(reach, down)
     return result
 

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Coupling, Joint
-from mechsim.model.link_poses import plane_normals, starts, with_virtual_bodies
+from mechsim.model.link_poses import initial_coordinates, plane_normals, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
@@ -132,7 +132,7 @@ def _add_links(
 
 def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tuple[float, ...]:
     """Return coordinates of a joint that a pose gives, with the revolutions of the mechanism's start."""
-    stated = starts(mechanism)
+    stated = initial_coordinates(mechanism)
     kind = KINDS[joint.kind]
     if kind.floating:
         raise InputError(

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import plane_normals, split, virtual_body
+from mechsim.model.link_poses import plane_normals, split_joints, virtual_body
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation.mjcf.joints import Branch, EndArrays, coincident_points
@@ -73,7 +73,7 @@ def cut_loops(
     if rejected and splits:
         names = {joint.name for joint in rejected}
         whole = tuple(virtual_body(joint) if joint.name in names else joint.name for joint in cuts)
-        return cut_loops(split(mechanism, names), whole, keep=keep, splits=True)
+        return cut_loops(split_joints(mechanism, names), whole, keep=keep, splits=True)
     if rejected:
         raise InputError(f"{mechanism.name}: {_rejection_reason(rejected[0], needed)}")
     if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floating} != requested:

@@ -228,7 +228,7 @@ def read_model(
         guess=poses(model, tree, start),
         couplings=tuple(loops.couplings),
         locked=locked,
-        counted=values,
+        guess_coordinates=values,
     )
     raised = minimum_mass(compiled_file.remarks)
     mechanism = replace(

@@ -12,7 +12,7 @@ from mechsim import files
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.link_poses import PARALLEL, plane_normals
+from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws, tabled
@@ -141,7 +141,7 @@ class QuantityReader:
             return self.plane
         normals = plane_normals(self.mechanism) or {}
         normal = np.abs(normals.get(GROUND, np.zeros(3)))
-        if not normal.max() > 1.0 - PARALLEL:
+        if not normal.max() > 1.0 - PARALLEL_TOLERANCE:
             raise InputError(
                 f"{self.who} gives {name!r} by two numbers, but {self.mechanism.name} does not move in a "
                 f"plane of the ground's axes; name the plane, as in '{name}.xy'"

@@ -17,7 +17,7 @@ from mechsim.analytic.loops.start import closed
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.model.link_poses import rough_poses, starts
+from mechsim.model.link_poses import initial_coordinates, rough_poses
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantities import AXES
@@ -328,7 +328,7 @@ def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, Kinemati
     """Return assemblies of a mechanism found from random starts."""
     mechanism = solver.mechanism
     try:
-        loops, guess = tree_loops(mechanism, rough_poses(mechanism), starts(mechanism))
+        loops, guess = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
         own = closed(loops, guess)
     except MechsimError:
         return []
@@ -374,9 +374,11 @@ def _with_guess(solver: LoopForm, tree: SpanningTree, q: Coordinates) -> LoopFor
         name: Pose(poses.position[i, :, 0].copy(), poses.rotation[i, :, :, 0].copy())
         for name, i in tree.links.items()
     }
-    counted = {name: value for name, value in mechanism.counted.items() if name in mechanism.drivers}
+    counted = {
+        name: value for name, value in mechanism.guess_coordinates.items() if name in mechanism.drivers
+    }
     try:
-        return replace(solver, mechanism=replace(mechanism, guess=guess, counted=counted))
+        return replace(solver, mechanism=replace(mechanism, guess=guess, guess_coordinates=counted))
     except MechsimError:
         return None
 

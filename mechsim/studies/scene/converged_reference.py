@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import worst
-from mechsim.numerics.convergence import believed_order, refine
+from mechsim.numerics.convergence import plausible_order, refine
 from mechsim.simulation.driven_run import stiffness_cause
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
@@ -145,7 +145,7 @@ def _extrapolated(runs: Sequence[SceneRun], integrator: str) -> ConvergedReferen
     """Return the finest of three runs, each with twice the steps of the one before, with its error."""
     coarse, middle, fine = runs
     changes = [_differences(coarse, middle), _differences(middle, fine)]
-    orders = [believed_order(before, last, 2.0) for before, last in zip(*changes, strict=True)]
+    orders = [plausible_order(before, last, 2.0) for before, last in zip(*changes, strict=True)]
     points, forces = (last / (2.0**order - 1.0) for last, order in zip(changes[1], orders, strict=True))
     what = f"{fine.steps:,} steps of {integrator}, loops with time constants of {CONSTANT:g} steps"
     return ConvergedReference(fine, (points, forces), orders[0], what)

@@ -10,8 +10,8 @@ import numpy as np
 from mechsim.analytic.derivatives.dimensions import DesignFamily, changes, placed_designs
 from mechsim.analytic.derivatives.dynamics import forces_along, model_numbers, perturbed_forces
 from mechsim.analytic.derivatives.motion import (
-    Followed,
     NearbyMotion,
+    TracedMotion,
     derivatives_along,
     followed_motion,
     motion_derivatives,
@@ -320,7 +320,7 @@ class MovedFamily:
 
     def _followed(
         self, nominal: NearbyMotion | None, solver: KinematicSolver, ahead: float, rate: float
-    ) -> Followed:
+    ) -> TracedMotion:
         """Return the motion of another mechanism from this one, or from its own guess if that is too far."""
         if nominal is not None:
             with suppress(AssemblyError):
@@ -359,7 +359,7 @@ def family_at(designs: DesignFamily, values: Mapping[str, float]) -> DesignFamil
         lambda more: designs.make(own | dict(more)),
         None if forces is None else lambda more: forces(own | dict(more)),
         designs.usual,
-        {name: parameters for name, parameters in designs.reckoned.items() if name not in own},
+        {name: parameters for name, parameters in designs.derived.items() if name not in own},
     )
 
 

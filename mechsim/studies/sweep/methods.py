@@ -78,7 +78,7 @@ def _formula(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Ro
     valid, turning_ranges = _turning_ranges(solver, rows)
     if turning_ranges is None:
         return np.arange(len(result.outcome))
-    certain, selected = ~turning_ranges.doubtful, ~turning_ranges.doubtful
+    certain, selected = ~turning_ranges.uncertain, ~turning_ranges.uncertain
     facts = _facts(task, turning_ranges) if task.measures.facts else {}
     remaining: list[Rows] = []
     if len(task.angles):
@@ -107,7 +107,7 @@ def _swing_blocks(
     result: Measured,
 ) -> list[Rows]:
     """Measure designs whose cranks swing over their reachable ranges; return those to measure one by one."""
-    swing = np.flatnonzero(~turning_ranges.doubtful & ~turning_ranges.full)
+    swing = np.flatnonzero(~turning_ranges.uncertain & ~turning_ranges.full)
     low, high = swing_arcs(turning_ranges)
     certain = swing[np.isfinite(low[swing])]
     remaining = [valid[np.setdiff1d(swing, certain)]]
@@ -149,7 +149,7 @@ def _stepped(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Ro
     valid, turning_ranges = _turning_ranges(solver, rows)
     if turning_ranges is None:
         return every
-    index = valid[~turning_ranges.doubtful & turning_ranges.full & turning_ranges.clear]
+    index = valid[~turning_ranges.uncertain & turning_ranges.full & turning_ranges.clear]
     remaining = stepped_together(task, rows, index, result)
     return np.union1d(remaining, np.setdiff1d(every, index))
 

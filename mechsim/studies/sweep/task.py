@@ -13,10 +13,10 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.many_designs import allowed, can_be_started, started
 from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.design_arrays import StartedDesigns, those_alike
+from mechsim.model.design_arrays import StartedDesigns, similar_designs
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import PART_OF_RANGE
+from mechsim.model.motion_laws import SWING_FRACTION
 from mechsim.model.quantities import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -120,7 +120,7 @@ class SweepTask:
         fixed = np.broadcast_to([*self.angle_index], (*low.shape[:-1], len(self.angle_index)))
         if self.measures.rated or self.measures.loaded:
             phase = REVOLUTION * np.arange(self.samples) / self.samples
-            reach = 0.5 * PART_OF_RANGE * (high - low)
+            reach = 0.5 * SWING_FRACTION * (high - low)
             angle = 0.5 * (low + high) - reach * np.cos(phase)
             speed = self.path_speed * np.sin(phase) + 0.0 * angle
             acceleration = self.path_speed**2 / reach * np.cos(phase)
@@ -319,7 +319,7 @@ def assembled_designs(
     if solver is not None and can_be_started(solver, rows):
         return _by_formula(solver, rows, task.subject.make if with_mechanisms else None)
     mechanisms = [*_made(task, rows)]
-    started, which = those_alike(task.subject.solver.mechanism, mechanisms)
+    started, which = similar_designs(task.subject.solver.mechanism, mechanisms)
     if started is None:
         return None
     return AssembledDesigns(

@@ -13,7 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import Array, worst
-from mechsim.numerics.convergence import believed_order, half_extent, richardson
+from mechsim.numerics.convergence import half_extent, plausible_order, richardson
 from mechsim.simulation import Settings
 from mechsim.simulation.source import Model
 from mechsim.studies.budget import BEYOND, Budget, TrialTimes
@@ -243,4 +243,4 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
 
 def _extrapolated_error(before: float, last: float) -> float:
     """Return the error after the last halving of the step, from the changes by the two halvings."""
-    return richardson(np.zeros(1), np.array([last]), 2.0, believed_order(before, last, 2.0))[1]
+    return richardson(np.zeros(1), np.array([last]), 2.0, plausible_order(before, last, 2.0))[1]

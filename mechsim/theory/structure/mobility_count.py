@@ -11,7 +11,7 @@ from mechsim.analytic.loops import DofCount, assemble, dof_count, equations
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS, Axis, Kind
 from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import PARALLEL, plane_normals
+from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -123,7 +123,7 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     """
     body = rigid(mechanism)
     hinges = [joint for joint in mechanism.joints if KINDS[joint.kind].hinge]
-    tolerance = PARALLEL * mechanism.characteristic_length
+    tolerance = PARALLEL_TOLERANCE * mechanism.characteristic_length
     shared = [(a.name, b.name) for a, b in combinations(hinges, 2) if _on_one_pin(a, b, tolerance)]
     order = [link.name for link in mechanism.links]
     pairs: list[Pairs] = []

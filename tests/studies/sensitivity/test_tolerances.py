@@ -115,7 +115,7 @@ def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
 def test_a_dimension_and_what_it_is_computed_from_cannot_both_be_off():
     found = derivative_table(MovedFamily(parametric_model("klann"), ANGLES, 1.0), ["G.x"])
     assert not {"hx", "fy"} & set(found.by)
-    with pytest.raises(InputError, match="hx is reckoned from CF, so that they cannot both vary"):
+    with pytest.raises(InputError, match="hx is computed from CF, so that they cannot both vary"):
         tolerance_study(found, {"hx": 1e-5, "CF": 1e-5})
 
 

@@ -99,5 +99,5 @@ def test_what_no_design_can_have_is_rejected():
         ms.sweep("watt_six_bar", {"crank": [0.02]}, "assemblies")
     five_bar = ms.load("five_bar", drive={"left": "0.1rad*t", "right": "0.1rad*t"})
     undriven = type(five_bar)(five_bar.mechanism)
-    with pytest.raises(InputError, match="have no motion law; give each one"):
+    with pytest.raises(InputError, match="have no motion law; give each driver one"):
         ms.sweep(undriven, {"left.at.x": [0.01]}, "range:left")
