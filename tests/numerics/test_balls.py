@@ -119,8 +119,8 @@ def test_powers_contain_the_exact_results(a, ra, exponent):
 
 
 def test_a_power_without_a_bound_is_rejected():
-    with pytest.raises(TypeError, match=r"no bound for the power 0\.5"):
-        ball(2.0) ** 0.5
+    with pytest.raises(TypeError, match=r"no bound for the power 0\.3"):
+        ball(2.0) ** 0.3
 
 
 def test_numpy_functions_of_balls_are_those_of_balls_and_others_are_rejected():
