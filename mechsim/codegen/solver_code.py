@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.dynamics.state_layout import quaternion
+from mechsim.analytic.dynamics.state_layout import quaternions
 from mechsim.codegen import algorithm
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import number_text
@@ -159,7 +159,7 @@ def _reals(assembly: SolvedAssembly) -> dict[str, tuple[Array, str]]:
         "UNIT_OF_DRIVER": (units[driven], "likewise, of each driver"),
         "STEP": (algorithm.STEP * units[driven], "largest step of each driver"),
         "START_BALLS": (
-            np.array([quaternion(rotation[..., 0]) for rotation in start.turns]).ravel(),
+            np.array([quaternions(rotation)[0] for rotation in start.turns]).ravel(),
             "quaternions (w, x, y, z) of the balls at the start",
         ),
     }

@@ -1,15 +1,16 @@
 """Forward dynamics from any initial state against exact solutions."""
 
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
-from mechsim.analytic.dynamics.singular_crossing import collocated
+from mechsim.analytic.dynamics.singular_crossing import crossing
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring
@@ -137,22 +138,33 @@ def test_an_event_near_a_singular_pose_ends_the_run(height):
     assert run.time[-1] < 0.7
 
 
-@pytest.mark.parametrize(("stiffness", "crossed"), [(1.0, True), (1e6, False)])
-def test_collocation_crosses_a_smooth_motion_and_rejects_one_that_it_does_not_resolve(stiffness, crossed):
-    def derivative(_, state):
-        return np.array([state[1], -stiffness * state[0]]), 0.0
+@dataclass
+class Oscillator:
+    """x'' = -x as equations of motion; the loops are x = 0 less a distance, singular at t = 0.05 s."""
 
-    solution = collocated(derivative, 0.0, np.array([0.0, 1.0]), 0.1, lambda t: np.array([t, 1.0]))
-    assert (solution is not None) == crossed
+    distance: float
+    layout: object = field(default_factory=lambda: SimpleNamespace(positions=1))
+
+    def conditioning(self, state):
+        return abs(np.arcsin(min(1.0, state[0])) - 0.05)
+
+    def on_loops(self, times, states):
+        return np.stack([states[:, 1], -states[:, 0]], 1)
+
+    def nearest_on_loops(self, times, states):
+        return states + np.array([self.distance, 0.0])
+
+
+@pytest.mark.parametrize(("distance", "crosses"), [(0.0, True), (1e-6, False)])
+def test_a_crossing_is_rejected_whose_nodes_are_off_the_loops(distance, crosses):
+    def ahead(times):
+        return np.stack([np.sin(times), np.cos(times)], 1)
+
+    solution = crossing(Oscillator(distance), 0.0, np.array([0.0, 1.0]), 0.05, ahead)
+    assert (solution is not None) == crosses
     if solution is not None:
+        assert solution.duration == pytest.approx(0.1)
         assert solution(0.1) == pytest.approx([np.sin(0.1), np.cos(0.1)], abs=1e-13)
-
-
-def test_collocation_rejects_nodes_off_the_loops():
-    def derivative(_, state):
-        return np.array([state[1], -state[0]]), 1e-6
-
-    assert collocated(derivative, 0.0, np.array([0.0, 1.0]), 0.1, lambda t: np.array([t, 1.0])) is None
 
 
 def test_a_strongly_damped_block_is_integrated_implicitly():

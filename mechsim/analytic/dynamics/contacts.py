@@ -22,8 +22,8 @@ SOFT_IMPACT = 1e-7
 # fraction by which a friction force may exceed its size: rounding of a balance
 BALANCED = 1e-9
 
-# state -> a number that is zero at the event
-EventFunction = Callable[[Kinematics, float], float]
+# n states and times (n,) in [s] -> numbers (n,) that are zero at the event
+EventFunction = Callable[[Kinematics, Array], Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,34 +69,32 @@ class Contacts:
     def end_functions(self, mode: ContactMode) -> list[EventFunction]:
         """Return functions that fall through zero where a mode ends."""
 
-        def dynamics(state: Kinematics, time: float) -> Dynamics:
-            return self.accelerate(state, np.array([time]), mode)
+        def dynamics(state: Kinematics, times: Array) -> Dynamics:
+            return self.accelerate(state, times, mode)
 
         functions: list[EventFunction] = []
         for i in np.flatnonzero(mode.sliding):
-            functions.append(
-                lambda state, _, i=i: float(self.equations.friction_rates(state)[i, 0] * mode.sliding[i])
-            )
+            functions.append(lambda state, _, i=i: self.equations.friction_rates(state)[i] * mode.sliding[i])
         for i in mode.stuck:
-            functions.append(lambda state, time, i=i: self._reserve(dynamics(state, time), i))
+            functions.append(lambda state, times, i=i: self._reserve(dynamics(state, times), i))
         for i, stop in enumerate(self.stops):
             if i in mode.contacts:
-                functions.append(lambda state, time, i=i: self._pressing(dynamics(state, time), mode, i))
+                functions.append(lambda state, times, i=i: self._pressing(dynamics(state, times), mode, i))
             else:
                 functions.append(lambda state, _, stop=stop: self._clearance(state, stop))
         return functions
 
-    def _reserve(self, dynamics: Dynamics, index: int) -> float:
+    def _reserve(self, dynamics: Dynamics, index: int) -> Array:
         """Return by how much a sticking friction exceeds what it must hold, in [N m] or [N]."""
         magnitude = self.equations.frictions[index].magnitude
-        return magnitude * (1.0 + BALANCED) - abs(float(dynamics.holding[index, 0]))
+        return magnitude * (1.0 + BALANCED) - np.abs(dynamics.holding[index])
 
-    def _pressing(self, dynamics: Dynamics, mode: ContactMode, index: int) -> float:
+    def _pressing(self, dynamics: Dynamics, mode: ContactMode, index: int) -> Array:
         """Return the force with which a stop is pressed; negative where the joint would have to be pulled."""
-        return -self.stops[index].side * float(dynamics.contact[mode.contacts.index(index), 0])
+        return -self.stops[index].side * dynamics.contact[mode.contacts.index(index)]
 
-    def _clearance(self, state: Kinematics, stop: Stop) -> float:
-        value = float(state.q.values[stop.index, 0]) / self.equations.loops.units[stop.index]
+    def _clearance(self, state: Kinematics, stop: Stop) -> Array:
+        value = state.q.values[stop.index] / self.equations.loops.units[stop.index]
         return stop.side * (stop.limit - value)
 
     def rates_after_impact(self, state: Kinematics, mode: ContactMode, fastest: float) -> Array:
@@ -111,7 +109,7 @@ class Contacts:
             stop.index
             for i, stop in enumerate(self.stops)
             if i not in mode.contacts
-            and abs(self._clearance(state, stop)) < 1e-9
+            and abs(float(self._clearance(state, stop)[0])) < 1e-9
             and stop.side * state.rates[stop.index, 0] > SOFT_IMPACT * fastest
         ]
         equations, before = self.equations, state.rates[self.equations.free].T
@@ -134,7 +132,7 @@ class Contacts:
         contacts = [
             i
             for i, stop in enumerate(self.stops)
-            if self._clearance(state, stop) <= 1e-9
+            if float(self._clearance(state, stop)[0]) <= 1e-9
             and abs(float(state.rates[stop.index, 0])) <= SOFT_IMPACT * fastest
         ]
         stuck = [int(i) for i in np.flatnonzero(at_rest)]
@@ -144,7 +142,7 @@ class Contacts:
             dynamics = self.accelerate(state, np.array([time]), mode)
             loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)
-            pulled = [i for i in mode.contacts if self._pressing(dynamics, mode, i) < 0.0]
+            pulled = [i for i in mode.contacts if float(self._pressing(dynamics, mode, i)[0]) < 0.0]
             if slipping is not None and loads[slipping] > 1.0 + BALANCED:
                 direction = mode.sliding.copy()
                 direction[slipping] = -np.sign(float(dynamics.holding[slipping, 0]))

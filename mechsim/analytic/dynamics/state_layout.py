@@ -23,8 +23,8 @@ class StateLayout:
 
     def pack(self, q: Coordinates, rates: Array, work: float, lost: float) -> Array:
         """Return the vector of one state."""
-        quaternions = [quaternion(rotation[..., 0]) for rotation in q.turns]
-        return np.concatenate([q.values[:, 0] / self.units, *quaternions, rates[:, 0], [work, lost]])
+        turns = [quaternions(rotation)[0] for rotation in q.turns]
+        return np.concatenate([q.values[:, 0] / self.units, *turns, rates[:, 0], [work, lost]])
 
     def unpack(self, state: Array) -> tuple[Coordinates, Array, float, float]:
         """Return coordinates, rates (count, 1), work done and energy lost of a vector."""
@@ -36,10 +36,21 @@ class StateLayout:
         n, positions = self.count, self.positions
         rotations = np.zeros((self.balls, 3, 3, len(states)))
         for i, rotation in enumerate(rotations):
-            for k, state in enumerate(states):
-                rotation[..., k] = rotation_matrix(state[n + 4 * i : n + 4 * i + 4])
+            rotation[:] = rotation_matrices(states[:, n + 4 * i : n + 4 * i + 4])
         q = Coordinates(states[:, :n].T * self.units[:, None], rotations)
         return q, states[:, positions : positions + n].T.copy()
+
+    def replaced(self, states: Array, q: Coordinates, rates: Array) -> Array:
+        """Return n vectors with other coordinates and rates (count, n); work and loss remain."""
+        n, positions, result = self.count, self.positions, states.copy()
+        result[:, :n] = (q.values / self.units[:, None]).T
+        result[:, positions : positions + n] = rates.T
+        for i, rotation in enumerate(q.turns):
+            columns = slice(n + 4 * i, n + 4 * i + 4)
+            new = quaternions(rotation)
+            # a quaternion and its negative are the same rotation
+            result[:, columns] = np.where((new * states[:, columns]).sum(1)[:, None] < 0.0, -new, new)
+        return result
 
     def derivatives(self, states: Array, kinematics: Kinematics, dynamics: Dynamics) -> Array:
         """Return the derivatives of n vectors by time, (n, size)."""
@@ -49,10 +60,7 @@ class StateLayout:
         for i, ball in enumerate(self.tree.balls):
             rate = kinematics.rates[ball.first_angle : ball.first_angle + 3]
             first = self.count + 4 * i
-            quaternions = states[:, first : first + 4]
-            turning.append(
-                np.array([quaternion_rate(*pair) for pair in zip(quaternions, rate.T, strict=True)]).T
-            )
+            turning.append(quaternion_rates(states[:, first : first + 4], rate.T).T)
         powers = dynamics.power_in[None], dynamics.power_lost[None]
         return np.concatenate([values, *turning, dynamics.acceleration, *powers]).T
 
@@ -61,16 +69,16 @@ class StateLayout:
         return np.concatenate([np.ones(self.positions), np.full(self.count, rate), np.full(2, 1e300)])
 
 
-def quaternion(rotation: Array) -> Array:
-    """Return the unit quaternion (w, x, y, z) of a rotation matrix (3, 3)."""
+def quaternions(rotations: Array) -> Array:
+    """Return the unit quaternions (w, x, y, z), (n, 4), of rotation matrices (3, 3, n)."""
     from scipy.spatial.transform import Rotation
 
-    return np.roll(Rotation.from_matrix(rotation).as_quat(), 1)
+    return np.roll(Rotation.from_matrix(rotations.transpose(2, 0, 1)).as_quat(), 1, axis=1)
 
 
-def rotation_matrix(quaternion: Array) -> Array:
-    """Return the rotation matrix of a quaternion (w, x, y, z) of any length."""
-    w, x, y, z = quaternion / np.sqrt((quaternion**2).sum())
+def rotation_matrices(quaternions: Array) -> Array:
+    """Return the rotation matrices (3, 3, n) of quaternions (w, x, y, z), (n, 4), of any length."""
+    w, x, y, z = (quaternions / np.sqrt((quaternions**2).sum(1))[:, None]).T
     return np.array(
         [
             [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
@@ -80,9 +88,8 @@ def rotation_matrix(quaternion: Array) -> Array:
     )
 
 
-def quaternion_rate(quaternion: Array, angular_velocity: Array) -> Array:
-    """Return the rate of a quaternion at an angular velocity (3,) in the fixed frame."""
-    w, vector = quaternion[0], quaternion[1:]
-    return 0.5 * np.concatenate(
-        [[-angular_velocity @ vector], w * angular_velocity + cross(angular_velocity, vector)]
-    )
+def quaternion_rates(quaternions: Array, angular_velocities: Array) -> Array:
+    """Return the rates of quaternions (n, 4) at angular velocities (n, 3) in the fixed frame, (n, 4)."""
+    w, vector = quaternions[:, :1], quaternions[:, 1:]
+    scalar = -(angular_velocities * vector).sum(1)[:, None]
+    return 0.5 * np.concatenate([scalar, w * angular_velocities + cross(angular_velocities, vector)], 1)

@@ -76,10 +76,10 @@ def state_quantity(name: str, mechanism: Mechanism) -> Quantity:
     return result
 
 
-def value_at(equations: EquationsOfMotion, quantity: Quantity, state: Kinematics) -> float:
-    """Return a quantity at one state."""
-    motion = motion_of(equations, state, np.zeros_like(state.rates), np.zeros(1))
-    return float(quantity.number(record_columns(motion, [quantity]))[0])
+def values_at(equations: EquationsOfMotion, quantity: Quantity, state: Kinematics) -> Array:
+    """Return a quantity at n states, (n,)."""
+    motion = motion_of(equations, state, np.zeros_like(state.rates), np.zeros(len(state.q)))
+    return quantity.number(record_columns(motion, [quantity]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,14 +89,14 @@ class Event:
     quantity: Quantity
     value: float
 
-    def function(self, equations: EquationsOfMotion, state: Kinematics) -> float:
-        """Return the quantity less its value at one state; not a number where an angle is opposite to it."""
-        difference = value_at(equations, self.quantity, state) - self.value
+    def function(self, equations: EquationsOfMotion, state: Kinematics) -> Array:
+        """Return the quantity less its value at n states; not a number where an angle is opposite to it."""
+        difference = values_at(equations, self.quantity, state) - self.value
         if self.quantity.kind != "angle":
             return difference
         # whole revolutions of an angle between links do not count, and its jump by one is no crossing
-        difference = float(wrapped(np.array(difference)))
-        return difference if abs(difference) < 0.5 * np.pi else np.nan
+        difference = wrapped(difference)
+        return np.where(np.abs(difference) < 0.5 * np.pi, difference, np.nan)
 
 
 def parse_event(mechanism: Mechanism, text: str) -> Event:
@@ -156,10 +156,10 @@ def change_from(
     equations: EquationsOfMotion, state: Kinematics, quantity: Quantity
 ) -> Callable[[Kinematics], float]:
     """Return how a quantity of other states differs from that of one; of angles without revolutions."""
-    start = value_at(equations, quantity, state)
+    start = values_at(equations, quantity, state)
 
     def change(other: Kinematics) -> float:
-        difference = value_at(equations, quantity, other) - start
-        return float(wrapped(np.array(difference))) if quantity.angle else difference
+        difference = values_at(equations, quantity, other) - start
+        return float(np.squeeze(wrapped(difference) if quantity.angle else difference))
 
     return change

@@ -1,0 +1,96 @@
+"""The equations of motion as a differential equation of first order for state vectors."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, conditionings
+from mechsim.analytic.dynamics.initial_state import projected
+from mechsim.analytic.dynamics.linearization import null_space
+from mechsim.analytic.dynamics.state_layout import StateLayout
+from mechsim.errors import AssemblyError
+from mechsim.numerics.arrays import Array
+
+# step of forward differences, relative to the scale of a component
+FORWARD_STEP = 1e-7
+
+
+@dataclass(slots=True)
+class RightHandSide:
+    """Derivatives of states by time; their packing is `layout`.
+
+    Attributes:
+        equations: of motion.
+        contacts: frictions and stops.
+        layout: of the state vectors.
+        mode: which frictions slide or stick, and which stops are in contact.
+        nearest: smallest singular value of the loop constraints below which derivatives are not a number.
+        blocked: whether a state was nearer to a singular configuration than that.
+    """
+
+    equations: EquationsOfMotion
+    contacts: Contacts
+    layout: StateLayout
+    mode: ContactMode
+    nearest: float = 0.0
+    blocked: bool = field(default=False, init=False)
+
+    def kinematics(self, states: Array) -> Kinematics:
+        """Return constraints and links at states (n, size)."""
+        return self.equations.kinematics(*self.layout.unpack_states(states))
+
+    def conditioning(self, state: Array) -> float:
+        """Return the smallest singular value of the loop constraints at a state."""
+        return float(conditionings(self.equations, self.kinematics(state[None]))[0])
+
+    def derivatives(self, times: Array, states: Array) -> Array:
+        """Return the derivatives of n states; not a number where one is too near a singular configuration."""
+        if not np.isfinite(states).all():
+            return np.full_like(states, np.nan)
+        kinematics = self.kinematics(states)
+        if self.nearest and (conditionings(self.equations, kinematics) < self.nearest).any():
+            # the integrator then rejects the step
+            self.blocked = True
+            return np.full_like(states, np.nan)
+        dynamics = self.contacts.accelerate(kinematics, times, self.mode)
+        return self.layout.derivatives(states, kinematics, dynamics)
+
+    def derivative(self, time: float, state: Array) -> Array:
+        """Return the derivative of one state."""
+        return self.derivatives(np.array([time]), state[None])[0]
+
+    def on_loops(self, times: Array, states: Array) -> Array:
+        """Return the derivatives at the nearest states that satisfy the loops; not a number without such."""
+        try:
+            return self.derivatives(times, self.nearest_on_loops(times, states))
+        except AssemblyError:
+            return np.full_like(states, np.nan)
+
+    def nearest_on_loops(self, times: Array, states: Array) -> Array:
+        """Return the nearest states that satisfy the loops, (n, size).
+
+        Raises:
+            AssemblyError: where Newton's method does not close the loops.
+        """
+        return self.layout.replaced(
+            states, *projected(self.equations, *self.layout.unpack_states(states), times)
+        )
+
+    def jacobian(self, time: float, state: Array, rate: float) -> Array:
+        """Return the derivative by the state, by forward differences at a characteristic rate."""
+        count = self.layout.positions + self.layout.count
+        scale = self.layout.scale(rate)[:count] * FORWARD_STEP
+        moved = state + np.concatenate([np.diag(scale), np.zeros((count, 2))], 1)
+        values = self.derivatives(np.full(count + 1, time), np.concatenate([state[None], moved]))
+        jacobian = np.zeros((len(state), len(state)))
+        jacobian[:, :count] = (values[1:] - values[0]).T / scale
+        return jacobian
+
+    def fastest_decay(self, time: float, state: Array, rate: float) -> float:
+        """Return the largest eigenvalue of the accelerations' derivative by the free rates, in [1/s]."""
+        basis = null_space(self.equations, self.layout.unpack(state)[0])
+        rates = slice(self.layout.positions, self.layout.positions + self.layout.count)
+        free = self.equations.free
+        jacobian = self.jacobian(time, state, rate)[rates, rates][np.ix_(free, free)]
+        return float(np.abs(np.linalg.eigvals(basis.T @ jacobian @ basis)).max(initial=0.0))

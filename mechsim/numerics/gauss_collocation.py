@@ -1,0 +1,228 @@
+"""Initial value problems by Gauss-Legendre collocation: all nodes of a step are evaluated in one call.
+
+The polynomial of a step satisfies the differential equation at its nodes; fixed-point iteration finds it. A
+vectorised right-hand side costs little more at all nodes than at one, and a step is ten times as long as one
+of a Runge-Kutta method of order 8.
+
+Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), section II.7;
+X. Bai, J. L. Junkins, Modified Chebyshev-Picard iteration methods for orbit propagation, Journal of the
+Astronautical Sciences 58 (2011) 583-613.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from mechsim.numerics.arrays import Array
+
+# (times (n,), states (n, size)) -> derivatives (n, size); not a number where there is none
+Derivatives = Callable[[Array, Array], Array]
+
+# nodes of a step; 16 need a fifth more time, 32 and more are limited by the iteration (four-bar, 1e-13)
+NODES = 24
+# degree of the polynomial that extrapolates the derivative: higher ones amplify rounding
+DEGREE = 10
+# iterations of a step at the most; more mean that a shorter step is quicker
+ITERATIONS = 20
+# a change that no longer falls below this fraction of the one before is rounding
+SHRINKING = 0.5
+# changes up to this many times the tolerance may be rounding
+ROUNDING = 30.0
+# coefficients of the derivative whose largest is the error of a step
+TAIL = 3
+# next step: fraction of the longest that satisfies the tolerance; least and largest ratio to the one before
+SAFETY, LEAST, LARGEST = 0.85, 0.2, 3.0
+# change of the state in a first step, relative to its scale
+FIRST_CHANGE = 0.1
+# shortest step, relative to the spacing of floating-point numbers at its time
+SPACINGS = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Nodes on [-1, 1] (n,), and matrices from the values of a derivative there, (n, size).
+
+    Attributes:
+        nodes: of Gauss and Legendre.
+        to_nodes: to the integrals from -1 to each node, (n, n).
+        to_end: to the integral from -1 to 1, (n,).
+        to_series: to Legendre coefficients, (n, n).
+        to_integral: to Legendre coefficients of the integral from -1, (n + 1, n).
+        to_fit: to coefficients of the best polynomial of `DEGREE`.
+    """
+
+    nodes: Array
+    to_nodes: Array
+    to_end: Array
+    to_series: Array
+    to_integral: Array
+    to_fit: Array
+
+
+@cache
+def rule(count: int) -> Rule:
+    """Return the rule of so many nodes."""
+    nodes, weights = legendre.leggauss(count)
+    # by the discrete orthogonality of Legendre polynomials
+    to_series = ((np.arange(count) + 0.5) * weights[:, None] * legendre.legvander(nodes, count - 1)).T
+    to_integral: Array = np.asarray(legendre.legint(to_series, lbnd=-1.0), dtype=np.float64)
+    to_fit: Array = np.linalg.pinv(legendre.legvander(nodes, min(DEGREE, count - 1)))
+    return Rule(
+        nodes, legendre.legvander(nodes, count) @ to_integral, weights, to_series, to_integral, to_fit
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """The polynomial solution of one step.
+
+    Attributes:
+        start: of the step in [s].
+        duration: of the step in [s].
+        state: at the start, (size,).
+        derivative: at the nodes, (n, size).
+        series: Legendre coefficients of the integrated derivative on [-1, 1], (n + 1, size).
+    """
+
+    start: float
+    duration: float
+    state: Array
+    derivative: Array
+    series: Array
+
+    @property
+    def end(self) -> Array:
+        """State at the end, (size,)."""
+        return self.state + 0.5 * self.duration * (rule(len(self.derivative)).to_end @ self.derivative)
+
+    def __call__(self, time: float) -> Array:
+        """Return the state (size,) at a time in [s] within the step."""
+        x = 2.0 * (time - self.start) / self.duration - 1.0
+        return self.state + 0.5 * self.duration * legendre.legval(x, self.series)
+
+    def beyond(self, times: Array) -> Array:
+        """Return states (n, size) at times (n,) in [s] after the step, by a polynomial of low degree."""
+        fit = legendre.legint(rule(len(self.derivative)).to_fit @ self.derivative, lbnd=1.0)
+        x = 2.0 * (times - self.start) / self.duration - 1.0
+        return self.end + 0.5 * self.duration * legendre.legval(x, fit).T
+
+
+def node_times(start: float, duration: float, count: int = NODES) -> Array:
+    """Return the nodes of a step, (n,) in [s]."""
+    return start + 0.5 * duration * (1.0 + rule(count).nodes)
+
+
+def collocated(
+    derivatives: Derivatives,
+    start: float,
+    state: Array,
+    duration: float,
+    guess: Array,
+    tolerance: Array,
+    rounding: float = ROUNDING,
+) -> tuple[Solution, float] | None:
+    """Return the solution over one step and its last change relative to the tolerance; None without one.
+
+    Args:
+        derivatives: right-hand side.
+        start: of the step in [s].
+        state: at the start, (size,).
+        duration: of the step in [s].
+        guess: states at the nodes, (n, size); n is the number of nodes.
+        tolerance: change of the states at which the iteration has converged, (size,).
+        rounding: changes of up to this many times the tolerance may be rounding.
+    """
+    table, half, states = rule(len(guess)), 0.5 * duration, guess
+    times, before = node_times(start, duration, len(guess)), np.inf
+    for _ in range(ITERATIONS):
+        derivative = derivatives(times, states)
+        new = state + half * (table.to_nodes @ derivative)
+        change = float((np.abs(new - states) / tolerance).max())
+        states = new
+        if not np.isfinite(change):
+            return None
+        if change < 1.0 or SHRINKING * before < change < rounding:
+            series = table.to_integral @ derivative
+            return Solution(start, duration, state, derivative, series), change
+        before = change
+    return None
+
+
+class GaussCollocation:
+    """Steps of an initial value problem, one after another; used as `scipy.integrate.OdeSolver` is.
+
+    Args:
+        derivatives: right-hand side.
+        t0: start in [s].
+        y0: state at the start, (size,).
+        t_bound: latest end in [s].
+        rtol: error of a step relative to the state and its scale.
+        scale: of the components of the state, (size,).
+
+    Attributes:
+        t: time in [s].
+        y: state, (size,); may be replaced between steps by one next to it.
+        status: "running", "finished" or "failed".
+    """
+
+    def __init__(
+        self, derivatives: Derivatives, t0: float, y0: Array, t_bound: float, rtol: float, scale: Array
+    ) -> None:
+        self.derivatives, self.t, self.y, self.t_bound = derivatives, t0, y0, t_bound
+        self.rtol, self.scale = rtol, scale
+        self.status: Literal["running", "finished", "failed"] = "running"
+        self._first = derivatives(np.array([t0]), y0[None])[0]
+        change = float((np.abs(self._first) / scale).max())
+        self._length = min(t_bound - t0, FIRST_CHANGE / change) if change > 0.0 else t_bound - t0
+        self._solution: Solution | None = None
+
+    def step(self) -> str:
+        """Take one step; return a message where there is none."""
+        tolerance = self.rtol * (self.scale + np.abs(self.y))
+        while self._length > SPACINGS * np.spacing(abs(self.t)):
+            remaining = self.t_bound - self.t
+            # no last step that is much shorter than the others
+            length = remaining if self._length > 0.99 * remaining else min(self._length, 0.5 * remaining)
+            result = collocated(self.derivatives, self.t, self.y, length, self._guess(length), tolerance)
+            if result is None:
+                self._length = 0.5 * length
+                continue
+            solution, change = result
+            error = self._error(solution, tolerance)
+            ratio = SAFETY * max(error, 1e-16) ** (-1.0 / NODES)
+            self._length = length * min(max(ratio, LEAST), LARGEST)
+            # what the iteration leaves is rounding, which a shorter step does not lessen
+            if error <= max(1.0, change):
+                self._accept(solution)
+                return ""
+        self.status = "failed"
+        return "the step is shorter than the spacing of floating-point numbers"
+
+    def dense_output(self) -> Solution:
+        """Return the solution of the last step."""
+        assert self._solution is not None
+        return self._solution
+
+    def _accept(self, solution: Solution) -> None:
+        end = solution.start + solution.duration
+        self._solution, self.y = solution, solution.end
+        self.t = self.t_bound if solution.duration == self.t_bound - self.t else end
+        if self.t >= self.t_bound:
+            self.status = "finished"
+
+    def _guess(self, length: float) -> Array:
+        """Return states at the nodes of the next step: extrapolated."""
+        times = node_times(self.t, length)
+        if self._solution is None:
+            return self.y + (times - self.t)[:, None] * self._first
+        states = self._solution.beyond(np.append(self.t, times))
+        return self.y + states[1:] - states[0]
+
+    def _error(self, solution: Solution, tolerance: Array) -> float:
+        """Return the size of the last coefficients relative to the tolerance."""
+        tail = rule(NODES).to_series[-TAIL:] @ solution.derivative
+        return float((0.5 * solution.duration * np.abs(tail).max(0) / tolerance).max())

@@ -1,0 +1,84 @@
+"""Gauss-Legendre collocation on equations with closed solutions."""
+
+import numpy as np
+import pytest
+
+from mechsim.numerics.gauss_collocation import GaussCollocation, collocated, rule
+
+
+def oscillator(frequency):
+    return lambda times, states: np.stack([states[:, 1], -(frequency**2) * states[:, 0]], 1)
+
+
+def integrated(derivatives, state, end, rtol=3e-13):
+    """Return the solver at the end and the pieces of the solution."""
+    solver = GaussCollocation(derivatives, 0.0, np.array(state), end, rtol, np.ones(len(state)))
+    pieces = []
+    while solver.status == "running":
+        message = solver.step()
+        if not message:
+            pieces.append(solver.dense_output())
+    return solver, pieces
+
+
+def test_a_hundred_periods_of_an_oscillator_return_to_the_start():
+    end = 200.0 * np.pi
+    solver, pieces = integrated(oscillator(1.0), [1.0, 0.0], end, rtol=3e-14)
+    assert solver.t == end
+    assert solver.y == pytest.approx([1.0, 0.0], abs=1e-12)
+    times = np.linspace(0.0, end, 2001)
+    ends = np.array([piece.start + piece.duration for piece in pieces])
+    k = np.minimum(np.searchsorted(ends, times), len(ends) - 1)
+    values = np.array([pieces[i](t)[0] for i, t in zip(k, times, strict=True)])
+    assert np.abs(values - np.cos(times)).max() <= 1e-12
+
+
+@pytest.mark.parametrize("nodes", [2, 3, 4])
+def test_the_error_of_a_step_falls_with_twice_the_nodes_and_one(nodes):
+    def error(duration):
+        guess = np.tile([1.0, 0.0], (nodes, 1))
+        result = collocated(oscillator(1.0), 0.0, np.array([1.0, 0.0]), duration, guess, np.full(2, 1e-15))
+        assert result is not None
+        return np.abs(result[0](duration) - [np.cos(duration), -np.sin(duration)]).max()
+
+    order = np.log2(error(0.5) / error(0.25))
+    assert 2 * nodes + 0.5 <= order <= 2 * nodes + 2.5
+
+
+def test_a_step_too_long_for_its_iteration_is_rejected():
+    guess = np.tile([1.0, 0.0], (24, 1))
+    assert collocated(oscillator(1e3), 0.0, np.array([1.0, 0.0]), 0.1, guess, np.full(2, 1e-13)) is None
+
+
+def test_a_looser_tolerance_takes_fewer_steps():
+    coarse, fine = (len(integrated(oscillator(1.0), [1.0, 0.0], 50.0, rtol)[1]) for rtol in (1e-6, 1e-13))
+    assert coarse < fine
+
+
+def test_a_kink_in_time_is_resolved():
+    """y' = |t - 0.3|: the integral has a kink in its second derivative."""
+    solver, _ = integrated(lambda times, _: np.abs(times - 0.3)[:, None], [0.0], 1.0)
+    assert solver.y == pytest.approx([0.5 * (0.3**2 + 0.7**2)], abs=1e-12)
+
+
+def test_steps_end_before_states_that_have_no_derivative():
+    def derivatives(times, states):
+        return np.where(states < 1.0, 1.0, np.nan)
+
+    solver, _ = integrated(derivatives, [0.0], 5.0)
+    assert solver.status == "failed"
+    assert 1.0 - 1e-9 < solver.y[0] < 1.0
+
+
+def test_extrapolation_continues_a_smooth_solution():
+    _, pieces = integrated(oscillator(1.0), [1.0, 0.0], 5.0)
+    piece = pieces[2]
+    time = piece.start + 1.3 * piece.duration
+    assert piece.beyond(np.array([time]))[0] == pytest.approx([np.cos(time), -np.sin(time)], abs=1e-4)
+
+
+@pytest.mark.parametrize("count", [2, 12, 24])
+def test_a_rule_integrates_the_polynomials_that_it_should(count):
+    powers = np.arange(2 * count)
+    values = rule(count).to_end @ rule(count).nodes[:, None] ** powers
+    assert values == pytest.approx((1.0 - (-1.0) ** (powers + 1)) / (powers + 1), abs=1e-13)
