@@ -69,8 +69,8 @@ def rule(count: int) -> Rule:
     nodes, weights = legendre.leggauss(count)
     # by the discrete orthogonality of Legendre polynomials
     to_series = ((np.arange(count) + 0.5) * weights[:, None] * legendre.legvander(nodes, count - 1)).T
-    to_integral: Array = np.asarray(legendre.legint(to_series, lbnd=-1.0), dtype=np.float64)
-    to_fit: Array = np.linalg.pinv(legendre.legvander(nodes, min(DEGREE, count - 1)))
+    to_integral = legendre.legint(to_series, lbnd=-1.0).astype(np.float64)
+    to_fit = np.linalg.pinv(legendre.legvander(nodes, min(DEGREE, count - 1))).astype(np.float64)
     return Rule(
         nodes, legendre.legvander(nodes, count) @ to_integral, weights, to_series, to_integral, to_fit
     )
@@ -139,7 +139,9 @@ def collocated(
     table, half, states = rule(len(guess)), 0.5 * duration, guess
     times, before = node_times(start, duration, len(guess)), np.inf
     for _ in range(ITERATIONS):
-        derivative = derivatives(times, states)
+        # a step that is far too long diverges, and is rejected
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            derivative = derivatives(times, states)
         new = state + half * (table.to_nodes @ derivative)
         change = float((np.abs(new - states) / tolerance).max())
         states = new

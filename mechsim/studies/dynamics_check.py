@@ -20,9 +20,9 @@ from mechsim.verdict.crosscheck import crosscheck_forces, crosscheck_free_run
 from mechsim.verdict.record_errors import lengths
 from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
-# steps of MuJoCo for each step of collocation: 2500 a period of a pendulum, for which that takes 5
+# steps of MuJoCo for each step of collocation: 1500 a period of a pendulum, for which that takes 5
 # (validation/published/forward_dynamics.py)
-STEPS_PER_STEP = 500
+STEPS_PER_STEP = 300
 # most steps of one run
 MOST_STEPS = 400_000
 # of the largest value: what rounding and the compliance of MuJoCo's constraints leave; dry friction is a soft

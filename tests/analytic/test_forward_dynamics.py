@@ -220,6 +220,41 @@ def test_a_block_bounces_off_its_stop_by_the_law_of_impact():
     assert run.lost[-1] == pytest.approx(16.0 * (1.0 - 0.5**4), rel=1e-9)
 
 
+def test_ever_shorter_bounces_end_at_rest_on_the_stop():
+    fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
+    run = ms.dynamics.run(fall, Forces(gravity=(-8.0, 0.0, 0.0)), duration=3.0, restitution=0.5, samples=50)
+    # the flights add up to 1 s after the first 0.5 s; the last ones are too short to count
+    assert run.outcome == "stopped"
+    assert "stops hold" in run.reason
+    assert run.time[-1] == pytest.approx(1.5, abs=1e-5)
+    assert run.motion.joints["s"].value.min() >= -1.0 - 1e-9
+    assert run.motion.joints["s"].rate[-1] == 0.0
+    assert run.lost[-1] == pytest.approx(16.0, rel=1e-9)
+
+
+def test_a_start_beyond_a_stop_is_rejected():
+    with pytest.raises(InputError, match="s starts at 6, beyond its stop at 5"):
+        ms.dynamics.run(LoopForm(slider(), ranges={"s": (-1.0, 5.0)}), initial={"s.q": 6.0}, duration=1.0)
+
+
+def test_a_start_at_a_change_point_is_rejected_and_one_next_to_it_runs():
+    parallelogram = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.1, rocker=0.04)
+    with pytest.raises(InputError, match="initial configuration is singular"):
+        ms.dynamics.run(parallelogram, WEIGHT, initial={"crank.q": 0.0}, duration=0.1)
+    run = ms.dynamics.run(parallelogram, WEIGHT, initial={"crank.q": "20deg"}, duration=0.3, samples=30)
+    assert run.outcome == "done"
+    # it passes the change point as a parallelogram
+    crank, rocker = (run.motion.joints[name].value for name in ("crank", "rocker"))
+    assert crank.min() < -0.1
+    assert np.ptp(np.abs(crank) - np.abs(rocker)) < 1e-7
+
+
+def test_friction_that_never_releases_is_reported_from_the_start():
+    held = Forces(gravity=(3.0, 0.0, 0.0), friction=(Friction("s", coulomb=400.0),))
+    run = ms.dynamics.run(slider(), held, duration=1.0, samples=4)
+    assert (run.outcome, run.reason) == ("stopped", "friction holds the mechanism at rest from 0 s on")
+
+
 def test_a_block_without_restitution_stays_on_its_stop():
     fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
     run = ms.dynamics.run(fall, Forces(gravity=(-8.0, 0.0, 0.0)), duration=1.0, samples=20)

@@ -100,17 +100,20 @@ class Contacts:
     def rates_after_impact(self, state: Kinematics, mode: ContactMode, fastest: float) -> Array:
         """Return the rates (count, 1) after every joint at a stop hit it, by impulses on all coordinates.
 
+        A joint that only touches its stop comes to rest there.
+
         Args:
             state: before the impact.
             mode: before the impact; stops in contact are not hit.
             fastest: largest rate of the run so far.
         """
+        slow = SOFT_IMPACT * fastest
         hit = [
             stop.index
             for i, stop in enumerate(self.stops)
             if i not in mode.contacts
             and abs(float(self._clearance(state, stop)[0])) < 1e-9
-            and stop.side * state.rates[stop.index, 0] > SOFT_IMPACT * fastest
+            and stop.side * state.rates[stop.index, 0] > -slow
         ]
         equations, before = self.equations, state.rates[self.equations.free].T
         if not hit:
@@ -119,7 +122,8 @@ class Contacts:
         kept = np.concatenate([np.zeros_like(state.gamma), state.rates[equations.prescribed_indices].T], 1)
         none = np.zeros((len(equations.frictions), 1, len(equations.free)))
         rows, _ = equations.constraint_rows(state, kept, none, (), hit)
-        target = np.concatenate([kept, -self.restitution * state.rates[hit].T], 1)
+        rebound = -self.restitution * state.rates[hit]
+        target = np.concatenate([kept, np.where(np.abs(rebound) > slow, rebound, 0.0).T], 1)
         after = np.zeros_like(state.rates)
         momentum = (mass @ before[..., None])[..., 0]
         after[equations.free] = constrained_acceleration(mass, momentum, rows, -target)[0].T

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.dynamics.contacts import stops_of
+from mechsim.analytic.dynamics.contacts import Stop, stops_of
 from mechsim.analytic.dynamics.equations_of_motion import (
     Dynamics,
     EquationsOfMotion,
     Kinematics,
+    conditionings,
     equations_of_motion,
 )
 from mechsim.analytic.dynamics.forward_dynamics import Integration, Trajectory
@@ -19,6 +20,7 @@ from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.state_layout import StateLayout
 from mechsim.analytic.dynamics.state_quantities import joined, motion_of, parse_event, stacked
+from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
@@ -28,6 +30,11 @@ from mechsim.numerics.arrays import Array
 
 # relative error of a step: at 1e-12 and larger, steps with an accidentally vanishing estimate are too long
 TOLERANCE = 3e-13
+# smallest singular value of the loop constraints at the start, relative to their size: loops at a change point
+# close to 1e-7, and accelerations there have no digits
+SINGULAR_START = 1e-6
+# distance beyond a stop, in [rad] or sizes, at which a joint still counts as touching it: rounding of closed loops
+BEYOND_STOP = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +156,9 @@ def run(
         names.update(event.quantity.subjects("joint"))
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0), laws)
     q, rates = initial_state(equations, values)
+    _require_regular(equations, q, rates)
     stops = stops_of(equations, getattr(model.solver, "ranges", {}))
+    _require_within(equations, q, stops)
     integration = Integration(equations, q, rates, tolerance, stops, restitution)
     function = None if event is None else lambda state, _: event.function(equations, state)
     trajectory = integration.run(end, function)
@@ -166,7 +175,8 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
     states: list[Kinematics] = []
     energies: list[tuple[float, float]] = []
     ends = np.array([piece.last for piece in trajectory.pieces])
-    pieces = np.minimum(np.searchsorted(ends, times), len(ends) - 1)
+    # at an instant of an impact the state after it
+    pieces = np.minimum(np.searchsorted(ends, times, side="right"), len(ends) - 1)
     for number in np.unique(pieces):
         piece, instants = trajectory.pieces[number], times[pieces == number]
         unpacked = [layout.unpack(piece.solution(time)) for time in instants.tolist()]
@@ -232,6 +242,29 @@ def _prescribed_laws(model: DynamicModel, names: Sequence[str]) -> dict[str, Sta
                 f"drive={{{name!r}: LAW}}"
             )
     return {name: laws[name] for name in names}
+
+
+def _require_regular(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
+    """Raise InputError for a start where assembly modes meet: the motion from there is not determined."""
+    state = equations.kinematics(q, rates)
+    if equations.rank and conditionings(equations, state)[0] < SINGULAR_START * np.linalg.norm(state.jacobian):
+        raise InputError(
+            f"{equations.model.mechanism.name}: the initial configuration is singular, as a change point is: "
+            "assembly modes meet there, and the motion is not determined; start next to it"
+        )
+
+
+def _require_within(equations: EquationsOfMotion, q: Coordinates, stops: Sequence[Stop]) -> None:
+    """Raise InputError for a start beyond a stop."""
+    name_of = {index: name for name, index in equations.loops.tree.index_of.items()}
+    for stop in stops:
+        unit = equations.loops.units[stop.index]
+        value, limit = float(q.values[stop.index, 0]), stop.limit * unit
+        if stop.side * (value - limit) > BEYOND_STOP * unit:
+            raise InputError(
+                f"{equations.model.mechanism.name}: {name_of[stop.index]} starts at {value:.6g}, beyond its stop "
+                f"at {limit:.6g}; start within its range"
+            )
 
 
 def _positive(value: float, name: str, unit: str) -> float:

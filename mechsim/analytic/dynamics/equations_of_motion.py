@@ -29,7 +29,7 @@ from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists, velocity_products
-from mechsim.analytic.loops.start import assembled
+from mechsim.analytic.loops.start import CLOSED, assembled, close_nearest
 from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
@@ -40,6 +40,8 @@ from mechsim.numerics.rank import significant
 # step of the central difference for the rate of a friction direction, in units of the coordinates; its error
 # is about 1e-10 of the rate
 DIFFERENCE = 1e-5
+# distance from the start at which the rank of the constraints is looked at, too
+NEXT_TO_START = 1e-2
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,10 +275,23 @@ class EquationsOfMotion:
 
     @cached_property
     def rank(self) -> int:
-        """Numerical rank of the loop constraints at the start."""
-        at_start = self.loops.linearise(self.start)[1][None, :, self.free, 0]
-        jacobian = with_locked(self, at_start, self.prescribed_indices)[0]
-        return int(significant(np.linalg.svd(jacobian, compute_uv=False)).sum()) if jacobian.size else 0
+        """Numerical rank of the loop constraints at the start and next to it, for the start may be singular."""
+        jacobian = self._constraint_jacobian(self.start)
+        if not jacobian.size:
+            return 0
+        _, values, basis = np.linalg.svd(jacobian)
+        rank, step = int(significant(values).sum()), np.zeros((self.loops.tree.count, 1))
+        step[self.free, 0] = NEXT_TO_START * basis[rank:].sum(0)
+        moved, gap = close_nearest(self.loops, self.loops.displaced(self.start, step))
+        if not (gap <= CLOSED).all():
+            return rank
+        values = np.linalg.svd(self._constraint_jacobian(moved), compute_uv=False)
+        return max(rank, int(significant(values).sum()))
+
+    def _constraint_jacobian(self, q: Coordinates) -> Array:
+        """Return the Jacobian (rows, free) of the loops and prescribed coordinates at one configuration."""
+        jacobian = self.loops.linearise(q)[1][None, :, self.free, 0]
+        return with_locked(self, jacobian, self.prescribed_indices)[0]
 
     def friction_rates(self, state: Kinematics) -> Array:
         """Return the rate that each Coulomb friction opposes, (frictions, n) in [rad/s] or [m/s]."""

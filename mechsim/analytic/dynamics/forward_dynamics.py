@@ -34,8 +34,9 @@ from mechsim.numerics.newton import root
 MOST_STEPS = 50_000
 # events in one run before it counts as chattering
 MOST_EVENTS = 10_000
-# instants within a step at which events are looked for
-SAMPLES = 32
+# instants within a step at which events are looked for: evenly, and ever closer to its start, where a stop that
+# was just hit may be hit again
+INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0, 1.0, 33)[1:]])
 
 # a configuration whose constraint Jacobian has a smallest singular value below this fraction of that at the
 # start is too near a singular one for explicit steps: accelerations lose digits there
@@ -134,6 +135,7 @@ class Integration:
         self.ends = [] if until is None else [("until", until)]
         try:
             self._choose_mode()
+            rest = self._at_rest()
             decay = self.right.fastest_decay(0.0, self.state, max(self.fastest, 1.0))
             self.implicit = decay * duration > MOST_DECAYS
             while self.time < duration:
@@ -141,6 +143,8 @@ class Integration:
                 if ended is not None:
                     outcome, reason = ended
                     break
+            else:
+                outcome, reason = rest or (outcome, reason)
         except AssemblyError as error:
             outcome, reason = "dead centre", str(error)
         events = tuple(self.events)
@@ -166,7 +170,7 @@ class Integration:
 
     def _smooth_motion(self, solver: Any) -> tuple[Outcome, str] | None:
         """Step until an event changes the mode or the run ends; None where it goes on."""
-        while solver.status == "running":
+        while solver.status != "finished":
             self.right.blocked, self.right.nearest = False, self.nearest
             message = solver.step()
             self.right.nearest = 0.0
@@ -178,7 +182,7 @@ class Integration:
             if self.steps > MOST_STEPS:
                 return (
                     "failed",
-                    f"{MOST_STEPS:,} steps reach {self.time:.6g} s only: the equations are too stiff",
+                    f"{MOST_STEPS:,} steps reach {self.time:.6g} s only; give a shorter duration",
                 )
             after = float(solver.t)
             kind = self._accept(solver.dense_output(), after, solver.y)
@@ -297,8 +301,17 @@ class Integration:
         dynamics = self.contacts.accelerate(state, np.array([self.time]), mode)
         still = np.abs(state.rates).max(initial=0.0) <= 10.0 * REST * fastest
         if still and np.abs(dynamics.acceleration).max(initial=0.0) <= 1e-9 * fastest**2:
-            return "stopped", f"friction holds the mechanism at rest from {self.time:.6g} s on"
+            solution, contacts = self.state.copy(), self.contacts.indices(mode)
+            self.pieces.append(Piece(self.time, self.time, lambda _: solution, mode, contacts))
+            return "stopped", f"{_holding(mode)} the mechanism at rest from {self.time:.6g} s on"
         return None
+
+
+def _holding(mode: ContactMode) -> str:
+    """Return what holds a mechanism at rest, with its verb."""
+    if mode.stuck and mode.contacts:
+        return "friction and stops hold"
+    return "friction holds" if mode.stuck else "stops hold"
 
 
 def first_event(
@@ -313,7 +326,7 @@ def first_event(
     """
     if not functions:
         return None
-    times = np.linspace(before, after, SAMPLES + 1)
+    times = before + (after - before) * INSTANTS
     states, first = states_at(times), None
     for kind, function in functions:
         low, high = (values := function(states, times))[:-1], values[1:]
