@@ -275,8 +275,8 @@ class EquationsOfMotion:
 
     @cached_property
     def rank(self) -> int:
-        """Numerical rank of the loop constraints at the start and next to it, for the start may be singular."""
-        jacobian = self._constraint_jacobian(self.start)
+        """Numerical rank of the loop constraints, at the start or next to it: the start may be singular."""
+        jacobian = _constraint_jacobian(self, self.start)
         if not jacobian.size:
             return 0
         _, values, basis = np.linalg.svd(jacobian)
@@ -285,13 +285,8 @@ class EquationsOfMotion:
         moved, gap = close_nearest(self.loops, self.loops.displaced(self.start, step))
         if not (gap <= CLOSED).all():
             return rank
-        values = np.linalg.svd(self._constraint_jacobian(moved), compute_uv=False)
+        values = np.linalg.svd(_constraint_jacobian(self, moved), compute_uv=False)
         return max(rank, int(significant(values).sum()))
-
-    def _constraint_jacobian(self, q: Coordinates) -> Array:
-        """Return the Jacobian (rows, free) of the loops and prescribed coordinates at one configuration."""
-        jacobian = self.loops.linearise(q)[1][None, :, self.free, 0]
-        return with_locked(self, jacobian, self.prescribed_indices)[0]
 
     def friction_rates(self, state: Kinematics) -> Array:
         """Return the rate that each Coulomb friction opposes, (frictions, n) in [rad/s] or [m/s]."""
@@ -346,6 +341,12 @@ def with_locked(equations: EquationsOfMotion, jacobian: Array, indices: Sequence
     """Return a constraint Jacobian (n, rows, free) with more rows, which hold coordinates of the tree."""
     rows = np.eye(equations.loops.tree.count)[list(indices)][:, equations.free]
     return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
+
+
+def _constraint_jacobian(equations: EquationsOfMotion, q: Coordinates) -> Array:
+    """Return the Jacobian (rows, free) of the loops and prescribed coordinates at one configuration."""
+    jacobian = equations.loops.linearise(q)[1][None, :, equations.free, 0]
+    return with_locked(equations, jacobian, equations.prescribed_indices)[0]
 
 
 def conditionings(equations: EquationsOfMotion, state: Kinematics) -> Array:

@@ -34,8 +34,8 @@ from mechsim.numerics.newton import root
 MOST_STEPS = 50_000
 # events in one run before it counts as chattering
 MOST_EVENTS = 10_000
-# instants within a step at which events are looked for: evenly, and ever closer to its start, where a stop that
-# was just hit may be hit again
+# instants within a step at which events are looked for: evenly, and ever closer to its start, where a stop
+# that was just hit may be hit again
 INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0, 1.0, 33)[1:]])
 
 # a configuration whose constraint Jacobian has a smallest singular value below this fraction of that at the

@@ -160,6 +160,6 @@ def change_from(
 
     def change(other: Kinematics) -> float:
         difference = values_at(equations, quantity, other) - start
-        return float(np.squeeze(wrapped(difference) if quantity.angle else difference))
+        return float(np.squeeze(np.asarray(wrapped(difference) if quantity.angle else difference)))
 
     return change

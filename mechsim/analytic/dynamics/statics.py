@@ -322,7 +322,7 @@ def _random_configuration(
     values = (np.where(tree.slides, tree.length, np.pi) * random.uniform(-1.0, 1.0, tree.count))[:, None]
     turns = q.turns.copy()
     for k in range(len(turns)):
-        turns[k, ..., 0] = Rotation.random(random_state=random).as_matrix()
+        turns[k, ..., 0] = Rotation.random(rng=random).as_matrix()
     try:
         return projected(equations, Coordinates(values, turns), 0.0 * values, np.zeros(1))[0]
     except (AssemblyError, np.linalg.LinAlgError):
