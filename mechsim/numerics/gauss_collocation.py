@@ -77,7 +77,7 @@ def rule(count: int) -> Rule:
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class StepSolution:
     """The polynomial solution of one step.
 
     Attributes:
@@ -124,7 +124,7 @@ def collocated(
     guess: Array,
     tolerance: Array,
     rounding: float = ROUNDING,
-) -> tuple[Solution, float] | None:
+) -> tuple[StepSolution, float] | None:
     """Return the solution over one step and its last change relative to the tolerance; None without one.
 
     Args:
@@ -149,7 +149,7 @@ def collocated(
             return None
         if change < 1.0 or SHRINKING * before < change < rounding:
             series = table.to_integral @ derivative
-            return Solution(start, duration, state, derivative, series), change
+            return StepSolution(start, duration, state, derivative, series), change
         before = change
     return None
 
@@ -180,7 +180,7 @@ class GaussCollocation:
         self._first = derivatives(np.array([t0]), y0[None])[0]
         change = float((np.abs(self._first) / scale).max())
         self._length = min(t_bound - t0, FIRST_CHANGE / change) if change > 0.0 else t_bound - t0
-        self._solution: Solution | None = None
+        self._solution: StepSolution | None = None
 
     def step(self) -> str:
         """Take one step; return a message where there is none."""
@@ -204,12 +204,12 @@ class GaussCollocation:
         self.status = "failed"
         return "the step is shorter than the spacing of floating-point numbers"
 
-    def dense_output(self) -> Solution:
+    def dense_output(self) -> StepSolution:
         """Return the solution of the last step."""
         assert self._solution is not None
         return self._solution
 
-    def _accept(self, solution: Solution) -> None:
+    def _accept(self, solution: StepSolution) -> None:
         end = solution.start + solution.duration
         self._solution, self.y = solution, solution.end
         self.t = self.t_bound if solution.duration == self.t_bound - self.t else end
@@ -224,7 +224,7 @@ class GaussCollocation:
         states = self._solution.beyond(np.append(self.t, times))
         return self.y + states[1:] - states[0]
 
-    def _error(self, solution: Solution, tolerance: Array) -> float:
+    def _error(self, solution: StepSolution, tolerance: Array) -> float:
         """Return the size of the last coefficients relative to the tolerance."""
         tail = rule(NODES).to_series[-TAIL:] @ solution.derivative
         return float((0.5 * solution.duration * np.abs(tail).max(0) / tolerance).max())

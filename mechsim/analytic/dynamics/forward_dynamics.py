@@ -27,7 +27,7 @@ from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError
 from mechsim.model.finding import Outcome
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.gauss_collocation import GaussCollocation, Solution
+from mechsim.numerics.gauss_collocation import GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
 
 # steps of the integrator in one run: about ten minutes
@@ -64,7 +64,7 @@ class Piece:
 
     def ahead(self, times: Array) -> Array:
         """Return extrapolated states (n, size) at times (n,) in [s] after the piece."""
-        if isinstance(self.solution, Solution):
+        if isinstance(self.solution, StepSolution):
             return self.solution.beyond(times)
         return np.array([self.solution(time) for time in times.tolist()])
 

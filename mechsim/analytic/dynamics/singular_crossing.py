@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.analytic.dynamics.right_hand_side import RightHandSide
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.gauss_collocation import Solution, collocated, node_times
+from mechsim.numerics.gauss_collocation import StepSolution, collocated, node_times
 
 # nodes, an even number: none lies in the middle, where the singular configuration is
 NODES = 12
@@ -28,7 +28,7 @@ def crossing(
     state: Array,
     approach: float,
     ahead: Callable[[Array], Array],
-) -> Solution | None:
+) -> StepSolution | None:
     """Return the solution across the next singular configuration; None where the path does not cross it.
 
     Args:
@@ -52,7 +52,7 @@ def crossing(
 
 def _across(
     equations: RightHandSide, time: float, state: Array, duration: float, ahead: Callable[[Array], Array]
-) -> Solution | None:
+) -> StepSolution | None:
     """Return the solution over a duration in [s] with the singular configuration in its middle."""
     guess = ahead(node_times(time, duration, NODES))
     tolerance = CONVERGED * (1.0 + np.abs(state))
