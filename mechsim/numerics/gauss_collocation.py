@@ -142,8 +142,8 @@ def collocated(
         # a step that is far too long diverges, and is rejected
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             derivative = derivatives(times, states)
-        new = state + half * (table.to_nodes @ derivative)
-        change = float((np.abs(new - states) / tolerance).max())
+            new = state + half * (table.to_nodes @ derivative)
+            change = float((np.abs(new - states) / tolerance).max())
         states = new
         if not np.isfinite(change):
             return None
