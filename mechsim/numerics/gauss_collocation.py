@@ -43,7 +43,7 @@ SPACINGS = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class GaussRule:
     """Nodes on [-1, 1] (n,), and matrices from the values of a derivative there, (n, size).
 
     Attributes:
@@ -64,14 +64,14 @@ class Rule:
 
 
 @cache
-def rule(count: int) -> Rule:
+def rule(count: int) -> GaussRule:
     """Return the rule of so many nodes."""
     nodes, weights = legendre.leggauss(count)
     # by the discrete orthogonality of Legendre polynomials
     to_series = ((np.arange(count) + 0.5) * weights[:, None] * legendre.legvander(nodes, count - 1)).T
     to_integral = legendre.legint(to_series, lbnd=-1.0).astype(np.float64)
     to_fit = np.linalg.pinv(legendre.legvander(nodes, min(DEGREE, count - 1))).astype(np.float64)
-    return Rule(
+    return GaussRule(
         nodes, legendre.legvander(nodes, count) @ to_integral, weights, to_series, to_integral, to_fit
     )
 

@@ -10,10 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mechsim as ms
+from mechsim import load_profile
 from mechsim.analytic.dynamics.singular_crossing import crossing
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.forces import Forces, Friction, JointSpring
+from mechsim.model.forces import Forces, Friction, JointSpring, Load
 from mechsim.model.links import Inertia
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "validation" / "published"))
@@ -253,6 +254,15 @@ def test_friction_that_never_releases_is_reported_from_the_start():
     held = Forces(gravity=(3.0, 0.0, 0.0), friction=(Friction("s", coulomb=400.0),))
     run = ms.dynamics.run(slider(), held, duration=1.0, samples=4)
     assert (run.outcome, run.reason) == ("stopped", "friction holds the mechanism at rest from 0 s on")
+
+
+def test_a_load_that_grows_wakes_a_block_that_friction_held():
+    push = load_profile.table([0.0, 1.0, 2.0], [[0.0] * 3, [0.0] * 3, [8.0, 0.0, 0.0]], over="time")
+    held = Forces(loads=(Load("P", push),), friction=(Friction("s", coulomb=2.0),))
+    run = ms.dynamics.run(slider(), held, duration=2.0, samples=8)
+    # the load passes 2 N at 1.25 s; from there 2 x'' = 8 (t - 1.25)
+    late = np.maximum(run.time - 1.25, 0.0)
+    assert run.motion.joints["s"].value == pytest.approx(2.0 / 3.0 * late**3, abs=1e-9)
 
 
 def test_a_block_without_restitution_stays_on_its_stop():
