@@ -19,7 +19,7 @@ RENDER = f"--size {PICTURE_SIZE} --fps 12 --no-labels"
 
 HEAD = """# Gallery
 
-Each picture opens a live 3-D page of its mechanism: turn drivers, change dimensions, drag points. The name stands
+Each picture opens a live 3-D page of its mechanism: turn drivers, change dimensions, drag points. Use the name
 wherever a command takes a model: `mechsim show klann`. Seven mechanisms have a closed form in the catalogue. The others are TOML
 files in `models/gallery`, each with its law as a few lines of Python. The animations take {pictures:.1f} MB together and
 load as they come into view; a view takes about {view:.1f} MB. Where reduced motion is preferred, the pictures stand still.

@@ -309,7 +309,7 @@ def of_any_kind(text: str, name: str = "the value") -> tuple[float, Unit]:
 
 def _require_text(text: str, unit: Unit, name: str) -> None:
     if unit not in _KINDS:
-        raise InputError(f"{name} cannot be converted to {unit!r}; known units are {', '.join(_KINDS)}")
+        raise InputError(f"{name} cannot be converted to {unit!r}; choose from {', '.join(_KINDS)}")
     if not isinstance(text, str):  # pyright: ignore[reportUnnecessaryIsInstance]
         example = _KINDS[unit][1]
         raise InputError(
@@ -380,7 +380,7 @@ def converted(written: str, unit: Unit, text: str, name: str) -> float:
     # pint treats an angle as a plain number, so that 1 Hz would be 1 rad/s and 1 mm/m an angle
     turns = ("radian" in str(quantity.units)) == ("rad" in unit)
     if not turns or not quantity.is_compatible_with(target):
-        raise _unit_error(text, unit, name, f"has unit {written!r}, which does not measure that")
+        raise _unit_error(text, unit, name, f"has unit {written!r}, which is the wrong kind of unit")
     return float(quantity.to(target).magnitude)
 
 

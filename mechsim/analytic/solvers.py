@@ -135,6 +135,6 @@ def closed_form(solver: KinematicSolver, what: str) -> ClosedForm:
     if isinstance(solver, ClosedForm):
         return solver
     raise InputError(
-        f"{what} is known only for mechanisms of the catalogue, and {solver.name!r} is none of them; "
+        f"{what} needs a mechanism of the catalogue, and {solver.name!r} is not in it; "
         "`mechsim list` names them"
     )

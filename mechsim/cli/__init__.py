@@ -17,9 +17,9 @@ from mechsim.cli.help import GroupedCommands, PlainCommand
 # group -> command -> its file and function, and a line of the list of commands
 GROUPS = {
     "Models": {
-        "list": ("show.list_mechanisms", "List the mechanisms of catalogue and gallery."),
+        "list": ("show.list_mechanisms", "List the mechanisms that come with mechsim."),
         "show": ("show.show", "Show joints, mobility, range, dead centres, assemblies."),
-        "check": ("check.check_files", "Check closed-loop MuJoCo models: a linter."),
+        "check": ("check.check_files", "Check MJCF and URDF files for common mistakes (linter)."),
         "export": ("export.export", "Write a mechanism as MJCF, TOML or URDF."),
     },
     "Motion": {
@@ -28,14 +28,14 @@ GROUPS = {
         "sample": ("sample.sample", "Draw closed configurations of a MuJoCo model."),
         "map": ("map.map_joints", "Map motors to joints: positions, Jacobians, torques."),
         "trace": ("trace.trace", "Trace all assemblies as closed curves."),
-        "dynamics": ("dynamics.dynamics", "Compute torques, runs from a state, equilibria, modes."),
+        "dynamics": ("dynamics.dynamics", "Compute torques, free motion, equilibria, vibrations."),
     },
     "Verification": {
-        "validate": ("validate.validate", "Check formulas, loop equations and MuJoCo: the main job."),
+        "validate": ("validate.validate", "Check formulas, loop equations and MuJoCo models."),
         "certify": ("certify.certify", "Prove one assembly and no singularity over a range."),
         "tradeoff": ("tradeoff.tradeoff", "Measure speed and accuracy of MuJoCo's settings."),
         "extremes": ("extremes.extremes", "Find where a mechanism or its simulation breaks."),
-        "doctor": ("doctor.doctor", "Report what is installed and what is missing."),
+        "doctor": ("doctor.doctor", "Report what this machine lacks."),
     },
     "MJCF scenes": {
         "tune": ("tune.tune", "Find the cheapest settings that satisfy a tolerance."),
@@ -112,7 +112,7 @@ def _without_mujoco_log(function: Callable[..., None]) -> Callable[..., None]:
 
 app = typer.Typer(
     cls=LazyCommands,
-    help="Check an analytic model of a linkage against a multibody simulator.",
+    help="Check models of closed-loop mechanisms: formulas, MJCF, URDF and TOML.",
     **PLAIN,
 )
 for _name, (_, _help) in COMMANDS.items():
@@ -123,12 +123,7 @@ for _name, (_, _help) in COMMANDS.items():
 def _top(
     context: typer.Context, version: bool = typer.Option(False, "--version", help="Print the version.")
 ) -> None:
-    """Check an analytic model of a linkage against a multibody simulator.
-
-    Examples:
-    mechsim validate four_bar
-    mechsim solve four_bar --angles 0:360:5deg -o motion.csv
-    """
+    """Check models of closed-loop mechanisms: formulas, MJCF, URDF and TOML."""
     if version:
         typer.echo(__version__)
         raise typer.Exit

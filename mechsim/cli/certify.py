@@ -6,7 +6,8 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import DriveOptions, Model, Sets, changed_parameters
-from mechsim.cli.output import number, pass_or_fail, print_text
+from mechsim.cli.output import number, print_table, wrapped
+from mechsim.cli.verdict_text import headline
 from mechsim.studies.certify import Certificate
 from mechsim.studies.certify import certify as certificate_of
 from mechsim.studies.sensitivity.tolerances import written_tolerances
@@ -34,19 +35,19 @@ def certify(
     *,
     angles: Annotated[
         str | None,
-        typer.Option(metavar="START:STOP", help="Range of the crank. Default: all that it reaches."),
+        typer.Option(metavar="START:STOP", help="Range of the crank. Default: its whole reachable range."),
     ] = None,
     within: Annotated[
         str | None,
         typer.Option(
             metavar="P=BOUND,...",
-            help="Prove it for all mechanisms within tolerances of dimensions: crank=±0.02mm,...",
+            help="Prove it for all mechanisms within these tolerances: crank=±0.02mm,...",
         ),
     ] = None,
     driven: DriveOptions,
     sets: Sets = None,
 ) -> Result[CertifyJson]:
-    """Prove by interval arithmetic that one assembly exists over a range, and no singularity.
+    """Prove by interval arithmetic that one assembly and no singularity exists over a range.
 
     Where that fails, singular points are located. Exit code 1 if anything is not certified.
 
@@ -77,9 +78,11 @@ def certify(
 
 def _print(proof: Certificate) -> None:
     """Print the verdict, the reason and the singular points."""
-    print_text(f"{proof.name}  {pass_or_fail(proof.certified)}")
-    print_text(proof.summary)
-    for point in proof.singular:
-        print_text(f"{point.kind} at {number(point.parameter, 12)} {proof.unit} ± {number(point.width, 2)}")
+    typer.echo(headline(proof.name, proof.certified))
+    for line in wrapped(proof.summary):
+        typer.echo(line)
+    rows = [(point.kind, f"{point.parameter:.10g}", f"{point.width:.1e}") for point in proof.singular]
+    print_table("", ("singular point", f"at [{proof.unit}]", "±"), rows)
     if proof.segments and not proof.certified:
-        print_text(f"Proven on {proof.segments} segments, {proof.proven:.6%} of the range")
+        remaining = number(1.0 - proof.proven, 2)
+        typer.echo(f"  proven on {proof.segments} segments: all but {remaining} of the range")

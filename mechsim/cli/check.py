@@ -62,32 +62,31 @@ def check_files(
     models: Annotated[list[str], typer.Argument(metavar="FILE...", help="MJCF or URDF files.")],
     *,
     select: Annotated[
-        str | None, typer.Option(metavar="RULE,...", help="Only these rules; MS1 means all that begin so.")
+        str | None,
+        typer.Option(metavar="RULE,...", help="Apply only these rules; MS1 selects all that begin with it."),
     ] = None,
-    ignore: Annotated[str | None, typer.Option(metavar="RULE,...", help="Leave these rules out.")] = None,
-    fix: Annotated[
-        str | None, typer.Option(metavar="OUT", help="Write a repaired copy of the one file.")
-    ] = None,
+    ignore: Annotated[str | None, typer.Option(metavar="RULE,...", help="Omit these rules.")] = None,
+    fix: Annotated[str | None, typer.Option(metavar="OUT", help="Write a repaired copy of the file.")] = None,
     output_format: Annotated[
         str, typer.Option(metavar="text|json|github|sarif", help="Format of the findings.")
     ] = "text",
     target: Annotated[
-        str | None, typer.Option(metavar="urdf", help="Also report what this format cannot hold.")
+        str | None, typer.Option(metavar="urdf", help="Also report what this format cannot express.")
     ] = None,
     loops: Loops = None,
     explain_equalities: Annotated[
         bool,
-        typer.Option("--explain", help="Also print stiffness, damping and gap per newton of equalities."),
+        typer.Option("--explain", help="Also print stiffness, damping and gap per newton of each equality."),
     ] = False,
 ) -> Result[CheckFilesJson]:
-    """Check closed-loop models: rules with severity, line and remedy. An error ends with exit code 1.
+    """Check closed-loop MJCF and URDF files for common mistakes. An error ends with exit code 1.
 
     Examples:
     mechsim check gripper.xml ankle.xml --ignore MS111
     mechsim check gripper.xml --fix repaired.xml --explain
     """
     if output_format not in FORMATS:
-        raise InputError(f"there is no output format {output_format!r}; known are {', '.join(FORMATS)}")
+        raise InputError(f"there is no output format {output_format!r}; choose from {', '.join(FORMATS)}")
     if fix is not None and len(models) != 1:
         raise InputError(f"--fix repairs one file, and there are {len(models)}; check them one by one")
     if loops is not None and len(models) != 1:

@@ -6,7 +6,7 @@ from typing import Annotated, TypedDict
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import File, ModelOptions, writable
+from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.codegen.assembly import assembly
 from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.self_test import c_test, javascript_test
@@ -33,7 +33,7 @@ class CompileJson(TypedDict):
 def compile_solver(
     options: ModelOptions,
     *,
-    output: File,
+    output: Annotated[str, output_file("Solver to write: .h for C99, .js for JavaScript.")],
     test: Annotated[
         str | None,
         typer.Option(metavar="FILE.c|FILE.js", help="Also write a test that checks and times the solver."),

@@ -4,8 +4,6 @@ import platform
 from importlib.util import find_spec
 from typing import TypedDict
 
-import typer
-
 from mechsim.cli.command import Result, command
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import MissingToolError
@@ -52,7 +50,7 @@ def doctor() -> Result[DoctorJson]:
             for backend in data["opengl"]
         ]
         print_table("OpenGL without a screen", ("back end", "driver", ""), rows)
-        typer.echo(f"ffmpeg: {data['ffmpeg'] or 'none'}")
+        print_text(f"ffmpeg: {data['ffmpeg'] or 'none'}")
         print_text(
             f"to install what is missing: {data['remedy']}" if data["remedy"] else "nothing is missing"
         )

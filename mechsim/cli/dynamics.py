@@ -21,7 +21,7 @@ from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, command
 from mechsim.cli.forward_dynamics import ForwardJson, ForwardOptions, Output, forward_dynamics
 from mechsim.cli.load_options import LoadOptions, print_masses, released_model, states_initial
-from mechsim.cli.options import ModelOptions, writable
+from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import (
     SI_UNITS,
     Labelled,
@@ -36,7 +36,7 @@ from mechsim.cli.output import (
 )
 from mechsim.cli.progress import Progress, progress
 from mechsim.cli.schema import CheckJson, Settings
-from mechsim.cli.verdict_text import print_verdict
+from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.force_record import Fluctuation, FreeRun
@@ -67,7 +67,7 @@ INSTANT_UNITS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": 
     "lost": "J",
 }
 
-Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List the masses of the links, too.")]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks and all masses.")]
 
 
 class Peak(TypedDict):
@@ -192,41 +192,41 @@ class DynamicsOptions:
     speed: float = option(
         20.0 * np.pi, "Crank speed; a bare number is rad/s.", read=crank_speed, text="600rpm"
     )
-    free: bool = option(False, "Release the crank at --speed.", name="--free")
+    free: bool = option(False, "Let the crank run freely, starting at --speed.", name="--free")
     coefficient: float | None = option(
-        None, "Target of the coefficient of speed fluctuation; computes the flywheel that reaches it."
+        None, "Compute the flywheel that reaches this coefficient of speed fluctuation."
     )
     turns: float = option(1.0, "Turns of the crank.")
-    samples: int = option(360, "Instants in a turn.")
+    samples: int = option(360, "Instants in a turn of the crank.")
     tolerance: float | None = option(
         None,
-        "Largest error of torque and reactions at any instant, relative to their root mean square; of a free "
-        "crank in rad. MuJoCo's steps are chosen to satisfy it.",
+        "Largest error of MuJoCo's torque and reactions relative to their root mean square; in a free run "
+        "the error of the crank angle in rad. The steps are chosen to satisfy it.",
         metavar="NUMBER",
     )
     method: str | None = option(
         None,
-        "MuJoCo by pose or step; none omits it. Default: pose, with --tolerance step. A free run is stepped.",
+        "How MuJoCo checks the result: pose solves each configuration, step integrates in time, none omits "
+        "it. Default: pose; step with --tolerance and in free runs.",
         metavar="pose|step|none",
     )
     actuators: str | None = option(
         None,
-        "Joints of more actuators than degrees of freedom, with weights: the torques of least weighted norm "
-        "that drive the motion.",
+        "Actuated joints, more than degrees of freedom, with weights: computes the torques of least weighted "
+        "norm.",
         metavar="J[=WEIGHT],...",
     )
-    output: Annotated[
-        str | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Write all columns: .csv or .npz."),
-    ] = None
-    plot: str | None = option(None, "Draw everything on a sheet: .svg, .pdf, .png.", metavar="FILE")
+    output: Annotated[str | None, output_file("Table of all quantities to write: .csv or .npz.")] = None
+    plot: str | None = option(None, "Draw all quantities: .svg, .pdf or .png.", metavar="FILE")
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
         if self.method not in (None, "pose", "step", "none"):
-            raise InputError(f"there is no method {self.method!r}; known are pose, step, none")
+            raise InputError(f"there is no method {self.method!r}; choose from pose, step, none")
         if self.tolerance is not None and self.method == "none":
-            raise InputError("--tolerance is of MuJoCo's runs, and --method none omits them; drop one")
+            raise InputError(
+                "--tolerance applies to MuJoCo's runs, which --method none omits; drop one of them"
+            )
         if not (MIN_TURNS <= abs(self.turns) < 1e4 and 1 <= self.samples <= 100_000):
             raise InputError(
                 f"{self.turns:g} turns of {self.samples} instants; "
@@ -287,7 +287,7 @@ def dynamics(
     if not model.solver.motion_laws.crank and options.free:
         raise InputError("--free releases a crank, and motion laws drive the joints; drop one of them")
     free = model.forces.motor is not None or options.free
-    data, text, passed = (_free if free else _prescribed)(model, options, shown, units is not None)
+    data, text, passed = (_free if free else _prescribed)(model, options, shown, units is not None, verbose)
 
     return _with_masses(model, Result(data, text, passed), verbose)
 
@@ -304,7 +304,9 @@ def _with_masses(model: DynamicModel, result: Result[Any], verbose: bool) -> Res
     return Result(data, text, result.passed)
 
 
-def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
+def _prescribed(
+    model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, labelled: bool, verbose: bool
+) -> Any:
     """Return data, text and success of a prescribed motion."""
     method = options.mujoco_method
     profile = profile_of(model.solver, options.speed, options.turns)
@@ -341,11 +343,11 @@ def _prescribed(model: DynamicModel, options: DynamicsOptions, shown: OutputUnit
         for name, cycle in (("speed fluctuation", steady), ("with the flywheel", even)):
             if cycle is not None:
                 print_text(
-                    f"{name}: {number(cycle.coefficient)} under a constant torque of "
-                    f"{number(_noise_free(cycle.torque, study))} N m, flywheel "
+                    f"{name}: coefficient {number(cycle.coefficient)} under a constant torque of "
+                    f"{number(_noise_free(cycle.torque, study))} N m and a flywheel of "
                     f"{number(cycle.flywheel)} kg m2"
                 )
-        _print_comparison(verdict, tolerance, note)
+        _print_comparison(verdict, tolerance, note, verbose=verbose)
 
     data = {
         **study_facts(study, actuators),
@@ -397,7 +399,9 @@ def _sections(report: Progress, names: Sequence[str]) -> list[Any]:
     return [section(i, name) for i, name in enumerate(names)]
 
 
-def _free(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, labelled: bool) -> Any:
+def _free(
+    model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, labelled: bool, verbose: bool
+) -> Any:
     """Return data, text and success of a free motion."""
     speed = options.speed if options.free else 0.0
     run = free_run(model, speed=speed, turns=options.turns, samples=options.instants + 1)
@@ -420,14 +424,16 @@ def _free(model: DynamicModel, options: DynamicsOptions, shown: OutputUnits, lab
     facts, tolerance = run_facts(run), _free_tolerance(stepped)
 
     def text() -> None:
-        print_text(f"{model.mechanism.name}: {run.outcome}" + (f": {run.reason}" if run.reason else ""))
+        print_text(
+            f"{model.mechanism.name}: free run {run.outcome}" + (f": {run.reason}" if run.reason else "")
+        )
         start = number(run.speed[0]) if run.speed[0] else "rest"
         print_text(
-            f"{number(facts['turns'])} turns in {number(facts['seconds'])} s, from {start} to "
+            f"{number(facts['turns'])} turns of the crank in {number(facts['seconds'])} s, from {start} to "
             f"{number(facts['speed'])} rad/s; work {number(facts['work'])} J, lost {number(facts['lost'])} "
-            f"J, energy balance to {facts['energy_error']:.1e}"
+            f"J, energy error {facts['energy_error']:.1e} (relative)"
         )
-        _print_comparison(verdict, tolerance)
+        _print_comparison(verdict, tolerance, verbose=verbose)
 
     data = {"free": facts, "tolerance_report": tolerance, **_verdict_data(verdict, "step")}
     return data, text, run.outcome == "done" and _passed(verdict, tolerance)
@@ -484,12 +490,14 @@ def _verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:
     return {"passed": verdict.passed, "outcome": verdict.outcome, "method": method, "checks": checks}
 
 
-def _print_comparison(verdict: Verdict | None, tolerance: dict[str, Any] | None, note: str = "") -> None:
+def _print_comparison(
+    verdict: Verdict | None, tolerance: dict[str, Any] | None, note: str = "", *, verbose: bool
+) -> None:
     """Print the comparison with MuJoCo, and the result with a tolerance."""
     if verdict is None:
         typer.echo("not compared with MuJoCo")
     else:
-        print_verdict("against MuJoCo", verdict, reasons=False)
+        print_verdicts({"against MuJoCo": verdict}, verbose=verbose)
     print_text(note)
     if tolerance is None:
         return
@@ -521,8 +529,8 @@ def _print_peaks(
     ]
     notes: list[str] = []
     for joint, reaction in facts["reactions"].items():
-        peaks.append((f"force in {joint} on {reaction['on']}", reaction["force"], "N"))
-        peaks.append((f"moment in {joint} on {reaction['on']}", reaction["moment"], "N m"))
+        peaks.append((f"force of joint {joint} on {reaction['on']}", reaction["force"], "N"))
+        peaks.append((f"moment of joint {joint} on {reaction['on']}", reaction["moment"], "N m"))
     for coupling, effort in facts["couplings"].items():
         kind = "torque" if effort["unit"] == "N m" else "force"
         if effort["by"] == "teeth":

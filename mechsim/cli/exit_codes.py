@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import signal
 import sys
 import threading
@@ -93,7 +94,7 @@ def _failed(error: BaseException) -> int:
     if isinstance(error, MechsimError):
         return _invalid(str(error))
     if isinstance(error, TyperException):
-        return _invalid(error.format_message() if hasattr(error, "format_message") else str(error))
+        return _invalid(_usage_text(error))
     if isinstance(error, KeyboardInterrupt | Abort):
         return _ended_by(signal.SIGINT)
     if isinstance(error, SystemExit) and error.code in (0, None):
@@ -114,6 +115,30 @@ def _failed(error: BaseException) -> int:
         f"mechsim: internal error: {cut(text, 300)}: please report it; {DEBUG}=1 shows where it came from"
     )
     return INTERNAL
+
+
+# what the command-line library writes, and one clause in the words of mechsim's other errors
+USAGE_TEXTS = (
+    (r"\. Did you mean", "; did you mean"),
+    (r" \(Possible options: (.*)\)$", r"; did you mean \1?"),
+    (r"^Got unexpected extra argument(?:s|\(s\))? \((.*)\)$", r"unexpected argument \1"),
+    (r"Input should be a valid integer.*$", "give a whole number"),
+    (r"Input should be a valid number.*$", "give a number"),
+    (r"\.$", ""),
+)
+
+
+def _usage_text(error: Any) -> str:
+    """Return what is wrong with a command line, and which help shows its options."""
+    text: str = error.format_message()
+    for pattern, replacement in USAGE_TEXTS:
+        text = re.sub(pattern, replacement, text)
+    context = getattr(error, "ctx", None)
+    if context is None:
+        return text
+    named = f"mechsim {context.info_name}" if context.parent else "mechsim"
+    joint = "" if text.endswith("?") else ";"
+    return f"{text[:1].lower()}{text[1:]}{joint} see `{named} --help`"
 
 
 def _invalid(message: str) -> int:

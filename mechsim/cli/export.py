@@ -12,12 +12,12 @@ from mechsim.cli.command import Result, command
 from mechsim.cli.options import (
     SPEED,
     DriveOptions,
-    Output,
     Sets,
     changed_parameters,
     folder_for,
     joint_ranges,
     load_model,
+    output_file,
     scene_of,
     writable,
 )
@@ -65,15 +65,18 @@ def export(
     model: Annotated[
         str | None,
         typer.Argument(
-            metavar="[MODEL]", help="A name that `mechsim list` gives, FILE.toml, FILE.xml or FILE.py:OBJECT."
+            metavar="[MODEL]",
+            help="A name from `mechsim list`, FILE.toml, FILE.xml, FILE.urdf or FILE.py:OBJECT.",
         ),
     ] = None,
     *,
     every: Annotated[
         str | None, typer.Option("--all", metavar="DIR", help="Export every mechanism into this folder.")
     ] = None,
-    scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = LEVEL,
-    cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
+    scene: Annotated[
+        str, typer.Option(help="Detail of the MuJoCo model: pose, motion, dynamics or picture.")
+    ] = LEVEL,
+    cut: Annotated[str | None, typer.Option(help="Joints at which the loops are cut.")] = None,
     file_format: Annotated[
         str,
         typer.Option(
@@ -119,7 +122,9 @@ def export(
         ),
     ] = None,
     sets: Sets = None,
-    output: Output = None,
+    output: Annotated[
+        str | None, output_file("File to write; its format is that of --format. Default: the terminal.")
+    ] = None,
 ) -> Result[ExportJson]:
     """Write the MuJoCo model of a mechanism, or the mechanism as TOML.
 

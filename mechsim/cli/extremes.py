@@ -62,9 +62,9 @@ def extremes(
         typer.Argument(metavar="[NAME]...", help="Mechanisms of the catalogue. Default: all."),
     ] = None,
     report: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Write the map and all numbers to a folder.")
+        str | None, typer.Option(metavar="DIR", help="Write the plot and all numbers to this folder.")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer values, shorter runs.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Test fewer values in shorter runs.")] = False,
 ) -> Result[ExtremesJson]:
     """Vary steps, speed, size, masses, poses, turns and gears until a run fails, and report where.
 

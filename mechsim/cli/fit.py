@@ -2,14 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
+from typing import Annotated, TypedDict
 
 import numpy as np
 
 from mechsim import files, units
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import LoadOptions
-from mechsim.cli.options import SPEED, ModelOptions, Output, writable
+from mechsim.cli.options import SPEED, ModelOptions, output_file, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
@@ -22,28 +23,34 @@ from mechsim.units import crank_speed, option
 MOST_DIGITS = 9
 
 
+# relative difference of the given speed from the measured one that noise does not explain
+SPEED_DIFFERENCE = 0.1
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitOptions:
     """Measured motion, and the dimensions to identify."""
 
     to: str | None = option(
         None,
-        "Measured motion: columns angle (or t), P3.x, rocker.q ... in SI or with a unit, as P3.x [mm]; P3.x± "
-        "holds standard deviations.",
+        "Table of the measured motion: columns angle or t, P3.x, rocker.q ..., in SI or with a unit "
+        "(P3.x [mm]); P3.x± holds standard deviations.",
         metavar="FILE.csv",
     )
     vary: tuple[str, ...] = option((), "Dimensions to identify.", read=units.parse_names, metavar="P,...")
     offset: bool = option(
-        False, "The zero of the crank's encoder is unknown, too: identify CRANK.offset.", name="--offset"
+        False, "Also identify the zero of the crank's encoder, CRANK.offset.", name="--offset"
     )
-    speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
+    speed: str | None = option(
+        None, f"Crank speed; a bare number is rad/s. Default: that of the table, else {SPEED}."
+    )
 
     def table_path(self) -> str:
         """Return the path of the measured table; raise InputError for missing options."""
         if self.to is None:
-            raise InputError("no measured motion is given; name a table with --to FILE.csv")
+            raise InputError("the measured motion is missing; name its table, as in --to measured.csv")
         if not self.vary:
-            raise InputError("no dimension is to be identified; name some, as in --vary crank,coupler")
+            raise InputError("--vary is missing; name the dimensions to identify, as in --vary crank,coupler")
         return self.to
 
 
@@ -78,7 +85,12 @@ class FitJson(TypedDict):
 
 @command
 def fit(
-    source: ModelOptions, options: FitOptions, loads: LoadOptions, output: Output = None
+    source: ModelOptions,
+    options: FitOptions,
+    loads: LoadOptions,
+    output: Annotated[
+        str | None, output_file("Result to write: .json, or residuals as .csv or .npz.")
+    ] = None,
 ) -> Result[FitJson]:
     """Identify dimensions from measured motion, with their uncertainty; report which are indistinguishable.
 
@@ -92,15 +104,38 @@ def fit(
     table = options.table_path()
     path = None if output is None else writable(output, ".json", ".csv", ".npz")
     parametric = source.load_parametric()
-    measured = measured_of(files.read(table), parametric.make({}), table)
+    solver = parametric.make({})
+    measured = measured_of(files.read(table), solver, table)
     loading = Loading(loads.forces, loads.density, loads.diameter)
-    moved = MovedFamily(parametric, measured.angles, crank_speed(options.speed or SPEED), loading)
+    speed = _crank_speed(options.speed, measured, solver)
+    moved = MovedFamily(parametric, measured.angles, speed, loading)
     with progress("fit", None) as report:
         result = fit_dimensions(moved, measured, options.vary, offset=options.offset, progress=report)
     data = _as_dict(result, measured, output)
     if path is not None:
         _write(path, result, measured, data)
     return Result(data, lambda: _print(result, measured), result.outcome == "fitted", [output])
+
+
+def _crank_speed(requested: str | None, measured: MeasuredMotion, solver: KinematicSolver) -> float:
+    """Return the crank's speed in [rad/s]: the given one, else that of the table, else the default.
+
+    Raises:
+        InputError: where the table has another speed than the given one.
+    """
+    rates = measured.values.get(f"{solver.mechanism.drivers[0]}.v")
+    if rates is None or not solver.motion_laws.crank:
+        return crank_speed(requested or SPEED)
+    mean = float(rates.mean())
+    if requested is None:
+        return mean
+    speed = crank_speed(requested)
+    if abs(speed - mean) > SPEED_DIFFERENCE * abs(mean):
+        raise InputError(
+            f"--speed is {speed:.4g} rad/s, but the crank of the table rotates at {mean:.4g} rad/s; "
+            "leave --speed out"
+        )
+    return speed
 
 
 def _write(path: Path, result: Fit, measured: MeasuredMotion, data: FitJson) -> None:

@@ -141,22 +141,24 @@ class ForwardOptions(InitialOptions):
     """A run from an initial state, equilibria, modes of vibration, or a frequency response."""
 
     statics: bool = option(
-        False, "List the equilibria; with --initial also what holds that configuration.", name="--statics"
+        False,
+        "List the equilibria; with --initial also the torques that hold that configuration.",
+        name="--statics",
     )
     assemblies: int = option(
-        0, "With --statics: random configurations of any assembly to search from besides.", metavar="N"
+        0, "With --statics: also search from N random configurations of any assembly.", metavar="N"
     )
     modes: bool = option(
         False, "Natural frequencies, damping ratios and mode shapes about the equilibrium.", name="--modes"
     )
     response: str | None = option(
         None,
-        "Frequency response from a unit load in joint J or on a point's P.x to a quantity.",
+        "Frequency response of a quantity to a unit load in joint J or on coordinate P.x of a point.",
         metavar="LOAD:QUANTITY",
     )
     quantities: tuple[str, ...] = option(
         (),
-        "More quantities of the run, as distance:P,Q, angle:LINK,LINK or expr:EXPRESSION.",
+        "Also list these quantities: distance:P,Q, angle:LINK,LINK or expr:EXPRESSION.",
         read=quantity_names,
         name="--of",
         metavar="Q,...",
@@ -185,12 +187,16 @@ def forward_dynamics(
 ) -> Result[Any]:
     """Return a run from an initial state, equilibria, modes or a frequency response."""
     analysis = forward.statics or forward.modes or forward.response
+    if sum(map(bool, (forward.statics, forward.modes, forward.response))) > 1:
+        raise InputError("--statics, --modes and --response exclude one another; give one of them")
     if source.drive and analysis:
         raise InputError("--drive prescribes a run; drop it, or --statics, --modes, --response")
     if forward.quantities and analysis:
-        raise InputError("--of is of a run from an initial state; drop it, or --statics, --modes, --response")
+        raise InputError(
+            "--of lists quantities of a run from an initial state; drop it, or --statics, --modes, --response"
+        )
     if forward.assemblies and not forward.statics:
-        raise InputError("--assemblies is of the search for equilibria; add --statics")
+        raise InputError("--assemblies widens the search for equilibria; add --statics")
     if output.csv is not None and (forward.statics or forward.modes):
         raise InputError("-o writes a run or a response; use --json for --statics and --modes")
     if output.plot is not None and forward.statics:
@@ -254,7 +260,7 @@ def _run(
         end = f": {result.reason}" if result.reason else ""
         print_text(f"{name}: {result.outcome} at {number(result.time[-1])} s{end}")
         print_text(
-            f"energy balance to {result.energy_error:.1e}, work {number(result.work[-1])} J, lost "
+            f"energy error {result.energy_error:.1e} (relative), work {number(result.work[-1])} J, lost "
             f"{number(result.lost[-1])} J, {result.steps} steps"
         )
         extents = {

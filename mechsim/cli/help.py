@@ -6,10 +6,13 @@ from typing import Any, ClassVar
 from typer.core import TyperCommand, TyperGroup
 
 EXAMPLES = "\nExamples:\n"
+# below the list of commands
+FIRST_STEPS = ("mechsim validate four_bar", "mechsim show gripper.xml", "mechsim validate --help")
 # panel -> its options, by their long names; options of a command itself come first, without a panel
 PANELS = {
     "Model": "set lock lock-others fix-base key track gravity load motor gear friction spring damper "
     "flywheel density diameter scene cut",
+    "Initial state": "initial until restitution controller",
     "Motion": "drive ctrl speed turns angles angle profile at every samples duration change-point free",
     "Solver": "method tolerance timestep integrator steps-per-turn constant-steps solref solimp compliance "
     "refsafe diagexact jacobian solver iterations ls-iterations residual eulerdamp island drive-inertia "
@@ -94,3 +97,6 @@ class GroupedCommands(TyperGroup):
         for group, names in self.groups.items():
             with formatter.section(group):
                 formatter.write_dl([(name, (self.get_command(ctx, name) or self).help) for name in names])
+        with formatter.section("Examples"):
+            for line in FIRST_STEPS:
+                formatter.write(f"  {line}\n")

@@ -34,9 +34,9 @@ class ControlOptions:
 
     ctrl: tuple[tuple[str, str], ...] = pairs(
         "--ctrl servo=0.3*sin(2*pi*t)",
-        "Control of an actuator of an MJCF file, in the control's own unit: a number, "
-        "255*(0.5-0.5*cos(2*pi*t)) (t in s), FILE.csv. The file is then stepped as it is, but for settings "
-        "that are given; --drive prescribes joints.",
+        "Control of an actuator of an MJCF file, in its own unit: a number, an expression of t in s "
+        "(255*(0.5-0.5*cos(2*pi*t))), or FILE.csv. The file is stepped with its own settings, except those "
+        "given here.",
         "ACTUATOR=LAW",
     )
 
@@ -193,52 +193,62 @@ class LoadOptions:
 
     gravity: tuple[float, float, float] = option(
         WEIGHT,
-        "Three numbers in m/s2, with commas. Default: the file's own, else along -y.",
+        "Acceleration of gravity in m/s2. Default: that of the file, else along -y.",
         read=gravity_of,
         text="0,-9.81,0",
     )
     load: str | None = option(
-        None, "Loads: angle [rad] or time [s], POINT.fx.. [N], LINK.mx.., crank [N m].", metavar="FILE"
+        None,
+        "Table of loads: columns angle [rad] or time [s], POINT.fx ... [N], LINK.mx ... [N m], crank [N m].",
+        metavar="FILE",
     )
     motor: PlainMotor | None = option(
         None,
-        "constant:N m, line:N m,no-load speed or dc:V,ohm,N m/A; the model runs free from rest, with "
-        "--free from --speed.",
+        "Motor of the crank: constant:TORQUE, line:STALL TORQUE,NO-LOAD SPEED or dc:V,OHM,N m/A. The model "
+        "starts from rest, or at --speed with --free.",
         read=motor_of,
         metavar="KIND:NUMBERS",
     )
-    gear: float | None = option(None, "Turns of the motor per turn of the crank, by a gear.")
+    gear: float | None = option(None, "Gear ratio: turns of the motor per turn of the crank.")
     friction: tuple[Friction, ...] = option(
-        (), "Friction in a joint, SI.", read=friction_of, many=True, metavar="JOINT=VISCOUS,COULOMB"
+        (),
+        "Viscous and Coulomb friction in a joint, in SI.",
+        read=friction_of,
+        many=True,
+        metavar="JOINT=VISCOUS,COULOMB",
     )
     spring: tuple[Spring | JointSpring, ...] = option(
         (),
-        "A spring between points or positions LINK@X,Y,Z; JOINT=STIFFNESS,REST in a joint. SI.",
+        "Spring between two points or positions LINK@X,Y,Z, or JOINT=STIFFNESS,REST in a joint; in SI.",
         read=spring_of,
         many=True,
         metavar="A:B=STIFFNESS,REST",
     )
     damper: tuple[Spring | Friction, ...] = option(
         (),
-        "A damper, likewise between points or in a joint. SI.",
+        "Damper between two points, or JOINT=DAMPING in a joint; in SI.",
         read=damper_of,
         many=True,
         metavar="A:B=DAMPING",
     )
     controller: tuple[Controller, ...] = option(
         (),
-        "Effort on a joint, of J.q, J.v and t in SI; in runs from an initial state.",
+        "Torque or force on joint J in a run from an initial state: an expression of J.q, J.v and t, in SI.",
         read=controller_of,
         many=True,
         metavar="J=EXPRESSION",
     )
-    flywheel: float = option(0.0, "Moment of inertia on the crank, kg m2.")
-    density: float = option(7850.0, "Of links, which are round rods, kg/m3.")
-    diameter: float | None = option(None, "Of those rods. Default: 0.05 of the size.", unit="m")
+    flywheel: float = option(0.0, "Additional moment of inertia on the crank, in kg m2.")
+    density: float = option(
+        7850.0, "Density in kg/m3 of links without masses, which are taken as round rods."
+    )
+    diameter: float | None = option(
+        None, "Diameter of these rods. Default: 0.05 of the mechanism's size.", unit="m"
+    )
 
     def __post_init__(self) -> None:
         if self.gear is not None and self.motor is None:
-            raise InputError("--gear is the gear of a motor, and none is given; add --motor")
+            raise InputError("--gear needs a motor; add --motor")
 
     def forces(self, solver: KinematicSolver) -> Forces:
         """Return all forces on a mechanism: those of its file and those of the options."""
@@ -302,17 +312,17 @@ class InitialOptions:
 
     initial: tuple[tuple[str, str], ...] = option(
         (),
-        "Initial coordinate J.q or rate J.v of a joint; all joints without --drive are free.",
+        "Initial coordinate J.q or rate J.v of a joint; joints without --drive move freely.",
         read=pair_of("--initial crank.q=10deg"),
         many=True,
         metavar="J.q=VALUE",
     )
     until: str | None = option(
         None,
-        "Event that ends the run, as P.y=0, J.q=90deg or distance:P,Q=10mm.",
+        "End the run at this event: P.y=0, J.q=90deg or distance:P,Q=10mm.",
         metavar="QUANTITY=VALUE",
     )
-    restitution: float = option(0.0, "Coefficient of restitution at the limits of joints, 0 to 1.")
+    restitution: float = option(0.0, "Coefficient of restitution at joint limits, 0 to 1.")
 
     @property
     def requested(self) -> bool:
@@ -335,7 +345,9 @@ class InitialOptions:
 class ReleaseOptions(InitialOptions):
     """A run from an initial state, or a mode of vibration, to be drawn."""
 
-    mode: int | None = option(None, "Draw this mode of vibration about the equilibrium, from 1.", metavar="N")
+    mode: int | None = option(
+        None, "Draw mode of vibration N about the equilibrium; 1 is the slowest.", metavar="N"
+    )
 
     @property
     def requested(self) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import File, Loops, Model, Sets, changed_parameters, joint_ranges, writable
+from mechsim.cli.options import Loops, Model, Sets, changed_parameters, joint_ranges, output_file, writable
 from mechsim.cli.output import Value, print_table, print_text
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
@@ -44,13 +44,15 @@ def map_joints(
         typer.Option(
             "--from",
             metavar="J[=A:B],...",
-            help="Input joints with their ranges, as left=-20deg:20deg; without a range the joint limits.",
+            help="Input joints and their ranges (left=-20deg:20deg). Default range: the joint limits.",
         ),
     ],
     outputs: Annotated[
         str,
         typer.Option(
-            "--to", metavar="NAME,...", help="Output joints, or NAME.x to NAME.rz of a body or a site."
+            "--to",
+            metavar="NAME,...",
+            help="Output joints, or coordinates x, y, z, rx, ry, rz of a body or a site (foot.rz).",
         ),
     ],
     points: Annotated[int, typer.Option(help="Grid points along each input.")] = 21,
@@ -59,7 +61,7 @@ def map_joints(
     ] = None,
     sets: Sets = None,
     loops: Loops = None,
-    output: File,
+    output: Annotated[str, output_file("Map to write: .npz.")],
 ) -> Result[MapJson]:
     """Map motors to joints of a closed-loop model: positions, Jacobians, torques, inertia over a grid.
 

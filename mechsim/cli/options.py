@@ -57,11 +57,11 @@ def warn_about_angles(name: str, text: str, solver: KinematicSolver | None = Non
         questions.append(f"{name} {text} goes to {max(numbers):g} rad; was {text}deg meant?")
 
 
-def warn_about_parameters(solver: KinematicSolver, texts: Mapping[str, str]) -> None:
+def warn_about_parameters(model: str, texts: Mapping[str, str]) -> None:
     """Warn about parameters of the catalogue without a unit that differ much from their defaults."""
-    if not isinstance(solver, ClosedForm):
+    if model not in catalog.DRIVES:
         return
-    by_name = {field.name: field for field in fields(solver)}
+    by_name = {field.name: field for field in fields(catalog.DRIVES[model])}
     for name, text in texts.items():
         value, field = _without_unit(text), by_name.get(name)
         if value is None or field is None:
@@ -134,7 +134,7 @@ Model = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help="A name that `mechsim list` gives, FILE.toml, FILE.xml, FILE.urdf, FILE.json, FILE.pmks or "
+        help="A name from `mechsim list`, FILE.toml, FILE.xml (MJCF), FILE.urdf, FILE.json, FILE.pmks or "
         "FILE.py:OBJECT.",
         autocompletion=complete_models,
     ),
@@ -151,20 +151,24 @@ Sets = Annotated[
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks, with their tolerances.")]
 SPEED = "600rpm"
 Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")]
-WHERE = typer.Option("-o", "--output", metavar="FILE", help="Where to write.", autocompletion=complete_files)
-File = Annotated[str, WHERE]
+
+
+def output_file(contents: str) -> Any:
+    """Declare the option that names the file to write; its help states the contents and the suffixes."""
+    return typer.Option("-o", "--output", metavar="FILE", help=contents, autocompletion=complete_files)
+
+
 Loops = Annotated[
     str | None, typer.Option("--loops", metavar="FILE", help="Loop closures of a URDF file, in YAML.")
 ]
-Output = Annotated[str | None, WHERE]
 
 ChangePointOption = Annotated[
     str | None,
     typer.Option(
         "--change-point",
         metavar="smooth|branch",
-        help="Policy where two assemblies meet: smooth continues as a heavy drive does (default), branch "
-        "stays on the branch.",
+        help="Motion through a change point, where two assemblies meet: smooth keeps the velocities "
+        "continuous (default), branch stays in its assembly mode.",
     ),
 ]
 
@@ -210,25 +214,25 @@ class DriveOptions:
     )
     lock_others: bool = option(
         False,
-        "Lock what the drivers leave undetermined at its initial value: joints outside loops, and as few in "
-        "loops as suffice.",
+        "Lock the joints that the drivers leave undetermined at their initial values: those outside loops, "
+        "and as few in loops as suffice.",
         name="--lock-others",
     )
     fix_base: bool = option(False, "Fix floating bases at their initial pose.", name="--fix-base")
     drive: tuple[tuple[str, str], ...] = pairs(
         "--drive left=30deg*sin(2*pi*t)",
-        "Motion law of a joint, a point (P.x) or a link (plate.x, plate.rz): 600rpm or 20mm/s (constant), "
-        "30deg*sin(2*pi*0.6*t) (t in s; bare numbers are SI), FILE.csv (columns t, value). Other drivers "
-        "than the file's own replace them.",
+        "Motion law of a joint, a point (P.x) or a link (plate.x, plate.rz): a speed (600rpm, 20mm/s), an "
+        "expression of t in s (30deg*sin(2*pi*0.6*t)), or FILE.csv with columns t, value. It replaces the "
+        "drivers of the file if it names another coordinate.",
         "COORDINATE=LAW",
     )
     key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
     loops: str | None = option(None, "Loop closures of a URDF file, in YAML.", metavar="FILE")
     track: tuple[str, ...] = option(
-        (), "Track this point and no others.", read=str, many=True, metavar="NAME[,BODY@X,Y,Z]"
+        (), "Track this point instead of those of the file.", read=str, many=True, metavar="NAME[,BODY@X,Y,Z]"
     )
     duration: float | None = option(
-        None, "Of the motion laws. Default: the file's, else that of a table, else 1 s.", unit="s"
+        None, "Duration of the motion laws. Default: that of the file or of its table, else 1 s.", unit="s"
     )
 
     def as_arguments(self) -> dict[str, Any]:
@@ -277,9 +281,9 @@ def load_model(
 ) -> KinematicSolver:
     """Return a mechanism with changed parameters and drivers; see `mechsim.load`."""
     driven, parameters = driven or DriveOptions(), changed_parameters(sets)
+    warn_about_parameters(model, parameters)
     opened = load_by_motors if by_motors else load
     solver = opened(model, parameters, **driven.as_arguments(), still=still)
-    warn_about_parameters(solver, parameters)
     if driven.lock_others:
         locked = [name for name in solver.mechanism.locked if name not in dict(driven.lock)]
         notes.append(f"{solver.name}: joints locked at their initial values: {', '.join(locked) or 'none'}")
@@ -291,9 +295,9 @@ def load_parametric(
 ) -> DesignFamily:
     """Return a parametric model; with `moving` its motion must be determined."""
     parameters = changed_parameters(sets)
+    warn_about_parameters(model, parameters)
     parametric = parametric_model(model, parameters, **driven.as_arguments())
     solver = _with_notes(parametric.make({}))
-    warn_about_parameters(solver, parameters)
     if moving:
         require_motion(solver)
     return parametric
@@ -352,7 +356,7 @@ def writable(path: str, *extensions: str) -> Path:
         raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
     if extensions and target.suffix.lower() not in extensions:
         extensions_text = ", ".join(filter(None, extensions))
-        raise InputError(f"{path!r} ends in {target.suffix or 'nothing'}; known are {extensions_text}")
+        raise InputError(f"{path!r} ends in {target.suffix or 'no suffix'}; choose from {extensions_text}")
     folder = target.parent
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         raise OutputError(f"cannot write {path!r}: {str(folder)!r} is not a writable folder; make it first")

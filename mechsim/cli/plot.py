@@ -7,7 +7,7 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import InitialOptions, LoadOptions, masses_in_json, print_masses, released_model
-from mechsim.cli.options import SPEED, DriveOptions, File, ModelOptions, Speed, writable
+from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed, output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
@@ -41,23 +41,22 @@ class PlotJson(Written):
 @command
 def plot(
     source: ModelOptions,
-    output: File,
+    output: Annotated[str, output_file("Plot to write: .svg, .pdf or .png.")],
     options: PlotOptions,
     loads: LoadOptions,
     initial: InitialOptions,
     kind: Annotated[
-        str, typer.Option(help=f"One of {', '.join(PLOTS)}; of a sweep map, parallel or pareto.")
+        str, typer.Option(help=f"Kind of plot: {', '.join(PLOTS)}; of a sweep: map, parallel, pareto.")
     ] = "motion",
     speed: Speed = SPEED,
 ) -> Result[PlotJson]:
     """Plot motions, curves, errors, dynamics, vibrations or studies: .svg, .pdf or .png.
 
-    Kinds history, phase, bode and modes are of a mechanism whose drivers are free, as in `mechsim dynamics`.
+    The kinds history, phase, bode and modes draw a mechanism whose drivers move freely (`mechsim dynamics`).
+    The kinds map, parallel and pareto draw measures, named by --of, from a file of `mechsim sweep`.
 
-    Of the file of `mechsim sweep`: kind map, parallel or pareto, of the measures that --of names.
-
-    Kind precision takes 20 s to measure, kind stability minutes; `mechsim tradeoff` and `mechsim extremes`
-    print the numbers too.
+    Kind precision takes 20 s, kind stability minutes; `mechsim tradeoff` and `mechsim extremes` print the
+    same numbers.
 
     Examples:
     mechsim plot four_bar --kind curve -o curve.svg
@@ -76,29 +75,33 @@ def plot(
         plots.write(path, figure)
         return _written(source.model, kind, output)
     if kind not in PLOTS:
-        raise InputError(f"there is no plot {kind!r}; known are {', '.join(PLOTS)}")
+        raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
     row = PLOTS[kind]
     require_taken(kind, row.takes, options)
     if row.released == "always" or (row.released == "either" and initial.requested):
         release = initial.release(released_model(source, loads), source)
         if speed != SPEED:
-            raise InputError("--speed is of a driven crank, and the drivers are free; give --initial J.v")
+            raise InputError(
+                "--speed applies to a driven crank, and the drivers are free; give --initial J.v"
+            )
         plot_source = PlotSource(solver=release.model.solver, speed=0.0, options=options, release=release)
         plots.write(path, row.figure(plot_source))
         return _written(release.model.mechanism.name, kind, output, plot_source.masses)
     if initial.requested or initial.restitution:
         kinds = ", ".join(name for name, row in PLOTS.items() if row.released != "never")
-        raise InputError(f"plot {kind!r} is of a driven motion; a run from an initial state is of {kinds}")
+        raise InputError(
+            f"plot {kind!r} shows a driven motion; a run from an initial state is shown by {kinds}"
+        )
     if loads != LoadOptions() and not (row.loaded and options.method == "closed"):
         kinds = ", ".join(name for name, row in PLOTS.items() if row.loaded or row.released == "always")
         raise InputError(f"plot {kind!r} shows no forces; loads are of {kinds}, by the closed form")
     solver = source.load_moving()
     if not solver.motion_laws.crank and speed != SPEED:
-        raise InputError(f"--speed is of a crank without a motion law; {solver.name} has one: leave it out")
-    if not solver.motion_laws.crank and kind not in TIMED:
         raise InputError(
-            f"plot {kind!r} is of a crank without a motion law; with motion laws known are {', '.join(TIMED)}"
+            f"--speed applies to a crank without a motion law; {solver.name} has one: leave it out"
         )
+    if not solver.motion_laws.crank and kind not in TIMED:
+        raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {', '.join(TIMED)}")
     with progress("plot", None) as report:
         plot_source = PlotSource(
             solver=solver,

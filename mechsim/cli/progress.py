@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from typing import Protocol
 
 from mechsim.cli.exit_codes import print_stderr
+from mechsim.cli.output import width
+from mechsim.errors import cut
 
 # a shorter rest, in [s], is not reported
 SHORT = 5.0
@@ -60,6 +62,9 @@ def in_words(rest: float | None) -> str:
 
 # [s] before the first line where there is no terminal, and between two lines
 FIRST, INTERVAL = 3.0, 10.0
+
+# columns kept for the bar, the elapsed time and "about 59 min left"; a longer text loses its last words
+RESERVED = 34
 
 Show = Callable[[int, str, float | None, float | None], None]
 
@@ -137,6 +142,7 @@ def _bar(task: str, total: int | None, at_least: bool) -> Generator[Show]:
         def show(count: int, message: str, fraction: float | None, rest: float | None) -> None:
             remaining = "" if at_least else in_words(rest)
             whole, finished = (total, count) if fraction is None else (1.0, fraction)
-            bar.update(row, total=whole, completed=finished, description=message or task, rest=remaining)
+            text = cut(message or task, width() - RESERVED)
+            bar.update(row, total=whole, completed=finished, description=text, rest=remaining)
 
         yield show

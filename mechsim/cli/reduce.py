@@ -7,7 +7,7 @@ import typer
 from mechsim.cli.command import Result, command
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.load_options import ControlOptions
-from mechsim.cli.options import DriveOptions, File, require_distinct, writable
+from mechsim.cli.options import DriveOptions, output_file, require_distinct, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.studies.reduction.reduce_model import reduce as reduce_model
@@ -61,19 +61,22 @@ class ReduceJson(TypedDict):
 
 @command
 def reduce(
-    model: Annotated[str, typer.Argument(metavar="FILE.xml", help="An MJCF file of your own.")],
+    model: Annotated[str, typer.Argument(metavar="FILE.xml", help="An MJCF file that MuJoCo loads.")],
     *,
     tolerance: Annotated[
-        str, typer.Option(help="Tolerance on what is tracked; a bare number is metres, by torque N m.")
+        str, typer.Option(help="Tolerance; a bare number is in m, with --by torque in N m.")
     ],
     by: Annotated[
-        str, typer.Option(metavar="trajectory|torque", help="Error: of tracked points, or of efforts.")
+        str,
+        typer.Option(
+            metavar="trajectory|torque", help="Error to keep: that of tracked points, or of efforts."
+        ),
     ] = "trajectory",
     driven: DriveOptions,
     controls: ControlOptions,
-    output: File,
+    output: Annotated[str, output_file("Reduced scene to write: .xml.")],
 ) -> Result[ReduceJson]:
-    """Remove from a scene what its tracked points do not need; write the reduced scene.
+    """Remove from a scene what the motion of its tracked points does not need.
 
     Examples:
     mechsim reduce gripper.xml --tolerance 10um --track fingertip -o reduced.xml

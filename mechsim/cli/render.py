@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 import typer
@@ -19,7 +19,7 @@ from mechsim.cli.load_options import (
     released_model,
     require_release,
 )
-from mechsim.cli.options import File, ModelOptions, warn_about_angle, writable
+from mechsim.cli.options import ModelOptions, output_file, warn_about_angle, writable
 from mechsim.cli.output import number
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
@@ -44,20 +44,22 @@ class AnimationOptions:
 
     method: str = option(
         "closed",
-        "closed: the closed form; simulated: MuJoCo; both: MuJoCo, the closed form as a dark ghost.",
+        "Motion to draw: closed (analytic), simulated (MuJoCo), or both (the analytic one as a ghost).",
         name="--from",
         metavar="closed|simulated|both",
     )
     speed: float = option(
         20.0 * np.pi, "Crank speed; a bare number is rad/s.", read=crank_speed, text="600rpm"
     )
-    turns: float = option(1.0, "Turns of the crank; backwards if negative.")
-    angle: str | None = option(None, "Crank angle of a still picture.")
-    fps: float = option(30.0, "Frames a second.")
-    frames_per_turn: int | None = option(None, "Frames in a turn. Default: 72; 36 are 10 degrees apart.")
-    slow: float | None = option(None, "Show the motion this many times slower than it is, at --speed.")
+    turns: float = option(1.0, "Turns of the crank; negative runs backwards.")
+    angle: str | None = option(
+        None, "Crank angle of a picture. Default: a pose that shows the mechanism well."
+    )
+    fps: float = option(30.0, "Frames per second.")
+    frames_per_turn: int | None = option(None, "Frames in a turn of the crank. Default: 72.")
+    slow: float | None = option(None, "Show the motion at --speed this many times slower.")
     trace: bool = option(
-        False, "Follow the curve of assemblies at an even pace, through dead centres, as `mechsim trace`."
+        False, "Follow the curve of assemblies through dead centres, as `mechsim trace` does."
     )
 
     def samples(self, duration: float, picture: bool, positions: int, *, timed: bool) -> float:
@@ -67,7 +69,7 @@ class AnimationOptions:
         if timed and not picture:
             if self.turns != 1.0 or self.frames_per_turn is not None:
                 raise InputError(
-                    "--turns and --frames-per-turn are of a crank without a motion law; leave them out"
+                    "--turns and --frames-per-turn apply to a crank without a motion law; leave them out"
                 )
             return max(1.0, self._slowed(duration, 1.0))
         # samples of a still only shape the paths; with positions each sample is a position
@@ -98,7 +100,9 @@ class RenderJson(Written):
 @command
 def render(
     source: ModelOptions,
-    output: File,
+    output: Annotated[
+        str, output_file("Picture or animation to write: .png, .mp4, .webm, .gif, or a new folder.")
+    ],
     animation: AnimationOptions,
     look: Look,
     loads: LoadOptions,
@@ -128,7 +132,9 @@ def render(
         return _written(solver.name, output, _assembly_curve(path, solver, animation, look, picture))
     timed = not solver.motion_laws.crank
     if timed and animation.speed != AnimationOptions().speed:
-        raise InputError(f"--speed is of a crank without a motion law; {solver.name} has one: leave it out")
+        raise InputError(
+            f"--speed applies to a crank without a motion law; {solver.name} has one: leave it out"
+        )
     profile = profile_of(solver, animation.speed, animation.turns, angle)
     samples = animation.samples(profile.duration, picture, look.overlay, timed=timed)
     both = animation.method == "both"
@@ -223,7 +229,7 @@ def _check_released(animation: AnimationOptions, look: Look) -> None:
     }
     for name, is_set in excluded.items():
         if is_set:
-            raise InputError(f"{name} is of a driven crank, and the drivers are free; leave it out")
+            raise InputError(f"{name} applies to a driven crank, and the drivers are free; leave it out")
 
 
 def _written(
@@ -273,7 +279,7 @@ def _check(output: str, animation: AnimationOptions, look: Look) -> None:
         )
     for name, is_set in (("--fps", animation.fps != usual.fps), ("--slow", animation.slow is not None)):
         if still and is_set:
-            raise InputError(f"{name} is of an animation, and {output!r} is one picture; leave it out")
+            raise InputError(f"{name} applies to an animation, and {output!r} is one picture; leave it out")
     if animation.trace:
         excluded = {
             "--from": animation.method != "closed",

@@ -6,7 +6,7 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import File, Loops, Model, Sets, changed_parameters, writable
+from mechsim.cli.options import Loops, Model, Sets, changed_parameters, output_file, writable
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
 from mechsim.subjects.mjcf_source import with_loops
@@ -25,7 +25,7 @@ def sample(
     model: Model,
     *,
     n: Annotated[int, typer.Option("-n", help="Number of states.")],
-    output: File,
+    output: Annotated[str, output_file("States to write: .npz.")],
     seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 0,
     sets: Sets = None,
     loops: Loops = None,

@@ -24,7 +24,7 @@ import typer
 
 from mechsim import files
 from mechsim.cli.command import Result, command, data_type
-from mechsim.cli.options import Output, writable
+from mechsim.cli.options import output_file, writable
 from mechsim.cli.output import print_json
 from mechsim.errors import InputError
 from mechsim.model.finding import Finding, Outcome
@@ -153,7 +153,7 @@ def schema(
         str | None,
         typer.Argument(metavar="[COMMAND]", help="Command whose --json output is described."),
     ] = None,
-    output: Output = None,
+    output: Annotated[str | None, output_file("Schema to write: .json. Default: the terminal.")] = None,
 ) -> Result[dict[str, Any]]:
     """Print the JSON Schema of mechanisms in TOML, or of what a command prints with --json.
 
@@ -166,7 +166,7 @@ def schema(
     from mechsim.subjects.toml_keys import schema as toml_schema
 
     if name is not None and name not in output_types():
-        raise InputError(f"there is no schema of {name!r}; known are {', '.join(sorted(output_types()))}")
+        raise InputError(f"there is no schema of {name!r}; choose from {', '.join(sorted(output_types()))}")
     result = toml_schema() if name is None else output_schema(name)
     if output is None:
         return Result(result, lambda: print_json(result))

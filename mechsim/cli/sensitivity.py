@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, NotRequired, TypedDict
+from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import numpy as np
 
 from mechsim import files, units
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
-from mechsim.cli.options import SPEED, ModelOptions, Output, warn_about_angles, writable
+from mechsim.cli.options import SPEED, ModelOptions, output_file, warn_about_angles, writable
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
@@ -52,7 +52,7 @@ class SensitivityOptions:
     )
     to: tuple[str, ...] = option(
         ("all",),
-        "Dimensions: parameters, components as pivot.x; of a file without parameters JOINT.at.x.",
+        "Dimensions: parameters, components (pivot.x), or JOINT.at.x of a file without parameters.",
         read=units.parse_names,
         text="all",
         metavar="P,...",
@@ -63,28 +63,30 @@ class SensitivityOptions:
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
     tolerances: str | None = option(
         None,
-        "Tolerances of dimensions: crank=±0.02mm,...; P3.clearance=0.01mm is a joint's; or a table "
-        "dimension,tolerance.",
+        "Tolerances of dimensions (crank=±0.02mm), clearances of joints (P3.clearance=0.01mm), or a table "
+        "with columns dimension, tolerance.",
         metavar="FILE.csv|P=BOUND,...",
     )
     distribution: str = option(
         "uniform", f"Distribution of dimensions within their bounds: {', '.join(DISTRIBUTIONS)}."
     )
-    samples: int = option(SAMPLES, "Mechanisms of Monte Carlo; 0 omits it.")
-    seed: int = option(SEED, "Of the random numbers.")
-    plot: str | None = option(None, "Draw derivatives, or the bands: .svg, .pdf or .png.", metavar="FILE")
+    samples: int = option(SAMPLES, "Random mechanisms of the Monte Carlo check; 0 omits it.")
+    seed: int = option(SEED, "Seed of the random numbers.")
+    plot: str | None = option(
+        None, "Draw the derivatives, or the tolerance bands: .svg, .pdf or .png.", metavar="FILE"
+    )
 
     def check(self) -> None:
         """Raise InputError for invalid options, before any computation."""
         if not self.quantities:
-            raise InputError("no quantity is named; give --of, as in --of P3,rocker,torque")
+            raise InputError("--of is missing; name the quantities, as in --of P3,rocker,torque")
         if not 0 <= self.samples <= MOST_SAMPLES or self.seed < 0:
             raise InputError(
                 f"--samples is {self.samples} and --seed {self.seed}; "
                 f"give 0 to {MOST_SAMPLES} samples and a seed from 0"
             )
         if self.tolerances is None and self.distribution != "uniform":
-            raise InputError("--distribution is of tolerances, and none are given; add --tolerances")
+            raise InputError("--distribution applies to tolerances; add --tolerances")
 
 
 class DimensionJson(TypedDict):
@@ -121,12 +123,15 @@ class SensitivityJson(WithMasses):
 
 @command
 def sensitivity(
-    source: ModelOptions, options: SensitivityOptions, loads: LoadOptions, output: Output = None
+    source: ModelOptions,
+    options: SensitivityOptions,
+    loads: LoadOptions,
+    output: Annotated[str | None, output_file("Table of derivatives to write: .csv or .npz.")] = None,
 ) -> Result[SensitivityJson]:
     """Differentiate quantities by dimensions, exactly; propagate tolerances and rank their contributions.
 
-    The table has the columns angle and P3.x/crank ..., derivatives at the same position of the drivers in SI;
-    with --tolerances P3.x, P3.x.worst, P3.x.rss ... as well.
+    The table has the columns angle and P3.x/crank ..., derivatives in SI at the same position of the drivers.
+    With --tolerances it also has P3.x, P3.x.worst, P3.x.rss ....
 
     Examples:
     mechsim sensitivity four_bar --of B,rocker --to crank,coupler
@@ -139,7 +144,7 @@ def sensitivity(
     solver = parametric.make({})
     if not solver.motion_laws.crank and (options.angles or options.speed):
         name = "--angles" if options.angles else "--speed"
-        raise InputError(f"{name} is of a crank without a motion law; leave it out with --drive")
+        raise InputError(f"{name} applies to a crank without a motion law; leave it out with --drive")
     if options.angles is None:
         instants = spread_instants(solver)
     else:

@@ -5,6 +5,8 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
 
 import typer
 
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import (
@@ -12,6 +14,7 @@ from mechsim.cli.output import (
     OutputUnits,
     Units,
     Value,
+    in_colour,
     number,
     output_units,
     print_table,
@@ -20,7 +23,7 @@ from mechsim.cli.output import (
 )
 from mechsim.cli.verdict_text import findings_in_json, print_findings
 from mechsim.model.finding import Finding
-from mechsim.report.facts import facts
+from mechsim.report.facts import facts, kind
 from mechsim.subjects import gallery, listing
 from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.units import parse_angle
@@ -119,7 +122,7 @@ class ShowJson(TypedDict):
 
 @command
 def list_mechanisms() -> Result[ListJson]:
-    """List the mechanisms of the catalogue and of the gallery.
+    """List the mechanisms of the catalogue, which have closed forms, and of the gallery.
 
     Examples:
     mechsim list
@@ -128,8 +131,10 @@ def list_mechanisms() -> Result[ListJson]:
     mechanisms: Any = listing.list()
 
     def text() -> None:
-        print_table("Catalogue", ("name", "what it is"), mechanisms["mechanisms"].items())
-        print_table(f"Gallery, in {gallery.folder()}", ("name", "what it is"), mechanisms["gallery"].items())
+        head = ("name", "what it is")
+        print_table("Catalogue (closed forms in Python)", head, mechanisms["mechanisms"].items())
+        print_table("Gallery (TOML files)", head, mechanisms["gallery"].items())
+        print_text(f"files of the gallery: {gallery.folder()}")
 
     return Result(mechanisms, text)
 
@@ -141,7 +146,8 @@ def show(
         str | None, typer.Option(help="List the assemblies at this crank angle; a bare number is rad.")
     ] = None,
     driver: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Driving link of the Assur groups of a planar chain.")
+        str | None,
+        typer.Option(metavar="LINK", help="Driving link for the Assur groups of a planar mechanism."),
     ] = None,
     units: Units = None,
 ) -> Result[ShowJson]:
@@ -159,9 +165,12 @@ def show(
     findings = scene_findings(solver)
 
     def text() -> None:
-        print_text(f"{data['name']}: {data['about']}")
+        mobility = data["mobility"]
+        dofs = mobility["dofs"] if isinstance(mobility, dict) else None
+        typer.echo(in_colour(f"{data['name']}  {kind(solver, dofs)}"))
+        print_text(data["about"])
         print_findings(findings)
-        _print_structure(data)
+        _print_structure(data, solver)
         if "crank_range" in data:
             _print_crank(data)
             _print_assemblies(data, shown)
@@ -171,15 +180,20 @@ def show(
     return Result(cast("ShowJson", data | findings_in_json(findings)), text)
 
 
-def _print_structure(data: dict[str, Any]) -> None:
-    parameters = [(name, _text(p["value"]), p["unit"], p["doc"]) for name, p in data["parameters"].items()]
-    print_table("Parameters", ("name", "value", "unit", "meaning"), parameters)
+def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
+    declared = solver.written
+    if isinstance(solver, ClosedForm):
+        rows = [(name, _text(p["value"]), p["unit"], p["doc"]) for name, p in data["parameters"].items()]
+        print_table("Parameters", ("name", "value", "unit", "meaning"), rows)
+    else:
+        values = [(name, _text(p["value"])) for name, p in data["parameters"].items()]
+        title = f"Parameters, in the units of the file ({declared.length}, {declared.angle})"
+        print_table(title, ("name", "value"), values)
     joints = [(joint["name"], joint["kind"], " - ".join(joint["links"])) for joint in data["joints"]]
     print_table("Joints", ("joint", "kind", "links"), joints)
     couplings = [(law["name"], _sum(law["driven"]), _polynomial(law)) for law in data["couplings"]]
-    print_table("Couplings", ("coupling", "driven", "as a function"), couplings)
-    mobility = data["mobility"]
-    typer.echo(f"Mobility W = {mobility['dofs'] if isinstance(mobility, dict) else mobility}")
+    print_table("Couplings", ("coupling", "driven", "equals"), couplings)
+    typer.echo(in_colour("Mobility"))
     for line in data["mobility_explained"]:
         print_text(f"  {line}")
     for name, law in data.get("motion_laws", {}).items():
@@ -197,24 +211,26 @@ def _print_crank(data: dict[str, Any]) -> None:
         print_text(f"dead centres of the crank: {', '.join(map(_degrees, data['dead_centres']))} deg")
     if data["change_points"]:
         print_text(
-            f"change points of the crank: {', '.join(map(_degrees, data['change_points']))} deg: two "
-            "assemblies coincide there. The motion continues smoothly, or stays on its branch with "
-            "--change-point branch; a real linkage needs a second crank or a flywheel"
+            f"change points of the crank: {', '.join(map(_degrees, data['change_points']))} deg, where two "
+            "assemblies meet. The motion passes them smoothly, or stays in its assembly with "
+            "--change-point branch. A real linkage needs a second crank or a flywheel there"
         )
         if data["turns_to_come_round"] > 1:
             typer.echo(f"the motion repeats after {data['turns_to_come_round']} turns of the crank")
     if data["transmission_angle"] is not None:
         least, position = (_degrees(data["transmission_angle"][name]) for name in ("least", "at_angle"))
-        typer.echo(f"transmission angle: at least {least} deg, at crank angle {position} deg")
+        typer.echo(f"transmission angle: at least {least} deg (at crank angle {position} deg)")
+    if data["assur_explained"]:
+        typer.echo(in_colour("Assur groups"))
     for line in data["assur_explained"]:
-        print_text(line)
+        print_text(f"  {line}")
 
 
 def _print_assemblies(data: dict[str, Any], shown: OutputUnits) -> None:
     angle, assemblies = _degrees(data["angle"]), data["assemblies"]
     if not assemblies:
         in_range = any(low <= data["angle"] <= high for low, high in data["crank_ranges"])
-        reason = "its pose there is singular" if in_range else "it is outside the crank's range"
+        reason = "the configuration is singular there" if in_range else "outside the crank's range"
         typer.echo(f"no assembly at crank angle {angle} deg: {reason}")
         return
     scale = shown.converted("m")[0]
@@ -243,16 +259,22 @@ def _degrees(angle: float) -> str:
 
 
 def _sum(terms: dict[str, float]) -> str:
-    signs = {1.0: "", -1.0: "-"}
-    return _added([f"{signs.get(weight, f'{_text(weight)} ')}{name}" for name, weight in terms.items()])
+    return _added([_term(weight, name) for name, weight in terms.items()])
 
 
 def _polynomial(coupling: dict[str, Any]) -> str:
     """Return p(x) in words, x being the driver's side."""
     x = _sum(coupling["driver"])
-    powers = ["", *(f" ({x})" if k == 1 else f" ({x})^{k}" for k in range(1, 6))]
+    x = x if list(coupling["driver"].values()) == [1.0] else f"({x})"
+    powers = ["", x, *(f"{x}^{k}" for k in range(2, 6))]
     terms = zip(coupling["coefficients"], powers, strict=False)
-    return _added([f"{_text(value)}{power}" for value, power in terms if value]) or "0"
+    return _added([_term(value, power) for value, power in terms if value]) or "0"
+
+
+def _term(value: float, factor: str) -> str:
+    """Return a product; a factor of one is not written."""
+    sign = {1.0: "", -1.0: "-"}.get(value) if factor else None
+    return f"{_text(value)} {factor}".rstrip() if sign is None else f"{sign}{factor}"
 
 
 def _added(terms: list[str]) -> str:

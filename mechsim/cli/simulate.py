@@ -18,7 +18,7 @@ from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
     ModelOptions,
-    Output,
+    output_file,
     require_motion,
     scene_of,
     with_policy,
@@ -52,7 +52,7 @@ from mechsim.units import crank_speed, option, parse_angle, parse_length, parse_
 RunSettings = Annotated[Mapping[str, Any], Settings]
 # options of a crank alone, and why they are invalid with motion laws
 CRANK_OPTIONS = ("speed", "turns", "profile", "every")
-HAS_LAW = "is of a crank without a motion law; leave it out, and give --duration"
+HAS_LAW = "applies to a crank without a motion law; leave it out, and give --duration"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,15 +60,13 @@ class RunOptions:
     """What is run, how long and how accurately."""
 
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
-    turns: float | None = option(
-        None, "Turns of the crank. [default: 1; one swing where it cannot rotate fully]"
-    )
+    turns: float | None = option(None, "Turns of the crank. [default: 1, or one swing within its range]")
     profile: str | None = option(
-        None, "Crank angle over time: .csv or .npz with time, angle.", metavar="FILE"
+        None, "Table of the crank angle over time: .csv or .npz with columns time, angle.", metavar="FILE"
     )
     poses: str | None = option(
         None,
-        "Poses instead, each solved by itself: driver coordinates in SI row by row, .csv or .npz.",
+        "Table of driver coordinates whose configurations MuJoCo solves: .csv or .npz, in SI.",
         name="--at",
         metavar="FILE",
     )
@@ -84,7 +82,7 @@ class RunOptions:
         "time step, an integrator or a constraint setting, else pose.",
         metavar="step|pose",
     )
-    every: str | None = option(None, "Crank angle between records, as in 5deg.")
+    every: str | None = option(None, "Crank angle between two rows of the result, as in 5deg.")
     samples: int | None = option(None, "Rows, both ends included. Default: about 72 a turn.")
 
     @property
@@ -122,11 +120,13 @@ def simulate(
     *,
     settings: RunSettings,
     controls: ControlOptions,
-    scene: Annotated[str, typer.Option(help="pose, motion, dynamics or picture.")] = "motion",
-    cut: Annotated[str | None, typer.Option(help="Joints at which to cut the loops, with commas.")] = None,
+    scene: Annotated[
+        str, typer.Option(help="Detail of the MuJoCo model: pose, motion, dynamics or picture.")
+    ] = "motion",
+    cut: Annotated[str | None, typer.Option(help="Joints at which the loops are cut.")] = None,
     change_point: ChangePointOption = None,
     units: Units = None,
-    output: Output = None,
+    output: Annotated[str | None, output_file("Motion to write: .csv or .npz.")] = None,
 ) -> Result[RunJson]:
     """Run a mechanism in MuJoCo under a driven crank, or under motion laws of its drivers.
 
@@ -137,7 +137,7 @@ def simulate(
     path = None if output is None else writable(output, ".csv", ".npz")
     if controls.ctrl:
         if units is not None:
-            raise InputError("--units is of a motion's table; leave it out with --ctrl")
+            raise InputError("--units applies to the table of a motion; leave it out with --ctrl")
         if change_point is not None:
             raise InputError(f"--change-point {HAS_LAW}")
         return _controlled(source, controls, options, settings, path)
@@ -175,8 +175,8 @@ def simulate(
                 f"(tolerance {number(run.tolerance, 3)} m)"
             )
         print_text(run.note)
-        unit = "poses" if run.method == "pose" else "steps"
-        typer.echo(f"{run.steps} {unit} in {number(run.seconds)} s, by {run.method}")
+        unit = "solved poses" if run.method == "pose" else "time steps"
+        typer.echo(f"{run.steps} {unit} in {number(run.seconds)} s")
         _print_written(output, len(run.motion))
 
     data = run.summary() | {"mechanism": solver.name, "output": output, "rows": len(run.motion)}
@@ -233,8 +233,10 @@ def _run(
 
 def _poses(solver: KinematicSolver, options: RunOptions, settings: Mapping[str, Any], scene: Scene) -> Run:
     """Solve the poses at rows of driver coordinates."""
-    options.exclude(*CRANK_OPTIONS, "samples", because="is of a motion; leave it out with --at")
-    options.exclude("tolerance", "timestep", because="is of steps; poses with --at are solved to rounding")
+    options.exclude(*CRANK_OPTIONS, "samples", because="applies to a motion; leave it out with --at")
+    options.exclude(
+        "tolerance", "timestep", because="applies to steps; poses with --at are solved to rounding"
+    )
     if options.method == "step" or settings:
         raise InputError("--at solves poses; leave out --method step and settings of steps")
     assert options.poses is not None
@@ -288,7 +290,7 @@ def _controlled(
     if options.poses is not None:
         raise InputError("--at prescribes joints; leave it out with --ctrl")
     if "drive_inertia" in settings:
-        raise InputError("--drive-inertia is of a driven run; with --ctrl leave it out")
+        raise InputError("--drive-inertia applies to a driven run; leave it out with --ctrl")
     scene = user_scene(source.model, source, controls)
     plain = plain_settings(settings, options.timestep, float(scene.model.opt.timestep))
     requested = options.tolerance_in_metres

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict, cast
+from typing import Annotated, TypedDict, cast
 
 import numpy as np
 import typer
@@ -18,13 +18,21 @@ from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
     ModelOptions,
-    Output,
+    output_file,
     require_motion,
     warn_about_angles,
     with_policy,
     writable,
 )
-from mechsim.cli.output import Labelled, OutputUnits, Units, output_units, print_table, without_noise
+from mechsim.cli.output import (
+    SI_UNITS,
+    Labelled,
+    OutputUnits,
+    Units,
+    output_units,
+    print_table,
+    without_noise,
+)
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import FewDigitsJson
 from mechsim.errors import InputError
@@ -58,17 +66,22 @@ class SolveOptions:
     )
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
     samples: int | None = option(
-        None, f"Rows of a motion under motion laws or of one turn, both ends included. [default: {SAMPLES}]"
+        None, f"Rows of one turn, or of the motion laws, both ends included. [default: {SAMPLES}]"
     )
     poses: str | None = option(
-        None, "Poses instead: driver coordinates in SI row by row, .csv or .npz.", name="--at", metavar="FILE"
+        None,
+        "Table of driver coordinates to solve instead: .csv or .npz, in SI.",
+        name="--at",
+        metavar="FILE",
     )
 
     def check(self, solver: KinematicSolver) -> None:
         """Raise InputError for options that exclude each other."""
         if (self.angles or self.speed) and (not solver.motion_laws.crank or self.poses):
             name = "--angles" if self.angles else "--speed"
-            raise InputError(f"{name} is of a crank without a motion law; leave it out with --drive and --at")
+            raise InputError(
+                f"{name} applies to a crank without a motion law; leave it out with --drive and --at"
+            )
         if self.samples is not None:
             if not 2 <= self.samples <= MOST_SAMPLES:
                 raise InputError(f"--samples is {self.samples}; give 2 to {MOST_SAMPLES}")
@@ -116,7 +129,7 @@ def solve(
     options: SolveOptions,
     change_point: ChangePointOption = None,
     units: Units = None,
-    output: Output = None,
+    output: Annotated[str | None, output_file("Motion to write: .csv or .npz.")] = None,
     as_json: JSON_OPTION = False,
 ) -> Result[SolveJson] | None:
     """Solve a mechanism by its closed form, else by loop equations; write .csv or .npz, or print a table.
@@ -181,7 +194,7 @@ def _whole(
         if path is not None:
             typer.echo(f"wrote {len(motion)} rows to {path}")
         elif sys.stdout.isatty():
-            _print_table(solver.name, _labelled(motion, shown))
+            _print_table(solver.name, _labelled(motion, shown or SI_UNITS))
         else:
             _print_csv(iter([_labelled(motion, shown)]))
 

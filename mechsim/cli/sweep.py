@@ -10,7 +10,7 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import InitialOptions, masses_in_json, print_masses
-from mechsim.cli.options import File, ModelOptions, Speed, changed_parameters
+from mechsim.cli.options import ModelOptions, Speed, changed_parameters, output_file
 from mechsim.cli.output import Value, number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
@@ -42,46 +42,51 @@ MOST_REASONS = 5
 Vary = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="P=A:B:N", help="Vary a parameter: crank=12mm:15mm:31; branch=1,-1; with --sample P=A:B."
+        metavar="P=A:B:N",
+        help="Vary a parameter over N values (crank=12mm:15mm:31), a list (branch=1,-1), or with --sample "
+        "over a range P=A:B.",
     ),
 ]
 Design = Annotated[
     str | None,
-    typer.Option(metavar="FILE.csv", help="Designs instead, one a row: a column a parameter."),
+    typer.Option(metavar="FILE.csv", help="Table of designs: one row each, one column for each parameter."),
 ]
 Sample = Annotated[
     str | None,
-    typer.Option(metavar="sobol:N", help="Spread N designs over the ranges: sobol, halton, latin, random."),
+    typer.Option(
+        metavar="sobol:N", help="Spread N designs over the ranges by sobol, halton, latin or random."
+    ),
 ]
 Measure = Annotated[
     list[str] | None,
     typer.Option(
         metavar="M",
-        help="range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY "
-        "(at:TIME:QUANTITY under motion laws), crank_range, "
-        "dead_centres, assemblies, frequency:N and damping_ratio:N of mode N, settling:QUANTITY and "
-        "peak:QUANTITY of a run from an initial state, FILE.py:FUNC of a Motion; quantities are J, J.v, J.a, "
-        "P.x, P.vx, P.ax, speed:P, acceleration:P, distance:P,Q, angle:LINK,LINK, expr:EXPRESSION, torque, "
-        "force:J, moment:J, transmission.",
+        help="Measure range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY "
+        "(at:TIME:QUANTITY under motion laws), crank_range, dead_centres, assemblies, frequency:N or "
+        "damping_ratio:N of mode N, settling:QUANTITY or peak:QUANTITY of a run from an initial state, or "
+        "FILE.py:FUNC of a Motion. Quantities are J, J.v, J.a, P.x, P.vx, P.ax, speed:P, acceleration:P, "
+        "distance:P,Q, angle:LINK,LINK, expr:EXPRESSION, torque, force:J, moment:J, transmission.",
     ),
 ]
-Samples = Annotated[int | None, typer.Option(help="Poses a turn, or over the motion laws. [default: 72]")]
+Samples = Annotated[
+    int | None, typer.Option(help="Configurations in a turn, or over the motion laws. [default: 72]")
+]
 Method = Annotated[
     str | None,
     typer.Option(
         metavar="step",
-        help="step integrates every design in MuJoCo; so does an integrator or a constraint setting. By "
-        "default formulas and loop equations.",
+        help="step integrates every design in MuJoCo, as any integrator or constraint setting does. "
+        "Default: formulas and loop equations.",
     ),
 ]
 Check = Annotated[
     int,
-    typer.Option(metavar="N", help="Check N random designs by the other method, too."),
+    typer.Option(metavar="N", help="Check N random designs by the other method."),
 ]
-Resume = Annotated[bool, typer.Option("--resume", help="Continue a sweep that was stopped.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted sweep.")]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="tcp://HOST:PORT", help="Of a Dask cluster; without it, this process by threads."),
+    typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler. Default: threads of this process."),
 ]
 
 
@@ -99,7 +104,7 @@ class SweepJson(WithMasses):
 @command
 def sweep(
     source: ModelOptions,
-    output: File,
+    output: Annotated[str, output_file("Table to write: .nc, .zarr, .parquet or .csv.")],
     *,
     vary: Vary = None,
     design: Design = None,
@@ -114,7 +119,7 @@ def sweep(
     scheduler: Scheduler = None,
     release: InitialOptions,
 ) -> Result[SweepJson]:
-    """Measure many designs of a mechanism; write .nc, .zarr, .parquet or .csv, chunk by chunk.
+    """Measure many designs of a mechanism; write a table, chunk by chunk.
 
     Examples:
     mechsim sweep four_bar --vary crank=3cm:5cm:9 --measure range:rocker -o s.csv

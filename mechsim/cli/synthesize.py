@@ -38,14 +38,14 @@ def synthesize(
     model: Model,
     through: Annotated[str, typer.Option(help="Middle of the line, as in 12.8751,29.9574mm.")],
     tilt: Annotated[str, typer.Option(help="Angle of the line from +Y towards +X, as in 1.3905deg.")],
-    length: Annotated[str, typer.Option(help="Extent of the line in y, its middle at the point.")],
+    length: Annotated[str, typer.Option(help="Length of the line in y.")],
     sets: Sets = None,
 ) -> Result[SynthesisJson]:
     """Find frame, frame angle and rocker of a looper whose coupler point follows a line in the plane.
 
-    Two answers: the linkage whose rocker's end keeps its circle best, which is the paper's criterion, and
-    the straightest, whose coupler point leaves the line least. The deviation of either is the largest
-    distance between the path of its coupler point and the line.
+    It prints two linkages: the one with the smallest radial error of the rocker's end, the criterion of the
+    paper, and the one whose coupler point deviates least from the line. The deviation is the largest distance
+    between the path of the coupler point and the line.
 
     Examples:
     mechsim synthesize looper --through 12.9,30mm --tilt 1.4deg --length 4mm
@@ -53,7 +53,8 @@ def synthesize(
     """
     base: Any = closed_form(load_model(model, sets), "a synthesis")
     if "coupler line" not in base.declaration.theories:
-        raise InputError(f"{base.name} cannot be synthesised; {catalog.with_theory('coupler line')} can")
+        choices = catalog.with_theory("coupler line")
+        raise InputError(f"{base.name} cannot be synthesised; choose from {choices}")
     point = units.parse_vector(through, "m", "--through")
     if len(point) != 2:
         raise InputError(f"--through is {through!r}, {len(point)} numbers; give 2, with a comma")

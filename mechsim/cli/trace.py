@@ -8,7 +8,7 @@ import typer
 
 from mechsim import files
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import ModelOptions, Output, writable
+from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import OutputUnits, Units, Value, number, output_units, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
@@ -31,7 +31,7 @@ from mechsim.units import parse_names
 # rows of a table for each curve
 MOST_SAMPLES = 100_000
 # significant digits of angles and lengths that describe a curve
-CURVE_DIGITS = 6
+CURVE_DIGITS = 4
 
 
 class TurningPointJson(TypedDict):
@@ -73,7 +73,7 @@ class TraceJson(TypedDict):
 @command
 def trace(
     source: ModelOptions,
-    output: Output = None,
+    output: Annotated[str | None, output_file("Table of the curves to write: .csv or .npz.")] = None,
     plot: Annotated[
         str | None, typer.Option(metavar="FILE", help="Plot the curves: .svg, .pdf or .png.")
     ] = None,
@@ -82,12 +82,14 @@ def trace(
         typer.Option(
             "--of",
             metavar="A,B[,C]",
-            help="Coordinates to plot over, as columns of the table: angle, rocker, P3.x; two or three.",
+            help="Two or three coordinates of the plot: angle, rocker, P3.x.",
         ),
     ] = None,
-    samples: Annotated[int, typer.Option(help="Even steps of arc in the table of each curve.")] = SAMPLES,
-    starts: Annotated[int, typer.Option(help="Random starts of the search for curves.")] = STARTS,
-    seed: Annotated[int, typer.Option(help="Of the random starts.")] = SEED,
+    samples: Annotated[
+        int, typer.Option(help="Steps of equal arc length in the table of each curve.")
+    ] = SAMPLES,
+    starts: Annotated[int, typer.Option(help="Random starts of the search for assemblies.")] = STARTS,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = SEED,
     units: Units = None,
 ) -> Result[TraceJson]:
     """Trace all assemblies of a mechanism with one DOF as closed curves, past every dead centre.
@@ -106,7 +108,7 @@ def trace(
     if plot is not None:
         plots.format_of(plot)
     elif coordinates is not None:
-        raise InputError(f"--of {coordinates} names what to plot over; name the file with --plot")
+        raise InputError(f"--of {coordinates} selects what is plotted; add --plot FILE")
     if not 1 <= samples <= MOST_SAMPLES:
         raise InputError(f"{samples} samples of a curve; give 1 to {MOST_SAMPLES}")
     solver = source.load()
@@ -143,7 +145,7 @@ def _print(trace: AssemblyTrace) -> None:
     first = trace.curves[0]
     driver = "crank" if first.driver.unit == "rad" else first.driver.coordinate
     rows: list[tuple[Value, ...]] = [
-        (f"{i + 1}{' (its own)' if i == 0 else ''}", curve.starts_ended, curve.length, *_crank_cells(curve))
+        (f"{i + 1}{' (initial)' if i == 0 else ''}", curve.starts_ended, curve.length, *_crank_cells(curve))
         for i, curve in enumerate(trace.curves)
     ]
     title = (
@@ -164,7 +166,7 @@ def _print(trace: AssemblyTrace) -> None:
         for i, curve in enumerate(trace.curves)
         for point in curve.turning_points
     ]
-    head = ("component", "coordinate", "is", "at", "arc", f"{driver} at")
+    head = ("component", "coordinate", "", "value", "arc", driver)
     print_table("Extreme values of coordinates", head, rows)
     for point in trace.branch_points:
         locations = ", ".join(f"{i + 1} at arc {number(arc)}" for i, arc in point.locations)

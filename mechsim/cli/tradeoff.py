@@ -11,7 +11,7 @@ from mechsim import units
 from mechsim.cli import exit_codes
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import ControlOptions, user_scene
-from mechsim.cli.options import DriveOptions, ModelOptions, Output, Speed, load_model, writable
+from mechsim.cli.options import DriveOptions, ModelOptions, Speed, load_model, output_file, writable
 from mechsim.cli.output import Value, number, print_table, print_text, width
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Settings
@@ -105,13 +105,13 @@ def tradeoff(
     controls: ControlOptions,
     *,
     costs: Annotated[
-        bool, typer.Option("--costs", help="Measure instead what each element of an MJCF scene costs.")
+        bool, typer.Option("--costs", help="Measure what each element of an MJCF scene costs instead.")
     ] = False,
     speed: Speed = "600rpm",
     budget: Annotated[
-        str, typer.Option(help="Wall-clock time for everything; a bare number is seconds.")
+        str, typer.Option(help="Wall-clock time of the whole study; a bare number is in s.")
     ] = "60s",
-    seed: Annotated[int, typer.Option(help="Of the order of trials.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the order of trials.", min=0)] = 0,
     by: Annotated[
         str,
         typer.Option(help="Error that decides: position, velocity, acceleration, angle, loop or drive."),
@@ -119,7 +119,7 @@ def tradeoff(
     plot: Annotated[
         str | None, typer.Option(metavar="FILE", help="Work-precision plot: .svg, .png or .pdf.")
     ] = None,
-    output: Output = None,
+    output: Annotated[str | None, output_file("Table of all trials to write: .csv.")] = None,
 ) -> Result[TradeoffJson]:
     """Measure how fast and how accurate MuJoCo's settings are on one mechanism, and recommend some.
 
@@ -138,7 +138,7 @@ def tradeoff(
             "--drive, --ctrl, --lock, --key, --track and --duration are for --costs; give it too"
         )
     if by not in COMPARED:
-        raise InputError(f"there is no error by {by!r}; known are {', '.join(COMPARED)}")
+        raise InputError(f"there is no error by {by!r}; choose from {', '.join(COMPARED)}")
     timer = _timed_budget(budget, drawn=plot is not None)
     with progress("tradeoff", None) as report:
         subject = _subject(source, crank_speed(speed), timer)

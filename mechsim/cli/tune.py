@@ -79,14 +79,14 @@ def tune(
     *,
     tolerance: Annotated[
         str,
-        typer.Option(help="Tolerance; a bare number is metres, by torque N m (or N of a slide)."),
+        typer.Option(help="Tolerance; a bare number is in m, with --by torque in N m (N for a slide)."),
     ],
     by: Annotated[
         str,
         typer.Option(
             metavar="closure|trajectory|torque",
-            help="Error: points against the exact closure at the run's own drivers, points against the "
-            "scene's own limit of small steps and stiff loops, or efforts against that limit.",
+            help="Error to keep: closure compares points with exactly closed loops at the run's own driver "
+            "positions, trajectory with a run of small steps and stiff loops, torque compares efforts.",
         ),
     ] = "closure",
     driven: DriveOptions,
@@ -95,17 +95,20 @@ def tune(
         str,
         typer.Option(
             metavar="KIND,...",
-            help=f"What may be disabled or become softer: {', '.join(ALLOWABLE)}.",
+            help=f"What may be disabled or softened: {', '.join(ALLOWABLE)}.",
         ),
     ] = "",
-    budget: Annotated[str, typer.Option(help="Duration of the search.")] = f"{SECONDS:g}s",
+    budget: Annotated[
+        str, typer.Option(help="Duration of the search; a bare number is in s.")
+    ] = f"{SECONDS:g}s",
     output: Annotated[
-        str, typer.Option("-o", "--output", metavar="OUT.xml", help="Where to write the scene.")
+        str, typer.Option("-o", "--output", metavar="OUT.xml", help="Tuned scene to write: .xml.")
     ],
     python: Annotated[
         str | None,
         typer.Option(
-            metavar="OUT.py", help="Where to write Python that runs it, or reaches what no file can."
+            metavar="OUT.py",
+            help="Also write a Python script that runs the scene, with settings that MJCF cannot hold.",
         ),
     ] = None,
 ) -> Result[TuneJson]:
@@ -170,10 +173,8 @@ def _print(report: TuningReport, data: dict[str, Any]) -> None:
     typer.echo(f"wrote {data['output']}")
     if data["put_in"]:
         print_text(f"included files are part of it, since they change: {', '.join(data['put_in'])}")
-    typer.echo(data["diff"])
-    print_text(
-        f"{len(result.tried)} settings tried in {number(result.seconds, 3)} s; limit: {data['limit']['what']}"
-    )
+    print_text(f"{len(result.tried)} settings tried in {number(result.seconds, 3)} s")
+    print_text(f"trajectory: difference to {data['limit']['what']}; --json lists the changed lines")
 
 
 def _summary(result: Tuned, trial: SceneTrial) -> str:

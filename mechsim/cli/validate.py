@@ -158,21 +158,22 @@ def validate(
         list[str] | None,
         typer.Argument(
             metavar="[MODEL]...",
-            help="Names, FILE.toml, .xml, FILE.py:OBJECT. Default: the catalogue, and the gallery, not "
-            "stepped.",
+            help="Names, FILE.toml, .xml, .urdf or FILE.py:OBJECT. Default: the catalogue, and the gallery "
+            "without stepping.",
         ),
     ] = None,
     *,
     whole_gallery: Annotated[
         bool,
-        typer.Option("--gallery", help="Validate the gallery, stepped, and the named models or catalogue."),
+        typer.Option("--gallery", help="Also step the mechanisms of the gallery in time."),
     ] = False,
     reference: Annotated[
         bool,
-        typer.Option("--reference", help="Compare both methods with the 30-digit reference data instead."),
+        typer.Option("--reference", help="Compare both methods with the 30-digit reference data."),
     ] = False,
     report: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Write plots, pictures, videos and a page to a folder.")
+        str | None,
+        typer.Option(metavar="DIR", help="Write a page with plots, pictures and videos to this folder."),
     ] = None,
     speed: Speed = "600rpm",
     certify: Annotated[
@@ -183,7 +184,7 @@ def validate(
     ] = False,
     budget: Annotated[
         str,
-        typer.Option(help="Processor time for the stepped runs of each mechanism; the result is reported."),
+        typer.Option(help="Processor time for the stepped runs of each mechanism."),
     ] = f"{BUDGET:g}s",
     comparison: AgainstOptions,
     driven: DriveOptions,
@@ -191,9 +192,9 @@ def validate(
     verbose: Verbose = False,
     as_json: JSON_OPTION = False,
 ) -> Result[ValidateJson]:
-    """Check closed form, loop equations, formulas and MuJoCo against each other; the main job.
+    """Check formulas, loop equations and MuJoCo against each other, and name the cause of a difference.
 
-    The formula that a file names is code, and is run.
+    A formula that the file or --against names is Python code, and is run.
 
     Examples:
     mechsim validate four_bar
@@ -207,7 +208,7 @@ def validate(
     folder = None if report is None else folder_for(report)
     if comparison.against is not None:
         if models is None or len(models) != 1 or whole_gallery:
-            raise InputError("--against is of one model; name it, and no others")
+            raise InputError("--against compares one model; name exactly one")
         design = load_parametric(models[0], sets, driven, moving=False)
         return _against(design, comparison, crank_speed(speed), folder, verbose)
     if comparison.plot is not None:
@@ -295,8 +296,7 @@ def _validated(
     }
     if folder is not None:
         with progress("draw", len(cases)) as report:
-            descriptions = {name: gallery.description(path) for name, path in gallery.files().items()}
-            for note in write_validation_report(folder, cases, data, report, descriptions):
+            for note in write_validation_report(folder, cases, data, report):
                 print_stderr(note)
 
     def text() -> None:
@@ -323,7 +323,7 @@ def _against(
         plots.format_of(plot_path)
     tolerance = comparison.tolerance_in_metres
     if not source.lower().endswith(".csv"):
-        print_stderr(f"mechsim: runs {source.rpartition(':')[0] or source}: a formula is code")
+        print_stderr(f"mechsim: runs {source.rpartition(':')[0] or source} (a formula is Python code)")
     agreement = compare_model(design, source, speed=speed, tolerance=tolerance)
     name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
     entry = agreement.as_dict() | findings_in_json((*findings, *agreement.findings))
@@ -346,7 +346,7 @@ def report_code(solvers: Iterable[KinematicSolver]) -> None:
     files = [solver.formula.rpartition(":")[0] for solver in solvers]
     own = [file for file in dict.fromkeys(files) if file and Path(file).resolve().parent != gallery.folder()]
     if own:
-        print_stderr(f"mechsim: runs {', '.join(own)}: a formula is code")
+        print_stderr(f"mechsim: runs {', '.join(own)} (a formula is Python code)")
 
 
 def _by_reference(models: Sequence[str], verbose: bool) -> Result[ValidateJson]:

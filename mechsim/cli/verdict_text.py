@@ -10,10 +10,10 @@ import typer
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, width, wrapped
 from mechsim.model.finding import Finding
-from mechsim.model.link_poses import hinged_normals
 from mechsim.model.masses import summary
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import prefixed
+from mechsim.report.facts import kind
 from mechsim.subjects.mjcf_source import MjcfForm
 
 if TYPE_CHECKING:
@@ -69,14 +69,13 @@ DURATION_WIDTH = 6
 RELATIVE_CHANGE = re.compile(r" \([-+]\S+ %\)")
 
 
-def print_verdict(title: str, verdict: "Verdict", *, reasons: bool = True) -> None:
+def print_verdict(title: str, verdict: "Verdict") -> None:
     """Print a verdict and a table of all its checks, with the reason for each tolerance."""
     from mechsim.verdict.checks import check_table
 
     head, rows = check_table(verdict.checks)
-    columns = slice(None if reasons else -1)
     print_text(f"{title}: {verdict.outcome}" + (f" - {verdict.reason}" if verdict.reason else ""))
-    print_table("", head[columns], [row[columns] for row in rows])
+    print_table("", head, rows)
 
 
 def print_verdicts(verdicts: "Mapping[str, Verdict]", *, verbose: bool) -> None:
@@ -286,7 +285,7 @@ def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool)
 
 def _print_block(name: str, case: "Validation", speed: str, verbose: bool) -> None:
     """Print what was compared of a mechanism, and what failed."""
-    lines = [headline(f"{name}  {_description(case)}", case.passed, case.seconds)]
+    lines = [headline(f"{name}  {kind(case.solver)}", case.passed, case.seconds)]
     if not case.passed:
         findings = () if case.formula is None else case.formula.findings
         lines += failure_lines(case.verdict.checks, findings, case.verdict.reason)
@@ -305,19 +304,6 @@ def _print_summary(cases: Mapping[str, "Validation"]) -> None:
     passed = sum(case.passed for case in cases.values())
     seconds = sum(case.seconds for case in cases.values())
     typer.echo(f"  {passed} passed, {len(cases) - passed} failed in {seconds:.1f} s   (% = error/tolerance)")
-
-
-def _description(case: "Validation") -> str:
-    """Return a mechanism in words: planar or spatial, links, degrees of freedom, range of the crank."""
-    mechanism = case.solver.mechanism
-    facts = [
-        "spatial" if hinged_normals(mechanism) is None else "planar",
-        f"{len(mechanism.links) + 1} links",
-        f"{len(mechanism.drivers)} DOF",
-    ]
-    if case.solver.motion_laws.crank and mechanism.has_crank:
-        facts.append("full rotation" if case.solver.crank_range().full else "limited rotation")
-    return ", ".join(facts)
 
 
 def _stepped(case: "Validation", speed: str) -> str:

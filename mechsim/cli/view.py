@@ -13,7 +13,7 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import LoadOptions, ReleaseOptions, released_model, require_release
-from mechsim.cli.options import SPEED, ModelOptions, Output, Speed, load_parametric, writable
+from mechsim.cli.options import SPEED, ModelOptions, Speed, load_parametric, output_file, writable
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
@@ -35,26 +35,28 @@ def view(
     source: ModelOptions,
     loads: LoadOptions,
     release: ReleaseOptions,
-    output: Output = None,
+    output: Annotated[
+        str | None, output_file("Page to write: .html. Default: a temporary page, opened in the browser.")
+    ] = None,
     speed: Speed = SPEED,
     up: Annotated[
         str | None,
         typer.Option(
-            metavar="AXIS", help="Axis that points up: x, y, z, -x, ... Default: against gravity, else y."
+            metavar="AXIS", help="Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y."
         ),
     ] = None,
     live: Annotated[
         bool,
-        typer.Option(
-            "--live", help="Let the page solve the mechanism: sliders of dimensions, points to drag, TOML."
-        ),
+        typer.Option("--live", help="Solve in the page: sliders of dimensions, points to drag, TOML."),
     ] = False,
     certify: Annotated[
         bool,
-        typer.Option("--certify", help="Prove by interval arithmetic what the page shows, and say so there."),
+        typer.Option(
+            "--certify", help="Prove the shown range by interval arithmetic; the page states the result."
+        ),
     ] = False,
 ) -> Result[ViewJson]:
-    """Write an interactive page that works offline; without -o the browser opens it.
+    """Write an interactive 3-D page that works offline.
 
     Examples:
     mechsim view rssr

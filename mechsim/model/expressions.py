@@ -188,7 +188,7 @@ FUNCTIONS: dict[str, Function] = {
     "min": Function(lambda *values: _extreme(1.0, *values), None, "same"),
     "max": Function(lambda *values: _extreme(-1.0, *values), None, "same"),
 }
-_ALLOWED = f"known are + - * / ** ( ), pi and {', '.join(FUNCTIONS)}"
+_ALLOWED = f"write it with + - * / ** ( ), pi, {', '.join(FUNCTIONS)}"
 
 
 def parse_expression(text: str) -> ast.expr:
@@ -436,7 +436,9 @@ def compiled(text: str, names: Iterable[str]) -> Expression:
     used = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and id(node) not in called]
     for name in used:
         if name not in (*allowed, "pi"):
-            raise InputError(f"names {name!r}, which is not defined; known are {', '.join((*allowed, 'pi'))}")
+            raise InputError(
+                f"names {name!r}, which is not defined; choose from {', '.join((*allowed, 'pi'))}"
+            )
     expression = Expression(text, tuple(dict.fromkeys(name for name in used if name != "pi")), tree)
     try:
         expression({name: np.full(1, 0.5) for name in expression.names})

@@ -261,7 +261,7 @@ class Joint:
 
     def __post_init__(self) -> None:
         if str(self.kind) not in KINDS:
-            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; known are {', '.join(KINDS)}")
+            raise InputError(f"joint {self.name!r} is of kind {self.kind!r}; choose from {', '.join(KINDS)}")
         for end in (self.a, self.b):
             require(f"a side of joint {self.name!r}", end, End)
         if self.a.link == self.b.link:

@@ -262,7 +262,8 @@ def unknown(name: str, mechanism: Mechanism) -> InputError:
     close = get_close_matches(name, [*short, *columns, "torque", TRANSMISSION, *words], n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
     names = (
-        f"known are points and joints ({', '.join(short)}) and names such as P.x, J.v, torque:J, distance:P,Q"
+        f"choose from points and joints ({', '.join(short)}) and names such as P.x, J.v, torque:J, "
+        "distance:P,Q"
     )
     return InputError(f"{mechanism.name} has no quantity {name!r}{hint} {names}")
 
@@ -436,7 +437,7 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
     links = [GROUND, *(link.name for link in mechanism.links)]
     for link in names:
         if link not in links:
-            raise InputError(f"{mechanism.name} has no link {link!r}; known are {', '.join(links)}")
+            raise InputError(f"{mechanism.name} has no link {link!r}; choose from {', '.join(links)}")
     columns = [
         Column(link_column(link, i, j), "1", "link", link)
         for link in names

@@ -33,7 +33,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         if self.level not in LEVELS:
-            raise InputError(f"there is no scene {self.level!r}; the levels are {', '.join(LEVELS)}")
+            raise InputError(f"there is no scene {self.level!r}; choose from {', '.join(LEVELS)}")
 
     @property
     def acting(self) -> Forces:

@@ -36,6 +36,34 @@ def rank(matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR)
     return int(significant(np.linalg.svd(matrix, compute_uv=False), tolerance, floor).sum())
 
 
+def pivot_columns(matrix: Array) -> tuple[NDArray[np.intp], Array]:
+    """Return the columns of a matrix, (m, k), in the order of QR with column pivoting, and its pivots' sizes.
+
+    The first r columns are independent where r pivots are nonzero. scipy's QR gives the same, but importing
+    scipy.linalg takes 0.17 s of processor time, a fifth of a short command.
+
+    Source: Businger and Golub (1965), Linear least squares solutions by Householder transformations.
+
+    Example:
+        >>> pivot_columns(np.array([[1.0, 0.0, 3.0], [0.0, 2.0, 0.0]]))[0].tolist()
+        [2, 1, 0]
+    """
+    rest, order = matrix.copy(), np.arange(matrix.shape[1])
+    sizes = np.zeros(min(matrix.shape))
+    for i in range(len(sizes)):
+        norms = np.linalg.norm(rest[:, i:], axis=0)
+        pivot = i + int(np.argmax(norms))
+        sizes[i] = norms[pivot - i]
+        if not sizes[i] > 0.0:
+            break
+        rest[:, [i, pivot]], order[[i, pivot]] = rest[:, [pivot, i]], order[[pivot, i]]
+        direction = rest[:, i] / sizes[i]
+        # the second projection removes the rounding of the first
+        for _ in range(2):
+            rest[:, i + 1 :] -= np.outer(direction, direction @ rest[:, i + 1 :])
+    return order, sizes
+
+
 def null_spaces(
     matrix: Array, tolerance: float = RANK_TOLERANCE, floor: float = FLOOR
 ) -> tuple[Array, Array]:

@@ -200,7 +200,7 @@ def motion_law_grid(solver: LoopForm) -> PoseGrid:
     laws = solver.motion_laws
     times = np.linspace(0.0, laws.duration, SAMPLES + 1)
     motion = solver.solve(t=times)
-    grid = motion_grid("as programmed", solver.mechanism, motion, driver="time", unit="s", nodes=times)
+    grid = motion_grid("motion laws", solver.mechanism, motion, driver="time", unit="s", nodes=times)
     middles = 0.5 * (times[:-1] + times[1:])[:: SAMPLES // 60]
     exact = solver.solve(t=middles)
     grid = replace(grid, error=between(grid, exact, middles))
@@ -217,8 +217,8 @@ def hand_grids(solver: LoopForm, box: Box) -> list[PoseGrid]:
     """Return the poses over all drivers by hand: one grid of up to three, or one grid each of more."""
     drivers = solver.mechanism.drivers
     if len(drivers) <= max(NODES):
-        return [_hand_grid(solver.mechanism, "by hand", drivers, box, NODES[len(drivers)])]
-    return [_hand_grid(solver.mechanism, f"{name} by hand", (name,), box, ALONE) for name in drivers]
+        return [_hand_grid(solver.mechanism, "move drivers", drivers, box, NODES[len(drivers)])]
+    return [_hand_grid(solver.mechanism, f"move {name}", (name,), box, ALONE) for name in drivers]
 
 
 def box_of(solver: LoopForm, limits: Mapping[str, tuple[float, float]], start: Mapping[str, float]) -> Box:

@@ -12,15 +12,15 @@ from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError
 from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
+from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.subjects import gallery
+from mechsim.subjects.mjcf_source import MjcfForm
 
 if TYPE_CHECKING:
     from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
-
-# what there is to say of a mechanism that is not of the catalogue
-OWN = "a mechanism of one's own, by its loop equations"
 
 
 def facts(solver: KinematicSolver, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
     mechanism = solver.mechanism
     return {
         "name": solver.name,
-        "about": (type(solver).__doc__ or "").splitlines()[0] if isinstance(solver, ClosedForm) else OWN,
+        "about": about(solver),
         "parameters": _parameters(solver),
         "points": list(mechanism.points),
         "links": [link.name for link in mechanism.links],
@@ -104,12 +104,41 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
     }
 
 
+def about(solver: KinematicSolver) -> str:
+    """Return the sentence of the catalogue or the gallery on a mechanism; empty for any other."""
+    if isinstance(solver, ClosedForm):
+        return (type(solver).__doc__ or "").splitlines()[0]
+    path = None if isinstance(solver, MjcfForm) else gallery.files().get(solver.name)
+    return "" if path is None else gallery.description(path)
+
+
+def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
+    """Return what kind of mechanism it is: planar or spatial, links, degrees of freedom, range of the crank.
+
+    Args:
+        solver: the mechanism.
+        dofs: its degrees of freedom, where they are known to be others than its drivers.
+    """
+    mechanism = solver.mechanism
+    drivers = len(mechanism.drivers)
+    words = [
+        "spatial" if hinged_normals(mechanism) is None else "planar",
+        f"{len(mechanism.links) + 1} links",
+        f"{drivers if dofs is None else dofs} DOF",
+    ]
+    if dofs not in (None, drivers):
+        words.append(_several(drivers, "driver"))
+    elif solver.motion_laws.crank and mechanism.has_crank:
+        words.append("full rotation" if solver.crank_range().full else "limited rotation")
+    return ", ".join(words)
+
+
 def _mobility(solver: LoopForm) -> dict[str, Any]:
     """Return what the drivers of a mechanism settle, and how they go; in words too."""
     mechanism = solver.mechanism
     determinacy = driver_determinacy(mechanism)
     lines = [
-        f"{_several(determinacy.dofs, 'freedom')} by the rank of the loop Jacobian, "
+        f"W = {determinacy.dofs} by the rank of the loop Jacobian, "
         f"{_several(determinacy.redundant_equations, 'redundant constraint')}",
         f"driven: {', '.join(determinacy.drivers) or 'nothing'}",
     ]
@@ -117,13 +146,12 @@ def _mobility(solver: LoopForm) -> dict[str, Any]:
         lines.append(f"locked: {', '.join(mechanism.locked)}")
     if determinacy.undetermined:
         lines.append(
-            f"underdetermined: {', '.join(determinacy.undetermined)} "
-            "can still move; drive, lock or couple them"
+            f"underdetermined: {', '.join(determinacy.undetermined)} can still move; "
+            "drive, lock or couple them"
         )
     if determinacy.redundant_drivers:
         lines.append(
-            f"overdetermined: {', '.join(determinacy.redundant_drivers)} driven although the other drivers "
-            "determine the motion"
+            f"overdetermined: the other drivers already determine {', '.join(determinacy.redundant_drivers)}"
         )
     counts = {
         "dofs": determinacy.dofs,

@@ -50,21 +50,19 @@ BUDGET = 20.0
 class PlotOptions:
     """What may be chosen about a plot."""
 
-    points: tuple[str, ...] | None = option(
-        None, "Tracked points, with commas; all if left out.", read=parse_names
-    )
-    method: str = option("closed", "closed: the closed form; simulated: MuJoCo.", name="--from")
+    points: tuple[str, ...] | None = option(None, "Tracked points to draw. Default: all.", read=parse_names)
+    method: str = option("closed", "Motion to draw: closed (analytic) or simulated (MuJoCo).", name="--from")
     angle: float = option(0.0, "Crank angle of a velocity plan.", unit="rad", text="0deg")
     coordinates: tuple[str, ...] | None = option(
         None,
-        "Coordinates of assemblies, as angle,rocker; joints of a phase portrait; quantities, as P.x or "
-        "distance:P,Q.",
+        "Coordinates of assemblies (angle,rocker), joints of a phase portrait, or quantities (P.x, "
+        "distance:P,Q).",
         read=quantity_names,
         name="--of",
     )
     stopped: str = option("crank2", "Crank stopped in a velocity plan: crank1 or crank2.")
     response: str | None = option(
-        None, "Unit load and quantity of a Bode diagram, as crank:P.x.", metavar="LOAD:QUANTITY"
+        None, "Unit load and quantity of a Bode diagram: crank:P.x.", metavar="LOAD:QUANTITY"
     )
 
 
@@ -195,7 +193,7 @@ def _velocity_plan(source: PlotSource) -> "Figure":
     both = velocity_plan(solver, options.angle, source.speed)
     plans = {"crank2": both.crank2_stopped, "crank1": both.crank1_stopped}
     if options.stopped not in plans:
-        raise InputError(f"there is no crank {options.stopped!r} to stop; known are crank1, crank2")
+        raise InputError(f"there is no crank {options.stopped!r} to stop; choose from crank1, crank2")
     plan = plans[options.stopped]
     angle_text = f"crank angle {math.degrees(options.angle):g}°"
     return plots.velocity_plan_plot(
@@ -226,7 +224,7 @@ def _assemblies(source: PlotSource) -> "Figure":
 def _stability(source: PlotSource) -> "Figure":
     solver = closed_form(source.solver, "a stability map")
     if solver != type(solver)():
-        raise InputError("a stability map is of the catalogue's own dimensions; leave out --set")
+        raise InputError("a stability map uses the catalogue's own dimensions; leave out --set")
     return extremes_map(stability_map.study([solver.name], quick=True, progress=source.progress))
 
 

@@ -17,7 +17,7 @@ from mechsim.model.motion import Motion
 from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.pictures.view.offline_page import page, three_js
-from mechsim.report.facts import facts
+from mechsim.report.facts import about, facts
 from mechsim.report.page import Section, studies_in, write_report
 from mechsim.report.plot_table import PLOTS, PlotSource
 from mechsim.report.views import case_view
@@ -45,7 +45,6 @@ def write_validation_report(
     cases: Mapping[str, Validation],
     results: Mapping[str, Any],
     progress: Callable[[str, float], None] = lambda _, __: None,
-    descriptions: Mapping[str, str] | None = None,
 ) -> list[str]:
     """Write a page with its pictures and plots inside, and views and videos in files of their own.
 
@@ -54,7 +53,6 @@ def write_validation_report(
         cases: name -> case.
         results: as `mechsim validate --json` prints them.
         progress: called with the name of each mechanism that is drawn, and the finished fraction.
-        descriptions: name -> one sentence on what the mechanism is.
 
     Returns:
         What could not be done, one sentence each: without OpenGL there are no pictures, and the
@@ -66,14 +64,11 @@ def write_validation_report(
     finished, whole = 0.0, sum(1.0 if case.quick else VIDEO_TIME for case in cases.values())
     for name, case in cases.items():
         picture = _picture(case.solver, case.run.motion, notes)
-        about = (
-            (type(case.solver).__doc__ or "").splitlines()[0] if isinstance(case.solver, ClosedForm) else ""
-        )
         sections.append(
             Section(
                 name=name,
                 title=name,
-                about=(descriptions or {}).get(name, about),
+                about=about(case.solver),
                 facts=_facts(case) | ({} if case.formula is None else explanations(case.formula)),
                 picture=picture,
                 video=_write_video(folder, name, case, notes) if picture is not None else "",

@@ -81,7 +81,7 @@ def crank_grid(
         extra.append(Readout("transmission angle", "rad", {"": transmission}))
         least = int(np.argmin(transmission))
         landmarks.append(
-            Landmark(float(angles[least]), f"least transmission, {np.rad2deg(transmission[least]):.1f}°")
+            Landmark(float(angles[least]), f"least transmission angle {np.rad2deg(transmission[least]):.1f}°")
         )
     grid = motion_grid(
         name,
@@ -279,7 +279,7 @@ def mechanism_view(
         limits: joint -> its range in SI, where an MJCF file states it; its other assemblies are not sought.
 
     Raises:
-        AssemblyError: where it can stand nowhere.
+        AssemblyError: where it closes nowhere.
     """
     searched, limits = limits is None, limits or {}
     method = "closed form" if isinstance(solver, ClosedForm) else "loop equations"

@@ -84,7 +84,7 @@ def directions(mechanism: Mechanism, preset: str, up: Up | None = None) -> tuple
     for a planar mechanism, perpendicular to its plane.
     """
     if preset not in PRESETS:
-        raise InputError(f"there is no camera {preset!r}; known are {', '.join(PRESETS)}")
+        raise InputError(f"there is no camera {preset!r}; choose from {', '.join(PRESETS)}")
     shaft = _shaft(mechanism)
     vertical = upright(mechanism, up)
     if abs(float(shaft @ vertical)) > PARALLEL:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -13,7 +13,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
-from mechsim.numerics.rank import RANK_TOLERANCE, least_norm
+from mechsim.numerics.rank import RANK_TOLERANCE, least_norm, pivot_columns
 from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
@@ -243,8 +243,6 @@ def straight_path(
     model: mujoco.MjModel, drivers: list[int] | None, start: Array | None = None
 ) -> StraightPath:
     """Return the paths from a start; by default from the reference or keyframe that is closest to closed."""
-    from scipy.linalg import qr
-
     loops = loops_with_crank(model, 0)
     if not (loops.pairs or loops.frames or loops.couplings):
         raise InputError("the model has no loops; add equality constraints that close them")
@@ -258,10 +256,8 @@ def straight_path(
     closed = _closed_reference(loops, reference, others, loops.units[others] * weights[others])
     jacobian = loops.linearise(closed[None])[1][0] * loops.units
     rank = int(np.linalg.matrix_rank(jacobian, tol=RANK_TOLERANCE * np.linalg.norm(jacobian)))
-    pivoted: Any = qr(jacobian[:, others] * weights[others], mode="economic", pivoting=True)
-    r, order = pivoted[1], pivoted[2]
-    diagonal = np.abs(np.diag(r))
-    if int((diagonal > RANK_TOLERANCE * diagonal.max(initial=0.0)).sum()) < rank:
+    order, sizes = pivot_columns(jacobian[:, others] * weights[others])
+    if int((sizes > RANK_TOLERANCE * sizes.max(initial=0.0)).sum()) < rank:
         names = ", ".join(model.joint(int(model.dof_jntid[dof])).name for dof in drivers or [])
         raise InputError(
             f"{names} cannot move independently where the model starts: the loops couple them, or the "
@@ -318,5 +314,5 @@ def scalar_dof(model: mujoco.MjModel, name: str) -> int:
     """Return the degree of freedom of a hinge or slide."""
     joints = scalar_joints(model)
     if name not in joints:
-        raise InputError(f"there is no hinge or slide {name!r}; known are {', '.join(joints) or 'none'}")
+        raise InputError(f"there is no hinge or slide {name!r}; the model has {', '.join(joints) or 'none'}")
     return int(model.jnt_dofadr[joints[name]])

@@ -210,9 +210,9 @@ def _check(
         remedy = units_remedy(tolerance, "units.parse_length('1 um')")
         raise InputError(f"tolerance is {tolerance} m; give a finite length above 0{remedy}")
     if method not in (None, "step", "pose"):
-        raise InputError(f"there is no method {method!r}; known are step, pose")
+        raise InputError(f"there is no method {method!r}; choose from step, pose")
     if samples is not None and not (number(samples) >= 1 and number(samples) % 1 == 0):
-        raise InputError(f"{samples} samples asked for; take a whole number, at least 1")
+        raise InputError(f"{samples} samples requested; take a whole number, at least 1")
 
 
 def _movable(

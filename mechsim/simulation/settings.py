@@ -98,7 +98,7 @@ def setting(default: Any, about: str, **declared: Any) -> Any:
 def check(name: str, value: Any, rule: Mapping[str, Any]) -> None:
     """Raise InputError for what the declaration of a setting does not allow."""
     if "options" in rule and value not in rule["options"]:
-        raise InputError(f"there is no {name} {value!r}; known are {', '.join(rule['options'])}")
+        raise InputError(f"there is no {name} {value!r}; choose from {', '.join(rule['options'])}")
     if "least" in rule and not rule["least"] <= inputs.number(value) < np.inf:
         raise InputError(rule["remedy"].format(name=name, value=value))
     if "count" in rule:
@@ -145,21 +145,21 @@ class Settings:
         "RK4",
         "How MuJoCo steps.",
         options=INTEGRATORS,
-        doc=f"{', '.join(INTEGRATORS[:-1])} or {INTEGRATORS[-1]}.",
+        doc=f"Integrator: {', '.join(INTEGRATORS[:-1])} or {INTEGRATORS[-1]}. Default: RK4.",
         row=("integrator", str),
     )
     steps_per_turn: int = number(
         1000,
         "Steps in a turn of the crank.",
         least=4,
-        remedy="{value} steps a turn is a step of a quarter turn or more; take at least 4",
+        remedy="{value} steps a turn are too few; give at least 4",
         row=("steps per turn", str),
     )
     constant_steps: float | None = number(
         None,
         "Time constant of the constraints, in steps; None takes a tenth of a turn, at least ten steps. "
         "`solref` overrides it.",
-        doc="Time constant of the constraints, in steps; a tenth of a turn if left out, in a file 20.",
+        doc="Time constant of the constraints, in steps. Default: a tenth of a turn; 20 steps in a file.",
         row=("constraint time constant", _steps),
     )
     solref: tuple[float, float] | None = setting(
@@ -167,64 +167,66 @@ class Settings:
         "MuJoCo's two numbers, as they are; None for (time constant, 1).",
         count=2,
         fewest=2,
-        doc="Two numbers with a comma, as MuJoCo takes them.",
+        doc="MuJoCo's solref of the loops: two numbers with a comma.",
     )
     solimp: tuple[float, float, float, float, float] = setting(
         (0.9999, 0.9999, 0.001, 0.5, 2.0),
         "MuJoCo's five numbers (dmin, dmax, width, midpoint, power).",
         count=5,
-        doc="Two to five numbers with commas, as MuJoCo takes them.",
+        doc="MuJoCo's solimp of the loops: two to five numbers with commas.",
         fewest=2,
     )
     compliance: float | None = number(
         None,
         "Factor on the compliance of constraints; 1 is MuJoCo's own. None takes 1e-8, and another value "
         "where a position tolerance requires it.",
-        doc="Factor on constraint compliance; 1 is MuJoCo's own. Default 1e-8, or what a tolerance needs.",
+        doc="Factor on MuJoCo's constraint compliance. Default: 1e-8, or what the tolerance requires.",
         row=("constraint compliance", _compliance),
     )
-    refsafe: bool = setting(False, "Whether MuJoCo keeps the time constant at two steps or more.")
-    diagexact: bool = setting(False, "Whether the diagonal of the constraint inertia is exact.")
+    refsafe: bool = setting(False, "Whether MuJoCo keeps the time constant above two steps.")
+    diagexact: bool = setting(
+        False, "Whether MuJoCo computes the diagonal of the constraint inertia exactly."
+    )
     jacobian: str = setting(
         "auto",
         "Matrices in the constraint solver; auto takes the quicker, and dense wherever the two do not agree.",
         options=JACOBIANS,
-        doc=f"Matrices in the constraint solver: {', '.join(JACOBIANS[:-1])} or {JACOBIANS[-1]}.",
+        doc=f"Matrices of the constraint solver: {', '.join(JACOBIANS[:-1])} or {JACOBIANS[-1]}.",
     )
     solver: str | None = setting(
         None,
         "MuJoCo's constraint solver; None takes Newton's method.",
         options=SOLVERS,
-        doc=f"{', '.join(SOLVERS[:-1])} or {SOLVERS[-1]}; {SOLVERS[-1]} if left out.",
+        doc=f"Constraint solver: {', '.join(SOLVERS[:-1])} or {SOLVERS[-1]}. Default: {SOLVERS[-1]}.",
     )
     iterations: int | None = number(
         None,
-        "Iterations of the solver, at most; None takes what is exact.",
+        "Maximum iterations of the solver; None takes enough for an exact solution.",
         least=1,
         remedy="{name} is {value}; give a whole number above 0",
-        doc="Iterations of the solver, at most; what is exact if left out.",
+        doc="Maximum iterations of the constraint solver. Default: enough for an exact solution.",
     )
     ls_iterations: int | None = number(
         None,
-        "Iterations of the solver's line search, at most; None leaves MuJoCo's.",
+        "Maximum iterations of the solver's line search; None takes MuJoCo's.",
         least=1,
         remedy="{name} is {value}; give a whole number above 0",
-        doc="Iterations of the solver's line search, at most.",
+        doc="Maximum iterations of the solver's line search.",
     )
     residual: float | None = number(
         None,
-        "At which the solver stops; None never before its iterations are made.",
+        "Residual at which the solver stops; None makes all iterations.",
         least=0.0,
         remedy="{name} is {value}; give a finite number, 0 or above",
-        doc="At which the solver stops.",
+        doc="Residual at which the solver stops.",
     )
-    eulerdamp: bool = setting(True, "Whether Euler takes joint damping implicitly.")
-    island: bool = setting(False, "Whether constraints are solved island by island.")
+    eulerdamp: bool = setting(True, "Whether Euler treats joint damping implicitly.")
+    island: bool = setting(False, "Whether MuJoCo solves independent groups of constraints separately.")
     drive_inertia: float | None = number(
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
         "of the links, which no reaction of theirs and no redundant constraint turns.",
-        doc="Virtual inertia on the driver that keeps its speed, kg m2; default 1e12 times the links'.",
+        doc="Virtual inertia that keeps the driver's speed, in kg m2. Default: 1e12 times that of the links.",
     )
 
     def __post_init__(self) -> None:

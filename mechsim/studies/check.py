@@ -51,7 +51,9 @@ def check(
     known_target: Target | None = "urdf" if target else None
     for code in (*select, *ignore):
         if not code or not any(rule.code.startswith(code) for rule in RULES):
-            raise InputError(f"there is no rule {code!r}; known are {', '.join(rule.code for rule in RULES)}")
+            raise InputError(
+                f"there is no rule {code!r}; choose from {', '.join(rule.code for rule in RULES)}"
+            )
     return [
         violation
         for violation in violations(_read(model, loops), known_target)

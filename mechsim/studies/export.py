@@ -103,7 +103,8 @@ def export(
     settings = settings or {}
     if independent and format not in SERIAL_FORMATS:
         raise InputError(
-            f"--independent is of a serial twin; leave it out, or --format {' or '.join(SERIAL_FORMATS)}"
+            "--independent applies to a serial twin; leave it out, or add "
+            f"--format {' or '.join(SERIAL_FORMATS)}"
         )
     if format in SERIAL_FORMATS:
         loops = options.pop("loops", None)
@@ -119,7 +120,7 @@ def export(
         text = _menagerie_text(solver, tuple(cut), settings, timestep)
         verified = verification(text, solver)
     elif style != "plain":
-        raise InputError(f"there is no style {style!r}; known are {', '.join(STYLES)}")
+        raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
     elif format == "toml":
         text = to_toml(solver if isinstance(solver, LoopForm) else solver.mechanism)
     else:
@@ -157,7 +158,7 @@ def require_compatible(
 ) -> None:
     """Raise InputError for options that exclude each other."""
     if format not in FORMATS:
-        raise InputError(f"there is no format {format!r}; known are {', '.join(FORMATS)}")
+        raise InputError(f"there is no format {format!r}; choose from {', '.join(FORMATS)}")
     has_settings = bool(settings) or timestep is not None
     has_motor = speed is not None or tolerance is not None
     if format == "toml" and (cut or has_motor or has_settings or scene != LEVEL):

@@ -85,9 +85,7 @@ def column_in_si(header: str, where: str) -> tuple[str, float]:
             return match[1], units.parse(f"1 {match[2]}", unit)
         except InputError:
             continue
-    raise InputError(
-        f"{where} has the column {header!r}, whose unit is none that is known; write it as [mm] or [deg]"
-    )
+    raise InputError(f"{where} has the column {header!r}, whose unit is not known; write it as [mm] or [deg]")
 
 
 def deviation_of(name: str) -> str | None:

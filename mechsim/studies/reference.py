@@ -71,10 +71,10 @@ def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, sa
         samples: how many; rounded.
     """
     if method not in ("closed", "simulated", "posed"):
-        raise InputError(f"there is no method {method!r}; known are closed, simulated and, to draw, both")
+        raise InputError(f"there is no method {method!r}; choose from closed, simulated and, to draw, both")
     count = round(samples)
     if not 1 <= count <= MOST_SAMPLES:
-        raise InputError(f"{samples:g} frames or samples asked for; give 1 to {MOST_SAMPLES}")
+        raise InputError(f"{samples:g} frames or samples requested; give 1 to {MOST_SAMPLES}")
     if method == "closed":
         return solver.solve_along(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
     method = "step" if method == "simulated" else "pose"

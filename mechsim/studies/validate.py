@@ -243,7 +243,7 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
 def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | None = None) -> Tolerance:
     """Return the tolerance on positions of a stepped run: what is asked for, or 1e-8 of stroke or size."""
     if tolerance is not None:
-        return Tolerance(tolerance, "m", "asked for")
+        return Tolerance(tolerance, "m", "requested")
     stroke, extent = stroke_of(exact), mechanism.characteristic_length
     if extent <= stroke:
         return Tolerance(STEP_PLACE * stroke, "m", f"{STEP_PLACE:.0e} of the stroke of {stroke:.4g} m")

@@ -30,7 +30,8 @@ def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
     drivers: list[str] = []
     for key, entry in listed.items():
         if entry.get("type") not in (*KINDS, "revolute_driver"):
-            raise InputError(f"joint {key!r} is of type {entry.get('type')!r}; known are {', '.join(KINDS)}")
+            kind = entry.get("type")
+            raise InputError(f"joint {key!r} is of type {kind!r}; choose from {', '.join(KINDS)}")
         if entry.get("driven"):
             drivers.append(key)
         elif key not in joints:

@@ -69,7 +69,7 @@ def _links(
         ids = [str(key) for key in listed]
         if kind not in ("ground", "link", *DRIVERS):
             raise InputError(
-                f"link {link!r} is of type {kind!r}; known are ground, link, driver and arc_driver"
+                f"link {link!r} is of type {kind!r}; choose from ground, link, driver, arc_driver"
             )
         motor = [str(entry.get("motor_joint"))] if kind in DRIVERS else []
         unknown = [key for key in [*ids, *motor] if key not in joints]

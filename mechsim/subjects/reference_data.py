@@ -58,9 +58,7 @@ def read(where: Path, name: str) -> ReferenceTable:
     """
     available = names(where)
     if name not in available:
-        raise InputError(
-            f"there are no reference data of {name!r}; known are {', '.join(available) or 'none'}"
-        )
+        raise InputError(f"there are no reference data of {name!r}; choose from {', '.join(available)}")
     sums = _sums(where)
     paths = {
         path: where / path for path in (f"data/{name}.csv", f"mechanisms/{name}.toml", "datapackage.json")

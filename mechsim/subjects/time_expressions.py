@@ -111,7 +111,7 @@ def _unit(name: str, names: Iterable[str]) -> Term:
     try:
         return quantity(f"1 {name}")
     except InputError:
-        raise InputError(f"names {name!r}, which is not defined; known are {', '.join(names)}") from None
+        raise InputError(f"names {name!r}, which is not defined; choose from {', '.join(names)}") from None
 
 
 def python_expression(text: str) -> str:

@@ -104,7 +104,7 @@ def suggestion(name: str, names: Iterable[str]) -> str:
     listed = list(names)
     close = difflib.get_close_matches(name, listed, n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ";"
-    return f"{hint} known are {', '.join(listed) or 'none'}"
+    return f"{hint} choose from {', '.join(listed)}" if listed else "; there are none"
 
 
 def read_source(path: str) -> TomlSource:
@@ -250,7 +250,7 @@ class Values:
         close = difflib.get_close_matches(name, self.parameters, n=1)
         hint = f"; did you mean {close[0]!r}?" if close else ""
         listed = ", ".join(self.parameters) or "none"
-        raise InputError(f"names {name!r}, which is no parameter defined before{hint}; known are {listed}")
+        raise InputError(f"names {name!r}, which is no parameter defined before{hint}; these are: {listed}")
 
     def in_si(self, value: float, unit: Unit) -> float:
         """Return a number without a unit in SI."""

@@ -83,8 +83,8 @@ class Check:
     @property
     def columns(self) -> tuple[str, str, str, str, str, str, str]:
         """The check as a row of `check_table`."""
-        instant = f"{self.instant:g}" if self.at_unit == "row" else f"{self.instant:.4f}"
-        numbers = f"{self.worst:.2e}", instant, f"{self.tolerance:.1e}"
+        worst = f"{self.worst:.2e}" if self.worst else "0"
+        numbers = worst, f"{self.instant:.4g}", f"{self.tolerance:.1e}"
         return self.title, *numbers, self.unit, "PASS" if self.passed else "FAIL", self.reason
 
     def as_dict(self) -> dict[str, Any]:

@@ -44,7 +44,7 @@ def test_vectors_may_be_given_as_lists_and_arrays(pivot):
 
 @pytest.mark.parametrize("name", ["krank", "name", "discriminant_degree"])
 def test_an_unknown_parameter_is_rejected_with_the_known_ones(name):
-    with pytest.raises(InputError, match=r"has no parameter .* known are crank, coupler, rocker, pivot"):
+    with pytest.raises(InputError, match=r"has no parameter .* choose from crank, coupler, rocker, pivot"):
         catalog.make("rssr", **{name: 0.01})
 
 

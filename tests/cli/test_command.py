@@ -67,6 +67,6 @@ def test_every_field_of_a_look_that_people_may_set_is_an_option_of_render():
 
 
 def test_a_field_that_a_look_has_not_is_rejected_in_words():
-    with pytest.raises(InputError, match="a picture has no option 'colour'; known are size, camera"):
+    with pytest.raises(InputError, match="a picture has no option 'colour'; choose from size, camera"):
         changed(None, {"colour": "red"})
     assert changed(Look(camera="top"), {"labels": False}) == Look(camera="top", labels=False)

@@ -81,7 +81,7 @@ def test_poses_row_by_row_are_no_motion(mechsim, tmp_path, words):
     (tmp_path / "rows.csv").write_text("crank\n1.0\n")
     code, _, said = mechsim("simulate", "rssr", "--at", "rows.csv", *words)
     assert code == 2
-    assert f"{words[0]} is of" in said
+    assert f"{words[0]} applies to" in said
     assert said.count("\n") == 1
 
 
@@ -107,14 +107,14 @@ WRONG = {
     "an angle for a slide": (["solve", "arm.toml", "--drive", "lift=3deg*t"], ["is an angle; give a length"]),
     "no equals sign": (["solve", "arm.toml", "--drive", "lift"], ["--drive NAME=VALUE"]),
     "twice": (["solve", "arm.toml", "--drive", "lift=1", "--drive", "lift=2"], ["lift twice"]),
-    "angles": (["solve", "arm.toml", *DRIVE, "--angles", "0:1:1"], ["--angles is of a crank"]),
-    "turns": (["simulate", "arm.toml", *DRIVE, "--turns", "2"], ["--turns is of a crank"]),
+    "angles": (["solve", "arm.toml", *DRIVE, "--angles", "0:1:1"], ["--angles applies to a crank"]),
+    "turns": (["simulate", "arm.toml", *DRIVE, "--turns", "2"], ["--turns applies to a crank"]),
     "one row": (["solve", "arm.toml", *DRIVE, "--samples", "1"], ["--samples is 1"]),
     "no time": (["solve", "arm.toml", *DRIVE, "--duration", "0s"], ["above 0"]),
     "a keyframe": (["solve", "arm.toml", "--key", "home"], ["no keyframes"]),
     "a plot of a crank": (
         ["plot", "arm.toml", *DRIVE, "--kind", "transmission", "-o", "a.svg"],
-        ["with motion laws known are"],
+        ["needs a crank without a motion law; choose from"],
     ),
 }
 

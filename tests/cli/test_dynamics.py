@@ -83,7 +83,7 @@ def test_a_motor_runs_the_model_or_states_that_it_cannot(capsys, monkeypatch, tm
     assert plot.read_bytes().startswith(b"\x89PNG")
     code, out, _ = run(capsys, monkeypatch, "four_bar", "--motor", "constant:1e-5")
     assert code == 1
-    assert out.startswith("four_bar: cannot start: ")
+    assert out.startswith("four_bar: free run cannot start: ")
 
 
 def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
@@ -109,11 +109,11 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
         (("--spring", "P3:P9=5"), "no point 'P9'"),
         (("--spring", "P3:ground@0,1,0=-5"), "stiffness of the spring"),
         (("--damper", "rocker=1,2"), "--damper is 'rocker=1,2'; write A:B=DAMPING"),
-        (("--gear", "2"), "--gear is the gear of a motor"),
+        (("--gear", "2"), "--gear needs a motor"),
         (("--gear", "0", "--motor", "constant:1"), "gear ratio of the motor is 0.0"),
         (("--turns", "0"), "0 turns of 360 instants"),
         (("--tolerance", "0"), "tolerance of torque is 0.0"),
-        (("--tolerance", "1", "--method", "none"), "--method none omits them"),
+        (("--tolerance", "1", "--method", "none"), "which --method none omits"),
         (("--density", "-1"), "density of the rods is -1.0"),
         (("--coefficient", "-1"), "coefficient of speed fluctuation is -1.0"),
         (("--flywheel", "-1"), "moment of inertia of the flywheel"),

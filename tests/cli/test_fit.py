@@ -40,6 +40,18 @@ def test_a_fit_is_reported_with_its_uncertainty_and_written(fit, table, tmp_path
     assert np.abs(rows["rocker.q.left"]).max() <= 1e-9
 
 
+def test_the_speed_is_that_of_the_table(fit, tmp_path):
+    motion = catalog.make("four_bar", coupler=0.0913).solve(ANGLES, speed=31.0)
+    crank, rocker = (motion.joints[name].rate for name in ("crank", "rocker"))
+    files.write_table(tmp_path / "rates.csv", {"angle": ANGLES, "crank.v": crank, "rocker.v": rocker})
+    asked = ("four_bar", "--to", "rates.csv", "--vary", "coupler")
+    code, out, err = fit(*asked, "--json")
+    assert code == 0, err
+    assert json.loads(out)["dimensions"]["coupler"]["value"] == pytest.approx(0.0913, rel=1e-9)
+    code, out, err = fit(*asked, "--speed", "600rpm")
+    assert (code, "62.83 rad/s, but the crank of the table rotates at 31 rad/s" in err) == (2, True)
+
+
 def test_what_cannot_be_distinguished_apart_ends_in_one(fit, table):
     code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "coupler,arm")
     assert code == 1, err
@@ -50,8 +62,8 @@ def test_what_cannot_be_distinguished_apart_ends_in_one(fit, table):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--vary", "coupler"], "no measured motion is given; name a table with --to"),
-        (["--to", "measured.csv"], "no dimension is to be identified; name some"),
+        (["--vary", "coupler"], "the measured motion is missing; name its table"),
+        (["--to", "measured.csv"], "--vary is missing; name the dimensions"),
         (["--to", "none.csv", "--vary", "coupler"], "there is no file none.csv"),
         (["--to", "measured.csv", "--vary", "cuopler"], "did you mean 'coupler'"),
     ],

@@ -16,7 +16,7 @@ def help_of(name, mechsim):
 def test_commands_are_listed_in_groups(mechsim):
     out = mechsim("--help").out
     heads = [line.removesuffix(":") for line in out.splitlines() if re.fullmatch(r"\w.*:", line)]
-    assert heads == ["Options", *cli.GROUPS]
+    assert heads == ["Options", *cli.GROUPS, "Examples"]
     for commands in cli.GROUPS.values():
         assert all(f"\n  {name} " in out for name in commands)
 
@@ -46,5 +46,6 @@ def test_options_stand_in_their_panels(mechsim):
     sections = dict(re.findall(r"^(\w+):\n((?:  .*\n)+)", out, re.MULTILINE))
     for option, panel in {"set": "Model", "drive": "Motion", "solver": "Solver", "json": "Output"}.items():
         assert f"--{option}" in sections[panel]
-    assert set(PANELS) <= set(sections)
+    assert set(PANELS) - {"Initial state"} <= set(sections)
+    assert "\nInitial state:\n" in help_of("dynamics", mechsim)
     assert PANEL_OF["output"] == "Output"

@@ -136,4 +136,4 @@ def test_schema_prints_the_one_requested_for(monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert "no schema of 'sundial'; known are" in capsys.readouterr().err
+    assert "no schema of 'sundial'; choose from" in capsys.readouterr().err

@@ -84,14 +84,14 @@ def test_what_cannot_be_drawn_is_rejected_in_one_line(mechsim, tmp_path, words, 
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--fps", "20"), "--fps is of an animation"),
-        (("--slow", "10"), "--slow is of an animation"),
+        (("--fps", "20"), "--fps applies to an animation"),
+        (("--slow", "10"), "--slow applies to an animation"),
         (("--positions", "3", "--angle", "20deg"), "leave out --angle or --positions"),
         (
             ("--trace", "--speed", "5rpm"),
             "--trace follows the curve of assemblies; leave out --speed",
         ),
-        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
+        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed applies to a crank without a motion law"),
     ],
 )
 def test_what_reports_nothing_of_a_picture_is_rejected_in_one_line(mechsim, tmp_path, words, says):
@@ -152,13 +152,16 @@ def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch
         (("--kind", "torque", "--stopped", "crank1"), "takes no --stopped, which is of plan"),
         (("--kind", "torque", "--from", "posed"), "--from closed or simulated, not from posed"),
         (("--kind", "curve", "--spring", "crank=1"), "plot 'curve' shows no forces; loads are of torque, "),
-        (("--kind", "curve", "--initial", "crank.q=1"), "a run from an initial state is of quantities, "),
+        (
+            ("--kind", "curve", "--initial", "crank.q=1"),
+            "a run from an initial state is shown by quantities, ",
+        ),
         (("--kind", "bode"), "a Bode diagram needs --response LOAD:QUANTITY"),
         (("--kind", "quantities"), "no quantity is named; give --of"),
-        (("--kind", "phase", "--speed", "5rpm"), "--speed is of a driven crank"),
+        (("--kind", "phase", "--speed", "5rpm"), "--speed applies to a driven crank"),
         (("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate"),
         (("--kind", "quantities", "--of", "transmission", "--initial", "crank.q=1"), "is not known of a run"),
-        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed is of a crank without a motion law"),
+        (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed applies to a crank without a motion law"),
     ],
 )
 def test_an_option_of_another_kind_of_plot_is_rejected_in_one_line(mechsim, tmp_path, words, says):
@@ -244,7 +247,7 @@ def test_a_run_from_an_initial_state_and_a_mode_are_rendered_and_viewed(mechsim,
     [
         (("--mode", "2", *DOWN), "there is no mode 2; this equilibrium has modes 1 to 1"),
         (("--spring", "crank=1"), "add --initial, --until or --mode"),
-        ((*DOWN, "--angle", "3deg"), "--angle is of a driven crank"),
+        ((*DOWN, "--angle", "3deg"), "--angle applies to a driven crank"),
         ((*DOWN, "--duration", "1e9s"), "frames; give a shorter --duration"),
     ],
 )

@@ -63,9 +63,12 @@ def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
         (["four_bar", "--of", "C", "--to", "arn"], "did you mean 'arm'"),
         (["four_bar", "--of", "C", "--tolerances", "crank=0.06"], "the tolerances leave no assembly"),
         (["four_bar", "--of", "C", "--tolerances", "none.csv"], "cannot read none.csv"),
-        (["four_bar", "--of", "C", "--distribution", "normal"], "none are given; add --tolerances"),
+        (
+            ["four_bar", "--of", "C", "--distribution", "normal"],
+            "--distribution applies to tolerances; add --tolerances",
+        ),
         (["four_bar", "--of", "C", "--samples", "-1"], "give 0 to"),
-        (["five_bar", "--of", "P", "--speed", "5"], "--speed is of a crank without a motion law"),
+        (["five_bar", "--of", "P", "--speed", "5"], "--speed applies to a crank without a motion law"),
     ],
 )
 def test_what_cannot_be_is_stated_in_one_line(sensitivity, words, said):

@@ -87,7 +87,7 @@ def test_what_was_swept_is_drawn(mechsim, tmp_path):
     done = mechsim("plot", "out.nc", "--of", "range:nothing", "-o", "none.svg")
     assert (done.code, "has no measure 'range:nothing'" in done.err) == (2, True)
     done = mechsim("plot", "out.nc", "--kind", "torque", "-o", "none.svg")
-    assert (done.code, "known are map, parallel, pareto" in done.err) == (2, True)
+    assert (done.code, "choose from map, parallel, pareto" in done.err) == (2, True)
 
 
 def test_torques_of_designs_stepped_by_themselves_are_of_loops_as_hard_as_dynamics_has_them(mechsim):

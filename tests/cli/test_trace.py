@@ -56,12 +56,15 @@ def test_a_plot_over_three_coordinates_stands_in_space(trace, tmp_path):
 
 
 REFUSED = {
-    "unknown coordinate": (("--plot", "a.svg", "--of", "angle,roker"), "did you mean 'rocker.q'? known are"),
+    "unknown coordinate": (
+        ("--plot", "a.svg", "--of", "angle,roker"),
+        "did you mean 'rocker.q'? choose from",
+    ),
     "one coordinate": (("--plot", "a.svg", "--of", "angle"), "--of names 1 coordinates (angle); name two or"),
-    "no plot": (("--of", "angle,rocker"), "name the file with --plot"),
+    "no plot": (("--of", "angle,rocker"), "add --plot FILE"),
     "no samples": (("--samples", "0"), "0 samples of a curve; give 1 to"),
     "starts below none": (("--starts", "-1"), "starts of a trace: -1; give a whole number"),
-    "unknown table": (("-o", "a.txt"), "'a.txt' ends in .txt; known are .csv, .npz"),
+    "unknown table": (("-o", "a.txt"), "'a.txt' ends in .txt; choose from .csv, .npz"),
     "unknown plot": (("--plot", "a.txt"), "its extension is not one of"),
     "cannot assemble": (("--set", "ground=300mm"), "the loops close at no crank angle"),
 }

@@ -190,7 +190,7 @@ def test_what_no_file_reaches_is_stated_with_what_one_does(mechsim, tmp_path):
     [
         (("four_bar", "--tolerance", "1e-5"), "is no MJCF file"),
         (("finger.xml", "--tolerance", "1kg"), "tolerance"),
-        (("finger.xml", "--tolerance", "1e-5", "--by", "luck"), "known are closure, trajectory, torque"),
+        (("finger.xml", "--tolerance", "1e-5", "--by", "luck"), "choose from closure, trajectory, torque"),
         (("finger.xml", "--tolerance", "1e-5", "--ctrl", "motor=1"), "actuators of the model are servo"),
         (("finger.xml", "--tolerance", "1e-5", "--ctrl", "servo=fast"), "actuator servo"),
         (("finger.xml", "--tolerance", "1e-5", "--track", "nobody"), "nobody"),

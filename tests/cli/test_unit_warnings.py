@@ -1,6 +1,5 @@
 import pytest
 
-from mechsim import catalog
 from mechsim.cli import exit_codes
 from mechsim.cli.options import warn_about_angle, warn_about_angles, warn_about_parameters
 
@@ -28,9 +27,8 @@ def test_a_range_of_angles_likewise(text, asks, questions):
 
 
 def test_parameters_far_from_what_is_usual_are_requested_back(questions):
-    drive = catalog.make("four_bar")
     warn_about_parameters(
-        drive, {"arm_angle": "45", "crank": "40", "rocker": "60mm", "ground": "0.2", "branch": "-1"}
+        "four_bar", {"arm_angle": "45", "crank": "40", "rocker": "60mm", "ground": "0.2", "branch": "-1"}
     )
     first, second = questions
     assert "arm_angle=45deg" in first

@@ -70,7 +70,7 @@ def test_a_formula_of_one_s_own_is_run_and_stated_to_be_and_its_error_is_found(m
     (tmp_path / "own.toml").write_text(YOKE.read_text())
     code, out, err = mechsim("validate", "own.toml")
     assert code == 1
-    assert "runs guides.py: a formula is code" in err
+    assert "runs guides.py (a formula is Python code)" in err
     lines = out.splitlines()
     assert lines[0].startswith("scotch_yoke  planar, ")
     assert lines[0].split("  ")[-2].endswith("FAIL")

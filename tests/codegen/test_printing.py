@@ -247,8 +247,8 @@ def test_the_command_writes_solver_and_test(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["rssr", "-o", "solver.txt"], "ends in .txt; known are .h, .js"),
-        (["rssr", "-o", "solver.h", "--test", "test.js"], "known are .c"),
+        (["rssr", "-o", "solver.txt"], "ends in .txt; choose from .h, .js"),
+        (["rssr", "-o", "solver.h", "--test", "test.js"], "choose from .c"),
         (["no_such_model", "-o", "solver.h"], "no_such_model"),
     ],
 )

@@ -52,7 +52,7 @@ def test_an_expression_takes_numbers_too():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("gain*angle", "names 'gain', which is not defined; known are angle, speed, t, pi"),
+        ("gain*angle", "names 'gain', which is not defined; choose from angle, speed, t, pi"),
         ("angle +", "is no expression"),
         ("sine(angle)", "calls 'sine', which is no known function"),
         ("atan2(angle)", "gives atan2 1 numbers; give 2"),

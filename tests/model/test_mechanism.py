@@ -147,7 +147,7 @@ def test_an_unknown_joint_is_rejected_with_the_known_names():
         (lambda: End("arm", axis=EZ, reference=(0.0, 0.0, -2.0)), "lies along its axis"),
         (lambda: End("arm", point=(0.0, float("nan"), 0.0)), "not three finite numbers"),
         (lambda: End("arm", point=(0.0, 1.0)), "not three finite numbers"),
-        (lambda: joint("bolted"), "known are revolute, prismatic"),
+        (lambda: joint("bolted"), "choose from revolute, prismatic"),
         (lambda: joint("revolute", a="arm"), "joins link 'arm' to itself"),
         (lambda: joint("universal", cross_angle=float("nan")), "cross angle"),
         (lambda: joint("universal", cross_angle=0.0), "cross angle"),

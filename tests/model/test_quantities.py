@@ -134,7 +134,7 @@ def test_a_vector_stands_for_its_components():
     [
         ("distance:A", "write it as distance:P,Q"),
         ("distance:A,Z", "has no quantity 'Z"),
-        ("angle:crank,arm", "has no link 'arm'; known are ground, crank"),
+        ("angle:crank,arm", "has no link 'arm'; choose from ground, crank"),
         ("expr:A.x + rocker", "puts a length and an angle together"),
         ("expr:sin(A.x)", "gives sin a length"),
         ("expr:2*pi", "contains no quantity"),

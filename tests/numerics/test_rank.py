@@ -2,8 +2,16 @@
 
 import numpy as np
 import pytest
+import scipy.linalg
 
-from mechsim.numerics.rank import least_norm, null_spaces, pseudo_inverse, rank, significant
+from mechsim.numerics.rank import (
+    least_norm,
+    null_spaces,
+    pivot_columns,
+    pseudo_inverse,
+    rank,
+    significant,
+)
 
 # rotations, so that the singular values are those of the diagonal matrix; neither is symmetric
 LEFT = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
@@ -31,6 +39,16 @@ def test_rank_counts_the_nonzero_singular_values():
     assert rank(with_values(1.0, 1e-3, 1e-8), 1e-5) == 2
     assert rank(1e-14 * LEFT) == 0
     assert rank(with_values(1e-3, 1e-4, 1e-6), 1e-9, 1e-5) == 2
+
+
+def test_pivots_are_those_of_lapack():
+    rng = np.random.default_rng(3)
+    for rows, columns, independent in ((6, 4, 4), (5, 9, 3), (12, 12, 12)):
+        matrix = rng.normal(size=(rows, independent)) @ rng.normal(size=(independent, columns))
+        order, sizes = pivot_columns(matrix)
+        r, expected = scipy.linalg.qr(matrix, mode="r", pivoting=True)
+        assert order[:independent].tolist() == expected[:independent].tolist()
+        assert np.allclose(sizes, np.abs(np.diag(r)), rtol=1e-12, atol=1e-13)
 
 
 def test_null_spaces_are_those_of_the_zero_singular_values():

@@ -40,7 +40,7 @@ REFUSED = {
     "turns as text": (lambda: simulated(turns="2"), "2 turns requested; give a finite number"),
     "no turns": (lambda: simulated(turns=None), "None turns requested"),
     "tolerance in seconds": (lambda: simulated(tolerance="1us"), "the tolerance '1us' has unit 'us'"),
-    "half a sample": (lambda: simulated(samples=2.5), "2.5 samples asked for; take a whole number"),
+    "half a sample": (lambda: simulated(samples=2.5), "2.5 samples requested; take a whole number"),
     "settings as text": (
         lambda: simulated(settings="rk4"),
         "settings is of type str; give one of type Settings",

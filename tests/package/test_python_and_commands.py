@@ -86,7 +86,7 @@ def test_exports_are_the_same(mechsim_json, tmp_path):
 
 
 def test_an_export_rejects_what_does_not_go_together():
-    with pytest.raises(ms.InputError, match="no format 'stl'; known are xml, toml"):
+    with pytest.raises(ms.InputError, match="no format 'stl'; choose from xml, toml"):
         ms.export("four_bar", format="stl")
     with pytest.raises(ms.InputError, match="settings are for MuJoCo models"):
         ms.export("four_bar", format="toml", speed="600rpm")

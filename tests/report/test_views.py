@@ -82,7 +82,7 @@ def test_more_than_three_drivers_are_moved_one_at_a_time(monkeypatch):
     monkeypatch.setattr("mechsim.report.driver_views.ALONE", 5)
     form = ms.load("stewart_gough")
     grids = hand_grids(form, box_of(form, {}, start_poses(form.mechanism)[1]))
-    assert [grid.name for grid in grids] == [f"l{i} by hand" for i in range(1, 7)]
+    assert [grid.name for grid in grids] == [f"move l{i}" for i in range(1, 7)]
     assert all(grid.shape == (5,) for grid in grids)
 
 

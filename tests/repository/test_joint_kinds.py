@@ -16,11 +16,14 @@ HOME = {
     "mechsim.simulation.mjcf_reader.kinematic_tree",
     "mechsim.shapes.joints",
     "mechsim.simulation.mjcf_text.included_files",  # "fixed" is an element of MJCF there
-    "mechsim.cli.verdict_text",  # "planar" describes a mechanism there
+    "mechsim.report.facts",  # "planar" describes a mechanism there
     "mechsim.cli.check",  # "fixed" is a key of its JSON
     "mechsim.simulation.mjcf_reader.urdf_loops",  # types of joints in URDF
     "mechsim.studies.certify.loop_equations",  # interval equations of a ball
     "mechsim.codegen.assembly",  # replaces a ball by a universal joint
+    "mechsim.subjects.linkage_sim_json",  # types of joints in files of other programs
+    "mechsim.subjects.planar_json",  # types of joints in files of other programs
+    "mechsim.subjects.pylinkage_json",  # types of joints in files of other programs
     "mechsim.studies.robots.serial_twin",  # types of joints in URDF
     "mechsim.subjects.pose_drivers",  # the joints whose coordinates are the pose of a link
 }

@@ -102,7 +102,7 @@ def test_a_cut_that_was_requested_for_is_made() -> None:
 @pytest.mark.parametrize(
     ("cut", "sentence"),
     [
-        (("Q",), "there is no joint 'Q' to cut; known are crank, A, B, rocker"),
+        (("Q",), "there is no joint 'Q' to cut; choose from crank, A, B, rocker"),
         (("crank",), "joint 'crank' is driven and cannot be cut"),
         (("A", "B"), "cutting A, B does not leave a tree"),
         ((), "cutting no joint does not leave a tree"),

@@ -86,7 +86,7 @@ def test_a_model_that_mujoco_gets_wrong_is_stepped_with_dense_matrices(study, mo
 
 
 def test_a_kind_of_matrices_that_does_not_exist_is_rejected() -> None:
-    with pytest.raises(InputError, match="known are auto, dense, sparse"):
+    with pytest.raises(InputError, match="choose from auto, dense, sparse"):
         Settings(jacobian="banded")
 
 

@@ -325,7 +325,7 @@ def test_a_users_spec_is_left_as_it_was() -> None:
         ({"turns": 0.0}, "0.0 turns requested"),
         ({"tolerance": -1.0}, "tolerance is -1.0 m"),
         ({"tolerance": np.nan}, "tolerance is nan m"),
-        ({"samples": 0}, "0 samples asked for"),
+        ({"samples": 0}, "0 samples requested"),
         ({"method": "guess"}, "there is no method 'guess'"),
         ({"speed": None}, "neither a crank speed nor a profile"),
     ],
@@ -340,7 +340,7 @@ def test_values_that_cannot_be_used_are_rejected_in_one_sentence(change: dict, s
     ("change", "sentence"),
     [
         ({"integrator": "euler"}, "there is no integrator 'euler'"),
-        ({"steps_per_turn": 3}, "take at least 4"),
+        ({"steps_per_turn": 3}, "give at least 4"),
         ({"compliance": 0.0}, "compliance is 0.0"),
         ({"constant_steps": np.nan}, "constant_steps is nan"),
         ({"solref": (np.nan, 1.0)}, "solref is"),

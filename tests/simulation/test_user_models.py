@@ -137,7 +137,7 @@ def test_what_a_model_has_not_is_named():
         swept(text, speed=1.0)
     with pytest.raises(InputError, match=r"no hinge or slide called 'X' to drive \(it has motor, A, D, C\)"):
         simulate(text, motion_laws=by_name({"X": steady(0.0, 1.0)}, 1.0))
-    with pytest.raises(InputError, match=r"no hinge or slide called 'X' to hold"):
+    with pytest.raises(InputError, match=r"no hinge or slide called 'X' to lock"):
         swept(text, drive="motor", speed=1.0, lock={"X": 0.0})
     with pytest.raises(InputError, match=r"there is no keyframe 'behind'; there are ahead"):
         swept(text, drive="motor", speed=1.0, key="behind")

@@ -117,7 +117,7 @@ def test_varying_loads_are_written_as_read(made, tmp_path):
         ('couples.rod = [0, 0, "5mm*t"]', "forces.couples.rod[2] is '5mm*t', which is a length"),
         ('crank_torque = "sin(t)*angle"', "names both angle and t"),
         ('crank_torque = "sin(t"', "is no expression"),
-        ('crank_torque = "2*t + lift"', "names 'lift', which is not defined; known are t, pi, crank, rod"),
+        ('crank_torque = "2*t + lift"', "names 'lift', which is not defined; choose from t, pi, crank, rod"),
         ('crank_torque = "(-8)**0.5*t"', "no value that is a finite real number"),
         ('couples.rod = ["t", "angle", 0]', "couples.rod varies over t in one component and over angle"),
         ('couples.rod = ["press.csv", 0, "press.csv"]', "as a load give two, t in s or angle in rad"),

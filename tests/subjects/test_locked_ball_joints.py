@@ -71,7 +71,7 @@ def test_a_specification_locks_them_at_its_initial_pose(key):
     run = simulate(spec, drive="crank", speed=1.0, turns=0.1, lock=dict.fromkeys(HELD), key=key)
     place = run.motion.points["tip"].position
     np.testing.assert_allclose(place[-1], tip(key, 0.2 * np.pi), atol=1e-13)
-    with pytest.raises(InputError, match="no hinge or slide called 'neck' to hold"):
+    with pytest.raises(InputError, match="no hinge or slide called 'neck' to lock"):
         simulate(spec, drive="crank", speed=1.0, lock={"neck": 0.1})
 
 

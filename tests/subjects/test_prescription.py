@@ -228,7 +228,7 @@ REFUSED = [
     ({"drive": {"left": "3mm/s"}}, "a speed of rotation"),
     ({"drive": {"left": "10deg*t"}}, "right has no motion law; give each driver one: --drive"),
     ({"lock": {"knee": None}}, "no coordinate 'knee' to lock"),
-    ({"lock": {"left": "3mm"}}, "does not measure that"),
+    ({"lock": {"left": "3mm"}}, "is the wrong kind of unit"),
     ({"lock": ["left", "right"]}, "no coordinate is driven"),
     ({"track": ["Q"]}, "no point or link 'Q'"),
     ({"track": ["Q,arm@0,0,0"]}, "'arm'"),

@@ -93,7 +93,7 @@ CHANGES = {
     "friction in no joint": (
         "[points]",
         "[forces.friction]\nhinge = { viscous = 1 }\n[points]",
-        ("line 30", "'hinge'", "known are crank"),
+        ("line 30", "'hinge'", "choose from crank"),
     ),
     "friction of another kind": (
         "[points]",
@@ -137,7 +137,7 @@ CHANGES = {
         '"4 deg"',
         ("line 7", "parameters.crank", "uses it as a length"),
     ),
-    "an angle for a length": ('"30 mm"', '"30 deg"', ("line 11", "'30 deg'", "does not measure that")),
+    "an angle for a length": ('"30 mm"', '"30 deg"', ("line 11", "'30 deg'", "is the wrong kind of unit")),
     "a place beyond sense": (
         '["ground", 0, 0] }\nb',
         '["ground", 1e200, 0] }\nb',
@@ -160,14 +160,14 @@ CHANGES = {
     ),
     "drivers that are none": ('["crank"]', "[]", ("no joint is driven", "--drive")),
     "a duration that is none": ("start = 10", "start = 10\nduration = -1", ("line 5", "duration is -1 s")),
-    "an unknown driver": ('["crank"]', '["handle"]', ("line 3", "'handle'", "known are crank")),
+    "an unknown driver": ('["crank"]', '["handle"]', ("line 3", "'handle'", "choose from crank")),
     "one start of two": ('["crank"]', '["crank", "rocker"]', ("line 4", "crank, rocker are driven", "table")),
-    "a start of none": ("start = 10", "start = { handle = 3 }", ("line 4", "'handle'", "known are crank")),
+    "a start of none": ("start = 10", "start = { handle = 3 }", ("line 4", "'handle'", "choose from crank")),
     "a slide's start": ("start = 10", 'start = { crank = "3 mm" }', ("line 4", "an angle")),
     "a motion law of none": (
         "start = 10",
         'start = 10\nprograms = { handle = "600rpm" }',
-        ("line 5", "'handle'", "known are crank"),
+        ("line 5", "'handle'", "choose from crank"),
     ),
     "a motion law of what is not driven": (
         "start = 10",
@@ -218,7 +218,7 @@ CHANGES = {
     ),
     "a point on no link": ('A = { link = "crank"', 'A = { link = "wheel"', ("'wheel'",)),
     "an unknown unit": ('"mm"', '"furlongz"', ("line 2", "furlongz")),
-    "a unit of time": ('"mm"', '"s"', ("line 2", "does not measure that")),
+    "a unit of time": ('"mm"', '"s"', ("line 2", "is the wrong kind of unit")),
     "no TOML": ("start = 10", "start == 10", ("no TOML", "line 4")),
     "negative mass": ('"400 g"', '"-400 g"', ("line 10", "mass of a link")),
     "a zero axis": (

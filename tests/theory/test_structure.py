@@ -136,7 +136,7 @@ def test_the_coupler_of_an_unguided_rssr_spins_idly_about_its_ball_centres():
     (motion,) = m.idle
     assert motion.links == ("coupler",)
     assert motion.text == "coupler spins about the line through P2 and P3"
-    assert "idle freedom: coupler spins about the line through P2 and P3" in str(m)
+    assert "idle degree of freedom: coupler spins about the line through P2 and P3" in str(m)
 
 
 def test_the_named_spin_leaves_the_loops_closed_through_a_finite_turn():
@@ -389,7 +389,7 @@ def test_a_locked_crank_is_distinguished_apart_from_a_locked_mechanism():
     m = mobility(planar(places))
     assert (m.actual, m.crank_moves) == (1, False)
     assert "locked: the crank cannot move" in m.lines()
-    assert "idle freedom: wheel spins about the axis of joint wheel" in m.lines()
+    assert "idle degree of freedom: wheel spins about the axis of joint wheel" in m.lines()
 
 
 def test_a_dof_nobody_drives_is_rejected_with_the_links_that_have_it():
@@ -425,7 +425,7 @@ def test_planarity_does_not_depend_on_the_plane_but_on_every_axis():
 @pytest.mark.parametrize(
     ("driver", "stopped", "message"),
     [
-        ("rod7", (), "no moving link 'rod7'; known are crank1, crank2"),
+        ("rod7", (), "no moving link 'rod7'; choose from crank1, crank2"),
         ("base", (), "'base' meets neither the frame nor a driven link"),
         ("rod5", ("rod5",), "cannot both drive and stand still"),
         (("rod5", "crank1"), (), "with crank2 stopped, which leaves W = 1"),

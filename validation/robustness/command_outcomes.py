@@ -23,7 +23,9 @@ def unclear(code: int | None, said: str) -> Iterator[str]:
     if "Traceback" in said:
         yield f"a traceback on stderr: {said[-300:]!r}"
     # that code is run is said before it is
-    lines = [line for line in said.splitlines() if line.strip() and not line.endswith("a formula is code")]
+    lines = [
+        line for line in said.splitlines() if line.strip() and not line.endswith("(a formula is Python code)")
+    ]
     if code == 2 and (len(lines) != 1 or not lines[0].startswith("mechsim: ")):
         yield f"exit code 2 with {len(lines)} lines: {said[:300]!r}"
 

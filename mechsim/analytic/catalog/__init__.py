@@ -59,8 +59,12 @@ def with_theory(theory: str) -> str:
     return ", ".join(name for name, mechanism in DRIVES.items() if theory in mechanism.declaration.theories)
 
 
+# names that an error message lists
+MOST_LISTED = 16
+
+
 def nearest(name: str, names: list[str]) -> str:
-    """Return the end of an error message: the most similar name, and all names."""
+    """Return the end of an error message: the most similar name, and all names, or how to list many."""
     close = difflib.get_close_matches(name, names)
     # of equally similar names the first is suggested
     similarity = {
@@ -69,4 +73,5 @@ def nearest(name: str, names: list[str]) -> str:
         if candidate in close
     }
     hint = f"; did you mean {max(similarity, key=similarity.__getitem__)!r}? " if similarity else "; "
-    return f"{hint}known are {', '.join(names)}"
+    listed = ", ".join(names) if len(names) <= MOST_LISTED else "the names that `mechsim list` prints"
+    return f"{hint}choose from {listed}"

@@ -26,7 +26,9 @@ MAX_RATIO = 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class Bennett(ClosedForm):
-    """Overconstrained spatial 4R O-A-B-O4 after Bennett; opposite links are equal.
+    """Bennett linkage: an overconstrained spatial four-bar.
+
+    O-A-B-O4 has revolute joints only; opposite links are equal.
 
     Frame and coupler have length0 and twist0, crank and rocker length1 and twist1. Each length is the common
     normal of two axes, so that no joint has an offset. The linkage moves because all links have the same

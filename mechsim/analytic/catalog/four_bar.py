@@ -21,7 +21,9 @@ from mechsim.numerics.jets import Values, cos_sin
 
 @dataclass(frozen=True, kw_only=True)
 class FourBar(TwoBranchForm):
-    """Planar four-bar O-A-B-O4 in the XY plane, O at the origin and O4 at (ground, 0).
+    """Planar four-bar linkage with a coupler point.
+
+    O-A-B-O4 lies in the XY plane, O at the origin and O4 at (ground, 0).
 
     The crank angle is measured from +X. The coupler point C is at distance `arm` from A, at the angle
     `arm_angle` from AB. `branch` is the sign of O4B . (O4A x eZ): +1 if B lies left of the line from A to O4.

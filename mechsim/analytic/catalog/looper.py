@@ -106,7 +106,9 @@ class PlanarLoop:
 
 @dataclass(frozen=True, kw_only=True)
 class Looper(ClosedForm):
-    """Spatial five-link whose coupler ABC, on spherical pairs, rotates and shifts a follower C-D-E.
+    """Looper drive of a sewing machine: a spatial five-bar.
+
+    The coupler ABC, on ball joints, rotates and shifts a follower C-D-E.
 
     Crank O1A and rocker O2B rotate about Z; O1 is the origin, and the crank angle is measured from +X. C is
     at distance `arm` from A, at `arm_angle` from AB, and rotates with the coupler about AB. The follower

@@ -37,7 +37,7 @@ POLE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Rrsrr(TwoBranchForm):
-    """Spatial five-link crank-rocker with four revolute pairs and one spherical pair.
+    """Spatial five-bar: four revolute joints and one ball joint.
 
     The crank rotates about X at the origin, with its angle u1 measured from Y. At C it carries the coupler CS
     on a hinge tangent to the crank circle, so that S lies on a torus; v1 is the coupler's angle from the

@@ -34,7 +34,7 @@ GUIDE_PARAMETERS = ("psi1", "psi2", "beta1", "beta2", "guide_branch")
 
 @dataclass(frozen=True, kw_only=True)
 class Rssr(TwoBranchForm):
-    """Spatial four-bar with two revolute and two spherical pairs.
+    """Spatial four-bar with two revolute and two ball joints.
 
     The crank P1P2 rotates about X at the origin, with its angle measured from Y; the rocker P4P3 rotates
     about the axis TY(gamma1) TX(gamma2) eZ through P4, perpendicular to it. `branch` is the sign of P4P3 .

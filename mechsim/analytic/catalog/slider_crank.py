@@ -19,7 +19,9 @@ from mechsim.numerics.jets import Values
 
 @dataclass(frozen=True, kw_only=True)
 class SliderCrank(TwoBranchForm):
-    """Planar slider-crank O-A-B in the XY plane, the slider B moving along X at height `offset`.
+    """Planar slider-crank whose slider may be offset.
+
+    O-A-B lies in the XY plane; the slider B moves along X at the height `offset`.
 
     The crank angle is measured from +X. `branch` is +1 if B lies ahead of A along the slide, else -1.
     """

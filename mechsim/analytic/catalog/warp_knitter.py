@@ -47,7 +47,9 @@ MAX_RATIO = 1000.0
 
 @dataclass(frozen=True, kw_only=True)
 class WarpKnitter(ClosedForm):
-    """Cranks O1A and O2D, rods AB and CD, ternary base link BCK, rocker KE, in the XY plane.
+    """Needle drive of a warp knitting machine: two geared cranks.
+
+    Cranks O1A and O2D, rods AB and CD, ternary link BCK and rocker KE, in the XY plane.
 
     Crank 1 rotates about the origin, with its angle measured from +X; gears rotate crank 2 by `gear_ratio`
     times that, from `phase`. Links 3, 4, 5, 6 are an Assur group of class III with up to six assembly modes.

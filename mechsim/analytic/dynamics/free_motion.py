@@ -281,7 +281,7 @@ class Runner:
         return "time over", f"{made:.6g} of {self.turns:g} turns in {end:.6g} s"
 
     def _patience(self) -> float:
-        """Return a time that is ample for the turns asked for, so that no run hangs."""
+        """Return a time that is ample for the turns requested, so that no run hangs."""
         assert self.turns is not None
         inertia, _, static, _, _, torque = self.terms(0.0, self.start, float(self.state[1]))
         speed = max(abs(float(self.state[1])), float(np.sqrt((abs(static) + abs(torque)) / inertia)))

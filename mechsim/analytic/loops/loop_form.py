@@ -127,7 +127,7 @@ class LoopForm:
         forces: what acts on it; None where that is not said.
         initial: J.q and J.v of coordinates in SI from which dynamics releases the mechanism; empty for none.
         motion_laws: of its drivers; `CRANK` for a crank at any speed.
-        ranges: joint -> between which values it can stand, in [m] or [rad].
+        ranges: joint -> between which values it closes, in [m] or [rad].
         written: the units that its file declares.
     """
 

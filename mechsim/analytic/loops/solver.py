@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, product
 from mechsim.analytic.loops.tree import Index, block
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, square_solution
-from mechsim.numerics.rank import RANK_TOLERANCE, significant
+from mechsim.numerics.rank import RANK_TOLERANCE, pivot_columns, significant
 
 # entries of a Jacobian below this are rounding
 NEGLIGIBLE = 1e-14
@@ -218,15 +217,12 @@ def loop_solver(
         previous: null-space basis so far, to which the new one is aligned.
         jacobian: of all rows there, (rows, count, 1), where it is nonzero.
     """
-    from scipy.linalg import qr
-
     matrix = (loops.linearise(reference)[1] if jacobian is None else jacobian)[:, loops.unknown, 0]
     if not matrix.size:
         return LoopSolver(loops, np.zeros(0, dtype=np.intp), np.eye(len(loops.unknown)), reference)
     _, values, vh = np.linalg.svd(matrix)
     rank = int(significant(values).sum())
-    pivoted: Any = qr(matrix.T, mode="economic", pivoting=True)
-    order: NDArray[np.intp] = pivoted[2]
+    order, _ = pivot_columns(matrix.T)
     null_space = vh[rank:]
     if previous is not None and previous.shape == null_space.shape:
         u, _, rotation = np.linalg.svd(previous @ null_space.T)

@@ -110,7 +110,7 @@ def drawn(figure: "Figure", file_format: Format = "svg") -> bytes:
         InputError: for an unknown format.
     """
     if file_format not in FORMATS:
-        raise InputError(f"there is no plot format {file_format!r}; known are {', '.join(FORMATS)}")
+        raise InputError(f"there is no plot format {file_format!r}; choose from {', '.join(FORMATS)}")
     out = io.BytesIO()
     layout = figure.get_layout_engine()
     with styled(), warnings.catch_warnings():
@@ -149,7 +149,7 @@ def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
     names = list(motion.points) if points is None else list(points)
     for name in names:
         if name not in motion.points:
-            raise InputError(f"the motion has no point {name!r}; known are {', '.join(motion.points)}")
+            raise InputError(f"the motion has no point {name!r}; choose from {', '.join(motion.points)}")
     if not names:
         raise InputError("the motion has no tracked point to plot")
     return names

@@ -78,12 +78,12 @@ def sweep_plot(table: SweepTable, selected: Sequence[str] | None = None, kind: s
     names = [*table.measures] if selected is None else [*selected]
     for name in names:
         if name not in table.measures:
-            raise InputError(f"the sweep has no measure {name!r}; known are {', '.join(table.measures)}")
+            raise InputError(f"the sweep has no measure {name!r}; choose from {', '.join(table.measures)}")
     wide = sum(length > 1 for length in table.shape)
     usual = "map" if len(table.parameters) == 1 or (wide <= 2 and len(table.shape) > 1) else "parallel"
     drawn = {"map": _map, "parallel": _parallel, "pareto": _pareto}
     if (kind or usual) not in drawn:
-        raise InputError(f"there is no plot {kind!r} of a sweep; known are {', '.join(drawn)}")
+        raise InputError(f"there is no plot {kind!r} of a sweep; choose from {', '.join(drawn)}")
     return drawn[kind or usual](table, names)
 
 
@@ -172,7 +172,7 @@ def _parallel(table: SweepTable, names: Sequence[str]) -> "Figure":
 @styled()
 def _pareto(table: SweepTable, names: Sequence[str]) -> "Figure":
     if len(names) < 2:
-        raise InputError("a Pareto front is of two measures; name two with --of")
+        raise InputError("a Pareto front shows two measures; name two with --of")
     figure, axes = blank(1, 1, (5.4, 4.2))
     ax = axes[0, 0]
     (x, x_label), (y, y_label) = (table.scaled(name) for name in names[:2])

@@ -156,7 +156,9 @@ def phase_plot(motion: Motion, names: Sequence[str] | None = None) -> "Figure":
     for name in chosen:
         if name not in motion.joints or motion.joints[name].value.ndim > 1:
             names = ", ".join(name for name, joint in motion.joints.items() if joint.value.ndim == 1)
-            raise InputError(f"no joint {name!r} with one coordinate for a phase portrait; known are {names}")
+            raise InputError(
+                f"no joint {name!r} with one coordinate for a phase portrait; choose from {names}"
+            )
     figure, axes = blank(1, len(chosen), (3.6 * len(chosen), 3.2))
     for ax, name in zip(axes[0], chosen, strict=True):
         joint = motion.joints[name]

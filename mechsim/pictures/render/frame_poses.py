@@ -270,7 +270,7 @@ def sample_indices(angles: Array, requested: Array) -> Array:
     slack = 1e-6
     if requested.min() < rising[0] - slack or requested.max() > rising[-1] + slack:
         raise InputError(
-            f"frames from {requested.min():.6g} to {requested.max():.6g} rad are asked for, "
+            f"frames from {requested.min():.6g} to {requested.max():.6g} rad are requested, "
             f"but the motion goes only from {rising[0]:.6g} to {rising[-1]:.6g} rad"
         )
     return np.interp(requested, rising, np.arange(first, last + 1, dtype=np.float64))

@@ -63,7 +63,7 @@ def choose(forced: str | None = None) -> Backend:
         MissingToolError: where none works; names the package that brings one, or the extra of mechsim.
     """
     if forced is not None and forced not in ORDER:
-        raise InputError(f"there is no OpenGL back end {forced!r} here; known are {', '.join(ORDER)}")
+        raise InputError(f"there is no OpenGL back end {forced!r} here; choose from {', '.join(ORDER)}")
     require_extra("pictures", "PIL")
     current = _current_backend()
     if forced and current and forced != current:

@@ -50,36 +50,38 @@ class Look:
         up: coordinate axis that points up, as "z" or "-y"; None takes the mechanism's own, else y.
     """
 
-    size: tuple[int, int] = option((640, 480), "Pixels, width x height.", read=parse_pixels, text="960x720")
-    camera: str = option("iso", "iso, shaft, top or side.")
-    backend: str | None = option(None, "egl or osmesa; the first that works if left out.")
+    size: tuple[int, int] = option(
+        (640, 480), "Width and height in pixels.", read=parse_pixels, text="960x720"
+    )
+    camera: str = option("iso", "View: iso, shaft, top or side.")
+    backend: str | None = option(None, "OpenGL back end: egl or osmesa. Default: the first that works.")
     paths: bool | Paths = option(True, "Draw the paths of tracked points.")
     labels: bool = option(True, "Write the names of tracked points.")
     notes: bool = True
     direction: bool = option(False, "Show the direction in which the crank rotates.")
     projections: tuple[str, ...] = option(
         (),
-        "Throw these points' paths on the coordinate planes.",
+        "Also draw the projections of these points' paths on the coordinate planes.",
         read=parse_names,
         name="--project",
         metavar="POINTS",
     )
-    overlay: int = option(1, "Positions drawn over one another in a still picture.", name="--positions")
+    overlay: int = option(1, "Positions overlaid in a picture.", name="--positions")
     arrows: tuple[Arrow, ...] = option(
-        (), "Arrows: velocity, acceleration, force, moment.", read=parse_names, metavar="KINDS"
+        (), "Draw arrows of velocity, acceleration, force or moment.", read=parse_names, metavar="KINDS"
     )
-    magnify: float | None = option(None, "Factor on the error with --from both; a power of ten if left out.")
+    magnify: float | None = option(None, "Factor on the error shown by --from both. Default: a power of ten.")
     caption: str = ""
     bodies: Mapping[str, Sequence[Shape]] | None = None
     up: Up | None = option(
         None,
-        "Axis that points up: x, y, z, -x, -y, -z; against gravity, else y, if left out.",
+        "Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y.",
         metavar="AXIS",
     )
 
     def __post_init__(self) -> None:
         if self.camera not in PRESETS:
-            raise InputError(f"there is no camera {self.camera!r}; known are {', '.join(PRESETS)}")
+            raise InputError(f"there is no camera {self.camera!r}; choose from {', '.join(PRESETS)}")
         require_axis("a picture", self.up)
         if not all(16 <= edge <= 8192 for edge in self.size):
             raise InputError(f"picture size is {self.size} pixels; give edges from 16 to 8192")
@@ -89,7 +91,7 @@ class Look:
             raise InputError(f"{self.overlay} overlaid positions; give 1 to 360")
         for kind in self.arrows:
             if kind not in get_args(Arrow):
-                raise InputError(f"there is no arrow {kind!r}; known are {', '.join(get_args(Arrow))}")
+                raise InputError(f"there is no arrow {kind!r}; choose from {', '.join(get_args(Arrow))}")
         if self.magnify is not None and not 0.0 < self.magnify < float("inf"):
             raise InputError(f"magnify is {self.magnify}; give a finite factor above 0")
 
@@ -106,7 +108,7 @@ class Look:
             if name not in mechanism.points:
                 raise InputError(
                     f"{mechanism.name} has no point {name!r} to project; "
-                    f"known are {', '.join(mechanism.points)}"
+                    f"choose from {', '.join(mechanism.points)}"
                 )
 
 
@@ -119,5 +121,5 @@ def changed(look: Look | None, options: dict[str, Any]) -> Look:
     names = [field.name for field in fields(Look)]
     for name in options:
         if name not in names:
-            raise InputError(f"a picture has no option {name!r}; known are {', '.join(names)}")
+            raise InputError(f"a picture has no option {name!r}; choose from {', '.join(names)}")
     return replace(look or Look(), **options)

@@ -88,11 +88,13 @@ def _data(view: View) -> dict[str, Any]:
         shapes = {link: list(view.bodies.get(link, ())) for link in poses}
     else:
         shapes = link_shapes(mechanism, travels(mechanism, poses), free_sides(mechanism, poses))
-    radius = rod_radius(mechanism)
+    radius, planar = rod_radius(mechanism), hinged_normals(mechanism) is not None
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
-    if not (hinged_normals(mechanism) or view.bodies):
-        up = cameras.upright(mechanism, view.up)
-        floor = float((balls @ up - radii).min()) - 2.0 * radius
+    up = cameras.upright(mechanism, view.up)
+    normal = cameras.directions(mechanism, "iso", view.up)[0] if planar else up
+    floor = float((balls @ normal - radii).min())
+    if not (planar or view.bodies):
+        floor -= 2.0 * radius
         posts = stands(shapes[GROUND], up, floor, radius)
         shapes[GROUND].extend(posts)
         feet, widths = extent([(poses[GROUND], posts)])
@@ -104,8 +106,9 @@ def _data(view: View) -> dict[str, Any]:
         "joints": _joints(mechanism),
         "points": _points(mechanism),
         "anchors": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
-        "vertical": _short(cameras.upright(mechanism, view.up)),
+        "vertical": _short(up),
         "cameras": _cameras(mechanism, balls, radii, view.up),
+        "floor": {"normal": _short(normal), "at": floor},
         "own_bodies": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
         "platform": platform_data(mechanism, view.platform) if view.platform else None,

@@ -54,7 +54,7 @@ def platform_data(mechanism: Mechanism, platform: PlatformDrive) -> dict[str, An
     links = [link.name for link in mechanism.links]
     joints = [joint.name for joint in mechanism.joints]
     return {
-        "name": f"{platform.link} by its pose",
+        "name": f"move {platform.link}",
         "link": links.index(platform.link),
         "point": list(platform.point),
         "origin": platform.origin,

@@ -290,7 +290,7 @@ def expect_speed(
 ) -> ExpectedSpeed:
     """Return what to expect, from the energy that motor, loads and weight can give.
 
-    That is the energy of one turn, or of the turns asked for where no speed limits the motor.
+    That is the energy of one turn, or of the turns requested where no speed limits the motor.
     """
     inertia, damping = _along(loaded, angle)
     weight = float(loaded.model.body_mass.sum() * np.linalg.norm(loaded.model.opt.gravity))

@@ -87,11 +87,11 @@ def driven(
         AssemblyError: if the loops close nowhere or only over part of it.
     """
     if method not in (None, "pose", "step"):
-        raise InputError(f"there is no method {method!r}; known are pose, step")
+        raise InputError(f"there is no method {method!r}; choose from pose, step")
     if tolerance is not None and not 0.0 < tolerance < np.inf:
         raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
     if samples is not None and not samples >= 1:
-        raise InputError(f"{samples} samples asked for; take at least 1")
+        raise InputError(f"{samples} samples requested; take at least 1")
     speed = si(speed, "rad/s", "the crank speed")
     motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
     mechanism, acting = described(source), forces_of(source, forces)

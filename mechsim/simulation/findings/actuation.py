@@ -43,7 +43,7 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
             kind="actuator",
             what=name,
             by=_stiffness(scene, a),
-            message=f"actuator {name} moves what other servos move already: they work against each other "
+            message=f"actuator {name} acts on what other servos already move: they work against each other "
             "unless their controls agree to the last bit",
             remedy=f"leave {name} out, or make it a motor",
             **lines[a],

@@ -113,7 +113,7 @@ def _implausible_size(
         return (
             offset,
             f"has its centre of mass {offset:.3g} m from its origin, in a scene of {scene.length:.3g} m",
-            "its place looks like mm: write m",
+            "its position looks like mm: write m",
         )
     # the ball as wide as the widest moment allows: rods are thin, and none is wider
     volume = 4.0 / 3.0 * np.pi * (2.5**0.5 * radius) ** 3
@@ -147,7 +147,7 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
             what="lengths",
             by=scene.length,
             message=f"the linkage is {scene.length:.3g} m large: its lengths look like mm",
-            remedy="MuJoCo takes lengths as they stand and gravity as 9.81: write m",
+            remedy="MuJoCo takes gravity as 9.81 in the units of lengths: write m",
         )
         return
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
@@ -185,7 +185,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             kind="units",
             what=names,
             by=max(widths[j] for j in wide),
-            message=f"{names} of a loop may turn from {low:g} to {high:g} rad: that looks like degrees",
+            message=f"{names} of a loop have the range {low:g} to {high:g} rad, which looks like degrees",
             remedy='write rad, or angle="degree" for the whole file',
             **scene.location(joints[str(model.joint(wide[0]).name)]),
         )

@@ -67,7 +67,7 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
                 kind="redundant",
                 what=loop.name,
                 by=len(rows[loop.number]),
-                message=f"{loop.name} says what {other.name} says: the loop is closed twice over, "
+                message=f"{loop.name} repeats {other.name}: the loop is closed twice, "
                 f"and its {len(rows[loop.number])} rows add no rank",
                 remedy=f"leave out {loop.name}",
                 **loop.location,

@@ -100,7 +100,8 @@ RULES = (
         "redundant",
         "warning",
         "Redundant loop constraints",
-        "Constraint equations depend on each other. Reactions are not unique, and inexact ones fight.",
+        "Constraint equations depend on each other. Reactions are not unique, and inexact equations "
+        "contradict each other.",
     ),
     Rule(
         "MS108",
@@ -128,14 +129,15 @@ RULES = (
         "open",
         "note",
         "Degrees of freedom left open",
-        "With the drivers locked the mechanism still moves; springs, weight or contacts decide.",
+        "With the drivers locked the mechanism still moves; springs, weight or contacts determine its "
+        "motion.",
     ),
     Rule(
         "MS112",
         "unchecked",
         "note",
         "Equality not checked",
-        "The equality holds a flex, or a tendon through sites. The rules on loops leave it out.",
+        "The equality holds a flex, or a tendon through sites. The rules on loops do not cover it.",
     ),
     Rule(
         "MS201",
@@ -158,8 +160,8 @@ RULES = (
         "loop-joint",
         "note",
         "A closing constraint carries less than a joint",
-        "A connect or weld that closes a loop has no limits, drive or friction. What the real "
-        "joint has must be put on another joint.",
+        "A connect or weld that closes a loop has no limits, drive or friction. Those of the "
+        "real joint must be added to another joint.",
     ),
     Rule(
         "MS301",

@@ -284,7 +284,7 @@ def require_single(spec: mujoco.MjSpec, joint_names: Iterable[str]) -> None:
     for name in joint_names:
         if name not in single:
             available = ", ".join(single) or "none"
-            raise InputError(f"the model has no hinge or slide called {name!r} to hold (it has {available})")
+            raise InputError(f"the model has no hinge or slide called {name!r} to lock (it has {available})")
 
 
 def set_drive_inertia(spec: mujoco.MjSpec, inertia: float) -> None:

@@ -95,7 +95,7 @@ def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str
     """Reject cuts of unknown joints and of joints that must not be cut."""
     for unknown in requested - {joint.name for joint in mechanism.joints}:
         names = ", ".join(joint.name for joint in mechanism.joints)
-        raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; known are {names}")
+        raise InputError(f"{mechanism.name}: there is no joint {unknown!r} to cut; choose from {names}")
     driven = {joint.name for joint in mechanism.driven_joints}
     for name in sorted(requested & needed):
         what = "driven" if name in driven else "held" if name in mechanism.locked else "geared"

@@ -44,7 +44,7 @@ class Fitted:
 
 
 def fitted(misfit: Misfit, hypothesis: Hypothesis) -> Fitted | None:
-    """Return a hypothesis with the size that fits best; None where it can stand at no size."""
+    """Return a hypothesis with the size that fits best; None where it closes at no size."""
     before = rms(misfit.errors(misfit.exact, hypothesis.rows))
     if not before > 0.0:
         return None

@@ -71,7 +71,7 @@ EXACT_TOLERANCES = FormulaTolerances(
     forces=(1e-10, 5),
     reason="{part:.0e} of {scale:.3g} {unit}: rounding times condition; measured 2e-15 for the gallery",
 )
-REQUESTED = "asked for"
+REQUESTED = "requested"
 
 
 @dataclass(frozen=True)

@@ -79,11 +79,11 @@ class Certificate:
         """What is proven, or why nothing is, in one sentence."""
         low, high = self.range
         if not self.certified:
-            return f"Not certified from {low:.6g} to {high:.6g} {self.unit}: {self.reason}"
+            return f"not certified from {low:.4g} to {high:.4g} {self.unit}: {self.reason}"
         return (
-            f"Certified from {low:.6g} to {high:.6g} {self.unit}: one configuration in the tube at each "
-            f"driver position ({self.segments} segments, half-width at most {self.tube:.2g}), no singularity "
-            f"(smallest singular value at least {self.min_singular_value:.2g})"
+            f"certified from {low:.4g} to {high:.4g} {self.unit}: at each driver position exactly one "
+            f"configuration within {self.tube:.2g} of the computed one, and no singularity (smallest "
+            f"singular value at least {self.min_singular_value:.2g}, {self.segments} segments)"
         )
 
 
@@ -248,7 +248,7 @@ def _reason(
         return motion.end_message
     if rest:
         low, high = rest[0]
-        return f"no test succeeded on {len(rest)} intervals, the first from {low:.9g} to {high:.9g}"
+        return f"no proof on {len(rest)} intervals, the first from {low:.4g} to {high:.4g}"
     if not joins.all():
         return f"segments are not proven to join at {segments.high[int(np.argmin(joins))]:.9g}"
     if not _about_computed_motion(motion, segments):
@@ -307,13 +307,17 @@ def certify(
         solver = designs.make({})
         bounds = parsed_tolerances(within, designs.dimensions, solver.mechanism)
         if bounds.clearances:
-            raise InputError("within takes tolerances of dimensions; a clearance of a joint is none")
+            raise InputError(
+                "within takes tolerances of dimensions, not clearances of joints; leave the clearance out"
+            )
         radii = radii_within(open_model(model), set or {}, designs, bounds.bounds)
     else:
         solver = load(model, set, **options)
     solver.motion_laws.require_drivers(solver.mechanism)
     if angles is not None and not solver.motion_laws.crank:
-        raise InputError(f"{solver.name} is driven by motion laws; angles are of a crank: give a duration")
+        raise InputError(
+            f"{solver.name} is driven by motion laws, and angles apply to a crank; give a duration"
+        )
     return certified_motion(solver, _range_of(angles), radii)
 
 

@@ -20,6 +20,7 @@ from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball
+from mechsim.numerics.rank import pivot_columns
 from mechsim.studies.certify.loop_equations import ClosureEquations, loop_equations
 
 # configurations at which independent equations are selected
@@ -117,16 +118,13 @@ class ComputedMotion:
 
     def with_independent_rows(self) -> "ComputedMotion":
         """Return the motion with as many equations as unknowns: those best conditioned at samples of it."""
-        from scipy.linalg import qr
-
         equations, unknown = self.equations, self.equations.unknown
         s = np.linspace(self.low, self.high, SAMPLES)
         samples = self.configurations(s)
         samples.values[:, equations.driven] = self.driven(s)[0]
         turns = [ball(rotation) for rotation in rotation_matrices(samples.quaternions)]
         jacobians = equations.evaluate(ball(samples.values[..., None]), turns)[1].mid[..., unknown]
-        orders = [qr(jacobian.T, mode="economic", pivoting=True)[2] for jacobian in jacobians]
-        choices = [np.sort(order[: len(unknown)]) for order in orders]
+        choices = [np.sort(pivot_columns(jacobian.T)[0][: len(unknown)]) for jacobian in jacobians]
         smallest = [np.linalg.svd(jacobians[:, rows], compute_uv=False).min() for rows in choices]
         chosen = equations.kept[choices[int(np.argmax(smallest))]]
         return replace(self, equations=replace(equations, selected=tuple(chosen.tolist())))

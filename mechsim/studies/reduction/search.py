@@ -124,9 +124,9 @@ def reduce_scene(
             )
     if by == "trajectory" and first.displacement_range <= tolerance:
         raise InputError(
-            f"what is tracked of {scene.path} moves by {first.displacement_range:.2g} m and the tolerance is "
-            f"{tolerance:.2g} m: nothing at all would keep it; track a point that moves, as "
-            "--track P,BODY@x,y,z does"
+            f"the tracked points of {scene.path} move by only {first.displacement_range:.2g} m, less than "
+            f"the tolerance {tolerance:.2g} m, so that any scene satisfies it; track a point that moves, "
+            "as in --track P,BODY@X,Y,Z"
         )
     search = _Search(first, tolerance, by, progress)
     search.bodies |= {name for name in keep if first.spec.body(name) is not None}

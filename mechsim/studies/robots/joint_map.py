@@ -11,7 +11,6 @@ import numpy as np
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.render.scenery import exported
 from mechsim.simulation.joint_map import JointMap, map_over_grid
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
@@ -103,6 +102,9 @@ def mujoco_spec(
     if own is not None:
         return parse_file(own)[0]
     solver = load(model, set, still=True)
+    # a mechanism is exported with the renderer's scenery, whose import MuJoCo models do not need
+    from mechsim.pictures.render.scenery import exported
+
     return exported(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
 
 

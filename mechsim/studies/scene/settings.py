@@ -218,7 +218,7 @@ def plain_settings(
         raise InputError(f"time step is {timestep}; give a finite time above 0")
     if "steps_per_turn" in values:
         if speed is None:
-            raise InputError("--steps-per-turn is of a crank's turn; give --timestep in its place")
+            raise InputError("--steps-per-turn applies to a crank; give --timestep instead")
         if step is not None:
             raise InputError("both --timestep and --steps-per-turn were given; give one of them")
         step = REVOLUTION / abs(speed) / values["steps_per_turn"]

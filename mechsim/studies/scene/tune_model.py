@@ -242,7 +242,7 @@ def tune(
 def _tolerance(value: float | str, by: str) -> float:
     """Return a tolerance in SI; raise InputError for one that cannot be satisfied."""
     if by not in MEASURES:
-        raise InputError(f"there is no error by {by!r}; known are {', '.join(MEASURES)}")
+        raise InputError(f"there is no error by {by!r}; choose from {', '.join(MEASURES)}")
     limit = value
     if isinstance(value, str) and by == "torque":
         try:

@@ -64,7 +64,7 @@ def parsed_tolerances(
         InputError: for a name that is none, or a bound that is no positive finite number.
     """
     if distribution not in DISTRIBUTIONS:
-        raise InputError(f"the distribution is {distribution!r}; known are {', '.join(DISTRIBUTIONS)}")
+        raise InputError(f"the distribution is {distribution!r}; choose from {', '.join(DISTRIBUTIONS)}")
     bounds: dict[str, float] = {}
     clearances: dict[str, float] = {}
     joints = {joint.name: joint for joint in mechanism.joints}

@@ -229,7 +229,7 @@ def _parameter(text: str, index: str, motion_laws: MotionLaws) -> float:
 def _range(text: str, rest: str, mechanism: Mechanism) -> TurnMeasure:
     joints = coordinate_units(mechanism)
     if rest not in joints and "." not in rest and ":" not in rest:
-        raise InputError(f"{mechanism.name} has no joint {rest!r} to range{suggestion(rest, joints)}")
+        raise InputError(f"{mechanism.name} has no joint {rest!r}{suggestion(rest, joints)}")
     quantity = numeric_quantity(rest, mechanism)
     return TurnMeasure(text, "range", quantity.unit, quantity)
 

@@ -174,8 +174,8 @@ def swept_task(
     released = any(text.partition(":")[0] in RELEASED for text in texts)
     if (initial or until) and not released:
         raise InputError(
-            "an initial state or event is of runs and vibrations; measure frequency:N, damping_ratio:N, "
-            "settling:Q or peak:Q"
+            "an initial state or event needs a measure of runs or vibrations; add frequency:N, "
+            "damping_ratio:N, settling:Q or peak:Q"
         )
     duration = options.pop("duration", None) if released else None
     subject, parameters = swept_designs(model, set, **options)

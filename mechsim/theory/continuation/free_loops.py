@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from mechsim.errors import MobilityError
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import significant
+from mechsim.numerics.rank import pivot_columns, significant
 
 # component of a unit motion below which a coordinate or a point is at rest
 REST = 1e-6
@@ -221,8 +220,6 @@ class FreeLoops:
 
     def solver(self, coordinates: Coordinates, direction: Array | None) -> LoopSolver:
         """Return a solver about one set of coordinates; its first null-space vector is the tangent."""
-        from scipy.linalg import qr
-
         _, jacobian, poses = self.loops.linearise(coordinates)
         jacobian = jacobian[:, self.loops.unknown]
         tangent, idle = split_motion(self.loops, poses, np.linalg.svd(jacobian[..., 0])[2][self.rank :])
@@ -230,8 +227,7 @@ class FreeLoops:
             tangent = -tangent
         rows = np.zeros(0, dtype=np.intp)
         if self.rank:
-            pivoted: Any = qr(jacobian[..., 0].T, mode="economic", pivoting=True)
-            rows = np.sort(pivoted[2][: self.rank])
+            rows = np.sort(pivot_columns(jacobian[..., 0].T)[0][: self.rank])
         return LoopSolver(self.loops, rows, np.vstack([tangent, idle]), coordinates)
 
     def close(self, solver: LoopSolver, guess: Coordinates) -> CorrectedNodes | None:

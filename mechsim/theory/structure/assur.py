@@ -325,4 +325,4 @@ def _require_links(mechanism: Mechanism, names: Iterable[str]) -> None:
     links = [link.name for link in mechanism.links]
     for name in names:
         if name not in links:
-            raise InputError(f"{mechanism.name} has no moving link {name!r}; known are {', '.join(links)}")
+            raise InputError(f"{mechanism.name} has no moving link {name!r}; choose from {', '.join(links)}")

@@ -169,7 +169,7 @@ class FreeMotion:
     text: str
 
     def __str__(self) -> str:
-        return f"{'idle freedom' if self.idle else 'freedom not driven'}: {self.text}"
+        return f"{'idle' if self.idle else 'undriven'} degree of freedom: {self.text}"
 
 
 def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) -> tuple[FreeMotion, ...]:
@@ -336,7 +336,7 @@ class Mobility:
         gears = f" - {self.gears}" if self.gears else ""
         constraints = "".join(f" - {constraints}*{count}" for constraints, count in self.joints)
         lines = [
-            f"mobility W = {self.actual} by the rank of the loop Jacobian",
+            f"W = {self.actual} by the rank of the loop Jacobian",
             f"Somov-Malyshev (space): W = 6*{self.links}{constraints}{gears} = {self.somov_malyshev}",
         ]
         if self.grubler is not None:
@@ -352,13 +352,13 @@ class Mobility:
         if out_of_plane:
             loops = out_of_plane // 3
             lines.append(
-                f"{_several(out_of_plane, 'redundant constraint')} of space: three for "
+                f"{_several(out_of_plane, 'redundant constraint')} in space: three for "
                 + ("the planar loop" if loops == 1 else f"each of {loops} planar loops")
             )
         if self.redundant_in_plane:
             where = " within the plane" if self.planar else ""
             count = _several(self.redundant_in_plane, "redundant constraint")
-            lines.append(f"{count}{where}: special dimensions make it move")
+            lines.append(f"{count}{where}: it moves because of its special dimensions")
         lines += [str(motion) for motion in self.free]
         if self.actual == 0:
             lines.append("locked: no link can move")

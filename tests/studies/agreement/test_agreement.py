@@ -126,7 +126,7 @@ def test_the_command_states_that_it_runs_code_and_keeps_to_eighty_columns(monkey
     monkeypatch.chdir(tmp_path)
     code, out, err = told(monkeypatch, capsys, "validate", "slider_crank", "--against", "own.py:f")
     assert not code
-    assert "runs own.py: a formula is code" in err
+    assert "runs own.py (a formula is Python code)" in err
     assert all(len(line) <= 80 for line in out.splitlines())
     code, out, _ = told(
         monkeypatch,

@@ -155,7 +155,7 @@ def test_a_table_of_tolerances_is_read(tmp_path):
         ("crnk=1mm", "has no dimension 'crnk'; did you mean 'crank'"),
         ("crank=1mm,crank=2mm", "given twice"),
         ("crank=-1mm", "give a number above 0"),
-        ("crank=1deg", "does not measure that"),
+        ("crank=1deg", "is the wrong kind of unit"),
         ("Z.clearance=1mm", "has no joint 'Z'"),
         ("", "no tolerance is given"),
     ],

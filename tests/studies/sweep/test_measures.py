@@ -77,7 +77,7 @@ def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):
         ("max:P3.w", "P3.x"),
         ("max:torqe", "'torque'"),
         ("at:30mm:rocker", "angle"),
-        ("nothing", "known are"),
+        ("nothing", "choose from"),
     ],
 )
 def test_what_is_no_measure_is_rejected_with_the_nearest(text, said):

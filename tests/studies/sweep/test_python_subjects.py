@@ -39,7 +39,7 @@ def test_arguments_with_numbers_as_defaults_are_parameters(model):
 
 def test_what_is_no_argument_is_rejected(model):
     for name in ("krank", "mark"):
-        with pytest.raises(InputError, match=f"no parameter '{name}'.* known are crank, ratio, branch"):
+        with pytest.raises(InputError, match=f"no parameter '{name}'.* choose from crank, ratio, branch"):
             ms.load(model, {name: "1"})
     with pytest.raises(InputError, match="no parameter 'krank' to vary"):
         ms.sweep(model, {"krank": [1.0]}, "range:rocker")

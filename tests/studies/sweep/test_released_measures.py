@@ -103,7 +103,7 @@ def test_what_does_not_settle_and_modes_that_are_missing_are_outcomes(oscillator
         ("frequency:0", {}, "names no mode"),
         ("frequency:x", {}, "names no mode"),
         ("peak:Z.x", {}, "has no quantity 'Z.x'"),
-        ("range:s", {"initial": START}, "an initial state or event is of runs and vibrations"),
+        ("range:s", {"initial": START}, "an initial state or event needs a measure"),
     ],
 )
 def test_measures_that_state_nothing_are_rejected(oscillator, measure, more, message):

@@ -201,7 +201,37 @@ function build() {
     scene.add(line);
     pathLines.push(line);
   }
+  addFloor();
 }
+
+/* a floor, or a wall behind a planar mechanism, with a grid and the shadow of the links */
+let floorLines = null;
+function addFloor() {
+  const view = DATA.cameras[0], size = Math.max(view.width, view.height), extent = 3 * size;
+  const normal = new THREE.Vector3(...DATA.floor.normal);
+  const spacing = 10 ** Math.round(Math.log10(size / 8)), divisions = 2 * Math.round(extent / spacing / 2);
+  const centre = new THREE.Vector3(...view.centre), at = centre.clone().addScaledVector(normal, DATA.floor.at - centre.dot(normal));
+  const floor = new THREE.Mesh(new THREE.PlaneGeometry(extent, extent), new THREE.ShadowMaterial({ opacity: 0.16 }));
+  floor.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
+  floor.receiveShadow = true;
+  floorLines = new THREE.GridHelper(divisions * spacing, divisions);
+  floorLines.material = new THREE.LineBasicMaterial({ transparent: true, opacity: 0.55, depthWrite: false });
+  floorLines.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), normal);
+  for (const part of [floor, floorLines]) { part.position.copy(at); part.raycast = () => {}; scene.add(part); }
+  // the sun only casts the shadow; the lamp lights the links
+  const sun = new THREE.DirectionalLight(0xffffff, 0), box = sun.shadow.camera;
+  const over = new THREE.Vector3(...view.up), right = new THREE.Vector3().crossVectors(over, new THREE.Vector3(...view.back));
+  sun.position.copy(centre).addScaledVector(normal, 2 * size).addScaledVector(over, 0.5 * size).addScaledVector(right, -0.4 * size);
+  sun.target.position.copy(centre);
+  sun.castShadow = true;
+  sun.shadow.mapSize.set(2048, 2048);
+  box.left = box.bottom = -1.2 * size; box.right = box.top = 1.2 * size; box.near = 0.01 * size; box.far = 6 * size;
+  scene.add(sun, sun.target);
+  for (const solid of Object.values(solids)) castShadow(solid);
+  if (renderer) { renderer.shadowMap.enabled = true; renderer.shadowMap.type = THREE.PCFSoftShadowMap; }
+}
+
+const castShadow = (group) => group.traverse((part) => { part.castShadow = !!part.isMesh; });
 
 /* Moves joints and points to where dimensions put them, and draws links as rods between them. null, or the
    dimensions of the file, shows the links as they were drawn. */
@@ -214,7 +244,7 @@ function showDimensions(shape) {
     group.visible = !changed || DATA.own_bodies;
     if (rods[link]) { bodies[link].remove(rods[link]); rods[link].traverse((part) => part.geometry && part.geometry.dispose()); }
     rods[link] = null;
-    if (changed && !DATA.own_bodies) bodies[link].add(rods[link] = rodsOf(shape.rods[link] || [], materialOf(link)));
+    if (changed && !DATA.own_bodies) { bodies[link].add(rods[link] = rodsOf(shape.rods[link] || [], materialOf(link))); castShadow(rods[link]); }
   }
   DATA.points.forEach((point, i) => {
     point.at = shape ? shape.points[point.name] : point.original;
@@ -285,6 +315,7 @@ function resize() {
 function dressed() {
   const style = getComputedStyle(document.documentElement), dark = document.documentElement.dataset.theme === "dark";
   scene.background = new THREE.Color(style.getPropertyValue("--sky").trim());
+  floorLines.material.color.set(style.getPropertyValue("--line").trim());
   for (const made of steels) {
     const [r, g, b, a] = made.userData.rgba, up = dark && Math.max(r, g, b) < 0.45 ? 0.3 : 0;
     made.color.setRGB(r + up * (1 - r), g + up * (1 - g), b + up * (1 - b));
