@@ -30,7 +30,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
-from mechsim.studies.reference import MOST_SAMPLES, drawn_motion, joint_loads, profile_of, weighing
+from mechsim.studies.reference import MAX_SAMPLES, drawn_motion, joint_loads, profile_of, weighing
 from mechsim.studies.release import Release
 from mechsim.units import crank_speed, option, parse_angle
 
@@ -209,8 +209,8 @@ def released_motion(release: Release, fps: float, slow: float | None) -> Motion:
 def frame_count(seconds: float, fps: float) -> int:
     """Return the number of intervals between frames of an animation; raise InputError for too many."""
     count = max(2, round(seconds * fps))
-    if not count <= MOST_SAMPLES:
-        raise InputError(f"{count} frames; give a shorter --duration, or less --slow, for {MOST_SAMPLES}")
+    if not count <= MAX_SAMPLES:
+        raise InputError(f"{count} frames; give a shorter --duration, or less --slow, for {MAX_SAMPLES}")
     return count
 
 
@@ -254,8 +254,8 @@ def _assembly_curve(
     curve = trace(solver, starts=0).curves[0]
     per_turn = animation.frames_per_turn or 72
     count = round(per_turn * max(1.0, crank_path_length(curve) / REVOLUTION))
-    if not 1 <= count <= MOST_SAMPLES:
-        raise InputError(f"{count} frames; give --frames-per-turn 1 to {MOST_SAMPLES}")
+    if not 1 <= count <= MAX_SAMPLES:
+        raise InputError(f"{count} frames; give --frames-per-turn 1 to {MAX_SAMPLES}")
     motion = even_motion(curve, count, 1.0)
     look = replace(look, paths="whole" if look.paths else False)
     if picture:

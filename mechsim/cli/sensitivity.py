@@ -295,7 +295,8 @@ def _print_tolerances(study: ToleranceStudy) -> None:
     how = {1: "to first order", 2: "to second order", 0: "each solved"}[sampling.order]
     note = f"; {sampling.failed} could not be assembled" if sampling.failed else ""
     if sampling.order:
-        note = f"; {sampling.solved} of them solved: {sampling.miss:.2g} standard deviations off at most"
+        error = f"{sampling.expansion_error:.2g} standard deviations"
+        note = f"; largest error of {sampling.solved} solved ones {error}"
     print_text(f"{sampled.samples} random mechanisms {how}{note} (seed {sampling.seed})")
 
 

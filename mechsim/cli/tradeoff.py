@@ -17,7 +17,7 @@ from mechsim.cli.progress import progress
 from mechsim.cli.schema import Settings
 from mechsim.errors import InputError
 from mechsim.pictures import plots
-from mechsim.studies.budget import BEYOND, Budget
+from mechsim.studies.budget import MAX_EXCESS, Budget
 from mechsim.studies.plots import work_precision
 from mechsim.studies.reduction.scene_costs import scene_costs
 from mechsim.studies.scene.scene import spec_of
@@ -157,7 +157,7 @@ def tradeoff(
         _print(result, by)
         _print_advice(result, by, source.model)
 
-    if timer.spent > (1.0 + BEYOND) * timer.seconds:
+    if timer.spent > (1.0 + MAX_EXCESS) * timer.seconds:
         exit_codes.print_stderr(
             f"mechsim: took {timer.spent:.2g} s, more than the budget of {timer.seconds:g} s: a short trial, "
             "with what must be loaded and built for it, takes that long"
@@ -206,8 +206,8 @@ def _print(result: Tradeoff, by: str) -> None:
         "position and loop in strokes, velocity and acceleration in strokes and crank speed, "
         f"angle and drive in rad; stroke {number(subject.stroke)} m"
     )
-    if subject.reference.bar:
-        bars = ", ".join(f"{kind} {bar:.1e}" for kind, bar in subject.reference.bar.items())
+    if subject.reference.own_error:
+        bars = ", ".join(f"{kind} {bar:.1e}" for kind, bar in subject.reference.own_error.items())
         print_text(f"error of the reference itself: {bars}")
     for name, curve in result.best_curves(by).items():
         order = result.order(curve, by)

@@ -22,22 +22,22 @@ from mechsim.simulation.state import FREE, HINGE, SCALAR, limited_joints, scalar
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MujocoInput
 
-# largest step of a driver on the way from the reference, in [rad] or characteristic lengths
-STEP = 0.1
+# largest step of a driver on the path from the reference, in [rad] or characteristic lengths
+DRIVER_STEP = 0.1
 # largest component of a Newton step, in [rad] or [m]
 MAX_STEP = 0.5
 # Newton's steps at the end of the path
 LAST_ITERATIONS = 8
-# closure error in characteristic lengths or [rad]: of a lost configuration on the path before its correction,
-# ten times what a curvature of 2 leaves, and at its end
-LOST, CLOSED = 0.1, 1e-12
-# configurations that show which joints a loop feels
+# closure error in characteristic lengths or [rad]: above the first a configuration on the path is lost (ten
+# times the error of the extrapolation for a curvature of 2); below the second the last one is closed
+LOST_ERROR, CLOSED_ERROR = 0.1, 1e-12
+# number of configurations that are tried to find the joints of each group of loops
 PROBES = 3
-# by which a joint may be outside its limits, in [rad] or [m]: rounding
+# rounding of joint limits, in [rad] or [m]
 LIMIT_TOLERANCE = 1e-9
-# draws for each configuration that is requested, before the search ends with an error
+# largest number of draws for each requested configuration
 MAX_DRAWS = 50
-# columns of actuated and free joints count less, so that loops determine the others; any small number does
+# weight of actuated and free joints, so small that the loops determine the other joints
 ACTUATED_WEIGHT = 1e-3
 
 
@@ -87,13 +87,13 @@ class StraightPath:
         return step
 
     def follow(self, targets: Array) -> tuple[Array, Array]:
-        """Return configurations with drivers at targets, (n, k), and their closure errors; inf where lost.
+        """Return configurations with drivers at targets, (n, k), and their closure errors; inf if lost.
 
-        Each step extrapolates the one before and is corrected once; the last is iterated.
+        Each step extrapolates the previous one and is corrected once; the last step is iterated.
         """
         displacements = targets - self.reference[self.addresses]
         scaled = np.abs(displacements / self.loops.units[self.drivers]).max(1, initial=0.0)
-        counts = np.maximum(1, np.ceil(scaled / STEP)).astype(np.int64)
+        counts = np.maximum(1, np.ceil(scaled / DRIVER_STEP)).astype(np.int64)
         qpos, lost = np.repeat(self.reference[None], len(targets), 0), np.zeros(len(targets), dtype=np.bool_)
         before = self.loops.linearise(self.reference[None])[1]
         moved = np.zeros((len(targets), self.loops.model.nv))
@@ -106,7 +106,7 @@ class StraightPath:
             qpos = self.loops.displaced(qpos, moved)
             residual, jacobian = self.loops.linearise(qpos)
             matrix = jacobian[:, :, self.passive]
-            lost |= ~(self.loops.closure_error(residual) < LOST) | self._turned_over(before, matrix)
+            lost |= ~(self.loops.closure_error(residual) < LOST_ERROR) | self._turned_over(before, matrix)
             step = np.zeros_like(moved)
             step[:, self.passive] = _bounded(-least_squares(matrix, residual))
             qpos, moved, before = self.loops.displaced(qpos, step), moved + step, matrix
@@ -118,8 +118,8 @@ class StraightPath:
     def _turned_over(self, before: Array, after: Array) -> NDArray[np.bool_]:
         """Return which states, (n,), passed a singularity between two Jacobians, (n, m, k) each.
 
-        Between assemblies the determinant of a group of loops changes its sign. Of loops with redundant rows
-        it is that of the product with the Jacobian before, whose range differs little.
+        Between assemblies the determinant of a group of loops changes its sign. For redundant constraints the
+        sign is that of the product with the previous Jacobian, whose range differs little.
         """
         products = np.swapaxes(before, 1, 2) @ after
         signs = [np.linalg.slogdet(products[:, group[:, None], group])[0] for group in self.groups]
@@ -130,9 +130,9 @@ class StraightPath:
         """Passive DOFs by groups of loops that share none, as columns of `passive`."""
         from scipy.sparse.csgraph import connected_components
 
-        # at a special reference a loop may not feel all its joints
+        # in a special reference some joints do not affect a loop to first order
         model = self.loops.model
-        steps = np.random.default_rng(0).normal(size=(PROBES, model.nv)) * STEP * self.loops.units
+        steps = np.random.default_rng(0).normal(size=(PROBES, model.nv)) * DRIVER_STEP * self.loops.units
         qpos = self.loops.displaced(np.repeat(self.reference[None], PROBES, 0), steps)
         matrix = np.abs(self.loops.linearise(qpos)[1][:, :, self.passive]).max(0)
         share = (matrix.T @ matrix) > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0) ** 2
@@ -154,21 +154,21 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
 
     Raises:
         InputError: for an unknown joint, positions of different lengths, or a joint outside its limits.
-        AssemblyError: where a loop does not close on the way.
+        AssemblyError: for a loop that does not close on the path.
     """
     compiled = compiled_model(model)
     dofs = [scalar_dof(compiled, name) for name in values]
     try:
         columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, dtype=float)) for v in values.values()))
     except ValueError:
-        raise InputError("positions of joints have different lengths; give each n values or one") from None
+        raise InputError("positions of joints have different lengths; give one or n each") from None
     if not columns or columns[0].ndim != 1 or not np.isfinite(columns).all():
         raise InputError("positions must be finite numbers, one or n for each of one or more joints")
     path = straight_path(compiled, dofs)
     qpos, error = path.follow(np.stack(columns, 1))
-    if not error.max(initial=0.0) < CLOSED:
+    if not error.max(initial=0.0) < CLOSED_ERROR:
         i = int(np.argmax(error))
-        raise AssemblyError(f"the loops do not close in this assembly at row {i}; give positions in reach")
+        raise AssemblyError(f"the loops do not close in this assembly at row {i}; give reachable positions")
     rows, joints = np.nonzero(path.outside(qpos))
     if len(rows):
         name = compiled.joint(int(joints[0])).name
@@ -179,7 +179,7 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
 def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
     """Return n closed states of a model, drawn at random within joint limits in one assembly.
 
-    Drivers are drawn uniformly within their limits (a turn or a characteristic length where there are none),
+    Drivers are drawn uniformly within their limits (without limits within a turn or a characteristic length),
     and approached on a straight path from the reference; other drawn configurations are rejected. Velocities
     of drivers have a normal distribution of 1 rad/s or 1 characteristic length per second.
 
@@ -190,7 +190,7 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
 
     Raises:
         InputError: for n below 1 or a model without loops.
-        AssemblyError: where the reference does not close, or too few draws are accepted.
+        AssemblyError: for a reference that does not close, or if too few draws are accepted.
     """
     if n < 1:
         raise InputError(f"the number of states is {n}; give 1 or more")
@@ -202,11 +202,11 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
     while count < n:
         if drawn >= MAX_DRAWS * max(n, 100):
             raise AssemblyError(f"{count} of {drawn} drawn configurations close within the joint limits")
-        # as many as the draws so far let expect to be needed
+        # estimated from the fraction accepted so far
         expected = (n - count) * (min(drawn / max(count, 1), MAX_DRAWS) if drawn else 1.0)
         batch = int(np.clip(expected, 64, 4096))
         qpos, error = path.follow(random.uniform(low, high, (batch, len(low))))
-        valid = (error < CLOSED) & ~path.outside(qpos).any(1)
+        valid = (error < CLOSED_ERROR) & ~path.outside(qpos).any(1)
         accepted.append(qpos[valid])
         count, drawn = count + int(valid.sum()), drawn + batch
     qpos = np.concatenate(accepted)[:n]
@@ -242,7 +242,7 @@ def least_squares(matrix: Array, right: Array) -> Array:
 def straight_path(
     model: mujoco.MjModel, drivers: list[int] | None, start: Array | None = None
 ) -> StraightPath:
-    """Return the paths from a start; by default from the reference or keyframe that is closest to closed."""
+    """Return the paths from a start; by default the reference or keyframe with the least closure error."""
     loops = loops_with_crank(model, 0)
     if not (loops.pairs or loops.frames or loops.couplings):
         raise InputError("the model has no loops; add equality constraints that close them")
@@ -281,13 +281,13 @@ def _closed_reference(loops: ModelLoops, reference: Array, dofs: NDArray[np.int6
 
     settings = NewtonSettings(max_iterations=20, max_step=MAX_STEP)
     closed = newton(LoopEquations(loops), reference[None], settings, step).q
-    if not loops.closure_error(loops.residual(closed))[0] < CLOSED:
+    if not loops.closure_error(loops.residual(closed))[0] < CLOSED_ERROR:
         raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
     return closed[0]
 
 
 def _starts(model: mujoco.MjModel) -> Array:
-    """Return reference and keyframes, (n, nq), without those outside joint limits if others are inside."""
+    """Return reference and keyframes, (n, nq); those outside joint limits only if all are outside."""
     starts = np.concatenate([model.qpos0[None], model.key_qpos.reshape(-1, model.nq)])
     inside = ~outside_limits(model, starts).any(1)
     return starts[inside] if inside.any() else starts
@@ -301,7 +301,7 @@ def outside_limits(model: mujoco.MjModel, qpos: Array) -> NDArray[np.bool_]:
 
 
 def driver_ranges(path: StraightPath) -> tuple[Array, Array]:
-    """Return the limits of the drivers, (k,) each; without any a turn or a characteristic length around."""
+    """Return the limits of the drivers, (k,) each; by default a turn or a characteristic length around."""
     model, dofs = path.loops.model, path.drivers
     joints, start = model.dof_jntid[dofs], path.reference[path.addresses]
     reach = np.where(model.jnt_type[joints] == HINGE, np.pi, path.loops.characteristic_length)

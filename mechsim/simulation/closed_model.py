@@ -1,4 +1,4 @@
-"""A compiled model with closed loops: what every run in MuJoCo starts from."""
+"""A compiled model with closed loops, the start of every run in MuJoCo."""
 
 import copy
 from dataclasses import dataclass, field, replace
@@ -58,11 +58,11 @@ NUDGE = 1e-4
 
 @dataclass(frozen=True)
 class ClosedModel:
-    """A compiled model, its loops, what is recorded of it, and a state in which its loops are closed.
+    """A compiled model, its loops, its recorded quantities, and a state in which its loops are closed.
 
     Attributes:
         loops: of the model.
-        track: what is recorded of it.
+        track: recorded points, links and coordinates.
         qpos: state with closed loops, (nq,), the drivers as in the model's reference configuration or at the
             start of their motion laws.
         custom: whether it is a user's model, with its own settings.
@@ -109,7 +109,7 @@ class ClosedModel:
 
     @cached_property
     def undetermined_points(self) -> NDArray[np.bool_]:
-        """Which tracked points can move with the drivers locked, (k,): poses do not determine them."""
+        """Which tracked points can move with the drivers locked, (k,); poses do not determine them."""
         loops = self.loops
         moves = NUDGE * loop_jacobian.null_space(loops, loops.linearise(self.qpos[None])[1])
         nudged = loops.displaced(np.repeat(self.qpos[None], len(moves), 0), moves)

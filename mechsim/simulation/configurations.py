@@ -21,9 +21,9 @@ from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.path import PosePath
 from mechsim.simulation.source import initial_guess, link_poses
 
-# a state is in another assembly if its distance from the nearest pose is below this fraction of its distance
-# from the expected pose, and the latter is above this fraction of the half stroke; pairs of records that are
-# tested; rounding of positions relative to the characteristic length, which decides for a tiny stroke
+# A state is in another assembly if its distance from the nearest pose is below this fraction of its distance
+# from the expected pose, and the latter is above this fraction of the half stroke. Then: number of pairs of
+# records that are tested; rounding of positions relative to the characteristic length, for a tiny stroke
 MAX_DISTANCE_RATIO, MIN_SEPARATION, MAX_PAIRS, ROUNDING = 0.5, 0.02, 100, 1e-12
 
 
@@ -104,7 +104,7 @@ def in_another_assembly(
 def _solved_poses(closed: ClosedModel, states: Array) -> Array:
     """Return the poses solved at the crank angles of states, up to the last that has one.
 
-    A crank driven beyond a dead centre by the linkage has no pose there. Under motion laws the drivers take
+    A crank that the linkage drives beyond a dead centre has no pose there. Under motion laws the drivers take
     their recorded values.
     """
     loops = closed.loops
@@ -144,7 +144,7 @@ def _recorded(motion: Motion) -> Array:
 
 # crank angles at which a profile is probed
 PROBES = 64
-# distance from a change point, in [rad], below which the start is at it: poses there are rounded as much
+# distance from a change point, in [rad], below which the start counts as at it, because of rounding
 AT_START = 1e-6
 # distance in [rad] by which a path is followed beyond the first crank angle
 BEYOND = 0.05
@@ -185,12 +185,12 @@ def change_points_text(loops: ModelLoops, angles: Sequence[float]) -> str:
 
 
 def undecided_note(loops: ModelLoops, angles: Sequence[float]) -> str:
-    """Return the note that dynamics do not determine the branch; empty without change points."""
+    """Return a note that dynamics do not determine the branch; empty without change points."""
     if not angles:
         return ""
     return (
-        f"at {change_points_text(loops, angles)} two assemblies meet, and dynamics alone does not determine "
-        "which one continues: add a second parallel crank or inertia, take more steps, or run it by pose"
+        f"at {change_points_text(loops, angles)} two assemblies meet, and dynamics alone do not determine "
+        "the branch: add a second parallel crank or inertia, take more steps, or run it by pose"
     )
 
 
@@ -203,9 +203,9 @@ def require_regular_start(loops: ModelLoops, angles: Sequence[float], start: flo
     if any(abs(angle - start) <= AT_START for angle in angles):
         raise AssemblyError(
             f"{loops.name}: it starts at {loops.driver_text(start)}, where two assemblies meet and dynamics "
-            "alone cannot decide which one goes on; give a start at "
+            "alone do not determine the branch; give a start at "
             f"{'another crank angle' if loops.drivers is None else 'other values of the drivers'}, "
-            "hold it by a second parallel crank, or run it by pose"
+            "add a second parallel crank, or run it by pose"
         )
 
 
@@ -216,8 +216,8 @@ STEPS = 48
 def swept(mechanism: Mechanism) -> dict[str, Pose]:
     """Return the poses of all links, with the ground, over a revolution or the range of the crank.
 
-    Links other than the ground have one pose per crank angle. Where the loops close nowhere, the only pose is
-    the model's reference configuration.
+    Links other than the ground have one pose per crank angle. If the loops close at no angle, the only pose
+    is the model's reference configuration.
     """
     loops, start = initial_guess(mechanism, Scene(level="pose"))
     forward = _states(loops, start, 2.0 * np.pi / STEPS)
@@ -227,7 +227,7 @@ def swept(mechanism: Mechanism) -> dict[str, Pose]:
 
 
 def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:
-    """Return closed states from an initial guess on, in steps of the crank, as far as it can move."""
+    """Return closed states from an initial guess, in steps of the crank, as far as it can move."""
     states: list[Array] = []
     guess = start
     for _ in range(STEPS):

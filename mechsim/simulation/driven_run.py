@@ -26,7 +26,7 @@ from mechsim.simulation.configurations import (
     require_regular_start,
     undecided_note,
 )
-from mechsim.simulation.loop_jacobian import CLOSED
+from mechsim.simulation.loop_jacobian import CLOSED_ERROR
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mobility import (
     floating_bodies_note,
@@ -54,7 +54,7 @@ from mechsim.simulation.stepping import (
 LAST_STATES = 20
 # distance from a singular pose, as by `ModelLoops.conditioning`, that counts as near
 NEAR_SINGULAR = 1e-2
-STIFFNESS_MESSAGE = "stiffness: nothing else was met on the way; take smaller steps, or softer loops"
+STIFFNESS_MESSAGE = "stiffness, as no other cause was found; take smaller steps, or softer loops"
 
 
 @quiet()
@@ -109,7 +109,7 @@ RK4, EULER, DISCRETE = (
 
 
 def stiffness_cause(model: mujoco.MjModel) -> str:
-    """Return which element requires shorter steps than the model's, as one clause; empty if none does.
+    """Return the element that requires shorter steps than the model's, as one clause; empty if none does.
 
     A spring is stable for steps below 2/w, where w is its circular frequency with the inertia that MuJoCo
     assigns to the DOF in the reference configuration; an explicit damper below twice its time constant.
@@ -121,7 +121,7 @@ def stiffness_cause(model: mujoco.MjModel) -> str:
     if step >= own:
         return ""
     return (
-        f"stiffness: {what} asks for steps below {step:.2g} s, and they are {own:g} s; take shorter ones or "
+        f"stiffness: {what} needs steps below {step:.2g} s, but they are {own:g} s; take shorter steps or "
         "the integrator discrete, or make it softer"
     )
 
@@ -254,7 +254,7 @@ class DrivenRun:
     def over_first_turns(self, turns: float) -> "DrivenRun":
         """Return the run over the first revolutions, if it has more and its speed is constant.
 
-        Under motion laws it is the whole run, for no part represents another.
+        Under motion laws it is the whole run, because no fraction represents the rest.
         """
         if not self.profile.steady or self.profile.turns <= turns or self.closed.loops.drivers is not None:
             return self
@@ -272,16 +272,16 @@ class DrivenRun:
         """Reject a motion whose start or continuation dynamics do not determine.
 
         Raises:
-            InputError: where it is to stay on the branch at a change point, for speeds would jump.
-            AssemblyError: where it starts at a change point.
+            InputError: if the motion must stay on the branch at a change point, since speeds would jump.
+            AssemblyError: for a start at a change point.
         """
         loops, change_points = self.closed.loops, passed_change_points(self.closed, self.profile)
         require_regular_start(loops, change_points, float(self.profile.state(np.zeros(1))[0][0]))
         if change_points and loops.change_point == "branch":
             raise InputError(
-                f"{loops.name} is to stay on the branch at {change_points_text(loops, change_points)}, where "
-                "its links would jump in speed; no stepped motion does that: run it by pose, or let it go on "
-                "smoothly"
+                f"{loops.name} must stay on the branch at {change_points_text(loops, change_points)}, where "
+                "its links would jump in speed; no stepped motion does that: run it by pose, or let it "
+                "continue smoothly"
             )
 
     def _stepped(self, settings: Settings) -> tuple[Steps, Motion]:
@@ -291,7 +291,7 @@ class DrivenRun:
         return steps, evaluate(loops, self.closed.track, steps.states, "step", force=steps.force)
 
     def _report_progress(self, progress: str, fraction: float) -> None:
-        """Report the progress of a run; end it where the budget is spent."""
+        """Report the progress of a run; raise if the budget is spent."""
         self.progress(progress, fraction)
         if self.budget is not None and fraction < 1.0:
             self.budget.require_left(progress)
@@ -322,7 +322,8 @@ class DrivenRun:
     def _failure(self, steps: Steps, motion: Motion) -> str:
         """Return the reason why a run failed, as a sentence; empty if it did not."""
         if steps.diverged:
-            return f"MuJoCo's state went bad after {steps.states.time[-1]:.6g} s, by {self._cause(steps)}"
+            time = steps.states.time[-1]
+            return f"MuJoCo's state became invalid after {time:.6g} s, by {self._cause(steps)}"
         target = self.profile.state(steps.states.time)[0]
         names, values, targets, slides = ("the crank",), motion.angle[None], target[None], np.zeros(1)
         loops, drivers = self.closed.loops, self.closed.loops.drivers
@@ -335,7 +336,7 @@ class DrivenRun:
             if lost.any():
                 index = int(np.argmax(lost))
                 return (
-                    f"after {steps.states.time[index]:.6g} s {name} stands at {value[index]:.6g} {unit} "
+                    f"after {steps.states.time[index]:.6g} s {name} is at {value[index]:.6g} {unit} "
                     f"instead of {intended[index]:.6g}: the linkage moves its virtual drive inertia"
                 )
         return ""
@@ -345,7 +346,7 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
     """Return the closed state and the rates at time zero of a crank motion, (nq,) and (nv,).
 
     Raises:
-        AssemblyError: where the loops do not close over all of it.
+        AssemblyError: for loops that do not close over the whole motion.
     """
     angle, speed, _ = profile.state(np.linspace(0.0, profile.duration, PROBES))
     qpos = follow.follow(closed.loops, closed.qpos, angle)[:1]
@@ -355,7 +356,7 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
 def default_tolerance(closed: ClosedModel, motion: Motion) -> float:
     """Return the default position tolerance of a motion, in [m]."""
     extent = half_extent(motion.points[name].position for name in closed.driven_points)
-    return max(POSITION_TOLERANCE * extent, CLOSED * closed.loops.characteristic_length)
+    return max(POSITION_TOLERANCE * extent, CLOSED_ERROR * closed.loops.characteristic_length)
 
 
 def solved_run(
@@ -365,10 +366,10 @@ def solved_run(
     tolerance: float | None = None,
     progress: Progress = no_progress,
 ) -> Run:
-    """Return a crank motion with every pose solved by itself; a tolerance of None is `POSITION_TOLERANCE`.
+    """Return a crank motion with separately solved poses; a tolerance of None is `POSITION_TOLERANCE`.
 
     Raises:
-        AssemblyError: where the crank cannot make all of it.
+        AssemblyError: for a crank that cannot make the whole motion.
     """
     samples = samples or interval_count(profile)
     time = np.linspace(0.0, profile.duration, samples + 1)
@@ -412,13 +413,13 @@ def _require_regular(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
     if lost.any():
         where = loops.driver_text(float(angle[np.argmax(lost)]))
         raise AssemblyError(
-            f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other; nothing "
-            "says there how they go on; keep away from it"
+            f"{loops.name}: the pose at {where} is singular, as where links lie flat on each other; its "
+            "continuation is undetermined; keep a distance from it"
         )
 
 
 def check_records(closed: ClosedModel, profile: CrankProfile, samples: int | None) -> None:
-    """Raise InputError where more instants would be recorded than memory holds."""
+    """Raise InputError for more recorded instants than memory holds."""
     records = samples or SAMPLES * profile.turns
     model, track = closed.model, closed.track
     numbers = 24 * len(track.links) + 9 * len(track.points) + 3 * model.njnt + model.nq + model.nv

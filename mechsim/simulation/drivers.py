@@ -1,6 +1,6 @@
 """The drivers of a model and their motion laws, as functions of a path parameter.
 
-The path parameter is the angle of an added hinge joint, which takes the place of a single crank.
+The path parameter is the angle of an added hinge joint, which replaces a single crank.
 """
 
 from collections.abc import Callable
@@ -41,7 +41,7 @@ class Drivers:
     text: Callable[[float], str]
 
     def with_law(self, law: Law, text: Callable[[float], str]) -> "Drivers":
-        """Return the same drivers under another law."""
+        """Return the same drivers with another law."""
         return replace(self, law=law, text=text)
 
     def locked_at(self, values: Array) -> "Drivers":

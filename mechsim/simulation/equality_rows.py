@@ -139,7 +139,7 @@ def constraints(
     """Return the coincident points, the parallel frames and the coupled coordinates of a model.
 
     Raises:
-        InputError: for an equality of another kind, as of a flex or of a tendon round bodies.
+        InputError: for an equality of another kind, as of a flex or of a tendon around bodies.
     """
     pairs: list[PointPair] = []
     frames: list[FramePair] = []
@@ -162,7 +162,7 @@ def constraints(
             )
         else:
             raise InputError(
-                f"equality {model.equality(i).name or i!r} is of a kind that closes no loop here; "
+                f"equality {model.equality(i).name or i!r} has a kind that cannot close a loop; "
                 "close loops by connect or weld constraints, couple by joint or tendon constraints"
             )
     return pairs, frames, couplings
@@ -180,7 +180,7 @@ def coincident_frames(
     bodies = first, max(second, 0)
     if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_CONNECT):
         return bodies, (data[0:3].copy(), data[3:6].copy()), (np.eye(3), np.eye(3))
-    # of a weld the second body's point comes first, then the pose of the second body in the first
+    # the data of a weld begin with the second body's point, followed by its pose in the first body
     return bodies, (data[3:6].copy(), data[0:3].copy()), (rotation_matrix(data[6:10]), np.eye(3))
 
 
@@ -204,8 +204,8 @@ def tendon_joints(model: mujoco.MjModel, tendon: int) -> tuple[NDArray[np.int32]
     rows = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
     if (model.wrap_type[rows] != int(mujoco.mjtWrap.mjWRAP_JOINT)).any():
         raise InputError(
-            f"tendon {model.tendon(tendon).name or tendon!r} runs through sites, and an equality of its "
-            "length closes no loop here; make it a fixed tendon, a sum of joints, or the equality inactive"
+            f"tendon {model.tendon(tendon).name or tendon!r} runs through sites, so an equality of its "
+            "length cannot close a loop; make it a fixed tendon, a sum of joints, or the equality inactive"
         )
     return model.wrap_objid[rows], model.wrap_prm[rows].astype(np.float64)
 

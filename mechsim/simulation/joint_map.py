@@ -13,7 +13,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import (
-    CLOSED,
+    CLOSED_ERROR,
     StraightPath,
     compiled_model,
     driver_ranges,
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 # largest step h of a joint in central differences of fourth order, in [rad] or characteristic lengths:
 # truncation h^4/30 and rounding 1e-15/h are both about 1e-12
 STEP = 1e-3
-# grid points in all, and the terms of a polynomial
+# largest number of grid points, and of terms of a polynomial
 MAX_POINTS, MAX_TERMS = 1_000_000, 1000
 # grid points that must be reached for each term of a polynomial
 POINTS_PER_TERM = 2
-# draws between the grid points, at which the error of a polynomial is measured
-CHECKED = 2000
-# arrays of a map that are written
+# number of draws between the grid points, at which the error of a polynomial is measured
+CHECK_SAMPLES = 2000
+# names of the arrays in the output file
 ARRAYS = (
     "input",
     "output",
@@ -256,7 +256,7 @@ def map_over_grid(
 
     Raises:
         InputError: for an unknown name, an input without range or limits, or a grid that is too large.
-        AssemblyError: where no grid point is reached, or too few for the polynomials.
+        AssemblyError: if no grid point is reached, or too few for the polynomials.
 
     Example:
         >>> table = map_over_grid("ankle.xml", ["left_motor", "right_motor"], ["pitch", "roll"], degree=5)
@@ -334,7 +334,7 @@ def _locked(path: StraightPath) -> dict[str, float]:
 def _closed(path: StraightPath, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Return configurations with inputs at targets, and whether each closes within the joint limits."""
     qpos, error = path.follow(targets)
-    return qpos, (error < CLOSED) & ~path.outside(qpos).any(1)
+    return qpos, (error < CLOSED_ERROR) & ~path.outside(qpos).any(1)
 
 
 def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> Array:
@@ -397,7 +397,7 @@ def _with_polynomials(table: JointMap, evaluator: _Outputs, degree: int, low: Ar
     fit = Polynomials(np.array(terms), np.zeros((0, 0)), 0.5 * (low + high), 0.5 * (high - low))
     coefficients: Array = np.asarray(np.linalg.lstsq(fit.terms(table.input), table.output)[0].T, dtype=float)
     fit = replace(fit, coefficients=coefficients)
-    drawn = np.random.default_rng(0).uniform(low, high, (CHECKED, count))
+    drawn = np.random.default_rng(0).uniform(low, high, (CHECK_SAMPLES, count))
     qpos, valid = _closed(evaluator.path, drawn)
     if not valid.any():
         raise AssemblyError("no point between the grid points is reached; give a smaller range")

@@ -13,10 +13,10 @@ from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces, significant
 from mechsim.simulation.model_loops import ModelLoops
 
-# closure error, in characteristic lengths or [rad], that counts as rounding: a few times what Newton's method
-# leaves in a well-conditioned loop
-CLOSED = 1e-14
-NEWTON = NewtonSettings(max_iterations=50, tolerance=CLOSED, rounding=1e-11)
+# closure error, in characteristic lengths or [rad], that counts as rounding: a few times the error of
+# Newton's method for a well-conditioned loop
+CLOSED_ERROR = 1e-14
+NEWTON = NewtonSettings(max_iterations=50, tolerance=CLOSED_ERROR, rounding=1e-11)
 
 
 @dataclass(frozen=True)
@@ -57,22 +57,22 @@ def close(loops: ModelLoops, qpos: Array, locked: NDArray[np.int64] | None = Non
         locked: as in `close_each`.
 
     Raises:
-        AssemblyError: where a loop does not close.
+        AssemblyError: for a loop that does not close.
     """
     states, error = close_each(loops, qpos, locked)
     worst = int(np.argmax(error))
     if not error.max(initial=0.0) < NEWTON.rounding:
         angle = float(states[worst, loops.crank_address])
         raise AssemblyError(
-            f"{loops.name}: the loops do not close at {loops.driver_text(angle)}: a gap of "
-            f"{error[worst]:.3g} of the longest link is left; change the dimensions, "
-            f"{'the crank angle' if loops.drivers is None else 'where the drivers are'} or the start"
+            f"{loops.name}: the loops do not close at {loops.driver_text(angle)}: a closure error of "
+            f"{error[worst]:.3g} of the longest link remains; change the dimensions, "
+            f"{'the crank angle' if loops.drivers is None else 'the driver positions'} or the start"
         )
     return states
 
 
 def close_if_possible(loops: ModelLoops, qpos: Array) -> Array | None:
-    """Return n states with closed loops, as `close` does; None where a loop does not close."""
+    """Return n states with closed loops, as `close` does; None if a loop does not close."""
     try:
         return close(loops, qpos)
     except (AssemblyError, FloatingPointError, np.linalg.LinAlgError):
@@ -121,7 +121,7 @@ def rounding(loops: ModelLoops) -> float:
 
 
 def constrained_jacobian(loops: ModelLoops, jacobian: Array) -> Array:
-    """Return the Jacobian without the crank's column, (n, m, nv - 1); zero where all is rounding."""
+    """Return the Jacobian without the crank's column, (n, m, nv - 1); zero if all is rounding."""
     matrix = jacobian[:, :, loops.free]
     if np.abs(matrix).max(initial=0.0) <= rounding(loops):
         matrix[:] = 0.0
@@ -170,7 +170,7 @@ def determinant_sign(loops: ModelLoops, jacobian: Array) -> Array:
 def sign_changed(loops: ModelLoops, before: Array, beyond: Array) -> NDArray[np.bool_]:
     """Return whether the determinant's sign changed from states to states near them, (n,).
 
-    Where the independent constraints change with the pose, those of the states before are used.
+    If the independent constraints change with the pose, those of the states before are used.
 
     Args:
         before, beyond: Jacobians, (n, m, nv).
@@ -184,7 +184,7 @@ def sign_changed(loops: ModelLoops, before: Array, beyond: Array) -> NDArray[np.
 def determinant(loops: ModelLoops, jacobian: Array) -> Array:
     """Return the determinant of the Jacobian with the crank locked, (n,), with a common scale.
 
-    Where the independent constraints change with the pose, it is that of the first state's constraints
+    If the independent constraints change with the pose, it is that of the first state's constraints
     and positive there; signs are then comparable within one call only.
     """
     matrix, independent, sign = constrained_jacobian(loops, jacobian), loops.independent, 1.0

@@ -1,4 +1,4 @@
-"""Undetermined DOFs: the rank of the loop Jacobian decides, before a run, whether the drivers suffice."""
+"""Undetermined DOFs: before a run, the rank of the loop Jacobian shows whether the drivers suffice."""
 
 from dataclasses import dataclass
 
@@ -39,31 +39,31 @@ def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
 def overdetermined_error(loops: ModelLoops, locked: tuple[str, ...], angle: float) -> MobilityError:
     """Return the error that names the immobile drivers; `angle` is the crank's, in [rad]."""
     if loops.drivers is None:
-        problem = f"the loops leave the crank no motion at {loops.driver_text(angle)}"
-        remedy = "take away a driver, a gear or a joint"
+        problem = f"the crank cannot move at {loops.driver_text(angle)}"
+        remedy = "remove a driver, a gear or a joint"
     else:
         others = "the other drivers are" if len(loops.drivers.names) > 1 else "all else is"
-        problem = f"the loops do not let {', '.join(locked)} move while {others} held"
-        remedy = "take away a driver, a coupling, a hold or a joint"
+        problem = f"{', '.join(locked)} cannot move while {others} locked"
+        remedy = "remove a driver, a coupling, a locked joint or a joint"
     return MobilityError(f"{loops.name}: overdetermined: {problem}; {remedy}", "overdetermined")
 
 
 # displacement, in [rad] and in characteristic lengths, by which a null-space direction is probed; fraction of
 # it that remains after closing the loops if the DOF is real; displacement of a moving joint or point
-NUDGE, MIN_REMAINING, THRESHOLD = 1e-3, 0.5, 1e-5
+PROBE_DISPLACEMENT, MIN_REMAINING, MIN_DISPLACEMENT = 1e-3, 0.5, 1e-5
 # maximum number of bodies that a note lists
 MAX_LISTED = 6
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualMobility:
-    """What can still move in a model with its drivers locked.
+    """The remaining mobility of a model with its drivers locked.
 
     Attributes:
         undetermined: joints and points that can still move, without passive DOFs such as a rod's spin.
-        immobile_drivers: the drivers that cannot move independently although nothing is undetermined.
+        immobile_drivers: drivers that cannot move independently although nothing is undetermined.
         at_change_point: whether the pose is a change point.
-        determined_bodies: the bodies whose centres cannot move, (nbody,).
+        determined_bodies: whether each body's centre is determined, (nbody,).
     """
 
     undetermined: tuple[str, ...]
@@ -73,7 +73,7 @@ class ResidualMobility:
 
 
 def residual_mobility(closed: ClosedModel) -> ResidualMobility:
-    """Return what the drivers leave undetermined at the closed state of a model."""
+    """Return the mobility that the drivers leave at the closed state of a model."""
     loops, state = closed.loops, closed.qpos[None]
     jacobian = loops.linearise(state)[1]
     immobile = immobile_drivers(loops, jacobian[0])
@@ -95,22 +95,22 @@ def residual_mobility(closed: ClosedModel) -> ResidualMobility:
 
 
 def require_determined(closed: ClosedModel, mobility: ResidualMobility) -> None:
-    """Reject a model whose poses the drivers do not determine.
+    """Reject a model with poses that the drivers do not determine.
 
     Raises:
         MobilityError: with the undetermined joints and points.
     """
     if mobility.undetermined:
         raise MobilityError(
-            f"{closed.loops.name}: underdetermined: with the {_drivers(closed)} held "
+            f"{closed.loops.name}: underdetermined: with the {_drivers(closed)} locked "
             f"{', '.join(mobility.undetermined)} can still move; "
-            f"drive, hold or couple them, or {STEPPED}",
+            f"drive, lock or couple them, or {STEPPED}",
             "underdetermined",
         )
 
 
 def require_movable(closed: ClosedModel, mobility: ResidualMobility) -> None:
-    """Reject immobile drivers, and a start at a change point, from which two motions lead.
+    """Reject immobile drivers, and a start at a change point, where two motions begin.
 
     Raises:
         MobilityError: for immobile drivers.
@@ -168,7 +168,7 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
         if len(between):
             states = np.concatenate([states, follow.follow(closed.loops, closed.qpos, between)])
     except AssemblyError:
-        # instants at which the loops do not close were not requested
+        # the loops may not close between the requested instants
         return
     require_within_limits(closed, states)
 
@@ -182,11 +182,11 @@ def _range_remedy(closed: ClosedModel) -> str:
 
 
 def _nudged(loops: ModelLoops, state: Array, direction: Array) -> Array:
-    return loops.displaced(state[None], NUDGE * direction[None])[0]
+    return loops.displaced(state[None], PROBE_DISPLACEMENT * direction[None])[0]
 
 
 def _closed_after_nudge(loops: ModelLoops, state: Array, direction: Array) -> Array | None:
-    """Return the state moved along a null-space direction and closed; None where the loops prevent it."""
+    """Return the state moved along a null-space direction and closed; None if the loops prevent it."""
     nudged = _nudged(loops, state, direction)
     closed = loop_jacobian.close_if_possible(loops, nudged[None])
     if closed is None:
@@ -204,7 +204,7 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
         moved_bodies[model.body_parentid[body]] |= moved_bodies[body]
     for i, (kind, address) in enumerate(zip(model.jnt_type, model.jnt_qposadr, strict=True)):
         scale = loops.characteristic_length if kind == SLIDE else 1.0
-        if kind not in SCALAR or abs(moved[address] - state[address]) <= THRESHOLD * scale:
+        if kind not in SCALAR or abs(moved[address] - state[address]) <= MIN_DISPLACEMENT * scale:
             continue
         # a link that spins about its own axis has not moved
         if moved_bodies[model.jnt_bodyid[i]]:
@@ -213,7 +213,7 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
     displacements = np.linalg.norm(positions[1] - positions[0], axis=1)
     for name, displacement in zip(closed.track.points, displacements, strict=True):
         body = int(model.site_bodyid[model.site(name).id])
-        if displacement > THRESHOLD * loops.characteristic_length and not _is_floating(loops, body):
+        if displacement > MIN_DISPLACEMENT * loops.characteristic_length and not _is_floating(loops, body):
             names.append(f"point {name}")
     return names
 
@@ -221,7 +221,7 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
 def _moved_bodies(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
     """Return which bodies' centres of mass differ between two states, (nbody,)."""
     displacements = np.diff(loops.posed.centres(np.stack([state, moved])), axis=0)[0]
-    return np.linalg.norm(displacements, axis=1) > THRESHOLD * loops.characteristic_length
+    return np.linalg.norm(displacements, axis=1) > MIN_DISPLACEMENT * loops.characteristic_length
 
 
 def _is_floating(loops: ModelLoops, body: int) -> bool:
@@ -245,12 +245,12 @@ def floating_bodies_note(closed: ClosedModel) -> str:
     names = [str(model.body(body).name or f"body {body}") for body in bodies[:MAX_LISTED]]
     more = f" and {len(bodies) - MAX_LISTED} more" if len(bodies) > MAX_LISTED else ""
     floats, state, pronoun = (
-        ("floats", "it stands where it starts", "it")
+        ("floats", "it stays at its initial pose", "it")
         if len(bodies) == 1
-        else ("float", "they stand where they start", "them")
+        else ("float", "they stay at their initial poses", "them")
     )
     return (
-        f"{', '.join(names)}{more} {floats} independently of the drivers, which determine no pose of it: "
+        f"{', '.join(names)}{more} {floats} independently of the drivers, so poses do not determine it: "
         f"{state}; "
         f"fix {pronoun} (--fix-base), or {STEPPED}"
     )

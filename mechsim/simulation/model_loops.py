@@ -22,14 +22,14 @@ from mechsim.simulation.state import HINGE, SLIDE, PosedBodies, angular_dofs, di
 
 
 class IndependentRows:
-    """The independent constraints of a model, as of the first Jacobian that is asked for.
+    """The independent constraints of a model, determined from the first Jacobian.
 
     The third equation of a planar loop is redundant in every pose. In an overconstrained loop such as
-    Bennett's, which equations are redundant changes from pose to pose.
+    Bennett's, the set of redundant equations changes from pose to pose.
 
     Attributes:
-        basis: of the independent constraints (m, rank), of the redundant ones, and of the row space, which
-            leaves out unconstrained DOFs, (rank, nv - 1); None before the first Jacobian.
+        basis: of the independent constraints (m, rank), of the redundant ones, and of the row space without
+            unconstrained DOFs, (rank, nv - 1); None before the first Jacobian.
     """
 
     def __init__(self, basis: tuple[Array, Array, Array] | None = None):
@@ -45,7 +45,7 @@ class IndependentRows:
     def basis_of(self, matrix: Array) -> Array | None:
         """Return the basis of independent constraints, (m, rank); None if it changes with the pose."""
         if self.basis is None:
-            # a model may have thousands of unconstrained DOFs, of which no basis is needed
+            # a model may have thousands of unconstrained DOFs, which need no basis
             u, values, vh = np.linalg.svd(matrix[0], full_matrices=matrix.shape[1] > matrix.shape[2])
             rank = int((values > RANK_TOLERANCE * values.max(initial=0.0)).sum())
             self.basis = u[:, :rank], u[:, rank:], vh[:rank]
@@ -58,7 +58,7 @@ class IndependentRows:
         return (rows.T @ matrix) @ self.row_space.T
 
     def scaled(self, log_values: Array) -> Array:
-        """Return determinants, (n,), from their logarithms, in units of the first one that was computed."""
+        """Return determinants, (n,), from their logarithms, relative to the first computed one."""
         if self._log_scale is None:
             self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0
         return np.exp(np.minimum(log_values - self._log_scale, 300.0))
@@ -68,13 +68,13 @@ class IndependentRows:
 class ModelLoops:
     """The equality constraints of a model with a crank, evaluated in batches.
 
-    With several drivers, or one that is no hinge, the crank is the joint of the path parameter, and the
-    motion laws are among the equations. A copy with another field is made by `dataclasses.replace`.
+    With several drivers, or a driver that is no hinge, the crank is the joint of the path parameter, and the
+    motion laws are among the equations. `dataclasses.replace` makes copies with other fields.
 
     Attributes:
         model: the compiled model.
         crank: index of the crank among the degrees of freedom.
-        drivers: the drivers that follow motion laws; None where only a crank is driven.
+        drivers: the drivers that follow motion laws; None for a single crank.
         pairs, frames, couplings: of the constraints.
         posed: the kinematics of the model, and the fields that differ between states.
         independent: the independent constraints, shared by all copies.
@@ -113,7 +113,7 @@ class ModelLoops:
 
     @cached_property
     def characteristic_lengths(self) -> Array:
-        """Characteristic length of the model, in [m], (n,); (1,) where states share its fields."""
+        """Characteristic length of the model, in [m], (n,); (1,) if all states share its fields."""
         bodies = np.atleast_3d(self.posed.fields.get("body_pos", self.model.body_pos[None]))
         offsets = [np.linalg.norm(bodies[:, 1:], axis=2).max(1, initial=0.0)]
         offsets += [
@@ -126,7 +126,7 @@ class ModelLoops:
 
     @cached_property
     def scale(self) -> Array:
-        """Factors that make residuals dimensionless, (m,); (n, m) where states have fields."""
+        """Factors that make residuals dimensionless, (m,); (n, m) if states have own fields."""
         if self.posed.fields:
             return np.repeat(1.0 / self.characteristic_lengths[:, None], 3 * len(self.pairs), 1)
         factor = 1.0 / self.characteristic_length
@@ -137,7 +137,7 @@ class ModelLoops:
 
     @property
     def characteristic_length(self) -> float:
-        """Characteristic length of the model, in [m], where all states share its fields."""
+        """Characteristic length of the model, in [m], if all states share its fields."""
         (length,) = self.characteristic_lengths.tolist()
         return length
 
@@ -250,7 +250,7 @@ def read_loops(
     With `any_joint` the crank may be a slide too: a model that moves freely has no crank of its own.
 
     Raises:
-        InputError: where the model has no hinge of the crank's name.
+        InputError: for a model without a hinge of the crank's name.
     """
     crank = crank if drivers is None else PARAMETER_JOINT
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)

@@ -1,4 +1,4 @@
-"""MuJoCo, loaded whatever MUJOCO_GL asks for: a back end that cannot draw must not stop what never draws."""
+"""Import of MuJoCo with any MUJOCO_GL: a rendering back end that fails must not stop other functions."""
 
 import os
 import sys
@@ -10,15 +10,15 @@ from mechsim.errors import MissingToolError
 
 # the first release with mujoco.batch
 REQUIRED = "mujoco>=3.17.0"
-# the distributions of MuJoCo 4, which write into one folder and must have one version
+# the distributions of MuJoCo 4, which share a folder and must have the same version
 DISTRIBUTIONS = ("mujoco", "mujoco-core", "mujoco-studio")
 
 
 def load() -> str:
-    """Import MuJoCo, without a back end where that of MUJOCO_GL fails; return a sentence about that.
+    """Import MuJoCo, without a back end if that of MUJOCO_GL fails; return a note about that.
 
     Raises:
-        MissingToolError: where MuJoCo is not installed, too old or damaged; with the command that repairs it.
+        MissingToolError: if MuJoCo is missing, too old or damaged; names the command that repairs it.
     """
     problem = _import_without_back_end()
     if find_spec("mujoco.batch") is None:
@@ -29,12 +29,12 @@ def load() -> str:
 
 
 def _import_without_back_end() -> str:
-    """Import MuJoCo, without a back end where that of MUJOCO_GL fails; return a sentence about that."""
+    """Import MuJoCo, without a back end if that of MUJOCO_GL fails; return a note about that."""
     platform = os.environ.get("PYOPENGL_PLATFORM")
     back_end = os.environ.get("MUJOCO_GL")
     try:
         _import()
-    except Exception as error:  # a library that is missing or broken says anything
+    except Exception as error:  # a missing or broken library may raise any type
         if not back_end:
             raise _unusable(error) from error
         _forget_back_end(platform)
@@ -45,12 +45,12 @@ def _import_without_back_end() -> str:
             raise _unusable(error_without_back_end) from error_without_back_end
         finally:
             os.environ["MUJOCO_GL"] = back_end
-        return f"MUJOCO_GL={back_end} does not work here; pictures take another back end, if there is one"
+        return f"MUJOCO_GL={back_end} does not work here; pictures use another back end, if there is one"
     return ""
 
 
 def _import() -> None:
-    # a folder that has lost its files still imports, as an empty package
+    # a folder without its files still imports, as an empty package
     if not hasattr(import_module("mujoco"), "MjModel"):
         raise ImportError("the package mujoco has no MjModel")
 
@@ -58,7 +58,7 @@ def _import() -> None:
 def _unusable(error: Exception) -> MissingToolError:
     """Return the error of a MuJoCo that is missing or damaged, with the command that repairs it.
 
-    pip damages MuJoCo where it replaces version 3 by version 4: it installs mujoco-core first and then
+    pip damages MuJoCo when it replaces version 3 by version 4: it installs mujoco-core first and then
     removes the files of the old mujoco, which have the same names.
     """
     try:

@@ -1,4 +1,4 @@
-"""The number of steps that a position tolerance requires: estimated by short trials, checked by the run.
+"""The number of steps that a position tolerance requires: estimated by short trials, verified by the run.
 
 Steps are counted per revolution, or over the whole of a shorter motion. Measured in
 validation/choices/tolerance_study.py.
@@ -168,7 +168,7 @@ def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tup
     )
     if steps >= CONVERGED_FRACTION * trial or trial_run.profile.turns > 0.5 * driven.profile.turns:
         return steps, spent
-    # no trial has shown that so few steps converge, nor that errors do not grow
+    # no trial with so few steps showed convergence, or errors that do not grow
     previous, last = trial_run.errors_by_turn(_with_steps(driven, settings, steps))[-2:]
     spent += round(steps * trial_run.profile.turns)
     if not last <= MAX_GROWTH * previous:
@@ -185,7 +185,7 @@ def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tup
 def _after_diverging(
     driven: DrivenRun, short: DrivenRun, settings: Settings, tolerance: float, spent: int
 ) -> tuple[int, int]:
-    """Return the steps per cycle by finer trials, where the first trial diverges; and steps spent.
+    """Return the steps per cycle by finer trials after the first trial diverged; and steps spent.
 
     For a custom model the file's own time step is one of the trials.
     """

@@ -47,7 +47,7 @@ def _chain(loops: ModelLoops) -> list[CouplingConstraint]:
 OFF = mujoco.mjtDisableBit
 # forces that may be large: actuators, springs and dampers
 FORCE_FLAGS = int(OFF.mjDSBL_ACTUATION) | int(OFF.mjDSBL_SPRING) | int(OFF.mjDSBL_DAMPER)
-# states evaluated in one go, so that a long run needs little memory
+# number of states evaluated together, which limits memory
 CHUNK = 2048
 RATES = {
     "linvel": mujoco.mjtSensor.mjSENS_FRAMELINVEL,
@@ -59,14 +59,14 @@ RATES = {
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """What to record of a model: sites as points, bodies as links.
+    """The recorded points, links and coordinates of a model.
 
     Attributes:
         points: names of the sites.
         links: names of the bodies.
         hidden: links of the model that motions leave out.
-        coordinates: joint of the model -> the coordinate it is recorded as, and its index in a joint of
-            several; others are recorded by their own names.
+        coordinates: joint of the model -> name of its coordinate, and its index in a joint with several;
+            others are recorded by their own names.
     """
 
     points: tuple[str, ...]
@@ -77,12 +77,12 @@ class Track:
     )
 
     def name(self, joint: str) -> tuple[str, int | None]:
-        """Return the coordinate that a joint is recorded as, and its index in a joint of several."""
+        """Return the name of a joint's coordinate, and its index in a joint with several."""
         return self.coordinates.get(joint, (joint, None))
 
 
 def add_sensors(spec: mujoco.MjSpec, points: tuple[str, ...]) -> Track:
-    """Add to a specification the sensors that `evaluate` reads; they are off while the model is stepped.
+    """Add the sensors that `evaluate` reads to a specification; they are off while the model is stepped.
 
     Args:
         spec: of the model; bodies without a name get one.
@@ -133,13 +133,13 @@ def evaluate(
 
     Args:
         loops: of the model the states belong to.
-        track: what to record.
+        track: points, links and coordinates to record.
         states: n of them.
         source: the method that computed them.
         crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
             exactly. None reports the result of MuJoCo's dynamics at the state; with Coulomb friction, the
             crank's acceleration is MuJoCo's, and all others keep the loops closed.
-        driver_acceleration: of the drivers, (n, drivers), where it differs from their motion laws.
+        driver_acceleration: of the drivers, (n, drivers), if it differs from their motion laws.
         force: generalised force on the crank at each state, (n,) in [N m]; or on `actuated_dofs`, (n, k).
         progress: callback with the progress as text and as a fraction.
     """
@@ -163,8 +163,8 @@ def _evaluated(
     driver_acceleration: Array | None,
     force: Array | None,
 ) -> Motion:
-    # where the loops determine the accelerations, MuJoCo's soft constraints need not be solved, and servos
-    # against a drive, springs and dampers would accelerate light links so much that digits were lost
+    # if the loops determine the accelerations, MuJoCo's soft constraints need not be solved; servos against
+    # a drive, springs and dampers would accelerate light links so much that digits were lost
     model = _with_sensors(loops.model, constrained=crank_acceleration is None)
     n = len(states.time)
     sims = loops.posed.simulations(model, n, 1 if n <= ONE_THREAD else 0)
@@ -179,7 +179,7 @@ def _evaluated(
     qacc = fields["qacc"].copy()
     residual, jacobian = loops.linearise(states.qpos)
     if crank_acceleration is None and has_dry_friction(model):
-        # where friction sticks or reverses, soft loops oscillate about the motion
+        # while friction sticks or reverses, soft loops oscillate about the motion
         crank_acceleration = qacc[:, loops.crank].copy()
         driver_acceleration = None if loops.drivers is None else qacc[:, loops.drivers.dofs].copy()
     if crank_acceleration is not None:

@@ -17,7 +17,7 @@ Method = Literal["step", "pose"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRecord:
-    """What is recorded of every run in MuJoCo.
+    """Data that every run in MuJoCo records.
 
     Attributes:
         motion: at the recorded instants; its rates and accelerations belong to the same instants.
@@ -48,7 +48,7 @@ class Run(RunRecord):
         outcome: "passed", "failed", "diverged" or "changed assembly".
         tolerance: of the positions of tracked points, in [m]: as requested, or a ten-thousandth of the
             stroke.
-        estimate: largest position error by the simulator's own account: distance from the pose solved at
+        estimate: largest position error as estimated by the simulator: distance from the pose solved at
             the same crank angle, in [m].
         method: "step" or "pose".
     """
@@ -59,7 +59,7 @@ class Run(RunRecord):
     method: Method
 
     def summary(self) -> dict[str, Any]:
-        """Return what `mechsim simulate --json` prints."""
+        """Return the output of `mechsim simulate --json`."""
         return {
             "outcome": self.outcome,
             "tolerance": self.tolerance,
@@ -78,7 +78,7 @@ class Driven(RunRecord):
 
     Attributes:
         forces: at the recorded instants.
-        outcome: "done" or "diverged"; where a tolerance was asked for, "passed" or "failed".
+        outcome: "done" or "diverged"; with a tolerance "passed" or "failed".
         method: "pose" or "step".
         masses: of the links, with their sources.
     """

@@ -29,8 +29,8 @@ from mechsim.simulation.source import Source, at_initial_state, description, fro
 from mechsim.simulation.stepping import Progress, check_step, no_progress
 from mechsim.units import si
 
-# fraction of a step by which a duration may differ from a whole number of steps
-WHOLE = 1e-6
+# fraction of a step by which a duration may differ from a multiple of the step
+WHOLE_STEP_TOLERANCE = 1e-6
 
 
 def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[DrivenRun, Settings]:
@@ -48,7 +48,7 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
     """
     profile, laws = run.profile, run.closed.loops.drivers is not None
     steps = check_step(timestep, profile, "a cycle of the motion laws" if laws else "a turn of the crank")
-    total = int(np.floor(profile.duration / timestep + WHOLE))
+    total = int(np.floor(profile.duration / timestep + WHOLE_STEP_TOLERANCE))
     require_steps(
         f"a motion of {profile.duration:g} s in steps of {timestep:g} s", total, "take longer steps"
     )
@@ -70,7 +70,7 @@ def with_timestep(run: DrivenRun, settings: Settings, timestep: float) -> tuple[
         )
     end = total * timestep
     note = ""
-    if profile.duration - end > WHOLE * timestep:
+    if profile.duration - end > WHOLE_STEP_TOLERANCE * timestep:
         note = f"the run ends at {end:.9g} s, with the last whole step within {profile.duration:.9g} s"
     fixed = replace(run, profile=replace(profile, duration=end), total=total, ending=note)
     return fixed, replace(settings, steps_per_turn=steps)
@@ -115,18 +115,18 @@ def simulate(
         tolerance: position tolerance of all tracked points, in [m] or text, as "10um"; the number of steps
             is then chosen by trials and the result checked against it. None takes the settings' steps, and a
             ten-thousandth of the stroke as the tolerance.
-        settings: of the stepping; with a tolerance their number of steps is replaced, and where no number
-            satisfies it, their compliance, unless that is set.
+        settings: of the stepping. A tolerance replaces their number of steps, and their compliance too if no
+            number of steps suffices, unless the compliance is set.
         timestep: in [s] or text, as "2ms"; kept exactly: the run ends with the last whole step within its
             duration. It replaces the number of steps of the settings.
         method: "step" integrates in time; "pose" solves each crank angle separately, to rounding. None takes
-            "step" with a tolerance or settings, or where the drivers do not determine the tracked points;
-            else "pose". The run reports it.
+            "step" with a tolerance or settings, or if the drivers do not determine the tracked points;
+            otherwise "pose". The run reports it.
         samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
             samples given, the number of steps is raised to a multiple of them.
         scene: contents of the model; None takes `Scene(level="motion")`, in which no forces act. From level
             "dynamics" on, the source's forces act, as a file's `[forces]`, unless the scene names others.
-        motion_laws: how the drivers move, in place of speed or profile; None takes those that the source has.
+        motion_laws: motion laws of the drivers, in place of speed or profile; None takes those of the source.
             The drivers first move along a straight path from the model's reference to the start of the laws.
             In a custom model the joints of these names are driven.
         drive: the hinge that is the crank of a custom model; None for the joint named "crank".
@@ -134,15 +134,15 @@ def simulate(
             value, the only choice for a ball or a free joint.
         key: initial keyframe of a custom model.
         progress: callback with the progress of the run as text and as a fraction, 0 to 1.
-        budget: of processor time for the stepped runs that a tolerance needs; the best run so far is then
+        budget: processor time of the stepped runs for a tolerance. After it, the best run so far is
             returned, and its note states that it did not converge. None is no limit.
 
     Raises:
-        BudgetError: where not even one run ends within the budget.
-        InputError: for invalid values, and for a stepped motion that is to stay on the branch.
+        BudgetError: if not even one run ends within the budget.
+        InputError: for invalid values, and for a stepped motion that must stay on the branch.
         AssemblyError: if the loops close nowhere or only over a fraction of the crank motion, or a joint
             would leave its range.
-        MobilityError: where the drivers do not determine the requested poses, or cannot move.
+        MobilityError: if the drivers do not determine the requested poses, or cannot move.
     """
     speed, tolerance = si(speed, "rad/s", "the crank speed"), si(tolerance, "m", "the tolerance")
     timestep = si(timestep, "s", "the time step")
@@ -180,7 +180,7 @@ def _profile(closed: ClosedModel, motion_laws: MotionLaws, speed: float | None, 
     if not motion_laws.crank:
         return parameter_profile(motion_laws)
     if speed is None:
-        raise InputError("neither a crank speed nor a profile was given; give one of them")
+        raise InputError("neither a crank speed nor a profile was given; give one")
     return constant(speed, turns, closed.angle)
 
 
@@ -189,7 +189,7 @@ KINDS = {"scene": Scene, "settings": Settings, "profile": CrankProfile, "motion_
 
 
 def _require_kinds(**options: object) -> None:
-    """Reject arguments of another type than theirs."""
+    """Reject arguments of a wrong type."""
     for name, value in options.items():
         if value is not None:
             require(name, value, KINDS[name])
@@ -205,7 +205,7 @@ def _check(
         other = (
             "method 'pose' takes no steps" if tolerance is None else "a tolerance chooses the step by itself"
         )
-        raise InputError(f"time step is {timestep:g} s, but {other}; leave one of them out")
+        raise InputError(f"time step is {timestep:g} s, but {other}; leave one out")
     if tolerance is not None and not 0.0 < number(tolerance) < np.inf:
         remedy = units_remedy(tolerance, "units.parse_length('1 um')")
         raise InputError(f"tolerance is {tolerance} m; give a finite length above 0{remedy}")
@@ -223,7 +223,7 @@ def _movable(
     A model with undetermined degrees of freedom is stepped.
 
     Raises:
-        MobilityError: where the drivers cannot move, or do not determine the requested poses.
+        MobilityError: if the drivers cannot move, or do not determine the requested poses.
     """
     mobility = residual_mobility(closed)
     method = method or ("step" if mobility.undetermined else "pose")
@@ -247,13 +247,13 @@ def laws_of(source: object, motion_laws: MotionLaws | None, crank_motion: object
 
 
 def require_motion_laws(source: Source, motion_laws: MotionLaws, crank_motion: object) -> None:
-    """Reject motion laws that do not fit the mechanism's drivers, and a crank motion next to them.
+    """Reject motion laws that do not fit the mechanism's drivers, and a crank motion in addition to them.
 
     Raises:
         InputError: naming the drivers.
     """
     if not motion_laws.crank and crank_motion is not None:
-        raise InputError("both motion laws and a crank's motion were given; give one of them")
+        raise InputError("both motion laws and a crank's motion were given; give only one")
     model = description(source)
     if not isinstance(model, Mechanism):
         return

@@ -22,29 +22,29 @@ KINDS: dict[Jacobian, int] = {
     "sparse": int(mujoco.mjtJacobian.mjJAC_SPARSE),
 }
 # below this number of DOFs, or above this fraction of nonzero entries, sparse matrices are at most a tenth
-# quicker (validation/choices/matrices.py)
+# faster (validation/choices/matrices.py)
 SPARSE_MIN_DOFS, SPARSE_MAX_FILL = 40, 0.25
 # difference of accelerations, relative to the largest, above which it is not rounding
 AGREEMENT_TOLERANCE = 1e-6
 
 
-def quicker(model: mujoco.MjModel) -> Jacobian:
-    """Return the quicker kind of matrices for a model whose only constraints are equalities."""
+def faster_matrices(model: mujoco.MjModel) -> Jacobian:
+    """Return the faster kind of matrices for a model with equality constraints only."""
     if model.nv < SPARSE_MIN_DOFS:
         return "dense"
     before = int(model.opt.jacobian)
     try:
-        dense, filled = look(model, "dense")
+        dense, filled = accelerations_and_fill(model, "dense")
         if filled > SPARSE_MAX_FILL:
             return "dense"
-        sparse, _ = look(model, "sparse")
+        sparse, _ = accelerations_and_fill(model, "sparse")
     finally:
         model.opt.jacobian = before
     agree = float(np.abs(sparse - dense).max()) <= AGREEMENT_TOLERANCE * float(np.abs(dense).max())
     return "sparse" if agree else "dense"
 
 
-def look(model: mujoco.MjModel, kind: Jacobian) -> tuple[Array, float]:
+def accelerations_and_fill(model: mujoco.MjModel, kind: Jacobian) -> tuple[Array, float]:
     """Return the accelerations, (nv,), at distinct rates, and the fraction of nonzero matrix entries."""
     model.opt.jacobian = KINDS[kind]
     data = mujoco.MjData(model)
@@ -62,7 +62,7 @@ def look(model: mujoco.MjModel, kind: Jacobian) -> tuple[Array, float]:
 def dense_rows(data: mujoco.MjData) -> Array:
     """Return the Jacobian of the constraints of a model that keeps it dense, (nefc, nv).
 
-    MuJoCo's array is longer where constraints without effect were left out.
+    MuJoCo's array is longer if constraints without effect were left out.
     """
     nv = data.model.nv
     return data.efc_J[: data.nefc * nv].reshape(data.nefc, nv)
@@ -81,22 +81,22 @@ def number(
 
 
 def setting(default: Any, about: str, **declared: Any) -> Any:
-    """Declare a setting.
+    """Declare a setting of a run.
 
     Args:
         default: value if none is set.
         about: meaning of the setting.
-        declared: `options`, the words that it takes; or `least`, with the message `remedy` for smaller
-            numbers; or `count` of its numbers and the `fewest` that must be given; `doc`, its help on the
-            command line, `about` by default, with the keys of `units.option`; `row`, its name in a report
-            and the function of its text.
+        declared: `options`, the allowed words; or `least`, with the message `remedy` for smaller numbers; or
+            `count` of its numbers and the `fewest` that must be given; `doc`, its help on the command line
+            (default `about`), with the keys of `units.option`; `row`, its name in a report and the function
+            of its text.
     """
     shown = {"unit": None, "read": None, "text": None, "name": None, "metavar": None, "many": False}
     return field(default=default, metadata={"about": about, "doc": about, **shown, **declared})
 
 
 def check(name: str, value: Any, rule: Mapping[str, Any]) -> None:
-    """Raise InputError for what the declaration of a setting does not allow."""
+    """Raise InputError for a value that the declaration of a setting does not allow."""
     if "options" in rule and value not in rule["options"]:
         raise InputError(f"there is no {name} {value!r}; choose from {', '.join(rule['options'])}")
     if "least" in rule and not rule["least"] <= inputs.number(value) < np.inf:
@@ -116,7 +116,7 @@ LEAST_CONSTANT = 10.0
 
 # default factor on constraint compliance: measured in validation/choices/constraint_settings.py
 COMPLIANCE = 1e-8
-# minimum Newton iterations of the constraint solver where there are other constraints than equalities
+# minimum Newton iterations of the constraint solver with constraints other than equalities
 ITERATIONS = 100
 
 
@@ -189,7 +189,7 @@ class Settings:
     )
     jacobian: str = setting(
         "auto",
-        "Matrices in the constraint solver; auto takes the quicker, and dense wherever the two do not agree.",
+        "Matrices in the constraint solver; auto takes the faster, and dense if the two differ.",
         options=JACOBIANS,
         doc=f"Matrices of the constraint solver: {', '.join(JACOBIANS[:-1])} or {JACOBIANS[-1]}.",
     )
@@ -303,7 +303,7 @@ class Settings:
         )
         used = replace(self, compliance=self.compliance_used)
         if self.jacobian == "auto":
-            used = replace(used, jacobian=quicker(model) if equalities else "dense")
+            used = replace(used, jacobian=faster_matrices(model) if equalities else "dense")
         option.jacobian = KINDS["sparse" if used.jacobian == "sparse" else "dense"]
         return used
 

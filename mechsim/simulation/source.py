@@ -32,7 +32,7 @@ from mechsim.simulation.recording import add_sensors
 
 
 def require_aligned(mechanism: Mechanism, poses: Mapping[str, Pose]) -> None:
-    """Reject a mechanism assembled with antiparallel axes of a joint; point constraints allow that.
+    """Reject a mechanism with antiparallel axes of a joint, which point constraints allow.
 
     Args:
         mechanism: the mechanism.
@@ -76,7 +76,7 @@ def from_source(
 
     Args:
         source: the mechanism or model.
-        scene: contents of the model of a mechanism; with the source's forces where it names none.
+        scene: contents of the model of a mechanism; without forces it takes those of the source.
         drivers: of a custom model: the hinge that is the crank, or a sequence of the joints that follow
             motion laws; None for the hinge "crank". Of a mechanism: a sequence if its crank
             follows a motion law; several drivers always do.
@@ -85,7 +85,7 @@ def from_source(
         key: initial keyframe of a custom model; None for its reference configuration.
 
     Raises:
-        InputError: where the model cannot be read, or has no point to track.
+        InputError: for a model that cannot be read, or without a point to track.
         AssemblyError: if its loops do not close at the drivers' initial values.
     """
     closed = _from_source(source, scene, drivers, lock, key)
@@ -107,21 +107,21 @@ def _from_source(
     spec = load(model, (scene or Scene()).under(getattr(source, "forces", None)))
     points = tracked_points(model, spec)
     if isinstance(model, Mechanism):
-        programmed = not model.has_crank or not (drivers is None or isinstance(drivers, str))
-        return from_mechanism(model, spec, points, programmed=programmed)
+        follows_laws = not model.has_crank or not (drivers is None or isinstance(drivers, str))
+        return from_mechanism(model, spec, points, follows_laws=follows_laws)
     return _custom_model(
         spec, points, CRANK if drivers is None else drivers, holds or {}, _keyframe_qpos(spec, key)
     )
 
 
 def read_model(source: Source) -> MjcfModel | None:
-    """Return the MJCF file of a source that is one or has one; else None."""
+    """Return the MJCF file that a source is or contains; else None."""
     candidates = (source, getattr(source, "source", None))
     return next((candidate for candidate in candidates if isinstance(candidate, MjcfModel)), None)
 
 
 def _from_read_model(source: Source, read: MjcfModel, drivers: Sequence[str] | str | None) -> ClosedModel:
-    """Return the model of an MJCF file; where its digits let no loop close, of the corrected mechanism.
+    """Return the model of an MJCF file, or of the corrected mechanism if its loops do not close.
 
     The joints of the corrected mechanism were moved until the loops close.
     """
@@ -133,8 +133,8 @@ def _from_read_model(source: Source, read: MjcfModel, drivers: Sequence[str] | s
         if corrected is mechanism or not isinstance(corrected, Mechanism):
             raise
     note = (
-        "to the digits of the file its loops close in no pose: what was run is the mechanism read from it, "
-        "its joints moved until they do, without the file's masses, contacts and actuators"
+        "with the digits of the file its loops close in no pose: the run uses the mechanism read from it, "
+        "its joints moved until they close, without the file's masses, contacts and actuators"
     )
     return replace(from_source(corrected, drivers=drivers), note=note)
 
@@ -152,11 +152,11 @@ def _custom_model(
         require_single(spec, holds)
         moved = (drivers,) if isinstance(drivers, str) else tuple(drivers)
         loops = closed_loops(spec, (*moved, *(name for name in holds if name not in moved)))
-        loops, begin = _closed_at_drivers(loops, _start_qpos(loops, start))
+        loops, initial_qpos = _closed_at_drivers(loops, _start_qpos(loops, start))
         assert loops.drivers is not None
-        stands = zip(loops.drivers.names, begin[loops.drivers.addresses].tolist(), strict=True)
+        stands = zip(loops.drivers.names, initial_qpos[loops.drivers.addresses].tolist(), strict=True)
         targets = {name: value if (value_ := holds.get(name)) is None else value_ for name, value in stands}
-        start = move_drivers(loops, begin, np.array([*targets.values()]), "where joints are held")
+        start = move_drivers(loops, initial_qpos, np.array([*targets.values()]), "where joints are held")
         start = np.delete(start, loops.crank_address)
         lock_joints(spec, {name: targets[name] for name in holds})
     return replace(from_spec(spec, points, drivers, start=start), custom=True)
@@ -170,11 +170,13 @@ def _keyframe_qpos(spec: mujoco.MjSpec, key: str | None) -> Array | None:
 
 
 def from_mechanism(
-    mechanism: Mechanism, spec: mujoco.MjSpec, points: tuple[str, ...], *, programmed: bool
+    mechanism: Mechanism, spec: mujoco.MjSpec, points: tuple[str, ...], *, follows_laws: bool
 ) -> ClosedModel:
-    """Return the model generated from a mechanism; `programmed` if its drivers follow motion laws."""
-    names = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if programmed else CRANK
-    closed = from_spec(spec, points, names, coordinates=_coordinate_names(mechanism, programmed=programmed))
+    """Return the model generated from a mechanism; `follows_laws` if its drivers follow motion laws."""
+    names = tuple(model_names(mechanism)[name] for name in mechanism.drivers) if follows_laws else CRANK
+    closed = from_spec(
+        spec, points, names, coordinates=_coordinate_names(mechanism, follows_laws=follows_laws)
+    )
     hidden = frozenset(closed.track.links) - {link.name for link in mechanism.links}
     return replace(closed, track=replace(closed.track, hidden=hidden))
 
@@ -208,7 +210,7 @@ def from_spec(
         spec: of the model.
         points: sites to track.
         drivers: the hinge that is the crank, or the joints that follow motion laws.
-        coordinates: joint of the model -> the coordinate it is recorded as, as in `Track`.
+        coordinates: joint of the model -> name of its coordinate, as in `Track`.
         start: initial state, (nq,); None for the reference configuration.
     """
     track = replace(add_sensors(spec, points), coordinates=coordinates or {})
@@ -232,7 +234,7 @@ def _closed(loops: ModelLoops, guess: Array) -> Array:
     """Return the closed state nearest to an initial guess, (nq,).
 
     Raises:
-        MobilityError: where redundant drivers prevent closure.
+        MobilityError: for redundant drivers that prevent closure.
     """
     try:
         return loop_jacobian.close(loops, guess[None])[0]
@@ -258,7 +260,7 @@ def _closed_at_drivers(loops: ModelLoops, guess: Array) -> tuple[ModelLoops, Arr
     return loops, _closed(loops, guess)
 
 
-def _coordinate_names(mechanism: Mechanism, *, programmed: bool) -> dict[str, tuple[str, int | None]]:
+def _coordinate_names(mechanism: Mechanism, *, follows_laws: bool) -> dict[str, tuple[str, int | None]]:
     """Return joint of the model -> coordinate and its index in the joint; a single crank is named "crank"."""
     name_of = model_names(mechanism)
     called: dict[str, tuple[str, int | None]] = {
@@ -267,7 +269,7 @@ def _coordinate_names(mechanism: Mechanism, *, programmed: bool) -> dict[str, tu
         for i, name in enumerate(joint.coordinates)
         if name in name_of
     }
-    return called if programmed else called | {CRANK: (CRANK, None)}
+    return called if follows_laws else called | {CRANK: (CRANK, None)}
 
 
 def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
@@ -358,10 +360,10 @@ def parameter_profile(motion_laws: MotionLaws) -> CrankProfile:
 def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
     """Return a model under motion laws, in the state at which these start.
 
-    All drivers move there at once along a straight path in joint space; the assembly is kept.
+    All drivers move there together along a straight path in joint space; the assembly does not change.
 
     Raises:
-        AssemblyError: where the loops do not close on that path.
+        AssemblyError: for loops that do not close on that path.
     """
     loops, drivers = closed.loops, closed.loops.drivers
     assert drivers is not None

@@ -27,7 +27,7 @@ SCALAR = (HINGE, SLIDE)
 # body and points on it, (n, 3) -> the Jacobians of the points and of the body's rotation, (n, 3, nv) each
 PointJacobians = Callable[[int, Array], tuple[Array, Array]]
 
-# states up to which one thread is as fast as two: below a few milliseconds of work
+# number of states up to which one thread is as fast as two: below a few milliseconds of work
 ONE_THREAD = 4096
 
 
@@ -46,7 +46,7 @@ class PosedBodies:
         self._batches: dict[int, batch.Batch] = {}
 
     def poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
-        """Return what `batch_poses` does; a single state takes a third of the time of a batch of one."""
+        """Return the result of `batch_poses`; a single state takes a third of the time of a batch of one."""
         return self._single_pose(qpos) if len(qpos) == 1 and not self.fields else self.batch_poses(qpos)
 
     def batch_poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
@@ -130,14 +130,14 @@ def is_disabled(model: mujoco.MjModel, flag: mujoco.mjtDisableBit) -> bool:
 
 
 def gravity(model: mujoco.MjModel) -> Array:
-    """Return the acceleration of gravity, zero where it is disabled, (3,) in [m/s2]."""
+    """Return the acceleration of gravity, zero if it is disabled, (3,) in [m/s2]."""
     if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_GRAVITY):
         return np.zeros(3)
     return np.array(model.opt.gravity)
 
 
 def angular_dofs(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return whether each DOF is an angle, (nv,); of the six of a free joint the first three are lengths."""
+    """Return whether each DOF is an angle, (nv,); the first three DOFs of a free joint are lengths."""
     kinds = model.jnt_type[model.dof_jntid]
     order = np.arange(model.nv) - model.jnt_dofadr[model.dof_jntid]
     return (kinds != SLIDE) & ~((kinds == FREE) & (order < 3))
@@ -183,10 +183,10 @@ def displaced(model: mujoco.MjModel, qpos: Array, step: Array) -> Array:
 def matching_state(
     model: mujoco.MjModel, other: mujoco.MjModel, state: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Return position (nq,) and velocity (nv,) of a model whose joints are as their namesakes in another.
+    """Return position (nq,) and velocity (nv,) of a model, taken from joints of the same names in another.
 
     Args:
-        model: whose joints all exist in the other.
+        model: all its joints exist in the other model.
         other: the other model.
         state: position and velocity of the other.
     """

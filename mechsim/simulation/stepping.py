@@ -24,10 +24,10 @@ from mechsim.simulation.state import SLIDE
 Progress = Callable[[str, float], None]
 
 # steps per call into C: enough that the call's cost is negligible, few enough for memory
-BLOCK = 4096
+STEPS_PER_CALL = 4096
 # bytes per step of a drive with variable speed
 BYTES_PER_STEP = 64.0
-# records of a revolution where no number is requested
+# default number of records per revolution
 SAMPLES = 72
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
@@ -38,7 +38,7 @@ class Steps:
     """The recorded states of a stepped run.
 
     Attributes:
-        states: at time zero and after every `stride` steps, up to where the run ended.
+        states: at time zero and after every `interval` steps, up to the end of the run.
         force: on the crank at each state, (n,) in [N m], None at constant speed; or on all `actuated_dofs` of
             the loops, (n, k) in [N m] or [N].
         count: steps taken.
@@ -60,7 +60,7 @@ class Steps:
 
 
 def interval_count(profile: CrankProfile, per_turn: float = SAMPLES) -> int:
-    """Return the whole number of intervals in a motion with so many per revolution, or more."""
+    """Return the number of intervals in a motion for at least `per_turn` per revolution."""
     return max(profile.min_instants, int(np.ceil(profile.turns * per_turn - 1e-9)))
 
 
@@ -127,7 +127,7 @@ def step(
     torque = _torque(loops, profile, timestep, total) if driven else None
     count_done, spent, processor, diverged = 0, 0.0, 0.0, False
     while count_done < total and not diverged:
-        count = min(BLOCK, total - count_done)
+        count = min(STEPS_PER_CALL, total - count_done)
         control = _controls(loops, slice(count_done, count_done + count), controls, torque)
         begin, busy = perf_counter(), thread_time()
         out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
@@ -165,10 +165,10 @@ def _add_drive_inertia(loops: ModelLoops) -> None:
 
 
 def rescale_coupled_tendons(loops: ModelLoops, model: mujoco.MjModel) -> None:
-    """Update the inverse weights of coupled sums of coordinates to the present inertias.
+    """Update the inverse weights of coupled sums of coordinates to the current inertias.
 
-    MuJoCo regularises these constraints by the inverse weights at compilation, without virtual inertia: a
-    light link on the driven side made a coupling yield by a hundredth.
+    MuJoCo regularises these constraints by the inverse weights at compilation, without virtual inertia. A
+    light driven link then made a coupling yield by 1 %.
     """
     weights = model.dof_invweight0.copy()
     # a free crank has no virtual inertia

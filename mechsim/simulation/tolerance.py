@@ -12,7 +12,7 @@ from mechsim.numerics.resources import ProcessorBudget
 
 R = TypeVar("R")
 
-# fraction of the tolerance that is the target, as a margin for errors that trials do not show
+# fraction of the tolerance that attempts aim at, as a margin for errors that trials do not show
 TARGET_FRACTION = 0.5
 # factor between the steps of successive attempts, at least and at most; and the maximum per revolution, which
 # a short motion may exceed if its predicted number of steps is larger
@@ -30,9 +30,9 @@ class ToleranceReport:
     Attributes:
         tolerance: requested, in the unit of the estimates.
         estimates: method of estimation -> largest error at any recorded instant.
-        order: observed order of convergence in the number of steps; None where nothing was stepped.
+        order: observed order of convergence in the number of steps; None without stepping.
         trials: steps of all other runs.
-        reason: one sentence where the tolerance is not satisfied.
+        reason: sentence on a tolerance that is not satisfied; empty otherwise.
     """
 
     tolerance: float
@@ -69,7 +69,7 @@ class Attempt(Generic[R]):
         trials: steps of other runs that the estimates needed.
         change: difference from which the estimate is computed, a better indicator of convergence; or NaN.
         final: whether more steps cannot help.
-        diverged: whether the run diverged, so that nothing is known about convergence.
+        diverged: whether the run diverged, so that its convergence is unknown.
     """
 
     run: R
@@ -94,12 +94,12 @@ class Attempt(Generic[R]):
 
 @dataclass
 class _NextSteps:
-    """Chooses the steps of the next attempt from the last; none where more steps do not help.
+    """Chooses the steps of the next attempt from the last; None if more steps do not help.
 
     Attributes:
-        goal: error estimate that is the target.
-        trial_steps, multiple, max_steps: as of `run_within_tolerance`.
-        remaining: error that the last attempt had; None before the first.
+        goal: target of the error estimate.
+        trial_steps, multiple, max_steps: as in `run_within_tolerance`.
+        remaining: error of the last attempt; None before the first.
     """
 
     goal: float
@@ -138,7 +138,7 @@ def run_within_tolerance(
         attempt: steps per revolution -> a run.
         tolerance: of the estimates.
         first: steps per revolution of the first attempt.
-        reason_text: steps of the last attempt and its estimate -> why the tolerance is not satisfied.
+        reason_text: steps of the last attempt and its estimate -> reason why the tolerance is not satisfied.
         trials: steps taken so far.
         trial_steps: steps per revolution of the finest trial: an attempt with fewer may not converge yet, and
             is followed by one with as many, whatever its estimate predicts.
@@ -147,7 +147,7 @@ def run_within_tolerance(
         budget: of processor time; an attempt that would exceed it is not started. None is no limit.
 
     Raises:
-        BudgetError: where the budget ends before the first attempt does.
+        BudgetError: if the budget ends before the first attempt does.
     """
     spent = trials
 
@@ -185,20 +185,20 @@ def rounded(steps: float, multiple: int = 1, max_steps: int = MAX_STEPS) -> int:
 
 # limits of the compliance: MuJoCo's minimum, and MuJoCo's default
 MIN_COMPLIANCE, MAX_COMPLIANCE = 1e-16, 1.0
-# factor by which the compliance changes at least
+# smallest factor by which the compliance changes
 MIN_FACTOR = 100.0
 
 
 def improving_compliance(
     error: Callable[[float], float], compliance: float, initial_error: float, tolerance: float
 ) -> tuple[float, float] | None:
-    """Return a compliance by which much less is left of an error, and how much; None where none was found.
+    """Return a compliance with a much smaller error, and that error; None if none was found.
 
     Args:
-        error: compliance -> worst error of a run by it, in [m].
-        compliance: by which an error is left.
-        initial_error: that error, in [m].
-        tolerance: that it should keep, in [m].
+        error: compliance -> largest error of a run with it, in [m].
+        compliance: the current compliance.
+        initial_error: error with it, in [m].
+        tolerance: the requested tolerance, in [m].
     """
     factor = max(MIN_FACTOR, initial_error / (TARGET_FRACTION * tolerance))
     tried = {compliance}

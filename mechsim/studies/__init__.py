@@ -1,1 +1,1 @@
-"""Validation, trade-off and extremes: many runs and their judgements."""
+"""Studies: validation, trade-off, extremes and others that evaluate many runs."""

@@ -9,12 +9,12 @@ import numpy as np
 from mechsim.errors import InputError
 
 TimeSource = Callable[[], float]
-# largest ratio of actual to expected time: of trials like measured ones, and of others
+# largest ratio of actual to expected time: of trials similar to measured ones, and of others
 MEASURED_MARGIN, NEW_MARGIN = 1.2, 2.0
 # fraction of a budget by which it may be exceeded
-BEYOND = 0.2
+MAX_EXCESS = 0.2
 # weight of the latest trial in the mean of the fixed cost of a trial (reference, errors, matrices compared)
-LATEST = 0.5
+LATEST_WEIGHT = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Budget:
     Attributes:
         seconds: all of it.
         start: reading of the clock at which it begins; None for now.
-        reserved: seconds kept for what follows the measurements.
+        reserved: seconds reserved for work after the measurements.
         now: reads the wall clock in [s]; tests pass their own.
         processor: processor time of this process in [s].
     """
@@ -57,18 +57,18 @@ class Budget:
         return min(1.0, self.spent / self.seconds)
 
     def share(self, fraction: float) -> "Budget":
-        """Return a budget of a fraction of the seconds that begins now."""
+        """Return a budget that starts now, with a fraction of the seconds."""
         return replace(self, seconds=fraction * self.seconds, start=None, reserved=0.0)
 
     def restarted(self) -> "Budget":
-        """Return the same budget, beginning now."""
+        """Return the same budget, starting now."""
         return replace(self, start=None)
 
     def require(self, name: str) -> None:
         """Reject a budget that ends before a subject is loaded and built.
 
         Raises:
-            InputError: states the time it took and a budget that suffices; a trial takes as long again.
+            InputError: with the time used and a sufficient budget; a trial is assumed to take as long again.
         """
         if self.remaining < 0.0:
             raise InputError(
@@ -118,9 +118,9 @@ class TrialTimes:
     ) -> None:
         """Record a trial: processor time of its steps, and of all of it, in [s]."""
         count = round(steps)
-        # the fixed cost of a run counts less the longer the run is
+        # the fixed cost has less weight in longer runs
         if count >= self._steps.get((build, integrator), (0, 0.0))[0]:
             self._steps[build, integrator] = count, stepping / count
         overhead = max(0.0, total - stepping)
         previous = overhead if self._overhead is None else self._overhead
-        self._overhead = previous + LATEST * (overhead - previous)
+        self._overhead = previous + LATEST_WEIGHT * (overhead - previous)

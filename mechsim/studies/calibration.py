@@ -20,12 +20,12 @@ from mechsim.studies.sensitivity.moved_family import MovedFamily, family_at
 from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names, moved_along
 from mechsim.subjects.readers import parametric_model
 
-# singular values of the scaled derivatives below this part of the largest are rounding
+# relative singular value of the scaled derivatives below which it is rounding
 RANK_TOLERANCE = 1e-7
-# component of such a direction from which a dimension counts as undetermined
-SHARE = 0.1
-# mechanisms tried at the most, and the relative change at which a fit has come to rest
-MAX_MECHANISMS, REST = 100, 1e-10
+# component of an undetermined direction from which a dimension counts as undetermined
+MIN_COMPONENT = 0.1
+# largest number of mechanisms that are solved; relative change at convergence
+MAX_MECHANISMS, CONVERGENCE_TOLERANCE = 100, 1e-10
 
 FitOutcome = Literal["fitted", "underdetermined", "not converged"]
 
@@ -35,23 +35,23 @@ class Fit:
     """Dimensions that fit measured motion best.
 
     Attributes:
-        moved: the mechanism with them, moved as it was measured.
-        outcome: "underdetermined" where the measurements do not determine all dimensions.
-        start: dimension -> value from which it began, in SI.
-        values: dimension -> value found.
+        moved: the mechanism with these dimensions, at the measured angles.
+        outcome: "underdetermined" if the measurements do not determine all dimensions.
+        start: dimension -> initial value, in SI.
+        values: dimension -> fitted value.
         units: dimension -> its SI unit.
-        deviations: dimension -> standard deviation; none of those that are undetermined.
-        covariance: of the dimensions in their order, (p, p); of those that are determined.
-        together: groups of undetermined dimensions: the measurement determines of each group one
-            dimension fewer than it has.
-        rms: quantity -> root mean square of what is left, in SI.
-        spread: root of what is left by the numbers measured beyond those wanted, in the deviations that were
-            given; about 1 where these are true. Without any, what they would have to be, as parts of the
-            mechanism's size and in [rad].
-        weighed: whether deviations were given.
+        deviations: dimension -> standard deviation, for determined dimensions.
+        covariance: of the dimensions in their order, (p, p), for determined directions.
+        together: groups of undetermined dimensions: the measurement determines one combination fewer than a
+            group has dimensions.
+        rms: quantity -> root mean square of the residuals, in SI.
+        spread: root mean square of the weighted residuals over the redundant values. With deviations
+            it is about 1 if these are correct. Without any it estimates them, relative to the mechanism's
+            size and in [rad].
+        weighed: whether standard deviations were given.
         free: number of measured values beyond the number of dimensions.
-        condition: of the scaled derivatives: the accuracy of the best combination relative to the worst.
-        tried: mechanisms solved.
+        condition: condition number of the scaled derivatives.
+        tried: number of mechanisms solved.
     """
 
     moved: MovedFamily
@@ -72,9 +72,9 @@ class Fit:
     __repr__ = short_repr
 
     def within(self, fraction: float = 0.95) -> dict[str, float]:
-        """Return how far to either side of what was found a dimension lies with so much certainty, in SI.
+        """Return half the width of the confidence interval of each dimension, in SI.
 
-        By the normal distribution where deviations were given, else by Student's t.
+        The distribution is normal if standard deviations were given, otherwise Student's t.
         """
         from scipy.stats import norm, t
 
@@ -84,7 +84,7 @@ class Fit:
 
     @property
     def correlations(self) -> dict[tuple[str, str], float]:
-        """Correlation of each two dimensions that have a deviation."""
+        """Correlation of each pair of dimensions with standard deviations."""
         names = list(self.values)
         scale = np.sqrt(np.diag(self.covariance))
         pairs = [(i, j) for i in range(len(names)) for j in range(i) if scale[i] * scale[j] > 0.0]
@@ -99,25 +99,25 @@ def fit_dimensions(
     offset: bool = False,
     progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> Fit:
-    """Return the dimensions with which a mechanism moves most nearly as it was measured.
+    """Return the dimensions for which a mechanism moves as it was measured.
 
-    The sum of squares of what is left, in the deviations given, is made smallest by scipy's `least_squares`
-    (trust region) with exact derivatives, from the dimensions as they stand. Where no deviations are given,
-    lengths count in the mechanism's size, angles in [rad], rates and efforts in the largest that was measured
-    in their unit.
+    scipy's `least_squares` (trust region) minimises the sum of squares of the residuals, relative to their
+    standard deviations, with exact derivatives and from the nominal dimensions. Without standard deviations,
+    lengths are scaled by the mechanism's size, angles by 1 rad, rates and forces by the largest measured
+    value with the same unit.
 
     Args:
-        moved: the mechanism, and its speed and forces; its angles are those measured.
-        measured: what was measured.
-        vary: names of dimensions, whole places by their parts.
-        offset: whether the zero of the crank's encoder is unknown, too: CRANK.offset is how far the crank
-            stood ahead of what was read.
+        moved: the mechanism, with its speed and forces; its angles are replaced by the measured ones.
+        measured: the measured motion.
+        vary: names of dimensions; a position stands for its components.
+        offset: whether the zero of the crank's encoder is unknown too: CRANK.offset is the crank angle minus
+            the measured angle.
         progress: called with a text and the finished fraction.
 
     Raises:
-        InputError: for an unknown dimension or quantity, fewer numbers than dimensions, or an offset of what
-            has no crank, or of efforts under loads that follow its angle.
-        AssemblyError: where the mechanism from which it begins cannot stand at what was measured.
+        InputError: for an unknown dimension or quantity, fewer values than dimensions, an offset without a
+            crank, or an offset with forces under loads that follow its angle.
+        AssemblyError: if the initial mechanism cannot be assembled at every measured instant.
     """
     from scipy.optimize import least_squares
 
@@ -130,7 +130,7 @@ def fit_dimensions(
         names.append(subject.offset)
     if measured.count < len(names):
         raise InputError(
-            f"{measured.count} numbers are measured and {len(names)} dimensions wanted; "
+            f"{measured.count} measured values do not determine {len(names)} dimensions; "
             "measure more, or vary fewer"
         )
     problem = _Problem(subject, measured, named, names, progress)
@@ -141,31 +141,31 @@ def fit_dimensions(
         np.zeros(len(names)),
         derivatives,
         method="trf",
-        xtol=REST,
-        ftol=REST,
-        gtol=REST,
+        xtol=CONVERGENCE_TOLERANCE,
+        ftol=CONVERGENCE_TOLERANCE,
+        gtol=CONVERGENCE_TOLERANCE,
         max_nfev=MAX_MECHANISMS,
     )
     return problem.result(solution.x, solution.status > 0)
 
 
 def _require_offset(moved: MovedFamily, columns: Iterable[str]) -> None:
-    """Refuse an unknown zero where none can be found."""
+    """Reject an unknown crank zero that the measurement cannot determine."""
     name = moved.designs.name
     if not moved.offset:
         raise InputError(
-            f"{name} has no lone crank without a motion law whose zero could be unknown; leave it out"
+            f"{name} has no single crank without a motion law, so no crank zero; leave the offset out"
         )
     acting = moved.loading.acting(moved.solver)
     if (acting.loads or acting.couples or acting.crank_torque) and moved.loaded(columns):
         raise InputError(
             f"{name}: forces under loads that follow the crank do not determine its zero; "
-            "leave them or the loads out"
+            "leave out the forces or the loads"
         )
 
 
 class _Problem:
-    """What least squares asks for, dimensions relative to their scales."""
+    """The functions that least squares needs, with dimensions relative to their scales."""
 
     def __init__(
         self,
@@ -197,7 +197,7 @@ class _Problem:
             return deviations[column]
         if self.weighed:
             raise InputError(
-                f"it is said how well {', '.join(deviations)} is known, but not how well {column} is; add a "
+                f"{', '.join(deviations)} have standard deviations, but {column} has none; add a "
                 f"column {column}±"
             )
         unit, values = self.units[column], self.measured.values
@@ -206,17 +206,17 @@ class _Problem:
         return np.full(len(self.measured.angles), scale)
 
     def dimensions(self, x: Array) -> dict[str, float]:
-        """Return dimensions from parts of their scales."""
+        """Return the dimensions of scaled variables."""
         return {
             name: self.start[name] + float(fraction)
             for name, fraction in zip(self.names, x * self.scale, strict=True)
         }
 
     def residuals(self, x: Array) -> Array:
-        """Return what is left, (m,), in the deviations.
+        """Return the residuals relative to their standard deviations, (m,).
 
         Raises:
-            MechsimError: for dimensions that leave no assembly.
+            MechsimError: for dimensions without an assembly.
         """
         self.count += 1
         self.progress(f"{self.count} mechanisms", 0.0)
@@ -226,18 +226,18 @@ class _Problem:
 
     def _off(self, column: str, values: Array) -> Array:
         off = values - self.measured.values[column]
-        # whole revolutions are not measured
+        # multiples of a revolution are not measured
         return wrapped(off) if self.units[column] == "rad" else off
 
     def tried(self, x: Array) -> Array:
-        """Return what is left; infinite where there is no assembly, which least squares goes back from."""
+        """Return the residuals; infinite without an assembly, so that least squares shortens its step."""
         try:
             return self.residuals(x)
         except MechsimError:
             return np.full(self.measured.count, np.inf)
 
     def derivatives(self, x: Array) -> Array:
-        """Return exact derivatives of what is left, (m, p)."""
+        """Return exact derivatives of the residuals, (m, p)."""
         by = self.moved.derivatives(self.columns, self.names, self.dimensions(x)).by
         rows = [
             np.concatenate(
@@ -247,20 +247,20 @@ class _Problem:
         ]
         return np.array(rows).T * self.scale
 
-    def result(self, x: Array, rested: bool) -> Fit:
-        """Return what came of it."""
+    def result(self, x: Array, converged: bool) -> Fit:
+        """Return the result of a fit."""
         residuals, derivatives = self.residuals(x), self.derivatives(x)
         _, singular, right = np.linalg.svd(derivatives, full_matrices=True)
         singular = np.pad(singular, (0, len(self.names) - len(singular)))
         determined = singular > RANK_TOLERANCE * singular[0]
-        # numbers that stay what they are, as positions normal to a planar linkage, show no errors
+        # values that cannot change, as positions normal to a planar linkage, contain no errors
         free = int(((residuals != 0.0) | derivatives.any(1)).sum()) - int(determined.sum())
         spread = float(np.sqrt((residuals**2).sum() / free)) if free > 0 else 0.0
         unit = 1.0 if self.weighed else spread
         covariance = (right[determined].T / singular[determined] ** 2) @ right[determined] * unit**2
         covariance = covariance * np.outer(self.scale, self.scale)
         together = tuple(_groups(right[~determined], self.names))
-        lost = {name for group in together for name in group}
+        undetermined_names = {name for group in together for name in group}
         values = self.dimensions(x)
         pieces = np.split(residuals, len(self.named))
         rms = {
@@ -268,9 +268,11 @@ class _Problem:
             for column, piece in zip(self.named, pieces, strict=True)
         }
         deviations = {
-            name: float(np.sqrt(covariance[i, i])) for i, name in enumerate(self.names) if name not in lost
+            name: float(np.sqrt(covariance[i, i]))
+            for i, name in enumerate(self.names)
+            if name not in undetermined_names
         }
-        outcome: FitOutcome = "underdetermined" if together else "fitted" if rested else "not converged"
+        outcome: FitOutcome = "underdetermined" if together else "fitted" if converged else "not converged"
         own = {name: value for name, value in values.items() if name != self.moved.offset}
         angles = self.moved.angles + values.get(self.moved.offset, 0.0)
         return Fit(
@@ -292,10 +294,12 @@ class _Problem:
 
 
 def _groups(undetermined: Array, names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return groups of dimensions that directions (d, p) join, along which nothing measured changes."""
+    """Return groups of dimensions connected by directions (d, p) along which no measured value changes."""
     reach = np.sqrt((undetermined**2).sum(0))
-    joined = (np.abs(undetermined.T @ undetermined) > SHARE**2) & np.outer(reach > SHARE, reach > SHARE)
-    remaining = [i for i in range(len(names)) if reach[i] > SHARE]
+    joined = (np.abs(undetermined.T @ undetermined) > MIN_COMPONENT**2) & np.outer(
+        reach > MIN_COMPONENT, reach > MIN_COMPONENT
+    )
+    remaining = [i for i in range(len(names)) if reach[i] > MIN_COMPONENT]
     groups: list[tuple[str, ...]] = []
     while remaining:
         group = {remaining[0]}
@@ -315,22 +319,22 @@ def fit(
     speed: float | str = 1.0,
     forces: Forces | None = None,
 ) -> Fit:
-    """Return the dimensions with which a subject moves most nearly as it was measured.
+    """Return the dimensions for which a model moves as it was measured.
 
     Args:
-        model: as `moved` takes it; the fit begins from its dimensions.
-        table: measured motion: columns angle in [rad] (t in [s] under motion laws) and quantities named like
-            ours or in `reference/` (torque:crank), in SI; a column P3.x± is the standard deviation of P3.x.
-            A .csv or .npz file, or a mapping.
-        vary: dimensions to find.
-        offset: whether the zero of the crank's encoder is unknown, too: CRANK.offset is how far the crank
-            stood ahead of the angles in the table.
-        speed: of the crank in [rad/s] or text, as "600rpm", which only rates and efforts depend on.
-        forces: what acts on it, where efforts were measured; None takes what its file says.
+        model: as for `moved`; the fit starts from its dimensions.
+        table: measured motion: columns angle in [rad] (t in [s] under motion laws) and quantities with our
+            names or those of `reference/` (torque:crank), in SI; a column P3.x± is the standard deviation of
+            P3.x. A .csv or .npz file, or a mapping.
+        vary: dimensions to fit.
+        offset: whether the zero of the crank's encoder is unknown too: CRANK.offset is the crank angle minus
+            the angle in the table.
+        speed: crank speed in [rad/s] or text, as "600rpm"; only rates and forces depend on it.
+        forces: applied forces, if forces were measured; None takes those of the file.
 
     Raises:
-        InputError: for a table that does not serve, an unknown dimension, or fewer numbers than dimensions.
-        AssemblyError: where it cannot stand at what was measured as it begins.
+        InputError: for an invalid table, an unknown dimension, or fewer values than dimensions.
+        AssemblyError: if the initial mechanism cannot be assembled at every measured instant.
     """
     subject = model
     if not isinstance(subject, MovedFamily):

@@ -27,13 +27,13 @@ def check(
     target: str | None = None,
     loops: str | PathLike[str] | None = None,
 ) -> list[Violation]:
-    """Return what the linter's rules find in a closed-loop model, errors first.
+    """Return the violations of the linter's rules by a closed-loop model, errors first.
 
     Args:
-        model: an MJCF or URDF file, `mujoco.MjSpec`, `mujoco.MjModel`, or what `load` takes, then exported.
+        model: an MJCF or URDF file, `mujoco.MjSpec`, `mujoco.MjModel`, or any argument of `load`.
         select: codes of rules, or their beginnings, as "MS1"; empty takes all.
         ignore: likewise, rules to leave out.
-        target: "urdf" reports what URDF cannot hold too.
+        target: "urdf" also reports elements that URDF cannot express.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Returns:
@@ -47,7 +47,7 @@ def check(
         []
     """
     if target not in (None, "urdf"):
-        raise InputError(f"there is no target {target!r}; known is urdf")
+        raise InputError(f"there is no target {target!r}; the only target is urdf")
     known_target: Target | None = "urdf" if target else None
     for code in (*select, *ignore):
         if not code or not any(rule.code.startswith(code) for rule in RULES):
@@ -63,7 +63,7 @@ def check(
 
 
 def explain(model: Any) -> list[EqualityStiffness]:
-    """Return each equality of a model as a spring and damper where the model starts."""
+    """Return each equality of a model as a spring and damper at the model's start."""
     return equality_stiffness(_read(model))
 
 

@@ -22,16 +22,16 @@ def closed_qpos(
     """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the file.
 
     Args:
-        model: an MJCF or URDF file, `mujoco.MjSpec`, `mujoco.MjModel`, or what `load` takes, then
-            exported.
+        model: an MJCF or URDF file, `mujoco.MjSpec`, `mujoco.MjModel`, or any argument of `load`, exported
+            first.
         values: hinge or slide -> positions in [rad] or [m], scalar or (n,), or text, as "30deg". Joints that
             neither these nor the loops determine stay at the reference.
-        set: parameter of a mechanism -> its value, as `load` takes it.
+        set: parameter of a mechanism -> its value, as for `load`.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
         InputError: for an unknown joint, positions of different lengths, or a joint outside its limits.
-        AssemblyError: where a loop does not close on the way.
+        AssemblyError: for a loop that does not close on the path.
 
     Example:
         >>> ms.closed_qpos("four_bar", {"crank": "30deg"}).shape
@@ -59,12 +59,12 @@ def sample(
         model: as `closed_qpos` takes it.
         n: number of states.
         seed: of the random numbers; the same seed gives the same states.
-        set: parameter of a mechanism -> its value, as `load` takes it.
+        set: parameter of a mechanism -> its value, as for `load`.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
-        InputError: for a model without loops, or one of whose joint limits few configurations satisfy.
-        AssemblyError: where the loops do not close.
+        InputError: for a model without loops, or joint limits that few configurations satisfy.
+        AssemblyError: for loops that do not close.
 
     Example:
         >>> ms.sample("four_bar", 100).qpos.shape

@@ -1,4 +1,4 @@
-"""Dynamics in MuJoCo against the formulas: the true answer at what the run really did, and the verdict."""
+"""Comparison of MuJoCo's dynamics with the formulas at the states that the run reached."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -20,20 +20,20 @@ from mechsim.verdict.crosscheck import crosscheck_forces, crosscheck_free_run
 from mechsim.verdict.record_errors import lengths
 from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
-# steps of MuJoCo for each step of collocation: 1500 a period of a pendulum, for which that takes 5
+# MuJoCo steps for each step of collocation: 1500 in a period of a pendulum, for which collocation needs 5
 # (validation/published/forward_dynamics.py)
 STEPS_PER_STEP = 300
-# most steps of one run
-MOST_STEPS = 400_000
-# of the largest value: what rounding and the compliance of MuJoCo's constraints leave; dry friction is a soft
-# constraint there
-FLOOR, FRICTION_FLOOR = 1e-9, 1e-4
-# an equilibrium may be off by this, in [rad] or sizes: differences of MuJoCo's accelerations leave 1e-8
-CONFIGURATION = 1e-6
-# of the largest eigenvalue: the square root of what differences leave of a stiffness that is zero
-EIGENVALUES = 1e-3
-# rounding of an acceleration in [1/s2], and of the eigenvalue of a motion that nothing restores in [1/s]
-REST, NEUTRAL = 1e-9, 1e-3
+# largest number of steps of one run
+MAX_STEPS = 400_000
+# tolerance relative to the largest value, for rounding and the compliance of MuJoCo's constraints; MuJoCo
+# models Coulomb friction by a soft constraint
+RELATIVE_TOLERANCE, FRICTION_TOLERANCE = 1e-9, 1e-4
+# largest error of an equilibrium, in [rad] or sizes: finite differences of MuJoCo's accelerations leave 1e-8
+CONFIGURATION_TOLERANCE = 1e-6
+# relative to the largest eigenvalue: square root of the error of a zero stiffness by finite differences
+EIGENVALUE_TOLERANCE = 1e-3
+# rounding of an acceleration in [1/s2], and of the eigenvalue of a neutral motion in [1/s]
+ACCELERATION_ROUNDING, EIGENVALUE_ROUNDING = 1e-9, 1e-3
 
 
 def crosscheck_driven(
@@ -43,7 +43,7 @@ def crosscheck_driven(
     bounds: Mapping[str, Tolerance] | None = None,
     progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> Verdict:
-    """Compare a prescribed run with inverse dynamics at the angles, speeds and accelerations it really had.
+    """Compare a prescribed run with inverse dynamics at its own angles, speeds and accelerations.
 
     Args:
         run: from `simulation.dynamics.prescribed_motion.driven`.
@@ -53,7 +53,7 @@ def crosscheck_driven(
     """
     motion = run.motion
     if run.outcome == "diverged" or motion.broken:
-        return Verdict("diverged", (), motion.broken or "MuJoCo's state went bad")
+        return Verdict("diverged", (), motion.broken or "MuJoCo's state became invalid")
     instants = (motion.angle, motion.speed, motion.acceleration)
     study = prescribed(model, *instants, time=motion.time, as_run=motion, progress=progress)
     tolerance = (
@@ -90,8 +90,8 @@ def crosscheck_free(
 def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: InitialValues) -> Verdict:
     """Compare a run of forward dynamics with MuJoCo, stepped from the same initial values.
 
-    All joints start in MuJoCo where they start in the run: the given values may leave some of them open.
-    MuJoCo steps twice, the second time with half the step. The largest change between the two bounds the
+    All joints start in MuJoCo at their initial values of the run, since `initial` may leave some out.
+    MuJoCo runs twice, the second time with half the step. The largest change between both runs bounds the
     error of the second.
 
     Args:
@@ -100,7 +100,7 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
         initial: its initial values.
     """
     times, intervals = run.time, len(run.time) - 1
-    substeps = max(1, min(MOST_STEPS // intervals, STEPS_PER_STEP * run.steps // intervals))
+    substeps = max(1, min(MAX_STEPS // intervals, STEPS_PER_STEP * run.steps // intervals))
     joints = run.motion.joints
     coordinates = {name: float(joint.value[0]) for name, joint in joints.items()}
     rates = {name: float(joint.rate[0]) for name, joint in joints.items()}
@@ -123,7 +123,11 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
     )
     if fine.diverged or coarse.diverged:
         return Verdict("diverged", (), "MuJoCo's state became invalid; give a shorter run")
-    floor = FRICTION_FLOOR if any(friction.dry for friction in dynamic_model.forces.friction) else FLOOR
+    floor = (
+        FRICTION_TOLERANCE
+        if any(friction.dry for friction in dynamic_model.forces.friction)
+        else RELATIVE_TOLERANCE
+    )
     compared = [*_compared(run.motion, coarse.motion, fine.motion)]
     for name, effort in run.driving.items():
         unit = dynamic_model.mechanism.effort_unit(name)
@@ -143,7 +147,7 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
 
     Args:
         equilibrium: of the analytic side.
-        model: of the equilibrium.
+        model: the model of the equilibrium.
 
     Raises:
         InputError: for a mechanism without revolute or prismatic joint.
@@ -162,18 +166,30 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     largest = float(np.abs(exact).max(initial=0.0))
     magnitudes = np.sort(np.abs(exact)) - np.sort(np.abs(state.eigenvalues))
     growth = exact.real.max(initial=-largest) - state.eigenvalues.real.max(initial=-largest)
-    at_rest = f"what {CONFIGURATION:.0e} rad or sizes off the equilibrium cause"
-    of_largest = f"{EIGENVALUES:.0e} of the largest eigenvalue, by finite differences"
+    at_rest = f"effect of {CONFIGURATION_TOLERANCE:.0e} rad or sizes from the equilibrium"
+    of_largest = f"{EIGENVALUE_TOLERANCE:.0e} of the largest eigenvalue, by finite differences"
     tolerances = (
         (
             "acceleration at rest",
             state.accelerations,
-            CONFIGURATION * state.stiffness + REST,
+            CONFIGURATION_TOLERANCE * state.stiffness + ACCELERATION_ROUNDING,
             "1/s2",
             at_rest,
         ),
-        ("natural frequency", magnitudes, EIGENVALUES * largest + NEUTRAL, "rad/s", of_largest),
-        ("largest growth rate", np.array([growth]), EIGENVALUES * largest + NEUTRAL, "1/s", of_largest),
+        (
+            "natural frequency",
+            magnitudes,
+            EIGENVALUE_TOLERANCE * largest + EIGENVALUE_ROUNDING,
+            "rad/s",
+            of_largest,
+        ),
+        (
+            "largest growth rate",
+            np.array([growth]),
+            EIGENVALUE_TOLERANCE * largest + EIGENVALUE_ROUNDING,
+            "1/s",
+            of_largest,
+        ),
     )
     return concluded(
         replace(
@@ -185,7 +201,7 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
 
 
 def _compared(exact: Motion, coarse: Motion, fine: Motion) -> Iterator[tuple[str, str, Array, Array, Array]]:
-    """Yield name, unit and values of what all three motions have."""
+    """Yield name, unit and values of the quantities that all three motions have."""
     motions = exact, coarse, fine
     for name in fine.points:
         for what, unit in (("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s2")):

@@ -39,9 +39,9 @@ class ExportedModel:
         name: of the mechanism.
         format: "xml" or "toml".
         text: of the file.
-        shortfall: by how much the requested tolerance is missed, in a sentence; empty where it is satisfied.
-        verification: of a model in the style of Menagerie; None of any other.
-        twin: couplings of a serial twin and their errors; None of any other.
+        shortfall: sentence on a tolerance that is not satisfied; empty if it is.
+        verification: of a model in the style of Menagerie; None for others.
+        twin: couplings of a serial twin and their errors; None for others.
     """
 
     name: str
@@ -72,12 +72,12 @@ def export(
     progress: Progress = no_progress,
     **options: Any,
 ) -> ExportedModel:
-    """Return a mechanism as a MuJoCo model or as TOML; write it where a path is given.
+    """Return a mechanism as a MuJoCo model or as TOML; write it if a path is given.
 
     Args:
-        model: what `load` takes.
+        model: any argument of `load`.
         output: path of the file; None writes none.
-        set: parameter -> its value, as `load` takes it.
+        set: parameter -> its value, as for `load`.
         format: "xml" or "toml"; "mjcf-tree" or "urdf" for the serial twin, which has no loops.
         independent: joints of the twin that move freely, with ranges in SI or text; by default those with
             actuators, within their limits.
@@ -86,15 +86,15 @@ def export(
         scene: contents of the MuJoCo model: "pose", "motion", "dynamics" or "picture".
         cut: joints at which loops are cut; by default the generator chooses.
         timestep: of the file, in [s] or text; by default 0.1 ms.
-        settings: fields of `Settings` that the file states.
-        tolerance: position error to keep in plain MuJoCo, in [m] or text; chooses the settings by itself.
+        settings: fields of `Settings` that the file contains.
+        tolerance: position error that plain MuJoCo must satisfy, in [m] or text; determines the settings.
         speed: of a motor and a keyframe, in [rad/s] or text; by default no motor without a tolerance.
-        progress: called with what is tried and the finished fraction.
-        options: `drive`, `lock` and what else `load` takes.
+        progress: called with a description and the finished fraction.
+        options: `drive`, `lock` and further arguments of `load`.
 
     Raises:
-        InputError: for a model or an option that cannot be used.
-        AssemblyError: where the loops do not close.
+        InputError: for an invalid model or option.
+        AssemblyError: for loops that do not close.
 
     Example:
         >>> ms.export("four_bar", "four_bar.xml", speed="600rpm").name
@@ -167,7 +167,7 @@ def require_compatible(
             "or --format toml"
         )
     if tolerance is not None and has_settings:
-        raise InputError("--tolerance chooses the settings by itself; leave out the others")
+        raise InputError("--tolerance determines the settings; leave out the others")
 
 
 def _require_plain(format: str, scene: str, speed: float | str | None, tolerance: float | str | None) -> None:
@@ -203,7 +203,7 @@ def _mjcf_text(
     tolerance: float | str | None,
     progress: Progress,
 ) -> tuple[str, str]:
-    """Return the text of a model with settings, and by how much it misses a tolerance; empty where not."""
+    """Return the text of a model with settings, and its shortfall from a tolerance; empty if satisfied."""
     spec, rate = exported(mechanism, scene), crank_speed(SPEED if speed is None else speed)
     if "solref" not in settings:
         settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}

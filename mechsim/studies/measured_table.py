@@ -1,4 +1,4 @@
-"""Measured motion: a table whose columns are named like ours, some with how well they are known."""
+"""Measured motion: a table with columns named like our quantities, some with standard deviations."""
 
 import re
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
 from mechsim.studies.sensitivity.moved_family import MovedFamily
 
-# prefixes or suffixes of columns that hold standard deviations
+# prefixes or suffixes of columns with standard deviations
 DEVIATION_SIGNS = ("±", "+-")
 _UNIT = re.compile(r"(.*?)\s*\[([^\]]*)\]\s*")
 
@@ -25,7 +25,7 @@ class TableColumn:
 
     Attributes:
         values: (n,).
-        uncertainty: standard deviations, (n,); None where the table has none.
+        uncertainty: standard deviations, (n,); None without any.
     """
 
     values: Array
@@ -35,11 +35,11 @@ class TableColumn:
 def table_columns(table: Mapping[str, ArrayLike], where: str) -> dict[str, TableColumn]:
     """Return the columns of a table by name, in SI, each with its standard deviations.
 
-    A header may name a unit, as `P.x [mm]`; a column `P.x ±`, or `± P.x`, holds standard deviations of P.x.
+    A header may contain a unit, as `P.x [mm]`; a column `P.x ±`, or `± P.x`, contains standard deviations.
 
     Raises:
         InputError: for an unknown unit, two columns of one name, numbers that are not finite, standard
-            deviations of no column, or some that are not above 0.
+            deviations without a column, or standard deviations that are not above 0.
     """
     columns: dict[str, Array] = {}
     for header, values in table.items():
@@ -47,7 +47,7 @@ def table_columns(table: Mapping[str, ArrayLike], where: str) -> dict[str, Table
         if name in columns:
             raise InputError(f"{where} has the column {name!r} twice; leave one out")
         columns[name] = factor * np.asarray(values, dtype=np.float64)
-        _require_rows(columns[name], np.abs(columns[name]) <= HUGE, name, where, "take the row out")
+        _require_rows(columns[name], np.abs(columns[name]) <= HUGE, name, where, "remove the row")
     result = {name: TableColumn(values) for name, values in columns.items() if deviation_of(name) is None}
     for name, values in columns.items():
         quantity_name = deviation_of(name)
@@ -64,7 +64,7 @@ def table_columns(table: Mapping[str, ArrayLike], where: str) -> dict[str, Table
 
 
 def _require_rows(values: Array, valid: NDArray[np.bool_], name: str, where: str, remedy: str) -> None:
-    """Reject a column (n,) with an invalid value, naming its first one."""
+    """Reject a column (n,) with an invalid value; the message names the first one."""
     if not valid.all():
         row = int(np.argmin(valid))
         problem = f"{values[row]:g}" if np.isfinite(values[row]) else "no finite number"
@@ -72,10 +72,10 @@ def _require_rows(values: Array, valid: NDArray[np.bool_], name: str, where: str
 
 
 def column_in_si(header: str, where: str) -> tuple[str, float]:
-    """Return the name in a header as `P.x [mm]`, and the factor that makes its values SI.
+    """Return the name in a header such as `P.x [mm]`, and the factor that converts its values to SI.
 
     Raises:
-        InputError: for a unit that is not known.
+        InputError: for an unknown unit.
     """
     match = _UNIT.fullmatch(header)
     if match is None:
@@ -89,26 +89,26 @@ def column_in_si(header: str, where: str) -> tuple[str, float]:
 
 
 def deviation_of(name: str) -> str | None:
-    """Return the quantity whose standard deviation a column holds; None for other columns."""
+    """Return the quantity of a column of standard deviations; None for other columns."""
     for sign in DEVIATION_SIGNS:
         if name.startswith(sign) or name.endswith(sign):
             return name.removeprefix(sign).removesuffix(sign).strip()
     return None
 
 
-# largest range of crank angles in [rad]: the path is followed over all of it
+# largest range of crank angles in [rad]; the solver follows the path over all of it
 MAX_RANGE = 2e3 * np.pi
 
 
 @dataclass(frozen=True)
 class MeasuredMotion:
-    """What was measured at n instants.
+    """Measured quantities at n instants.
 
     Attributes:
-        over: the crank's angle in [rad], or t in [s] under motion laws, as the table has it, (n,).
+        over: crank angle in [rad], or t in [s] under motion laws, as in the table, (n,).
         angles: path parameters, (n,) in [rad].
         values: quantity -> (n,), in SI.
-        deviations: quantity -> standard deviation of each, (n,), of those of which it is known.
+        deviations: quantity -> standard deviations, (n,), if known.
     """
 
     over: Array
@@ -118,19 +118,19 @@ class MeasuredMotion:
 
     @property
     def count(self) -> int:
-        """How many numbers were measured."""
+        """Number of measured values."""
         return len(self.angles) * len(self.values)
 
 
 def measured_of(
     table: Mapping[str, Array], solver: KinematicSolver, where: str = "the table"
 ) -> MeasuredMotion:
-    """Return what a table holds: angle (or t under motion laws), quantities, and ± columns of some.
+    """Return the measured motion of a table: angle (or t under motion laws), quantities, and ± columns.
 
-    A header may name a unit, as `P.x [mm]`; without one it is SI.
+    A header may contain a unit, as `P.x [mm]`; the default is SI.
 
     Raises:
-        InputError: without angle or t, for numbers that are not finite, or a ± column that is of nothing.
+        InputError: without angle or t, for numbers that are not finite, or a ± column without its quantity.
     """
     columns, motion_laws = table_columns(table, where), solver.motion_laws
     over = motion_laws.axis
@@ -138,7 +138,7 @@ def measured_of(
         unit = "crank angles in rad" if over == "angle" else "times in s"
         raise InputError(f"{where} has no column {over} ({unit}); it has {', '.join(columns) or 'none'}")
     instants = columns[over].values
-    # instants and prescribed motions are not measured
+    # instants and prescribed motions count as exact
     for name in (over, "angle", "time", "speed", "acceleration", *solver.mechanism.drivers):
         if name in columns and columns.pop(name).uncertainty is not None:
             raise InputError(f"{where}: column {name} counts as exact; leave out its standard deviation")
@@ -147,30 +147,30 @@ def measured_of(
         name: column.uncertainty for name, column in columns.items() if column.uncertainty is not None
     }
     if not values:
-        raise InputError(f"{where} holds no measured quantity; add columns as P3.x or rocker.q")
+        raise InputError(f"{where} contains no measured quantity; add columns as P3.x or rocker.q")
     angles = motion_laws.parameter(instants)
     if len(angles) and float(np.ptp(angles)) > MAX_RANGE:
         turns = float(np.ptp(angles)) / (2.0 * np.pi)
         raise InputError(
-            f"{where}: column {over} goes over {turns:.4g} turns; give {MAX_RANGE / (2.0 * np.pi):g} at most"
+            f"{where}: column {over} covers {turns:.4g} turns; the limit is {MAX_RANGE / (2.0 * np.pi):g}"
         )
     return MeasuredMotion(instants, angles, values, deviations)
 
 
 def single(table: Mapping[str, Array], moved: MovedFamily) -> dict[str, str]:
-    """Return the quantity that each column of a table is: its name there -> ours.
+    """Return the quantity of each column of a table: name in the table -> our name.
 
-    Besides our own names those of efforts as `reference/` has them: torque:J of a crank or of a driver,
-    force:J of a driver that slides.
+    Names of forces in `reference/` are accepted too: torque:J of a crank or of a driver, and force:J of a
+    prismatic driver.
 
     Raises:
-        InputError: for a column that is none, or several.
+        InputError: for a column that is no quantity, or several quantities.
     """
     names: dict[str, str] = {}
     straight = {f"force:{name}": f"drive {name}" for name in moved.solver.mechanism.straight}
     for name in table:
         columns = moved.quantities([straight.get(name, name)])
         if len(columns) != 1:
-            raise InputError(f"column {name} is no single quantity; name columns as P3.x or rocker.q")
+            raise InputError(f"column {name} is not a single quantity; name columns as P3.x or rocker.q")
         names[name] = columns[0]
     return names

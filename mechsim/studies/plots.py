@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 GREY, FRONT = "#b4bac2", "#222831"
-# error in strokes from which points are not drawn
+# error in strokes above which points are not drawn
 MAX_ERROR = 1.0
 
 
@@ -43,7 +43,7 @@ def work_precision(result: Tradeoff, quantity: str = "position") -> "Figure":
         ax.plot(*_costs_and_errors(curve, quantity), marker=marker, ms=4, color=COLOURS[i % 6], label=label)
     cost, error = _costs_and_errors(result.front(quantity), quantity)
     ax.step(cost, error, where="post", lw=0.9, color=FRONT, label="Pareto front")
-    bar = result.subject.reference.bar.get(quantity)
+    bar = result.subject.reference.own_error.get(quantity)
     if bar:
         ax.axhline(bar, color="#b00020", lw=1.0, ls="--", label="error of the reference")
     decades(ax.yaxis)
@@ -83,7 +83,7 @@ FLOOR = 1e-17
 def extremes_map(study: "StabilityMap") -> "Figure":
     """Draw one panel per axis: errors in characteristic lengths, a line per mechanism, a marker per outcome.
 
-    Borders found by bisection are thin upright lines; the bound is dashed.
+    Borders found by bisection are thin vertical lines; the tolerance is dashed.
     """
     from mechsim.studies.extremes.stability_map import AXES
     from mechsim.studies.extremes.trial import POSITION_TOLERANCE

@@ -1,4 +1,4 @@
-"""Motions of a mechanism by each method, and reference data that they are compared with, to 30 digits."""
+"""Motions of a mechanism by each method, and their comparison with reference data of 30 digits."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -30,17 +30,18 @@ from mechsim.verdict.quantities import (
 )
 from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
 
-# what one picture or video may hold
-MOST_SAMPLES = 100_000
+# largest number of samples of a picture or video
+MAX_SAMPLES = 100_000
 WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 
 
 def profile_of(
     solver: KinematicSolver, speed: float, turns: float, through: float | None = None
 ) -> CrankProfile:
-    """Return the crank's motion: whole turns, or for a crank that cannot turn fully one swing to and fro.
+    """Return the crank's motion: whole revolutions, or one swing of a crank that cannot turn fully.
 
-    The swing passes a crank angle, or where assembly begins. Of motion laws it is their path parameter.
+    The swing passes the angle `through`, by default that of the start. Under motion laws the motion is that
+    of their path parameter.
     """
     if not solver.motion_laws.crank:
         return solver.motion_laws.path_profile
@@ -52,29 +53,29 @@ def profile_of(
 
 
 def simulated(solver: KinematicSolver, profile: CrankProfile, **options: Any) -> Run:
-    """Return a run in MuJoCo under the motion laws of the drivers, or else under the motion of the crank."""
+    """Return a run in MuJoCo under the motion laws of the drivers, or else under the crank motion."""
     return simulate(solver, **driven_as(solver, profile), **options)
 
 
 def driven_as(solver: KinematicSolver, profile: CrankProfile) -> dict[str, Any]:
-    """Return what drives a run in MuJoCo: the motion laws of the drivers, or a motion of the crank."""
+    """Return the driver motion of a run as arguments: motion laws of the drivers, or a crank motion."""
     return {"profile": profile} if solver.motion_laws.crank else {"motion_laws": solver.motion_laws}
 
 
 def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, samples: float) -> Motion:
-    """Return a motion to be drawn, with so many evenly spread samples after the first.
+    """Return a motion to draw, with evenly spread samples after the first.
 
     Args:
-        solver: what moves.
+        solver: the mechanism's solver.
         method: "closed", "simulated" (stepped by MuJoCo) or "posed" (solved by it pose by pose).
         profile: of the crank.
-        samples: how many; rounded.
+        samples: number of samples; rounded.
     """
     if method not in ("closed", "simulated", "posed"):
         raise InputError(f"there is no method {method!r}; choose from closed, simulated and, to draw, both")
     count = round(samples)
-    if not 1 <= count <= MOST_SAMPLES:
-        raise InputError(f"{samples:g} frames or samples requested; give 1 to {MOST_SAMPLES}")
+    if not 1 <= count <= MAX_SAMPLES:
+        raise InputError(f"{samples:g} frames or samples requested; give 1 to {MAX_SAMPLES}")
     if method == "closed":
         return solver.solve_along(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
     method = "step" if method == "simulated" else "pose"
@@ -82,7 +83,7 @@ def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, sa
 
 
 def weighing(solver: KinematicSolver) -> dynamics.DynamicModel:
-    """Return a mechanism under what its file says acts on it; else links of steel that weigh."""
+    """Return a mechanism with the masses and forces of its file; by default steel links under gravity."""
     return dynamics.dynamic_model(solver, solver.forces or WEIGHT)
 
 
@@ -91,7 +92,7 @@ def joint_loads(
 ) -> dict[str, Any]:
     """Return forces and moments in the joints at the samples of a motion, by the same method as the motion.
 
-    They act on the link b of each joint, under what acts as `weighing` has it.
+    They act on link b of each joint, under the masses and forces of `weighing`.
     """
     if method == "simulated":
         reactions = simulated_forces(solver, profile, len(motion) - 1).reactions
@@ -100,7 +101,7 @@ def joint_loads(
         study = dynamics.prescribed(weighing(solver), *instants, time=motion.time, as_run=motion)
         reactions = study.forces.reactions
     forces = {name: reaction.force for name, reaction in reactions.items()}
-    # a moment that the largest force makes on a billionth of the size is rounding, and no arrow
+    # a moment smaller than the largest force times a billionth of the size is rounding and gets no arrow
     least = (
         1e-9
         * solver.mechanism.characteristic_length
@@ -114,7 +115,7 @@ def joint_loads(
 
 
 def simulated_forces(solver: KinematicSolver, profile: CrankProfile, samples: int) -> ForceRecord:
-    """Return MuJoCo's efforts along a motion, under what acts as `weighing` has it."""
+    """Return forces from MuJoCo along a motion, under the masses and forces of `weighing`."""
     model = weighing(solver.starting_at(profile.angles))
     return driven(model.mechanism, model.forces, samples=samples, **driven_as(solver, profile)).forces
 
@@ -125,7 +126,7 @@ RELATIVE_TOLERANCE = 1e-11
 
 
 class ReferenceData(Protocol):
-    """Reference data of a motion, as `subjects.reference_data.ReferenceTable` has them."""
+    """Reference data of a motion, such as `subjects.reference_data.ReferenceTable`."""
 
     @property
     def speed(self) -> float | None: ...
@@ -146,9 +147,9 @@ def by_reference(
     """Compare loop equations, MuJoCo's poses and a closed form with reference data.
 
     Args:
-        solver: the mechanism as the reference data describe it, with its masses and weight.
+        solver: the mechanism of the reference data, with its masses and weight.
         reference: the reference data.
-        closed: the same mechanism with a closed form, whose motion is compared too.
+        closed: the same mechanism with a closed form; its motion is compared too.
     """
     verdicts: dict[str, Verdict] = {}
     if closed is not None:
@@ -218,7 +219,7 @@ def _checked(
     exact = replace(motion, points=reference.points, links={}, joints={})
     speed, reach = float(np.abs(motion.speed).max()), max(reach_of(motion), reach_of(exact))
     scales = motion_scales(stroke_of(exact), speed, reach, largest_acceleration(motion, reach))
-    # positions by formulas are rounded as solved poses are
+    # positions by formulas have the rounding of solved poses
     allowed = tolerances_of(COMPARED, "pose", scales, Requested()) | tolerances_of(
         COMPARED, method, scales, Requested()
     )

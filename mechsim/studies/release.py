@@ -13,8 +13,8 @@ from mechsim.errors import InputError
 from mechsim.model.quantities import Quantity, numeric_quantity, record_columns, unwrapped
 from mechsim.numerics.arrays import Array
 
-# frequencies, from a tenth of the lowest to ten times the highest natural one
-FREQUENCIES, BELOW, ABOVE = 200, 0.1, 10.0
+# number of frequencies, and their range relative to the lowest and highest natural frequency
+FREQUENCIES, MIN_FREQUENCY_RATIO, MAX_FREQUENCY_RATIO = 200, 0.1, 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,8 @@ class FrequencyResponse:
     """A frequency response.
 
     Attributes:
-        load: where a unit load acts.
-        quantity: what responds.
+        load: name of the unit load.
+        quantity: the response.
         unit: of the quantity per unit load.
         frequency: (n,) in [Hz].
         values: complex, (n,).
@@ -44,16 +44,16 @@ class FrequencyResponse:
 def frequency_response(
     model: DynamicModel, text: str, initial: Mapping[str, float | str] | None = None
 ) -> FrequencyResponse:
-    """Return the response that a text as "crank:P.x" or "P.y:distance:P,Q" names.
+    """Return the frequency response of a text such as "crank:P.x" or "P.y:distance:P,Q".
 
     Args:
         model: of the mechanism.
-        text: load, colon, quantity, as `mechsim.dynamics.response` takes them.
+        text: load, colon, quantity, as in `mechsim.dynamics.response`.
         initial: coordinates near the equilibrium.
 
     Raises:
-        InputError: for text of another form.
-        AssemblyError: where no equilibrium is found.
+        InputError: for other text.
+        AssemblyError: without an equilibrium.
     """
     load, colon, output = text.partition(":")
     if load in ("distance", "angle"):
@@ -64,14 +64,16 @@ def frequency_response(
         raise InputError(f"response is {text!r}; give LOAD:QUANTITY, as in crank:P.x")
     modes = nearest_equilibrium(model, initial=initial).modes
     natural = [mode.frequency for mode in modes if mode.frequency > 0.0] or [1.0]
-    frequency = np.geomspace(BELOW * min(natural), ABOVE * max(natural), FREQUENCIES)
+    frequency = np.geomspace(
+        MIN_FREQUENCY_RATIO * min(natural), MAX_FREQUENCY_RATIO * max(natural), FREQUENCIES
+    )
     values = response(model, load, output, frequency, initial=initial)
     load_unit, unit = (numeric_quantity(name, model.mechanism).unit for name in (load, output))
     effort = "N" if load_unit == "m" else "(N m)"
     return FrequencyResponse(load, output, f"{unit}/{effort}", frequency, values)
 
 
-# [s] of a run of which no duration is given
+# default duration of a run in [s]
 DURATION = 1.0
 # outcomes of runs that are drawn
 SHOWN = ("done", "stopped", "time over")
@@ -79,14 +81,14 @@ SHOWN = ("done", "stopped", "time over")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Release:
-    """A dynamic model, its initial state, and how a run of it ends.
+    """A dynamic model, its initial state, and the end of a run.
 
     Attributes:
         model: mechanism, masses and forces.
-        initial: `J.q` and `J.v` at the start, as `mechsim.dynamics.run` takes them.
+        initial: `J.q` and `J.v` at the start, as in `mechsim.dynamics.run`.
         prescribed: coordinates that follow the motion laws of the model; the others are free.
         duration: longest time in [s].
-        until: event that ends the run; None for none.
+        until: event that ends the run; None for no event.
         restitution: at the limits of joints.
     """
 
@@ -110,10 +112,10 @@ class Release:
         )
 
     def columns(self, result: DynamicRun, quantities: Sequence[Quantity]) -> dict[str, Array]:
-        """Return the columns of a run, with those of forces in joints where quantities need them.
+        """Return the columns of a run, with those of joint forces if quantities need them.
 
         Raises:
-            InputError: for forces where the drivers do not determine the motion.
+            InputError: for forces of drivers that do not determine the motion.
         """
         columns = record_columns(result.motion, quantities) | dict(result.columns())
         if any(column.name not in columns for quantity in quantities for column in quantity.columns):
@@ -121,24 +123,24 @@ class Release:
         return columns
 
     def values(self, result: DynamicRun, names: Sequence[str]) -> dict[Quantity, Array]:
-        """Return quantities over a run, (n,) each; of vectors the length."""
+        """Return quantities over a run, (n,) each; for vectors the length."""
         quantities = [numeric_quantity(name, self.model.mechanism) for name in names]
         columns = self.columns(result, quantities)
         if missing := [q.name for q in quantities if any(c.name not in columns for c in q.columns)]:
-            raise InputError(f"{missing[0]} is not known of a run from an initial state; leave it out")
+            raise InputError(f"a run from an initial state has no quantity {missing[0]}; leave it out")
         numbers = {quantity: quantity.number(columns) for quantity in quantities}
         return {quantity: unwrapped(n) if quantity.angle else n for quantity, n in numbers.items()}
 
     def shown_run(self, samples: int) -> DynamicRun:
-        """Return the run to be drawn.
+        """Return the run to draw.
 
         Raises:
-            InputError: where it broke down.
+            InputError: for a run that failed.
         """
         result = self.run(samples)
         if result.outcome not in SHOWN:
             raise InputError(
-                f"{self.model.mechanism.name}: {result.outcome}, nothing is drawn: {result.reason}"
+                f"{self.model.mechanism.name}: the run ended early ({result.outcome}): {result.reason}"
             )
         return result
 
@@ -151,5 +153,5 @@ class Release:
         return mode_motions(nearest_equilibrium(self.model, initial=self.initial))
 
     def response(self, text: str) -> FrequencyResponse:
-        """Return the frequency response that LOAD:QUANTITY names."""
+        """Return the frequency response of LOAD:QUANTITY."""
         return frequency_response(self.model, text, self.initial)

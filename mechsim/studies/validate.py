@@ -1,4 +1,4 @@
-"""The main job: a mechanism by every method, compared."""
+"""Validation of a mechanism: its motions by all methods, compared."""
 
 from collections.abc import Container, Mapping
 from contextlib import suppress
@@ -41,14 +41,15 @@ from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.quantities import QUANTITIES, motion_scales, reach_of, stroke_of
 from mechsim.verdict.tolerances import EPS, RecordInstants, Requested, Tolerance
 
-# Tolerance on positions in a stepped run, relative to the stroke: at 1,000 steps a turn no catalogue
-# mechanism misses it (measured 2.6e-9 at the worst), and a link 0.1 % long exceeds it 1e5 times. A run that
-# misses it by its own estimate, or diverges, near a dead centre, is repeated with as many steps as it needs.
-STEP_PLACE = 1e-8
-# Where the stroke is smaller than the mechanism it is relative to the size, as loop-closure errors are: files
-# give lengths to about 1e-7 of it, and the finest grade of ISO 286 (IT01) allows 1 um of 100 mm, 1e-5. It is
-# at most 1e-4 of the stroke, a tenth of what a link 0.1 % long does even to displacements.
-SIZE_TO_STROKE = 1e4
+# Tolerance on positions of a stepped run, relative to the stroke: with 1,000 steps per revolution every
+# catalogue mechanism satisfies it (largest error measured: 2.6e-9), and a link 0.1 % long exceeds it 1e5
+# times. A run that diverges, or exceeds it by its own estimate near a dead centre, is repeated with as many
+# steps as it needs.
+RELATIVE_TOLERANCE = 1e-8
+# Mechanisms larger than their stroke have a tolerance relative to their size, as loop-closure errors are:
+# files give lengths to about 1e-7 of it, and the finest grade of ISO 286 (IT01) allows 1 um of 100 mm, 1e-5.
+# It is at most 1e-4 of the stroke, a tenth of the effect of a link 0.1 % long on displacements.
+MAX_SIZE_TO_STROKE = 1e4
 STEPS = 1000
 # processor time in [s] for the stepped runs of one mechanism
 BUDGET = 120.0
@@ -118,11 +119,11 @@ class Validation:
 
     @property
     def compliance(self) -> float | None:
-        """By which the loops were held where it was stepped."""
+        """Compliance scale of the constraints in the stepped run."""
         return None if self.run.settings is None else self.run.settings.compliance
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the case as `mechsim validate --json` prints it."""
+        """Return the case in the format of `mechsim validate --json`."""
         cost = {"steps": 0 if self.quick else self.run.steps, "seconds": self.seconds}
         compliance = {} if self.compliance is None else {"compliance": self.compliance}
         published = {} if self.published is None else {"published": self.published.as_dict()}
@@ -133,7 +134,7 @@ class Validation:
 
 @dataclass(frozen=True, slots=True)
 class _Work:
-    """How a mechanism is validated, and what that may take."""
+    """Options of a validation, and its budget."""
 
     quick: bool
     tolerance: float | None
@@ -152,18 +153,18 @@ def case_of(
 ) -> Validation:
     """Validate one mechanism: closed form against loop equations, solved poses and a stepped run.
 
-    One without a closed form: loop equations against MuJoCo's, and the formula that its file names, which is
-    run, against both.
+    Without a closed form, loop equations and MuJoCo are compared, and both with the formula of its file,
+    which is run.
 
     Args:
-        model: the mechanism; a family of dimensions says which may be wrong where its formula is missed.
-        speed: crank speed in [rad/s]; a crank that cannot turn fully swings with this as its fastest.
+        model: the mechanism; a parametric model allows the cause of a formula's error to be determined.
+        speed: crank speed in [rad/s]; for a crank that cannot turn fully the largest speed of its swing.
         quick: leave out the stepped run.
         tolerance: on positions of stepped runs in [m]; an MJCF file's own settings must satisfy it too. None
-            takes 1e-8 of the stroke or the size, rounding for the formula that the file names, and only
-            reports what the file's own settings do.
-        budget: processor time in [s] for stepped runs; where they do not converge within it the verdict
-            is "failed", and its reason states the budget and the error that was reached.
+            takes 1e-8 of the stroke or the size, and rounding for the formula of the file, and only reports
+            the error of the file's own settings.
+        budget: processor time in [s] for stepped runs. If they do not converge within it, the verdict is
+            "failed", and its reason states the budget and the error reached.
         progress: called with a text and the finished fraction, 0 until the end.
 
     Raises:
@@ -176,7 +177,7 @@ def case_of(
     work = _Work(quick, tolerance, ProcessorBudget(budget), progress)
     case = _validated(solver, designs, speed, work)
     for name, variant in (solver.variants() if isinstance(solver, ClosedForm) else {}).items():
-        # a variant that cannot stand says nothing against the mechanism
+        # a variant that cannot be assembled is skipped
         with suppress(AssemblyError):
             other = _validated(variant, dimension_family(variant), speed, work)
             case = _with_variant(case, name, other)
@@ -184,7 +185,7 @@ def case_of(
 
 
 def _with_variant(case: Validation, name: str, variant: Validation) -> Validation:
-    """Return a case that holds a variant's checks too, each with the variant's name."""
+    """Return a case with a variant's checks added, each with the variant's name."""
     own, other = case.verdict, variant.verdict
     worse = most_severe([own.outcome, other.outcome]) == 1
     verdict = Verdict(
@@ -209,7 +210,7 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
     if solver.formula:
         formula = compare_model(designs, speed=speed, tolerance=tolerance, stepped=not quick)
         verdicts["formula"] = Verdict(formula.outcome, formula.checks, formula.reason)
-    # only a crank at constant speed has a drive whose error means something
+    # the drive error is meaningful only at constant crank speed
     crank_speed = speed if profile.steady and solver.motion_laws.crank else None
     published, findings = None, scene_findings(solver)
     progress("poses", 0.0)
@@ -241,17 +242,21 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
 
 
 def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | None = None) -> Tolerance:
-    """Return the tolerance on positions of a stepped run: what is asked for, or 1e-8 of stroke or size."""
+    """Return the tolerance on positions of a stepped run: the requested one, or 1e-8 of stroke or size."""
     if tolerance is not None:
         return Tolerance(tolerance, "m", "requested")
     stroke, extent = stroke_of(exact), mechanism.characteristic_length
     if extent <= stroke:
-        return Tolerance(STEP_PLACE * stroke, "m", f"{STEP_PLACE:.0e} of the stroke of {stroke:.4g} m")
-    if extent <= SIZE_TO_STROKE * stroke:
         return Tolerance(
-            STEP_PLACE * extent, "m", f"{STEP_PLACE:.0e} of the mechanism's size of {extent:.4g} m"
+            RELATIVE_TOLERANCE * stroke, "m", f"{RELATIVE_TOLERANCE:.0e} of the stroke of {stroke:.4g} m"
         )
-    relative = STEP_PLACE * SIZE_TO_STROKE
+    if extent <= MAX_SIZE_TO_STROKE * stroke:
+        return Tolerance(
+            RELATIVE_TOLERANCE * extent,
+            "m",
+            f"{RELATIVE_TOLERANCE:.0e} of the mechanism's size of {extent:.4g} m",
+        )
+    relative = RELATIVE_TOLERANCE * MAX_SIZE_TO_STROKE
     return Tolerance(relative * stroke, "m", f"{relative:.0e} of the stroke of {stroke:.4g} m")
 
 
@@ -274,43 +279,47 @@ def _stepped(
 ) -> tuple[Run, Verdict]:
     """Return a run in time with mechsim's settings, and its verdict."""
     limit = allowed.value
-    programmed = not solver.motion_laws.crank
-    decided = profile if programmed else _decided(solver, profile, speed)
+    follows_laws = not solver.motion_laws.crank
+    stepped = profile if follows_laws else _between_change_points(solver, profile, speed)
     runs = 0
 
-    def counted(text: str, fraction: float) -> None:
+    def counted_progress(text: str, fraction: float) -> None:
         nonlocal runs
         runs += fraction == 1.0
         work.progress(f"stepped run {runs + (fraction < 1.0)}: {text}", 0.0)
 
-    with_budget: dict[str, Any] = {"budget": work.budget, "progress": counted}
-    run = simulated(solver, decided, settings=Settings(steps_per_turn=STEPS), **with_budget)
-    # of a run that went bad the estimate is infinite
+    with_budget: dict[str, Any] = {"budget": work.budget, "progress": counted_progress}
+    run = simulated(solver, stepped, settings=Settings(steps_per_turn=STEPS), **with_budget)
+    # the error estimate of a diverged run is infinite
     if not run.estimate <= limit:
-        run = simulated(solver, decided, tolerance=limit, **with_budget)
-    crank_speed = speed if decided.steady and not programmed else None
+        run = simulated(solver, stepped, tolerance=limit, **with_budget)
+    crank_speed = speed if stepped.steady and not follows_laws else None
     verdict = crosscheck(run.motion, solver, tolerance=limit, speed=crank_speed, bounds={"position": allowed})
     if run.outcome == "diverged":
-        verdict = Verdict("diverged", (), "MuJoCo warned of a bad state")
+        verdict = Verdict("diverged", (), "MuJoCo's state became invalid")
     elif not verdict.passed and run.tolerance_report is not None and run.tolerance_report.reason:
         verdict = replace(verdict, reason=f"{verdict.reason}; {run.tolerance_report.reason}")
     return run, verdict
 
 
-def _decided(solver: KinematicSolver, profile: CrankProfile, speed: float) -> CrankProfile:
-    """Return the motion that can be stepped: a swing between change points, which dynamics do not decide."""
+def _between_change_points(solver: KinematicSolver, profile: CrankProfile, speed: float) -> CrankProfile:
+    """Return a swing between change points, since a run through one may leave on either branch."""
     start, points = solver.mechanism.start, np.array(solver.change_points())
     if not len(points):
         return profile
-    arc = interval_around(solver.crank_range(), start)
-    low, high = (start - REVOLUTION, start + REVOLUTION) if arc is None or solver.crank_range().full else arc
+    interval = interval_around(solver.crank_range(), start)
+    low, high = (
+        (start - REVOLUTION, start + REVOLUTION)
+        if interval is None or solver.crank_range().full
+        else interval
+    )
     around = (
         points
         + REVOLUTION * np.round((start - points) / REVOLUTION)
         + REVOLUTION * np.array([[-1.0], [0.0], [1.0]])
     )
-    low = max([low, *(around[around < start] + KEPT_OFF)])
-    high = min([high, *(around[around > start] - KEPT_OFF)])
+    low = max([low, *(around[around < start] + CHANGE_POINT_DISTANCE)])
+    high = min([high, *(around[around > start] - CHANGE_POINT_DISTANCE)])
     return swing(0.5 * (low + high), 0.49 * (high - low), speed)
 
 
@@ -414,37 +423,42 @@ def validate_all(
     cases: dict[str, Validation] = {}
     for i, (name, model) in enumerate(models.items()):
 
-        def reported(what: str, _: float, i: int = i, name: str = name) -> None:
+        def case_progress(what: str, _: float, i: int = i, name: str = name) -> None:
             progress(f"{i + 1} of {len(models)}, {name}: {what}", i / len(models))
 
         cases[name] = case_of(
-            model, speed=speed, quick=name in quick, tolerance=tolerance, budget=budget, progress=reported
+            model,
+            speed=speed,
+            quick=name in quick,
+            tolerance=tolerance,
+            budget=budget,
+            progress=case_progress,
         )
         progress(f"{i + 1} of {len(models)}, {name}", (i + 1) / len(models))
     return cases
 
 
-# so near to a change point, in [rad], neither steps nor rates from the loops are looked at
-KEPT_OFF = 0.05
+# distance from a change point in [rad] within which steps and rates are not compared
+CHANGE_POINT_DISTANCE = 0.05
 
 
 def against_loops(solver: ClosedForm, exact: Motion) -> Verdict:
-    """Check the closed form by the loop equations, which know nothing of it."""
+    """Check the closed form by the loop equations, an independent method."""
     mechanism = solver.mechanism
     poses = {name: Pose(link.position, link.rotation) for name, link in exact.links.items()}
     points = np.array(solver.change_points())
     if len(points):
-        # at a change point the loops give no rates; there solved poses are used
-        off = np.abs(np.exp(1j * exact.angle[:, None]) - np.exp(1j * points)).min(1) > KEPT_OFF
-        exact = select_instants(exact, off)
-        poses = {name: pose.select(off) for name, pose in poses.items()}
-    open_by, rotated_by = loops.residual_norms(mechanism, poses, exact.angle)
+        # at a change point the loop equations do not determine rates; solved poses check it
+        apart = np.abs(np.exp(1j * exact.angle[:, None]) - np.exp(1j * points)).min(1) > CHANGE_POINT_DISTANCE
+        exact = select_instants(exact, apart)
+        poses = {name: pose.select(apart) for name, pose in poses.items()}
+    position_residuals, axis_residuals = loops.residual_norms(mechanism, poses, exact.angle)
     loop_rates = loops.rates(mechanism, poses, exact.angle, exact.speed, exact.acceleration)
     closed = Tolerance(8 * EPS * mechanism.characteristic_length, "m", "8 ulp of the longest link")
     rotated = Tolerance(32 * EPS, "rad", "8 ulp of a turn of 4 rad")
     checks = [
-        check_of("loop", "", open_by, exact.angle, closed),
-        check_of("axes and gears", "", rotated_by, exact.angle, rotated),
+        check_of("loop", "", position_residuals, exact.angle, closed),
+        check_of("axes and gears", "", axis_residuals, exact.angle, rotated),
     ]
     scales = motion_scales(stroke_of(exact), float(np.abs(exact.speed).max()), reach_of(exact))
     for kind in ("velocity", "acceleration"):

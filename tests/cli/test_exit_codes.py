@@ -175,6 +175,5 @@ def test_a_back_end_that_fails_stops_nothing_that_does_not_draw(asked: str, tmp_
     assert done.returncode == 0
     if done.stderr:
         assert done.stderr == (
-            f"mechsim: MUJOCO_GL={asked} does not work here; "
-            "pictures take another back end, if there is one\n"
+            f"mechsim: MUJOCO_GL={asked} does not work here; pictures use another back end, if there is one\n"
         )

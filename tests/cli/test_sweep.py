@@ -42,12 +42,12 @@ def test_json_is_one_object(mechsim):
     ("words", "said"),
     [
         (("--vary", "crnk=1mm:2mm:3"), "did you mean 'crank'"),
-        (("--vary", "crank=60mm:20mm:5"), "runs backwards"),
+        (("--vary", "crank=60mm:20mm:5"), "is in descending order"),
         ((*VARY, "--measure", "rnge:rocker"), "no measure 'rnge:rocker'; did you mean"),
         ((*VARY, "--vary", "crank=1mm:2mm:3"), "twice"),
-        ((*VARY, "--design", "none.csv"), "give one of them"),
+        ((*VARY, "--design", "none.csv"), "give only one"),
         ((), "no parameter of four_bar varies"),
-        ((*VARY, "--samples", "0"), "0 samples"),
+        ((*VARY, "--samples", "0"), "0 poses"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(mechsim, tmp_path, words, said):
@@ -59,7 +59,7 @@ def test_bad_input_is_one_line_and_nothing_is_written(mechsim, tmp_path, words, 
 
 
 def test_an_output_that_cannot_be_is_rejected_before_any_work(mechsim):
-    for name, said in (("out.xls", "sweeps are .nc"), ("nowhere/out.nc", "make it first")):
+    for name, said in (("out.xls", "known are .nc"), ("nowhere/out.nc", "make it first")):
         done = mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "-o", name)
         assert (done.code, said in done.err) == (2, True), done.err
 

@@ -57,10 +57,10 @@ def test_an_export_that_is_advised_has_the_settings_of_the_run_that_was_measured
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("--compliance 1e-8", "an MJCF file can only state 1"),
+        ("--compliance 1e-8", "an MJCF file can only contain 1"),
         ("--integrator verlet", "there is no integrator 'verlet'"),
-        ("--timestep 1ms --steps-per-turn 100", "give one of them"),
-        ("--solref .1,1 --constant-steps 2", "give one of them"),
+        ("--timestep 1ms --steps-per-turn 100", "give only one"),
+        ("--solref .1,1 --constant-steps 2", "give only one"),
         ("--tolerance 1um --solver CG", "leave out the others"),
         ("--format toml --solver CG", "leave them out"),
         ("--timestep 0", "give a finite time above 0"),

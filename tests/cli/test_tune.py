@@ -209,5 +209,5 @@ def test_what_cannot_be_is_stated_in_one_line_and_nothing_is_written(mechsim, tm
 def test_the_file_itself_is_never_written_over(mechsim, tmp_path):
     answer = mechsim("tune", "finger.xml", "--tolerance", "1e-5", "-o", "finger.xml")
     assert answer.code == 2
-    assert "is the file itself" in answer.err
+    assert "is the input file" in answer.err
     assert (tmp_path / "finger.xml").read_text() == FINGER

@@ -98,7 +98,7 @@ def test_what_cannot_fold_is_rejected_with_its_angle():
 def test_a_stepped_run_cannot_fold_and_one_that_meets_nothing_need_not():
     drive = OTHERS[0].with_change_point("branch")
     with pytest.raises(
-        InputError, match=r"to stay on the branch at crank angle 3\.142, 6\.283 rad, .*: run it by pose"
+        InputError, match=r"must stay on the branch at crank angle 3\.142, 6\.283 rad, .*: run it by pose"
     ):
         simulate(drive, speed=20.0, method="step")
     start = drive.mechanism.start

@@ -61,7 +61,7 @@ REJECTED = {
     "too short": ({"timestep": 1e-300}, "at the least"),
     "not above zero": ({"timestep": 0.0}, "give a finite time above 0"),
     "text that is no time": ({"timestep": "2mm"}, "the time step"),
-    "with a tolerance": ({"timestep": 0.002, "tolerance": 1e-6}, "leave one of them out"),
+    "with a tolerance": ({"timestep": 0.002, "tolerance": 1e-6}, "leave one out"),
     "without steps": ({"timestep": 0.002, "method": "pose"}, "method 'pose' takes no steps"),
 }
 

@@ -58,5 +58,5 @@ def test_a_mechanism_whose_rod_floats_runs_as_one_whose_rod_hangs(tmp_path):
 def test_a_link_that_nothing_but_a_floating_joint_holds_is_rejected_by_name(tmp_path):
     ball = '<body name="ball" pos="0 0 1"><freejoint name="loose"/><geom/></body>'
     form = read(tmp_path, "loose", HUNG, beside=ball.replace("<geom/>", '<geom type="sphere" size="0.01"/>'))
-    with pytest.raises(InputError, match="joint 'loose' floats and nothing else holds its link"):
+    with pytest.raises(InputError, match="joint 'loose' floats and nothing else connects its link"):
         driven(form.mechanism, form.forces, motion_laws=form.motion_laws, samples=4)

@@ -54,21 +54,21 @@ def test_a_loop_whose_dofs_all_touch_is_stepped_with_dense_matrices(study) -> No
     model = study.ready(study.polygons(1, 50))
     assert model.nv >= settings.SPARSE_MIN_DOFS
     assert study.gap(model)[1] == 1.0
-    assert settings.quicker(model) == "dense"
+    assert settings.faster_matrices(model) == "dense"
 
 
 def test_matrices_that_disagree_are_never_taken_sparse(chain, study, monkeypatch) -> None:
     model = study.ready(chain)
-    assert settings.quicker(model) == "sparse"
-    look = settings.look
+    assert settings.faster_matrices(model) == "sparse"
+    look = settings.accelerations_and_fill
 
     def wrong(model, kind):
         acceleration, filled = look(model, kind)
         acceleration[7] += (kind == "sparse") * 1e-5 * np.abs(acceleration).max()
         return acceleration, filled
 
-    monkeypatch.setattr(settings, "look", wrong)
-    assert settings.quicker(model) == "dense"
+    monkeypatch.setattr(settings, "accelerations_and_fill", wrong)
+    assert settings.faster_matrices(model) == "dense"
 
 
 @pytest.mark.skipif(mujoco.__version__ != "4.0.0", reason="the fault was mended in MuJoCo 4.0.1")
@@ -79,7 +79,7 @@ def test_a_model_that_mujoco_gets_wrong_is_stepped_with_dense_matrices(study, mo
     random, taken = np.random.default_rng(0), []
     for _ in range(60):
         model = study.ready(study.tangle(random))
-        taken.append((study.gap(model)[0] > 1e-3, settings.quicker(model)))
+        taken.append((study.gap(model)[0] > 1e-3, settings.faster_matrices(model)))
     assert (True, "dense") in taken
     assert (False, "sparse") in taken
     assert (True, "sparse") not in taken

@@ -101,7 +101,7 @@ def test_a_comment_and_a_keyframe_are_added_and_are_well_formed():
 
 def test_an_element_goes_with_its_line():
     edited = EditedText(TEXT)
-    edited.take_away(next(edited.root.every("option")))
+    edited.remove(next(edited.root.every("option")))
     assert len(edited.result.splitlines()) == len(TEXT.splitlines()) - 1
     assert "gravity" not in edited.result
 

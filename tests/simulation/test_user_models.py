@@ -109,7 +109,7 @@ def test_a_gripper_coupled_by_tendons_closes_as_they_state():
 def test_a_gripper_with_one_more_equality_lets_its_driver_go_nowhere():
     text = GRIPPER.replace("ACTIVE", "true").replace("EXTRA", ".1")
     moves = by_name({"left": lambda t: (0.1 + 0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
-    with pytest.raises(MobilityError, match="overdetermined: the loops do not let left move"):
+    with pytest.raises(MobilityError, match="overdetermined: left cannot move"):
         simulate(text, motion_laws=moves)
 
 

@@ -32,7 +32,7 @@ STIFF = {
 def test_the_part_that_is_too_stiff_for_a_step_is_named_and_what_it_requests_for_is_enough(tmp_path, part):
     text, rk4 = FINGER.replace(*STIFF[part]), PlainSettings(integrator="RK4", timestep=5e-4)
     said = broken(tmp_path, text, rk4)
-    assert said.startswith(f"stiffness: {part} asks for steps below")
+    assert said.startswith(f"stiffness: {part} needs steps below")
     enough = float(said.split("below ")[1].split(" s")[0])
     one = scene(tmp_path, text=text, ctrl=FED, duration=500 * enough)
     assert not run_scene(one, replace(rk4, timestep=0.8 * enough).applied(one.model)).broken

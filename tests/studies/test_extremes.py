@@ -61,7 +61,7 @@ def test_a_massless_rod_is_rejected_in_one_line():
     spec = assembled(catalog.make("rssr").mechanism, Scene())
     body = spec.body("coupler")
     body.mass, body.inertia = 0.0, np.zeros(3)
-    with pytest.raises(InputError, match=r"MuJoCo refuses the model: .*coupler"):
+    with pytest.raises(InputError, match=r"MuJoCo rejects the model: .*coupler"):
         simulate(spec, speed=10.0)
 
 

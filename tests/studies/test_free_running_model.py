@@ -39,7 +39,7 @@ def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_state
     form = catalog.make("four_bar")
     spec = exported(form.mechanism, Scene())
     text, said = tune_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)
-    assert "keeps 1e-05 m at 60 rad/s" in text
+    assert "satisfies 1e-05 m at 60 rad/s" in text
     assert "keyframe turning" in text
     model = mujoco.MjModel.from_xml_string(text)
     error, angle = place_error(model, form)
@@ -70,7 +70,7 @@ def test_the_keyframe_is_closed_and_moves_and_the_motor_keeps_a_crank_without_a_
 
 def test_a_mechanism_of_several_drivers_does_not_turn():
     mechanism = load("five_bar").mechanism
-    with pytest.raises(InputError, match="has no single crank that could turn"):
+    with pytest.raises(InputError, match="has no single crank that can turn"):
         tune_model.turning(exported(mechanism, Scene()), mechanism, SPEED)
 
 
@@ -94,7 +94,7 @@ def test_the_tolerance_of_such_a_model_is_kept():
     mechanism = load("planetary_gear").mechanism
     text, error = tune_model.exported_model(exported(mechanism, Scene()), mechanism, SPEED, 1e-5, budget=1.0)
     assert error <= 1e-5
-    assert "keeps 1e-05 m" in text
+    assert "satisfies 1e-05 m" in text
 
 
 def test_a_joint_called_crank_that_is_not_the_driver_is_one_sentence():

@@ -107,7 +107,7 @@ def test_what_breaks_is_stated_and_never_a_number(driven):
     model = hardened(driven.model, 0.02, "Euler")
     model.eq_solref[:] = -1e9, -1.0
     run = run_scene(driven, model)
-    assert "state went bad" in run.broken
+    assert "state became invalid" in run.broken
     errors = errors_of(run)
     assert np.isinf([errors.closure, errors.trajectory, errors.torque]).all()
     assert np.isinf(run.seconds_per_second)
@@ -168,7 +168,7 @@ def test_an_actuator_that_is_not_there_is_rejected(tmp_path):
 
 
 def test_motion_laws_that_begin_where_no_loop_closes_are_rejected(tmp_path):
-    with pytest.raises(AssemblyError, match="on the way to where the motion laws begin"):
+    with pytest.raises(AssemblyError, match="on the path to the start of the motion laws"):
         scene(tmp_path, drive={"pivot": "3 + t"})
 
 

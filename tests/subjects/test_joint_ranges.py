@@ -59,7 +59,7 @@ def test_poses_report_floating_bodies(tmp_path):
     load_text = '<body name="load" pos="1 0 0"><freejoint/><geom size="0.01"/></body></worldbody>'
     path.write_text(ARM.replace("</worldbody>", load_text))
     run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")
-    assert "load floats independently of the drivers, which determine no pose of it: it stands" in run.note
+    assert "load floats independently of the drivers, so poses do not determine it: it stays" in run.note
     assert "--fix-base" in run.note
     path.write_text(ARM)
     run = simulate(str(path), drive="crank", speed=1.0, turns=0.1, lock={"wrist": 0.3}, method="pose")

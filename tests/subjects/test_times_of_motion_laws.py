@@ -182,8 +182,8 @@ def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path):
 @pytest.mark.parametrize(
     ("measure", "reason"),
     [
-        ("at:30deg:tip.x", "motion laws drive, so that it is taken at a time"),
-        ("at:2.5:tip.x", r"taken at 2\.5 s, and the motion laws last 2 s"),
+        ("at:30deg:tip.x", "under motion laws give a time"),
+        ("at:2.5:tip.x", r"is at 2\.5 s, but the motion laws last 2 s"),
     ],
 )
 def test_sweeps_reject_angles_and_times_beyond_motion_laws(tmp_path, measure, reason):

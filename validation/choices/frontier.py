@@ -30,7 +30,7 @@ from mechsim.simulation import Settings, loop_jacobian, mjcf
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.recording import States, evaluate
-from mechsim.studies.tradeoff.methods import SAMPLES, build_model, stepping_methods
+from mechsim.studies.tradeoff.methods import MAX_SAMPLES_PER_TURN, build_model, stepping_methods
 from mechsim.studies.tradeoff.subject import Subject, subject_of
 
 SPEED = 20.0 * np.pi
@@ -118,7 +118,7 @@ def projected(subject: Subject) -> Point:
 def solved(subject: Subject) -> Point:
     """Solve every pose by itself."""
     built = subject.built
-    at = np.linspace(0.0, built.profile.duration, SAMPLES + 1)
+    at = np.linspace(0.0, built.profile.duration, MAX_SAMPLES_PER_TURN + 1)
     angles = built.profile.state(at)[0]
 
     def poses() -> np.ndarray:

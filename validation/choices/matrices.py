@@ -92,7 +92,7 @@ def ready(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 def gap(model: mujoco.MjModel) -> tuple[float, float]:
     """Return by how much accelerations differ, in units of the largest; and what part is filled."""
-    (dense, filled), (sparse, _) = (settings.look(model, kind) for kind in settings.KINDS)
+    (dense, filled), (sparse, _) = (settings.accelerations_and_fill(model, kind) for kind in settings.KINDS)
     return float(np.abs(dense - sparse).max() / np.abs(dense).max()), filled
 
 
@@ -111,7 +111,7 @@ def measured(name: str, spec: mujoco.MjSpec) -> dict[str, Any]:
     dense, sparse = (float(np.median(times[kind])) for kind in ("dense", "sparse"))
     row = {"model": name, "freedoms": int(model.nv), "filled": f"{filled:.2f}", "differ": differ}
     row |= {"dense us": f"{dense:.0f}", "sparse us": f"{sparse:.0f}", "dense/sparse": f"{dense / sparse:.2f}"}
-    return row | {"taken": settings.quicker(model)}
+    return row | {"taken": settings.faster_matrices(model)}
 
 
 def wrong() -> str:
@@ -120,7 +120,7 @@ def wrong() -> str:
     found: list[tuple[float, str]] = []
     for _ in range(RANDOM):
         model = ready(tangle(random))
-        found.append((gap(model)[0], settings.quicker(model)))
+        found.append((gap(model)[0], settings.faster_matrices(model)))
     bad = [(differ, taken) for differ, taken in found if differ > settings.AGREEMENT_TOLERANCE]
     right = [differ for differ, _ in found if differ <= settings.AGREEMENT_TOLERANCE]
     kinds = [taken for _, taken in bad]

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.studies.scene.converged_reference import HARDEST
+from mechsim.studies.scene.converged_reference import LOWEST_COMPLIANCE_SOLIMP
 from mechsim.studies.scene.errors import errors_of
 from mechsim.studies.scene.run import SceneRun, run_scene, step_times
 from mechsim.studies.scene.scene import UserScene
@@ -68,7 +68,7 @@ def _first(scene: UserScene, tolerance: float) -> list[Found]:
                 integrator=integrator,
                 solver="Newton",
                 solref=None if constant is None else (constant * step, 1.0),
-                solimp=HARDEST if hard else None,
+                solimp=LOWEST_COMPLIANCE_SOLIMP if hard else None,
                 refsafe=False if constant == 1.5 else None,
                 tolerance=max(float(scene.model.opt.tolerance), scene.solver_tolerance),
             )

@@ -32,7 +32,7 @@ from mechsim.studies.scene.errors import start_error
 from mechsim.studies.scene.open_scene import python_laws
 from mechsim.studies.scene.run import step_times
 from mechsim.studies.scene.scene import UserScene, with_assembled_start
-from mechsim.studies.scene.tune import AIM, SECONDS, SceneTrial, Tuned, tuned
+from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, SceneTrial, Tuned, tuned
 from mechsim.studies.scene.write_tuned import python_of, tuned_text, write_scene
 
 # how much longer the run from outside is; the most that is paid over the best, and a search may take, in [s]
@@ -74,7 +74,7 @@ def judged(
     by, part, rate = CASES[number]
     scene = user_scene(str(one.path), *one.motion(rate))
     tolerance = float(f"{part * scene.characteristic_length:.2g}")
-    if by == "closure" and start_error(scene) > AIM * tolerance:
+    if by == "closure" and start_error(scene) > AIMED_FRACTION * tolerance:
         scene = with_assembled_start(scene)
     found = tuned(
         scene, tolerance, by, budget=Budget(budget, now=process_time)

@@ -47,13 +47,13 @@ IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 def assembled_fields(
     model: mujoco.MjModel, tree: Tree, arrays: DesignArrays, poses: Mapping[str, Pose]
 ) -> tuple[Fields, Array]:
-    """Return the frames of bodies and joints of designs for given link poses, and the configurations.
+    """Return the body and joint frames of designs in given link poses, and their configurations.
 
     Args:
-        model: of one of the designs, with the indices of bodies and joints.
+        model: of one of the designs; it gives the indices of bodies and joints.
         tree: spanning tree of its loops, with cut joints.
         arrays: the designs.
-        poses: link -> (d, 3) and (d, 3, 3).
+        poses: link -> positions (d, 3) and rotations (d, 3, 3).
 
     Returns:
         Fields of the model, (d, ...) each, whose reference configuration has these poses; and that
@@ -124,7 +124,7 @@ def placeholder_fields(model: mujoco.MjModel, arrays: DesignArrays) -> Fields:
 
 
 def inertia_fields(model: mujoco.MjModel, designs: Sequence[Mechanism]) -> Fields:
-    """Return the inertias of designs, all of whose links must have inertias."""
+    """Return the inertias of designs in which all links have inertias."""
     names = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
     fields: Fields = {name: np.repeat(getattr(model, name)[None], len(designs), 0) for name in names}
     for i, design in enumerate(designs):
@@ -136,7 +136,7 @@ def inertia_fields(model: mujoco.MjModel, designs: Sequence[Mechanism]) -> Field
     return fields
 
 
-# what MuJoCo's mj_setConst derives from these fields for stepping
+# constants that MuJoCo's mj_setConst derives from these fields for stepping
 CONSTANTS = (
     "body_invweight0",
     "body_subtreemass",
@@ -159,7 +159,7 @@ def with_constants(model: mujoco.MjModel, fields: Mapping[str, Array], qpos0: Ar
 
 
 def clear_same_frame(model: mujoco.MjModel, fields: Mapping[str, Array]) -> None:
-    """Clear the compiler's flags of coincident frames where not all designs share them."""
+    """Clear the compiler's flags of coincident frames that not all designs share."""
     for kind, local in (("site", fields["site_pos"]), ("body", fields["body_ipos"])):
         same = getattr(model, f"{kind}_sameframe")
         displaced = (local != 0.0).any((0, 2))
@@ -188,7 +188,7 @@ class SharedModel:
     Attributes:
         closed: the model.
         tree: spanning tree of its loops, with cut joints.
-        gravity: in [m/s2], where inertias are real; None where they are placeholders.
+        gravity: in [m/s2], if inertias are real; None for placeholders.
     """
 
     closed: ClosedModel
@@ -225,7 +225,7 @@ class DesignModels:
 
 
 def shared_model(mechanism: Mechanism, gravity: Vector | None = None) -> SharedModel | None:
-    """Return the model of a mechanism whose designs can be stepped together; None where they cannot.
+    """Return the model of a mechanism whose designs can be stepped together; None if they cannot.
 
     This requires a crank that determines all motion, loops closed by points, and no coupled or locked joints.
 
@@ -234,7 +234,7 @@ def shared_model(mechanism: Mechanism, gravity: Vector | None = None) -> SharedM
         gravity: in [m/s2], for links with real inertias; None gives them placeholders.
 
     Raises:
-        AssemblyError: where its own loops do not close.
+        AssemblyError: for loops of the mechanism that do not close.
     """
     if not mechanism.has_crank or mechanism.laws or mechanism.locked:
         return None
@@ -246,10 +246,10 @@ def shared_model(mechanism: Mechanism, gravity: Vector | None = None) -> SharedM
     loops = closed.loops
     if tree.mechanism is not mechanism or loops.frames or loops.couplings or closed.undetermined_points.any():
         return None
-    # the independent constraints are determined once, in a model whose loops close
+    # the independent constraints are determined once, in a model with closed loops
     loop_jacobian.tangent(loops, loops.linearise(closed.qpos[None])[1])
     if gravity is not None and loop_jacobian.has_undetermined_dofs(loops):
-        # forces determine the initial rate of passive DOFs, which kinematics does not
+        # forces determine the initial rate of passive DOFs; kinematics does not
         return None
     return SharedModel(closed, tree, gravity)
 
@@ -257,12 +257,12 @@ def shared_model(mechanism: Mechanism, gravity: Vector | None = None) -> SharedM
 def design_models(
     shared: SharedModel, started: StartedDesigns, designs: Sequence[Mechanism] = ()
 ) -> DesignModels:
-    """Return the models of designs, computed on arrays as the generator and compiler do for one.
+    """Return the models of designs, with the results of generator and compiler computed on arrays.
 
     Args:
-        shared: what they have in common.
-        started: their numbers, and where they begin.
-        designs: themselves, where their inertias are real.
+        shared: common properties.
+        started: dimensions and initial poses.
+        designs: the mechanisms, if their inertias are real.
     """
     model, tree, arrays = shared.closed.model, shared.tree, started.arrays
     sites = site_fields(model, tree, arrays)
@@ -275,7 +275,7 @@ def design_models(
     qpos[:, address] = start
     loops = shared.closed.loops.with_fields(fields)
     qpos, first_error = loop_jacobian.close_each(loops, qpos)
-    # the reference configuration has the links' poses of the closed loops
+    # in the reference configuration the links have the poses of the closed loops
     seated, rest = assembled_fields(model, tree, arrays, _poses(loops, tree, qpos))
     rest[:, address] += REVOLUTION * np.round((start - rest[:, address]) / REVOLUTION)
     real = [with_inertia(design) for design in designs]

@@ -15,7 +15,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.driven_run import MAX_DRIVE_ERROR
 from mechsim.simulation.dynamics.applied_forces import rigid_forces, soften
-from mechsim.simulation.loop_jacobian import CLOSED, NEWTON
+from mechsim.simulation.loop_jacobian import CLOSED_ERROR, NEWTON
 from mechsim.simulation.many.design_models import (
     Bools,
     DesignModels,
@@ -30,8 +30,8 @@ from mechsim.simulation.settings import Settings, drive_inertia
 from mechsim.simulation.state import HINGE
 from mechsim.simulation.stepping import TIME
 
-# steps per call into C, so that a long run needs little memory
-BLOCK = 1024
+# steps per call into C, which limits memory
+STEPS_PER_CALL = 1024
 # intervals of a revolution between states that are compared with solved poses
 CHECKED_POSITIONS = 8
 # model fields that determine positions of links
@@ -69,7 +69,7 @@ class SteppedDesigns:
         return self.loops.with_fields(_repeated(self.fields, [*self.fields], rows, repeat))
 
     def position_loops(self, rows: Rows, repeat: int) -> ModelLoops:
-        """Return the loops as `loops_at` does, but for positions of links only."""
+        """Return the loops as `loops_at` does, with the fields that determine positions of links only."""
         closed = self.models.shared.closed
         return closed.loops.with_fields(_repeated(self.fields, POSITION_FIELDS, rows, repeat))
 
@@ -84,7 +84,7 @@ def stepped_designs(
 ) -> SteppedDesigns:
     """Step designs through a revolution of their cranks at constant speed.
 
-    Designs are stepped as by `stepping.step`, all on the calling thread.
+    Designs are stepped as in `stepping.step`, all on the calling thread.
 
     Args:
         models: of the designs.
@@ -104,8 +104,8 @@ def stepped_designs(
     sims = own.posed.simulations(loops.model, len(rates), 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = models.qpos, rates
     chunks = [(np.zeros((len(rates), 1, 1)), models.qpos[:, None], rates[:, None])]
-    for first in range(0, total, interval * max(1, BLOCK // interval)):
-        count = min(interval * max(1, BLOCK // interval), total - first)
+    for first in range(0, total, interval * max(1, STEPS_PER_CALL // interval)):
+        count = min(interval * max(1, STEPS_PER_CALL // interval), total - first)
         out = sims.rollout(count, record=(TIME, "qpos", "qvel"))
         chunks.append(tuple(out[name][:, interval - 1 :: interval] for name in (TIME, "qpos", "qvel")))
     recorded_time, qpos, qvel = (np.concatenate(values, 1) for values in zip(*chunks, strict=True))
@@ -154,7 +154,7 @@ def check_designs(stepped: SteppedDesigns) -> ComparedDesigns:
     """Compare stepped designs with poses solved at their own crank angles, at some instants.
 
     A design left its assembly if the sign of its loops' determinant changed. If one Newton step does not lead
-    to the solved pose, the state is too far from it for certainty.
+    to the solved pose, the state is too distant for a certain result.
     """
     d, p = stepped.qpos.shape[:2]
     indices = np.unique(np.round(np.linspace(0, p - 1, CHECKED_POSITIONS + 1)).astype(int))
@@ -172,20 +172,22 @@ def check_designs(stepped: SteppedDesigns) -> ComparedDesigns:
         remaining = loops.closure_error(loops.residual(stepped_once))
         error = loops.closure_error(residual)
         distance = np.sqrt(((positions - solved) ** 2).sum(-1)).max(1).reshape(d, k)
-    certain = ((remaining <= MAX_SECOND_STEP * error) | (remaining <= 100.0 * CLOSED)).reshape(d, k).all(1)
+    certain = (
+        ((remaining <= MAX_SECOND_STEP * error) | (remaining <= 100.0 * CLOSED_ERROR)).reshape(d, k).all(1)
+    )
     same_assembly = (
         certain & (signs == signs[:, :1]).all(1) & (signs[:, 0] != 0.0) & np.isfinite(distance).all(1)
     )
     spans = np.ptp(solved.reshape(d, k, len(sites), 3), axis=1)
     tolerance = np.maximum(
         POSITION_TOLERANCE * 0.5 * spans.max((1, 2)),
-        CLOSED * loops.characteristic_lengths.reshape(d, k)[:, 0],
+        CLOSED_ERROR * loops.characteristic_lengths.reshape(d, k)[:, 0],
     )
     return ComparedDesigns(distance.max(1), tolerance, same_assembly)
 
 
 def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
-    """Return the crank angle at which the loops of designs first do not close, (k,) in [rad]; else NaN.
+    """Return the first crank angle at which the loops of designs do not close, (k,) in [rad]; else NaN.
 
     Each is traced over a revolution in equal steps: a prediction along the tangent, closed by Newton's
     method.
@@ -210,7 +212,7 @@ def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
     return first + angles
 
 
-# joints only, which the states contain; positions of points, too; or rates and accelerations of all
+# joints only, which the states contain; also positions of points; or also all rates and accelerations
 Content = Literal["joints", "positions", "rates"]
 
 

@@ -1,6 +1,6 @@
 """Alternative models for comparisons: other drives of the crank, a rod as a constant distance.
 
-The generator makes none of them: validation/choices/crank_actuation.py and scene_costs.py measure why.
+The generator uses none of them: validation/choices/crank_actuation.py and scene_costs.py measure why.
 """
 
 import mujoco
@@ -15,12 +15,12 @@ from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_of
 
 MOTOR = "crank@motor"
-# what the names of the sites at the ends of a length end with
+# suffix of the sites at the ends of a rod that is a constant distance
 LENGTH = "@length"
 # inertia of a motor's rotor without its virtual inertia, in [kg m2]
 ROTOR_INERTIA = 1e-6
-# points of a link nearer than this, in units of the mechanism's size, are one
-COINCIDENT = 1e-9
+# largest distance of coincident points of a link, relative to the mechanism's size
+COINCIDENCE_TOLERANCE = 1e-9
 
 
 def gear_to_motor(spec: mujoco.MjSpec) -> None:
@@ -51,9 +51,9 @@ def inertia_at_crank(model: mujoco.MjModel, qpos: Array, tangent: Array) -> floa
     """Return the inertia of the links at the crank without its armature, in [kg m2].
 
     Args:
-        model: compiled.
+        model: the compiled model.
         qpos: closed state, (nq,).
-        tangent: rates of all freedoms per radian of the crank, (nv,).
+        tangent: rates of all DOFs per radian of the crank, (nv,).
     """
     data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     data.qpos[:] = qpos
@@ -63,10 +63,10 @@ def inertia_at_crank(model: mujoco.MjModel, qpos: Array, tangent: Array) -> floa
 
 
 def rod_of(mechanism: Mechanism) -> str | None:
-    """Return the link that only keeps two joints at a constant distance; None without one.
+    """Return a link that only keeps two joints at a constant distance; None without one.
 
-    It must hang in the model by one of its joints and be closed by the other, both spherical, or both
-    revolute in a plane; and no point be tracked on it but at those joints.
+    In the model one of its joints must be a tree joint and the other a cut joint, both spherical, or both
+    revolute in a planar mechanism. Points tracked on it must lie at these joints.
     """
     tree = cut_loops(mechanism)
     parents = {branch.parent.link for branch in tree.branches}
@@ -86,7 +86,8 @@ def rod_of(mechanism: Mechanism) -> str | None:
         ends = [end.point for end in mechanism.ends(link.name)]
         tracked = [point for link_name, point in mechanism.points.values() if link_name == link.name]
         if all(
-            min(_distance(point, end) for end in ends) <= COINCIDENT * mechanism.characteristic_length
+            min(_distance(point, end) for end in ends)
+            <= COINCIDENCE_TOLERANCE * mechanism.characteristic_length
             for point in tracked
         ):
             return link.name
@@ -94,14 +95,14 @@ def rod_of(mechanism: Mechanism) -> str | None:
 
 
 def rod_as_length(spec: mujoco.MjSpec, mechanism: Mechanism, rod: str) -> None:
-    """Replace a rod's body in an assembled model by a constant distance of its two ends.
+    """Replace a rod's body in an assembled model by a constant distance of its ends.
 
-    The equality is not active as compiled: it is of a kind that closes no loop for `ModelLoops`.
+    The equality is inactive as compiled, because `ModelLoops` does not support its kind.
 
     Args:
-        spec: of the mechanism, assembled, its loops cut as the generator chooses.
-        mechanism: it was made from.
-        rod: link that `rod_of` names.
+        spec: of the mechanism, assembled, with the generator's choice of cuts.
+        mechanism: the mechanism of the model.
+        rod: name from `rod_of`.
     """
     sites: list[str] = []
     tracked = {name: point for name, (link, point) in mechanism.points.items() if link == rod}
@@ -110,7 +111,7 @@ def rod_as_length(spec: mujoco.MjSpec, mechanism: Mechanism, rod: str) -> None:
         body = spec.worldbody if other.link == GROUND else spec.body(other.link)
         sites.append(body.add_site(name=f"{joint.name}{LENGTH}", pos=other.point).name)
         for name, point in tracked.items():
-            if _distance(point, mine.point) <= COINCIDENT * mechanism.characteristic_length:
+            if _distance(point, mine.point) <= COINCIDENCE_TOLERANCE * mechanism.characteristic_length:
                 spec.delete(spec.site(name))
                 body.add_site(name=name, pos=other.point)
         for equality in list(spec.equalities):

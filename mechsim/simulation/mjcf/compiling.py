@@ -17,7 +17,7 @@ from mechsim.errors import InputError
 def quiet() -> Generator[None]:
     """Silence MuJoCo's log; its warnings are read from its counters and reported as an outcome.
 
-    Left alone it writes MUJOCO_LOG.TXT into the current folder.
+    By default MuJoCo writes MUJOCO_LOG.TXT into the current folder.
     """
     before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     silent.logto_console = silent.logto_file = False
@@ -29,11 +29,11 @@ def quiet() -> Generator[None]:
 
 
 @contextmanager
-def wordless() -> Generator[None]:
+def without_c_output() -> Generator[None]:
     """Suppress the output of C libraries, such as Qhull's about narrow meshes."""
     try:
         kept = os.dup(2)
-    except OSError:  # there is no console to keep it off
+    except OSError:  # there is no null device
         yield
         return
     null_device = os.open(os.devnull, os.O_WRONLY)
@@ -60,7 +60,7 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Return the compiled model with the exact positions of sites, geoms and centres of mass.
 
     The compiler moves a site, geom or centre of mass that is less than a micrometre from its body's origin
-    to the origin. In a linkage of 5 um a joint is then off by a fifth of a link
+    to the origin. In a linkage of 5 um this moves a joint by a fifth of a link
     (docs/explanation/extremes.md). Warnings of the compiler are ignored: a run reports their effects.
 
     Raises:
@@ -69,7 +69,7 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     try:
         model = plainly_compiled(spec)
     except ValueError as error:
-        raise InputError(f"MuJoCo refuses the model: {' '.join(str(error).split())}") from error
+        raise InputError(f"MuJoCo rejects the model: {' '.join(str(error).split())}") from error
     for kind in ("site", "geom"):
         same_frame, positions = getattr(model, f"{kind}_sameframe"), getattr(model, f"{kind}_pos")
         centre = model.body_ipos[getattr(model, f"{kind}_bodyid")]
@@ -83,12 +83,12 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 def plainly_compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Return the model as MuJoCo compiles it, without the output of MuJoCo and Qhull."""
-    with warnings.catch_warnings(action="ignore"), wordless():
+    with warnings.catch_warnings(action="ignore"), without_c_output():
         return spec.compile()
 
 
-# elements whose numbers MuJoCo's own writer cuts to six digits: path, kind, attributes
-EXACT = (
+# elements whose numbers MuJoCo's writer rounds to six digits: path, kind, attributes
+EXACT_ATTRIBUTES = (
     (
         ".//body/joint",
         "joint",
@@ -117,7 +117,7 @@ def to_xml(spec: mujoco.MjSpec) -> str:
         _rewrite(body, owner, ("pos", "quat"))
         for inertial in body.findall("inertial"):
             _rewrite_inertial(inertial, owner)
-    for path, kind, attributes in EXACT:
+    for path, kind, attributes in EXACT_ATTRIBUTES:
         for element in root.iterfind(path):
             _rewrite(element, getattr(spec, kind)(element.get("name")), attributes)
     for coupling in root.iterfind("equality/joint"):
@@ -129,7 +129,7 @@ def to_xml(spec: mujoco.MjSpec) -> str:
 def _rewrite(
     element: ET.Element, source: Any, attributes: Sequence[str], fields: Mapping[str, str] | None = None
 ) -> None:
-    """Write attributes of an element exactly; `fields` are those of the specification with other names."""
+    """Write attributes of an element exactly; `fields` maps them to other names in the specification."""
     for attribute in attributes:
         values = np.atleast_1d(getattr(source, (fields or {}).get(attribute, attribute)))
         if attribute in element.attrib:

@@ -1,8 +1,8 @@
 """Inertias and forces of a MuJoCo model: springs, dampers, friction, loads, drive inertia, motor.
 
-Springs between points are tendons. What acts in a tree joint along its own coordinate stands in the
-joint. What acts in a joint that is cut, or turns as an angle between -pi and pi, is an actuator between
-two sites without a control: its force is an affine function of length and speed.
+Springs between points are tendons. Forces in a tree joint along its own coordinate belong to the joint. A
+force in a cut joint, or one that depends on an angle between -pi and pi, is an actuator between two sites
+without a control: its value is an affine function of length and speed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from mechsim.simulation.mjcf.joints import part_names
 from mechsim.simulation.mjcf.loop_cuts import Tree, turning_with
 from mechsim.simulation.state import quaternion
 
-# mass of a link x size of its mechanism where only motion counts, in [kg m]
+# mass of a link times size of its mechanism in models without real inertias, in [kg m]
 PLACEHOLDER = 0.1
 
 
@@ -44,18 +44,18 @@ def principal(inertia: Inertia) -> tuple[Array, Array]:
     if np.count_nonzero(moments - np.diag(values)):
         values, rotation = np.linalg.eigh(moments)
         rotation[:, 2] *= np.sign(np.linalg.det(rotation))
-    # the largest of a flat body may exceed the sum of the others by rounding, which MuJoCo refuses
+    # the largest moment of a flat body may exceed the sum of the others by rounding, which MuJoCo rejects
     largest = int(np.argmax(values))
     values[largest] = min(values[largest], values.sum() - values[largest])
     return quaternion(rotation), values
 
 
 def set_placeholder(body: mujoco.MjsBody, mechanism: Mechanism, link: str) -> None:
-    """Set the placeholder inertia of a link: a ball about the middle of its joints, 1 kg for a size of 0.1 m.
+    """Set the placeholder inertia of a link: a ball about the centre of its joints, 1 kg for a size of 0.1 m.
 
-    Under a prescribed crank no motion depends on it; a ball of the link's own size keeps the mass
-    matrix well conditioned whatever the scale. MuJoCo takes a moment of inertia below 1e-15 (mjMINVAL)
-    for zero: with a mass inverse to the size it stays far from that for linkages down to 1e-8 m.
+    Under a prescribed crank no motion depends on it. A ball of the link's own size keeps the mass matrix well
+    conditioned at any scale. MuJoCo takes a moment of inertia below 1e-15 (mjMINVAL) for zero: with a mass
+    inverse to the size it stays far above that for linkages down to 1e-8 m.
     """
     points = np.array([end.point for end in mechanism.ends(link)])
     body.explicitinertial = True
@@ -82,7 +82,7 @@ AXES = "xyz"
 
 @dataclass(frozen=True, slots=True)
 class Builder:
-    """A model under construction, its mechanism and its tree."""
+    """A model under construction, with its mechanism and its tree."""
 
     spec: mujoco.MjSpec
     mechanism: Mechanism
@@ -90,7 +90,7 @@ class Builder:
     bodies: Bodies
 
     def model_joints(self, joint: Joint) -> list[mujoco.MjsJoint]:
-        """Return the model's joints that make up a joint of the tree; empty for one that is cut."""
+        """Return the model's joints of a tree joint; empty for a cut joint."""
         if joint in self.tree.cuts:
             return []
         return [self.spec.joint(name) for name in part_names(self.mechanism, joint)]
@@ -111,13 +111,13 @@ class Builder:
 
 
 def add_forces(spec: mujoco.MjSpec, mechanism: Mechanism, tree: Tree, bodies: Bodies, forces: Forces) -> None:
-    """Add all forces on its mechanism to a model.
+    """Add all forces on a mechanism to its model.
 
-    Actuators, in this order: "motor" (its control 1 switches it on; of a DC motor it is the voltage),
+    Actuators, in this order: "motor" (control 1 switches it on; for a DC motor it is the voltage),
     "crank torque" (control in [N m]), "load 1.x", "load 1.y" ... (controls in [N], ground axes), "couple
-    1.x" ... (controls in [N m], ground axes); "spring in JOINT" where it turns; "friction in JOINT.z" or
-    ".x", ".y" and ".z" of a cut joint; and where MuJoCo has no dry friction of its own, "friction in JOINT
-    dry.z" and so on, whose controls [N m] are to oppose the actuators' velocities.
+    1.x" ... (controls in [N m], ground axes); "spring in JOINT" for revolute joints; "friction in JOINT.z" or
+    ".x", ".y" and ".z" of a cut joint; and, if MuJoCo has no Coulomb friction for the joint, "friction in
+    JOINT dry.z" and so on, whose controls [N m] must oppose the actuators' velocities.
     """
     forces.check(mechanism)
     builder = Builder(spec, mechanism, tree, bodies)
@@ -181,7 +181,7 @@ def actuators(mechanism: Mechanism, forces: Forces, count: int) -> Actuators:
 
 
 def _add_motor(spec: mujoco.MjSpec, motor: Motor) -> None:
-    """Add the motor: gain times control less its torque's fall with speed; MuJoCo's gear is the motor's."""
+    """Add a motor: gain times control minus the decrease of torque with speed; the gear is the motor's."""
     ratio = 1.0
     if isinstance(motor, Geared):
         motor, ratio = motor.motor, motor.ratio
@@ -236,8 +236,8 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
         model_joint.stiffness = _linear(spring.stiffness + float(model_joint.stiffness[0]))
         model_joint.springref = spring.rest
         return
-    # the rest angle turned into the frame, so that the angle counts from it and wraps opposite to it
-    rotated = End(joint.a.link, joint.a.point, joint.a.axis, _rotated_mark(joint.a, spring.rest))
+    # the rest angle is part of the frame, so that the angle counts from it and wraps opposite to it
+    rotated = End(joint.a.link, joint.a.point, joint.a.axis, _rotated_reference(joint.a, spring.rest))
     name = f"spring in {joint.name}"
     a = builder.site(f"{name}.a", rotated)
     b = builder.site(f"{name}.b", joint.b)
@@ -247,7 +247,7 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
     made.biasprm[:3] = 0.0, -spring.stiffness, 0.0
 
 
-def _rotated_mark(end: End, angle: float) -> tuple[float, float, float]:
+def _rotated_reference(end: End, angle: float) -> tuple[float, float, float]:
     reference = end.frame @ np.array([np.cos(angle), np.sin(angle), 0.0])
     return float(reference[0]), float(reference[1]), float(reference[2])
 
@@ -267,7 +267,7 @@ def _add_friction(builder: Builder, friction: Friction) -> None:
     if native and plane_normals(builder.mechanism) is not None:
         _add_coulomb_cut(builder, joint, friction.coulomb)
         return
-    # a ball joint's own dry friction in MuJoCo holds about three axes apart, not against the spin
+    # MuJoCo's Coulomb friction of a ball joint acts about three separate axes, not against the rotation
     name = coulomb_name(joint.name)
     a, b = (builder.site(f"{name}.{side}", end) for side, end in (("a", joint.a), ("b", joint.b)))
     for axis in axes:
@@ -275,12 +275,12 @@ def _add_friction(builder: Builder, friction: Friction) -> None:
 
 
 def coulomb_name(joint: str) -> str:
-    """Return the name, without the axis, of the actuators of a joint's dry friction."""
+    """Return the name, without the axis, of the actuators of a joint's Coulomb friction."""
     return f"friction in {joint} dry"
 
 
 def _add_coulomb_cut(builder: Builder, joint: Joint, torque: float) -> None:
-    """Add dry friction to a cut joint of a planar mechanism: its angle is a sum of the tree's angles."""
+    """Add Coulomb friction to a cut joint of a planar mechanism: its angle is a sum of the tree's angles."""
     tendon = builder.spec.add_tendon(name=f"friction in {joint.name}", frictionloss=torque)
     for name, share in turning_with(builder.mechanism, builder.tree, joint).items():
         (model_joint,) = builder.model_joints(builder.mechanism.joint(name))
@@ -288,5 +288,5 @@ def _add_coulomb_cut(builder: Builder, joint: Joint, torque: float) -> None:
 
 
 def _linear(value: float) -> tuple[float, float, float]:
-    """Return the coefficients of a linear spring or damper; the others are of higher powers."""
+    """Return the coefficients of a linear spring or damper; the others belong to higher powers."""
     return value, 0.0, 0.0

@@ -33,7 +33,7 @@ from mechsim.simulation.mjcf.joints import (
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 from mechsim.simulation.state import SCALAR, quaternion
 
-# tolerance of the solver: with a virtual drive inertia the relative gradient is always small, and with 0 the
+# tolerance of the solver: with a virtual drive inertia the relative gradient is always small, and at 0 the
 # solver would never stop (validation/choices/exported_solver.py)
 SOLVER_TOLERANCE = 1e-24
 # time constant of the loops in steps
@@ -47,21 +47,21 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
 
     Args:
         mechanism: the mechanism.
-        scene: what the model must hold.
-        poses: link -> rough pose from which each tree joint takes its coordinate for the model's
-            reference configuration; links not named stand at zero coordinates. The loops are in
-            general open in it: `assembled` closes them.
+        scene: contents of the model.
+        poses: link -> approximate pose from which each tree joint takes its coordinate in the model's
+            reference configuration; other links have zero coordinates. The loops are in general open in
+            this configuration: `assembled` closes them.
 
     Returns:
         The specification. Bodies and joints are named like links and joints, the driven joint
         "crank", and each tracked point is a site of its name. A universal joint is two hinges NAME.1
-        and NAME.2, a cylindrical one NAME.way and NAME.turn. Of level "picture" it holds all but the
-        picture, which `pictures.render.scenery` adds.
+        and NAME.2, a cylindrical one NAME.way and NAME.turn. At level "picture",
+        `pictures.render.scenery` adds the picture later.
     """
     if mechanism.has_crank and CRANK in {joint.name for joint in mechanism.joints} - {mechanism.crank.name}:
         raise InputError(
-            f"{mechanism.name}: joint {CRANK!r} is not the driver, whose hinge is called so in a MuJoCo "
-            "model; rename the joint"
+            f"{mechanism.name}: joint {CRANK!r} is not the driver, but MuJoCo models reserve this name for "
+            "the driver's hinge; rename the joint"
         )
     forces = scene.acting if scene.holds("dynamics") else None
     friction_joints = (
@@ -101,7 +101,7 @@ def _repeated_names(mechanism: Mechanism) -> Generator[None]:
             raise
         repeated = " ".join(str(error).split()).removeprefix("Error: ")
         raise InputError(
-            f"{mechanism.name}: no MuJoCo model can be made ({repeated}); rename that of the mechanism"
+            f"{mechanism.name}: no MuJoCo model can be made ({repeated}); rename this part of the mechanism"
         ) from None
 
 
@@ -115,7 +115,7 @@ def _add_links(
         link, parent = branch.child.link, frames[branch.parent.link]
         local, values = seated_pose(branch, parent, poses[link]) if link in poses else zero_pose(branch)
         if link in poses:
-            values = counted(mechanism, branch.joint, values)
+            values = with_revolutions(mechanism, branch.joint, values)
         body = bodies[branch.parent.link].add_body(
             name=link, pos=local.position, quat=quaternion(local.rotation)
         )
@@ -130,14 +130,14 @@ def _add_links(
     return bodies
 
 
-def counted(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tuple[float, ...]:
-    """Return coordinates of a joint that a pose gives, with the revolutions of the mechanism's start."""
+def with_revolutions(mechanism: Mechanism, joint: Joint, values: tuple[float, ...]) -> tuple[float, ...]:
+    """Return joint coordinates of a pose with the revolutions of the mechanism's start."""
     stated = initial_coordinates(mechanism)
     kind = KINDS[joint.kind]
     if kind.floating:
         raise InputError(
-            f"{mechanism.name}: joint {joint.name!r} floats and nothing else holds its link, for which no "
-            "MuJoCo model is made; hold it by --fix-base, or leave the link out"
+            f"{mechanism.name}: joint {joint.name!r} floats and nothing else connects its link, so no "
+            "MuJoCo model can be made; fix it by --fix-base, or leave the link out"
         )
     slides = len(kind.slides)
     return tuple(
@@ -296,6 +296,6 @@ def set_drive_inertia(spec: mujoco.MjSpec, inertia: float) -> None:
     crank = next((joint for joint in spec.joints if joint.name == CRANK), None)
     if crank is None:
         raise InputError(
-            "a drive inertia is on a crank, and no joint of the model is called crank; leave it out"
+            "a drive inertia needs a crank, but no joint of the model is called crank; leave it out"
         )
     crank.armature = inertia

@@ -1,6 +1,6 @@
 """Joints in a MuJoCo model: their hinges and slides, and the points that coincide in a cut joint.
 
-Each coordinate of a joint is a hinge or a slide of its own; only a ball is one joint without coordinates.
+Each coordinate of a joint is a separate hinge or slide; only a ball is a joint without coordinates.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from mechsim.numerics.arrays import Array
 FREE, BALL = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL
 SLIDE, HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 CRANK = "crank"
-# the kind by which a link is joined to what stands in for it
+# kind of the joint between a link and its virtual body
 FIXED: KindName = "fixed"
 
 
@@ -38,9 +38,9 @@ class Branch:
 
     Attributes:
         joint: the joint.
-        parent: its end on the placed link.
-        child: its end on the next.
-        direction: +1 if the joint's own order is parent to child, else -1.
+        parent: its end on the parent link.
+        child: its end on the child link.
+        direction: +1 if link a is the parent, else -1.
     """
 
     joint: Joint
@@ -54,11 +54,11 @@ class ModelJoint:
     """A hinge, a slide or a ball of a model.
 
     Attributes:
-        name: of it.
-        type: MuJoCo's.
+        name: name in the model.
+        type: MuJoCo's joint type.
         position: in the child's frame, (..., 3) in [m].
         axis: in the child's frame, (..., 3).
-        value: of its coordinate in the reference configuration, in [m] or [rad]; None for a ball.
+        value: coordinate in the reference configuration, in [m] or [rad]; None for a ball.
     """
 
     name: str
@@ -71,7 +71,7 @@ class ModelJoint:
 def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
     """Return the names of the model's joints for a joint, in the order of its coordinates.
 
-    None makes up one that floats: what other joints hold hangs on those.
+    A floating joint has none, because its link depends on other joints.
     """
     if mechanism.has_crank and joint.name == mechanism.crank.name:
         return [CRANK]
@@ -89,10 +89,9 @@ def model_names(mechanism: Mechanism) -> dict[str, str]:
 
 
 def coincident_points(kind: Kind) -> list[float] | None:
-    """Return heights along the axis at which points of both links coincide and so constrain a joint.
+    """Return heights along the axis at which coincident points of both links are equivalent to a joint.
 
-    A joint can be cut where they do: MuJoCo has an equality that closes it exactly, point on point. None
-    if no points say what the joint says.
+    Such a joint can be cut: a MuJoCo equality closes it exactly, point on point. None for other kinds.
     """
     if kind.floating:
         return []
@@ -102,7 +101,7 @@ def coincident_points(kind: Kind) -> list[float] | None:
 
 
 def zero_pose(branch: Branch) -> tuple[Pose, tuple[float, ...]]:
-    """Return the child's pose in the parent's frame with the coordinates of the joint at zero, and those."""
+    """Return the child's pose in the parent's frame at zero coordinates of the joint, and the coordinates."""
     values = (0.0,) * len(KINDS[branch.joint.kind].units)
     return _posed(branch, values), values
 
@@ -110,8 +109,8 @@ def zero_pose(branch: Branch) -> tuple[Pose, tuple[float, ...]]:
 def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[float, ...]]:
     """Return the child's pose in the parent's frame nearest to an initial guess, and its joint coordinates.
 
-    The joint is kept exactly: only its free coordinates are taken from the rough poses. Poses and ends may be
-    of d designs, (d, 3) and (d, 3, 3); coordinates are then (d,) each.
+    The joint is satisfied exactly: only its free coordinates come from the approximate poses. Poses and ends
+    may be of d designs, (d, 3) and (d, 3, 3); coordinates are then (d,) each.
     """
     kind = KINDS[branch.joint.kind]
     if kind.ball:
@@ -158,7 +157,7 @@ def model_joints(
     """Return the hinges and slides, or the ball, of a tree joint.
 
     Args:
-        mechanism: whose joint it is.
+        mechanism: the mechanism that has the joint.
         branch: the joint.
         local: the child's pose in the parent's frame, in the model's reference configuration.
         values: the joint's coordinates there.
@@ -171,10 +170,10 @@ def model_joints(
     axes: list[Axis] = [*kind.slides, *kind.turns]
     coordinates = list(zip(names, types, axes, values, strict=True))
     if branch.direction < 0 and len(set(axes)) > 1:
-        # an axis fixed in the parent comes first, one fixed in the child last
+        # axes fixed in the parent come first, axes fixed in the child last
         coordinates.reverse()
     if len(kind.slides) > 1 and branch.direction < 0:
-        # a turn that comes before slides across it is about the parent's point
+        # a rotation before slides across its axis is about the parent's point
         back = np.swapaxes(local.rotation, -1, -2)
         position = rotated(back, np.asarray(branch.parent.point) - local.position)
     return [
@@ -188,7 +187,7 @@ def add_joint(
 ) -> None:
     """Add a tree joint to its child body; `ref` makes MuJoCo's coordinates those of the mechanism.
 
-    Args are as of `model_joints`.
+    Arguments are those of `model_joints`.
     """
     for made in model_joints(mechanism, branch, local, values):
         if made.type == FREE:
@@ -200,7 +199,7 @@ def add_joint(
 
 
 def _axis_of(branch: Branch, local: Pose, axis: Axis) -> Array:
-    """Return an axis of a joint in the child's frame, in the direction in which the child moves along it."""
+    """Return an axis of a joint in the child's frame, in the direction of the child's motion."""
     child_is_b = branch.direction > 0
     shared = axis == "a" and KINDS[branch.joint.kind].aligned
     if shared or (axis == "b") == child_is_b:

@@ -23,9 +23,9 @@ class Tree:
     """A mechanism with its loops cut.
 
     Attributes:
-        mechanism: as it was cut; joints that no constraint closes are split in it.
-        branches: in an order in which parents come first.
-        cuts: the joints where it is cut.
+        mechanism: the cut mechanism; joints that no constraint closes are split in it.
+        branches: tree joints, parents first.
+        cuts: the cut joints.
     """
 
     mechanism: Mechanism
@@ -44,13 +44,13 @@ def cut_loops(
 
     Args:
         mechanism: the mechanism.
-        cut: names of the joints to cut; None cuts those whose closing takes the fewest constraint
-            rows, and among equals those farthest from the crank.
-        keep: names of joints to cut only where no other can be.
-        splits: whether joints that no point closes may be split and welded, for want of others.
+        cut: names of the joints to cut; None cuts those that need the fewest constraint rows, and among
+            equals those farthest from the crank.
+        keep: names of joints to cut only if no other can be cut.
+        splits: whether joints that no point closes may be split and welded, if no other can be cut.
 
     Raises:
-        InputError: for cuts that leave a loop or part the chain, or a loop without a joint that can be cut.
+        InputError: for cuts that leave a loop or divide the chain, or a loop without a joint that can be cut.
     """
     import networkx as nx
 
@@ -58,9 +58,9 @@ def cut_loops(
     _require_cuttable(mechanism, requested, needed)
     graph = _weighed(mechanism, requested, needed, keep)
     if not nx.is_connected(graph):
-        lost = sorted(set(graph) - nx.node_connected_component(graph, GROUND))
+        disconnected = sorted(set(graph) - nx.node_connected_component(graph, GROUND))
         raise InputError(
-            f"{mechanism.name}: no chain of joints leads from the frame to {', '.join(lost)}; add one"
+            f"{mechanism.name}: no chain of joints connects the frame with {', '.join(disconnected)}; add one"
         )
     kept = {key for _, _, key in nx.maximum_spanning_edges(graph, keys=True, data=False)}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in kept)
@@ -79,13 +79,13 @@ def cut_loops(
     if cut is not None and {joint.name for joint in cuts if not KINDS[joint.kind].floating} != requested:
         raise InputError(
             f"{mechanism.name}: cutting {', '.join(sorted(requested)) or 'no joint'} does not leave a tree; "
-            f"as many joints as there are loops ({len(cuts)}) must be named, one in each"
+            f"name {len(cuts)} joints, one in each loop"
         )
     return Tree(mechanism, _ordered(mechanism, kept), cuts)
 
 
 def _needed(mechanism: Mechanism) -> set[str]:
-    """Return the names of joints that must not be cut: driven, locked or geared ones."""
+    """Return the names of joints that must not be cut: driven, locked or coupled ones."""
     driven = {joint.name for joint in mechanism.driven_joints}
     geared = joints_of(mechanism, [name for law in mechanism.laws for name in law.coordinates])
     return driven | geared | joints_of(mechanism, mechanism.locked)
@@ -115,7 +115,7 @@ def _weighed(
     def priority(joint: Joint) -> tuple[bool | int, ...]:
         """Return the reasons against cutting a joint, the strongest first.
 
-        Rows count for more than nearness to the crank: validation/choices/cut_joint.py measures it.
+        The number of rows has priority over the distance from the crank (validation/choices/cut_joint.py).
         """
         steps, kind = min(distance[joint.a.link], distance[joint.b.link]), KINDS[joint.kind]
         name, cuttable = joint.name, _cuttable(kind)
@@ -132,12 +132,12 @@ def _rejection_reason(joint: Joint, needed: set[str]) -> str:
     """Return the reason why a loop cannot be cut at a joint."""
     if joint.name in needed:
         return (
-            f"the loop through joint {joint.name!r} has only driven and geared joints; "
-            "have another joint in it"
+            f"the loop through joint {joint.name!r} has only driven and coupled joints; "
+            "add another joint to it"
         )
     return (
         f"a loop would have to be cut at {joint.kind} joint {joint.name!r}, which no MuJoCo constraint "
-        f"closes; have a {kinds_that(lambda kind: bool(coincident_points(kind)))} joint in every loop"
+        f"closes; use a {kinds_that(lambda kind: bool(coincident_points(kind)))} joint in every loop"
     )
 
 
@@ -178,7 +178,7 @@ def _ordered(mechanism: Mechanism, kept: set[str]) -> tuple[Branch, ...]:
 
 
 def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, float]:
-    """Return hinge of the tree -> +1 or -1 with which its angle counts in that of a cut hinge, in a plane."""
+    """Return hinge of the tree -> +1 or -1, its weight in the angle of a cut hinge, in a plane."""
     normals = plane_normals(mechanism)
     assert normals is not None
 

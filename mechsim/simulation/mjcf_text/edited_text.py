@@ -15,14 +15,14 @@ class Element:
     """An element and its position in the text.
 
     Attributes:
-        tag: its name.
+        tag: name of the element.
         attributes: name -> value.
         start: index of its `<`.
         opened: index after the `>` of its start tag.
-        close: index of the `<` of its end tag; `opened` where the start tag closes it, too.
-        end: index after it.
-        parent: around it; None of the root.
-        children: in it, in order.
+        close: index of the `<` of its end tag; `opened` for an empty element.
+        end: index after the element.
+        parent: the enclosing element; None for the root.
+        children: enclosed elements, in order.
     """
 
     tag: str
@@ -58,10 +58,10 @@ def elements_of(text: str, where: str = "the text") -> Element:
     """Return the root of an XML text.
 
     Raises:
-        InputError: for what is no XML.
+        InputError: for text that is not XML.
     """
     data = text.encode()
-    # bytes are what the parser counts
+    # the parser counts bytes
     index_of = _indices(text, data)
     stack: list[Element] = []
     roots: list[Element] = []
@@ -87,7 +87,7 @@ def elements_of(text: str, where: str = "the text") -> Element:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise InputError(f"{where} is no XML: {error}; correct it") from None
+        raise InputError(f"{where} is not XML: {error}; correct it") from None
     return roots[0]
 
 
@@ -124,9 +124,9 @@ class EditedText:
     """A text with edits that are applied when the result is requested.
 
     Attributes:
-        text: as it was.
+        text: the original text.
         root: its elements.
-        edits: (from, to, what stands there instead).
+        edits: (start, end, replacement).
     """
 
     text: str
@@ -166,9 +166,9 @@ class EditedText:
 
     def _put(self, position: int, indent: str, new: str) -> None:
         """Add lines at a position; the text after it starts a new line."""
-        line_goes_on = self.text[position : position + 1].strip() != ""
+        line_continues = self.text[position : position + 1].strip() != ""
         lines = "".join(f"\n{indent}{line}" for line in new.split("\n"))
-        self.edits.append((position, position, lines + (f"\n{indent}" if line_goes_on else "")))
+        self.edits.append((position, position, lines + (f"\n{indent}" if line_continues else "")))
 
     def put_last(self, element: Element, new: str) -> None:
         """Add lines at the end of an element that is not empty."""
@@ -180,7 +180,7 @@ class EditedText:
         before = "" if self.text[position - 1] == "\n" else "\n"
         self.edits.append((position, element.close, before + lines + own))
 
-    def take_away(self, element: Element) -> None:
+    def remove(self, element: Element) -> None:
         """Remove an element, and its line if that is then empty."""
         start, end = element.start, element.end
         first, last = self.text.rfind("\n", 0, start) + 1, self.text.find("\n", end)
@@ -204,12 +204,12 @@ class EditedText:
         return own + "  "
 
 
-# so many rows without an attribute of their own are served by one default
+# largest number of rows without an attribute that get it one by one; more get it from a default
 MAX_REPEATED = 2
 
 
 def set_options(edited: EditedText, options: Mapping[str, str], flags: Mapping[str, bool]) -> None:
-    """Set options and flags where the text has them, else in its last `option` or a new one."""
+    """Set options and flags in the elements that have them, else in the last `option` or a new one."""
     sections = [element for element in edited.root.children if element.tag == "option"]
     remaining = dict(options)
     for name, value in options.items():

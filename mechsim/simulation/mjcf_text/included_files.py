@@ -1,4 +1,4 @@
-"""Files that an MJCF file includes: inserted into its text where they change, with adjusted paths."""
+"""Files that an MJCF file includes: inserted into its text if they change, with adjusted paths."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -8,7 +8,7 @@ from mechsim.errors import InputError
 from mechsim.model.finding import FilePosition
 from mechsim.simulation.mjcf_text.edited_text import EditedText, Element, elements_of
 
-# files within files, before they are taken to include each other for ever
+# largest depth of nested includes; more are an endless recursion
 MAX_DEPTH = 20
 
 
@@ -16,7 +16,7 @@ def read_text(path: str | Path) -> str:
     """Return the text of an MJCF file with its own line ends.
 
     Raises:
-        InputError: where it cannot be read.
+        InputError: for a file that cannot be read.
     """
     try:
         with open(path, encoding="utf-8-sig", newline="") as file:
@@ -28,21 +28,21 @@ def read_text(path: str | Path) -> str:
 def with_included(
     text: str, folder: Path, selected: Callable[[Element], bool], base: Path | None = None, depth: int = 0
 ) -> tuple[str, tuple[str, ...]]:
-    """Return a text with those included files inserted that change or include one that changes.
+    """Return a text with those included files inserted that change or include a file that changes.
 
     Args:
         text: of an MJCF file.
-        folder: in which the main file lies: paths of all files are from there.
-        selected: root of an included file -> whether it is to be put in.
-        base: in which the including file lies.
-        depth: of files within files.
+        folder: folder of the main file, from which all paths start.
+        selected: root of an included file -> whether to insert it.
+        base: folder of the including file.
+        depth: of nested includes.
 
     Returns:
-        The text, and the paths of the files that were put in.
+        The text, and the paths of the inserted files.
     """
     if depth > MAX_DEPTH:
-        raise InputError("files include each other without end; correct the file")
-    edited, put_in = EditedText(text), list[str]()
+        raise InputError("files include each other endlessly; correct the includes")
+    edited, inserted = EditedText(text), list[str]()
     for include in edited.root.every("include"):
         path = find_include(include.attributes.get("file", ""), folder, base)
         if path is None:
@@ -54,8 +54,8 @@ def with_included(
             continue
         root = elements_of(inner, str(path))
         edited.edits.append((include.start, include.end, inner[root.opened : root.close].strip()))
-        put_in += [os.path.relpath(path, folder), *more]
-    return edited.result, tuple(put_in)
+        inserted += [os.path.relpath(path, folder), *more]
+    return edited.result, tuple(inserted)
 
 
 def find_include(name: str, folder: Path, base: Path | None) -> Path | None:
@@ -71,8 +71,8 @@ def moved_to(text: str, folder: Path, target: Path) -> str:
 
     Args:
         text: of an MJCF file.
-        folder: in which it lay.
-        target: the folder in which it will lie.
+        folder: its folder.
+        target: its new folder.
     """
     relative = os.path.relpath(folder.resolve(), target.resolve())
     if relative == ".":
@@ -127,9 +127,9 @@ KINDS = {
 
 
 def included_lines(path: str | Path) -> dict[tuple[str, ...], FilePosition]:
-    """Return (kind, name) -> file and line of the parts in all files that an MJCF file includes.
+    """Return (kind, name) -> file and line of the elements in all files that an MJCF file includes.
 
-    An equality is also known by (kind, first end, second end). Of parts of one name the first counts.
+    An equality also has the key (kind, first end, second end). Of elements with equal names the first counts.
     """
     lines: dict[tuple[str, ...], FilePosition] = {}
     for file, text, element in _included(Path(path), Path(path).parent):
@@ -155,7 +155,7 @@ def _included(path: Path, folder: Path, depth: int = 0) -> Iterator[tuple[str, s
 
 
 def _keys(element: Element) -> Iterator[tuple[str, ...]]:
-    """Yield the keys by which an element is found."""
+    """Yield the keys of an element."""
     attributes = element.attributes
     ends = [
         tuple(attributes.get(f"{end}{i}", "") for i in (1, 2))

@@ -1,4 +1,4 @@
-"""Whether a model agrees with somebody else's formula or table, and if not, why."""
+"""Compare a model with a formula or a table, and find the cause of a difference."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -50,19 +50,20 @@ SPEED = 20.0 * np.pi
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """Whether a model and a claim about it agree.
+    """Result of a comparison of a model with candidate data.
 
     Attributes:
         solver: the model.
-        source: what was held against it.
+        source: name of the function or file that gave the candidate data.
         outcome: passed or failed.
-        checks: quantity by quantity.
-        findings: what explains the difference, the likeliest first; empty if every check passes.
-        attribution: parts of the distance between a run in time and the claim; empty where none was run.
+        checks: one for each quantity.
+        findings: causes of the difference, most likely first; empty if every check passes.
+        attribution: components of the difference between a stepped run and the candidate data; empty without
+            a run.
         evaluation: the instants compared.
-        candidates: what was said there.
-        exact: what is true there, in the order of the claims.
-        noise: tests of what was measured with standard deviations, in the order of the claims, or None.
+        candidates: the candidate values there.
+        exact: the exact values there, in the order of the candidates.
+        noise: noise tests of candidates with standard deviations, in the order of the candidates, or None.
     """
 
     solver: KinematicSolver
@@ -79,7 +80,7 @@ class Agreement:
 
     @property
     def passed(self) -> bool:
-        """Whether every quantity is within its bound."""
+        """Whether every quantity is within its tolerance."""
         return self.outcome == "passed"
 
     @property
@@ -90,12 +91,12 @@ class Agreement:
 
     @property
     def noise_report(self) -> str:
-        """One sentence: how large the noise of what was measured is, and what is systematic; may be empty."""
+        """One sentence on the measurement noise and systematic errors; empty without standard deviations."""
         return noise_report(self.measured)
 
     @property
     def why(self) -> str:
-        """One or two sentences: what is off, and what explains it."""
+        """One or two sentences: the largest difference and its cause."""
         noise = [self.noise_report] if self.measured else []
         if self.passed:
             agrees = f"{self.source} agrees with {self.solver.name} in {len(self.checks)} quantities"
@@ -107,17 +108,17 @@ class Agreement:
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
-        """The masses of the links, and where each comes from, if efforts are compared; else none."""
+        """The masses of the links and their sources, if forces are compared; else empty."""
         loaded = any(candidate.quantity.loaded for candidate in self.candidates)
         return self.evaluation.masses if loaded else ()
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as `mechsim validate --json` prints it."""
+        """Return the result in the format of `mechsim validate --json`."""
         return Verdict(self.outcome, self.checks, self.reason).as_dict() | {"why": self.why} | self.explained
 
     @property
     def explained(self) -> dict[str, Any]:
-        """What was held against the model and what explains a difference, as plain data."""
+        """The comparison and its findings as plain data."""
         return {
             "against": self.source,
             "findings": [finding.as_dict() for finding in self.findings],
@@ -208,17 +209,17 @@ def agreement(
     exact_formula: bool = False,
     diagnose: bool = True,
 ) -> Agreement:
-    """Return whether claims agree with the exact motion, and what explains it if they do not.
+    """Compare candidate data with the exact motion, and find the cause of a difference.
 
     Args:
-        evaluation: what moves, at which instants.
-        candidates: what is said of it.
-        source: who says so.
+        evaluation: the mechanism and the instants.
+        candidates: values to compare.
+        source: name of the function or file, for messages.
         tolerance: as in `validate`.
-        designs: the mechanism among others with other dimensions; None takes places of joints.
-        function: whether the claims come from a function, which is asked at drivers alone.
-        exact_formula: whether the function is exact but for rounding, as the formula of a model's file.
-        diagnose: whether causes of a difference are looked for.
+        designs: the parametric model of the mechanism; None varies the joint positions instead.
+        function: whether the candidates come from a function of the driver coordinates.
+        exact_formula: whether the function is exact except for rounding, as the formula of a model's file.
+        diagnose: whether to search for the cause of a difference.
     """
     exact = tuple(evaluation.all([candidate.quantity for candidate in candidates]))
     scales = scales_of(evaluation, candidates)

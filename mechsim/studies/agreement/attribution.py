@@ -1,4 +1,4 @@
-"""Sources of the distance between a run in time and candidate values: formula, compliance, step, drive."""
+"""Components of the difference between a stepped run and candidate data: formula, compliance, step, drive."""
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
@@ -24,17 +24,17 @@ from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 from mechsim.subjects.mjcf_source import MjcfForm
 
-# steps a turn of a mechanism's own model, and how much finer the second run is
-STEPS, FINER = 1000, 4
+# steps per revolution of a generated model; ratio of the step sizes of the two runs
+STEPS, STEP_RATIO = 1000, 4
 
 
 @dataclass(frozen=True)
 class RunAtInstants:
-    """A run, and what is exact where its drivers were.
+    """A run, and the exact motion at its driver positions.
 
     Attributes:
-        exact: the exact motion at the run's own drivers.
-        values: what the run had of each quantity, (n, k) each.
+        exact: the exact motion at the run's own driver positions.
+        values: quantities of the run, (n, k) each.
     """
 
     exact: EvaluationPoints
@@ -43,13 +43,13 @@ class RunAtInstants:
 
 @dataclass(frozen=True)
 class TwoRuns:
-    """A run as it is, and one with a finer step and loops as soft.
+    """A run, and another one with a finer step and the same constraint compliance.
 
     Attributes:
         plain: the run.
-        fine: with the finer step.
+        fine: the run with the finer step.
         requested: the exact motion at the motion laws of the drivers.
-        how: what was run, in words.
+        how: description of the run.
     """
 
     plain: RunAtInstants
@@ -62,21 +62,21 @@ def runs_of(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
     """Return two runs of a mechanism at evaluation points.
 
     Raises:
-        MechsimError: where it cannot be run; says why.
+        MechsimError: for a mechanism that cannot be run.
     """
     if evaluation.time is None:
-        raise InputError("the table has no times, so that nothing is run in time")
+        raise InputError("the table has no times, so no run in time is possible")
     if isinstance(evaluation.solver, MjcfForm) and evaluation.solver.source is not None:
         return _scene_runs(evaluation, quantity)
     return _own_runs(evaluation, quantity)
 
 
 def _own_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns:
-    """Return runs of the model that mechsim makes of a mechanism, with a virtual drive inertia."""
+    """Return runs of the generated model of a mechanism, with a virtual drive inertia."""
     solver, samples = evaluation.solver, len(evaluation) - 1
     profile = _profile(evaluation)
     runs: list[RunAtInstants] = []
-    for steps in (STEPS, FINER * STEPS):
+    for steps in (STEPS, STEP_RATIO * STEPS):
         run = simulated(solver, profile, settings=Settings(steps_per_turn=steps), samples=samples)
         if run.outcome == "diverged":
             raise InputError(f"{solver.name}: the run in time diverged")
@@ -92,7 +92,7 @@ def _own_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRuns
 
 
 def _profile(evaluation: EvaluationPoints) -> CrankProfile:
-    """Return the motion of the crank from which evaluation points were taken."""
+    """Return the crank motion of the evaluation points."""
     solver, speed = evaluation.solver, float(evaluation.speed[0])
     if not solver.motion_laws.crank:
         return profile_of(solver, 1.0, 1.0)
@@ -106,7 +106,7 @@ def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRu
     assert isinstance(solver, MjcfForm)
     assert solver.source is not None
     if solver.motion_laws.crank:
-        raise InputError(f"{solver.name}: no motion law says how its drivers move in time")
+        raise InputError(f"{solver.name}: its drivers have no motion law")
     scene, controls = published_scene(solver)
     fine = _finer(scene)
     how = f"{scene.path} as published, step {float(scene.model.opt.timestep) * 1e3:g} ms"
@@ -118,14 +118,14 @@ def _scene_runs(evaluation: EvaluationPoints, quantity: list[Quantity]) -> TwoRu
 
 
 def _finer(scene: UserScene) -> mujoco.MjModel:
-    """Return a scene's model with a finer step, and loops as soft as they are with its own."""
+    """Return a scene's model with a finer step and unchanged constraint compliance."""
     model = copy.copy(scene.model)
     step = float(model.opt.timestep)
     if not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
-        # the coarser step limits the time constant; that is compliance
+        # MuJoCo limits the time constant by the coarser step; keep that compliance
         soft = model.eq_solref[:, 0] > 0.0
         model.eq_solref[soft, 0] = np.maximum(model.eq_solref[soft, 0], 2.0 * step)
-    model.opt.timestep = step / FINER
+    model.opt.timestep = step / STEP_RATIO
     return model
 
 
@@ -160,12 +160,12 @@ def _at_instants(
         elif compared.subject in joints:
             values.append(joints[compared.subject][:, None])
         else:
-            raise InputError(f"a run of {solver.name} does not give {compared.subject}")
+            raise InputError(f"a run of {solver.name} does not contain {compared.subject}")
     return RunAtInstants(exact, tuple(values))
 
 
 def _coordinates(scene: UserScene, model: mujoco.MjModel, qpos: Array) -> Mapping[str, Array]:
-    """Return the hinges and slides of a scene by their names, (n,) each."""
+    """Return joint name -> coordinate (n,) of the hinges and slides of a scene."""
     single = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     names = [joint.name for joint in scene.mechanism.joints[: model.njnt]]
     return {
@@ -188,18 +188,17 @@ AskFunction = Callable[[EvaluationPoints], Sequence[Candidate]]
 
 @dataclass(frozen=True)
 class Attribution:
-    """The distance of one quantity, taken apart.
+    """The difference of one quantity, split into components.
 
     Attributes:
-        name: of the quantity.
-        unit: of all components.
-        instant: crank angle in [rad], or time of motion laws in [s], where the distance is largest.
-        at_unit: of it; "row" where a table has no times.
-        whole: the largest distance between run and claim.
-        components: component -> its displacement of the run from the candidate there, along the
-            distance: they add up to it.
-        largest: component -> the most that it is anywhere, by itself.
-        how: what was run.
+        name: name of the quantity.
+        unit: unit of all components.
+        instant: crank angle in [rad], or time of motion laws in [s], of the largest difference.
+        at_unit: unit of `instant`; "row" for a table without times.
+        whole: largest difference between the run and the candidate.
+        components: component -> its projection on the largest difference; they add up to `whole`.
+        largest: component -> its own largest magnitude over all instants.
+        how: description of the run.
     """
 
     name: str
@@ -212,14 +211,14 @@ class Attribution:
     how: str
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as `mechsim validate --json` prints it."""
+        """Return the attribution in the format of `mechsim validate --json`."""
         attribution_data = {"unit": self.unit, "whole": self.whole, "quantity": self.name, "at": self.instant}
         attribution_data["at_unit"] = self.at_unit
         return {**self.components, **attribution_data, "largest": self.largest, "run": self.how}
 
     @property
     def text(self) -> str:
-        """The parts in one line."""
+        """The components in one line."""
         components = ", ".join(f"{name} {self.components[name]:.2g}" for name in COMPONENTS)
         return f"run against {self.name}: {self.whole:.2g} {self.unit} = {components}"
 
@@ -230,16 +229,16 @@ def attributions(
     scales: Scales,
     ask: AskFunction | None = None,
 ) -> list[Attribution]:
-    """Return where the distances between a run and claims come from, the largest first.
+    """Split the differences between a run and candidates into components, the largest difference first.
 
     Args:
-        evaluation: what moves, and when.
-        candidates: what is said of it; places of points and coordinates of joints count.
-        scales: by which distances of several kinds are compared.
+        evaluation: the mechanism and the instants.
+        candidates: values to compare; only point positions and joint coordinates are used.
+        scales: scales of the differences of different kinds.
         ask: evaluates the function at the drivers of the run; None for a table.
 
     Raises:
-        MechsimError: where nothing can be run; says why.
+        MechsimError: for a mechanism that cannot be run.
     """
     positions = [candidate for candidate in candidates if candidate.quantity.kind in KINDS]
     if not positions:
@@ -249,7 +248,7 @@ def attributions(
     if ask is not None:
         at_run = {candidate.quantity.name: candidate for candidate in ask(runs.plain.exact)}
     results = [
-        _of_one(runs, i, candidate, None if at_run is None else at_run[candidate.quantity.name])
+        _attribution(runs, i, candidate, None if at_run is None else at_run[candidate.quantity.name])
         for i, candidate in enumerate(positions)
     ]
     return sorted(
@@ -261,7 +260,7 @@ def attributions(
     )
 
 
-def _of_one(runs: TwoRuns, i: int, candidate: Candidate, at_run: Candidate | None) -> Attribution:
+def _attribution(runs: TwoRuns, i: int, candidate: Candidate, at_run: Candidate | None) -> Attribution:
     quantity = candidate.quantity
 
     def gap(first: Array, other: Array) -> Array:
@@ -300,7 +299,7 @@ def _of_one(runs: TwoRuns, i: int, candidate: Candidate, at_run: Candidate | Non
 def attribution_data(
     evaluation: EvaluationPoints, candidates: Sequence[Candidate], scales: Scales, ask: AskFunction | None
 ) -> dict[str, Any]:
-    """Return the attribution of the quantity farthest off as plain data, with all; a note where none is."""
+    """Return the attributions as plain data, the largest difference on top; a note if there is no run."""
     try:
         results = attributions(evaluation, candidates, scales, ask)
     except MechsimError as error:

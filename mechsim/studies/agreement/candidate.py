@@ -1,4 +1,4 @@
-"""What somebody else's model says: values by name at instants, read from a function and checked."""
+"""Candidate data of a user's model: values by name at instants, from a function or a table, checked."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -22,8 +22,8 @@ from mechsim.studies.agreement.evaluation_points import EvaluationPoints, driver
 from mechsim.studies.measured_table import TableColumn, table_columns
 from mechsim.subjects.python_object import run_user_code
 
-# second arguments by which a function asks for more than places of drivers
-BY_NAME = {
+# names of further arguments of a user's function -> driver data that it receives
+DRIVER_DATA = {
     "speed": "rate",
     "rate": "rate",
     "rates": "rate",
@@ -35,12 +35,12 @@ BY_NAME = {
 
 @dataclass(frozen=True)
 class Candidate:
-    """What is said of one quantity.
+    """Candidate values of one quantity.
 
     Attributes:
         quantity: the quantity.
         values: (n, k) in SI.
-        uncertainty: standard deviations, (n, k) in SI, 0 in columns without; None without any.
+        uncertainty: standard deviations, (n, k) in SI, 0 in columns without one; None if no column has any.
     """
 
     quantity: Quantity
@@ -63,20 +63,20 @@ def values_of_function(
     """Return the values of a function of the drivers at evaluation points.
 
     Args:
-        function: of the crank's angles (n,), or the coordinates of several drivers by name; arguments called
-            speed, acceleration or t get those too, and another second one the parameters of a file.
-        evaluation: at which instants.
-        who: the function, for messages.
-        parameters: of the subject's file, as written.
+        function: takes crank angles (n,), or a mapping of driver name to coordinate (n,). Arguments called
+            speed, acceleration or t receive those values; any other second argument receives `parameters`.
+        evaluation: the mechanism and the instants.
+        who: name of the function, for messages.
+        parameters: parameter name -> value, in the units of the file.
 
     Raises:
-        InputError: for a function that fails, or gives what is no quantity of the subject; one sentence.
+        InputError: for a function that fails or returns an unknown quantity.
     """
     inputs = driver_inputs(evaluation)
     where = inputs if isinstance(inputs, Mapping) else {"crank angle": inputs}
     with np.errstate(all="ignore"):
         result = run_user_code(
-            who, lambda: function(_copied(inputs), **_more(function, evaluation, parameters))
+            who, lambda: function(_copied(inputs), **_further_arguments(function, evaluation, parameters))
         )
     if not isinstance(result, Mapping) or not result:
         raise InputError(
@@ -91,12 +91,12 @@ def values_of_function(
 
 @dataclass(frozen=True)
 class QuantityReader:
-    """Reads the names of quantities that a function or a table gives.
+    """Reads the names of the quantities of a function or a table.
 
     Attributes:
-        mechanism: whose quantities they are.
-        who: the function or table, for messages.
-        plane: ground axes of a point given by two numbers, as "xz"; empty for the plane of the motion.
+        mechanism: the mechanism that has these quantities.
+        who: name of the function or table, for messages.
+        plane: ground axes of a point given by two numbers, as "xz"; empty selects the plane of the motion.
     """
 
     mechanism: Mechanism
@@ -104,14 +104,14 @@ class QuantityReader:
     plane: str = ""
 
     def read(self, name: str, width: int | None) -> Quantity:
-        """Return the quantity that a name and the number of values at each instant mean.
+        """Return the quantity of a name and a number of values at each instant.
 
         Args:
-            name: as written.
+            name: name in the function's result or the table's header.
             width: values at each instant; None for a single column (n,).
 
         Raises:
-            InputError: for a name of no quantity, with the nearest one, or a width that does not fit.
+            InputError: for an unknown name, with the closest known one, or for a wrong width.
         """
         scalar = width in (None, 1)
         try:
@@ -150,16 +150,16 @@ class QuantityReader:
 
 
 def read_candidate(name: str, value: object, reader: QuantityReader, where: Mapping[str, Array]) -> Candidate:
-    """Return one claim.
+    """Return the candidate values of one quantity.
 
     Args:
-        name: as it is given.
+        name: name in the function's result.
         value: (n,), (n, 2) or (n, 3) in SI.
-        reader: of names.
+        reader: reads the name.
         where: driver -> its coordinate (n,), for messages.
 
     Raises:
-        InputError: for a name, a shape or numbers that cannot be.
+        InputError: for an unknown name, a wrong shape or values that are not finite.
     """
     who, count = reader.who, len(next(iter(where.values())))
     values = _numbers(name, value, who, count)
@@ -173,9 +173,7 @@ def read_candidate(name: str, value: object, reader: QuantityReader, where: Mapp
     if not valid.all():
         first = int(np.argmin(valid))
         position = ", ".join(f"{driver} = {column[first]:.6g}" for driver, column in where.items())
-        raise InputError(
-            f"{who} gives no finite value for {name!r} at {position}; give one wherever the model can stand"
-        )
+        raise InputError(f"{who} gives no finite value for {name!r} at {position}; give one for every pose")
     return Candidate(named, values)
 
 
@@ -188,7 +186,7 @@ def _numbers(name: str, value: object, who: str, count: int) -> Array:
             f"{who} gives no numbers for {name!r}; give an array of shape ({count}, 3) or ({count},)"
         ) from None
     if np.iscomplexobj(array):
-        raise InputError(f"{who} gives complex numbers for {name!r}; give real ones, as by .real")
+        raise InputError(f"{who} gives complex numbers for {name!r}; give real numbers, as with .real")
     return values
 
 
@@ -200,10 +198,10 @@ def _copied(inputs: Array | Mapping[str, Array]) -> Array | dict[str, Array]:
     )
 
 
-def _more(
+def _further_arguments(
     function: Callable[..., Any], evaluation: EvaluationPoints, parameters: Mapping[str, float] | None
 ) -> dict[str, Any]:
-    """Return the arguments that a function takes after the coordinates of the drivers."""
+    """Return the arguments of a function after the driver coordinates."""
     try:
         optional = list(inspect.signature(function).parameters.values())[1:]
     except (TypeError, ValueError):
@@ -213,7 +211,7 @@ def _more(
     for index, argument in enumerate(optional):
         if argument.kind in (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD):
             continue
-        what = BY_NAME.get(argument.name)
+        what = DRIVER_DATA.get(argument.name)
         if what == "time":
             arguments[argument.name] = evaluation.time
         elif what is not None:
@@ -224,14 +222,14 @@ def _more(
     return arguments
 
 
-CLOCKS = ("t", "time")
+TIME_COLUMNS = ("t", "time")
 
 
 def read_table(path: str) -> dict[str, TableColumn]:
-    """Return the columns of a .csv file of two rows or more, as `table_columns` has them.
+    """Return the columns of a .csv file of two rows or more, as `table_columns` returns them.
 
     Raises:
-        InputError: for a file that holds no such table; names the row and the column.
+        InputError: for a file without such a table; names the row and the column.
     """
     table = files.read(path)
     rows = len(next(iter(table.values())))
@@ -243,15 +241,15 @@ def read_table(path: str) -> dict[str, TableColumn]:
 def points_of_table(
     solver: KinematicSolver, table: Mapping[str, TableColumn], speed: float, source: str
 ) -> tuple[EvaluationPoints, list[str]]:
-    """Return a form at the instants of a table, and the names of the columns that said so.
+    """Return the evaluation points of a table, and the names of the columns that define them.
 
-    Columns named like drivers, or `angle` for a crank, say where those stand; `t` says when.
+    Columns named like drivers, or `angle` for a crank, give driver coordinates; `t` gives times.
 
     Raises:
-        InputError: for a table without columns of all drivers or of the time.
+        InputError: for a table with neither the columns of all drivers nor a time column.
     """
     mechanism, laws = solver.mechanism, solver.motion_laws
-    time_column = next((name for name in CLOCKS if name in table), None)
+    time_column = next((name for name in TIME_COLUMNS if name in table), None)
     if mechanism.has_crank and laws.crank:
         return _of_crank(solver, table, speed, source, time_column)
     columns = {driver: _driver_column(driver, table) for driver in mechanism.drivers}
@@ -266,7 +264,7 @@ def points_of_table(
         )
     rows = len(next(iter(table.values())).values)
     time = table[time_column].values if time_column else np.linspace(0.0, 1.0, rows)
-    through = _through(mechanism, names, table, time)
+    through = _tabled_laws(mechanism, names, table, time)
     own = LoopForm(mechanism, forces=solver.forces, motion_laws=through)
     used = [*names.values(), *(name for driver in names for name in _rates(driver) if name in table)]
     used += [time_column] if time_column else []
@@ -275,7 +273,7 @@ def points_of_table(
 
 
 def _under_motion_laws(solver: KinematicSolver, laws: MotionLaws, time: Array) -> EvaluationPoints:
-    """Return a form under its own motion laws at the times of a table."""
+    """Return a solver under its own motion laws at the times of a table."""
     last = float(time.max())
     if isinstance(solver, LoopForm) and last > laws.duration:
         solver = replace(solver, motion_laws=laws.with_duration(last))
@@ -306,7 +304,7 @@ def _of_crank(
     else:
         raise InputError(
             f"{source} has no column angle, {crank} or t (it has {', '.join(table)}); "
-            "say where the crank stands"
+            "give the crank angle or the time of each row"
         )
     rate = table[f"{crank}.v"].values if f"{crank}.v" in table else np.full_like(angle, speed)
     second = table[f"{crank}.a"].values if f"{crank}.a" in table else np.zeros_like(angle)
@@ -317,10 +315,10 @@ def _driver_column(driver: str, table: Mapping[str, TableColumn]) -> str | None:
     return next((name for name in (driver, f"{driver}.q") if name in table), None)
 
 
-def _through(
+def _tabled_laws(
     mechanism: Mechanism, names: Mapping[str, str], table: Mapping[str, TableColumn], time: Array
 ) -> MotionLaws:
-    """Return motion laws through the rows of a table, with the rates that it has or those of a spline."""
+    """Return motion laws through the rows of a table, with the rates of the table or of a spline."""
     states = {driver: _state(driver, column, table, time - time[0]) for driver, column in names.items()}
     return make_motion_laws(mechanism, states, float(np.ptp(time)))
 
@@ -342,19 +340,19 @@ def _rates(driver: str) -> tuple[str, str]:
 def values_of_table(
     table: Mapping[str, TableColumn], used: list[str], reader: QuantityReader
 ) -> list[Candidate]:
-    """Return what a table says of quantities: those of one point's components together."""
+    """Return the candidates of a table; columns of one point's components form one candidate."""
     grouped: dict[tuple[str, str], list[tuple[Quantity, TableColumn]]] = {}
     for name, column in table.items():
         if name in used:
             if column.uncertainty is not None:
                 raise InputError(
-                    f"{reader.who} has a standard deviation of {name!r}, which states where a driver is and "
-                    "counts as exact; leave it out"
+                    f"{reader.who} has a standard deviation of {name!r}, but driver coordinates count as "
+                    "exact; leave it out"
                 )
             continue
         named = reader.read(name, None)
         grouped.setdefault((named.kind, named.subject), []).append((named, column))
-    candidates = [_together(columns) for columns in grouped.values()]
+    candidates = [_joined_components(columns) for columns in grouped.values()]
     if not candidates:
         raise InputError(
             f"{reader.who} has no column other than {', '.join(used)}; give one to compare, as P.x or J.q"
@@ -362,7 +360,7 @@ def values_of_table(
     return candidates
 
 
-def _together(named_columns: list[tuple[Quantity, TableColumn]]) -> Candidate:
+def _joined_components(named_columns: list[tuple[Quantity, TableColumn]]) -> Candidate:
     named_columns = sorted(named_columns, key=lambda pair: AXES.find(pair[0].axes))
     axes = "".join(named.axes for named, _ in named_columns)
     first = replace(

@@ -1,4 +1,4 @@
-"""Why a claim differs: every hypothesis fitted, and the one that explains most with the least said."""
+"""The cause of a difference: all hypotheses are fitted; the simplest sufficient one is reported."""
 
 from collections.abc import Callable, Iterator
 
@@ -13,8 +13,8 @@ from mechsim.studies.agreement.misfit import Misfit
 
 HypothesisFamily = Callable[[Misfit], Iterator[Hypothesis]]
 
-# those of a later stage are asked only where none of the stages before explains all: first what has no size,
-# then what has one, then places without a name, last what has several sizes
+# a later stage is tried only if no earlier stage explains the whole difference: first hypotheses without a
+# size, then those with one, then positions without a name, last those with several sizes
 STAGES: tuple[tuple[HypothesisFamily, ...], ...] = (
     (
         value_hypotheses.units,
@@ -43,39 +43,39 @@ STAGES: tuple[tuple[HypothesisFamily, ...], ...] = (
 )
 
 
-# what is left, in parts of the bounds and of the miss, that is the rounding of solving again
-ROUNDING, OF_MISS = 3e-3, 1e-7
-# a cause that explains less is none; one that is sure explains this and leaves nothing beyond the bounds
-WORTH, CERTAIN = 0.3, 0.9
+# remaining error of rounding: relative to the tolerances, and relative to the difference
+ROUNDING, RELATIVE_ROUNDING = 3e-3, 1e-7
+# smallest explained fraction of a reported cause, and of a certain one, which also meets every tolerance
+MIN_EXPLAINED, CERTAIN = 0.3, 0.9
 MAX_FINDINGS = 4
-# a difference of fewer bounds is at the level of what is met
-LEVEL = 1.5
+# ratio of difference to tolerance below which no cause can be determined
+TOLERANCE_LEVEL = 1.5
 
 
 def diagnosis(misfit: Misfit) -> tuple[Finding, ...]:
-    """Return what explains a miss, the likeliest first; one finding that says so where nothing does."""
-    if not misfit.noisy and misfit.worst(misfit.exact) <= LEVEL:
-        return (_none("the difference is too near its bound for a cause to be determined"),)
-    tried = [cause for cause in _all(misfit) if cause.explains >= WORTH]
+    """Return the causes of a difference, most likely first; if none fits, one finding that reports so."""
+    if not misfit.noisy and misfit.worst(misfit.exact) <= TOLERANCE_LEVEL:
+        return (_none("the difference is too close to its tolerance to determine a cause"),)
+    tried = [cause for cause in _all(misfit) if cause.explains >= MIN_EXPLAINED]
     if not tried:
-        return (_none("none of the causes tried explains the difference"),)
-    causes = _equal(misfit, _without_edges(misfit, tried))
+        return (_none("none of the tested causes explains the difference"),)
+    causes = _equal_causes(misfit, _without_edges(misfit, tried))
     certain = causes[0].worst <= 1.0 and causes[0].explains >= CERTAIN
     findings = tuple(
         _finding(cause, len(causes), certain and len(causes) <= MAX_FINDINGS, misfit.noisy)
         for cause in causes[:MAX_FINDINGS]
     )
     if causes[0].explains < CERTAIN:
-        findings += (_none("what is left is explained by none of the causes tried"),)
+        findings += (_none("none of the tested causes explains the rest of the difference"),)
     return findings
 
 
 def _all(misfit: Misfit) -> Iterator[Fitted]:
-    """Yield hypotheses with their sizes, stage by stage until one leaves nothing."""
+    """Yield fitted hypotheses stage by stage until one explains everything."""
     explained = False
     for stage in STAGES:
         for designs in stage:
-            for result in _of_family(misfit, designs):
+            for result in _fitted_family(misfit, designs):
                 explained = (
                     explained or result.remaining <= _floor(misfit) or (misfit.noisy and result.worst <= 1.0)
                 )
@@ -84,23 +84,23 @@ def _all(misfit: Misfit) -> Iterator[Fitted]:
             return
 
 
-def _of_family(misfit: Misfit, designs: HypothesisFamily) -> Iterator[Fitted]:
+def _fitted_family(misfit: Misfit, designs: HypothesisFamily) -> Iterator[Fitted]:
     try:
         for hypothesis in designs(misfit):
             result = fitted(misfit, hypothesis)
             if result is not None:
                 yield result
     except MechsimError:
-        # what cannot be asked of this mechanism explains nothing
+        # a hypothesis that does not apply to this mechanism explains nothing
         return
 
 
 def _floor(misfit: Misfit) -> float:
-    return max(ROUNDING, OF_MISS * misfit.magnitude)
+    return max(ROUNDING, RELATIVE_ROUNDING * misfit.magnitude)
 
 
 def _without_edges(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
-    """Leave out what looks at some instants only, where as much is explained at all of them."""
+    """Drop causes that compare only some instants, if a cause that compares all explains as much."""
     whole = [fitted_cause for fitted_cause in tried if fitted_cause.hypothesis.rows is None]
     best = min((fitted_cause.remaining for fitted_cause in whole), default=np.inf)
     return [
@@ -111,27 +111,27 @@ def _without_edges(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
     ]
 
 
-def _equal(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
-    """Return the causes that explain as well as the best, and of them those that ask least to be believed."""
+def _equal_causes(misfit: Misfit, tried: list[Fitted]) -> list[Fitted]:
+    """Return the causes that explain as much as the best one, reduced to the simplest of them."""
     best = min(tried, key=lambda cause: cause.remaining)
     floor = _floor(misfit)
 
-    def as_good(cause: Fitted) -> bool:
+    def equally_good(cause: Fitted) -> bool:
         if cause.remaining <= max(floor, best.remaining):
             return True
         return best.remaining > floor and 2.0 * cause.count * np.log(cause.remaining / best.remaining) <= ODDS
 
-    among = [cause for cause in tried if as_good(cause)]
+    among = [cause for cause in tried if equally_good(cause)]
     if misfit.noisy:
-        # noise hides which of them it is: all are reported, the simplest first
+        # noise hides the true cause: all are reported, the simplest first
         return sorted(among, key=lambda cause: (cause.worst > 1.0, cause.hypothesis.tier, cause.remaining))
     least = min(cause.hypothesis.tier for cause in among)
     simplest = [cause for cause in among if cause.hypothesis.tier == least]
-    return sorted(simplest, key=lambda cause: (cause.worst > 1.0, _moves(cause)))
+    return sorted(simplest, key=lambda cause: (cause.worst > 1.0, _largest_size(cause)))
 
 
-def _moves(cause: Fitted) -> float:
-    """Return how far a cause is from none: of two that explain alike the smaller change comes first."""
+def _largest_size(cause: Fitted) -> float:
+    """Return the largest size of a cause: of equal explanations the smaller change comes first."""
     return float(np.abs(cause.sizes).max(initial=0.0))
 
 

@@ -1,4 +1,4 @@
-"""One dimension different: a parameter, the position of a joint or of a point, a gear's ratio or phase."""
+"""Hypotheses of one wrong dimension: parameter, position of a joint or point, gear ratio or phase."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -35,29 +35,29 @@ from mechsim.studies.agreement.evaluation_points import (
 from mechsim.studies.agreement.fitting import linearly_explains
 from mechsim.studies.agreement.misfit import Misfit
 
-# number of positions of joints, those that explain most to first order, that are solved again
-TRIED = 6
-# smallest fraction that a dimension must explain to first order to be solved again
-LEAST = 0.25
-# largest change of a dimension, relative to itself or to the size
+# number of joint positions that are solved again: those that explain most to first order
+MAX_SOLVED = 6
+# smallest fraction of the difference that a dimension must explain to first order to be solved again
+MIN_EXPLAINED = 0.25
+# largest change of a dimension, relative to its value or to the mechanism's size
 MAX_CHANGE = 3.0
-# part of its own value below which a changed dimension is reported as 0
+# fraction of its nominal value below which a changed dimension is reported as 0
 ROUNDED_TO_ZERO = 1e-4
-# step of differences, relative to the size
+# step of central differences, relative to the mechanism's size
 STEP = 1e-5
 
 
 def parameters(misfit: Misfit) -> Iterator[Hypothesis]:
-    """One parameter, or the ratio or the phase of a coupling, different: the likeliest of them."""
+    """Yield hypotheses of one wrong parameter, coupling ratio or coupling phase: the most likely ones."""
     designs = misfit.designs
     hypotheses = [_other_dimension(misfit, designs, name, NAMED) for name in designs.dimensions]
     hypotheses += _other_couplings(misfit)
     # exact derivatives of forces are not available
-    yield from hypotheses if misfit.needs_forces else _likely(misfit, hypotheses, TRIED + 2)
+    yield from hypotheses if misfit.needs_forces else _likely(misfit, hypotheses, MAX_SOLVED + 2)
 
 
 def gear_mistakes(misfit: Misfit) -> Iterator[Hypothesis]:
-    """The ratio of a gear with the other sign, or inverted."""
+    """Yield hypotheses of a gear ratio with the opposite sign, or inverted."""
     solver = misfit.evaluation.solver
     geared: list[tuple[str, str, float, Callable[[float], KinematicSolver]]] = []
     if isinstance(solver, LoopForm):
@@ -75,11 +75,11 @@ def gear_mistakes(misfit: Misfit) -> Iterator[Hypothesis]:
 
 
 def _of_other_solver(misfit: Misfit, changed: Callable[[float], KinematicSolver], by: float) -> Values:
-    return misfit.predicted(_solved_anew(misfit.evaluation, changed(by)))
+    return misfit.predicted(_solved_from_start(misfit.evaluation, changed(by)))
 
 
 def positions(misfit: Misfit) -> Iterator[Hypothesis]:
-    """One joint or one point in another position: the likeliest of them."""
+    """Yield hypotheses of one joint or point in another position: the most likely ones."""
     solver = misfit.evaluation.solver
     designs = placed_designs(solver)
     joints = [
@@ -88,7 +88,7 @@ def positions(misfit: Misfit) -> Iterator[Hypothesis]:
         if name not in misfit.designs.dimensions
     ]
     points = [_other_point(misfit, point, i) for point in solver.mechanism.points for i in range(3)]
-    yield from _likely(misfit, [*joints, *points], TRIED)
+    yield from _likely(misfit, [*joints, *points], MAX_SOLVED)
 
 
 def _likely(misfit: Misfit, hypotheses: list[Hypothesis], count: int) -> list[Hypothesis]:
@@ -103,11 +103,11 @@ def _likely(misfit: Misfit, hypotheses: list[Hypothesis], count: int) -> list[Hy
         if derivative.any() and np.isfinite(derivative).all():
             ranked.append((linearly_explains(misfit, derivative[:, None]), hypothesis))
     ranked.sort(key=lambda pair: -pair[0])
-    return [hypothesis for explains, hypothesis in ranked[:count] if explains > LEAST]
+    return [hypothesis for explains, hypothesis in ranked[:count] if explains > MIN_EXPLAINED]
 
 
 def _first_order(hypothesis: Hypothesis) -> Values | None:
-    """Return derivatives by the size of a hypothesis: exact, or of a parameter by differences; else None."""
+    """Return derivatives by the size of a hypothesis, exact or by differences; None without either."""
     with suppress(MechsimError, KeyError):
         if hypothesis.derivative is not None:
             return hypothesis.derivative()
@@ -151,29 +151,29 @@ def _other_dimension(misfit: Misfit, designs: DesignFamily, name: str, tier: flo
 
 
 def _require_small(change: float) -> None:
-    """Reject a change that no mistake in a dimension makes.
+    """Reject a change larger than any plausible mistake in a dimension.
 
     Raises:
-        AssemblyError: where it is more than `MAX_CHANGE` times what it changes.
+        AssemblyError: for more than `MAX_CHANGE` times the dimension.
     """
     if not abs(change) <= MAX_CHANGE:
-        raise AssemblyError(f"no dimension is taken to be off by more than {MAX_CHANGE:g} times itself")
+        raise AssemblyError(f"changes of a dimension are limited to {MAX_CHANGE:g} times its value")
 
 
 def _resolved(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
     """Return evaluation points of a mechanism with other dimensions."""
     if isinstance(solver, ClosedForm):
-        return _solved_anew(evaluation, solver)
+        return _solved_from_start(evaluation, solver)
     return evaluation.with_dimensions(solver)
 
 
-def _solved_anew(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
-    """Return evaluation points of a mechanism too different to be solved from the nominal motion."""
+def _solved_from_start(evaluation: EvaluationPoints, solver: KinematicSolver) -> EvaluationPoints:
+    """Return evaluation points of a mechanism too different to start from the nominal motion."""
     return replace(evaluation, solver=solver, dynamic_model=evaluation.dynamic_model_of(solver), solved=None)
 
 
 def _with_laws_of(before: KinematicSolver, solver: KinematicSolver) -> KinematicSolver:
-    """Return a solver with the motion laws that another has."""
+    """Return a solver with the motion laws of another one."""
     if isinstance(solver, LoopForm) and isinstance(before, LoopForm):
         return replace(solver, motion_laws=before.motion_laws, change_point=before.change_point)
     return solver
@@ -185,7 +185,7 @@ def _scale(dimension: Dimension, length: float) -> float:
 
 
 def _kind(designs: DesignFamily, dimension: Dimension, solver: KinematicSolver) -> str:
-    """Return whether a dimension is a gear's ratio, its phase, or one like others."""
+    """Return the kind of a dimension: gear ratio, gear phase, or parameter."""
     own = getattr(solver, "gear", "")
     if own:
         return {own: "gear", "phase": "phase"}.get(dimension.name, "dimension")
@@ -205,7 +205,7 @@ def _kind(designs: DesignFamily, dimension: Dimension, solver: KinematicSolver) 
 
 
 def _other_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
-    """Return that a tracked point lies elsewhere on its link."""
+    """Return the hypothesis that a tracked point has another position on its link."""
     solver, extent = misfit.evaluation.solver, misfit.length
     link, position = solver.mechanism.points[point]
 
@@ -243,7 +243,7 @@ def _other_point(misfit: Misfit, point: str, i: int) -> Hypothesis:
 
 
 def _other_couplings(misfit: Misfit) -> list[Hypothesis]:
-    """Return that the ratio or the phase of a coupling is another, where no parameter determines it."""
+    """Return hypotheses of other coupling ratios and phases that no parameter determines."""
     solver = misfit.evaluation.solver
     if not isinstance(solver, LoopForm):
         return []
@@ -285,21 +285,21 @@ def _other_coupling(
     def text(change: float) -> str:
         if kind == "gear":
             return f"the ratio of {name} is {ratio + scale * change:.6g} instead of {ratio:.6g}"
-        return f"the phase of {name} is {change:.6g} farther on"
+        return f"the phase of {name} is larger by {change:.6g}"
 
     return sized(kind, name, predict, text, STEP)
 
 
-# number of random starts from which loops are closed; distance of two assemblies, relative to the size
+# number of random starts of the loop equations; smallest distance of two assemblies relative to the size
 STARTS, ASSEMBLY_DISTANCE, SEED = 16, 1e-4, 20
 
 
 def assemblies(misfit: Misfit) -> Iterator[Hypothesis]:
-    """The other assemblies of the mechanism."""
+    """Yield the other assemblies of the mechanism."""
     for what, solver in _other_assemblies(misfit.evaluation):
-        evaluation = partial(_solved_anew, misfit.evaluation, solver)
+        evaluation = partial(_solved_from_start, misfit.evaluation, solver)
         yield discrete(
-            "assembly", what, partial(_predicted, misfit, evaluation), f"it is in another assembly: {what}"
+            "assembly", what, partial(_predicted, misfit, evaluation), f"another assembly mode: {what}"
         )
 
 
@@ -368,7 +368,7 @@ def _joint_positions(mechanism: Mechanism, tree: SpanningTree, q: Coordinates) -
 
 
 def _with_guess(solver: LoopForm, tree: SpanningTree, q: Coordinates) -> LoopForm | None:
-    """Return a solver that starts at coordinates; None where a mechanism rejects them."""
+    """Return a solver that starts at given coordinates; None if the mechanism rejects them."""
     poses, mechanism = link_poses(tree, q), solver.mechanism
     guess = {
         name: Pose(poses.position[i, :, 0].copy(), poses.rotation[i, :, :, 0].copy())
@@ -384,7 +384,7 @@ def _with_guess(solver: LoopForm, tree: SpanningTree, q: Coordinates) -> LoopFor
 
 
 def _description(mechanism: Mechanism, tree: SpanningTree, own: Coordinates, q: Coordinates) -> str:
-    """Describe the difference of two assemblies: the joint that differs most."""
+    """Describe the difference of two assemblies by the joint that differs most."""
     difference = q.values[:, 0] - own.values[:, 0]
     relative = {
         name: difference[i] / mechanism.characteristic_length

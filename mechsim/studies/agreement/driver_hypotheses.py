@@ -1,4 +1,4 @@
-"""Mistakes in what drives: direction, offset, degrees, delay, phase, swapped drivers, gravity, masses."""
+"""Hypotheses on drivers and loads: direction, offset, degrees, delay, phase, swaps, gravity, masses."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -25,12 +25,12 @@ from mechsim.studies.agreement.evaluation_points import (
 from mechsim.studies.agreement.misfit import Misfit
 
 DEG = 180.0 / np.pi
-# largest delay in samples
+# largest delay that is tried, in samples
 MAX_DELAY = 12
-# largest distance of a driver from its motion law, in [rad] or sizes of the mechanism
+# largest distance of a driver from its motion law, in [rad] or relative to the mechanism's size
 MAX_DISPLACEMENT = 2.5
-# standard gravity where the model has none, in [m/s2]
-EARTH = 9.81
+# standard gravity in [m/s2], used if the model has none
+STANDARD_GRAVITY = 9.81
 
 LawChange = Callable[[State], State]
 
@@ -53,7 +53,7 @@ def _driven(evaluation: EvaluationPoints, changes: Mapping[str, LawChange]) -> E
         value, rate, second = (np.broadcast_to(values, time.shape) for values in state)
         unit = solver.mechanism.characteristic_length if solver.mechanism.unit(name) == "m" else 1.0
         if not np.abs(value - joints[name].value).max() < MAX_DISPLACEMENT * unit:
-            raise AssemblyError(f"{name} would go farther than a mechanism under motion laws is followed")
+            raise AssemblyError(f"{name} would leave the range in which motion laws are followed")
         joints[name] = replace(joints[name], value=value, rate=rate, acceleration=second)
     assert isinstance(solver, LoopForm)
     return replace(evaluation, solved=solver.solve_as(replace(evaluation.motion, joints=joints)))
@@ -64,7 +64,7 @@ def _constant(values: tuple[Array, Array, Array]) -> State:
 
 
 def _within_a_period(evaluation: EvaluationPoints, angle: Array) -> Array:
-    """Return crank angles brought near the start by whole periods, where that changes nothing."""
+    """Return crank angles moved near the start by whole periods, if the motion is periodic."""
     solver = evaluation.solver
     displacement = angle - solver.mechanism.start
     if not solver.crank_range().full or np.abs(displacement).max() < 2.5 * solver.period:
@@ -88,14 +88,14 @@ def _late(lag: float) -> LawChange:
 
 
 def _under_other_laws(misfit: Misfit, key: str, changes: Mapping[str, LawChange]) -> Values:
-    """Return what candidates would be with other motion laws, solved once for all candidates.
+    """Return predicted values under other motion laws, solved once for all candidates.
 
     Raises:
-        AssemblyError: where a driver cannot go so.
+        AssemblyError: for a motion that cannot be assembled.
     """
     solved = misfit.variant(key, lambda: _driven(misfit.evaluation, changes))
     if solved is None:
-        raise AssemblyError(f"{', '.join(changes)} cannot go so")
+        raise AssemblyError(f"no assembly with other motion laws of {', '.join(changes)}")
     return misfit.predicted(solved)
 
 
@@ -108,20 +108,20 @@ def _unit(misfit: Misfit, driver: str) -> str:
 
 
 def driver_directions(misfit: Misfit) -> Iterator[Hypothesis]:
-    """A driver counted in the opposite direction, from zero or from its start."""
+    """Yield hypotheses of a driver with the opposite direction, about zero or about its start."""
     for driver, state in misfit.evaluation.drivers().items():
         first = float(state[0][0])
         for about in dict.fromkeys((0.0, 2.0 * first)):
-            suffix = "" if about == 0.0 else f" about {first:.6g} {_unit(misfit, driver)}, where it starts"
-            text = f"{driver} goes in the reversed sense{suffix}"
+            suffix = "" if about == 0.0 else f" about its start, {first:.6g} {_unit(misfit, driver)}"
+            text = f"{driver} moves in the opposite direction{suffix}"
             yield discrete("sense", driver, partial(_scaled_driver, misfit, driver, -1.0, about), text, -1.0)
 
 
 def driver_degrees(misfit: Misfit) -> Iterator[Hypothesis]:
-    """A driver's angle taken for degrees, or turned into them."""
+    """Yield hypotheses of confused units of a driver: degrees and radians, or mm and m."""
     for driver in misfit.evaluation.drivers():
         kind = "degrees"
-        factors = {1.0 / DEG: "taken for degrees", DEG: "turned into degrees, where radians are meant"}
+        factors = {1.0 / DEG: "taken for degrees", DEG: "converted to degrees instead of radians"}
         if _unit(misfit, driver) == "m":
             kind, factors = "units", {1e3: "taken in mm for m", 1e-3: "taken in m for mm"}
         for factor, description in factors.items():
@@ -130,7 +130,7 @@ def driver_degrees(misfit: Misfit) -> Iterator[Hypothesis]:
 
 
 def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
-    """A driver that stands a constant farther on."""
+    """Yield hypotheses of a constant offset of a driver."""
     for driver in misfit.evaluation.drivers():
         yield _driver_offset(misfit, driver, _unit(misfit, driver))
 
@@ -138,7 +138,7 @@ def driver_offsets(misfit: Misfit) -> Iterator[Hypothesis]:
 def _driver_offset(misfit: Misfit, driver: str, unit: str) -> Hypothesis:
     def text(offset: float) -> str:
         also = f" ({np.rad2deg(offset):.4g} deg)" if unit == "rad" else ""
-        return f"{driver} stands {offset:.6g} {unit}{also} farther on throughout"
+        return f"{driver} has a constant offset of {offset:.6g} {unit}{also}"
 
     return sized(
         "offset",
@@ -151,7 +151,7 @@ def _driver_offset(misfit: Misfit, driver: str, unit: str) -> Hypothesis:
 
 
 def _best_roll(misfit: Misfit) -> tuple[float, ...]:
-    """Return the offset, in samples of a full turn, at which exact values are most like the candidates."""
+    """Return the offset, in samples of a revolution, at which exact values match the candidates best."""
     evaluation = misfit.evaluation
     if not evaluation.solver.motion_laws.crank or not evaluation.solver.crank_range().full:
         return ()
@@ -167,13 +167,13 @@ def _best_roll(misfit: Misfit) -> tuple[float, ...]:
 
 
 def _rolled(values: Array, k: int) -> Array:
-    """Return values of a full turn, (n, ...), that begin k samples later."""
+    """Return values of a full revolution, (n, ...), that start k samples later."""
     once = np.roll(values[:-1], -k, axis=0)
     return np.concatenate([once, once[:1]])
 
 
 def delays(misfit: Misfit) -> Iterator[Hypothesis]:
-    """All candidates late, by samples or by a time; one motion law of several late."""
+    """Yield hypotheses of a delay of all candidates, by samples or by a time, or of one motion law."""
     yield from _by_samples(misfit)
     evaluation, motion_laws = misfit.evaluation, misfit.evaluation.solver.motion_laws
     if evaluation.time is None or (misfit.function and motion_laws.crank):
@@ -214,17 +214,17 @@ def _by_samples(misfit: Misfit) -> Iterator[Hypothesis]:
     shifts = [k for k in range(-MAX_DELAY, MAX_DELAY + 1) if k and abs(k) <= n // 3]
     if not shifts:
         return
-    best = min(shifts, key=lambda k: rms(misfit.errors(_shifted(misfit, k), _known_rows(n, k))))
+    best = min(shifts, key=lambda k: rms(misfit.errors(_shifted(misfit, k), _rows_with_data(n, k))))
     text = f"all is {abs(best)} samples {'late' if best > 0 else 'early'}"
     predict = partial(_shifted, misfit, best)
-    yield discrete("delay", "samples", predict, text, float(best), tier=NAMED, rows=_known_rows(n, best))
+    yield discrete("delay", "samples", predict, text, float(best), tier=NAMED, rows=_rows_with_data(n, best))
 
 
 def _shifted(misfit: Misfit, k: int) -> Values:
     return [np.roll(values, k, axis=0) for values in misfit.exact]
 
 
-def _known_rows(n: int, k: int) -> Rows:
+def _rows_with_data(n: int, k: int) -> Rows:
     rows = np.arange(n)
     return (rows >= k) & (rows < n + k)
 
@@ -241,7 +241,7 @@ def _out_of_phase(misfit: Misfit, driver: str, duration: float) -> Hypothesis:
 
 
 def drivers_swapped(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Two drivers taken for each other."""
+    """Yield hypotheses of two swapped drivers."""
     motion_laws = misfit.evaluation.solver.motion_laws
     for first, second in combinations(motion_laws.drivers, 2):
         if _unit(misfit, first) == _unit(misfit, second):
@@ -252,7 +252,7 @@ def drivers_swapped(misfit: Misfit) -> Iterator[Hypothesis]:
 
 
 def _replaced(motion_laws: MotionLaws, driver: str) -> LawChange:
-    """Return the change of a motion law to that of another driver."""
+    """Return the change of one motion law into that of another driver."""
     state = motion_laws.by_name[driver]
     return lambda _: state
 
@@ -270,11 +270,11 @@ def _gravity(misfit: Misfit) -> tuple[Array, float]:
 
 
 def other_gravity(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Gravity left out, reversed or along another axis."""
+    """Yield hypotheses of gravity left out, reversed or along another axis."""
     if not misfit.needs_forces:
         return
     own, magnitude = _gravity(misfit)
-    others = [sign * (magnitude or EARTH) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
+    others = [sign * (magnitude or STANDARD_GRAVITY) * np.eye(3)[i] for i in range(3) for sign in (1.0, -1.0)]
     was = ", ".join(f"{component:g}" for component in own)
     for vector in [np.zeros(3), *others]:
         if not np.allclose(vector, own):
@@ -285,7 +285,7 @@ def other_gravity(misfit: Misfit) -> Iterator[Hypothesis]:
 
 
 def gravity_size(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Gravity of another size."""
+    """Yield the hypothesis of another magnitude of gravity."""
     own, magnitude = _gravity(misfit) if misfit.needs_forces else (np.zeros(3), 0.0)
     if magnitude:
         yield sized(
@@ -298,7 +298,7 @@ def gravity_size(misfit: Misfit) -> Iterator[Hypothesis]:
 
 
 def masses(misfit: Misfit) -> Iterator[Hypothesis]:
-    """One link's mass, with its moments of inertia or without, or all of them."""
+    """Yield hypotheses of another mass of one link or of all links, with or without moments of inertia."""
     if not misfit.needs_forces:
         return
     names = [link.name for link in misfit.evaluation.loaded_model.mechanism.links]

@@ -1,4 +1,4 @@
-"""Evaluation points of a comparison, and hypotheses about a difference: the values that each predicts."""
+"""Evaluation points of a comparison, and hypotheses about a difference with the values that each predicts."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -29,26 +29,26 @@ from mechsim.verdict.tolerances import RecordInstants
 Values = Sequence[Array]
 Rows = NDArray[np.bool_]
 
-# tiers: of causes that explain equally well the one that assumes least is reported: first those without a
-# size, then those with one, last those with several
+# tiers: the number of fitted sizes of a hypothesis, with 1.5 for positions without a name. If several causes
+# explain a difference equally well, the lowest tier is reported
 DISCRETE, NAMED, PLACED, TWO, THREE, SIX = 0.0, 1.0, 1.5, 2.0, 3.0, 6.0
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One thing that may be wrong.
+    """One possible mistake.
 
     Attributes:
-        kind: in a word, as `Finding` has it.
+        kind: one word, the `kind` of the `Finding`.
         what: the parameter, joint, point or driver.
-        tier: how much it assumes; see above.
-        predict: sizes (p,) -> the values that a candidate would have.
-        text: sizes (p,) -> the sentence, without how much it explains.
-        by: sizes (p,) -> its size as one number.
-        starts: sizes from which the fit begins; none where there is nothing to fit.
-        steps: of differences by the sizes.
-        derivative: of the predicted values by the one size at zero; None where differences are taken.
-        rows: instants that count; None for all.
+        tier: rank among equal explanations, such as `DISCRETE`.
+        predict: sizes (p,) -> values that the candidate data would have.
+        text: sizes (p,) -> message without the explained fraction.
+        by: sizes (p,) -> one number that represents the size.
+        starts: initial sizes of the fit; empty if there is nothing to fit.
+        steps: finite-difference steps of the sizes.
+        derivative: of the predicted values by the single size at zero; None takes finite differences.
+        rows: instants that are compared; None for all.
     """
 
     kind: str
@@ -73,7 +73,7 @@ def discrete(
     tier: float = DISCRETE,
     rows: Rows | None = None,
 ) -> Hypothesis:
-    """Return a hypothesis without a size to fit; arguments as of `Hypothesis`."""
+    """Return a hypothesis without a fitted size; arguments as for `Hypothesis`."""
     return Hypothesis(kind, what, tier, lambda _: predict(), lambda _: text, lambda _: by, rows=rows)
 
 
@@ -89,7 +89,7 @@ def sized(
     by: Callable[[float], float] = float,
     derivative: Callable[[], Values] | None = None,
 ) -> Hypothesis:
-    """Return a hypothesis with one size; arguments as of `Hypothesis`."""
+    """Return a hypothesis with one fitted size; arguments as for `Hypothesis`."""
     return Hypothesis(
         kind,
         what,
@@ -108,17 +108,17 @@ INSTANTS = 73
 
 @dataclass(frozen=True)
 class EvaluationPoints:
-    """What moves, and at which instants it is asked.
+    """A mechanism and the instants at which it is evaluated.
 
     Attributes:
-        solver: what moves.
+        solver: the mechanism's solver.
         angle: path parameters, (n,) in [rad].
-        speed: of it, (n,) in [rad/s].
-        acceleration: of it, (n,) in [rad/s2].
-        time: (n,) in [s]; None where only angles are known.
+        speed: their rates, (n,) in [rad/s].
+        acceleration: their second derivatives, (n,) in [rad/s2].
+        time: (n,) in [s]; None if only angles are known.
         dynamic_model: with masses and forces; None takes the forces of the solver.
-        solved: its motion where that is known; None where it is to be solved.
-        selecting: crank angles of the whole motion, whose first one selects the assembly; None takes `angle`.
+        solved: the motion, if it is already known; None solves for it.
+        selecting: crank angles of a longer motion whose first angle selects the assembly; None takes `angle`.
     """
 
     solver: KinematicSolver
@@ -158,7 +158,7 @@ class EvaluationPoints:
 
     @property
     def instants(self) -> RecordInstants:
-        """What names the instants: crank angles, times of motion laws, or rows of a table without times."""
+        """Labels of the instants: crank angles, times of motion laws, or rows of a table without times."""
         if self.solver.motion_laws.crank:
             return RecordInstants(self.angle, "rad")
         if self.time is not None:
@@ -171,7 +171,7 @@ class EvaluationPoints:
         return np.mod(self.angle, self.solver.period) if self.solver.motion_laws.crank else self.angle
 
     def with_dimensions(self, solver: KinematicSolver) -> "EvaluationPoints":
-        """Return the same with what has other dimensions, solved from the motion here where that can be."""
+        """Return the points of a mechanism with other dimensions, solved from this motion where possible."""
         if self._perturbed is None:
             return replace(self, solver=solver, dynamic_model=self.dynamic_model_of(solver), solved=None)
         motion = self._perturbed.motion_of(solver.mechanism)
@@ -183,20 +183,20 @@ class EvaluationPoints:
         )
 
     def dynamic_model_of(self, solver: KinematicSolver) -> DynamicModel | None:
-        """Return another form under the forces that act here; None where no others than its own do."""
+        """Return another solver with the forces of this one; None if there are none but its own."""
         return (
             None if self.dynamic_model is None else dynamics.dynamic_model(solver, self.dynamic_model.forces)
         )
 
     @cached_property
     def conditioning(self) -> Array:
-        """How far the loops are from a singular pose, (n,), as verdicts have it."""
+        """Distance of the loops from a singular pose, (n,), as used in verdicts."""
         motion = self.motion
         return conditioning_of(self.solver.mechanism, motion)
 
     @cached_property
     def _of_loops(self) -> Motion:
-        """The motion by the loop equations, which know every coordinate."""
+        """The motion by the loop equations, which determine every coordinate."""
         if isinstance(self.solver, LoopForm) or self.solved is not None:
             return self.motion
         return LoopForm(self.solver.mechanism).solve(self.angle, self.speed, self.acceleration)
@@ -208,12 +208,12 @@ class EvaluationPoints:
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
-        """The masses of the links that efforts are computed from, and where each comes from."""
+        """The masses of the links from which forces are computed, and their sources."""
         return self.loaded_model.masses
 
     @cached_property
     def forces(self) -> ForceRecord:
-        """What drives and joints carry."""
+        """Drive forces and joint reactions."""
         run = prescribed_along(self.loaded_model, self.angle, self.speed, self.acceleration, time=self.time)
         return run.forces
 
@@ -221,7 +221,7 @@ class EvaluationPoints:
         """Return driver -> value, rate and acceleration, (n,) each in SI."""
         motion_laws = self.solver.motion_laws
         if self.solved is not None and not motion_laws.crank:
-            # where drivers really were, as in a run
+            # the actual driver positions, such as those of a run
             joints = {name: self.solved.joints[name] for name in motion_laws.drivers}
             return {name: (joint.value, joint.rate, joint.acceleration) for name, joint in joints.items()}
         value, first, second = motion_laws.along_path(self.angle)
@@ -251,23 +251,23 @@ class EvaluationPoints:
             columns.setdefault("torque", columns.get(driver_column, self.forces.torque))
         missing = [column.name for column in quantity.columns if column.name not in columns]
         if missing:
-            raise InputError(f"{quantity.name}: nothing determines {missing[0]} of {self.solver.name}")
+            raise InputError(f"{quantity.name}: {missing[0]} of {self.solver.name} is undetermined")
         return np.column_stack(quantity.components(columns))
 
     def _coordinate(self, column: Column) -> Array:
-        """Return a joint coordinate or a rate of it that the motion does not hold, (n,)."""
+        """Return a joint coordinate, or a rate of it, that the motion does not contain, (n,)."""
         if column.subject in self.solver.mechanism.drivers:
             return self.drivers()[column.subject][column.order]
         columns = dict(self._of_loops.columns())
         if column.name not in columns:
-            raise InputError(f"nothing determines the coordinate {column.subject} of {self.solver.name}")
+            raise InputError(f"the coordinate {column.subject} of {self.solver.name} is undetermined")
         return columns[column.name]
 
     def change(self, motion: Motion, quantity: Quantity) -> Array:
-        """Return the derivative of a quantity, (n, k), from the derivatives of a motion; of no force.
+        """Return the derivative of a quantity, (n, k), from the derivatives of a motion; not of forces.
 
         Raises:
-            KeyError: for what the derivatives do not hold.
+            KeyError: for a quantity that the derivatives do not contain.
         """
         if quantity.loaded:
             raise KeyError(quantity.name)
@@ -279,12 +279,12 @@ class EvaluationPoints:
         return np.column_stack(quantity.changes(values, by))
 
     def all(self, quantities: Sequence[Quantity]) -> list[Array]:
-        """Return what quantities are, (n, k) each in SI."""
+        """Return the values of quantities, (n, k) each in SI."""
         return [self.exact(quantity) for quantity in quantities]
 
 
 def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily) -> dict[str, Motion]:
-    """Return the derivatives of a motion by all dimensions of a family that can be changed alone."""
+    """Return the derivatives of a motion by all dimensions that can change on their own."""
     change: dict[str, Array] = {}
     for name in designs.dimensions:
         try:
@@ -299,12 +299,12 @@ def derivatives_by_dimension(evaluation: EvaluationPoints, designs: DesignFamily
 
 
 def evaluation_points(solver: KinematicSolver, speed: float, samples: int = INSTANTS) -> EvaluationPoints:
-    """Return a form over its range: a turn, a swing, or its motion laws from begin to end, evenly in time.
+    """Return a solver at instants over its range: a revolution, a stroke, or its motion laws, evenly spaced.
 
     Args:
-        solver: what moves.
-        speed: of its crank in [rad/s].
-        samples: instants, both ends included.
+        solver: the mechanism's solver.
+        speed: crank speed in [rad/s].
+        samples: number of instants, both ends included.
     """
     profile = profile_of(solver, speed, solver.period / REVOLUTION)
     time = np.linspace(0.0, profile.duration, samples)
@@ -312,7 +312,7 @@ def evaluation_points(solver: KinematicSolver, speed: float, samples: int = INST
 
 
 def driver_inputs(evaluation: EvaluationPoints) -> Array | Mapping[str, Array]:
-    """Return what a formula is asked at: the crank's angles, or the coordinates of the drivers by name."""
+    """Return the arguments of a formula: crank angles, or the driver coordinates by name."""
     drivers = {name: state[0] for name, state in evaluation.drivers().items()}
     if len(drivers) == 1:
         return next(iter(drivers.values()))

@@ -1,4 +1,4 @@
-"""The size of a hypothesis fitted to a miss: least squares, confirmed by solving again with that size."""
+"""The size of a hypothesis fitted to a difference: least squares with solved values."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,29 +10,30 @@ from mechsim.numerics.arrays import Array, rms
 from mechsim.studies.agreement.evaluation_points import Hypothesis
 from mechsim.studies.agreement.misfit import Misfit
 
-# twice the logarithm of the odds by which another cause must explain less to be left out
+# twice the log-likelihood ratio above which a worse-fitting cause is dropped
 ODDS = 12.0
-# steps at the most, and halvings of one
-STEPS, HALVINGS = 14, 8
-# a change of what is left that is worth another step; what is nothing, in parts of bounds and of the miss
-WORTH, NOTHING, OF_MISS = 1e-3, 1e-4, 1e-9
-# what leaves more than this part of the miss after so many steps is no cause of it
-SOON, HOPE = 4, 0.7
-# a slope that does not halve what is left in so many steps is taken anew
-STALE = 0.7
+# largest number of steps, and of halvings of one step
+MAX_STEPS, MAX_HALVINGS = 14, 8
+# relative decrease of the errors that justifies another step; errors that count as zero, relative to the
+# tolerances and to the difference
+MIN_DECREASE, ZERO_ERROR, RELATIVE_ROUNDING = 1e-3, 1e-4, 1e-9
+# a hypothesis that leaves more than this fraction of the difference after so many steps is given up
+TRIAL_STEPS, MAX_TRIAL_REMAINING = 4, 0.7
+# ratio of errors after and before a step above which the Jacobian is recomputed
+STALE_JACOBIAN = 0.7
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A hypothesis with its size.
+    """A hypothesis with its fitted sizes.
 
     Attributes:
-        hypothesis: whose.
+        hypothesis: the hypothesis.
         sizes: fitted, (p,).
-        remaining: root mean square of the errors that it leaves, in parts of their bounds.
+        remaining: root mean square of the remaining errors, relative to their tolerances.
         worst: largest of them.
-        explains: the part of the miss that goes with it, 0 to 1.
-        count: instants and components compared.
+        explains: explained fraction of the difference, 0 to 1.
+        count: number of instants and components compared.
     """
 
     hypothesis: Hypothesis
@@ -44,7 +45,7 @@ class Fitted:
 
 
 def fitted(misfit: Misfit, hypothesis: Hypothesis) -> Fitted | None:
-    """Return a hypothesis with the size that fits best; None where it closes at no size."""
+    """Return a hypothesis with the best-fitting sizes; None if it cannot be assembled at any start."""
     before = rms(misfit.errors(misfit.exact, hypothesis.rows))
     if not before > 0.0:
         return None
@@ -52,10 +53,10 @@ def fitted(misfit: Misfit, hypothesis: Hypothesis) -> Fitted | None:
         (np.array(start, dtype=float), _errors(misfit, hypothesis, np.array(start, dtype=float)))
         for start in hypothesis.starts
     ]
-    stand = [(start, errors) for start, errors in starts if errors is not None]
-    if not stand:
+    assembled = [(start, errors) for start, errors in starts if errors is not None]
+    if not assembled:
         return None
-    remaining, sizes = _from(misfit, hypothesis, *min(stand, key=lambda pair: rms(pair[1])), before)
+    remaining, sizes = _minimised(misfit, hypothesis, *min(assembled, key=lambda pair: rms(pair[1])), before)
     predicted = hypothesis.predict(sizes)
     count = len(misfit.errors(predicted, hypothesis.rows))
     worst = misfit.worst(predicted, hypothesis.rows)
@@ -63,7 +64,7 @@ def fitted(misfit: Misfit, hypothesis: Hypothesis) -> Fitted | None:
 
 
 def _errors(misfit: Misfit, hypothesis: Hypothesis, sizes: Array) -> Array | None:
-    """Return what is left at sizes; None where nothing can stand so."""
+    """Return the remaining errors at sizes; None if the mechanism cannot be assembled there."""
     try:
         with np.errstate(all="ignore"):
             errors = misfit.errors(hypothesis.predict(sizes), hypothesis.rows)
@@ -72,47 +73,47 @@ def _errors(misfit: Misfit, hypothesis: Hypothesis, sizes: Array) -> Array | Non
     return errors if np.isfinite(errors).all() else None
 
 
-def _from(
+def _minimised(
     misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array, before: float
 ) -> tuple[float, Array]:
-    """Return what is left, and the sizes, from a start and what is left there."""
+    """Return the remaining error and the fitted sizes, starting from sizes and their errors."""
     if not len(sizes):
         return rms(current), sizes
-    jacobian, fresh = _jacobian(misfit, hypothesis, sizes, current), True
-    for number in range(STEPS):
-        if number == SOON and rms(current) > HOPE * before:
+    jacobian, is_exact = _jacobian(misfit, hypothesis, sizes, current), True
+    for number in range(MAX_STEPS):
+        if number == TRIAL_STEPS and rms(current) > MAX_TRIAL_REMAINING * before:
             break
-        if jacobian is None or rms(current) <= max(NOTHING, OF_MISS * before):
+        if jacobian is None or rms(current) <= max(ZERO_ERROR, RELATIVE_ROUNDING * before):
             break
         step: Array = -np.linalg.lstsq(jacobian, current, rcond=1e-10)[0].astype(np.float64)
         step_taken = _shortened(misfit, hypothesis, sizes, current, step)
         if step_taken is None:
-            if fresh:
+            if is_exact:
                 break
-            jacobian, fresh = _jacobian(misfit, hypothesis, sizes, current), True
+            jacobian, is_exact = _jacobian(misfit, hypothesis, sizes, current), True
             continue
         moved, next_errors = step_taken
         displacement, change = moved - sizes, next_errors - current
         ratio = rms(next_errors) / rms(current)
         sizes, current = moved, next_errors
-        if ratio > STALE and not fresh:
-            jacobian, fresh = _jacobian(misfit, hypothesis, sizes, current), True
-        elif ratio > 1.0 - WORTH:
+        if ratio > STALE_JACOBIAN and not is_exact:
+            jacobian, is_exact = _jacobian(misfit, hypothesis, sizes, current), True
+        elif ratio > 1.0 - MIN_DECREASE:
             break
         else:
-            # the slope that this step really had
+            # Broyden's update: the derivative along the step just taken
             jacobian = jacobian + np.outer(change - jacobian @ displacement, displacement) / max(
                 float(displacement @ displacement), 1e-300
             )
-            fresh = False
+            is_exact = False
     return rms(current), sizes
 
 
 def _shortened(
     misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array, step: Array
 ) -> tuple[Array, Array] | None:
-    """Return sizes a step on that leave less, and what they leave; None where none do."""
-    for halving in range(HALVINGS):
+    """Return shortened-step sizes with smaller errors, and those errors; None if there are none."""
+    for halving in range(MAX_HALVINGS):
         moved = sizes + step * 0.5**halving
         next_errors = _errors(misfit, hypothesis, moved)
         if next_errors is not None and rms(next_errors) < rms(current):
@@ -123,9 +124,9 @@ def _shortened(
 
 
 def _jacobian(misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array) -> Array | None:
-    """Return the derivatives of what is left by the sizes, (m, p)."""
+    """Return the derivatives of the errors by the sizes, (m, p)."""
     if hypothesis.derivative is not None and not sizes.any() and len(sizes) == 1:
-        # of efforts, and where loops would be torn, there are differences only
+        # forces, and dimensions that open the loops, have no exact derivatives
         with suppress(MechsimError, KeyError):
             derivatives = hypothesis.derivative()
             rows = [

@@ -1,4 +1,4 @@
-"""A difference that is to be explained: claims, what is exact, and what may lie between them."""
+"""The difference between candidate data and the exact motion, relative to its tolerance."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -31,14 +31,14 @@ from mechsim.verdict.tolerances import EPS, Tolerance
 class FormulaTolerances:
     """Tolerances relative to the scale of a quantity, each with a power of the loops' conditioning.
 
-    Where loops are poorly conditioned a tolerance widens by that power.
+    For poorly conditioned loops a tolerance widens by that power.
 
     Attributes:
         positions: of points and joint coordinates.
         velocities: of both.
         accelerations: of both.
         forces: of torques, reactions and energies.
-        reason: for all; {part}, {scale} and {unit} stand for the tolerance.
+        reason: template with {part}, {scale} and {unit} of the tolerance.
     """
 
     positions: tuple[float, int]
@@ -48,21 +48,21 @@ class FormulaTolerances:
     reason: str
 
     def tolerance(self, quantity: Quantity) -> tuple[float, int]:
-        """Return tolerance and power of a quantity."""
+        """Return the tolerance and its power for a quantity."""
         by_order = (self.positions, self.velocities, self.accelerations)
         return self.forces if quantity.loaded else by_order[quantity.order]
 
 
-# of any function or table: between what a solver inside a function leaves, the square of the 1.5e-8 at which
-# scipy's fsolve stops, and a link 0.1 % long, 1e-3; a smaller difference has no cause that can be determined
+# for any function or table: between the error of a solver inside a function, the square of the 1.5e-8 at
+# which scipy's fsolve stops, and the effect of a link that is 0.1 % too long, 1e-3
 USER_TOLERANCES = FormulaTolerances(
     positions=(1e-8, 1),
     velocities=(1e-6, 3),
     accelerations=(1e-5, 5),
     forces=(1e-6, 5),
-    reason="{part:.0e} of {scale:.3g} {unit}: a user's function or table; a link 0.1 % long is 1e-3 of it",
+    reason="{part:.0e} of {scale:.3g} {unit}: a user's function or table; a link 0.1 % long changes 1e-3",
 )
-# of the formula that a model's file names: rounding times the condition of the loops. Positions of the 24
+# for the formula of a model's file: rounding times the condition of the loops. Positions of the 24
 # gallery mechanisms differ by 10 eps at most; the powers are those of solved poses (`verdict.quantities`)
 EXACT_TOLERANCES = FormulaTolerances(
     positions=(1024 * EPS, 1),
@@ -76,12 +76,12 @@ REQUESTED = "requested"
 
 @dataclass(frozen=True)
 class Scales:
-    """Scales of errors of quantities.
+    """Scales by which errors of quantities are divided.
 
     Attributes:
-        length: largest coordinate of anything, in [m].
+        length: largest coordinate of any point, in [m].
         stroke: half the largest extent of a path, in [m].
-        rate: of the fastest driver, in [rad/s].
+        rate: speed of the fastest driver, in [rad/s].
         force: in [N].
         torque: in [N m].
     """
@@ -97,13 +97,13 @@ class Scales:
         if quantity.kind == "torque":
             return self.force if quantity.unit == "N" else self.torque
         mass, length, time, _ = unit_powers(quantity.unit)
-        # a force moves its mass by the length in the time of a radian
+        # the force moves a mass by `length` while the driver moves by 1 rad
         weight = self.force / (self.length * self.rate**2)
         return weight**mass * self.length**length * self.rate**-time
 
 
 def scales_of(evaluation: EvaluationPoints, candidates: Sequence[Candidate]) -> Scales:
-    """Return the scales at evaluation points; those of forces only where forces are compared."""
+    """Return the scales at evaluation points; force scales only if forces are compared."""
     motion = evaluation.motion
     length, stroke = reach_of(motion), stroke_of(motion)
     rate = float(np.abs(evaluation.speed).max())
@@ -114,7 +114,7 @@ def scales_of(evaluation: EvaluationPoints, candidates: Sequence[Candidate]) -> 
 
 
 def candidate_errors(quantity: Quantity, values: Array, exact: Array) -> Array:
-    """Return the differences of values (n, k), of angles within half a revolution."""
+    """Return the differences of values (n, k); those of angles lie within half a revolution."""
     difference = values - exact
     return wrapped(difference) if quantity.angle else difference
 
@@ -122,13 +122,13 @@ def candidate_errors(quantity: Quantity, values: Array, exact: Array) -> Array:
 def formula_tolerance(
     candidate: Candidate, scales: Scales, requested: float | None, *, exact: bool = False
 ) -> Tolerance:
-    """Return how far a claim may be off.
+    """Return the tolerance of a candidate.
 
     Args:
-        candidate: what is said.
+        candidate: the candidate values.
         scales: at the evaluation points.
-        requested: bound on places in [m], other quantities in proportion; None takes the usual part.
-        exact: whether the claim is a formula that is exact but for rounding.
+        requested: tolerance of positions in [m], other quantities in proportion; None takes the default.
+        exact: whether the candidate is a formula that is exact except for rounding.
     """
     quantity, scale = candidate.quantity, scales.scale(candidate.quantity)
     usual = EXACT_TOLERANCES if exact and requested is None else USER_TOLERANCES
@@ -145,9 +145,9 @@ def formula_tolerance(
 
 
 def weights(candidate: Candidate, evaluation: EvaluationPoints, tolerance: Tolerance) -> Array:
-    """Return by what the errors of a claim are divided at each instant, (n, 1) or (n, k).
+    """Return the divisors of the errors of a candidate at each instant, (n, 1) or (n, k).
 
-    That is the tolerance, or the standard deviation of what was measured where that is larger.
+    The divisor is the tolerance, or the standard deviation of the measurement if that is larger.
     """
     if candidate.uncertainty is None:
         return tolerance.widened(evaluation.conditioning, len(evaluation))[:, None]
@@ -162,14 +162,14 @@ def measured_count(candidates: Sequence[Candidate]) -> int:
 def noise_in(
     candidate: Candidate, error: Array, phase: Array, tolerance: Tolerance, quantities: int
 ) -> Noise | None:
-    """Return the tests of a claim's errors (n, k) for what is not noise; None without standard deviations.
+    """Return the noise tests of a candidate's errors (n, k); None without standard deviations.
 
     Args:
-        candidate: what is said.
-        error: of all its components.
+        candidate: the candidate values.
+        error: errors of all its components.
         phase: over which systematic errors are smooth, (n,).
-        tolerance: systematic error that is allowed.
-        quantities: how many are tested at once.
+        tolerance: allowed systematic error.
+        quantities: number of quantities tested together.
     """
     if candidate.uncertainty is None:
         return None
@@ -190,9 +190,9 @@ def candidate_check(
     tolerance: Tolerance,
     noise: Noise | None,
 ) -> Check:
-    """Return how far one claim is from what is exact, (n, k).
+    """Return the check of one candidate against exact values, (n, k).
 
-    A measured claim is as good as its noise tests and its components without standard deviation.
+    A measured candidate passes if its noise tests and its components without standard deviations pass.
     """
     error = candidate_errors(candidate.quantity, candidate.values, exact)
     kind, subject = _compared(candidate.quantity)
@@ -219,7 +219,7 @@ def candidate_check(
 
 
 def _compared(quantity: Quantity) -> tuple[str, str]:
-    """Return what is compared and of what, as the table of quantities has them where it knows the kind."""
+    """Return the name of the compared quantity and its subject, as in the table of quantities."""
     if quantity.kind in ("position", "velocity", "acceleration"):
         axes = f", {quantity.axes}" if len(quantity.axes) < 3 else ""
         return quantity.kind, quantity.subject + axes
@@ -243,8 +243,8 @@ class Misfit:
         candidates: values to be compared.
         exact: true values, in the order of the candidates, (n, k) each.
         allowed: tolerance of each.
-        designs: the mechanism as one of a family with other dimensions.
-        function: whether the candidates come from a function, which is evaluated at drivers alone.
+        designs: the parametric model of the mechanism.
+        function: whether the candidates come from a function of the driver coordinates.
     """
 
     evaluation: EvaluationPoints
@@ -262,7 +262,7 @@ class Misfit:
 
     @cached_property
     def bounds(self) -> tuple[Array, ...]:
-        """Scales of errors at each instant, (n, 1) or (n, k) each: tolerances, standard deviations."""
+        """Divisors of the errors at each instant, (n, 1) or (n, k): tolerances or standard deviations."""
         pairs = zip(self.candidates, self.allowed, strict=True)
         return tuple(weights(candidate, self.evaluation, tolerance) for candidate, tolerance in pairs)
 
@@ -273,7 +273,7 @@ class Misfit:
 
     @property
     def length(self) -> float:
-        """The size of the mechanism, in [m]."""
+        """The characteristic length of the mechanism, in [m]."""
         return self.evaluation.solver.mechanism.characteristic_length
 
     @property
@@ -288,7 +288,7 @@ class Misfit:
 
     @cached_property
     def before(self) -> Array:
-        """The errors as they are, relative to their scales, as one row."""
+        """The errors before any explanation, relative to their scales, as one row."""
         return self.errors(self.exact)
 
     @cached_property
@@ -301,7 +301,7 @@ class Misfit:
 
         Args:
             predicted: values in the order of the candidates, (n, k) each.
-            rows: instants that count; None takes all.
+            rows: instants that are compared; None takes all.
         """
         kept = slice(None) if rows is None else rows
         scaled = [
@@ -311,9 +311,9 @@ class Misfit:
         return np.concatenate(scaled)
 
     def worst(self, predicted: Values, rows: Rows | None = None) -> float:
-        """Return the largest error relative to its tolerance, of vectors by their length.
+        """Return the largest error relative to its tolerance; of vectors their length.
 
-        For measurements it is the noise test that is nearest to its limit, or farthest beyond.
+        For measurements it is the largest ratio of a noise test to its limit.
         """
         kept = slice(None) if rows is None else rows
         largest = [0.0]
@@ -338,7 +338,7 @@ class Misfit:
         return max(largest)
 
     def explained(self, remaining: float, before: float, worst: float) -> float:
-        """Return the fraction of a difference that is explained, 0 to 1; what noise leaves does not count.
+        """Return the explained fraction of a difference, 0 to 1; remaining noise does not count.
 
         Args:
             remaining: root mean square of the errors that remain, relative to their scales.
@@ -373,10 +373,10 @@ class Misfit:
         return evaluation.all(self.quantities)
 
     def by_dimension(self, designs: DesignFamily, name: str) -> Motion:
-        """Return the derivatives of the motion by a dimension of a family; those by all are computed at once.
+        """Return the derivatives of the motion by one dimension; those by all are computed at once.
 
         Raises:
-            KeyError: for one that opens the loops, or where no nearby design can be assembled.
+            KeyError: for a dimension that opens the loops, or if no nearby design can be assembled.
         """
         placed = designs is not self.designs
         if (placed, "") not in self._by_dimension:
@@ -386,7 +386,7 @@ class Misfit:
         return self._by_dimension[placed, name]
 
     def variant(self, key: str, make: Callable[[], EvaluationPoints]) -> EvaluationPoints | None:
-        """Return what `make` returns, made and solved once; None where it cannot be assembled."""
+        """Return the result of `make`, computed once; None if it cannot be assembled."""
         if key not in self._variants:
             self._variants[key] = None
             with suppress(MechsimError):

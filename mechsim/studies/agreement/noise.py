@@ -14,17 +14,18 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 
-# probability that a right table fails, over all its columns and tests
+# probability that a correct table fails, over all its columns and tests
 FALSE_ALARM = 1e-3
 TESTS = 3
-# functions of the smooth part: a constant, half a wave, a wave ... up to four waves; at most half the rows
-SMOOTH = 9
-# below this number of standard deviations the stated noise is called too large
-SMALL = 0.7
+# number of basis functions of the smooth part: a constant, and half waves up to four waves; at most half
+# the number of rows
+SMOOTH_FUNCTIONS = 9
+# number of standard deviations below which the report calls the stated noise too large
+LOW_DEVIATION = 0.7
 
 
 def special() -> Any:
-    """Return scipy's special functions, which take long to load."""
+    """Return scipy's special functions, which load slowly."""
     from scipy import special as functions
 
     return functions
@@ -38,7 +39,7 @@ class Statistic:
         what: the statistic in words.
         squares: sum of squared residuals, in squared standard deviations.
         degrees: its degrees of freedom.
-        probability: of a value as large or larger if the model is right.
+        probability: of this value or a larger one if the model is right.
         worst: the statistic as a residual in standard deviations: root mean square, or the largest.
         limit: the largest value of `worst` that passes.
     """
@@ -52,7 +53,7 @@ class Statistic:
 
     @property
     def passed(self) -> bool:
-        """Whether noise explains the statistic; NaN is not."""
+        """Whether noise explains the statistic; NaN fails."""
         return self.worst <= self.limit
 
     @property
@@ -63,13 +64,13 @@ class Statistic:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """Residuals of one measured quantity tested for what is not noise.
+    """Tests of the residuals of one measured quantity for systematic errors.
 
     Attributes:
         total: chi squared of all residuals.
         smooth: chi squared of their smooth part.
         largest: the largest residual.
-        row: where that is, from 0.
+        row: index of the largest residual, from 0.
         deviation: root mean square of the stated standard deviations, in the unit of the quantity.
     """
 
@@ -91,12 +92,12 @@ class Noise:
 
     @property
     def decisive(self) -> Statistic:
-        """The statistic that is nearest to its limit, or farthest beyond it."""
+        """The statistic with the largest ratio to its limit."""
         return max(self.statistics, key=lambda statistic: statistic.used)
 
     @property
     def reason(self) -> str:
-        """What is compared, as the reason of a check."""
+        """The decisive statistic in words, as the reason of a check."""
         statistic = self.decisive
         return (
             f"{statistic.what}, {statistic.worst:.3g} of {statistic.limit:.3g} standard deviations of "
@@ -123,7 +124,7 @@ def noise_of(error: Array, deviation: Array, phase: Array, *, allowed: float, qu
         phase: angle of the crank within its period, or the parameter of the motion laws, (n,); a systematic
             error is smooth over it.
         allowed: systematic error that is within the tolerance, in the unit of `error`.
-        quantities: how many quantities of the table are tested; they share `FALSE_ALARM`.
+            quantities: number of quantities of the table that are tested; they share `FALSE_ALARM`.
     """
     residual = error / deviation
     systematic = allowed / deviation
@@ -143,7 +144,7 @@ def noise_of(error: Array, deviation: Array, phase: Array, *, allowed: float, qu
 
 def _smooth_basis(rows: int) -> Array:
     """Return the orthonormal cosines of lowest order over the rows, (n, m)."""
-    orders = np.arange(min(SMOOTH, max(1, rows // 2)))
+    orders = np.arange(min(SMOOTH_FUNCTIONS, max(1, rows // 2)))
     basis = np.cos(np.pi * np.outer(np.arange(rows) + 0.5, orders) / rows)
     return basis / np.sqrt((basis**2).sum(0))
 
@@ -167,7 +168,7 @@ def _chi_squared(what: str, values: Array, shift: float, tail: float) -> Statist
 def _largest(residual: Array, shift: float, tail: float) -> Statistic:
     """Return the test of the largest of many standard normal numbers."""
     count, worst = residual.size, float(np.abs(residual).max())
-    # 1 - (1 - p)^count, exact where p is small
+    # 1 - (1 - p)^count, accurate for small p
     each = -np.expm1(np.log1p(-tail) / count)
     beyond = max(0.0, worst - shift)
     outside = 2.0 * float(special().ndtr(-beyond))
@@ -182,7 +183,7 @@ def _largest(residual: Array, shift: float, tail: float) -> Statistic:
 
 
 def noise_report(tested: Sequence[tuple[str, Noise]]) -> str:
-    """Return what measured quantities come to together, in one sentence; empty without any.
+    """Return the joint result of all measured quantities in one sentence; empty without any.
 
     Args:
         tested: quantity -> its tests.
@@ -199,7 +200,7 @@ def noise_report(tested: Sequence[tuple[str, Noise]]) -> str:
         name, worst = max(failed, key=lambda pair: pair[1].decisive.used)
         return f"errors of {sigma:.2g} sigma, not noise alone ({counts}); {_what(name, worst)}"
     waves, number, chance = totals([noise for _, noise in tested], "smooth")
-    stated = " (less than stated)" if sigma < SMALL and degrees > 10 else ""
+    stated = " (less than stated)" if sigma < LOW_DEVIATION and degrees > 10 else ""
     return (
         f"noise of {sigma:.2g} sigma{stated}, nothing systematic ({counts}; "
         f"smooth part {waves:.3g} with {number}, probability {probable(chance)})"
@@ -207,7 +208,7 @@ def noise_report(tested: Sequence[tuple[str, Noise]]) -> str:
 
 
 def noise_data(tested: Sequence[tuple[str, Noise]]) -> dict[str, Any]:
-    """Return what measured quantities come to together, and each one's tests, as plain data."""
+    """Return the joint result of all measured quantities, and the tests of each, as plain data."""
     squares, degrees, probability = totals([noise for _, noise in tested], "total")
     return {
         "sigma": float(np.sqrt(squares / degrees)),
@@ -242,5 +243,5 @@ def _what(name: str, noise: Noise) -> str:
 
 
 def probable(value: float) -> str:
-    """Return a probability in a few characters."""
+    """Return a probability as a short text."""
     return f"{value:.2f}" if value >= 0.01 else f"{value:.0e}" if value >= 1e-12 else "below 1e-12"

@@ -1,4 +1,4 @@
-"""Mistakes in candidate values: units, degrees, swapped names, mirror images, frames, directions, zeros."""
+"""Hypotheses on candidate values: units, degrees, swaps, mirror images, frames, directions, zeros."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -32,13 +32,13 @@ LENGTHS = {
     1.0 / 0.0254: "inches for m",
     0.0254: "m for inches",
 }
-EFFORT_UNITS = {1e3: "N mm for N m, or mN", 1e-3: "kN for N", 1.0 / 9.80665: "kgf for N"}
+FORCE_UNITS = {1e3: "N mm for N m, or mN", 1e-3: "kN for N", 1.0 / 9.80665: "kgf for N"}
 DEG = 180.0 / np.pi
 VECTORS = ("position", "velocity", "acceleration")
 LINEAR = ("m", "m/s", "m/s2")
-# rotations in [rad] from which the fit of a rotated frame begins, and the step of differences
+# initial angles in [rad] of the fit of a rotated frame, and its finite-difference step
 ROTATIONS, ROTATION_STEP = (0.0, 2.0, -2.0), 1e-4
-# step of differences of a shifted frame, in sizes of the mechanism
+# finite-difference step of a shifted frame, relative to the mechanism's size
 SHIFT_STEP = 1e-3
 
 
@@ -60,7 +60,7 @@ def _scaled(
 
 
 def _groups(misfit: Misfit, indices: Sequence[int]) -> Iterator[tuple[str, list[int]]]:
-    """Yield all of some candidates together, then each by itself where there are several."""
+    """Yield the indices of all candidates together, then of each subject if there are several."""
     if indices:
         yield "", list(indices)
     if len(indices) > 1:
@@ -69,13 +69,13 @@ def _groups(misfit: Misfit, indices: Sequence[int]) -> Iterator[tuple[str, list[
 
 
 def units(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Lengths, rates and forces in other units."""
+    """Yield hypotheses of lengths, rates and forces in other units."""
     speed = float(np.abs(misfit.evaluation.speed).max())
     rates = {1.0 / speed: "of a driver at 1 rad/s", 30.0 / np.pi: "in rpm", REVOLUTION: "per turn"}
     for called, units_of, factors in (
         ("lengths", LINEAR, LENGTHS),
         ("rates", ("m/s", "rad/s"), rates),
-        ("efforts", ("N m", "N"), EFFORT_UNITS),
+        ("forces", ("N m", "N"), FORCE_UNITS),
     ):
         indices = [i for i, quantity in enumerate(misfit.quantities) if quantity.unit in units_of]
         for what, group in _groups(misfit, indices):
@@ -86,16 +86,16 @@ def units(misfit: Misfit) -> Iterator[Hypothesis]:
 
 
 def degrees(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Angles in degrees for radians, or the reverse."""
+    """Yield hypotheses of confused degrees and radians."""
     indices = [i for i, quantity in enumerate(misfit.quantities) if quantity.unit.startswith("rad")]
     for what, group in _groups(misfit, indices):
         suffix = f" of {what}" if what else ""
-        for factor, text in ((DEG, "in degrees for radians"), (1 / DEG, "turned from degrees twice")):
+        for factor, text in ((DEG, "in degrees for radians"), (1 / DEG, "converted from degrees twice")):
             yield _scaled(misfit, "degrees", what, group, factor, f"angles{suffix} are {text}")
 
 
 def swapped(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Two names of one kind swapped."""
+    """Yield hypotheses of two swapped names of one kind."""
     quantities = misfit.quantities
     for i, j in combinations(range(len(quantities)), 2):
         first, second = quantities[i], quantities[j]
@@ -123,7 +123,7 @@ def _exchanged(misfit: Misfit, pairs: Sequence[tuple[int, int]]) -> Values:
 
 
 def _vectors(misfit: Misfit) -> tuple[list[int], str]:
-    """Return the candidates of points, and the axes that all of them have."""
+    """Return the indices of the candidates of points, and their common axes."""
     indices = [i for i, quantity in enumerate(misfit.quantities) if quantity.kind in VECTORS]
     own = [misfit.quantities[i].axes for i in indices]
     axes = "".join(axis for axis in AXES if all(axis in names for names in own))
@@ -144,7 +144,7 @@ def _moved_frame(
 
 
 def mirrored(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Positions mirrored in a plane of the axes or between two of them, or turned by quarters."""
+    """Yield hypotheses of positions mirrored in a plane of one or two axes, or rotated by quarter turns."""
     indices, axes = _vectors(misfit)
     count = len(axes)
     if count < 2:
@@ -155,18 +155,18 @@ def mirrored(misfit: Misfit) -> Iterator[Hypothesis]:
             rotation[np.arange(count), order] = signs
             if np.array_equal(rotation, np.eye(count)):
                 continue
-            kind, word = "frame", "turned by quarters"
+            kind, word = "frame", "rotated by quarter turns"
             if np.linalg.det(rotation) < 0.0:
                 kind, word = "mirror", "mirrored"
             what = ", ".join(f"{'-' if signs[i] < 0 else ''}{axes[order[i]]}" for i in range(count))
             # the simplest are reported first
             tier = DISCRETE + 0.1 * (order != tuple(range(count))) + 0.1 * (sum(s < 0 for s in signs) > 1)
             predict = partial(_moved_frame, misfit, indices, rotation)
-            yield discrete(kind, what, predict, f"places are {word}: ({what}) stands for ({axes})", tier=tier)
+            yield discrete(kind, what, predict, f"positions are {word}: ({what}) for ({axes})", tier=tier)
 
 
 def frame(misfit: Misfit) -> Iterator[Hypothesis]:
-    """The frame of positions shifted along an axis, or turned about one."""
+    """Yield hypotheses of a frame shifted along an axis, or rotated about one."""
     indices, axes = _vectors(misfit)
     if _any_position(misfit, indices):
         for i in range(len(axes)):
@@ -200,7 +200,7 @@ def _rotated_about(
         "frame",
         f"turn {where}",
         lambda angle: _moved_frame(misfit, indices, rotation(angle)),
-        lambda angle: f"the frame is turned by {angle:.6g} rad ({np.rad2deg(angle):.4g} deg) {where}",
+        lambda angle: f"the frame is rotated by {angle:.6g} rad ({np.rad2deg(angle):.4g} deg) {where}",
         ROTATION_STEP,
         starts=ROTATIONS,
         by=lambda angle: float(wrapped(np.array(angle))),
@@ -221,7 +221,7 @@ def _rotation_matrix(vector: Array) -> Array:
 
 
 def whole_frame(misfit: Misfit) -> Iterator[Hypothesis]:
-    """The frame of positions shifted or rotated in any direction."""
+    """Yield hypotheses of a frame shifted or rotated in any direction."""
     indices, axes = _vectors(misfit)
     count, shift_step = len(axes), SHIFT_STEP * misfit.length
     any_position = _any_position(misfit, indices)
@@ -239,7 +239,7 @@ def whole_frame(misfit: Misfit) -> Iterator[Hypothesis]:
         "turn",
         THREE,
         lambda p: _moved_frame(misfit, indices, _rotation_matrix(p)),
-        lambda p: f"the frame is turned by {_listed(p)} rad",
+        lambda p: f"the frame is rotated by {_listed(p)} rad",
         (ROTATION_STEP,) * 3,
     )
     if any_position:
@@ -247,7 +247,7 @@ def whole_frame(misfit: Misfit) -> Iterator[Hypothesis]:
             "shift and turn",
             SIX,
             lambda p: _moved_frame(misfit, indices, _rotation_matrix(p[:3]), p[3:]),
-            lambda p: f"the frame is turned by {_listed(p[:3])} rad and shifted by {_listed(p[3:])} m",
+            lambda p: f"the frame is rotated by {_listed(p[:3])} rad and shifted by {_listed(p[3:])} m",
             (ROTATION_STEP,) * 3 + (shift_step,) * 3,
         )
 
@@ -259,7 +259,7 @@ def _whole(
     text: Callable[[Array], str],
     steps: tuple[float, ...],
 ) -> Hypothesis:
-    """Return that the frame is moved by several sizes; the first three count as its size."""
+    """Return the hypothesis of a frame moved by several sizes; the first three give the reported size."""
     return Hypothesis(
         "frame",
         what,
@@ -277,20 +277,20 @@ def _listed(values: Array) -> str:
 
 
 def directions(misfit: Misfit) -> Iterator[Hypothesis]:
-    """Joints, rates and forces counted in the opposite direction."""
+    """Yield hypotheses of joints, rates and forces with the opposite direction."""
     by_subject: dict[tuple[str, bool], list[int]] = {}
     for i, quantity in enumerate(misfit.quantities):
         if quantity.kind not in VECTORS:
             key = quantity.subject, quantity.kind in ("torque", "force", "moment")
             by_subject.setdefault(key, []).append(i)
     for (subject, force), indices in by_subject.items():
-        what = f"{'effort in' if force else 'joint'} {subject}"
-        text = f"the {what} is counted in the reversed sense"
+        what = f"{'force in' if force else 'joint'} {subject}"
+        text = f"the {what} has the opposite direction"
         yield _scaled(misfit, "sense", subject, indices, -1.0, text)
 
 
 def zeros(misfit: Misfit) -> Iterator[Hypothesis]:
-    """A joint's coordinate counted from another zero."""
+    """Yield hypotheses of a joint coordinate with another zero."""
     for i, quantity in enumerate(misfit.quantities):
         if quantity.kind == "joint":
             yield _other_zero(misfit, i, quantity)
@@ -301,7 +301,7 @@ def _other_zero(misfit: Misfit, i: int, quantity: Quantity) -> Hypothesis:
         "offset",
         quantity.subject,
         lambda offset: _changed(misfit, [i], lambda values, _: values + offset),
-        lambda offset: f"joint {quantity.subject} is counted from a zero {offset:.6g} {quantity.unit} away",
+        lambda offset: f"joint {quantity.subject} has its zero {offset:.6g} {quantity.unit} away",
         ROTATION_STEP,
         starts=(float(np.median(misfit.candidates[i].values - misfit.exact[i])),),
     )

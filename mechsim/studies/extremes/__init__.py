@@ -1,1 +1,1 @@
-"""How far each axis can be changed before something breaks: see docs/explanation/extremes.md."""
+"""Stress test: how far quantities can change before a run fails (docs/explanation/extremes.md)."""

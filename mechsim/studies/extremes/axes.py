@@ -29,7 +29,7 @@ REQUIRED = {"speed": (1.0, 1e5), "size": (1e-5, 1e3), "mass ratio": (1e-6, 1e6)}
 STEPS, RECORDS = 100, 20_000
 # ratio of the last errors to the first above which they drift
 MAX_GROWTH = 2.0
-# relative distance to a singular length at which poses still pass; angle to a change point in [rad]
+# relative distance to a singular length at which poses still pass; distance from a change point in [rad]
 MIN_SLACK, CHANGE_POINT_DISTANCE = 1e-10, 0.1
 
 
@@ -151,7 +151,7 @@ def dead_centre(solver: ClosedForm, value: float, method: str, beyond: bool) -> 
 
 
 def tangent(solver: ClosedForm, value: float, method: str) -> Trial:
-    """A crank that just makes a full turn: a length is a fraction `value` from where it would stop."""
+    """A crank that barely makes a full turn: a length is a fraction `value` from the limit."""
     limiting = with_limiting_length(solver, value)
     angles = np.linspace(-np.pi, np.pi, 4001)
     angle = float(angles[np.argmin(limiting.discriminant(angles))]) + np.pi
@@ -171,7 +171,7 @@ def tangent(solver: ClosedForm, value: float, method: str) -> Trial:
 def change_point(solver: ClosedForm, which: str, swing_only: bool) -> Trial:
     """A linkage with change points: a swing between two of them, or a motion through them.
 
-    Through a change point both branches are correct: any outcome that is true of the run passes.
+    Through a change point both branches are correct: any outcome that describes the run correctly passes.
     """
     solver = replace(solver, **special_designs(solver.name).change_points[which])
     motion: dict[str, Any] = {"speed": SINGULAR_SPEED}
@@ -193,7 +193,7 @@ def change_point(solver: ClosedForm, which: str, swing_only: bool) -> Trial:
 def far_start(solver: ClosedForm, value: float, seed: int) -> Trial:
     """Assembly from a guess with an error of `value` characteristic lengths and, in [rad], of every rotation.
 
-    The check must name the assembly mode in which it ends; the truth is the nearest of all assembly modes.
+    The run must report the assembly mode in which it ends; the correct one is the nearest of all modes.
     """
     random = np.random.default_rng([seed, round(1e3 * value)])
     mechanism = solver.mechanism
@@ -241,7 +241,7 @@ def _perturbed(pose: Pose, value: float, length: float, random: np.random.Genera
 
 
 def with_limiting_length(solver: ClosedForm, slack: float) -> TwoBranchForm:
-    """Return a closed form with one length a fraction `slack` from where its crank stops turning fully."""
+    """Return a closed form with one length a fraction `slack` from the limit of full turning."""
     assert isinstance(solver, TwoBranchForm)
     name = special_designs(solver.name).limiting_length
 

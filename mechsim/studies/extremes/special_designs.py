@@ -1,4 +1,4 @@
-"""Designs of catalogue mechanisms at which the stress test looks: cranks that swing, and change points."""
+"""Designs of catalogue mechanisms for the stress test: swinging cranks, and change points."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,9 +10,9 @@ class SpecialDesigns:
     """Parameters of one mechanism for the stress test.
 
     Attributes:
-        swinging: parameters with which the crank only swings; empty if there are none.
-        limiting_length: length that keeps the crank from a full revolution if it is changed far enough.
-        change_points: name -> parameters with which two assemblies meet.
+        swinging: parameters for which the crank only swings; empty if there are none.
+        limiting_length: length that prevents a full revolution of the crank if it changes enough.
+        change_points: name -> parameters of a design with change points.
         long_runs: whether it is run for many revolutions.
     """
 

@@ -20,11 +20,11 @@ AXES: dict[str, str] = {
     "steps": "steps in a turn",
     "speed": "crank speed [rpm]",
     "size": "size of the mechanism [m]",
-    "mass ratio": "mass of the coupler over that of the others",
+    "mass ratio": "mass of the coupler relative to that of the other links",
     "dead centre": "distance to the dead centre [rad]",
     "beyond dead centre": "angle beyond the dead centre [rad]",
-    "near tangent": "length from where the crank stops, of itself",
-    "far start": "error of the starting guess [size, rad]",
+    "near tangent": "relative distance of a length from the limit of full turning",
+    "far start": "error of the initial guess [size, rad]",
     "change point": "distance to the change point [rad]",
     "gear ratio": "gear ratio",
 }
@@ -106,7 +106,7 @@ def study(
     quick: bool = False,
     progress: Progress = no_progress,
 ) -> StabilityMap:
-    """Push every axis until something breaks.
+    """Change the quantity of each axis until runs fail.
 
     Args:
         names: mechanisms of the catalogue; None takes all.

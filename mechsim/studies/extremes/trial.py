@@ -27,7 +27,7 @@ class Trial:
         axis: the changed quantity.
         mechanism: of the catalogue, with a note on the change.
         value: in the unit of the axis.
-        outcome: that the simulator reports, without the closed form.
+        outcome: reported by the simulator, without the closed form.
         right: outcome of the same run by the closed form.
         expected: outcome that the closed form predicts; None if it cannot.
         error: largest position error against the closed form, in characteristic lengths; None without a run.
@@ -43,7 +43,7 @@ class Trial:
 
     @property
     def passed(self) -> bool:
-        """Whether the run ended as the closed form requires, and reported it."""
+        """Whether the run ended as the closed form requires and reported this outcome."""
         return self.outcome == self.right and self.expected in (None, self.outcome)
 
     def as_dict(self) -> dict[str, Any]:
@@ -92,7 +92,8 @@ def attempt(
         axis, value, expected: of the trial.
         solver: the closed form.
         source: model for `simulate`; None for the mechanism of the closed form.
-        reachable: whether the closed form knows that the crank reaches its motion, so that an error is wrong.
+        reachable: whether the closed form proves that the crank reaches its motion, so that an error is
+            wrong.
         note: on the change.
         options: other arguments of `simulate`; stepped by default.
     """

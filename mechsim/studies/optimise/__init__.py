@@ -1,4 +1,4 @@
-"""Dimensions that make a goal smallest, by scipy's optimisers with exact derivatives."""
+"""Dimensions that minimise a goal, by scipy's optimisers with exact derivatives."""
 
 from mechsim.numerics.jets import size_of
 from mechsim.studies.optimise.goals import Goal, Limit, MeasureLimit, Quantities, largest, smallest

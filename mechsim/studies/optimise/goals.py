@@ -1,4 +1,4 @@
-"""Goals and limits in the words of `mechsim sweep`: its measures, through which derivatives go too."""
+"""Goals and limits of an optimisation, as functions or as measures of `mechsim sweep`, with derivatives."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ Function = Callable[[Quantities], Any]
 
 @dataclass(frozen=True)
 class Goal:
-    """What is to be small: the sum of squares of a function's values.
+    """A goal to minimise: the sum of squares of a function's values.
 
     Attributes:
-        quantities: that it needs, named as `model.quantities` has them.
+        quantities: arguments of the function, named as in `model.quantities`.
         function: quantities and dimensions -> a number or numbers, in any unit.
     """
 
@@ -33,13 +33,13 @@ class Goal:
 
 @dataclass(frozen=True)
 class Limit:
-    """What must be kept: low <= function <= high, at each of its values.
+    """A limit of an optimisation: low <= function <= high, for each value.
 
     Attributes:
-        quantities: that it needs; none where dimensions are enough.
+        quantities: arguments of the function; empty if it needs dimensions only.
         function: quantities and dimensions -> a number or numbers.
-        low: bound from below; None for none.
-        high: bound from above.
+        low: lower bound; None for none.
+        high: upper bound; None for none.
         name: for messages.
     """
 
@@ -65,10 +65,10 @@ def smallest(values: Array) -> Any:
 
 
 def numbers_from(result: Any, what: str) -> Array:
-    """Return what a function gave as one row of numbers.
+    """Return the values of a user's function as one row of numbers.
 
     Raises:
-        InputError: for what is no number.
+        InputError: for values that are not finite numbers.
     """
     values = np.atleast_1d(np.asarray(result)).ravel()
     if values.dtype.kind not in "fciu" or not np.isfinite(values).all():
@@ -77,28 +77,28 @@ def numbers_from(result: Any, what: str) -> Array:
 
 
 def bounded(limits: Sequence[Limit]) -> list[tuple[Limit, float, float]]:
-    """Return limits as signs and bounds: sign * (function - bound) >= 0."""
+    """Return limits as signs and bounds, for which sign * (function - bound) >= 0."""
     lower = [(limit, 1.0, limit.low) for limit in limits if limit.low is not None]
     return lower + [(limit, -1.0, limit.high) for limit in limits if limit.high is not None]
 
 
-# words whose measure is a root mean square -> what it is of, instant by instant
+# measure that is a root mean square -> the function whose root mean square it is
 SQUARES: dict[str, Callable[[Array], Array]] = {
     "rms": lambda values: values,
     "ripple": lambda values: values - values.mean(),
 }
-# how near two angles are one, in [rad]
+# largest difference of equal angles, in [rad]
 ANGLE_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
 class MeasureLimit:
-    """What must be kept of a measure: low <= measure <= high.
+    """A limit of a measure: low <= measure <= high.
 
     Attributes:
-        measure: in the words of `mechsim sweep`, as "range:rocker".
-        low: bound from below in SI; None for none.
-        high: bound from above.
+        measure: measure of `mechsim sweep`, as "range:rocker".
+        low: lower bound in SI; None for none.
+        high: upper bound; None for none.
     """
 
     measure: str
@@ -107,13 +107,12 @@ class MeasureLimit:
 
 
 def goal_of(text: str, moved: MovedFamily) -> Goal:
-    """Return what makes a measure small, as `mechsim sweep` has it over the same poses.
+    """Return the goal that minimises a measure of `mechsim sweep` over the same poses.
 
-    Of rms and ripple the numbers are those whose root mean square it is, which least squares takes better
-    than their mean.
+    For rms and ripple the goal has one number for each pose, which least squares needs.
 
     Raises:
-        InputError: for what is no measure, or one without a derivative.
+        InputError: for an unknown measure, or one without a derivative.
     """
     measured = _measured(text, moved)
     if measured.measure.kind in SQUARES:
@@ -123,19 +122,19 @@ def goal_of(text: str, moved: MovedFamily) -> Goal:
 
 
 def limit_of(limit: MeasureLimit, moved: MovedFamily) -> Limit:
-    """Return a limit of a measure; as `goal_of`."""
+    """Return the limit of a measure; as for `goal_of`."""
     measured = _measured(limit.measure, moved)
     return Limit(measured.quantities, measured.value, limit.low, limit.high, limit.measure)
 
 
 @dataclass(frozen=True)
 class _Measured:
-    """A measure, and how it is read off quantities.
+    """A measure, and the poses that it needs.
 
     Attributes:
-        measure: itself.
-        poses: which of the instants are its poses: of a whole turn not the last, which is the first again.
-        index: of the pose at its angle; None over the turn.
+        measure: the measure.
+        poses: indices of its poses; without the last one of a full revolution, which equals the first.
+        index: of the pose at its angle; None for the whole motion.
     """
 
     measure: TurnMeasure
@@ -144,7 +143,7 @@ class _Measured:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the numbers from which it follows."""
+        """Names of the columns that it needs."""
         quantity = self.measure.quantity
         if quantity is None:
             return tuple(f"{self.measure.subject}.{axis}" for axis in AXES)
@@ -152,12 +151,12 @@ class _Measured:
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Names of the quantities that it needs; of a vector its own, for all determined components."""
+        """Names of the quantities that it needs; for a vector all determined components."""
         quantity = self.measure.quantity
         return (quantity.name,) if quantity and len(self.columns) > 1 else self.columns
 
     def over(self, values: Quantities) -> Array:
-        """Return the quantity that it is of, pose by pose."""
+        """Return the values of its quantity at the poses."""
         assert self.measure.quantity is not None
         return self._turns(values).values(self.measure.quantity)[0]
 
@@ -166,12 +165,12 @@ class _Measured:
         return self.measure.value(self._turns(values), self.index)[0]
 
     def _turns(self, values: Quantities) -> Turns:
-        """Return quantities as those of one design."""
+        """Return quantities as motions of a single design."""
         determined = {
             name: np.asarray(values[name])[self.poses][None] for name in self.columns if name in values
         }
         zeros = np.zeros_like(np.real(next(iter(determined.values()))))
-        # what rigid links do not determine counts for nothing
+        # components that rigid links leave undetermined count as zero
         more = {name: determined.get(name, zeros) for name in self.columns}
         return Turns(1, zeros.size, Motion("user", zeros[0], zeros[0], zeros[0], {}), more)
 
@@ -186,7 +185,7 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
     ):
         raise InputError(
             f"{text} has no derivative by dimensions; write a function of columns as Goal or Limit, "
-            "as examples/design/torque_ripple.py does"
+            "as in examples/design/torque_ripple.py"
         )
     whole = solver.motion_laws.crank and abs(angles[-1] - angles[0] - REVOLUTION) < ANGLE_TOLERANCE
     index = None
@@ -195,8 +194,8 @@ def _measured(text: str, moved: MovedFamily) -> _Measured:
         index = int(np.argmin(distance))
         if distance[index] > ANGLE_TOLERANCE:
             raise InputError(
-                f"{text} is taken at {solver.motion_laws.instant_label(measured.angle)}, where the motion is "
-                "not solved; give `moved` this instant"
+                f"{text} is at {solver.motion_laws.instant_label(measured.angle)}, where the motion is "
+                "not solved; add this instant to those of `moved`"
             )
         whole = False
     return _Measured(measured, slice(0, -1) if whole else slice(None), index)

@@ -1,4 +1,4 @@
-"""Searching dimensions: scipy's `least_squares`, or `minimize` by SLSQP where limits are to be kept."""
+"""Optimisation of dimensions: scipy's `least_squares`, or `minimize` with SLSQP if there are limits."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,12 +24,12 @@ from mechsim.studies.optimise.goals import (
 from mechsim.studies.sensitivity.moved_family import MovedFamily, QuantityDerivatives, family_at
 from mechsim.studies.sensitivity.sensitivity import Subject, dimension_names, moved
 
-# mechanisms tried at the most; by how much a limit may be missed, in parts of it
-MAX_MECHANISMS, KEPT = 300, 1e-6
-# the value of a goal, in parts of that at the start, where there is no assembly
+# largest number of mechanisms that are solved; largest violation of a limit, relative to its bound
+MAX_MECHANISMS, LIMIT_TOLERANCE = 300, 1e-6
+# value of a goal without an assembly, relative to that at the start
 GOAL_WITHOUT_ASSEMBLY = 1e6
-# relative change at which a search has come to rest; how near to an end it may begin, and counts as there
-REST, INSIDE, AT_END = 1e-10, 1e-6, 1e-9
+# relative change at convergence; smallest initial distance from a bound; distance that counts as at a bound
+CONVERGENCE_TOLERANCE, START_MARGIN, BOUND_TOLERANCE = 1e-10, 1e-6, 1e-9
 GOAL = "the goal"
 
 SearchOutcome = Literal["found", "not converged", "limits missed"]
@@ -37,19 +37,19 @@ SearchOutcome = Literal["found", "not converged", "limits missed"]
 
 @dataclass(frozen=True)
 class Optimum:
-    """Dimensions that make a goal smallest near where the search began.
+    """Dimensions that minimise a goal near the start.
 
     Attributes:
-        moved: the mechanism with them.
-        outcome: "limits missed" where none that keep them were found.
-        start: dimension -> value from which it began, in SI.
-        values: dimension -> value found.
-        before: root of the mean of squares of the goal at the start.
-        after: likewise of what was found.
-        limits: name of a limit -> its nearest value to a bound, as found.
-        at_bounds: dimensions that lie at the ends of where they may vary.
-        tried: mechanisms solved.
-        message: of the optimiser.
+        moved: the mechanism with these dimensions.
+        outcome: "limits missed" if no dimensions satisfy the limits.
+        start: dimension -> initial value, in SI.
+        values: dimension -> optimal value.
+        before: root mean square of the goal at the start.
+        after: root mean square of the goal at the optimum.
+        limits: name of a limit -> its value closest to a bound, at the optimum.
+        at_bounds: dimensions at their bounds.
+        tried: number of mechanisms solved.
+        message: message of the optimiser.
     """
 
     moved: MovedFamily
@@ -74,45 +74,44 @@ def optimise(
     *,
     most: int = MAX_MECHANISMS,
 ) -> Optimum:
-    """Return the dimensions that make a goal smallest near where a mechanism stands.
+    """Return the dimensions near the initial ones that minimise a goal.
 
-    A thin use of scipy: without limits `least_squares` (trust region), with limits `minimize` by SLSQP; both
-    with exact derivatives of the motion. They find the nearest valley, no more: begin from several mechanisms
-    where there may be others.
+    Without limits scipy's `least_squares` (trust region) is used, with limits `minimize` with SLSQP, both
+    with exact derivatives of the motion. They find a local minimum only: if there may be others, start from
+    several mechanisms.
 
     Args:
-        model: as `moved` takes it; angles, speed and forces are those of `moved`.
+        model: as for `moved`; angles, speed and forces are those of `moved`.
         vary: dimension -> lowest and highest value in SI.
-        goal: what is to be small: a measure as `mechsim sweep` has it ("ripple:torque", "range:rocker"), or
-            a function.
-        limits: what must be kept, of measures or functions. That the loops close at every angle is one
-            without being named: a crank asked for over a whole turn turns fully.
-        most: mechanisms tried at the most.
+        goal: to minimise: a measure of `mechsim sweep` ("ripple:torque", "range:rocker"), or a function.
+        limits: limits of measures or functions. The closure of the loops at every angle is always a limit: a
+            crank with angles over a revolution turns fully.
+        most: largest number of mechanisms that are solved.
 
     Raises:
-        InputError: for an unknown dimension, measure or quantity, a measure without derivative, bounds that
-            run backwards or leave out the start, or a function that loses derivatives.
-        AssemblyError: where the mechanism it begins from cannot stand at every angle.
+        InputError: for an unknown dimension, measure or quantity, a measure without derivative, bounds in
+            descending order or without the start, or a function that loses derivatives.
+        AssemblyError: if the initial mechanism cannot be assembled at every angle.
     """
     subject = moved(model)
     objective = goal_of(goal, subject) if isinstance(goal, str) else goal
-    kept = [limit_of(limit, subject) if isinstance(limit, MeasureLimit) else limit for limit in limits]
-    search = _DimensionSearch(subject, vary, objective, kept)
-    search.evaluated(search.begin)
+    constraints = [limit_of(limit, subject) if isinstance(limit, MeasureLimit) else limit for limit in limits]
+    search = _DimensionSearch(subject, vary, objective, constraints)
+    search.evaluated(search.initial)
     solution = search.constrained(most) if limits else search.free(most)
     return search.result(solution)
 
 
 @dataclass(frozen=True)
 class _Evaluated:
-    """What was found of one mechanism: quantities and derivatives; None where there is no assembly."""
+    """Quantities and derivatives of one mechanism; None without an assembly."""
 
     x: Array
     derivatives: QuantityDerivatives | None
 
 
 class _DimensionSearch:
-    """What scipy asks for, dimensions in parts of how far they may vary."""
+    """The functions that scipy needs, with dimensions relative to their ranges."""
 
     def __init__(
         self,
@@ -126,14 +125,14 @@ class _DimensionSearch:
         ends = [_ends(subject, name, vary[name]) for name in self.names]
         self.low, self.high = np.array(ends).T
         self.start = np.array([subject.designs.dimensions[name].value for name in self.names])
-        self.begin = (self.start - self.low) / (self.high - self.low)
+        self.initial = (self.start - self.low) / (self.high - self.low)
         by_limits = (name for limit in limits for name in limit.quantities)
         requested = dict.fromkeys([*goal.quantities, *by_limits])
         self.columns = subject.quantities([*requested]) if requested else []
         self.tried = 0
         self._last: _Evaluated | None = None
         self.scale = 1.0
-        self.scale = float(np.abs(self.values(goal.function, self.begin, GOAL)).max()) or 1.0
+        self.scale = float(np.abs(self.values(goal.function, self.initial, GOAL)).max()) or 1.0
 
     def dimensions(self, x: Array) -> dict[str, float]:
         """Return dimensions in SI."""
@@ -144,7 +143,7 @@ class _DimensionSearch:
         """Return quantities and their derivatives.
 
         Raises:
-            AssemblyError: where there is no assembly.
+            AssemblyError: for dimensions without an assembly.
         """
         if self._last is not None and np.array_equal(self._last.x, x):
             if self._last.derivatives is None:
@@ -162,7 +161,7 @@ class _DimensionSearch:
                 else QuantityDerivatives({}, {})
             )
         except InputError as error:
-            # dimensions that no mechanism can have
+            # dimensions outside the valid range of the mechanism
             raise AssemblyError(str(error)) from None
         self._last = _Evaluated(x.copy(), result)
         return result
@@ -173,7 +172,7 @@ class _DimensionSearch:
         return numbers_from(function({**self._all(x), **quantities}), what)
 
     def derivative(self, objective: Goal | Limit, x: Array, what: str) -> Array:
-        """Return derivatives of a goal or a limit by parts of the dimensions, (k, p)."""
+        """Return derivatives of a goal or a limit by the scaled dimensions, (k, p)."""
         evaluated, rows = self.evaluated(x), list[Array]()
         for i, name in enumerate(self.names):
             width = self.high[i] - self.low[i]
@@ -186,7 +185,7 @@ class _DimensionSearch:
             result = numbers_from(objective.function({**arguments, **own}), what)
             if objective.quantities and not np.iscomplexobj(result):
                 raise InputError(
-                    f"{what} gives real numbers of what carries a derivative, as abs, max and float do; "
+                    f"{what} loses the derivative, as abs, max and float do; "
                     "use sums, products, powers, roots, and `largest`, `smallest` or `size_of`"
                 )
             rows.append(change_of(result))
@@ -196,31 +195,31 @@ class _DimensionSearch:
         return {**self.moved.designs.values(), **self.dimensions(x)}
 
     def free(self, most: int) -> Any:
-        """Return what `least_squares` finds."""
+        """Return the result of `least_squares`."""
         from scipy.optimize import least_squares
 
-        count = len(self.values(self.goal.function, self.begin, GOAL))
+        count = len(self.values(self.goal.function, self.initial, GOAL))
 
         def residual(x: Array) -> Array:
             try:
                 return self.values(self.goal.function, x, GOAL) / self.scale
             except AssemblyError:
-                # least squares goes back from there
+                # least squares then tries a shorter step
                 return np.full(count, np.inf)
 
         def derivative(x: Array) -> Array:
             return self.derivative(self.goal, x, GOAL) / self.scale
 
         jacobian: Any = derivative
-        begin = np.clip(self.begin, INSIDE, 1.0 - INSIDE)
-        rest: dict[str, Any] = {"xtol": REST, "ftol": REST, "gtol": REST}
-        return least_squares(residual, begin, jacobian, bounds=(0.0, 1.0), max_nfev=most, **rest)
+        initial = np.clip(self.initial, START_MARGIN, 1.0 - START_MARGIN)
+        tolerances: dict[str, Any] = dict.fromkeys(("xtol", "ftol", "gtol"), CONVERGENCE_TOLERANCE)
+        return least_squares(residual, initial, jacobian, bounds=(0.0, 1.0), max_nfev=most, **tolerances)
 
     def constrained(self, most: int) -> Any:
-        """Return what SLSQP finds."""
+        """Return the result of SLSQP."""
         from scipy.optimize import minimize
 
-        def total(x: Array) -> float:
+        def half_square_sum(x: Array) -> float:
             try:
                 return 0.5 * float(np.square(self.values(self.goal.function, x, GOAL) / self.scale).sum())
             except AssemblyError:
@@ -233,9 +232,9 @@ class _DimensionSearch:
             except AssemblyError:
                 return np.zeros(len(x))
 
-        def kept(limit: Limit, sign: float, limit_value: float) -> dict[str, Any]:
+        def constraint(limit: Limit, sign: float, limit_value: float) -> dict[str, Any]:
             unit = _unit(limit)
-            count = len(self.values(limit.function, self.begin, limit.name))
+            count = len(self.values(limit.function, self.initial, limit.name))
 
             def inside(x: Array) -> Array:
                 try:
@@ -251,26 +250,32 @@ class _DimensionSearch:
 
             return {"type": "ineq", "fun": inside, "jac": derivative}
 
-        limits: Any = [kept(*limit) for limit in bounded(self.limits)]
+        limits: Any = [constraint(*limit) for limit in bounded(self.limits)]
         jacobian: Any = derivative
         ends: Any = [(0.0, 1.0)] * len(self.names)
-        options = {"maxiter": most, "ftol": REST}
-        begin = np.clip(self.begin, 0.0, 1.0)
+        options = {"maxiter": most, "ftol": CONVERGENCE_TOLERANCE}
+        initial = np.clip(self.initial, 0.0, 1.0)
         return minimize(
-            total, begin, jac=jacobian, bounds=ends, constraints=limits, method="SLSQP", options=options
+            half_square_sum,
+            initial,
+            jac=jacobian,
+            bounds=ends,
+            constraints=limits,
+            method="SLSQP",
+            options=options,
         )
 
     def result(self, solution: Any) -> Optimum:
-        """Return what came of a search."""
+        """Return the result of a search."""
         x = np.clip(np.asarray(solution.x, dtype=np.float64), 0.0, 1.0)
         after = self.values(self.goal.function, x, GOAL)
-        before = self.values(self.goal.function, self.begin, GOAL)
-        nearest: dict[str, float] = {}
+        before = self.values(self.goal.function, self.initial, GOAL)
+        closest: dict[str, float] = {}
         violated = False
         for limit, sign, limit_value in bounded(self.limits):
             inside = sign * (self.values(limit.function, x, limit.name) - limit_value)
-            nearest[limit.name] = float(limit_value + sign * inside.min())
-            violated |= not inside.min() >= -KEPT * _unit(limit)
+            closest[limit.name] = float(limit_value + sign * inside.min())
+            violated |= not inside.min() >= -LIMIT_TOLERANCE * _unit(limit)
         values = self.dimensions(x)
         outcome: SearchOutcome = (
             "limits missed" if violated else "found" if solution.success else "not converged"
@@ -282,11 +287,11 @@ class _DimensionSearch:
             values=values,
             before=float(np.sqrt(np.square(before).mean())),
             after=float(np.sqrt(np.square(after).mean())),
-            limits=nearest,
+            limits=closest,
             at_bounds=tuple(
                 name
                 for name, position in zip(self.names, x, strict=True)
-                if min(position, 1.0 - position) < AT_END
+                if min(position, 1.0 - position) < BOUND_TOLERANCE
             ),
             tried=self.tried,
             message=str(solution.message),
@@ -301,7 +306,7 @@ def _unit(limit: Limit) -> float:
 def _names(subject: MovedFamily, vary: Mapping[str, tuple[float, float]]) -> list[str]:
     names = dimension_names(subject, [*vary])
     if names != [*vary]:
-        raise InputError(f"a whole place cannot vary between two numbers; name its parts, {', '.join(names)}")
+        raise InputError(f"a whole position cannot vary; name its components, {', '.join(names)}")
     if not names:
         raise InputError("no dimension may vary; name some with their lowest and highest values")
     subject.designs.require_independent(names)
@@ -309,16 +314,16 @@ def _names(subject: MovedFamily, vary: Mapping[str, tuple[float, float]]) -> lis
 
 
 def _ends(subject: MovedFamily, name: str, ends: tuple[float, float]) -> tuple[float, float]:
-    """Return where a dimension may vary, checked."""
+    """Return the bounds of a dimension after validation."""
     low, high = (float(end) for end in numbers(ends)) if np.shape(ends) == (2,) else (np.nan, np.nan)
     current = subject.designs.dimensions[name].value
     if not (-np.inf < low < high < np.inf):
         raise InputError(
-            f"{name} may vary over {ends}; give its lowest and highest value in SI, in this order"
+            f"{name} may vary over {ends}; give its lowest and highest value in SI, in ascending order"
         )
     if not low <= current <= high:
         raise InputError(
-            f"{name} is {current:g} as it stands, outside {low:g} to {high:g}; "
-            "begin from one inside, or widen it"
+            f"{name} is {current:g} initially, outside {low:g} to {high:g}; "
+            "start inside the range, or widen it"
         )
     return low, high

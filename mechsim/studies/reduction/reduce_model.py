@@ -23,7 +23,7 @@ class ReducedModel:
     """A reduced model.
 
     Attributes:
-        reduction: what was left out, with errors and cost.
+        reduction: the removed elements, with errors and cost.
         tolerance: in SI.
         text: of the reduced MJCF file.
         notes: what was changed to read the file.
@@ -51,7 +51,7 @@ class ReducedModel:
     __repr__ = __str__
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what `mechsim reduce --json` prints, but for the path of the file."""
+        """Return the output of `mechsim reduce --json` without the path of the file."""
         result = self.reduction
         first, second = result.errors
         return {
@@ -80,7 +80,7 @@ def reduce(
     progress: Progress = no_progress,
     **options: Any,
 ) -> ReducedModel:
-    """Return the smallest scene that satisfies a tolerance for what is tracked.
+    """Return the smallest scene that satisfies a tolerance for the tracked points.
 
     Args:
         model: an MJCF file, or what `load` takes, which is then written as one.
@@ -89,22 +89,22 @@ def reduce(
         ctrl: actuator -> its control, as `tune` takes it.
         track: bodies, sites, "P,Q" for two of them, or "P,BODY@x,y,z" for a new point; by default all.
         output: path of the reduced MJCF file; None writes none.
-        progress: called with what is tried and the finished fraction.
+        progress: called with a description and the finished fraction.
         options: `drive`, `lock`, `lock_others`, `fix_base`, `key` and `duration`, as `load` takes them.
 
     Raises:
         InputError: for a model, a motion or a tolerance that cannot be used.
-        AssemblyError: where its loops do not close.
+        AssemblyError: for loops that do not close.
 
     Example:
         >>> small = ms.reduce("gripper.xml", "10um", track=["fingertip"], output="small.xml")
         >>> small.reduction.speedup, [element.candidate.what for element in small.reduction.left_out]
     """
     if by not in get_args(By):
-        raise InputError(f"--by is {by!r}; it can be {', '.join(UNITS)}")
+        raise InputError(f"--by is {by!r}; known are {', '.join(UNITS)}")
     limit = si(tolerance, UNITS[by], "the tolerance")
     if not 0.0 < limit < float("inf"):
-        raise InputError(f"the tolerance is {tolerance}; give one above 0, as in 10um")
+        raise InputError(f"the tolerance is {tolerance}; give a value above 0, as 10um")
     # P,Q are two points, P,BODY@x,y,z is one
     points = [name for text in track for name in ([text] if "@" in text else text.split(","))]
     with scene_file(model) as path:

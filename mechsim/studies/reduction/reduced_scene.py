@@ -177,7 +177,7 @@ BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 def normalised(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """Return a copy in which every element has a name and connects and welds join sites.
 
-    Between bodies the compiler would compute the anchors anew from the pose of the reduced scene. The
+    Otherwise the compiler would compute the anchors between bodies from the pose of the reduced scene. The
     simulation of the copy is the same.
     """
     copy = spec.copy()
@@ -213,7 +213,7 @@ def _close_between_sites(spec: mujoco.MjSpec) -> None:
         if equality.type not in (CONNECT, WELD) or equality.objtype != BODY:
             continue
         data, weld = model.eq_data[number], equality.type == WELD
-        # of a weld the anchor comes first, in body 2; then where body 2 is in body 1
+        # the data of a weld begin with the anchor in body 2, followed by the position of body 2 in body 1
         positions = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
         rotations = (data[6:10] if weld else _identity(), _identity())
         ends = (model.eq_obj1id[number], max(int(model.eq_obj2id[number]), 0))
@@ -379,7 +379,7 @@ def observe(spec: mujoco.MjSpec, scene: ReducedScene, tracked: frozenset[str], t
         limited |= _at_limits(model, data)
         forces = np.maximum(forces, np.abs(data.actuator_force))
         if i % 20 == 0:
-            needed |= _needed(model, data)
+            needed |= _independent_equalities(model, data)
     return Evidence(
         spec,
         scene,
@@ -405,7 +405,7 @@ def _at_limits(model: mujoco.MjModel, data: mujoco.MjData) -> set[str]:
     return names
 
 
-def _needed(model: mujoco.MjModel, data: mujoco.MjData) -> set[int]:
+def _independent_equalities(model: mujoco.MjModel, data: mujoco.MjData) -> set[int]:
     """Return the equalities that the others do not imply."""
     owner = np.asarray(data.efc_id)[np.asarray(data.efc_type) == EQUALITY]
     jacobian = _equality_jacobian(model, data)

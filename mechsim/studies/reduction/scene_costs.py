@@ -1,4 +1,4 @@
-"""What each thing in a user's scene costs: turned on or off alone, timed, and how the motion changes."""
+"""Costs of the elements of a user's scene: time and motion with each one switched or removed alone."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,15 +29,15 @@ ROUNDS = 11
 
 @dataclass(frozen=True, slots=True)
 class SceneCost:
-    """What one thing costs.
+    """The cost of one element or option.
 
     Attributes:
-        what: is changed, in words; the first of a table is the scene as it is.
-        dofs: of the model.
-        rows: of constraints at the start.
+        what: description of the change; the first row of a table is the unchanged scene.
+        dofs: number of degrees of freedom of the model.
+        rows: number of constraint rows at the start.
         step: processor time of a step, in [us].
-        ratio: of the time to that of the scene as it is.
-        error: worst distance of a tracked point from the scene as it is, in [m].
+        ratio: of this time to that of the unchanged scene.
+        error: largest distance of a tracked point from the unchanged scene, in [m].
     """
 
     what: str
@@ -55,20 +55,20 @@ def scene_costs(
     rounds: int = ROUNDS,
     progress: Progress = no_progress,
 ) -> list[SceneCost]:
-    """Return what each thing in a scene costs over its motion, the scene as it is first.
+    """Return the costs of all elements and options of a scene over its motion, the unchanged scene first.
 
     Args:
-        scene: and its motion.
+        scene: the scene and its motion.
         spec: of its file; not changed.
         rounds: of timing; each runs everything once.
         progress: called after each round of timing.
 
     Raises:
-        InputError: for a scene that diverges.
+        InputError: for a diverging scene.
     """
     evaluator = ReducedSceneEvaluator.from_scene(scene, spec)
     if evaluator.run.broken:
-        raise InputError(f"{scene.path} diverges: {evaluator.run.broken}; repair the scene, or ask for less")
+        raise InputError(f"{scene.path} diverges: {evaluator.run.broken}; repair it or shorten the motion")
     observed = observe(evaluator.spec, evaluator.full, evaluator.tracked_bodies, 0.0)
     tried = {"as it is": evaluator.full}
     for candidate in _candidates(observed):
@@ -91,7 +91,7 @@ def scene_costs(
 
 
 def _candidates(observed: Evidence) -> list[RemovalCandidate]:
-    """Return all that can be turned on or off, or left out, in a scene."""
+    """Return all elements and options of a scene that can be switched or removed."""
     option = observed.spec.option
     candidates = [
         _flag("contacts", "disableflags", int(OFF.mjDSBL_CONTACT), option.disableflags, disables=True),

@@ -29,7 +29,7 @@ from mechsim.studies.scene.scene import UserScene
 By = Literal["trajectory", "torque"]
 # fraction of the tolerance that the reduced scene may use on the user's motion
 SEARCH_FRACTION = 0.9
-# smallest fraction with which longer steps are searched again after a failed verification
+# smallest fraction of the tolerance with which longer steps are searched after a failed verification
 MIN_SEARCH_FRACTION = 0.2
 # fraction for fitted parameters on the fitted motions: on others the error is up to half as large again
 FITTED_FRACTION = 0.5
@@ -107,7 +107,7 @@ def reduce_scene(
         tolerance: in [m], or in [N m] or [N] by torque.
         keep: names of bodies that must remain.
         by: the measure.
-        progress: called with what is tried and the finished fraction.
+        progress: called with a description and the finished fraction.
 
     Raises:
         InputError: if the full scene diverges or has no tracked point.
@@ -115,7 +115,7 @@ def reduce_scene(
     first = ReducedSceneEvaluator.from_scene(scene, spec)
     second = replace(first, motion=second_motion(scene))
     if not scene.tracked:
-        raise InputError(f"nothing of {scene.path} is tracked; name a site or a body by --track")
+        raise InputError(f"{scene.path} has no tracked point; name a site or a body by --track")
     for evaluator, motion_name in ((first, "its motion"), (second, "a second motion")):
         if evaluator.run.broken:
             raise InputError(
@@ -156,7 +156,7 @@ class _Search:
         return observe(spec, self.evaluator.scene(spec), self.bodies, self.tolerance)
 
     def run(self) -> None:
-        """Try what costs no accuracy, then what does and longer steps, in the better order."""
+        """Try candidates without loss of accuracy, then the others and longer steps, in the better order."""
         self.categories(0.0, costly=False)
         before = self.state
         states: list[_State] = []
@@ -375,14 +375,14 @@ def with_comment(reduction: Reduction, name: str, tolerance: float, unit: str) -
     """
     first, second = (errors.by(reduction.by) for errors in reduction.errors)
     lines = [
-        f"Reduced from {name}: {reduction.speedup:.3g} times as fast as it.",
-        f"After each of its steps within {first:.2g} {unit} of it over the motion it was reduced for, "
+        f"Reduced from {name}: {reduction.speedup:.3g} times as fast.",
+        f"After each of its steps within {first:.2g} {unit} of the full scene over the given motion, "
         f"{second:.2g} {unit} over another; the tolerance is {tolerance:.3g} {unit}.",
         f"Over these motions forces differ by up to {max(errors.torque for errors in reduction.errors):.2g} "
         f"(N m, N), changes of energy by up to {max(errors.energy for errors in reduction.errors):.2g} J.",
         "Left out, with the error of each alone and its time relative to the full scene's:"
         if reduction.left_out
-        else "Nothing was left out: no candidate kept the tolerance and saved time.",
+        else "Nothing was left out: no candidate satisfies the tolerance and saves time.",
     ]
     lines += [f"  {candidate_line(item, reduction.by, unit)}" for item in reduction.left_out]
     lines += [f"Taken back, since the result exceeded the tolerance: {what}" for what in reduction.undone]

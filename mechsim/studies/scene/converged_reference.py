@@ -19,18 +19,18 @@ from mechsim.studies.budget import Budget
 from mechsim.studies.scene.errors import By, cubic_interpolation, deviation
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.settings import HARDEST
+from mechsim.studies.scene.settings import LOWEST_COMPLIANCE_SOLIMP
 
 # smallest and largest number of steps of a run; each run has twice as many as the one before
 MIN_STEPS, MAX_STEPS = 2000, 400_000
-# in the order tried; the last integrates stiffness implicitly
+# tried in this order; the last integrates stiffness implicitly
 INTEGRATORS = ("RK4", "implicitfast", "discrete")
 # solver tolerance relative to that of the scene
 SOLVER_TOLERANCE_RATIO = 1e-4
 # records of each run
 RECORDED = 2000
 # time constant of the loops in steps
-CONSTANT = 10.0
+TIME_CONSTANT_STEPS = 10.0
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ def hardened(
     option.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
     option.iterations, option.ls_iterations = max(option.iterations, 100), max(option.ls_iterations, 50)
     option.tolerance = min(option.tolerance, tolerance) or tolerance
-    model.eq_solref[:] = CONSTANT * timestep, 1.0
-    model.eq_solimp[:] = HARDEST
+    model.eq_solref[:] = TIME_CONSTANT_STEPS * timestep, 1.0
+    model.eq_solimp[:] = LOWEST_COMPLIANCE_SOLIMP
     return model
 
 
@@ -93,7 +93,7 @@ def compute_reference(
 
     Args:
         scene: the scene.
-        tolerance: error of its points in [m] at which refinement ends; 0 refines until the budget ends.
+        tolerance: error of its points in [m] at which refinement stops; 0 refines until the budget is spent.
         budget: of each integrator, in [s]; about that long.
         progress: called before each run.
     """
@@ -117,7 +117,7 @@ def compute_reference(
 def _refined(
     scene: UserScene, steps: int, integrator: str, tolerance: float, budget: Budget, progress: Progress
 ) -> ConvergedReference:
-    """Return the converged motion by one integrator: double the steps until it holds or time ends."""
+    """Return the converged motion by one integrator: with doubled steps up to the tolerance or budget."""
     runs: list[SceneRun] = []
     solver_tolerance = SOLVER_TOLERANCE_RATIO * scene.solver_tolerance
     start = budget.spent
@@ -147,7 +147,7 @@ def _extrapolated(runs: Sequence[SceneRun], integrator: str) -> ConvergedReferen
     changes = [_differences(coarse, middle), _differences(middle, fine)]
     orders = [plausible_order(before, last, 2.0) for before, last in zip(*changes, strict=True)]
     points, forces = (last / (2.0**order - 1.0) for last, order in zip(changes[1], orders, strict=True))
-    what = f"{fine.steps:,} steps of {integrator}, loops with time constants of {CONSTANT:g} steps"
+    what = f"{fine.steps:,} steps of {integrator}, loops with time constants of {TIME_CONSTANT_STEPS:g} steps"
     return ConvergedReference(fine, (points, forces), orders[0], what)
 
 

@@ -22,7 +22,7 @@ MEASURES: dict[By, str] = {
 # number of instants at which energies are compared
 ENERGY_SAMPLES = 100
 # factor by which the step is reduced to test whether stiffness caused a divergence
-FINER = 8.0
+STEP_RATIO = 8.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ def start_error(scene: UserScene) -> float:
 
 
 def divergence_reason(run: SceneRun) -> str:
-    """Return in one clause why a run diverged, and where; empty if it did not."""
+    """Return in one clause the cause and location of a divergence; empty for a complete run."""
     if not run.broken:
         return ""
     full = run_scene(run.scene, run.model, records=None)
@@ -135,10 +135,10 @@ def divergence_reason(run: SceneRun) -> str:
     if cause := cause or stiffness_cause(run.model):
         return cause
     fine = copy.copy(run.model)
-    fine.opt.timestep /= FINER
+    fine.opt.timestep /= STEP_RATIO
     if not run_scene(run.scene, fine, records=2).broken:
-        return f"stiffness: a step {FINER:g} times smaller does not diverge"
-    return f"a step {FINER:g} times smaller diverges too, as with loops that contradict each other"
+        return f"stiffness: a step {STEP_RATIO:g} times smaller does not diverge"
+    return f"a step {STEP_RATIO:g} times smaller diverges too, as for contradictory loops"
 
 
 def _force_error(run: SceneRun, reference: SceneRun) -> float:
@@ -190,7 +190,7 @@ class SceneEvaluator:
         reference: run that gives the true points, forces and energies; None compares none.
         closure: whether points are compared with the exact closure of the scene's loops.
         forces: whether forces are compared with the reference.
-        energy: whether energies are.
+        energy: whether energies are compared.
     """
 
     reference: SceneRun | None = None

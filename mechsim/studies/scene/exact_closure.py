@@ -1,6 +1,6 @@
 """Exact closure of a scene's loops by the loop equations, in the coordinates of MuJoCo's state.
 
-A recorded state is an initial guess as it is.
+A recorded state serves as initial guess without change.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +21,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm
 
-# largest number of Newton steps; largest step in [rad] or characteristic lengths; residual that is rounding
+# largest number of Newton steps; largest step in [rad] or characteristic lengths; residual of rounding
 MAX_ITERATIONS, MAX_STEP, ROUNDING = 30, 0.3, 1e-14
 # largest residual of assembled loops, in characteristic lengths
 ASSEMBLED = 1e-10
@@ -163,8 +163,8 @@ class ExactClosure:
                 values = zip(target, q.values[indices, 0], strict=True)
                 text = ", ".join(f"{name} = {value:.6g}" for name, value in values)
                 raise AssemblyError(
-                    f"{self.mechanism.name}: the loops do not close at {text}, on the way to where the "
-                    "motion laws begin; change the motion laws, or start from another keyframe (--key)"
+                    f"{self.mechanism.name}: the loops do not close at {text}, on the path to the start of "
+                    "the motion laws; change the motion laws, or start from another keyframe (--key)"
                 )
         return self.states_of(q, qpos)[0]
 
@@ -201,7 +201,7 @@ def exact_closure(
 ) -> ExactClosure:
     """Return the exact closure of a mechanism read from a model.
 
-    Redundant drivers, as of two fingers that a coupling ties, are unknowns.
+    Redundant drivers, as of two coupled fingers, are unknowns.
 
     Args:
         mechanism: its first joints are the model's, in order.

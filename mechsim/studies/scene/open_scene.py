@@ -58,7 +58,7 @@ def open_scene(
     duration: str | float | None = None,
     **options: Any,
 ) -> tuple[UserScene, tuple[str, ...]]:
-    """Return the scene of an MJCF file and its prescribed motion, and what was changed to read it.
+    """Return the scene of an MJCF file and its prescribed motion, and notes on changes made to read it.
 
     Args:
         path: of the file.
@@ -67,7 +67,7 @@ def open_scene(
         track: points to record, as `mechsim.load` takes them.
         key: keyframe to start from.
         duration: in [s] or as text; by default that of the laws.
-        options: `drive` and what else `mechsim.load` takes.
+        options: `drive` and further arguments of `mechsim.load`.
 
     Raises:
         InputError: for a joint, actuator, keyframe or point that is missing.

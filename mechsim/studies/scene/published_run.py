@@ -34,11 +34,11 @@ class PublishedRun:
         path: of the file.
         settings: time step in [s], integrator, solver, `solref` of the loops (None if they differ).
         driven: description of how the drivers were moved.
-        instants: crank angle in [rad] at each record, or time in [s] where motion laws drive, (n,).
-        instants_unit: of them, "rad" or "s".
+        instants: crank angle in [rad] at each record, or time in [s] under motion laws, (n,).
+        instants_unit: unit of the instants, "rad" or "s".
         gaps: largest distance between the two sides of a connect or weld, (n,) in [m].
         errors: largest distance of a tracked point from the exact closure at the run's own drivers, (n,).
-        note: why there is no run or no finite figure; empty otherwise.
+        note: why there is no run or no finite error; empty otherwise.
         run: whether the file was run.
     """
 
@@ -54,12 +54,12 @@ class PublishedRun:
 
     @property
     def gap(self) -> float:
-        """The largest of the gaps, in [m]; infinite where the run diverged."""
+        """The largest of the gaps, in [m]; infinite for a diverged run."""
         return self._worst(self.gaps)
 
     @property
     def error(self) -> float:
-        """The largest of the errors, in [m]; infinite where the run diverged."""
+        """The largest of the errors, in [m]; infinite for a diverged run."""
         return self._worst(self.errors)
 
     def _worst(self, values: Array) -> float:
@@ -86,9 +86,9 @@ class PublishedRun:
         }
 
     def finding(self) -> Finding:
-        """Return what the run comes to as a finding."""
+        """Return the result of the run as a finding."""
         if not self.run:
-            message = f"the file's own settings ({self.label}) are not judged: {self.note}"
+            message = f"the file's own settings ({self.label}) are not checked: {self.note}"
             return Finding(kind="published", what=self.path, by=0.0, explains=0.0, message=message)
         if self.note:
             message, remedy = f"with the file's own settings ({self.label}) {self.note}", ""

@@ -16,12 +16,12 @@ from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.scene.scene import UserScene, actuator_names
 
 # steps in one call into C
-BLOCK = 4096
+STEPS_PER_CALL = 4096
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 # default number of records after the first
 RECORDS = 400
-# largest number of records between which forces and energies are interpolated
+# largest number of records; forces and energies are interpolated between them
 MAX_REFERENCE_RECORDS = 4000
 # processor time in [s] below which a measurement is repeated, and the largest number of repetitions
 MIN_MEASURED_TIME, MAX_REPETITIONS = 0.01, 8
@@ -153,7 +153,7 @@ def run_scene(
         model: its model with other settings; None for the scene's own.
         records: approximate number of records after the first; None for every step.
         duration: in [s]; None for the scene's.
-        phase: fraction of a step, 0 to 1, at which motion laws are evaluated; a loop in Python has 0.
+        phase: fraction of a step, 0 to 1, at which motion laws are evaluated; 0 for a loop in Python.
     """
     model = scene.model if model is None else model
     timestep = float(model.opt.timestep)
@@ -172,7 +172,7 @@ def run_scene(
     records_of_blocks = [(np.zeros(1), scene.start[0][None], scene.start[1][None])]
     steps, spent, broken = 0, 0.0, ""
     while steps < total and not broken:
-        count = min(BLOCK, total - steps)
+        count = min(STEPS_PER_CALL, total - steps)
         control = scene.controls(model, steps, count, phase)[None]
         begin = thread_time()
         out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
@@ -185,7 +185,7 @@ def run_scene(
         times = np.asarray(timestep * number[valid], dtype=np.float64)
         records_of_blocks.append((times, qpos[valid], qvel[valid]))
         if not valid.all() or sims.warning[..., 1].any():
-            broken = f"MuJoCo's state went bad after {times[-1:].max(initial=timestep * steps):.6g} s"
+            broken = f"MuJoCo's state became invalid after {times[-1:].max(initial=timestep * steps):.6g} s"
         steps += count
     time, qpos, qvel = (np.concatenate(blocks) for blocks in zip(*records_of_blocks, strict=True))
     return SceneRun(scene, model, time, qpos, qvel, spent, steps, broken)

@@ -41,9 +41,9 @@ class UserScene:
         drive_inertias: prescribed joint -> (virtual drive inertia, own armature), in [kg m2] or [kg].
         key: keyframe at which it starts; None for the reference configuration.
         inertia_ratio: mean inertia without virtual drive inertia over that with it.
-        fixed_bodies: floating bases and ball joints that are fixed although the file does not; None without.
+        fixed_bodies: floating bases and ball joints fixed by options, not by the file; None without any.
         allowed: kinds of elements that may be disabled, of `ALLOWABLE`.
-        assembled_start: whether it starts in an assembled configuration that is not the file's own.
+        assembled_start: whether it starts in an assembled configuration other than the file's own.
     """
 
     path: str
@@ -63,7 +63,7 @@ class UserScene:
 
     @property
     def own_start(self) -> bool:
-        """Whether it starts elsewhere than its file or keyframe."""
+        """Whether its start differs from the file's or keyframe's."""
         return bool(self.joint_laws) or self.assembled_start
 
     @property
@@ -101,14 +101,14 @@ class UserScene:
     def controls(self, model: mujoco.MjModel, first: int, count: int, phase: float = 0.0) -> Array:
         """Return the actuator controls and applied forces of steps, (count, nu + nv).
 
-        The force on a drive inertia gives it the speed with which its joint is right at the end of the step;
-        in RK4, which averages both speeds, the speed of the motion law at that time.
+        The force on a drive inertia sets the speed for which its joint is correct at the end of the step. In
+        RK4, which averages both speeds, it gives the speed of the motion law at that time.
 
         Args:
             model: with its time step and integrator.
             first: number of steps before.
             count: number of steps.
-            phase: fraction of a step, 0 to 1, at which controls are evaluated; a loop in Python has 0.
+            phase: fraction of a step, 0 to 1, at which controls are evaluated; 0 for a loop in Python.
         """
         timestep = float(model.opt.timestep)
         out = np.zeros((count, self.model.nu + self.model.nv))
@@ -247,7 +247,7 @@ def with_assembled_start(scene: UserScene) -> UserScene:
     closed, violation = scene.closure.closed(scene.closure.coordinates_of(qpos[None]))
     if not violation[0] <= ASSEMBLED:
         raise AssemblyError(
-            f"{scene.path}: its loops stand open where it starts and close in no pose near; start from "
+            f"{scene.path}: its loops are open at the start, and no nearby pose closes them; start from "
             "another keyframe (--key)"
         )
     return replace(scene, start=(scene.closure.states_of(closed, qpos)[0], qvel), assembled_start=True)
@@ -282,9 +282,7 @@ def _require_joints(model: mujoco.MjModel, drivers: Sequence[str]) -> None:
     joints = {model.joint(i).name for i in range(model.njnt)}
     for name in drivers:
         if name not in joints:
-            raise InputError(
-                f"{name} is no joint, and a plain MuJoCo scene moves by its joints; drive joints"
-            )
+            raise InputError(f"{name} is no joint; a plain MuJoCo scene is driven by joints: drive joints")
 
 
 def _require_actuators(model: mujoco.MjModel, ctrl: Mapping[str, State]) -> None:

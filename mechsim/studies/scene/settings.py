@@ -42,7 +42,7 @@ _ENUMERATIONS: dict[str, tuple[str, Any, tuple[str, ...]]] = {
     "jacobian": ("mjJAC_", mujoco.mjtJacobian, JACOBIANS),
 }
 # MuJoCo's hardest impedance
-HARDEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+LOWEST_COMPLIANCE_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +93,7 @@ class PlainSettings:
 
     @property
     def in_file(self) -> bool:
-        """Whether an MJCF file can state all of them."""
+        """Whether an MJCF file can contain all of them."""
         return self.compliance is None
 
     def applied(self, model: mujoco.MjModel) -> mujoco.MjModel:
@@ -121,8 +121,8 @@ class PlainSettings:
         """
         if self.compliance not in (None, 1.0):
             raise InputError(
-                f"compliance is {self.compliance:g}, and an MJCF file can only state 1; leave it out, or let "
-                "`mechsim tune --python` write lines that run it"
+                f"compliance is {self.compliance:g}, but an MJCF file can only contain 1; leave it out, or "
+                "let `mechsim tune --python` write a script"
             )
         for name in OPTIONS:
             value = getattr(self, name)
@@ -200,7 +200,7 @@ def plain_settings(
     file_timestep: float,
     speed: float | None = None,
 ) -> PlainSettings:
-    """Return settings of a run as plain MuJoCo has them; the file determines the others.
+    """Return settings of a run as plain MuJoCo needs them; the file determines the others.
 
     Args:
         settings: by their names in `Settings`.
@@ -220,11 +220,11 @@ def plain_settings(
         if speed is None:
             raise InputError("--steps-per-turn applies to a crank; give --timestep instead")
         if step is not None:
-            raise InputError("both --timestep and --steps-per-turn were given; give one of them")
+            raise InputError("both --timestep and --steps-per-turn were given; give only one")
         step = REVOLUTION / abs(speed) / values["steps_per_turn"]
     if "constant_steps" in values:
         if "solref" in values:
-            raise InputError("both --constant-steps and --solref were given; give one of them")
+            raise InputError("both --constant-steps and --solref were given; give only one")
         values["solref"] = values["constant_steps"] * (step or file_timestep), 1.0
     names = {field.name for field in fields(PlainSettings)} & {*values}
     return PlainSettings(timestep=step, **{name: values[name] for name in names})

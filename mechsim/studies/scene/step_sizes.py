@@ -1,4 +1,4 @@
-"""Time steps and settings that are worth trying on a scene, the cheapest first."""
+"""Candidate time steps and settings of a scene, the cheapest first."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
@@ -12,7 +12,7 @@ from mechsim.numerics.convergence import refine
 from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
 from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.settings import ALLOWABLE, HARDEST, PlainSettings, settings_of
+from mechsim.studies.scene.settings import ALLOWABLE, LOWEST_COMPLIANCE_SOLIMP, PlainSettings, settings_of
 
 # steps that tune tries, relative to the file's own
 RATIOS = (16.0, 12.0, 8.0, 6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6, 1.25, 1.0, 0.8, 0.64, 0.5, 0.4, 0.32, 0.25, 0.2)
@@ -26,18 +26,18 @@ COSTS = {"Euler": 1.0, "implicitfast": 1.0, "discrete": 1.2, "implicit": 1.3, "R
 SINGLE_STAGE = ("Euler", "implicitfast", "discrete")
 # integrates springs and servos implicitly: tried where another integrator diverges
 IMPLICIT = "discrete"
-# time constants of the loops in steps; below `SAFE` steps MuJoCo lengthens them unless refsafe is off
-CONSTANTS = (2.0, 1.5, 3.0, 5.0, 10.0)
-SAFE = 2.0
+# time constants of the loops in steps; below `SAFE_TIME_CONSTANT` MuJoCo lengthens them unless refsafe is off
+TIME_CONSTANTS = (2.0, 1.5, 3.0, 5.0, 10.0)
+SAFE_TIME_CONSTANT = 2.0
 # compliance scales, which no file can state
 COMPLIANCES = (1e-2, 1e-4, 1e-8)
 
 
 def steps_of(scene: UserScene) -> list[float]:
-    """Return the time steps worth trying, the longest first, in [s].
+    """Return the candidate time steps, the longest first, in [s].
 
-    None is so long that MuJoCo would soften contacts, limits or friction, unless the file's own step is, or
-    these may be disabled.
+    Steps for which MuJoCo would soften contacts, limits or friction are left out, unless the file's own step
+    already does so or these elements may be disabled.
     """
     own = float(scene.model.opt.timestep)
     shortest_constant = shortest_time_constant(scene.model, scene.allowed)
@@ -78,17 +78,17 @@ def shortest_time_constant(model: mujoco.MjModel, allowed: Collection[str] = ())
 def probes(scene: UserScene, step: float) -> Iterator[PlainSettings]:
     """Yield a few settings that show whether a step can satisfy a tolerance."""
     for integrator in SINGLE_STAGE:
-        yield loop_settings(scene, step, integrator, SAFE)
+        yield loop_settings(scene, step, integrator, SAFE_TIME_CONSTANT)
 
 
 def single_stage(scene: UserScene, step: float) -> Iterator[PlainSettings]:
     """Yield the settings of a step with integrators that evaluate it once."""
     for integrator in SINGLE_STAGE:
-        for constant in (*CONSTANTS, None):
+        for constant in (*TIME_CONSTANTS, None):
             yield loop_settings(scene, step, integrator, constant)
         yield PlainSettings(timestep=step, integrator=integrator, solver="Newton")
     yield PlainSettings(timestep=step)
-    yield PlainSettings(timestep=step, solimp=HARDEST)
+    yield PlainSettings(timestep=step, solimp=LOWEST_COMPLIANCE_SOLIMP)
 
 
 def fourth_order_probes(scene: UserScene, step: float) -> Iterator[PlainSettings]:
@@ -99,7 +99,7 @@ def fourth_order_probes(scene: UserScene, step: float) -> Iterator[PlainSettings
 
 def fourth_order(scene: UserScene, step: float) -> Iterator[PlainSettings]:
     """Yield the settings of a step with RK4."""
-    for constant in (SAFE, 3.0, 5.0, 10.0, None):
+    for constant in (SAFE_TIME_CONSTANT, 3.0, 5.0, 10.0, None):
         yield loop_settings(scene, step, "RK4", constant)
 
 
@@ -154,10 +154,10 @@ def disabled(scene: UserScene) -> list[dict[str, Any]]:
 def loop_settings(scene: UserScene, step: float, integrator: str, constant: float | None) -> PlainSettings:
     """Return hard loops with a time constant in steps; None keeps the file's."""
     solref = None if constant is None else (float(f"{constant * step:.4g}"), 1.0)
-    # MuJoCo must go on lengthening short time constants of contacts and limits
+    # MuJoCo must continue to lengthen short time constants of contacts and limits
     unsafe = (
         constant is not None
-        and constant < SAFE
+        and constant < SAFE_TIME_CONSTANT
         and step <= 0.5 * shortest_time_constant(scene.model, scene.allowed)
     )
     return PlainSettings(
@@ -165,7 +165,7 @@ def loop_settings(scene: UserScene, step: float, integrator: str, constant: floa
         integrator=integrator,
         solver="Newton",
         solref=solref,
-        solimp=HARDEST,
+        solimp=LOWEST_COMPLIANCE_SOLIMP,
         refsafe=False if unsafe else None,
         # a solver with tolerance 0 always takes all its iterations
         tolerance=None if scene.model.opt.tolerance > 0.0 else scene.solver_tolerance,
@@ -230,6 +230,6 @@ def _with_hard_loops(settings: PlainSettings, step: float) -> PlainSettings:
         settings,
         timestep=step,
         solver=settings.solver or "Newton",
-        solref=settings.solref or (SAFE * step, 1.0),
-        solimp=settings.solimp or HARDEST,
+        solref=settings.solref or (SAFE_TIME_CONSTANT * step, 1.0),
+        solimp=settings.solimp or LOWEST_COMPLIANCE_SOLIMP,
     )

@@ -28,7 +28,7 @@ from mechsim.studies.scene.step_sizes import (
 
 # fraction of the tolerance at which the search aims: the rest is a reserve for another phase of the motion,
 # rounding of other machines and instants between records (validation/choices/tuned_scenes.py)
-AIM = 0.8
+AIMED_FRACTION = 0.8
 # number of steps, each longer than the longest that satisfies the tolerance, that are tried with all settings
 LONGER_STEPS = 3
 # factor on the duration over which a choice by closure is verified
@@ -58,13 +58,13 @@ class Tuned:
     Attributes:
         scene: the scene.
         by: the measure.
-        tolerance: requested.
+        tolerance: requested, in SI.
         published: the file's own settings, their errors measured at every step.
         satisfied: whether the file's own settings satisfy the tolerance.
-        chosen: the cheapest that satisfy the tolerance; the published settings if they do and nothing is
-            cheaper; None if no file can.
-        closest: the settings of least error that a file can state.
-        beyond: the cheapest that satisfy it and that no file can state; None if a file can, or nothing does.
+        chosen: the cheapest settings that satisfy the tolerance; the published ones if nothing is cheaper;
+            None if no settings of a file satisfy it.
+        closest: the settings with the smallest error that a file can contain.
+        beyond: the cheapest sufficient settings that no file can contain; None without any.
         tried: all trials, in order.
         reference: converged motion of the scene.
         seconds: duration of the search.
@@ -134,7 +134,7 @@ class _SettingSearch:
     def satisfies(self, trial: SceneTrial) -> bool:
         """Return whether a trial satisfies the tolerance with a reserve, and its motion is the scene's."""
         similar = self.by == "trajectory" or not trial.errors.trajectory > self.max_trajectory_error
-        return similar and self.error(trial) <= AIM * self.tolerance
+        return similar and self.error(trial) <= AIMED_FRACTION * self.tolerance
 
     def satisfying(self, proposals: Iterable[PlainSettings]) -> list[SceneTrial]:
         """Return the trials that satisfy the tolerance; ends with the budget."""
@@ -226,7 +226,7 @@ def _climb(search: _SettingSearch) -> None:
             best = step
         if best is not None and step < CLEARLY_SHORTER * best:
             break
-    # a step of RK4 pays if it is longer by the ratio of the costs
+    # a step of RK4 is worthwhile if it is longer by the ratio of the costs
     longer = [step for step in steps if best is None or step >= CLEARLY_SHORTER * COSTS["RK4"] * best]
     for step in _longest(search, longer, fourth_order_probes):
         if search.satisfying(fourth_order(search.scene, step)):

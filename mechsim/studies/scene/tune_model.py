@@ -29,7 +29,7 @@ from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.scene import UserScene, scene_of, with_assembled_start
 from mechsim.studies.scene.settings import ALLOWABLE, settings_of
-from mechsim.studies.scene.tune import AIM, SECONDS, Tuned, TuningReport, tuned
+from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, Tuned, TuningReport, tuned
 from mechsim.studies.scene.write_tuned import (
     KEY,
     TunedText,
@@ -44,34 +44,35 @@ from mechsim.units import parse, si
 
 MOTOR, RUN_KEY = "motor", "turning"
 # revolutions over which the search satisfies a tolerance; it verifies its choice over three times as many
-TURNS = 2.0
+REVOLUTIONS = 2.0
 # inertia of the servo relative to that of the links: it accelerates the crank within 0.1 rad
-STIFF = 10.0
+SERVO_INERTIA_RATIO = 10.0
 
 
 def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.MjSpec:
-    """Return a model with a motor on its crank and a keyframe, closed and moving, in which it turns.
+    """Return a model with a motor on its crank, and an assembled keyframe in which the crank turns.
 
     Args:
-        spec: of the mechanism, as the generator makes it: whatever the crank's name, its hinge is "crank".
-        mechanism: with one crank that turns.
+        spec: of the mechanism, from the generator: the hinge of the crank is always named "crank".
+        mechanism: with one crank.
         speed: of the crank, in [rad/s].
 
     Raises:
         InputError: for a mechanism without a crank.
-        AssemblyError: where the crank cannot turn.
+        AssemblyError: for a crank that cannot turn fully.
     """
     if not mechanism.has_crank:
         raise InputError(
-            f"{mechanism.name} has no single crank that could turn at a speed; leave out --speed and "
+            f"{mechanism.name} has no single crank that can turn at a speed; leave out --speed and "
             "--tolerance"
         )
     spec = spec.copy()
     closed = from_mechanism(mechanism, spec.copy(), tuple(mechanism.points), programmed=False)
-    qpos, qvel = first_state(closed, constant(speed, TURNS, mechanism.start))
+    qpos, qvel = first_state(closed, constant(speed, REVOLUTIONS, mechanism.start))
     model, joint = plainly_compiled(spec.copy()), spec.joint(CRANK)
     weight = (
-        float(joint.armature) or STIFF * float(model.body_mass.sum()) * mechanism.characteristic_length**2
+        float(joint.armature)
+        or SERVO_INERTIA_RATIO * float(model.body_mass.sum()) * mechanism.characteristic_length**2
     )
     motor = spec.add_actuator(name=MOTOR, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint.name)
     motor.set_to_velocity(kv=weight * abs(speed))
@@ -82,7 +83,7 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
 def turning_scene(path: str, mechanism: Mechanism, speed: float) -> UserScene:
     """Return the scene of a file made by `turning`, whose points are tracked over whole revolutions."""
     read = read_model(path, drivers=[CRANK], key=RUN_KEY)
-    duration = TURNS * REVOLUTION / abs(speed)
+    duration = REVOLUTIONS * REVOLUTION / abs(speed)
     points = {name: point for name, point in mechanism.points.items() if name in read.mechanism.points}
     return scene_of(read, read.mechanism, duration=duration, points=points or None, key=RUN_KEY)
 
@@ -100,8 +101,8 @@ def exported_model(
     """Return the text of a model that turns within a tolerance, and its error as read back.
 
     Args:
-        spec: as of `turning`.
-        mechanism: as of `turning`.
+        spec: as for `turning`.
+        mechanism: as for `turning`.
         speed: of the crank, in [rad/s].
         tolerance: of tracked points from the exact closure at the crank's own angle, in [m].
         budget: of the search, in [s].
@@ -118,9 +119,9 @@ def exported_model(
         error = errors_of(run_scene(written_scene, records=None)).closure
         edited = EditedText(text)
         comment = [
-            f"mechsim export: {'keeps' if error <= tolerance else 'does not keep'} {tolerance:g} m at "
-            f"{speed:g} rad/s over {TURNS:g} turns, errs by {error:.2g};",
-            f"to be stepped from keyframe {RUN_KEY} (mj_resetDataKeyframe(model, data, 0)), nothing else.",
+            f"mechsim export: {'satisfies' if error <= tolerance else 'does not satisfy'} {tolerance:g} m at "
+            f"{speed:g} rad/s over {REVOLUTIONS:g} turns, error {error:.2g} m;",
+            f"step it from keyframe {RUN_KEY} (mj_resetDataKeyframe(model, data, 0)), nothing else.",
         ]
         put_comment(edited, comment)
     return edited.result, error
@@ -134,7 +135,7 @@ class TunedModel:
         report: errors and costs before and after.
         text: of the tuned MJCF file.
         diff: changes relative to the file as published.
-        included: names of included files that became part of it, since they change.
+        included: names of included files merged into it because they change.
         notes: what was changed to read the file.
     """
 
@@ -155,7 +156,7 @@ class TunedModel:
     __repr__ = __str__
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what `mechsim tune --json` prints, but for the paths of files."""
+        """Return the output of `mechsim tune --json` without the paths of files."""
         report, result = self.report, self.report.result
         return {
             "mechanism": result.scene.mechanism.name,
@@ -206,16 +207,16 @@ def tune(
         by: "closure" (points against the exact closure at the run's own drivers), "trajectory" (points
             against the converged motion) or "torque" (forces against it).
         ctrl: actuator -> its control: text, as "255*(0.5-0.5*cos(2*pi*t))", FILE.csv, or a number.
-        allow: what may be disabled or become softer: contacts, limits, friction, actuators, springs.
+        allow: elements that may be disabled or softened: contacts, limits, friction, actuators, springs.
         budget: duration of the search, in [s] or text.
         output: path of the tuned MJCF file; None writes none.
-        python: path of a script that runs it, or reaches what no file can.
-        progress: called with what is tried and the finished fraction.
+        python: path of a script that runs it, with settings that no file can contain if these are needed.
+        progress: called with a description and the finished fraction.
         options: `drive`, `lock`, `lock_others`, `fix_base`, `track`, `key`, `duration`, as for `load`.
 
     Raises:
         InputError: for a model, a motion or a tolerance that cannot be used.
-        AssemblyError: where its loops do not close.
+        AssemblyError: for loops that do not close.
 
     Example:
         >>> tuned = ms.tune("gripper.xml", "10um", ctrl={"fingers": 120}, output="tuned.xml")
@@ -223,11 +224,11 @@ def tune(
     """
     limit = _tolerance(tolerance, by)
     if unknown := [kind for kind in allow if kind not in ALLOWABLE]:
-        raise InputError(f"--allow names {unknown[0]!r}; what may be disabled is {', '.join(ALLOWABLE)}")
+        raise InputError(f"--allow names {unknown[0]!r}; known are {', '.join(ALLOWABLE)}")
     with scene_file(model) as path, TemporaryDirectory(prefix="mechsim-") as folder:
         target = Path(folder) / "tuned.xml" if output is None else Path(output)
         if target.resolve() == Path(path).resolve():
-            raise InputError(f"-o {output} is the file itself; name another, so that it stays as it is")
+            raise InputError(f"-o {output} is the input file; name another file")
         scene, notes = open_scene(path, ctrl=ctrl, **options)
         scene = replace(scene, allowed=tuple(allow))
         if by == "closure":
@@ -252,20 +253,20 @@ def _tolerance(value: float | str, by: str) -> float:
     elif isinstance(value, str):
         limit = parse(value, "m", "the tolerance")
     if not 0.0 < float(limit) < np.inf:
-        raise InputError(f"the tolerance is {value}; give a finite one above 0")
+        raise InputError(f"the tolerance is {value}; give a finite value above 0")
     return float(limit)
 
 
 def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, tuple[str, ...]]:
     """Return a scene whose initial pose satisfies a tolerance, and a note if that of the file does not."""
     error = start_error(scene)
-    if error <= AIM * tolerance:
+    if error <= AIMED_FRACTION * tolerance:
         return scene, ()
     if error <= tolerance and errors_of(run_scene(scene, records=None)).closure <= tolerance:
         return scene, ()
     note = (
         f"{scene.path}: its loops are open by {error:.2g} m at the initial pose; the tuned file starts "
-        f"closed, in keyframe {KEY}"
+        f"assembled, in keyframe {KEY}"
     )
     return with_assembled_start(scene), (note,)
 
@@ -327,7 +328,7 @@ def _comment(report: TuningReport, scene: UserScene, laws: dict[str, str]) -> li
     return [
         f"mechsim tune: {first};",
         *(f"{sentence};" for sentence in rest),
-        f"to be stepped {start}, with before each step, t = data.time, h = {scene.model.opt.timestep:g}:",
+        f"step it {start}, and set before each step, with t = data.time, h = {scene.model.opt.timestep:g}:",
         *([f"  {line}" for line in control_lines(scene, laws)] or ["  nothing"]),
         *(f"  where q({name!r}, t) = {laws[name]}" for name in scene.joint_laws),
     ]
@@ -336,7 +337,7 @@ def _comment(report: TuningReport, scene: UserScene, laws: dict[str, str]) -> li
 def _write_script(
     script: Path, result: Tuned, read_back: UserScene, path: Path, laws: dict[str, str]
 ) -> None:
-    """Write the lines that run the tuned scene, with settings that only Python reaches."""
+    """Write the script that runs the tuned scene, including settings that no file can contain."""
     scene, changed = read_back, {}
     if result.beyond is not None:
         best = (result.best).settings.as_dict()

@@ -29,10 +29,10 @@ from mechsim.studies.scene.settings import FLAGS, OPTIONS, PlainSettings, python
 KEY = "mechsim_start"
 # largest relative difference of a number read back
 READ_TOLERANCE = 1e-12
-WHOLE = "write it out whole first (mujoco.MjSpec.from_file(...).to_xml()) and tune that"
-# fields on which no run depends
-_APART = ("key", "name", "text", "bvh", "oct_", "paths", "stat", "vis", "tex", "mat_")
-_SIZES = ("nbuffer", "nkey", "nnames", "npaths", "nnames_map", "signature")
+MERGE_HINT = "write one file without includes (mujoco.MjSpec.from_file(...).to_xml()) and tune that"
+# fields that do not affect a run
+_IGNORED_FIELDS = ("key", "name", "text", "bvh", "oct_", "paths", "stat", "vis", "tex", "mat_")
+_IGNORED_SIZES = ("nbuffer", "nkey", "nnames", "npaths", "nnames_map", "signature")
 
 
 SCRIPT = '''"""{heading}"""
@@ -71,13 +71,13 @@ def table(path):
 POSITIONS = '''
 
 def q(joint, t):
-    """Where a prescribed joint is."""
+    """Return the position of a prescribed joint."""
 {laws}    raise KeyError(joint)
 '''
 RATES = '''
 
 def rate(joint, t, d=1e-4):
-    """How fast it is there."""
+    """Return its rate by a finite difference."""
     return (8 * (q(joint, t + d) - q(joint, t - d)) - q(joint, t + 2 * d) + q(joint, t - 2 * d)) / (12 * d)
 '''
 
@@ -107,7 +107,7 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
         folder: in which it will be written.
 
     Raises:
-        InputError: if an equality or joint to change has no text, as of an attached model.
+        InputError: if an equality or joint to change is missing in the text, as for an attached model.
     """
     source = Path(scene.path).resolve().parent
     values = settings.as_dict()
@@ -134,7 +134,7 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
         if len(equality_elements(edited.root)) != scene.model.neq:
             raise InputError(
                 f"{scene.path}: {scene.model.neq - len(equality_elements(edited.root))} of its "
-                f"equality constraints stand in no text of its own, as those of attached models; {WHOLE}"
+                f"equality constraints are missing in its text, as those of attached models; {MERGE_HINT}"
             )
         set_compliance(edited, compliance)
     set_options(edited, options, flags)
@@ -158,9 +158,7 @@ def _joint(scene: UserScene, root: Element, name: str) -> Element:
     for joint in root.every("joint"):
         if joint.attributes.get("name") == name and joint.within("worldbody") is not None:
             return joint
-    raise InputError(
-        f"{scene.path}: no joint in its text is called {name!r}; give the driven joint a name there"
-    )
+    raise InputError(f"{scene.path}: its text has no joint named {name!r}; name the driven joint in the text")
 
 
 def _bodies(root: Element, names: Collection[str]) -> list[Element]:
@@ -173,12 +171,12 @@ def _fix_bodies(scene: UserScene, edited: EditedText, fixed: FixedBodies) -> Non
         name = body.attributes["name"]
         joints = [child for child in body.children if child.tag in ("joint", "freejoint")]
         if not fixed.order[name] < len(joints):
-            raise InputError(f"{scene.path}: the text of {name} does not hold its own joints; {WHOLE}")
-        edited.take_away(joints[fixed.order[name]])
+            raise InputError(f"{scene.path}: the text of {name} does not contain its joints; {MERGE_HINT}")
+        edited.remove(joints[fixed.order[name]])
         if name in fixed.moved:
             rotated = {"euler", "axisangle", "xyaxes", "zaxis"} & {*body.attributes}
             if rotated or fixed.order[name] or body.within("frame") is not None:
-                raise InputError(f"{scene.path}: {name} cannot be put elsewhere in its text; {WHOLE}")
+                raise InputError(f"{scene.path}: {name} cannot be moved in its text; {MERGE_HINT}")
             edited.set(body, "pos", _numbers(fixed.poses[name][:3].tolist()))
             edited.set(body, "quat", _numbers(fixed.poses[name][3:].tolist()))
     for key in edited.root.every("key"):
@@ -193,7 +191,7 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def _word(value: object) -> str:
-    """Return a value as MJCF has it, numbers to the last bit."""
+    """Return a value as MJCF text, numbers with full precision."""
     if isinstance(value, float):
         return repr(int(value)) if value.is_integer() and abs(value) < 1e6 else repr(value)
     return str(value)
@@ -211,8 +209,8 @@ def write_scene(
 
     Args:
         scene: the scene.
-        settings: that the text has.
-        text: that is read back.
+        settings: contained in the text.
+        text: the text to write and read back.
         path: of the file.
         finish: returns the final text, the same with a comment on the result of a run of the file.
 
@@ -231,7 +229,8 @@ def write_scene(
         differences = differing(settings.applied(scene.model), model)
         if differences:
             raise InputError(
-                f"{scene.path}: read back, the tuned text differs in {', '.join(differences[:3])}; {WHOLE}"
+                f"{scene.path}: the tuned text, read back, differs in {', '.join(differences[:3])}; "
+                f"{MERGE_HINT}"
             )
         key = KEY if scene.own_start else scene.key
         written_scene = replace(scene, path=str(path), model=model, fixed_bodies=None, key=key)
@@ -254,7 +253,9 @@ def differing(expected: mujoco.MjModel, actual: mujoco.MjModel) -> list[str]:
     fields = [
         name
         for name in dir(expected)
-        if not name.startswith(("_", *_APART)) and name not in _SIZES and not name.endswith("pathadr")
+        if not name.startswith(("_", *_IGNORED_FIELDS))
+        and name not in _IGNORED_SIZES
+        and not name.endswith("pathadr")
     ]
     names = [name for name in fields if _differ(getattr(expected, name), getattr(actual, name))]
     for name in dir(expected.opt):

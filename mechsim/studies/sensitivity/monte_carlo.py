@@ -1,4 +1,4 @@
-"""Monte Carlo over tolerances, by expansions in the dimensions; some mechanisms are solved to check."""
+"""Monte Carlo over tolerances, by expansions in the dimensions that some solved mechanisms verify."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,23 +19,23 @@ from mechsim.studies.sensitivity.tolerances import Tolerances
 
 Advance = Callable[[], None]
 Columns = NDArray[np.intp] | slice
-# which of the quantities, and by how much each of many mechanisms is off there
+# columns of the quantities, and the deviations of many mechanisms in them
 Block = tuple[Columns, Array]
-EVERY = slice(None)
-# quantities taken in one go
-BATCH = 64
+ALL_COLUMNS = slice(None)
+# number of columns evaluated together
+BATCH_COLUMNS = 64
 
 
 @dataclass(frozen=True)
-class Solved:
-    """What solves a mechanism with dimensions off by parts of their tolerances.
+class DesignSolver:
+    """Solves a mechanism whose dimensions deviate within their tolerances.
 
     Attributes:
-        moved: the mechanism, and how it moves.
-        columns: the quantities.
+        moved: the mechanism and its driver motion.
+        columns: names of the quantities.
         bounds: dimension -> tolerance in SI.
-        values: the quantities as the mechanism stands, (k,): one after the other.
-        angular: whether each is an angle, on which whole turns do not count, (k,).
+        values: nominal values of the quantities, one after the other, (k,).
+        angular: whether each is an angle, compared modulo a revolution, (k,).
     """
 
     moved: MovedFamily
@@ -44,44 +44,46 @@ class Solved:
     values: Array
     angular: NDArray[np.bool_]
 
-    def off(self, fractions: Array) -> Array:
-        """Return by how much quantities are off, (k,), with dimensions off by parts of their bounds, (p,).
+    def deviations(self, fractions: Array) -> Array:
+        """Return deviations of quantities, (k,), for deviations of dimensions relative to their bounds, (p,).
 
         Raises:
-            AssemblyError: where the loops do not close.
+            AssemblyError: for loops that do not close.
         """
         values = self.moved.values(self.columns, self.dimensions(fractions))
-        return self.less(np.concatenate([values[column] for column in self.columns]))
+        return self.differences(np.concatenate([values[column] for column in self.columns]))
 
-    def less(self, values: Array, which: Columns = EVERY) -> Array:
-        """Return by how much some of the quantities, (..., k), differ from the mechanism as it stands."""
-        off = values - self.values[which]
+    def differences(self, values: Array, which: Columns = ALL_COLUMNS) -> Array:
+        """Return the differences of quantities, (..., k), from the nominal mechanism."""
+        deviations = values - self.values[which]
         angular = self.angular[which]
-        off[..., angular] = wrapped(off[..., angular])
-        return off
+        deviations[..., angular] = wrapped(deviations[..., angular])
+        return deviations
 
     def dimensions(self, fractions: Array) -> dict[str, float]:
-        """Return the dimensions that changed, in SI."""
+        """Return the changed dimensions, name -> value in SI."""
         dimensions: Mapping[str, Dimension] = self.moved.designs.dimensions
-        off = zip(self.bounds, fractions.tolist(), strict=True)
+        deviations = zip(self.bounds, fractions.tolist(), strict=True)
         return {
-            name: dimensions[name].value + fraction * self.bounds[name] for name, fraction in off if fraction
+            name: dimensions[name].value + fraction * self.bounds[name]
+            for name, fraction in deviations
+            if fraction
         }
 
-    def words(self, fractions: Array) -> str:
-        """Return the dimensions that changed, in words."""
+    def text(self, fractions: Array) -> str:
+        """Return the changed dimensions as text."""
         return ", ".join(f"{name} = {value:.6g}" for name, value in self.dimensions(fractions).items())
 
 
 @dataclass(frozen=True)
 class Expansion:
-    """Quantities to first or second order: off = slope . d + products of d . bend, d in parts of tolerances.
+    """Deviations to second order: derivative . d + second_derivative . d d, d relative to the tolerances.
 
     Attributes:
         derivative: exact, (p, k).
-        pairs: indices of two dimensions for each column of bends, (b, 2).
-        second_derivative: second differences over the whole of the tolerances, (b, k); those of one
-            dimension are halved.
+        pairs: indices of the two dimensions of each second derivative, (b, 2).
+        second_derivative: second differences over the whole tolerances, (b, k); those of one dimension are
+            halved. Empty for an expansion to first order.
     """
 
     derivative: Array
@@ -89,99 +91,102 @@ class Expansion:
     second_derivative: Array
 
     def features(self, fractions: Array) -> Array:
-        """Return d and its products, (n, p + b), of parts (n, p)."""
+        """Return the deviations (n, p) of dimensions and their products, (n, p + b)."""
         return np.concatenate([fractions, fractions[:, self.pairs[:, 0]] * fractions[:, self.pairs[:, 1]]], 1)
 
     def blocks(self, fractions: Array) -> Iterator[Block]:
-        """Yield which of the quantities, and by how much mechanisms with parts (n, p) are off there."""
+        """Yield columns of the quantities, and the deviations in them of mechanisms with fractions (n, p)."""
         features, weights = self.features(fractions), self.weights
-        for first in range(0, weights.shape[1], BATCH):
-            which = slice(first, first + BATCH)
+        for first in range(0, weights.shape[1], BATCH_COLUMNS):
+            which = slice(first, first + BATCH_COLUMNS)
             yield which, features @ weights[:, which]
 
     @property
     def order(self) -> int:
-        """How far it goes: without bends to first order."""
+        """Order of the expansion, 1 or 2."""
         return 2 if len(self.second_derivative) else 1
 
     @property
     def weights(self) -> Array:
-        """What features are multiplied by, (p + b, k)."""
+        """Coefficients of the features, (p + b, k)."""
         return np.concatenate([self.derivative, self.second_derivative])
 
 
 def first_order(derivative: Array) -> Expansion:
-    """Return quantities to first order, by derivatives (p, k) by parts of the tolerances."""
+    """Return an expansion to first order from derivatives (p, k) by the fractions of the tolerances."""
     return Expansion(derivative, np.zeros((0, 2), np.intp), np.zeros((0, derivative.shape[1])))
 
 
-def second_order(solved: Solved, derivative: Array, advance: Advance = lambda: None) -> Expansion:
-    """Return quantities to second order in dimensions.
+def second_order(solved: DesignSolver, derivative: Array, advance: Advance = lambda: None) -> Expansion:
+    """Return an expansion to second order.
 
     Args:
-        solved: what solves a mechanism.
-        derivative: exact derivatives by parts of the tolerances, (p, k).
+        solved: solves the mechanisms.
+        derivative: exact derivatives by the fractions of the tolerances, (p, k).
         advance: called after each mechanism.
 
     Raises:
-        InputError: where tolerances leave no assembly; names the dimensions.
+        InputError: for tolerances that allow no assembly; names the dimensions.
     """
     count = len(derivative)
 
-    def off(*signed: tuple[int, float]) -> Array:
+    def deviations(*signed: tuple[int, float]) -> Array:
         fractions = np.zeros(count)
         for i, sign in signed:
             fractions[i] = sign
         try:
-            return solved.off(fractions)
+            return solved.deviations(fractions)
         except MechsimError as error:
             raise InputError(
-                f"the tolerances leave no assembly: with {solved.words(fractions)}: {error}"
+                f"the tolerances allow no assembly: with {solved.text(fractions)}: {error}"
             ) from None
         finally:
             advance()
 
-    own = [0.5 * (off((i, 1.0)) + off((i, -1.0))) for i in range(count)]
+    own = [0.5 * (deviations((i, 1.0)) + deviations((i, -1.0))) for i in range(count)]
     two = [*combinations(range(count), 2)]
-    # either corner where both go alike, less what each does alone
-    both = [0.5 * (off((i, 1.0), (j, 1.0)) + off((i, -1.0), (j, -1.0))) - own[i] - own[j] for i, j in two]
+    # mean of both corners with equal signs, minus the effects of each dimension alone
+    both = [
+        0.5 * (deviations((i, 1.0), (j, 1.0)) + deviations((i, -1.0), (j, -1.0))) - own[i] - own[j]
+        for i, j in two
+    ]
     pairs = np.array([*((i, i) for i in range(count)), *two], dtype=np.intp).reshape(-1, 2)
     return Expansion(derivative, pairs, np.array([*own, *both]).reshape(len(pairs), derivative.shape[1]))
 
 
 def solves(count: int) -> int:
-    """Return how many mechanisms an expansion in so many dimensions takes."""
+    """Return the number of mechanisms that an expansion to second order solves."""
     return count * (count + 1)
 
 
-# poses solved in one go, whose arrays stay in a core's own cache; numbers kept at a time
-BLOCK, KEPT = 8192, 6_400_000
-# poses at the most, of which those with rates count so many times: about two seconds on one core
-MAX_POSES, RATED = 10_000_000, 5
+# number of poses solved together, whose arrays fit into a core's cache; numbers in memory at a time
+BLOCK, MAX_NUMBERS = 8192, 6_400_000
+# largest number of poses, and weight of a pose with rates: about two seconds on one core
+MAX_POSES, RATE_WEIGHT = 10_000_000, 5
 
 
 @dataclass(frozen=True)
 class FormulaSamples:
-    """Mechanisms with dimensions at random, solved by one formula.
+    """Random mechanisms within tolerances, solved by one formula.
 
     Attributes:
-        solved: what solves one.
-        solver: the mechanism as it stands.
-        fractions: deviations in parts of the tolerances, (n, p), of mechanisms that can be put together.
+        solved: the quantities and tolerances.
+        solver: the nominal mechanism.
+        fractions: deviations relative to the tolerances, (n, p), of mechanisms that can be assembled.
     """
 
-    solved: Solved
+    solved: DesignSolver
     solver: ClosedForm
     fractions: Array
 
     def blocks(self) -> Iterator[Block]:
-        """Yield which of the quantities, (k,), and by how much all mechanisms are off there, (n, k)."""
+        """Yield columns of the quantities, (k,), and the deviations in them of all mechanisms, (n, k)."""
         angles, columns = self.solved.moved.angles, self.solved.columns
-        step = max(1, KEPT // (len(self.fractions) * len(columns)))
+        step = max(1, MAX_NUMBERS // (len(self.fractions) * len(columns)))
         for first in range(0, len(angles), step):
             indices = np.arange(first, min(first + step, len(angles)))
             which = np.concatenate([indices + i * len(angles) for i in range(len(columns))])
-            yield which, self.solved.less(self._values(angles[indices]), which)
+            yield which, self.solved.differences(self._values(angles[indices]), which)
 
     def _values(self, angles: Array) -> Array:
         """Return the quantities at some angles, (n, columns * angles)."""
@@ -200,19 +205,21 @@ class FormulaSamples:
         return out.reshape(len(out), -1)
 
 
-def formula_samples(solved_by: Solved, fractions: Array) -> tuple[FormulaSamples, Bools] | None:
-    """Return mechanisms that one formula solves, and which of all cannot be put together, (n,).
+def formula_samples(solved_by: DesignSolver, fractions: Array) -> tuple[FormulaSamples, Bools] | None:
+    """Return mechanisms solved by one formula, and which of all cannot be assembled, (n,).
 
-    None where there is no such formula, or where it would take too long.
+    None without such a formula, or if it would take too long.
 
     Args:
-        solved_by: what solves one.
-        fractions: deviations of all in parts of the tolerances, (n, p).
+        solved_by: the quantities and tolerances.
+        fractions: deviations relative to the tolerances, (n, p).
     """
     solver, angles, columns = solved_by.moved.solver, solved_by.moved.angles, solved_by.columns
     quantities = [solved_by.moved.quantity(name) for name in columns]
     poses = (
-        len(fractions) * len(angles) * (RATED if any(quantity.order > 0 for quantity in quantities) else 1)
+        len(fractions)
+        * len(angles)
+        * (RATE_WEIGHT if any(quantity.order > 0 for quantity in quantities) else 1)
     )
     if (
         poses > MAX_POSES
@@ -228,7 +235,7 @@ def formula_samples(solved_by: Solved, fractions: Array) -> tuple[FormulaSamples
         <= dict(columns_known.columns()).keys()
     ):
         return None
-    # near change points an array of parameters has no branch of its own for each
+    # near change points the formula cannot select a branch for each design
     if solver.change_points():
         return None
     valid = allowed(solver, _varied(solved_by, fractions))
@@ -242,7 +249,7 @@ def _blocks(count: int, poses: int) -> Iterator[slice]:
     return (slice(first, first + step) for first in range(0, count, step))
 
 
-def _varied(solved: Solved, fractions: Array) -> dict[str, Array]:
+def _varied(solved: DesignSolver, fractions: Array) -> dict[str, Array]:
     """Return the dimensions of mechanisms: name -> (n,) in SI."""
     values = solved.moved.designs.values()
     return {
@@ -251,47 +258,47 @@ def _varied(solved: Solved, fractions: Array) -> dict[str, Array]:
     }
 
 
-# parts of the samples that lie below and above the band
-TAILS = (0.025, 0.975)
-# samples solved to see how well an expansion holds, and where none does: so many, each solved
-CHECKED, EACH = 50, 2000
-# largest miss of an expansion, in standard deviations, with which it is taken; a deviation counts for no less
-# than so much of the largest of its quantity
-MISS, LEAST = 0.02, 1e-2
+# quantiles of the samples at the ends of the reported interval
+QUANTILES = (0.025, 0.975)
+# number of solved samples that verify an expansion, and number solved if no expansion is accurate enough
+MAX_VERIFIED, MAX_SOLVED = 50, 2000
+# largest accepted error of an expansion, in standard deviations; smallest standard deviation for this,
+# relative to the largest of the same quantity
+MAX_EXPANSION_ERROR, MIN_RELATIVE_DEVIATION = 0.02, 1e-2
 
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """How many mechanisms at random within tolerances were taken.
+    """How the random mechanisms were evaluated.
 
     Attributes:
-        solved: how many were solved.
-        failed: how many of these could not be assembled.
-        order: to which all are taken, 1 or 2; 0 where each was solved.
-        miss: largest difference between that and those solved, in standard deviations.
+        solved: number of solved mechanisms.
+        failed: number of these that cannot be assembled.
+        order: order of the expansion, 1 or 2; 0 if each mechanism was solved.
+        expansion_error: largest error of the expansion over the solved mechanisms, in standard deviations.
         seed: of the random numbers.
     """
 
     solved: int
     failed: int
     order: int
-    miss: float
+    expansion_error: float
     seed: int
 
 
 @dataclass(frozen=True, slots=True)
 class Sampled:
-    """Statistics of many mechanisms at random within tolerances.
+    """Statistics of random mechanisms within tolerances.
 
     Attributes:
-        sampling: how they were taken.
-        samples: how many were requested, or were taken where each had to be solved by itself.
-        mean: of the deviations from the nominal mechanism, (k,), in SI.
+        sampling: how they were evaluated.
+        samples: number of samples; smaller than requested if each had to be solved on its own.
+        mean: mean deviation from the nominal mechanism, (k,), in SI.
         deviation: standard deviation, (k,).
-        low: deviation above which all but 2.5 % lie, (k,).
-        high: deviation below which all but 2.5 % lie, (k,).
-        least: lowest of all, (k,).
-        most: highest, (k,).
+        low: 2.5 % quantile of the deviation, (k,).
+        high: 97.5 % quantile, (k,).
+        least: smallest deviation, (k,).
+        most: largest deviation, (k,).
     """
 
     sampling: Sampling
@@ -305,7 +312,7 @@ class Sampled:
 
 
 def sample_tolerances(
-    solved: Solved,
+    solved: DesignSolver,
     derivative: Array,
     plays: Sequence[Array],
     tolerances: Tolerances,
@@ -313,23 +320,24 @@ def sample_tolerances(
     seed: int,
     advance: Advance = lambda: None,
 ) -> Sampled:
-    """Return what comes of many mechanisms at random within tolerances.
+    """Return statistics of random mechanisms within tolerances.
 
-    Each is solved where one formula takes them all. Else they are taken to first order, if some that are
-    solved differ from that by less than a fiftieth of the standard deviation, or to second order; where that
-    does not hold either, fewer are taken and each is solved. Clearances are taken to first order.
+    Each mechanism is solved if one formula applies to all. Otherwise an expansion to first or second order
+    is used if its error, for some solved mechanisms, is below a fiftieth of the standard deviation. If
+    neither is accurate enough, fewer mechanisms are drawn and each is solved. Clearances count to first
+    order.
 
     Args:
-        solved: what solves one.
-        derivative: exact derivatives by parts of the tolerances, (p, k).
-        plays: of each loose pin, what it puts off at its bound in 2 or 3 directions, (directions, k).
+        solved: solves the mechanisms.
+        derivative: exact derivatives by the fractions of the tolerances, (p, k).
+        plays: effect of each clearance at its bound in 2 or 3 directions, (directions, k).
         tolerances: of dimensions.
-        count: how many.
+        count: number of samples.
         seed: of the random numbers.
-        advance: called after each that is solved.
+        advance: called after each solved mechanism.
 
     Raises:
-        InputError: where tolerances leave no assembly.
+        InputError: for tolerances that allow no assembly.
     """
     random, width = np.random.default_rng(seed), derivative.shape[1]
     fractions = _fractions(random, count, len(derivative), tolerances)
@@ -338,58 +346,58 @@ def sample_tolerances(
         len(derivative)
         and (samples := formula_samples(solved, np.concatenate([ends, fractions]))) is not None
     ):
-        whole, lost = samples
-        _require_assembled(solved, ends, lost[: len(ends)])
-        whole, lost = replace(whole, fractions=whole.fractions[len(ends) :]), lost[len(ends) :]
-        sampling = Sampling(count, int(lost.sum()), 0, 0.0, seed)
+        whole, unassembled = samples
+        _require_assembled(solved, ends, unassembled[: len(ends)])
+        whole, unassembled = replace(whole, fractions=whole.fractions[len(ends) :]), unassembled[len(ends) :]
+        sampling = Sampling(count, int(unassembled.sum()), 0, 0.0, seed)
         return _statistics(whole.blocks(), len(whole.fractions), width, plays, random, sampling)
-    checked = fractions[: CHECKED if len(derivative) else 0]
+    checked = fractions[: MAX_VERIFIED if len(derivative) else 0]
     exact, failed = _each(solved, checked, advance)
     spread = _spread(derivative * tolerances.spread, len(solved.columns))
-    for made in (first_order, lambda derivative: second_order(solved, derivative, advance)):
-        expanded = made(derivative)
-        off = expanded.features(checked[~failed]) @ expanded.weights - exact
-        miss = float((np.abs(off) / spread).max(initial=0.0))
-        if miss <= MISS and not failed.any():
-            sampling = Sampling(len(checked), 0, expanded.order, miss, seed)
+    for expand in (first_order, lambda derivative: second_order(solved, derivative, advance)):
+        expanded = expand(derivative)
+        deviations = expanded.features(checked[~failed]) @ expanded.weights - exact
+        expansion_error = float((np.abs(deviations) / spread).max(initial=0.0))
+        if expansion_error <= MAX_EXPANSION_ERROR and not failed.any():
+            sampling = Sampling(len(checked), 0, expanded.order, expansion_error, seed)
             return _statistics(expanded.blocks(fractions), count, width, plays, random, sampling)
-    exact, failed = _each(solved, fractions[:EACH], advance)
+    exact, failed = _each(solved, fractions[:MAX_SOLVED], advance)
     sampling = Sampling(len(failed), int(failed.sum()), 0, 0.0, seed)
-    return _statistics(iter([(EVERY, exact)]), len(exact), width, plays, random, sampling)
+    return _statistics(iter([(ALL_COLUMNS, exact)]), len(exact), width, plays, random, sampling)
 
 
-def _require_assembled(solved: Solved, ends: Array, lost: NDArray[np.bool_]) -> None:
-    """Refuse tolerances that leave no assembly where one dimension alone is off by all of its own."""
-    if lost.any():
-        worst = solved.words(ends[int(np.argmax(lost))])
+def _require_assembled(solved: DesignSolver, ends: Array, unassembled: NDArray[np.bool_]) -> None:
+    """Reject tolerances for which one dimension at its bound prevents assembly."""
+    if unassembled.any():
+        worst = solved.text(ends[int(np.argmax(unassembled))])
         raise InputError(
-            f"the tolerances leave no assembly: with {worst} the loops do not close all along the motion; "
-            "narrow them"
+            f"the tolerances allow no assembly: with {worst} the loops do not close along the whole motion; "
+            "reduce the tolerances"
         )
 
 
 def _spread(derivative: Array, columns: int) -> Array:
-    """Return the standard deviations by which misses are judged, (k,); inf where nothing is off at all."""
+    """Return standard deviations that scale errors of an expansion, (k,); infinite without deviation."""
     spread = np.sqrt((derivative**2).sum(0)).reshape(columns, -1)
-    least = np.maximum(spread, LEAST * spread.max(1, keepdims=True, initial=0.0)).ravel()
+    least = np.maximum(spread, MIN_RELATIVE_DEVIATION * spread.max(1, keepdims=True, initial=0.0)).ravel()
     return np.where(least > 0.0, least, np.inf)
 
 
 def _fractions(random: np.random.Generator, count: int, dimensions: int, tolerances: Tolerances) -> Array:
-    """Return deviations in parts of their bounds, (count, dimensions)."""
+    """Return random deviations relative to their bounds, (count, dimensions)."""
     shape = (count, dimensions)
     if tolerances.distribution == "uniform":
         return random.uniform(-1.0, 1.0, shape)
     return tolerances.spread * random.standard_normal(shape)
 
 
-def _each(solved: Solved, fractions: Array, advance: Advance) -> tuple[Array, NDArray[np.bool_]]:
-    """Return by how much quantities are off, of those that can be put together, and which cannot."""
+def _each(solved: DesignSolver, fractions: Array, advance: Advance) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the deviations of the mechanisms that can be assembled, and which of all cannot."""
     errors: list[Array] = []
     failed = np.zeros(len(fractions), dtype=np.bool_)
     for i, fraction in enumerate(fractions):
         try:
-            errors.append(solved.off(fraction))
+            errors.append(solved.deviations(fraction))
         except MechsimError:
             failed[i] = True
         advance()
@@ -404,19 +412,26 @@ def _statistics(
     random: np.random.Generator,
     sampling: Sampling,
 ) -> Sampled:
-    """Return the statistics of so many mechanisms, whose quantities (width,) come in blocks."""
+    """Return the statistics of mechanisms whose quantities (width,) come in blocks."""
     pins = [_pin_positions(len(play), count, random) for play in plays]
     statistics = np.empty((6, width))
-    for which, off in blocks:
+    for which, deviations in blocks:
         for positions, derivative in zip(pins, plays, strict=True):
-            off = off + positions @ derivative[:, which]
-        low, high = np.quantile(off, TAILS, axis=0)
-        statistics[:, which] = off.mean(0), off.std(0), low, high, off.min(0), off.max(0)
+            deviations = deviations + positions @ derivative[:, which]
+        low, high = np.quantile(deviations, QUANTILES, axis=0)
+        statistics[:, which] = (
+            deviations.mean(0),
+            deviations.std(0),
+            low,
+            high,
+            deviations.min(0),
+            deviations.max(0),
+        )
     return Sampled(sampling, count + sampling.failed, *statistics)
 
 
 def _pin_positions(directions: int, count: int, random: np.random.Generator) -> Array:
-    """Return places of a pin, evenly over a disc or a ball of radius 1, (count, directions)."""
+    """Return random positions of a pin, uniform in a disc or ball of radius 1, (count, directions)."""
     away = random.standard_normal((count, directions))
     away /= np.sqrt((away**2).sum(1, keepdims=True))
     return away * random.random((count, 1)) ** (1.0 / directions)

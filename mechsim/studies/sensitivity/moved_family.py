@@ -1,4 +1,4 @@
-"""A family of mechanisms moved in one manner: its quantities, and their derivatives by dimensions."""
+"""A parametric mechanism with a driver motion: its quantities, and their derivatives by dimensions."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -32,26 +32,26 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.tolerances import CLEARANCE
 
-# instants of a motion where none are asked for, and how near to a dead centre they come, as part of the range
-INSTANTS, DEAD_CENTRE_DISTANCE = 73, 0.01
-# nor nearer to where assemblies meet
+# default number of instants of a motion; distance from dead centres as a fraction of the range
+DEFAULT_INSTANTS, DEAD_CENTRE_DISTANCE = 73, 0.01
+# distance from change points in [rad]
 CHANGE_POINT_DISTANCE = 1e-3
 
 Columns = dict[str, Array]
-# how far a mechanism's coordinates may lie from those of the one that it is solved from, in [rad] or sizes
-REACH = 0.5
-# what follows the crank's name where its zero is meant
+# largest change of coordinates from the nominal mechanism, in [rad] or characteristic lengths
+MAX_DISPLACEMENT = 0.5
+# suffix of the crank's name for the dimension that shifts its zero
 OFFSET = ".offset"
 
 
 @dataclass(frozen=True)
 class Loading:
-    """What the links are made of, and what acts on a mechanism.
+    """Inertia of the links, and applied forces.
 
     Attributes:
-        forces: what acts on one; None takes what its file says.
-        density: of links, which are round rods where they have no inertia, in [kg/m3].
-        diameter: of those rods in [m]; None takes 0.05 of the size.
+        forces: applied forces; None takes those of the file.
+        density: of links without inertia, which count as round rods, in [kg/m3].
+        diameter: of these rods in [m]; None takes 0.05 of the characteristic length.
     """
 
     forces: Callable[[KinematicSolver], Forces] | None = None
@@ -59,14 +59,14 @@ class Loading:
     diameter: float | None = None
 
     def acting(self, solver: KinematicSolver) -> Forces:
-        """Return what acts on a mechanism."""
+        """Return the applied forces of a mechanism."""
         if self.forces is not None:
             return self.forces(solver)
         own = solver.forces
         return own or Forces()
 
     def dynamic_model(self, solver: KinematicSolver) -> DynamicModel:
-        """Return a mechanism with masses and what acts on it."""
+        """Return a mechanism with masses and applied forces."""
         return dynamic_model(solver, self.acting(solver), density=self.density, diameter=self.diameter)
 
 
@@ -85,13 +85,13 @@ class QuantityDerivatives:
 
 @dataclass(frozen=True)
 class MovedFamily:
-    """A family, and how each of it is moved.
+    """A parametric mechanism and its driver motion.
 
     Attributes:
-        designs: the mechanisms.
+        designs: the parametric mechanism.
         angles: path parameters, (n,) in [rad].
-        speed: of the crank in [rad/s]; motion laws have their own.
-        loading: what efforts are of.
+        speed: crank speed in [rad/s]; motion laws have their own.
+        loading: masses and applied forces.
     """
 
     designs: DesignFamily
@@ -101,7 +101,7 @@ class MovedFamily:
 
     @cached_property
     def solver(self) -> KinematicSolver:
-        """The mechanism as it stands."""
+        """The nominal mechanism."""
         return self.designs.make({})
 
     @cached_property
@@ -116,7 +116,7 @@ class MovedFamily:
 
     @property
     def offset(self) -> str:
-        """The name of the crank's unknown zero, a dimension in [rad]; empty under motion laws."""
+        """Name of the dimension that shifts the crank's zero, in [rad]; empty under motion laws."""
         alone = self.solver.motion_laws.crank and self.solver.mechanism.has_crank
         return self.solver.mechanism.crank.name + OFFSET if alone else ""
 
@@ -129,10 +129,10 @@ class MovedFamily:
         return any(self.quantity(name).loaded for name in names)
 
     def quantities(self, names: Sequence[str]) -> list[str]:
-        """Return the numbers that names stand for: of vectors the components that are determined.
+        """Return the scalar quantities of names: for a vector its determined components.
 
         Raises:
-            InputError: for an unknown name, or a reaction that rigid links do not determine.
+            InputError: for an unknown name, or a reaction that rigid links leave undetermined.
         """
         quantities = scalar_quantities(names, self.solver.mechanism)
         columns_known = record_columns(
@@ -155,13 +155,13 @@ class MovedFamily:
                 result.append(component.name)
             elif component.function is not None or component.name in names:
                 raise InputError(
-                    f"{self.solver.name}: rigid links do not determine {component.name}, so that it has no "
-                    f"derivative; name another ({', '.join(sorted(undetermined))} are not determined)"
+                    f"{self.solver.name}: rigid links leave {component.name} undetermined, so it has no "
+                    f"derivative; name another quantity (undetermined: {', '.join(sorted(undetermined))})"
                 )
         return result
 
     def _force_columns(self, columns: Mapping[str, Array]) -> Columns:
-        """Return columns of forces in which the torque of a crank under a motion law is called so, too."""
+        """Return columns of forces, with the torque of a crank under a motion law under both of its names."""
         mechanism = self.solver.mechanism
         driver_column = f"drive {mechanism.drivers[0]}"
         if mechanism.has_crank and "torque" not in columns and driver_column in columns:
@@ -169,17 +169,17 @@ class MovedFamily:
         return dict(columns)
 
     def values(self, names: Sequence[str], dimensions: Mapping[str, float]) -> Columns:
-        """Return quantities of a mechanism with other dimensions, solved by Newton's method from this one.
+        """Return quantities for other dimensions, solved by Newton's method from the nominal mechanism.
 
         Args:
             names: of the quantities.
-            dimensions: name -> value in SI, of those that change; `offset` is how far the crank is ahead.
+            dimensions: changed dimension -> value in SI; `offset` shifts the crank.
 
         Raises:
-            AssemblyError: where its loops do not close.
-            InputError: for dimensions that no mechanism can have.
+            AssemblyError: for loops that do not close.
+            InputError: for invalid dimensions.
         """
-        own, ahead = self._parted(dimensions)
+        own, ahead = self._split_offset(dimensions)
         solver = self.designs.make(own)
         quantities = [self.quantity(name) for name in names]
         columns: Columns = {}
@@ -192,23 +192,27 @@ class MovedFamily:
 
     @cached_property
     def _nominal_motion(self) -> NearbyMotion | None:
-        """The motion as it stands, from which others are solved; None where two assemblies meet on it."""
+        """The nominal motion, from which others are solved; None if it passes a change point."""
         with suppress(AssemblyError):
-            return nearby_motion(self.solver, self.angles, self.rate, reach=REACH)
+            return nearby_motion(self.solver, self.angles, self.rate, reach=MAX_DISPLACEMENT)
         return None
 
     @cached_property
     def _nominal_unit_motion(self) -> NearbyMotion | None:
-        """The same per radian of the path parameter."""
-        return None if self._nominal_motion is None else nearby_motion(self.solver, self.angles, reach=REACH)
+        """The nominal motion per radian of the path parameter."""
+        return (
+            None
+            if self._nominal_motion is None
+            else nearby_motion(self.solver, self.angles, reach=MAX_DISPLACEMENT)
+        )
 
-    def _parted(self, dimensions: Mapping[str, float]) -> tuple[dict[str, float], float]:
-        """Return dimensions of the family, and how far the crank is ahead in [rad]."""
+    def _split_offset(self, dimensions: Mapping[str, float]) -> tuple[dict[str, float], float]:
+        """Return the dimensions of the designs, and the crank offset in [rad]."""
         own = {name: value for name, value in dimensions.items() if name != self.offset}
         return own, dimensions.get(self.offset, 0.0)
 
     def _motion(self, solver: KinematicSolver, quantities: Sequence[Quantity], ahead: float) -> Motion:
-        """Return the motion of another mechanism; where Newton's method does not reach it, by itself."""
+        """Return the motion of another mechanism, solved on its own if Newton's method does not converge."""
         if self._nominal_motion is not None:
             with suppress(AssemblyError):
                 return self._nominal_motion.motion_of(solver.mechanism, ahead)
@@ -243,12 +247,12 @@ class MovedFamily:
         Args:
             columns: quantities.
             names: dimensions, and `offset`.
-            changed: name -> value in SI, of dimensions that are changed before.
+            changed: dimension -> value in SI at which the derivatives are taken; None for the nominal values.
 
         Raises:
-            AssemblyError: where loops do not close, or a dimension alone would tear them open.
+            AssemblyError: for loops that do not close, or a dimension that cannot change alone.
         """
-        own, ahead = self._parted(changed or {})
+        own, ahead = self._split_offset(changed or {})
         designs = family_at(self.designs, own)
         dimensions = [name for name in names if name != self.offset]
         motion = any(self.quantity(name).uses("point", "joint", "link") for name in columns)
@@ -266,12 +270,12 @@ class MovedFamily:
         )
 
     def play(self, columns: Sequence[str], joint: str) -> list[Columns]:
-        """Return derivatives of quantities by shifts of a joint's pin in its hole, square to a hinge's axis.
+        """Return derivatives by displacements of a joint's pin in its hole, normal to a hinge axis.
 
-        One for each direction, per metre; masses stay where they are.
+        One for each direction, per metre; masses do not move.
 
         Raises:
-            AssemblyError: where a shift would tear loops open that repeat each other.
+            AssemblyError: for a displacement that opens redundant loops.
         """
         mechanism = self.solver.mechanism
         names = [f"{joint}.b.at.{axis}" for axis in AXES]
@@ -295,7 +299,7 @@ class MovedFamily:
         change: Mapping[str, Array | None] | None,
         model_change: Mapping[str, Array | None] | None,
     ) -> QuantityDerivatives:
-        """Return quantities and derivatives by changes of a mechanism's numbers and of a dynamic model's."""
+        """Return quantities and derivatives by changes of a mechanism's and of a dynamic model's numbers."""
         quantities = [self.quantity(name) for name in columns]
         values: Columns = {}
         by: dict[str, Columns] = {name: {} for name in (change or model_change or {})}
@@ -328,12 +332,12 @@ class MovedFamily:
         return followed_motion(solver, solver.mechanism, self.angles + ahead, rate, 0.0)
 
     def _numbers(self, designs: DesignFamily) -> Callable[[Mapping[str, float]], Array]:
-        """Return what gives the numbers of a machine of the family."""
+        """Return a function that gives the numbers of a dynamic model for dimensions."""
         still = self.loading.acting(designs.make({}))
 
         def numbers(values: Mapping[str, float]) -> Array:
             mechanism = with_inertia(designs.describe(values), self.loading.density, self.loading.diameter)
-            # where a file says what acts, its dimensions may change that too
+            # if a file defines the forces, its dimensions may change them
             if designs.forces is None:
                 return model_numbers(mechanism, still)
             if self.loading.forces is None:
@@ -344,7 +348,7 @@ class MovedFamily:
 
 
 def family_at(designs: DesignFamily, values: Mapping[str, float]) -> DesignFamily:
-    """Return the same family seen from a mechanism with other dimensions."""
+    """Return the same parametric model with other nominal dimensions."""
     if not values:
         return designs
     own = dict(values)
@@ -366,8 +370,8 @@ def family_at(designs: DesignFamily, values: Mapping[str, float]) -> DesignFamil
 def spread_instants(solver: KinematicSolver) -> Array:
     """Return path parameters spread over the whole motion, (n,) in [rad].
 
-    A crank that only swings keeps away from its dead centres, and any from where two assemblies meet:
-    derivatives have no bound there.
+    Instants of a crank that swings keep a distance from its dead centres, all others from change points:
+    derivatives are unbounded there.
 
     Raises:
         AssemblyError: if the loops close at no crank angle.
@@ -383,6 +387,6 @@ def spread_instants(solver: KinematicSolver) -> Array:
         low, high = max(arcs.arcs, key=lambda arc: arc[1] - arc[0])
         clear = DEAD_CENTRE_DISTANCE * (high - low)
         low, high, period = low + clear, high - clear, REVOLUTION
-    angles = np.linspace(low, high, INSTANTS)
+    angles = np.linspace(low, high, DEFAULT_INSTANTS)
     off = np.abs(angles[:, None] - np.array(solver.change_points()))
     return angles[(np.minimum(off, np.abs(off - period)) > CHANGE_POINT_DISTANCE * (high - low)).all(1)]

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-# the word for every dimension
+# selects every dimension
 ALL = "all"
 
 
@@ -39,11 +39,11 @@ class Sensitivity:
     """Quantities of a mechanism and their derivatives by dimensions, over a motion.
 
     Attributes:
-        moved: the mechanism, as it was moved.
+        moved: the mechanism and its driver motion.
         values: quantity -> (n,), in SI.
-        by: dimension -> quantity -> derivative at the same position of the drivers, (n,), in SI per SI unit.
+        by: dimension -> quantity -> derivative at fixed driver positions, (n,), in SI per SI unit.
         units: quantity -> its SI unit.
-        left_out: dimension -> why it has no derivative, of those that only "all" had asked for.
+        left_out: dimension -> reason why it has no derivative, for dimensions selected by "all" only.
     """
 
     moved: MovedFamily
@@ -59,7 +59,7 @@ class Sensitivity:
 
     @property
     def name(self) -> str:
-        """The mechanism's."""
+        """Name of the mechanism."""
         return self.moved.designs.name
 
     @property
@@ -72,7 +72,7 @@ class Sensitivity:
         return {name: own[quantity] for name, own in self.by.items()}
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the crank angle or the time, then QUANTITY/DIMENSION for each of both."""
+        """Yield the crank angle or the time, the quantities, and the derivatives as QUANTITY/DIMENSION."""
         yield self.moved.over
         for quantity in self.values:
             for name, values in self.derivatives(quantity).items():
@@ -83,10 +83,10 @@ class Sensitivity:
         return per(self.units[quantity], self.dimensions[dimension].unit)
 
     def to_pandas(self) -> "DataFrame":
-        """Return the columns as a table, a row an instant.
+        """Return the columns as a table with one row for each instant.
 
         Raises:
-            MissingToolError: where pandas is not installed.
+            MissingToolError: if pandas is not installed.
         """
         with needs("tables"):
             from pandas import DataFrame as PandasDataFrame
@@ -96,7 +96,7 @@ class Sensitivity:
         """Return quantities over instants, and derivatives "QUANTITY/" over instants and dimensions.
 
         Raises:
-            MissingToolError: where xarray is not installed.
+            MissingToolError: if xarray is not installed.
         """
         over, instants = self.moved.over
         variables: dict[str, Any] = {}
@@ -125,10 +125,10 @@ def per(unit: str, by: str) -> str:
 
 
 def dimension_names(moved: MovedFamily, to: str | Sequence[str]) -> list[str]:
-    """Return names of dimensions, whole places by their parts; the word "all" stands for every one.
+    """Return names of dimensions; a position stands for its components, and "all" for every dimension.
 
     Raises:
-        InputError: for an unknown one.
+        InputError: for an unknown dimension.
     """
     dimensions = moved.designs.dimensions
     if to == ALL or list(to) == [ALL]:
@@ -151,13 +151,13 @@ def derivative_table(
     """Return quantities of a mechanism and their exact derivatives by dimensions.
 
     Args:
-        moved: the mechanism, and how it moves.
-        quantities: named as `model.quantities` has them.
-        to: dimensions; "all" leaves those out that would tear loops open.
+        moved: the mechanism and its driver motion.
+        quantities: names as in `model.quantities`.
+        to: dimensions; "all" leaves out those that cannot change alone.
 
     Raises:
         InputError: for an unknown quantity or dimension.
-        AssemblyError: where the loops do not close, or two assemblies meet.
+        AssemblyError: for loops that do not close, or a motion through a change point.
     """
     columns, names = moved.quantities(quantities), dimension_names(moved, to)
     left_out: dict[str, str] = {}
@@ -189,19 +189,18 @@ def moved(
     speed: float | str = 1.0,
     forces: Forces | None = None,
 ) -> MovedFamily:
-    """Return a subject as one of a family, and how it is moved.
+    """Return a parametric model and its driver motion.
 
     Args:
-        model: as `load` takes it, or what moves itself.
-        angles: of the crank, (n,) in [rad] or text, as "0:360:5deg"; where neither these nor times are given,
-            instants are spread over the crank's range, or over the duration of motion laws.
+        model: as for `load`, or a solver.
+        angles: crank angles, (n,) in [rad] or text, as "0:360:5deg". Without angles and times, instants are
+            spread over the crank's range, or over the duration of motion laws.
         t: times, (n,) in [s], of motion laws, or of a crank that turns at `speed`.
-        speed: of the crank in [rad/s] or text, as "600rpm"; motion laws have their own.
-        forces: what acts on it; None takes what its file says.
+        speed: crank speed in [rad/s] or text, as "600rpm"; motion laws have their own.
+        forces: applied forces; None takes those of the file.
 
     Raises:
-        InputError: as `load`, for angles or times that are no finite numbers, and for angles where motion
-            laws drive.
+        InputError: as for `load`, for angles or times that are not finite, and for angles under motion laws.
     """
     if isinstance(model, MovedFamily):
         return model
@@ -220,7 +219,7 @@ def moved(
 
 
 def moved_along(designs: DesignFamily, parameter: Array, speed: float, forces: Forces | None) -> MovedFamily:
-    """Return a family moved along its path, at values (n,) of the path parameter in [rad]."""
+    """Return a parametric model at values (n,) of its path parameter in [rad]."""
     loading = Loading() if forces is None else Loading(lambda _: forces)
     return MovedFamily(designs, parameter, speed, loading)
 
@@ -235,22 +234,22 @@ def sensitivity(
     speed: float | str = 1.0,
     forces: Forces | None = None,
 ) -> Sensitivity:
-    """Return quantities of a subject and their exact derivatives by dimensions, the drivers held as they are.
+    """Return quantities of a model and their exact derivatives by dimensions, at fixed driver positions.
 
     Args:
-        model: as `moved` takes it.
+        model: as for `moved`.
         quantities: points (P3, P3.v), joints (rocker), columns (P3.x, rocker.v, torque, P3.fx), force:P3,
-            distance:P2,P3 and others that `model.quantities` lists.
-        to: dimensions: parameters, parts of places as pivot.x; of a mechanism without parameters JOINT.at.x;
-            "all" is every one.
-        angles: as of `moved`.
-        t: as of `moved`.
-        speed: as of `moved`.
-        forces: as of `moved`.
+            distance:P2,P3 and others of `model.quantities`.
+        to: dimensions: parameters, components of positions, as pivot.x; of a mechanism without parameters
+            JOINT.at.x; "all" selects every dimension.
+        angles: as for `moved`.
+        t: as for `moved`.
+        speed: as for `moved`.
+        forces: as for `moved`.
 
     Raises:
-        InputError: for an unknown quantity or dimension, with the nearest one.
-        AssemblyError: where the loops do not close, or two assemblies meet.
+        InputError: for an unknown quantity or dimension, with the closest known one.
+        AssemblyError: for loops that do not close, or a motion through a change point.
 
     Accuracy: about 1e-15 times the condition of the loops; docs/explanation/accuracy.md has the measurements.
     """

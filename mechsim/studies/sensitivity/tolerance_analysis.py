@@ -1,4 +1,4 @@
-"""What tolerances make of a motion: worst case, root of squares, Monte Carlo, and the share of each."""
+"""Effects of tolerances on a motion: worst case, root sum of squares, Monte Carlo, and the share of each."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,10 +8,10 @@ import numpy as np
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array, tangents
 from mechsim.studies.sensitivity.monte_carlo import (
-    CHECKED,
+    MAX_VERIFIED,
     Advance,
+    DesignSolver,
     Sampled,
-    Solved,
     sample_tolerances,
     solves,
 )
@@ -23,19 +23,19 @@ SAMPLES, SEED = 100_000, 1
 
 @dataclass(frozen=True)
 class ToleranceStudy:
-    """What tolerances make of quantities over a motion; all that is off is in SI.
+    """Effects of tolerances on quantities over a motion; all deviations are in SI.
 
     Attributes:
         table: the quantities and their derivatives by the dimensions that have tolerances.
         tolerances: of dimensions, and clearances of joints.
-        offs: dimension or JOINT.clearance -> what it puts quantities off by at its bound, to first order: one
-            row of a dimension, one for each direction of a pin in its hole; by quantity, (n,) each.
-        sampled: of Monte Carlo, all quantities one after the other; None where it was left out.
+        contributions: dimension or JOINT.clearance -> deviations at its bound, to first order: one row for a
+            dimension, one for each direction of a pin in its hole; quantity -> (n,) each.
+        sampled: Monte Carlo statistics, all quantities one after the other; None without Monte Carlo.
     """
 
     table: Sensitivity
     tolerances: Tolerances
-    offs: Mapping[str, Sequence[Mapping[str, Array]]]
+    contributions: Mapping[str, Sequence[Mapping[str, Array]]]
     sampled: Sampled | None
 
     __repr__ = short_repr
@@ -44,47 +44,47 @@ class ToleranceStudy:
         return len(self.table)
 
     def worst(self, quantity: str) -> Array:
-        """Return by how much a quantity is off where all conspire, to first order, (n,)."""
-        return np.sum([np.sqrt(self._squared(name, quantity)) for name in self.offs], 0)
+        """Return the worst-case deviation of a quantity, to first order, (n,)."""
+        return np.sum([np.sqrt(self._squared(name, quantity)) for name in self.contributions], 0)
 
     def squares(self, quantity: str) -> Array:
-        """Return the root of the sum of squares of what each puts off at most, (n,)."""
-        return np.sqrt(np.sum([self._squared(name, quantity) for name in self.offs], 0))
+        """Return the root sum of squares of all contributions, (n,)."""
+        return np.sqrt(np.sum([self._squared(name, quantity) for name in self.contributions], 0))
 
     def deviation(self, quantity: str) -> Array:
         """Return the standard deviation of a quantity to first order, (n,)."""
-        return np.sqrt(np.sum([self._variance(name, quantity) for name in self.offs], 0))
+        return np.sqrt(np.sum([self._variance(name, quantity) for name in self.contributions], 0))
 
     def shares(self, quantity: str) -> dict[str, float]:
-        """Return the part of a quantity's variance that each makes, over the motion; they add up to 1."""
-        variances = {name: float(self._variance(name, quantity).sum()) for name in self.offs}
+        """Return the fraction of a quantity's variance from each tolerance; their sum is 1."""
+        variances = {name: float(self._variance(name, quantity).sum()) for name in self.contributions}
         total = sum(variances.values())
         return {name: variance / total if total > 0.0 else 0.0 for name, variance in variances.items()}
 
     def across(self, quantities: Sequence[str], direction: Array) -> list[Array]:
-        """Return by how much each puts some quantities off at most along a direction, (n,) each.
+        """Return the largest deviation along a direction from each tolerance, (n,) each.
 
         Args:
-            quantities: k of them, as the coordinates of a point.
+            quantities: k quantities, as the coordinates of a point.
             direction: unit vectors, (n, k).
         """
 
         def along(row: Mapping[str, Array]) -> Array:
             return (direction * np.column_stack([row[name] for name in quantities])).sum(1)
 
-        return [np.sqrt(np.sum([along(row) ** 2 for row in own], 0)) for own in self.offs.values()]
+        return [np.sqrt(np.sum([along(row) ** 2 for row in own], 0)) for own in self.contributions.values()]
 
     def _squared(self, name: str, quantity: str) -> Array:
-        return np.sum([row[quantity] ** 2 for row in self.offs[name]], 0)
+        return np.sum([row[quantity] ** 2 for row in self.contributions[name]], 0)
 
     def _variance(self, name: str, quantity: str) -> Array:
-        rows = self.offs[name]
-        # one direction's part of the variance of a pin anywhere in a disc or a ball
+        rows = self.contributions[name]
+        # fraction of the variance in one direction, for a pin uniform in a disc or a ball
         spread = 1.0 / np.sqrt(len(rows) + 2.0) if len(rows) > 1 else self.tolerances.spread
         return spread**2 * self._squared(name, quantity)
 
     def random(self, quantity: str) -> dict[str, Array]:
-        """Return what Monte Carlo says of a quantity, (n,) each: mean, std, low, high, least, most."""
+        """Return Monte Carlo statistics of a quantity, (n,) each: mean, std, low, high, least, most."""
         if self.sampled is None:
             return {}
         index = list(self.table.values).index(quantity)
@@ -100,10 +100,10 @@ class ToleranceStudy:
         return {name: getattr(self.sampled, field)[rows] for name, field in names.items()}
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the crank angle or the time, and of each quantity itself and by how much it is off.
+        """Yield the crank angle or the time, and each quantity with its deviations.
 
-        Q, Q.worst, Q.rss, Q.deviation to first order, and of Monte Carlo Q.mean, Q.std, Q.low, Q.high (2.5 %
-        lie beyond either), Q.least and Q.most.
+        Q, Q.worst, Q.rss, Q.deviation to first order, and of Monte Carlo Q.mean, Q.std, Q.low and Q.high
+        (2.5 % and 97.5 % quantiles), Q.least and Q.most.
         """
         yield self.table.moved.over
         for quantity, values in self.table.values.items():
@@ -123,18 +123,18 @@ def tolerance_study(
     seed: int = SEED,
     progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> ToleranceStudy:
-    """Return what tolerances make of the quantities of a table.
+    """Return the effects of tolerances on the quantities of a table.
 
     Args:
-        table: quantities and derivatives by every dimension that has a tolerance.
+        table: quantities and their derivatives by every dimension with a tolerance.
         tolerances: dimension or JOINT.clearance -> bound, as text with a unit or in SI.
-        samples: of Monte Carlo; 0 leaves it out.
+        samples: number of Monte Carlo samples; 0 leaves Monte Carlo out.
         seed: of its random numbers.
         progress: called with a text and the finished fraction.
 
     Raises:
-        InputError: for a name that is none, or tolerances that leave no assembly.
-        AssemblyError: where a clearance would tear loops open that repeat each other.
+        InputError: for an unknown name, or tolerances that allow no assembly.
+        AssemblyError: for a clearance that opens redundant loops.
     """
     moved = table.moved
     requested = (
@@ -147,7 +147,7 @@ def tolerance_study(
     by = {name: table.by[name] for name in requested.bounds if name in table.by}
     if missing := [name for name in requested.bounds if name not in by]:
         by |= moved.derivatives(columns, missing).by
-    offs: dict[str, list[dict[str, Array]]] = {
+    contributions: dict[str, list[dict[str, Array]]] = {
         name: [{column: by[name][column] * tolerance for column in columns}]
         for name, tolerance in requested.bounds.items()
     }
@@ -158,19 +158,21 @@ def tolerance_study(
     monte_carlo = None
     if samples:
         width = len(table) * len(columns)
-        derivative = np.array([_row(row, columns) for (row,) in offs.values()]).reshape(len(offs), width)
+        derivative = np.array([_row(row, columns) for (row,) in contributions.values()]).reshape(
+            len(contributions), width
+        )
         values = np.concatenate([table.values[column] for column in columns])
         angular = np.repeat([table.units[column] == "rad" for column in columns], len(table))
-        solved = Solved(moved, columns, requested.bounds, values, angular)
+        solved = DesignSolver(moved, columns, requested.bounds, values, angular)
         loose = [np.array([_row(row, columns) for row in own]) for own in plays.values()]
-        advance = _counted(progress, CHECKED + (solves(len(derivative)) if len(derivative) else 0))
+        advance = _counted(progress, MAX_VERIFIED + (solves(len(derivative)) if len(derivative) else 0))
         monte_carlo = sample_tolerances(solved, derivative, loose, requested, samples, seed, advance)
-    offs |= {joint + CLEARANCE: own for joint, own in plays.items()}
-    return ToleranceStudy(table, requested, offs, monte_carlo)
+    contributions |= {joint + CLEARANCE: own for joint, own in plays.items()}
+    return ToleranceStudy(table, requested, contributions, monte_carlo)
 
 
-def _row(off: Mapping[str, Array], columns: Sequence[str]) -> Array:
-    return np.concatenate([off[name] for name in columns])
+def _row(deviations: Mapping[str, Array], columns: Sequence[str]) -> Array:
+    return np.concatenate([deviations[name] for name in columns])
 
 
 def _counted(progress: Callable[[str, float], None], total: int) -> Advance:
@@ -186,13 +188,13 @@ def _counted(progress: Callable[[str, float], None], total: int) -> Advance:
 
 @dataclass(frozen=True, slots=True)
 class PathDeviation:
-    """A path, and how far aside of it a point can lie: across the path in the plane nearest to it.
+    """A path, and the lateral deviation of its point in the plane closest to the path.
 
     Attributes:
         point: its name.
         positions: (n, 3) in [m].
-        worst: where all conspire, to first order, (n,) in [m].
-        squares: by the root of the sum of squares, (n,) in [m].
+        worst: worst case, to first order, (n,) in [m].
+        squares: root sum of squares, (n,) in [m].
     """
 
     point: str
@@ -202,7 +204,7 @@ class PathDeviation:
 
 
 def path_bands(table: Sensitivity, study: ToleranceStudy) -> list[PathDeviation]:
-    """Return the bands of the points whose three coordinates are in a study and that move."""
+    """Return the deviations of the points that move and whose three coordinates are in a study."""
     bands: list[PathDeviation] = []
     for point in table.moved.solver.mechanism.points:
         columns = [f"{point}.{axis}" for axis in "xyz"]
@@ -218,7 +220,7 @@ def path_bands(table: Sensitivity, study: ToleranceStudy) -> list[PathDeviation]
 
 
 def _across(positions: Array) -> Array:
-    """Return unit vectors across a path in the plane nearest to it, (n, 3)."""
+    """Return unit normals of a path in the plane closest to it, (n, 3)."""
     middle = positions - positions.mean(0)
     normal = np.linalg.svd(middle, full_matrices=False)[2][2]
     across = np.cross(normal, tangents(middle))

@@ -1,4 +1,4 @@
-"""Tolerances of dimensions and clearances of joints: as they are written, and what they are."""
+"""Tolerances of dimensions and clearances of joints, and their text form."""
 
 import csv
 import io
@@ -20,9 +20,9 @@ from mechsim.units import Unit
 
 Distribution = Literal["uniform", "normal"]
 DISTRIBUTIONS: tuple[Distribution, ...] = get_args(Distribution)
-# what follows a joint's name where its clearance is meant
+# suffix of a joint's name for its clearance
 CLEARANCE = ".clearance"
-# standard deviation of a dimension anywhere within its bounds, and of one whose bounds are three of them
+# standard deviation of a dimension relative to its bound, which is three deviations of a normal distribution
 SPREAD: dict[Distribution, float] = {"uniform": 1.0 / np.sqrt(3.0), "normal": 1.0 / 3.0}
 
 
@@ -32,8 +32,8 @@ class Tolerances:
 
     Attributes:
         bounds: dimension -> largest deviation to either side, in SI.
-        clearances: hinge or ball -> how far its pin can be off its hole's centre, in [m].
-        distribution: how dimensions lie between their bounds.
+        clearances: hinge or ball -> largest distance of its pin from the hole's centre, in [m].
+        distribution: of dimensions between their bounds.
     """
 
     bounds: Mapping[str, float]
@@ -42,7 +42,7 @@ class Tolerances:
 
     @property
     def spread(self) -> float:
-        """The standard deviation of a dimension, in parts of its bound."""
+        """Standard deviation of a dimension relative to its bound."""
         return SPREAD[self.distribution]
 
 
@@ -52,16 +52,16 @@ def parsed_tolerances(
     mechanism: Mechanism,
     distribution: str = "uniform",
 ) -> Tolerances:
-    """Return tolerances from names and bounds; a bare number is SI, ± and +- may stand before one.
+    """Return tolerances from names and bounds; a bare number is SI and may follow ± or +-.
 
     Args:
         written: dimension, or JOINT.clearance -> bound.
-        dimensions: those there are.
-        mechanism: whose joints have clearances.
+        dimensions: the known dimensions.
+        mechanism: the mechanism that has the joints.
         distribution: "uniform" between the bounds, or "normal" with bounds of three standard deviations.
 
     Raises:
-        InputError: for a name that is none, or a bound that is no positive finite number.
+        InputError: for an unknown name, or a bound that is not a positive finite number.
     """
     if distribution not in DISTRIBUTIONS:
         raise InputError(f"the distribution is {distribution!r}; choose from {', '.join(DISTRIBUTIONS)}")
@@ -102,15 +102,15 @@ def _require_pin(joint: Joint) -> None:
     if not (kind.hinge or (kind.ball and not kind.slides)):
         kinds = kinds_that(lambda kind: kind.hinge or (kind.ball and not kind.slides))
         raise InputError(
-            f"joint {joint.name!r} is {joint.kind}; a radial clearance is known of {kinds} joints"
+            f"joint {joint.name!r} is {joint.kind}; radial clearances exist for {kinds} joints only"
         )
 
 
 def written_tolerances(text: str, option: str = "--tolerances") -> dict[str, str]:
-    """Return what `--tolerances` says: NAME=±BOUND,... or a table of two columns in FILE.csv.
+    """Return the tolerances of `--tolerances`: NAME=±BOUND,... or a table of two columns in FILE.csv.
 
     Raises:
-        InputError: for what is neither.
+        InputError: for other text.
     """
     if text.lower().endswith(".csv"):
         return _table(text)
@@ -118,7 +118,7 @@ def written_tolerances(text: str, option: str = "--tolerances") -> dict[str, str
     for name, equals, _ in pairs:
         if not equals or not name.strip():
             raise InputError(
-                f"{option} holds {name.strip()!r}, which is no NAME=BOUND; write crank=±0.02mm, or FILE.csv"
+                f"{option} has {name.strip()!r}, which is not NAME=BOUND; write crank=±0.02mm, or FILE.csv"
             )
     return _unique((name.strip(), tolerance.strip()) for name, _, tolerance in pairs)
 
@@ -130,10 +130,10 @@ def _table(path: str) -> dict[str, str]:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
     rows = [[text.strip() for text in row] for row in csv.reader(io.StringIO(text)) if any(row)]
     if not rows or [text.lower() for text in rows[0][:2]] != ["dimension", "tolerance"]:
-        raise InputError(f"{path} does not begin with the line dimension,tolerance; give it that head")
+        raise InputError(f"{path} does not start with the header dimension,tolerance; add this header")
     for number, row in enumerate(rows[1:], 2):
         if len(row) < 2 or not row[0] or not row[1]:
-            raise InputError(f"{path}, line {number}: {','.join(row)!r} is no dimension,tolerance")
+            raise InputError(f"{path}, line {number}: {','.join(row)!r} is not dimension,tolerance")
     return _unique((row[0], row[1]) for row in rows[1:])
 
 
@@ -141,6 +141,6 @@ def _unique(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
     bounds: dict[str, str] = {}
     for name, tolerance in pairs:
         if name in bounds:
-            raise InputError(f"the tolerance of {name} is given twice; give it once")
+            raise InputError(f"{name} has two tolerances; give one")
         bounds[name] = tolerance
     return bounds

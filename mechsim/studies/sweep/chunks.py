@@ -112,12 +112,12 @@ class ChunkFolder:
             return set()
         if self._stored_hash() != self.sweep_hash:
             raise InputError(
-                f"{self.folder} holds parts of another sweep; remove that folder, or name another output"
+                f"{self.folder} contains chunks of another sweep; remove that folder, or name another output"
             )
         if not resume:
             raise InputError(
-                f"{self.folder} holds parts of this sweep, which was stopped; give --resume to go on, or "
-                "remove that folder"
+                f"{self.folder} contains chunks of this sweep, which was stopped; give --resume to "
+                "continue, or remove that folder"
             )
         numbers = {int(path.stem) for path in self.folder.glob("*.npz") if path.stem.isdigit()}
         return {number for number in numbers if self._is_complete(number)}
@@ -165,24 +165,24 @@ def require_disk(output: Path, designs: int, each: float) -> None:
     """Reject more designs than fit on the disk.
 
     Raises:
-        InputError: saying how many fit.
+        InputError: for more designs than fit, with the number that fits.
     """
     free = shutil.disk_usage(output.parent).free
-    # chunks, and the output made of them
+    # the chunk files, and the output made of them
     each = 2.0 * (each + EXTRA_BYTES)
     if designs * each > free:
         raise InputError(
-            f"{designs:,} designs would take {size_text(designs * each)} of disk, and "
-            f"{size_text(free)} are free at {output.parent}; {int(free / each):,} fit: take fewer, or write "
-            "elsewhere"
+            f"{designs:,} designs would take {size_text(designs * each)} of disk, but only "
+            f"{size_text(free)} are free at {output.parent}; {int(free / each):,} fit: reduce the number, or "
+            "write to another disk"
         )
 
 
-# designs in a chunk: by one formula, stepped together, by loop equations together, and one by one
+# designs in a chunk: by one formula, stepped together, by loop equations together, and one at a time
 BY_FORMULA, STEPPED, BY_LOOPS, SINGLE = 8192, 512, 256, 64
 # largest number of chunks in a sweep: more designs make longer chunks
 MAX_CHUNKS = 20_000
-# connection timeout of a scheduler in [s], and chunks queued on a cluster for each of its threads
+# connection timeout of a scheduler in [s]; chunks queued on a cluster for each of its threads
 TIMEOUT, CHUNKS_PER_THREAD = 10.0, 4
 
 Keep = Callable[[int, Measured], None]
@@ -213,7 +213,7 @@ def run_chunks(
 
     Raises:
         InputError: for a scheduler that does not answer.
-        MissingToolError: where Dask is not installed.
+        MissingToolError: if Dask is not installed.
     """
     dask = library("dask")
     if scheduler is None or scheduler in ("threads", "synchronous"):
@@ -233,7 +233,7 @@ def _run_local(
             keep(number, measured_values)
 
     tasks = [dask.delayed(run, pure=False, traverse=False)(*chunk) for chunk in chunks]
-    # before threads start: each would restore the state it sees
+    # before threads start: each thread would restore the state that it finds
     with quiet():
         dask.compute(*tasks, scheduler=scheduler, num_workers=os.cpu_count())
 
@@ -255,7 +255,7 @@ def _run_on_cluster(
 def _sent(
     distributed: Any, client: Any, task: SweepTask, chunks: Sequence[tuple[int, int, int]], keep: Keep
 ) -> None:
-    """Send chunks to a cluster, a few in advance; a chunk whose worker is lost is sent again."""
+    """Send chunks to a cluster, a few in advance; chunks of a lost worker are sent again."""
     waiting = list(reversed(chunks))
     ahead = CHUNKS_PER_THREAD * max(1, sum(client.nthreads().values()))
     under_way: dict[Any, int] = {}
@@ -282,7 +282,7 @@ def _answering(distributed: Any, address: str) -> Any:
     """Return a client of a scheduler.
 
     Raises:
-        InputError: where none answers.
+        InputError: if no scheduler answers.
     """
     try:
         return distributed.Client(address, timeout=TIMEOUT, set_as_default=False)

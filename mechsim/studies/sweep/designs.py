@@ -33,13 +33,13 @@ Spread = Literal["grid", "list"]
 
 @dataclass(frozen=True)
 class Designs:
-    """Designs as a grid, all values of each parameter with all of the others, or as a list.
+    """Designs as a grid, all combinations of the values of each parameter, or as a list.
 
     Attributes:
         values: parameter -> values in SI: along its own axis of a grid, or of each design of a list.
         units: parameter -> SI unit.
         spread: "grid" or "list".
-        description: how they were made.
+        description: text on how they were made.
     """
 
     values: Mapping[str, Array]
@@ -49,13 +49,13 @@ class Designs:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the table: the grid's, or (designs,)."""
+        """Shape of the table: the grid's, or (designs,)."""
         lengths = tuple(len(values) for values in self.values.values())
         return lengths if self.spread == "grid" else lengths[:1]
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of designs."""
         total = 1
         for length in self.shape:
             total *= length
@@ -77,7 +77,7 @@ class Designs:
 
 
 def parameter_units(design_family: DesignFamily, solver: object) -> dict[str, str]:
-    """Return what may vary of a subject: name -> SI unit; choices of the catalogue, as branch, too."""
+    """Return the parameters that may vary: name -> SI unit; choices such as branch included."""
     result = {name: values.unit for name, values in design_family.dimensions.items()}
     if isinstance(solver, ClosedForm):
         for values in fields(solver):
@@ -88,7 +88,7 @@ def parameter_units(design_family: DesignFamily, solver: object) -> dict[str, st
 
 
 def declared_units(design_family: DesignFamily) -> dict[str, str]:
-    """Return the units that a file declares for its parameters: name -> unit as written."""
+    """Return the units that a file declares for its parameters: name -> unit as in the file."""
     return {name: values.declared for name, values in design_family.dimensions.items() if values.declared}
 
 
@@ -96,7 +96,7 @@ def unit_of(name: str, model: str, parameters: Mapping[str, str]) -> str:
     """Return a parameter's unit.
 
     Raises:
-        InputError: for an unknown one, with the nearest.
+        InputError: for an unknown parameter, with the closest known one.
     """
     if name not in parameters:
         components = [f"{name}.{axis}" for axis in AXES if f"{name}.{axis}" in parameters]
@@ -120,12 +120,12 @@ def parsed_range(
         text: the range.
         model: name of the subject.
         parameters: parameter -> SI unit.
-        sampled: whether samples are spread over it.
+        sampled: whether the range bounds random samples.
         declared: parameter -> unit that a file declares for it.
 
     Raises:
-        InputError: for what is none of these, an unknown parameter, a range that runs backwards, or one
-            without a unit where the file declares another than SI.
+        InputError: for other text, an unknown parameter, a range in descending order, or one without a unit
+            if the file declares a unit other than SI.
     """
     name, equals, rest = text.partition("=")
     name = name.strip()
@@ -141,11 +141,11 @@ def parsed_range(
         return name, np.array(units.parse_vector(rest, unit, what))
     if len(bounds) != (2 if sampled else 3):
         expected = f"a sample takes {SPAN}" if sampled else f"a grid takes {RANGE}, or p=a:b with --sample"
-        raise InputError(f"--vary {text!r} is no range: {expected}")
+        raise InputError(f"--vary {text!r} is not a range: {expected}")
     low, high = units.parse_vector(",".join(bounds[:2]), unit, what)
     if low > high:
         raise InputError(
-            f"--vary {text!r} runs backwards, from {low:g} to {high:g}; give the lower end first"
+            f"--vary {text!r} is in descending order, from {low:g} to {high:g}; give the lower end first"
         )
     if sampled:
         return name, np.array([low, high])
@@ -153,7 +153,7 @@ def parsed_range(
 
 
 def _unit_of(bounds: Sequence[str], what: str) -> str:
-    """Return the SI unit of what a range is written in, where the parameter does not say."""
+    """Return the SI unit of the text of a range, for a parameter without a unit."""
     return units.of_any_kind(bounds[min(1, len(bounds) - 1)].split(",")[-1], what)[1]
 
 
@@ -164,15 +164,15 @@ def _count(text: str, source: str) -> int:
         count = 0
     if count < 1:
         raise InputError(f"--vary {source!r} has {text.strip()!r} values; give a whole number, as in {RANGE}")
-    require_memory(f"{count:,} values", count, 16.0, "{most} fit: take fewer")
+    require_memory(f"{count:,} values", count, 16.0, "{most} fit: reduce the number")
     return count
 
 
 def grid_designs(values: Mapping[str, object], model: str, parameters: Mapping[str, str]) -> Designs:
-    """Return all values of each parameter with all of the others, the last one varying fastest.
+    """Return all combinations of values of parameters, the last parameter varying fastest.
 
     Raises:
-        InputError: for an unknown parameter, or values that are no numbers.
+        InputError: for an unknown parameter, or values that are not numbers.
     """
     kept = {name: _row(name, values, model, parameters) for name, values in values.items()}
     if not kept:
@@ -184,17 +184,17 @@ def grid_designs(values: Mapping[str, object], model: str, parameters: Mapping[s
 def listed_designs(
     values: Mapping[str, object], model: str, parameters: Mapping[str, str], description: str
 ) -> Designs:
-    """Return designs one by one: parameter -> values, (n,) each in SI.
+    """Return a list of designs: parameter -> values, (n,) each in SI.
 
     Raises:
-        InputError: for an unknown parameter, values that are no numbers, or lists of other lengths.
+        InputError: for an unknown parameter, values that are not numbers, or lists of different lengths.
     """
     kept = {name: _row(name, values, model, parameters) for name, values in values.items()}
     if not kept:
         raise InputError(f"{description} names no parameter of {model}; choose from {', '.join(parameters)}")
     lengths = {name: len(values) for name, values in kept.items()}
     if len(set(lengths.values())) > 1:
-        raise InputError(f"parameters have different counts of values: {lengths}; give one for each design")
+        raise InputError(f"parameters have different numbers of values: {lengths}; give one for each design")
     return Designs(kept, {name: parameters[name] for name in kept}, "list", description)
 
 
@@ -205,39 +205,41 @@ def _row(name: str, value: object, model: str, parameters: Mapping[str, str]) ->
     except (TypeError, ValueError):
         row = np.array([[np.nan]])
     if row.ndim != 1 or not len(row) or np.isnan(row).any():
-        raise InputError(f"{name} of {model} is varied over what is no list of numbers; give numbers in SI")
+        raise InputError(f"{name} of {model} needs a list of finite numbers; give numbers in SI")
     return row.astype(np.float64)
 
 
 def sampled_designs(
     text: str, spans: Mapping[str, object], model: str, parameters: Mapping[str, str], seed: int = SEED
 ) -> Designs:
-    """Return designs spread over spans of parameters: `sobol:N`, `halton:N`, `latin:N` or `random:N`.
+    """Return designs sampled between bounds of parameters: `sobol:N`, `halton:N`, `latin:N` or `random:N`.
 
     Args:
-        text: which points, and how many.
+        text: sampling method and number of designs.
         spans: parameter -> (low, high) in SI.
         model: name of the subject.
         parameters: parameter -> unit.
         seed: of their scrambling.
 
     Raises:
-        InputError: for another word, or a count that is none.
+        InputError: for an unknown method, or an invalid number.
     """
     word, _, number = text.partition(":")
     count = int(number) if number.isdigit() else 0
     if word not in ("sobol", "halton", "latin", "random") or not 1 <= count <= MAX_LISTED:
         words = suggestion(word, ("sobol", "halton", "latin", "random"))
-        raise InputError(f"--sample {text!r} is none{words}; write sobol:N with N up to {MAX_LISTED:,}")
+        raise InputError(f"--sample {text!r} is not one of{words}; write sobol:N with N up to {MAX_LISTED:,}")
     if not spans:
         raise InputError(f"no parameter of {model} varies; give --vary {SPAN}")
     ends = {name: _row(name, values, model, parameters) for name, values in spans.items()}
     for name, values in ends.items():
         if len(values) != 2 or not values[0] <= values[1]:
             raise InputError(
-                f"{name} of {model} runs from {values.tolist()}; give its lower and its upper end"
+                f"{name} of {model} has the bounds {values.tolist()}; give its lower and its upper end"
             )
-    require_memory(f"{count:,} designs", count, BYTES_PER_DESIGN + 16.0 * len(ends), "{most} fit: take fewer")
+    require_memory(
+        f"{count:,} designs", count, BYTES_PER_DESIGN + 16.0 * len(ends), "{most} fit: reduce the number"
+    )
     points = _points(word, len(ends), count, seed)
     values = {name: low + (high - low) * points[:, i] for i, (name, (low, high)) in enumerate(ends.items())}
     return Designs(values, {name: parameters[name] for name in values}, "list", f"{text}, seed {seed}")
@@ -260,11 +262,11 @@ def _points(word: str, dimensions: int, count: int, seed: int) -> Array:
 def read_designs(
     path: str, model: str, parameters: Mapping[str, str], declared: Mapping[str, str] | None = None
 ) -> Designs:
-    """Return the designs of a CSV file: a column a parameter; cells may carry units.
+    """Return the designs of a CSV file with a column for each parameter; cells may contain units.
 
     Raises:
-        InputError: for a file that is not there, cells that are no values, or cells without a unit where the
-            mechanism's file declares another than SI.
+        InputError: for a missing file, cells that are not values, or cells without a unit if the
+            mechanism's file declares a unit other than SI.
     """
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
@@ -276,9 +278,9 @@ def read_designs(
     names = [name.strip() for name in head]
     rows = [row for row in rows if row]
     if not rows:
-        raise InputError(f"{path} has no row of numbers under a header; give a column a parameter")
+        raise InputError(f"{path} has no row of numbers under a header; give a column for each parameter")
     if twice := next((name for name in names if names.count(name) > 1), None):
-        raise InputError(f"column {twice!r} stands twice in {path}; give it once")
+        raise InputError(f"{path} has the column {twice!r} twice; give it once")
     columns: dict[str, Array] = {}
     for i, name in enumerate(names):
         unit = unit_of(name, model, parameters)
@@ -289,7 +291,7 @@ def read_designs(
 
 def _value(row: Sequence[str], i: int, unit: str, path: str, line: int, declared: str) -> float:
     if i >= len(row):
-        raise InputError(f"line {line} of {path} has {len(row)} values; give one under each name")
+        raise InputError(f"line {line} of {path} has {len(row)} values; give one for each column")
     if declared:
         what = f"line {line} of {path}"
         units.require_written(row[i], unit, declared, what)  # pyright: ignore[reportArgumentType]

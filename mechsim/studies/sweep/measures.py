@@ -1,4 +1,4 @@
-"""Measures of a design: one number from a turn, read from text as `range:rocker` or `max:P3.vx`."""
+"""Measures of a design: numbers from its motion, requested by text such as `range:rocker` or `max:P3.vx`."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.subjects.python_object import run_object, run_user_code
 from mechsim.subjects.toml_values import suggestion
 
-# name -> statistic of a quantity over the turn, (designs, poses) -> (designs,)
+# name -> statistic of a quantity over the motion, (designs, poses) -> (designs,)
 STATISTICS: dict[str, Callable[[Array], Array]] = {
     "max": lambda values: values.max(1),
     "min": lambda values: values.min(1),
@@ -33,9 +33,9 @@ STATISTICS: dict[str, Callable[[Array], Array]] = {
     # about the mean
     "ripple": lambda values: np.sqrt(((values - values.mean(1, keepdims=True)) ** 2).mean(1)),
 }
-# name -> unit of properties of a design without a motion
+# name -> unit, for properties of a design that need no motion
 FACTS = {"crank_range": "rad", "dead_centres": "1", "assemblies": "1"}
-# name -> unit of vibrations and runs from an initial state; of peaks that of the quantity
+# name -> unit, for measures of vibrations and of runs from an initial state; a peak has that of its quantity
 RELEASED = {"frequency": "Hz", "damping_ratio": "1", "settling": "s", "peak": ""}
 WORDS = (
     "range:J",
@@ -53,14 +53,14 @@ WORDS = (
 
 @dataclass(frozen=True)
 class Turns:
-    """Motions of designs over the same row of poses.
+    """Motions of designs over equal numbers of poses.
 
     Attributes:
-        designs: how many.
-        poses: of each.
-        motion: at designs x poses instants, one design after another.
-        more: other columns or quantities -> (designs, poses): forces and transmission angles where measured.
-        facts: "crank_range", "dead_centres", "assemblies" -> (designs,), where measured.
+        designs: number of designs.
+        poses: number of poses of each.
+        motion: motion at designs x poses instants, one design after another.
+        more: further columns or quantities -> (designs, poses), such as forces and transmission angles.
+        facts: "crank_range", "dead_centres", "assemblies" -> (designs,), if measured.
     """
 
     designs: int
@@ -79,7 +79,7 @@ class Turns:
         return values.reshape(self.designs, self.poses)
 
     def values(self, quantity: Quantity) -> Array:
-        """Return a quantity, (designs, poses); of vectors the length."""
+        """Return a quantity, (designs, poses); for vectors the length."""
         if quantity.name in self.more:
             return self.more[quantity.name]
         if quantity.uses("link"):
@@ -96,11 +96,11 @@ class TurnMeasure:
         name: as requested.
         kind: "range", "stroke", "at", "function", or one of `STATISTICS`, `FACTS` or `RELEASED`.
         unit: in SI.
-        quantity: the quantity; None for strokes, facts and functions.
+        quantity: the quantity; None for strokes, properties and functions.
         subject: the point of a stroke, FILE.py:FUNC, or the quantity of a run from an initial state.
-        number: of a mode, from 1; 0 for none.
-        angle: path parameter at which it is taken, in [rad]: of the crank, or the time
-            multiplied by `pace` of the motion laws; None over the turn.
+        number: index of a mode, from 1; 0 for none.
+        angle: path parameter of a single pose, in [rad]: crank angle, or time multiplied by the rate of the
+            motion laws; None for the whole motion.
     """
 
     name: str
@@ -113,12 +113,12 @@ class TurnMeasure:
 
     @property
     def turns(self) -> bool:
-        """Whether it needs a motion, not the design alone."""
+        """Whether it needs a motion."""
         return self.kind not in FACTS and not self.released
 
     @property
     def released(self) -> bool:
-        """Whether it is of a vibration or of a run from an initial state."""
+        """Whether it needs vibrations or a run from an initial state."""
         return self.kind in RELEASED
 
     @property
@@ -140,8 +140,8 @@ class TurnMeasure:
         """Return the measure of designs, (designs,).
 
         Args:
-            turns: their motions over the turn and, where `index` says, beyond.
-            index: of the poses, the one at the measure's angle; None for measures over the turn.
+            turns: their motions over all poses, followed by the poses of single angles.
+            index: of the pose at the measure's angle; None for measures over the whole motion.
         """
         if not self.turns:
             return turns.facts[self.name]
@@ -160,19 +160,19 @@ class TurnMeasure:
 
 
 def measure(text: str, mechanism: Mechanism, motion_laws: MotionLaws = CRANK) -> TurnMeasure:
-    """Return the measure that a text names.
+    """Return the measure of a text.
 
     Args:
-        text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean) with
-            quantities as `model.quantities` has them, at:ANGLE:Q or under motion laws at:TIME:Q,
-            crank_range, dead_centres, assemblies; of the equilibrium next to the initial configuration
-            frequency:N and damping_ratio:N of a mode; of a run from there settling:Q, after which Q stays
-            within 2 % of its change, and peak:Q, the largest size of Q; or FILE.py:FUNC of a Motion.
-        mechanism: whose.
+        text: range:J, stroke:P, max:Q, min:Q, rms:Q, mean:Q, ripple:Q (root mean square about the mean), with
+            quantities of `model.quantities`; at:ANGLE:Q, or under motion laws at:TIME:Q; crank_range,
+            dead_centres, assemblies; frequency:N and damping_ratio:N of a vibration mode about the
+            equilibrium next to the initial configuration; settling:Q, after which Q stays within 2 % of its
+            change, and peak:Q, the largest magnitude of Q, of a run from there; or FILE.py:FUNC of a Motion.
+        mechanism: the mechanism.
         motion_laws: its motion laws.
 
     Raises:
-        InputError: for an unknown word or quantity, with the nearest one.
+        InputError: for an unknown measure or quantity, with the closest known one.
     """
     word, colon, rest = text.partition(":")
     if text in FACTS:
@@ -205,7 +205,7 @@ def _released(text: str, word: str, rest: str, mechanism: Mechanism) -> TurnMeas
         quantity = numeric_quantity(rest, mechanism)
         return TurnMeasure(text, word, RELEASED[word] or quantity.unit, subject=rest)
     if not (rest.isdecimal() and int(rest) > 0):
-        raise InputError(f"{text} names no mode; write {word}:N with the number of the mode, from 1")
+        raise InputError(f"{text} has no mode number; write {word}:N, with N from 1")
     return TurnMeasure(text, word, RELEASED[word], number=int(rest))
 
 
@@ -216,10 +216,10 @@ def _parameter(text: str, index: str, motion_laws: MotionLaws) -> float:
     try:
         time = units.parse(index, "s", f"the time of {text}")
     except InputError as error:
-        raise InputError(f"{error}; motion laws drive, so that it is taken at a time") from None
+        raise InputError(f"{error}; under motion laws give a time") from None
     if not 0.0 <= time <= motion_laws.duration:
         raise InputError(
-            f"{text} is taken at {time:g} s, and the motion laws last {motion_laws.duration:g} s; "
+            f"{text} is at {time:g} s, but the motion laws last {motion_laws.duration:g} s; "
             "give a time "
             "within them, or a longer duration"
         )
@@ -239,7 +239,7 @@ def _stroke(turns: Turns, point: str) -> Array:
     x, y, z = (turns.column(f"{point}.{axis}") for axis in AXES)
     largest = np.zeros(turns.designs, x.dtype)
     for shift in range(1, turns.poses // 2 + 1):
-        # each pair once: poses that differ by a shift around the turn
+        # each pair once: poses that differ by a cyclic shift
         dx, dy, dz = (axis_values - np.roll(axis_values, shift, 1) for axis_values in (x, y, z))
         np.maximum(largest, (dx * dx + dy * dy + dz * dz).max(1), out=largest)
     return np.sqrt(largest)
@@ -265,19 +265,19 @@ def _number(where: str, value: object) -> float:
 def measures(
     texts: "list[str] | tuple[str, ...]", mechanism: Mechanism, motion_laws: MotionLaws = CRANK
 ) -> "MeasureSet":
-    """Return the measures that texts name, each once.
+    """Return the measures of texts, each once.
 
     Raises:
-        InputError: as `measure`, or where there is none.
+        InputError: as for `measure`, or without any measure.
     """
     if not texts:
-        raise InputError(f"no measure is requested; give one of {', '.join(WORDS)}")
+        raise InputError(f"no measure is requested; known are {', '.join(WORDS)}")
     return MeasureSet(tuple(measure(text, mechanism, motion_laws) for text in dict.fromkeys(texts)))
 
 
 @dataclass(frozen=True)
 class MeasureSet:
-    """The measures of a sweep, and what they need.
+    """The measures of a sweep, and the data that they need.
 
     Attributes:
         items: the measures.
@@ -303,7 +303,7 @@ class MeasureSet:
 
     @property
     def released(self) -> bool:
-        """Whether a measure is of a vibration or of a run from an initial state."""
+        """Whether a measure needs vibrations or a run from an initial state."""
         return any(measure.released for measure in self)
 
     @property
@@ -313,7 +313,7 @@ class MeasureSet:
 
     @property
     def facts(self) -> list[str]:
-        """The kinds of `FACTS` that are measured."""
+        """The measured kinds of `FACTS`."""
         return [measure.kind for measure in self if measure.kind in FACTS]
 
     @property
@@ -328,7 +328,7 @@ class MeasureSet:
 
     @property
     def force_columns(self) -> set[str]:
-        """The columns of forces from which measures follow."""
+        """The columns of forces that the measures need."""
         loaded = [quantity for quantity in self.quantities if quantity.loaded]
         return {column.name for quantity in loaded for column in quantity.columns}
 
@@ -341,10 +341,10 @@ class MeasureSet:
         )
 
     def uses(self, *sources: Source) -> bool:
-        """Whether a quantity that is measured follows from columns of these sources."""
+        """Whether a measured quantity needs columns of these sources."""
         return any(quantity.uses(*sources) for quantity in self.quantities)
 
-    def wants(self, kind: str) -> bool:
+    def includes(self, kind: str) -> bool:
         """Whether a measure is of a kind, or of a quantity of a kind."""
         return any(
             kind == measure.kind or (measure.quantity is not None and measure.quantity.kind == kind)
@@ -371,7 +371,7 @@ def table_of(measures: Iterable[TurnMeasure], turns: Turns, indices: Mapping[flo
 
 
 def _first(turns: Turns, count: int) -> Turns:
-    """Return the motions over their first poses alone."""
+    """Return the motions without the poses of single angles."""
     rows = np.zeros((turns.designs, turns.poses), dtype=np.bool_)
     rows[:, :count] = True
     more = {name: values[:, :count] for name, values in turns.more.items()}

@@ -44,9 +44,9 @@ from mechsim.studies.sweep.task import (
 Rows = NDArray[np.intp]
 # poses solved at once: their arrays fit into a core's cache
 BLOCK = 8192
-# largest displacement of a point after a turn, relative to its stroke: rounding, far below another assembly
+# largest displacement of a point after a revolution, relative to its stroke: rounding, less than any assembly
 RETURN_TOLERANCE = 1e-9
-# largest length of a stored reason in characters
+# largest length of a stored reason, in characters
 MAX_REASON = 240
 
 
@@ -268,7 +268,7 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
         result.store(row, {name: np.array([value]) for name, value in values.items()})
         result.reject(row, outcome, reason)
         if invalid:
-            result.reject(row, "diverged", f"{invalid[0]} is no finite number")
+            result.reject(row, "diverged", f"{invalid[0]} is not finite")
 
 
 def _outcome(error: MechsimError) -> str:
@@ -316,7 +316,7 @@ def measured_alone(
 
 
 def swing_arc(solver: KinematicSolver) -> tuple[float, float] | None:
-    """Return the reachable range of a crank that swings, in [rad]; None where it turns fully or laws drive.
+    """Return the reachable range of a crank that swings, in [rad]; None for full revolutions or motion laws.
 
     Raises:
         AssemblyError: if it assembles at no crank angle.
@@ -339,7 +339,7 @@ def _solved_alone(
     kept = {name: np.array([value]) for name, value in facts.items()}
     angles, path_speed = crank.angle, crank.speed
     if not solver.motion_laws.crank:
-        # the rate of the path parameter depends on the design; the times are the same
+        # the rate of the path parameter depends on the design; the times do not
         angles, path_speed = (
             angles / path_speed * solver.motion_laws.rate,
             np.full_like(path_speed, solver.motion_laws.rate),
@@ -351,7 +351,7 @@ def _solved_alone(
         acting = solver.forces or Forces()
         study = prescribed_along(dynamic_model(solver, acting), angles, path_speed, crank.acceleration)
         more = {name: column.reshape(shape) for name, column in study.columns()}
-    if task.measures.wants(TRANSMISSION):
+    if task.measures.includes(TRANSMISSION):
         angle = closed_form(solver, "a transmission angle").transmission_angle(angles)
         more[TRANSMISSION] = angle.reshape(shape)
     turns = Turns(1, len(angles), motion, more, kept)
@@ -362,7 +362,7 @@ def require_measurable(task: SweepTask) -> None:
     """Reject measures that no design of a subject can have.
 
     Raises:
-        InputError: naming the measure and the remedy.
+        InputError: for such a measure, with a remedy.
     """
     solver = task.subject.solver
     if task.settings is not None:
@@ -370,9 +370,9 @@ def require_measurable(task: SweepTask) -> None:
     for measure in task.measures:
         if measure.kind == "assemblies" and not isinstance(solver, ClosedForm):
             raise InputError(
-                f"the number of assemblies is known for mechanisms of the catalogue only, and "
-                f"{solver.name!r} "
-                "is none; `mechsim trace` finds those of any other"
+                f"the number of assemblies is known for catalogue mechanisms only, not for "
+                f"{solver.name!r}; "
+                "`mechsim trace` finds the assemblies of any mechanism"
             )
         if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
             closed_form(solver, "a transmission angle")
@@ -386,13 +386,13 @@ def _require_stepped(task: SweepTask) -> None:
     cut = [name for joint in cut_loops(mechanism, splits=True).cuts for name in joint.coordinates]
     for measure in task.measures:
         if not measure.turns or (measure.quantity is not None and measure.quantity.uses("formula")):
-            raise InputError(f"{measure.name} is known by formulas; leave out --method step, or that measure")
+            raise InputError(f"{measure.name} needs formulas; leave out --method step, or this measure")
         missing = [] if measure.quantity is None else [*{*measure.quantity.subjects("joint")} & {*cut}]
         if missing:
             available = [name for joint in mechanism.joints for name in joint.coordinates if name not in cut]
             raise InputError(
                 f"{measure.name}: MuJoCo's model is cut at {missing[0]}, and its states do not "
-                f"hold it; "
+                f"contain it; "
                 f"stepped motions contain {', '.join(available)}"
             )
     _ = task.records

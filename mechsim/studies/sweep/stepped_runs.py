@@ -35,15 +35,15 @@ from mechsim.studies.sweep.task import Measured, SweepTask, assembled_designs
 
 # instants of a run after the first
 SAMPLES = 500
-# fraction of its change within which a quantity stays after settling, and the latest fraction of the run
-CLOSE, LATEST = 0.02, 0.9
+# fraction of its change within which a settled quantity stays, and latest settling time relative to the run
+SETTLING_BAND, MAX_SETTLING_FRACTION = 0.02, 0.9
 
 
 def released_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
-    """Return the measures of a design that are of vibrations or of a run from the initial state.
+    """Return the measures of a design that need vibrations or a run from the initial state.
 
     Raises:
-        AssemblyError: where there is no equilibrium or no such mode, a run breaks down, or does not settle.
+        AssemblyError: without equilibrium or the requested mode, or for a run that fails or does not settle.
     """
     measures = [measure for measure in task.measures if measure.released]
     if not measures:
@@ -62,7 +62,7 @@ def _of_modes(release: Release, measures: list[TurnMeasure]) -> dict[str, float]
     result: dict[str, float] = {}
     for measure in measures:
         if measure.number > len(modes):
-            raise AssemblyError(f"there is no mode {measure.number}, but {len(modes)} in all")
+            raise AssemblyError(f"there is no mode {measure.number}; the highest is {len(modes)}")
         mode = modes[measure.number - 1]
         result[measure.name] = mode.frequency if measure.kind == "frequency" else mode.damping_ratio
     return result
@@ -73,7 +73,7 @@ def _of_run(release: Release, measures: list[TurnMeasure]) -> dict[str, float]:
         return {}
     run = release.run(SAMPLES)
     if run.outcome not in SHOWN:
-        raise AssemblyError(f"the run ends in {run.outcome}: {run.reason}")
+        raise AssemblyError(f"the run ended early ({run.outcome}): {run.reason}")
     values = release.values(run, [measure.subject for measure in measures])
     columns: Mapping[str, Array] = {quantity.name: column for quantity, column in values.items()}
     return {
@@ -86,16 +86,16 @@ def _of_run(release: Release, measures: list[TurnMeasure]) -> dict[str, float]:
 
 def _settling(name: str, time: Array, values: Array) -> float:
     """Return the instant after which a quantity stays near its last value, in [s]."""
-    outside = np.abs(values - values[-1]) > CLOSE * np.ptp(values)
+    outside = np.abs(values - values[-1]) > SETTLING_BAND * np.ptp(values)
     last = int(np.flatnonzero(outside)[-1]) if outside.any() else 0
-    if time[last] > LATEST * time[-1]:
+    if time[last] > MAX_SETTLING_FRACTION * time[-1]:
         raise AssemblyError(f"{name} does not settle within {time[-1]:g} s; give a longer duration")
     return float(time[last])
 
 
 Rows = NDArray[np.intp]
 DIVERGED_REASON = (
-    "MuJoCo's state went bad, or the linkage moved its drive; take more steps, or softer constraints"
+    "MuJoCo's state became invalid, or the linkage moved its drive; take more steps, or softer constraints"
 )
 
 
@@ -129,13 +129,13 @@ def stepped_together(task: SweepTask, rows: Mapping[str, Array], index: Rows, re
     valid = stepped.valid & verdict.same_assembly
     _measure(task, stepped, np.flatnonzero(valid), numbers, result)
     for i in np.flatnonzero(valid & ~(verdict.estimate <= verdict.tolerance)):
-        result.reject(numbers[[i]], "failed", too_far(verdict.estimate[i], verdict.tolerance[i]))
+        result.reject(numbers[[i]], "failed", tolerance_text(verdict.estimate[i], verdict.tolerance[i]))
     failed = np.flatnonzero(~valid)
     separations = first_open_angle(stepped, failed) if len(failed) else np.zeros(0)
     separated = np.isfinite(separations)
     diverged = failed[~separated & ~stepped.valid[failed]]
     result.reject(numbers[diverged], "diverged", DIVERGED_REASON)
-    # loops that open may belong to a swinging crank, which a single run shows
+    # open loops may belong to a swinging crank, which a single run determines
     undetermined = np.setdiff1d(failed, diverged)
     return np.setdiff1d(index, np.delete(numbers, undetermined))
 
@@ -157,7 +157,7 @@ def _detail(task: SweepTask) -> Content:
     """Return the level of detail that the measures need."""
     if task.measures.accelerated:
         return "rates"
-    return "positions" if task.measures.wants("stroke") or task.measures.uses("point") else "joints"
+    return "positions" if task.measures.includes("stroke") or task.measures.uses("point") else "joints"
 
 
 def stepped_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, float], str, str]:
@@ -177,7 +177,7 @@ def stepped_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, f
         )
     run = simulate(solver, **options)
     if run.outcome in ("diverged", "changed assembly"):
-        return {}, run.outcome, run.motion.broken or "it went on in another assembly"
+        return {}, run.outcome, run.motion.broken or "it continued in another assembly"
     motion, forces = run.motion, {}
     if task.measures.loaded:
         acting = solver.forces
@@ -186,14 +186,14 @@ def stepped_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, f
         forces = {name: column[task.records][None] for name, column in study.forces.columns()}
     mechanism = solver.mechanism
     if mechanism.has_crank and solver.motion_laws.crank:
-        # the generator's name of the crank
+        # the crank's name in generated models
         joints = {
             (mechanism.crank.name if name == CRANK else name): value for name, value in motion.joints.items()
         }
         motion = replace(motion, joints=joints)
     turns = Turns(1, len(task.records), select_instants(motion, task.records), forces)
     values = {name: float(value[0]) for name, value in task.values(turns).items()}
-    return values, run.outcome, "" if run.outcome == "passed" else too_far(run.estimate, run.tolerance)
+    return values, run.outcome, "" if run.outcome == "passed" else tolerance_text(run.estimate, run.tolerance)
 
 
 def with_closed_start(solver: KinematicSolver) -> KinematicSolver:
@@ -204,7 +204,7 @@ def with_closed_start(solver: KinematicSolver) -> KinematicSolver:
 
 
 def prescribed_motion(solver: KinematicSolver, speed: float) -> dict[str, Any]:
-    """Return how a design moves, as `simulate` takes it: its laws, a speed in [rad/s], or a swing.
+    """Return the driver motion of a design as arguments of `simulate`: laws, a speed in [rad/s], or a swing.
 
     Raises:
         AssemblyError: if its loops close at no crank angle.
@@ -219,6 +219,6 @@ def prescribed_motion(solver: KinematicSolver, speed: float) -> dict[str, Any]:
     return {"profile": within_range(solver.mechanism, arcs, speed)}
 
 
-def too_far(estimate: float, tolerance: float) -> str:
-    """Return the reason of a stepped design that misses its tolerance."""
-    return f"places within {estimate:.3g} m of the solved poses (bound {tolerance:.3g} m)"
+def tolerance_text(estimate: float, tolerance: float) -> str:
+    """Return the reason text of a stepped design that misses its tolerance."""
+    return f"positions differ by {estimate:.3g} m from the solved poses (tolerance {tolerance:.3g} m)"

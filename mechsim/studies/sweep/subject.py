@@ -1,4 +1,4 @@
-"""The subject of a sweep, which other processes can receive and build in other designs."""
+"""The subject of a sweep: other processes receive it and make other designs of it."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -28,7 +28,7 @@ class OfCatalog:
     solver: ClosedForm
 
     def __call__(self, values: Mapping[str, float]) -> KinematicSolver:
-        """Return a design, checked."""
+        """Return a design after validation."""
         changed: dict[str, Any] = {}
         for name, value in values.items():
             parameter, dot, axis = name.partition(".")
@@ -49,9 +49,9 @@ class OfToml:
 
     Attributes:
         source: the file.
-        fixed: parameter -> text or number in SI, of those that are set and do not vary.
-        guess: link -> pose of the file as it stands, closed; it selects the assembly of designs where the
-            file itself has no guess of a link.
+        fixed: parameter -> text or number in SI, for parameters that are set and do not vary.
+        guess: link -> assembled nominal pose; it selects the assembly of designs if the file has no guess
+            for a link.
         units: parameter -> SI unit.
     """
 
@@ -72,11 +72,11 @@ class OfToml:
 
 @dataclass(frozen=True)
 class OfPython:
-    """Makes designs by a function in a Python file, which each process that makes some runs.
+    """Makes designs by a function in a Python file; each process that makes designs runs the file.
 
     Attributes:
         model: FILE.py:FUNCTION.
-        fixed: argument -> text, of those that are set and do not vary.
+        fixed: argument -> text, for arguments that are set and do not vary.
     """
 
     model: str
@@ -99,10 +99,10 @@ class SweptSubject:
     """A subject and the function that makes its designs.
 
     Attributes:
-        name: as it was given.
-        solver: as it stands.
+        name: as requested.
+        solver: the nominal design.
         design_family: its parameters.
-        make: parameter -> value in SI, of those that vary, makes a design; it can be sent to other processes.
+        make: makes a design from parameter -> value in SI; it can be sent to other processes.
     """
 
     name: str
@@ -112,7 +112,7 @@ class SweptSubject:
 
     @property
     def closed(self) -> ClosedForm | None:
-        """The closed form whose own parameters vary; None for any other subject."""
+        """The closed form whose own parameters vary; None for other subjects."""
         return (
             self.solver if isinstance(self.solver, ClosedForm) and isinstance(self.make, OfCatalog) else None
         )
@@ -121,15 +121,15 @@ class SweptSubject:
 def swept_subject(
     model: str | KinematicSolver | Mechanism, set: Mapping[str, str | float] | None = None, **options: Any
 ) -> SweptSubject:
-    """Return a subject to be swept.
+    """Return the subject of a sweep.
 
     Args:
-        model: as `load` takes it, or what moves itself.
-        set: parameter -> its value, as `load` takes it.
-        options: what else `load` takes.
+        model: as for `load`, or a solver.
+        set: parameter -> its value, as for `load`.
+        options: further arguments of `load`.
 
     Raises:
-        InputError: as `load`.
+        InputError: as for `load`.
     """
     source = open_model(model)
     result = parametric_model(source, set, **options)

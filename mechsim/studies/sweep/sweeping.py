@@ -56,10 +56,10 @@ from mechsim.verdict.crosscheck import crosscheck
 if TYPE_CHECKING:
     from xarray import Dataset
 
-# default and largest number of poses in a turn
+# default and largest number of poses of a motion
 SAMPLES, MAX_SAMPLES = 72, 1_000_000
-# bytes of a text in a table
-TEXT = 16.0
+# bytes of a text cell in a table
+BYTES_PER_TEXT = 16.0
 
 Progress = Callable[[str, float], None]
 
@@ -86,37 +86,36 @@ def sweep(
     """Measure many designs of a mechanism.
 
     Args:
-        model: as `load` takes it, or what moves itself.
-        vary: parameter -> values in SI, of which all are taken with all others; with `sample` its lower and
-            upper end.
+        model: as for `load`, or a solver.
+        vary: parameter -> values in SI, combined as a grid; with `sample` its lower and upper end.
         measure: such as "range:rocker", "max:P3.vx", "stroke:P3", "at:90deg:rocker", "crank_range",
             "FILE.py:FUNC" (see `measures.measure`).
         design: parameter -> values in SI, one for each design, or a CSV file of them; in place of `vary`.
         sample: "sobol:N", "halton:N", "latin:N" or "random:N".
-        set: parameter -> its value where it does not vary, as `load` takes it.
-        samples: poses a turn, or over the motion laws of drivers; None for 72.
-        speed: of the crank in [rad/s], or text, as "600rpm".
-        settings: how designs are stepped in MuJoCo, in place of motions by formulas and loop equations.
-            Without a compliance, loops are as hard as what is measured asks for. Poses are then some of the
-            steps, about 72 where `samples` does not say, and the steps of a turn are made a multiple of
-            them; an automatic `jacobian` is dense, so that numbers are the same wherever they are made.
+        set: parameter -> its value if it does not vary, as for `load`.
+        samples: number of poses in a revolution, or over the motion laws of drivers; None for 72.
+        speed: crank speed in [rad/s], or text, as "600rpm".
+        settings: settings of stepped runs in MuJoCo, instead of formulas and loop equations. Without a
+            compliance, the measures determine it. Poses are then a subset of the steps, about 72 by default,
+            and the number of steps per revolution is rounded to a multiple of them. An automatic `jacobian`
+            is dense, so that results are the same on every machine.
         output: .nc, .zarr, .parquet or .csv to write, chunk by chunk.
         resume: whether to continue a stopped sweep.
         scheduler: of Dask: None for its own in this process, an address tcp://..., or a Client.
         progress: called with a description and the finished fraction, 0 to 1.
         initial: initial state of measures of runs and vibrations, as `mechsim.dynamics.run` takes it.
         until: event that ends these runs.
-        options: what else `load` takes; `duration` is that of the runs where there are any.
+        options: further arguments of `load`; `duration` is that of the runs, if there are any.
 
     Returns:
-        Measures over the parameters, with units, and for each design `outcome`, "passed" where it was built,
-        "swings" where it was and its crank does not turn fully, and `reason`. Of a crank that swings measures
-        are over its reachable range; rates and forces over the middle 0.9 of it.
+        Measures over the parameters, with units, and for each design `reason` and `outcome`: "passed" if it
+        was built, "swings" if its crank does not turn fully. Measures of a swinging crank cover its reachable
+        range; rates and forces cover the middle 0.9 of it.
 
     Raises:
-        InputError: for an unknown parameter or measure, more designs than memory or disk hold, or an output
-            that holds another sweep.
-        MissingToolError: where a library of `mechsim[sweep]` is not installed.
+        InputError: for an unknown parameter or measure, more designs than fit into memory or on disk, or an
+            output that contains another sweep.
+        MissingToolError: if a library of `mechsim[sweep]` is not installed.
     """
     require_libraries(output)
     task = swept_task(
@@ -163,13 +162,13 @@ def swept_task(
     until: str | None = None,
     **options: Any,
 ) -> SweepTask:
-    """Return a checked sweep that has not started; arguments as of `sweep`."""
+    """Return a checked sweep that has not started; arguments as for `sweep`."""
     least = 1 if settings is None else 2
     if samples is None:
         steps = SAMPLES if settings is None else settings.steps_per_turn
         samples = -(-steps // max(1, steps // SAMPLES))
     if not least <= samples <= MAX_SAMPLES:
-        raise InputError(f"{samples} samples a turn; give {least} to {MAX_SAMPLES:,}")
+        raise InputError(f"{samples} poses in a motion; give {least} to {MAX_SAMPLES:,}")
     texts = [measure] if isinstance(measure, str) else list(measure)
     released = any(text.partition(":")[0] in RELEASED for text in texts)
     if (initial or until) and not released:
@@ -189,16 +188,18 @@ def swept_task(
         seconds = units.si(DURATION if duration is None else duration, "s", "the duration")
         acting = weighing(subject.solver)
         release = Release(model=acting, initial=initial or {}, duration=float(seconds), until=until)
-    task = _hard_enough(SweepTask(subject, designs, measures_read, int(samples), rate, settings, release))
+    task = _with_compliance_for_forces(
+        SweepTask(subject, designs, measures_read, int(samples), rate, settings, release)
+    )
     require_measurable(task)
     return task
 
 
-def _hard_enough(task: SweepTask) -> SweepTask:
-    """Return a sweep that reads forces of designs stepped by themselves off loops as hard as `dynamics` has.
+def _with_compliance_for_forces(task: SweepTask) -> SweepTask:
+    """Return a sweep with the compliance of `dynamics` if forces of separately stepped designs are measured.
 
-    Where designs are stepped together the loops stay as hard as places need: harder ones left 2e-5 of the
-    torque of a Bennett linkage, whose rows are redundant, and made no other better.
+    Designs stepped together keep the compliance that positions need: a lower one left an error of 2e-5 in the
+    torque of a Bennett linkage, whose constraints are redundant, and improved no other mechanism.
     """
     settings = task.settings
     if (
@@ -220,7 +221,7 @@ def _designs(
 ) -> Designs:
     name = subject.name
     if design is not None and (vary or sample is not None):
-        raise InputError("both designs and ranges are given; give one of them")
+        raise InputError("both designs and ranges are given; give only one")
     if isinstance(design, str):
         return read_designs(design, name, parameters, declared_units(subject.design_family))
     if design is not None:
@@ -241,9 +242,9 @@ def run_sweep(
     progress: Progress = lambda _, __: None,
 ) -> "Dataset":
     """Measure all designs of a sweep and write them to the output, if any; as `sweep`."""
-    count, each = task.designs.count, 8.0 * (len(task.measures) + 1) + TEXT
+    count, each = task.designs.count, 8.0 * (len(task.measures) + 1) + BYTES_PER_TEXT
     # a table is in memory twice while it is built
-    require_memory(f"{count:,} designs", count, 2.0 * each + EXTRA_BYTES, "{most} fit: take fewer")
+    require_memory(f"{count:,} designs", count, 2.0 * each + EXTRA_BYTES, "{most} fit: reduce the number")
     sweep_hash = identity(task)
     path = None if output is None else Path(output)
     if path is not None:
@@ -275,7 +276,7 @@ def run_sweep(
             run_chunks(task, remaining, keep, scheduler)
     except InputError:
         if folder is not None and not count_finished:
-            # a sweep that could not start leaves no files
+            # a sweep that cannot start leaves no files
             folder.remove()
         raise
     result = dataset(task, table.values, table.outcome, table.reason, {HASH_ATTRIBUTE: sweep_hash})
@@ -294,7 +295,7 @@ def _store(table: Measured, ends: tuple[int, int], values: Any, outcome: Any, re
 
 
 def _is_finished(path: Path, sweep_hash: str, resume: bool) -> bool:
-    """Return whether an output of this sweep exists and is resumed; reject one of another sweep."""
+    """Return whether the output contains this sweep and is resumed; reject one of another sweep."""
     if not path.exists():
         return False
     stored = ""
@@ -304,9 +305,7 @@ def _is_finished(path: Path, sweep_hash: str, resume: bool) -> bool:
         except InputError:
             stored = ""
     if stored != sweep_hash:
-        raise InputError(
-            f"{path} is there already and holds another sweep; name another output, or remove it first"
-        )
+        raise InputError(f"{path} exists and contains another sweep; name another output, or remove it first")
     return resume
 
 
@@ -318,7 +317,7 @@ def built(result: "Dataset") -> int:
 # largest difference, relative to a measure's scale, between a design measured alone and together: both
 # satisfy the equations to rounding, which conditioning amplifies; measured 1e-12
 RELATIVE_TOLERANCE = 1e-9
-# the same for a crank that swings: a pose at a dead centre is accurate to the square root of rounding only
+# the same for a crank that swings: a pose at a dead centre is accurate only to the square root of rounding
 RELATIVE_TOLERANCE_AT_ENDS = 1e-6
 
 
@@ -344,7 +343,7 @@ class CheckedDesigns:
 def check_sweep(task: SweepTask, result: "Dataset", count: int) -> CheckedDesigns:
     """Measure random built designs again, and compare their motions with the other method.
 
-    The other method is MuJoCo's poses for formulas and loop equations, and these for stepped designs.
+    The other method is MuJoCo's poses for formulas and loop equations, and those for stepped designs.
 
     Args:
         task: the sweep.
@@ -361,7 +360,7 @@ def check_sweep(task: SweepTask, result: "Dataset", count: int) -> CheckedDesign
             distance, reason = _compared(task, solver)
             worst, reason = (
                 max(worst, distance),
-                reason or _measured_differently(task, solver, result, int(i)),
+                reason or _difference_from_table(task, solver, result, int(i)),
             )
         except MechsimError as error:
             reason = str(error)
@@ -377,7 +376,7 @@ def _other_method(task: SweepTask) -> str:
 
 
 def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:
-    """Return the largest position error between both methods, in [m], and why they disagree, or ""."""
+    """Return the largest position error between both methods in [m], and the reason if they differ."""
     solver = with_closed_start(solver)
     prescribed = prescribed_motion(solver, task.path_speed)
     if task.settings is None:
@@ -391,8 +390,8 @@ def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:
     return distance, "" if verdict.passed else verdict.outcome
 
 
-def _measured_differently(task: SweepTask, solver: KinematicSolver, result: "Dataset", i: int) -> str:
-    """Return which measure of a single design differs from the table, or ""."""
+def _difference_from_table(task: SweepTask, solver: KinematicSolver, result: "Dataset", i: int) -> str:
+    """Return the first measure of a single design that differs from the table, as text, or ""."""
     facts = facts_alone(task, solver) | released_alone(task, solver)
     values, outcome, _ = measured_alone(task, solver, facts)
     tolerance = RELATIVE_TOLERANCE_AT_ENDS if outcome == "swings" else RELATIVE_TOLERANCE
@@ -409,5 +408,5 @@ def _measured_differently(task: SweepTask, solver: KinematicSolver, result: "Dat
     for measure in task.measures:
         tabulated, single = float(result[column_name(measure.name)].values.ravel()[i]), values[measure.name]
         if not abs(tabulated - single) <= tolerance * (abs(single) + abs(scales.get(measure.unit, 0.0))):
-            return f"{measure.name} is {tabulated:.12g} in the table and {single:.12g} by itself"
+            return f"{measure.name} is {tabulated:.12g} in the table and {single:.12g} for the single design"
     return ""

@@ -35,7 +35,7 @@ def library(name: str) -> Any:
 
 
 SUFFIXES = (".nc", ".zarr", ".parquet", ".csv")
-# columns that are text
+# names of text columns
 TEXTS = ("outcome", "reason")
 # the attribute with the hash of the sweep
 HASH_ATTRIBUTE = "sweep"
@@ -50,8 +50,8 @@ def dataset(
 ) -> "Dataset":
     """Return a sweep as a Dataset.
 
-    Dimensions are the parameters of a grid, or `design`; variables the measures, called as they were asked
-    for (of FILE.py:FUNC without the folder), `outcome` and `reason`.
+    Dimensions are the parameters of a grid, or `design`. Variables are the measures by their requested names
+    (FILE.py:FUNC without the folder), `outcome` and `reason`.
     """
     xarray = library("xarray")
     designs, shape, dims = task.designs, task.designs.shape, task.designs.dims
@@ -88,19 +88,19 @@ def _driven(task: SweepTask) -> dict[str, object]:
 
 
 def column_name(measure: str) -> str:
-    """Return what a measure is called in a table: as it was asked for, of FILE.py:FUNC without the folder."""
+    """Return the name of a measure in a table: the requested one; FILE.py:FUNC loses its folder."""
     return Path(measure).name
 
 
 def suffix_of(path: str | Path) -> str:
-    """Return the ending of an output.
+    """Return the suffix of an output file.
 
     Raises:
-        InputError: for another than those known.
+        InputError: for an unknown suffix.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
-        raise InputError(f"{str(path)!r} ends in {suffix or 'nothing'}; sweeps are {', '.join(SUFFIXES)}")
+        raise InputError(f"{str(path)!r} ends in {suffix or 'no suffix'}; known are {', '.join(SUFFIXES)}")
     return suffix
 
 
@@ -108,7 +108,7 @@ def require_libraries(path: str | Path | None) -> None:
     """Reject an output early if its library is missing.
 
     Raises:
-        MissingToolError: naming it.
+        MissingToolError: for a missing library.
     """
     needed = {".nc": ("netCDF4",), ".zarr": ("zarr",), ".parquet": ("pyarrow",)}
     for name in ("dask", "xarray", *needed.get("" if path is None else suffix_of(path), ())):
@@ -148,7 +148,7 @@ def _write_zarr(path: Path, result: "Dataset") -> None:
 
 
 def design_columns(result: "Dataset") -> dict[str, np.ndarray]:
-    """Return a sweep as columns: parameters, measures, outcome and reason, a row a design."""
+    """Return a sweep as columns: parameters, measures, outcome and reason, with a row for each design."""
     dims = [str(name) for name in result.dims]
     names = [*map(str, result.coords), *map(str, result.data_vars)]
     broadcast = {name: result[name].broadcast_like(result["outcome"]).transpose(*dims) for name in names}
@@ -187,14 +187,14 @@ def _plain(value: Any) -> Any:
 
 
 def read_sweep(path: str | Path) -> "Dataset":
-    """Return a sweep that was written; of .csv the units are not known, and grids are lists.
+    """Return a sweep from a file. A .csv file has no units, and its grids become lists.
 
     Raises:
-        InputError: for a file that is not there, or holds no sweep.
+        InputError: for a missing file, or a file without a sweep.
     """
     kind, xarray = suffix_of(path), library("xarray")
     if not Path(path).exists():
-        raise InputError(f"there is no {path}; name a sweep that was written")
+        raise InputError(f"there is no file {path}; name the output of a sweep")
     require_libraries(path)
     try:
         if kind == ".nc":
@@ -207,9 +207,9 @@ def read_sweep(path: str | Path) -> "Dataset":
             result = _read_parquet(path) if kind == ".parquet" else _read_csv(path)
     except (OSError, ValueError, KeyError, TypeError) as error:
         line = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path} holds no sweep: {cut(line, 120)}") from None
+        raise InputError(f"{path} contains no sweep: {cut(line, 120)}") from None
     if "outcome" not in result:
-        raise InputError(f"{path} holds no sweep: it has no outcome")
+        raise InputError(f"{path} contains no sweep: it has no column outcome")
     return result
 
 
@@ -261,7 +261,7 @@ def _from_columns(
 
 
 def _grid_of(parameter_names: Mapping[str, Any]) -> list[str]:
-    """Return the dimensions of columns that are a grid row by row; empty where they are none."""
+    """Return the dimensions of columns that form a grid row by row; empty for others."""
     axes = [np.unique(column) for column in parameter_names.values()]
     if not axes or math.prod(len(column) for column in axes) != len(next(iter(parameter_names.values()))):
         return []
@@ -279,9 +279,9 @@ def drawn_sweep(path: str, measures: tuple[str, ...] | None, kind: str | None) -
     """Return a figure of a sweep file.
 
     Args:
-        path: of the sweep.
+        path: of the sweep file.
         measures: measures to draw; None for all.
-        kind: of plot; None for what suits.
+        kind: of plot; None for the default of the data.
 
     Raises:
         InputError: for a file without a sweep, or a measure it does not contain.

@@ -64,16 +64,16 @@ class CrankRows:
 
 @dataclass(frozen=True)
 class SweepTask:
-    """A sweep.
+    """A sweep that workers can execute.
 
     Attributes:
-        subject: of the sweep.
-        designs: which.
-        measures: of each.
-        samples: poses a turn, or over motion laws.
-        speed: of the crank in [rad/s]; motion laws have their own.
-        settings: how designs are stepped in MuJoCo; None for motions by formulas and loop equations.
-        release: initial state of measures of runs and vibrations; None where there is none.
+        subject: the mechanism and its parameters.
+        designs: the parameter values.
+        measures: evaluated for each design.
+        samples: number of poses in a revolution, or over motion laws.
+        speed: crank speed in [rad/s]; motion laws have their own.
+        settings: settings of stepped runs in MuJoCo; None for formulas and loop equations.
+        release: initial state of measures of runs and vibrations; None without such measures.
     """
 
     subject: SweptSubject
@@ -85,7 +85,7 @@ class SweepTask:
     release: Release | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        # cached properties are computed again
+        # cached properties are computed again after unpickling
         return {measure.name: getattr(self, measure.name) for measure in fields(self)}
 
     @property
@@ -109,8 +109,8 @@ class SweepTask:
     def within(self, low: ArrayLike, high: ArrayLike) -> CrankRows:
         """Return the crank motion over which designs that swing are measured.
 
-        Poses are spread evenly over the reachable range. Rates and forces have no bound at its ends: they are
-        those of the swing that `simulate` makes, at instants spread evenly in time.
+        Poses are spread evenly over the reachable range. Rates and forces are unbounded at its ends: they are
+        evaluated along the swing of `simulate`, at instants spread evenly in time.
 
         Args:
             low: lower ends of reachable ranges, (...) in [rad].
@@ -136,9 +136,9 @@ class SweepTask:
 
     @property
     def single_only(self) -> bool:
-        """Whether each design is solved by itself, as for forces and orientations of links."""
+        """Whether designs are solved one at a time, as for forces and orientations of links."""
         measures = self.measures
-        special = measures.wants("function") or measures.wants(TRANSMISSION) or measures.uses("link")
+        special = measures.includes("function") or measures.includes(TRANSMISSION) or measures.uses("link")
         return measures.loaded or measures.released or special
 
     @property
@@ -149,7 +149,7 @@ class SweepTask:
 
     @cached_property
     def loops(self) -> SharedLoops | None:
-        """The common loops of designs traced together; None if each must be solved alone."""
+        """The common loops of designs traced together; None if they are solved one at a time."""
         solver = self.subject.solver
         alone = self.single_only or bool(self.measures.facts)
         if alone or solver.change_point != "smooth":
@@ -160,10 +160,10 @@ class SweepTask:
 
     @cached_property
     def like(self) -> SharedModel | None:
-        """The model with which designs are stepped together; None if each must be stepped alone."""
+        """The model with which designs are stepped together; None if they are stepped one at a time."""
         solver = self.subject.solver
         measures = self.measures
-        single = measures.wants("function") or measures.uses("link") or self.samples > CHUNK
+        single = measures.includes("function") or measures.uses("link") or self.samples > CHUNK
         if self.settings is None or single or not solver.motion_laws.crank:
             return None
         if measures.loaded and not self._weighed:
@@ -185,7 +185,7 @@ class SweepTask:
 
     @property
     def intervals(self) -> int:
-        """Intervals between the poses of a stepped motion, whose last pose is the end."""
+        """Number of intervals between the poses of a stepped motion, whose last pose is the end."""
         return self.samples if self.subject.solver.motion_laws.crank else self.samples - 1
 
     @property
@@ -199,7 +199,7 @@ class SweepTask:
         """Indices of the recorded instants of the poses in a stepped motion, in the order of `angles`.
 
         Raises:
-            InputError: for an angle at which something is measured and no instant is recorded.
+            InputError: for an angle of a measure at which no instant is recorded.
         """
         motion_laws, solver = self.subject.solver.motion_laws, self.subject.solver
         start = solver.mechanism.start if motion_laws.crank else 0.0
@@ -210,10 +210,10 @@ class SweepTask:
             if abs(index - round(index)) > RECORD_TOLERANCE:
                 rate, unit = motion_laws.rate, motion_laws.unit
                 raise InputError(
-                    f"at {angle / rate:.6g} {unit} nothing is recorded, but every "
+                    f"no instant is recorded at {angle / rate:.6g} {unit}, only every "
                     f"{interval / rate:.6g} {unit}; choose --samples so that a pose lies there"
                 )
-            # a crank's last record is its first again
+            # the last record of a full revolution equals the first
             rows = self.samples if motion_laws.crank else self.samples + 1
             result = np.append(result, round(index) % rows)
         return result
@@ -228,9 +228,9 @@ class Measured:
     """Measures of some designs.
 
     Attributes:
-        values: measure -> (n,) in SI; not a number where there is none.
+        values: measure -> (n,) in SI; NaN without a value.
         outcome: index in `OUTCOMES`, (n,).
-        reason: why there is nothing, (n,); empty where it was built.
+        reason: why a design was not built, (n,); empty otherwise.
     """
 
     values: dict[str, Array]
@@ -251,7 +251,7 @@ class Measured:
         valid: NDArray[np.bool_] | Literal[True] = True,
         swings: tuple[Array, Array] | None = None,
     ) -> NDArray[np.intp]:
-        """Store the measures of the designs of which all are finite; return these designs.
+        """Store the measures of the designs with finite values only; return these designs.
 
         Args:
             rows: designs, (n,).

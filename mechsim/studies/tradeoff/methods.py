@@ -1,6 +1,6 @@
 """Stepping methods that `mechsim tradeoff` compares, each a curve over the number of steps, and their models.
 
-A method keeps everything but the step: integrator, time constant of the loops (in steps, or as a fraction of
+A method fixes everything but the step: integrator, time constant of the loops (in steps, or as a fraction of
 a revolution), compliance, impedance, refsafe, diagexact, and the model: its cuts, level, drive, reductions.
 """
 
@@ -52,8 +52,8 @@ class Build:
     Attributes:
         cut: joints at which the loops are cut; None lets the generator choose.
         level: of the scene.
-        crank_drive: virtual drive inertia on the crank; the same on a motor that an equality gears to the
-            crank; or a velocity servo.
+        crank_drive: virtual drive inertia on the crank; virtual drive inertia on a motor that an equality
+            gears to the crank; or a velocity servo.
         gain: of the servo, in units of the inertia felt at the crank over the time step.
         rod: link made a constant length between two joints; None leaves all links bodies.
         variant: of the mechanism, with the same motion of its tracked points; None is the mechanism itself.
@@ -91,11 +91,11 @@ class Build:
         return spec
 
 
-# each divides into, or is a multiple of, 72 instants a turn
+# each divides 72 instants per revolution, or is a multiple of 72
 STEPS = (24, 36, 72, 144, 288, 720, 1440, 2880, 7200)
 MUJOCO_SOLREF, MUJOCO_SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 DEFAULTS = "MuJoCo's defaults"
-HARD = "RK4, turn/10, 1e-08"
+LOW_COMPLIANCE = "RK4, turn/10, 1e-08"
 # MuJoCo's own compliance scale
 PLAIN = Settings(compliance=1.0)
 BUILD = Build()
@@ -106,10 +106,10 @@ class SteppingMethod:
     """Settings that differ only in the number of steps.
 
     Attributes:
-        name: for tables and plots.
-        base: the settings, but for the number of steps.
+        name: name in tables and plots.
+        base: settings without the number of steps.
         rank: methods of low rank are tried first.
-        turn_fraction: time constant of the loops as a fraction of a revolution; None leaves it to `base`.
+        turn_fraction: time constant of the loops as a fraction of a revolution; None takes that of `base`.
         direct: whether stiffness and damping are 1/step squared and 1/step.
         build: of the model.
     """
@@ -142,18 +142,20 @@ def stepping_methods(
         variants: names of its variants with the same motion.
     """
     defaults = replace(PLAIN, integrator="Euler", solref=MUJOCO_SOLREF, solimp=MUJOCO_SOLIMP, refsafe=True)
-    hard = SteppingMethod(name=HARD, base=Settings(), rank=0, turn_fraction=0.1)
+    hard = SteppingMethod(name=LOW_COMPLIANCE, base=Settings(), rank=0, turn_fraction=0.1)
     methods = [SteppingMethod(name=DEFAULTS, base=defaults, rank=0), hard]
     for integrator in INTEGRATORS:
         methods += _of_integrator(integrator)
     builds = {"geared crank": Build(crank_drive="geared"), "servo": Build(crank_drive="servo", gain=0.5)}
     if mechanism is not None:
         builds |= _other_builds(mechanism, variants)
-    named = [replace(hard, name=f"{HARD}, {name}", rank=3, build=build) for name, build in builds.items()]
+    named = [
+        replace(hard, name=f"{LOW_COMPLIANCE}, {name}", rank=3, build=build) for name, build in builds.items()
+    ]
     methods += [*named[:2], *_implicit_servos(), *named[2:]]
     rod = None if mechanism is None else rod_of(mechanism)
     if rod is not None:
-        # MuJoCo leaves out a tendon's second rate, so that only a stiff constraint keeps its length
+        # MuJoCo omits the second rate of a tendon, so only a stiff constraint keeps its length
         name = f"RK4, 2 steps, 1e-08, {rod} as a length"
         stiff = replace(Settings(), constant_steps=2.0)
         methods.append(SteppingMethod(name=name, base=stiff, rank=3, build=Build(rod=rod)))
@@ -217,7 +219,7 @@ def possible_cuts(mechanism: Mechanism) -> list[tuple[str, ...]]:
     return cuts
 
 
-SAMPLES = 72
+MAX_SAMPLES_PER_TURN = 72
 # inertia of a crank without virtual drive inertia in [kg m2], negligible next to the links
 NO_DRIVE_INERTIA = 1e-12
 NO_VARIANTS: Mapping[str, Mechanism] = {}
@@ -259,7 +261,7 @@ class BuiltModel:
     def stepped(self, settings: Settings) -> tuple[ModelLoops, Steps]:
         """Step through the crank motion once."""
         loops = replace(self.closed.loops, model=copy.copy(self.closed.loops.model))
-        samples = min(SAMPLES, settings.steps_per_turn)
+        samples = min(MAX_SAMPLES_PER_TURN, settings.steps_per_turn)
         interval = max(1, settings.steps_per_turn // samples)
         total = max(1, round(self.profile.turns * samples)) * interval
         controls = None
@@ -318,7 +320,7 @@ def build_model(
         speed: in [rad/s].
         build: of the model.
         variants: of the mechanism, by name.
-        require_time: called between the steps of the work; raises once there is no time left.
+        require_time: called between the steps of the work; raises if the budget is spent.
 
     Raises:
         AssemblyError: if the crank cannot make all of its motion.
@@ -353,8 +355,8 @@ def _crank(source: Model, spec: mujoco.MjSpec) -> str:
     names = driven(compiled(spec.copy()), (), (), describe_only=False)
     if len(names) > 1:
         raise InputError(
-            f"{', '.join(names)} are driven by the file's actuators, and a trade-off is measured under one "
-            "crank; leave it one actuator"
+            f"{', '.join(names)} are driven by the file's actuators, but a trade-off needs a single "
+            "crank; remove the other actuators"
         )
     return next(iter(names))
 

@@ -16,11 +16,12 @@ from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.convergence import half_extent, plausible_order, richardson
 from mechsim.simulation import Settings
 from mechsim.simulation.source import Model
-from mechsim.studies.budget import BEYOND, Budget, TrialTimes
+from mechsim.studies.budget import MAX_EXCESS, Budget, TrialTimes
 from mechsim.studies.tradeoff.methods import BuiltModel, build_model
 from mechsim.verdict.quantities import QUANTITIES, motion_scales
 
-# steps per revolution of the reference runs; divisors tried if these exceed a fraction of the budget
+# steps per revolution of the reference runs; divisors of these, tried if the runs exceed a fraction of the
+# budget
 FINE_STEPS, DIVISORS, REFERENCE_FRACTION = (3600, 7200, 14400), (1, 2, 5, 10, 25, 50), 0.4
 # fraction of the budget below which the first trial is repeated, since it includes the time of imports
 TRIAL_FRACTION = 0.05
@@ -75,7 +76,7 @@ def affordable_steps(built: BuiltModel, name: str, budget: Budget) -> tuple[tupl
     for steps, seconds in zip(options, expected, strict=True):
         if seconds <= REFERENCE_FRACTION * budget.remaining:
             return steps, None if steps == FINE_STEPS else sufficient
-    if expected[-1] <= budget.remaining + BEYOND * budget.seconds:
+    if expected[-1] <= budget.remaining + MAX_EXCESS * budget.seconds:
         return options[-1], sufficient
     least = np.ceil(budget.spent + budget.reserved + expected[-1] / REFERENCE_FRACTION)
     raise InputError(
@@ -85,15 +86,15 @@ def affordable_steps(built: BuiltModel, name: str, budget: Budget) -> tuple[tupl
 
 
 def _divergence_message(name: str, count: int, stable: Sequence[int], sufficient: float | None) -> str:
-    """Return that a run diverges, and the remedies: finer runs, if there are any, or a softer model."""
+    """Return a message on a diverging run with remedies: finer runs, if there are any, or a softer model."""
     message = f"{name} diverges at {count:,} steps a turn with {Settings().integrator}"
     message += f", though not at {stable[-1]:,}" if stable else ""
     remedies = (
         [] if sufficient is None else [f"--budget {sufficient:g}s has time for up to {max(FINE_STEPS):,}"]
     )
     if sufficient is None or not stable:
-        remedies.append("less stiffness, or more damping or mass, in what moves")
-    return f"{message}, so that no reference run can be made; what may help: {'; else '.join(remedies)}"
+        remedies.append("less stiffness, or more damping or mass, in the moving bodies")
+    return f"{message}, so no reference run is possible; possible remedies: {'; else '.join(remedies)}"
 
 
 # compared quantities; the drive is compared with its profile
@@ -111,13 +112,13 @@ class Reference:
     Attributes:
         what: description.
         exact: simulated motion -> the true motion at the same instants.
-        bar: its own error by quantity, in the units of the errors; empty for a closed form.
+        own_error: its error by quantity, in the units of the errors; empty for a closed form.
         max_steps: per revolution, of runs that can be compared with it.
     """
 
     what: str
     exact: Callable[[Motion], Motion]
-    bar: Mapping[str, float] = field(default_factory=dict)
+    own_error: Mapping[str, float] = field(default_factory=dict)
     max_steps: float = np.inf
 
 
@@ -214,7 +215,7 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
         source: the model.
         name: of the model.
         speed: of the crank, in [rad/s].
-        budget: of all; the reference is as fine as a fraction of it affords.
+        budget: of all runs; the reference is as fine as a fraction of it allows.
 
     Raises:
         AssemblyError: if the crank cannot make a whole turn.

@@ -13,7 +13,7 @@ from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget, TrialTimes
 from mechsim.studies.tradeoff.methods import (
     DEFAULTS,
-    HARD,
+    LOW_COMPLIANCE,
     STEPS,
     Build,
     BuiltModel,
@@ -58,7 +58,9 @@ def measure_tradeoff(
     trials = _Trials(subject, settings, budget if isinstance(budget, Budget) else Budget(budget), progress)
     # the shortest run of the most expensive integrator bounds the expected time of the others
     first = [
-        settings.index((method, min(steps))) for name in (HARD, DEFAULTS) for method in trials.named(name)
+        settings.index((method, min(steps)))
+        for name in (LOW_COMPLIANCE, DEFAULTS)
+        for method in trials.named(name)
     ]
     for i in first:
         if not trials.points or trials.has_time(i):
@@ -91,15 +93,15 @@ class _Trials:
         self.times.add_build(subject.built.seconds)
 
     def named(self, name: str) -> list[SteppingMethod]:
-        """Return the families of a name."""
+        """Return the methods of a name."""
         return list(dict.fromkeys(method for method, _ in self.settings if method.name == name))
 
     def left_out(self, i: int) -> bool:
-        """Return whether there was no time for a trial whose model can be built, as far as is known."""
+        """Return whether a trial was skipped for lack of time, although its model can probably be built."""
         return i not in self.points and self.models.get(self.settings[i][0].build, True) is not None
 
     def has_time(self, i: int, reserved: float = 0.0) -> bool:
-        """Return whether a trial fits the budget with seconds to spare, and the reference is finer."""
+        """Return whether a trial fits the budget with some reserve, and the reference is finer."""
         method, n = self.settings[i]
         if n > self.subject.reference.max_steps:
             return False
@@ -154,7 +156,7 @@ class _Trials:
         return min(TIMING_FRACTION * self.budget.seconds, expected)
 
     def _model(self, method: SteppingMethod) -> BuiltModel | None:
-        """Return the model of a family's build, built once; None if it cannot be built or assembled."""
+        """Return the model of a method's build, built once; None if it cannot be built or assembled."""
         subject = self.subject
         if method.build not in self.models:
             try:
@@ -168,7 +170,7 @@ class _Trials:
         return self.models[method.build]
 
     def _relevant(self) -> list[Point]:
-        """Return the points on the front, close above it, and of the settings that all are compared with."""
+        """Return the points on the front, slightly above it, and of settings that serve for comparison."""
         points = list(self.points.values())
         costs = np.array([point.cost for point in points])
         errors = np.array([point.errors["position"] for point in points])

@@ -19,7 +19,7 @@ from mechsim.studies.tradeoff.subject import COMPARED, Subject
 
 BOUNDS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # errors, in strokes, between which the order of convergence is measured
-FLOOR, CEILING = 1e-12, 0.1
+MIN_ERROR, MAX_ERROR = 1e-12, 0.1
 
 
 @dataclass(slots=True)
@@ -87,12 +87,12 @@ class Tradeoff:
         return np.array([point.cost for point in self.points])
 
     def front(self, quantity: str = "position") -> list[Point]:
-        """Return the points that nothing beats in both cost and error, by rising cost."""
+        """Return the Pareto front: points that no other beats in both cost and error, by rising cost."""
         return [self.points[i] for i in pareto(self.costs, self.errors(quantity))]
 
     def choice(self, max_error: float, quantity: str = "position") -> Point | None:
-        """Return the cheapest point whose error, that of the reference added, is small enough; or None."""
-        bar = self.subject.reference.bar.get(quantity, 0.0)
+        """Return the cheapest point whose error plus that of the reference is small enough; or None."""
+        bar = self.subject.reference.own_error.get(quantity, 0.0)
         best = cheapest(self.costs, self.errors(quantity) + bar, max_error)
         return None if best is None else self.points[best]
 
@@ -105,13 +105,13 @@ class Tradeoff:
 
     def order(self, curve: Sequence[Point], quantity: str = "position") -> Order | None:
         """Return the observed order of a curve."""
-        floor = max(FLOOR, 3.0 * self.subject.reference.bar.get(quantity, 0.0))
+        floor = max(MIN_ERROR, 3.0 * self.subject.reference.own_error.get(quantity, 0.0))
         steps = [point.settings.steps_per_turn for point in curve]
         errors = [point.errors[quantity] for point in curve]
-        return observed_order(steps, errors, floor=floor, ceiling=CEILING)
+        return observed_order(steps, errors, floor=floor, ceiling=MAX_ERROR)
 
     def best_curves(self, quantity: str = "position") -> dict[str, list[Point]]:
-        """Return the curve of each integrator that holds most of its own front, and MuJoCo's defaults."""
+        """Return the curve of each integrator with most points on its own front, and MuJoCo's defaults."""
         best: dict[str, list[Point]] = {}
         curves = self.curves()
         for integrator in dict.fromkeys(point.settings.integrator for point in self.points):
@@ -131,7 +131,7 @@ class Tradeoff:
         return {
             "mechanism": self.subject.name,
             "reference": self.subject.reference.what,
-            "reference_error": dict(self.subject.reference.bar),
+            "reference_error": dict(self.subject.reference.own_error),
             "quantity": quantity,
             "stroke": self.subject.stroke,
             "trials": len(self.points),
@@ -181,8 +181,8 @@ def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
 
     Returns:
         "command": `mechsim simulate` with its options, None for another crank drive or a reduction;
-        "export": `mechsim export` of a model with the settings, None if no file can state them;
-        "xml": a fragment of MJCF, None if it cannot state all; "python": lines that run it.
+        "export": `mechsim export` of a model with the settings, None if no file can contain them;
+        "xml": a fragment of MJCF, None if it cannot contain all; "python": lines that run it.
     """
     return {
         "command": command(point, model, speed),
@@ -204,7 +204,7 @@ def command(point: Point, model: str, speed: float) -> str | None:
 
 
 def _speed_text(speed: float) -> str:
-    """Return a crank speed as the option --speed takes it, in rpm where that is a short number."""
+    """Return a crank speed as text for the option --speed, in rpm if that number is short."""
     short = f"{speed * 60.0 / REVOLUTION:g}"
     return (
         f"{short}rpm"
@@ -214,11 +214,11 @@ def _speed_text(speed: float) -> str:
 
 
 def exporting(point: Point, model: str, speed: float) -> str | None:
-    """Return the call of `mechsim export` that writes a point's settings; None if no file can state them."""
+    """Return the call of `mechsim export` that writes a point's settings; None if no file can."""
     settings = point.settings
     if model.endswith(".xml") or fragment(point, speed) is None:
         return None
-    # what a run derives from its other settings
+    # settings that a run derives from others
     stated = replace(settings, solref=_solref(settings, speed), iterations=1, residual=0.0)
     derived = {"steps_per_turn", "constant_steps", "compliance", "drive_inertia"}
     values = {name: value for name, value in _values(stated).items() if name not in derived}
@@ -231,7 +231,7 @@ def _solref(settings: Settings, speed: float) -> tuple[float, float]:
 
 
 def fragment(point: Point, speed: float) -> str | None:
-    """Return the MJCF that states a point's settings; None if compliance is scaled after compiling."""
+    """Return the MJCF fragment of a point's settings; None if compliance is scaled after compiling."""
     settings = point.settings
     if settings.compliance_used != 1.0 or point.method.build != Build():
         return None

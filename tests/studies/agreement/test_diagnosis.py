@@ -99,7 +99,7 @@ def test_what_nothing_explains_is_stated_to_be_so():
     found = said(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
     assert not found.passed
     assert not any(one.certain for one in found.findings)
-    assert "none of the causes" in found.findings[-1].message
+    assert "none of the tested causes" in found.findings[-1].message
 
 
 def test_a_difference_hardly_beyond_its_bound_is_not_explained():

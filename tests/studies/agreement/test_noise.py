@@ -119,7 +119,7 @@ def test_a_standard_deviation_of_where_the_crank_is_is_rejected(tmp_path):
         table["angle ±"] = np.full(len(ANGLES), 1e-3)
 
     path = measured(tmp_path / "angle.csv", "four_bar", ("B.x", "B.y"), edit=also)
-    with pytest.raises(InputError, match=r"standard deviation of 'angle'.* counts as exact; leave it out"):
+    with pytest.raises(InputError, match=r"standard deviation of 'angle'.* count as exact; leave it out"):
         judged(path)
     table = {"angle": ANGLES, "angle±": np.full(60, 1e-3), "B.x": np.cos(ANGLES)}
     with pytest.raises(InputError, match="column angle counts as exact; leave out its standard deviation"):

@@ -54,13 +54,13 @@ def test_a_file_gives_designs_with_units_in_its_segments(tmp_path):
     ("text", "said"),
     [
         ("crnk=1mm:2mm:3", "did you mean 'crank'"),
-        ("crank=15mm:12mm:3", "runs backwards"),
+        ("crank=15mm:12mm:3", "is in descending order"),
         ("crank=1mm:2mm:0", "whole number"),
         ("crank=1mm:2mm", "a grid takes"),
         ("crank=1rpm:2rpm:3", "is the wrong kind of unit"),
         ("pivot=1mm:2mm:3", "vary its components, pivot.x"),
         ("crank", "no '='"),
-        ("crank=1mm:2mm:1000000000000000", "fit: take fewer"),
+        ("crank=1mm:2mm:1000000000000000", "fit: reduce the number"),
     ],
 )
 def test_what_is_no_range_is_rejected(text, said):

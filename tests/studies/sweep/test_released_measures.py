@@ -94,14 +94,14 @@ def test_what_does_not_settle_and_modes_that_are_missing_are_outcomes(oscillator
     table = ms.sweep(oscillator, {"viscous": [1.0]}, "settling:s", initial=START, duration="1s")
     assert "s does not settle within 1 s" in str(table["reason"].values)
     table = ms.sweep(oscillator, {"viscous": [1.0]}, "frequency:2")
-    assert "there is no mode 2, but 1 in all" in str(table["reason"].values)
+    assert "there is no mode 2; the highest is 1" in str(table["reason"].values)
 
 
 @pytest.mark.parametrize(
     ("measure", "more", "message"),
     [
-        ("frequency:0", {}, "names no mode"),
-        ("frequency:x", {}, "names no mode"),
+        ("frequency:0", {}, "has no mode number"),
+        ("frequency:x", {}, "has no mode number"),
         ("peak:Z.x", {}, "has no quantity 'Z.x'"),
         ("range:s", {"initial": START}, "an initial state or event needs a measure"),
     ],

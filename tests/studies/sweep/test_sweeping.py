@@ -81,7 +81,7 @@ def test_another_sweeps_output_is_not_written_over(tmp_path):
     before = path.read_bytes()
     assert built(ms.sweep("four_bar", VARY, MEASURES, output=path, resume=True)) == built(found)
     for other in ({"samples": 10}, {"speed": 2.0}, {"set": {"rocker": 0.08}}):
-        with pytest.raises(InputError, match="holds another sweep"):
+        with pytest.raises(InputError, match="contains another sweep"):
             ms.sweep("four_bar", VARY, MEASURES, output=path, **other)
     assert path.read_bytes() == before
 

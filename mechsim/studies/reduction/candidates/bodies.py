@@ -29,7 +29,7 @@ class RemovalCandidate:
     Attributes:
         category: of the element, as "contacts".
         what: description of what is removed.
-        edit: changes a specification in place; raises NotThere where it does not apply.
+        edit: changes a specification in place; raises NotApplicable if it does not apply.
         only_if_faster: whether it is applied only if it saves time, even if it costs no accuracy.
     """
 
@@ -121,7 +121,7 @@ def fuse_joint_at(spec: mujoco.MjSpec, name: str, value: Array) -> None:
     address = slice(int(own.qposadr[0]), int(own.qposadr[0]) + len(value))
     body = int(own.bodyid[0])
     if model.body_jntnum[body] > 1 and not np.array_equal(value, model.qpos0[address]):
-        raise NotApplicable(f"joint {name} is one of several of a body, and not where it is at rest")
+        raise NotApplicable(f"joint {name} shares its body with others and is not at its rest position")
     data.qpos[address] = value
     mujoco.mj_kinematics(model, data)
     parent = int(model.body_parentid[body])
@@ -166,7 +166,7 @@ def disconnected_bodies(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to remove all bodies that only the world connects to the tracked or driven bodies."""
     import networkx as nx
 
-    graph = ties(observed)
+    graph = interaction_graph(observed)
     kept = set[str]()
     for name in (*observed.tracked, *needed_bodies(observed)):
         if name in graph:
@@ -181,12 +181,12 @@ def disconnected_bodies(observed: Evidence) -> list[RemovalCandidate]:
     ]
     if not moving:
         return []
-    what = f"{count_text(len(moving), 'part')} that nothing connects to what is tracked: {name_list(moving)}"
+    what = f"{count_text(len(moving), 'body', 'bodies')} that no tracked body depends on: {name_list(moving)}"
     return [RemovalCandidate(DISCONNECTED, what, lambda spec: _without(spec, moving))]
 
 
-def ties(observed: Evidence) -> "nx.Graph[str]":
-    """Return the graph of bodies that interact, bodies that cannot move left out."""
+def interaction_graph(observed: Evidence) -> "nx.Graph[str]":
+    """Return the graph of bodies that interact, without bodies that cannot move."""
     import networkx as nx
 
     model, fixed = observed.model, _fixed_bodies(observed.model)

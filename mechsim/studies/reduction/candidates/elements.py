@@ -20,7 +20,7 @@ CONTACTS_DISABLED = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
 MAX_FORCE_AT_REST = 1e-12
 # field of a joint or tendon -> its value without effect, and its name in messages
 SPRING_FIELDS = {
-    "frictionloss": (0.0, "dry friction"),
+    "frictionloss": (0.0, "Coulomb friction"),
     "stiffness": (np.zeros(3), "spring"),
     "damping": (np.zeros(3), "damper"),
 }
@@ -31,13 +31,13 @@ def contacts(observed: Evidence) -> list[RemovalCandidate]:
     if observed.spec.option.disableflags & CONTACTS_DISABLED:
         return []
     if not observed.touched:
-        return [RemovalCandidate("contacts", "contact detection (nothing touched)", _disable_contacts)]
+        return [RemovalCandidate("contacts", "contact detection (no contacts)", _disable_contacts)]
     names = [
         geom.name
         for geom in observed.spec.geoms
         if geom.name not in observed.touched and (geom.contype or geom.conaffinity)
     ]
-    what = f"contacts of {count_text(len(names), 'geom')} that touched nothing"
+    what = f"contacts of {count_text(len(names), 'geom')} without contact"
     return [RemovalCandidate("contacts", what, partial(_without_contacts, names=names))] if names else []
 
 
@@ -64,7 +64,7 @@ def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
     used = _used_geoms(spec) | observed.touched
     geoms = [geom.name for geom in spec.geoms if geom.name not in used]
     if geoms:
-        what = f"{count_text(len(geoms), 'geom')} that touched nothing, with their meshes and materials"
+        what = f"{count_text(len(geoms), 'geom')} without contact, with their meshes and materials"
         edits[what] = partial(_without_geoms, names=geoms)
     elif spec.materials or spec.textures or spec.meshes:
         edits["materials, textures and meshes"] = _without_assets
@@ -151,7 +151,7 @@ def redundant_equalities(observed: Evidence) -> list[RemovalCandidate]:
     return [
         RemovalCandidate(
             "redundant equalities",
-            f"equality {name}, which the others imply",
+            f"equality {name}, implied by the others",
             partial(_without_equality, name=name),
         )
         for name in observed.redundant

@@ -24,14 +24,14 @@ from mechsim.studies.reduction.candidates.bodies import (
 )
 from mechsim.studies.reduction.candidates.rods import kept_bodies
 from mechsim.studies.reduction.reduced_scene import Evidence
-from mechsim.studies.scene.settings import HARDEST
+from mechsim.studies.scene.settings import LOWEST_COMPLIANCE_SOLIMP
 
 POLYNOMIALS = "loops as polynomials"
 # highest degree that a joint equality of MJCF takes
 DEGREE = 4
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 # time constant in steps of the equalities that replace loops
-CONSTANT = 2.0
+TIME_CONSTANT_STEPS = 2.0
 # samples by which reflected inertia and springs are fitted
 FIT_SAMPLES = 41
 # iterations of Lawson's algorithm
@@ -70,7 +70,7 @@ def loops_as_polynomials(observed: Evidence) -> list[RemovalCandidate]:
                 {polynomial.degree() for name, polynomial in relations.others.items() if name in kept}
             )
             text = f"{count_text(len(kept), 'joint')} by polynomials of {joint} of degrees {degrees}"
-            what = f"{count_text(len(observed.spec.equalities), 'loop or tie', 'loops and ties')}: {text}"
+            what = f"{count_text(len(observed.spec.equalities), 'equality', 'equalities')}: {text}"
             candidates.append(
                 RemovalCandidate(POLYNOMIALS, what, partial(_replaced, relations=relations, kept=kept))
             )
@@ -204,8 +204,8 @@ def _replaced(spec: mujoco.MjSpec, relations: JointPolynomials, kept: frozenset[
         data[: len(coefficients)] = coefficients
         constraint.data = data
         constraint.solref, constraint.solimp = (
-            np.array([CONSTANT * spec.option.timestep, 1.0]),
-            np.array(HARDEST),
+            np.array([TIME_CONSTANT_STEPS * spec.option.timestep, 1.0]),
+            np.array(LOWEST_COMPLIANCE_SOLIMP),
         )
     if removed:
         _compensate_losses(spec, relations, before)

@@ -1,4 +1,4 @@
-"""Mirrored mechanisms: a side that a joint equality couples one to one to another, as a gripper's finger."""
+"""Mirrored mechanisms: a side that a joint equality couples one to one to another, as in a gripper."""
 
 from dataclasses import replace
 from functools import partial
@@ -11,10 +11,10 @@ from mechsim.studies.reduction.candidates.bodies import (
     RemovalCandidate,
     body_of,
     count_text,
+    interaction_graph,
     joints_of,
     name_list,
     needed_bodies,
-    ties,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
 
@@ -34,7 +34,7 @@ def mirrored_mechanisms(observed: Evidence) -> list[RemovalCandidate]:
         ratio = _one_to_one(equality)
         if ratio is None:
             continue
-        graph = ties(_untied(observed, equality.name))
+        graph = interaction_graph(_untied(observed, equality.name))
         for kept, removed in ((equality.name1, equality.name2), (equality.name2, equality.name1)):
             side = nx.node_connected_component(graph, body_of(observed.spec.joint(removed)))
             if body_of(observed.spec.joint(kept)) in side or side & (
@@ -104,9 +104,9 @@ def _transfer_to_joint(
     Args:
         spec: changed in place.
         tendon: over both joints.
-        joint: that remains.
-        own_weight: its weight.
-        total_weight: the weight of both.
+        joint: the remaining joint.
+        own_weight: coefficient of this joint.
+        total_weight: sum of both coefficients.
     """
     plain = not (np.any(tendon.stiffness) or np.any(tendon.damping) or tendon.frictionloss or tendon.armature)
     if (

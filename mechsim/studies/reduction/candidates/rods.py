@@ -20,7 +20,7 @@ from mechsim.studies.reduction.candidates.bodies import (
     require_unused,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
-from mechsim.studies.scene.settings import HARDEST
+from mechsim.studies.scene.settings import LOWEST_COMPLIANCE_SOLIMP
 
 CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
 
@@ -110,11 +110,11 @@ def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, mom
     """Add a mass to a body, in place.
 
     Args:
-        model: changed.
-        body: to which it is added; nothing is added to the world.
+        model: changed in place.
+        body: index of the body; nothing is added to the world.
         mass: in [kg].
-        centre: of it in the body's frame, (3,) in [m].
-        moments: about its centre, in the body's frame, (3, 3) in [kg m2].
+        centre: centre of the mass in the body's frame, (3,) in [m].
+        moments: about this centre, in the body's frame, (3, 3) in [kg m2].
     """
     if body == 0 or not mass > 0.0:
         return
@@ -139,7 +139,7 @@ SITE, TENDON = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_TENDON
 # distance of joint anchors, relative to the rod length, below which they count as one point
 ANCHOR_TOLERANCE = 1e-6
 # time constants in steps, tried in addition to the loop's own compliance
-CONSTANTS = (2.0, 4.0)
+TIME_CONSTANTS = (2.0, 4.0)
 
 
 def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
@@ -152,9 +152,9 @@ def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
             or rod_of_chain(observed.spec, chain) is None
         ):
             continue
-        for constant in (None, *CONSTANTS):
+        for constant in (None, *TIME_CONSTANTS):
             stiffness = (
-                "as soft as its loop was" if constant is None else f"time constant {constant * step:g} s"
+                "compliance of its loop" if constant is None else f"time constant {constant * step:g} s"
             )
             rod = f"rod {name_list(list(chain.bodies))}"
             what = f"{rod} with loop {chain.closing}: kept as a length, {stiffness}"
@@ -203,7 +203,7 @@ def _as_length(spec: mujoco.MjSpec, chain: LooseChain, constant: float | None) -
         name=chain.closing, type=mujoco.mjtEq.mjEQ_TENDON, objtype=TENDON, name1=tendon.name, active=True
     )
     constraint.solref = solref if constant is None else np.array([constant, 1.0])
-    constraint.solimp = solimp if constant is None else np.array(HARDEST)
+    constraint.solimp = solimp if constant is None else np.array(LOWEST_COMPLIANCE_SOLIMP)
     model = plainly_compiled(spec)
     constraint.data = np.zeros(len(constraint.data))
     constraint.data[0] = length - float(model.tendon_length0[model.tendon(tendon.name).id])
@@ -244,7 +244,7 @@ def passive_chains(observed: Evidence) -> list[RemovalCandidate]:
     ]
     for name in _leaves(observed):
         joints = tuple(joint.name for joint in observed.spec.body(name).joints)
-        what = f"{count_text(len(joints), 'joint')} of {name}, of which nothing is tracked: fused"
+        what = f"{count_text(len(joints), 'joint')} of {name}, which has no tracked point: fused"
         chain = LooseChain("", "", "", (name,), joints)
         candidates.append(
             RemovalCandidate(

@@ -30,7 +30,7 @@ INTEGRATOR_NAMES = {
 }
 # steps tried, relative to the scene's own
 STEP_RATIOS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50, 64, 80, 100)
-# fraction of a step by which velocity-dependent forces come early (+) or late (-): dampers, actuators
+# fraction of a step by which the forces of dampers and of actuators act early (+) or late (-)
 FORCE_DELAYS = {
     int(EULER): (0.5, -0.5),
     int(IMPLICIT): (0.5, 0.5),
@@ -125,8 +125,8 @@ def set_stepping(spec: mujoco.MjSpec, times: int, integrator: int, compensated: 
 def _compensate_damping(spec: mujoco.MjSpec, old: int, new: int, before: float, after: float) -> None:
     """Add armature that compensates for dampers acting a fraction of a step early or late.
 
-    A force -c v taken a time s late is -c v + c s a, as if the inertia were less by c s; where
-    there is not so much armature, what there is.
+    A force -c v taken a time s late equals -c v + c s a: the inertia appears smaller by c s. If the armature
+    is smaller than that, all of it is removed.
     """
     delay = [
         old_shift * before - new_shift * after
@@ -152,8 +152,8 @@ def _compensate_damping(spec: mujoco.MjSpec, old: int, new: int, before: float, 
 def _targets(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> dict[mujoco.MjsJoint, float]:
     """Return the joints that an actuator acts on, and the share of a tendon's inertia of each.
 
-    A tendon's own armature acts only between joints of one branch of the tree; joints of several that it
-    drives move alike, as the fingers of a gripper.
+    A tendon's own armature acts only between joints of one branch of the tree. Joints of several branches
+    move alike, as the fingers of a gripper do.
     """
     if actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON:
         weights = joints_of(spec.tendon(actuator.target))
@@ -167,9 +167,9 @@ def _targets(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> dict[mujoco.M
 def keep_stiffness(spec: mujoco.MjSpec, before: float, after: float) -> None:
     """Keep the compliance of loops and limits with another step.
 
-    Left alone MuJoCo softens rows with the step. A row with stiffness s and impedance d gives
-    (1 - d) dmax^2 / (d^2 s) times the acceleration it holds back (computation chapter of MuJoCo's
-    documentation): where a step carries less stiffness, more impedance makes up for it.
+    MuJoCo softens constraint rows with the step. A row with stiffness s and impedance d gives
+    (1 - d) dmax^2 / (d^2 s) times the acceleration that it prevents (computation chapter of MuJoCo's
+    documentation): more impedance compensates for the smaller stiffness that a longer step allows.
     """
     safe = not spec.option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
     for equality in spec.equalities:
@@ -194,7 +194,7 @@ def _limited_reference(
         impedance: typical impedance of the constraint.
         before: the step of the scene in [s].
         after: the new step, in [s].
-        safe: whether the scene's references are kept from being shorter than two steps.
+        safe: whether time constants of the scene are limited to at least two steps.
     """
     if solref[0] <= 0.0:
         stiffness, damping = -float(solref[0]), -float(solref[1])
