@@ -43,7 +43,7 @@ def test_an_export_that_is_advised_has_the_settings_of_the_run_that_was_measured
     assert answer.code == 0, answer.err
     written = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
     mechanism = load("slider_crank").mechanism
-    run = from_mechanism(mechanism, assembled(mechanism, Scene()), (), programmed=False).loops
+    run = from_mechanism(mechanism, assembled(mechanism, Scene()), (), follows_laws=False).loops
     SOFT.apply(run, SOFT.timestep(SPEED))
     for name in ("timestep", "integrator", "solver", "iterations", "tolerance", "jacobian", "enableflags"):
         assert getattr(written.opt, name) == getattr(run.model.opt, name), name

@@ -110,7 +110,7 @@ def test_a_stepped_run_cannot_fold_and_one_that_meets_nothing_need_not():
 def test_a_stepped_run_that_begins_where_assemblies_meet_is_reported_how_to_be_held(start):
     drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045)
     with pytest.raises(
-        AssemblyError, match=r"starts at crank angle .* rad, .*cannot decide .* second parallel"
+        AssemblyError, match=r"starts at crank angle .* rad, .*do not determine .* second parallel"
     ):
         simulate(drive, profile=constant(20.0, 0.1, start), method="step")
     run = simulate(drive, profile=constant(20.0, 0.1, start + 0.5), method="step")

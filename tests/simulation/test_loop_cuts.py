@@ -140,7 +140,7 @@ def test_a_loop_without_a_joint_that_can_be_cut_is_rejected() -> None:
         Joint("way", "prismatic", End("crank"), End("slider")),
         Joint("sleeve", "cylindrical", End(GROUND), End("slider")),
     )
-    with pytest.raises(InputError, match="have a revolute or spherical joint in every loop"):
+    with pytest.raises(InputError, match="use a revolute or spherical joint in every loop"):
         cut_loops(slides)
 
 

@@ -37,7 +37,7 @@ def test_elements_stand_where_the_text_has_them():
 
 
 def test_what_is_no_xml_is_rejected():
-    with pytest.raises(InputError, match="no XML"):
+    with pytest.raises(InputError, match="not XML"):
         elements_of("<mujoco><body></mujoco>", "this")
 
 

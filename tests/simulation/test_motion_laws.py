@@ -143,7 +143,7 @@ def test_parts_of_a_joint_are_recorded_as_such():
 def test_what_the_drivers_leave_open_is_named():
     mechanism = replace(five_bar(), driver=("left",), guess_coordinates={})
     moves = make_motion_laws(mechanism, {"left": steady(2.0, 1.0)}, 0.01)
-    with pytest.raises(MobilityError, match=r"underdetermined: with the drivers held .*joint 'right'"):
+    with pytest.raises(MobilityError, match=r"underdetermined: with the drivers locked .*joint 'right'"):
         simulate(mechanism, motion_laws=moves, method="pose")
     assert simulate(mechanism, motion_laws=moves).method == "step"
 

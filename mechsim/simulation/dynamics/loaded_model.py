@@ -191,7 +191,7 @@ class LoadedModel(ClosedModel):
 
 
 def loaded_model(
-    mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | None = None, *, programmed: bool = False
+    mechanism: Mechanism, forces: Forces, cut: tuple[str, ...] | None = None, *, follows_laws: bool = False
 ) -> LoadedModel:
     """Generate the model of a mechanism and its forces, and close its loops.
 
@@ -199,7 +199,7 @@ def loaded_model(
         mechanism: links without an inertia are rods, as in `masses.with_inertia`.
         forces: what acts.
         cut: joints where the loops are cut; None lets the generator choose.
-        programmed: whether motion laws move the drivers, which stand as yet; else a crank is driven.
+        follows_laws: whether the drivers follow motion laws; else a crank is driven.
 
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
@@ -209,7 +209,7 @@ def loaded_model(
     _require_heavy(described)
     spec = assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
     points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]
-    closed = from_mechanism(described, spec, tuple(points), programmed=programmed)
+    closed = from_mechanism(described, spec, tuple(points), follows_laws=follows_laws)
     return LoadedModel(
         loops=closed.loops,
         track=closed.track,

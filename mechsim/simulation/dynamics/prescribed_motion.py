@@ -96,7 +96,7 @@ def driven(
     motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
     mechanism, acting = described(source), forces_of(source, forces)
     acting.require_no_controllers(mechanism.name)
-    loaded = loaded_model(mechanism, acting.without_motor(), cut, programmed=not motion_laws.crank)
+    loaded = loaded_model(mechanism, acting.without_motor(), cut, follows_laws=not motion_laws.crank)
     if not motion_laws.crank:
         loaded, profile = at_initial_state(loaded, motion_laws), parameter_profile(motion_laws)
     if profile is None:

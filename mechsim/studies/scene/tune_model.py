@@ -67,7 +67,7 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
             "--tolerance"
         )
     spec = spec.copy()
-    closed = from_mechanism(mechanism, spec.copy(), tuple(mechanism.points), programmed=False)
+    closed = from_mechanism(mechanism, spec.copy(), tuple(mechanism.points), follows_laws=False)
     qpos, qvel = first_state(closed, constant(speed, REVOLUTIONS, mechanism.start))
     model, joint = plainly_compiled(spec.copy()), spec.joint(CRANK)
     weight = (
