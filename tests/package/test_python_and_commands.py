@@ -116,7 +116,7 @@ def test_a_model_is_tuned_as_by_the_command(mechsim_json, tmp_path):
 
 
 def test_a_tolerance_that_cannot_be_satisfied_is_rejected():
-    with pytest.raises(ms.InputError, match="give a finite one above 0"):
+    with pytest.raises(ms.InputError, match="give a finite value above 0"):
         ms.tune("four_bar", 0.0)
     with pytest.raises(ms.InputError, match="no error by 'speed'"):
         ms.tune("four_bar", "1mm", by="speed")
