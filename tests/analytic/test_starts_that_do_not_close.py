@@ -51,7 +51,7 @@ def test_show_reports_the_same(tmp_path):
 
 
 def test_loops_that_close_nowhere_are_still_advised_to_change_dimensions(tmp_path):
-    with pytest.raises(AssemblyError, match=r"a gap of .* is left .* change the dimensions"):
+    with pytest.raises(AssemblyError, match=r"a closure error of .* remains.* change the dimensions"):
         assembled(read_mjcf(str(_line(tmp_path, 0.15))).mechanism)
 
 

@@ -160,7 +160,10 @@ def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch
         (("--kind", "quantities"), "no quantity is named; give --of"),
         (("--kind", "phase", "--speed", "5rpm"), "--speed applies to a driven crank"),
         (("--kind", "phase", "--of", "Z"), "no joint 'Z' with one coordinate"),
-        (("--kind", "quantities", "--of", "transmission", "--initial", "crank.q=1"), "is not known of a run"),
+        (
+            ("--kind", "quantities", "--of", "transmission", "--initial", "crank.q=1"),
+            "has no quantity transmission",
+        ),
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed applies to a crank without a motion law"),
     ],
 )
