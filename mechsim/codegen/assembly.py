@@ -10,13 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from mechsim.analytic.dynamics.state_quantities import joined
-from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses, twists
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import driven_path, instants_of_laws, with_locked_values
 from mechsim.analytic.loops.path_rates import closed_chunks
-from mechsim.analytic.loops.solver import LoopSolver, loop_solver
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.expressions import ROUNDING
@@ -28,6 +27,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import interval_around
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rank import significant
 from mechsim.studies.certify.certificate import Certificate, certified_motion
 
@@ -60,7 +60,7 @@ class SolvedAssembly:
 
     source: KinematicSolver
     mechanism: Mechanism
-    solver: LoopSolver
+    solver: TreeSolver
     interval: tuple[float, float] | None
     spinning: dict[str, Array]
     samples: Coordinates
@@ -187,7 +187,7 @@ def _sampled(solver: LoopForm, parameters: Array) -> Coordinates:
     return joined([chunk.q for chunk in closed_chunks(path, with_locked_values(path.loops, instants))])
 
 
-def _with_best_rows(first: LoopSolver, q: Coordinates) -> LoopSolver:
+def _with_best_rows(first: TreeSolver, q: Coordinates) -> TreeSolver:
     """Return the solver with those independent rows that are best conditioned over the range."""
     loops = first.loops
     if not len(loops.unknown) or first.uses_all_rows:
@@ -207,7 +207,7 @@ def _with_best_rows(first: LoopSolver, q: Coordinates) -> LoopSolver:
     return replace(first, rows=np.array(max(sorted(candidates), key=smallest), dtype=np.intp))
 
 
-def without_passive_spin(solver: LoopSolver, poses: LinkPoses) -> tuple[Mechanism, dict[str, Array]]:
+def without_passive_spin(solver: TreeSolver, poses: LinkPoses) -> tuple[Mechanism, dict[str, Array]]:
     """Return a mechanism in which universal joints replace balls that leave links to spin.
 
     Args:
@@ -240,7 +240,7 @@ def without_passive_spin(solver: LoopSolver, poses: LinkPoses) -> tuple[Mechanis
     return mechanism, spinning
 
 
-def _spin_axes(solver: LoopSolver) -> dict[str, Array]:
+def _spin_axes(solver: TreeSolver) -> dict[str, Array]:
     """Return the links that move along the null space -> the direction of their angular velocity, (3,)."""
     loops, count = solver.loops, solver.nullity
     rates = np.zeros((loops.tree.count, count, 1))
@@ -268,7 +268,7 @@ def _holds_spin(joint: Joint, axes: dict[str, Array]) -> bool:
 
 
 def _as_universal(
-    joint: Joint, axes: dict[str, Array], solver: LoopSolver, poses: LinkPoses, spinning: dict[str, Array]
+    joint: Joint, axes: dict[str, Array], solver: TreeSolver, poses: LinkPoses, spinning: dict[str, Array]
 ) -> Joint:
     """Return a universal joint in place of a ball, its first axis far from the line of the spinning link."""
     index = solver.loops.tree.index

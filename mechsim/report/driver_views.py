@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.maximal_coordinates import equations, scaled
 from mechsim.analytic.loops.motion import driven_path, solve_along
-from mechsim.analytic.loops.path import ContinuationPath
+from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.start import start_poses
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.joint_kinds import KINDS
@@ -320,7 +320,7 @@ def _row(
     return reachable, solve_along(path, parameter[reachable], laws.rate, 0.0, laws)
 
 
-def _reached(path: ContinuationPath, direction: int, end: float) -> float:
+def _reached(path: LoopPath, direction: int, end: float) -> float:
     """Return how far a path can be followed towards an end, as a path parameter."""
     with suppress(AssemblyError):
         path.extend(end)

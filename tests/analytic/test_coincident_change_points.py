@@ -9,11 +9,11 @@ from wheel_linkages import START, assert_all_turn_alike, wheel_linkages
 from mechsim import catalog, loops
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path
-from mechsim.analytic.loops.path_segments import even_change_point
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.branch_points import even_change_point
 
 # places, velocities and accelerations, in radii: about a change point they are read off polynomials. Measured
 # 1e-12, 1e-9 and 1e-8 at most, the more the more wheels; another assembly is off by 0.1

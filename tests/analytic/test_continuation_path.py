@@ -10,12 +10,12 @@ from mechsim import catalog, loops
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path
-from mechsim.analytic.loops.path_segments import CONTROL
-from mechsim.analytic.loops.solver import Linearised, LoopSolver, loop_solver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.loop_solver import Linearised, LoopSolver, loop_solver
+from mechsim.numerics.path_segments import CONTROL
 
 ANGLES = np.unique(
     np.concatenate([np.linspace(-4 * np.pi, 4 * np.pi, 49), [1e-6, -3e-5, np.pi + 1e-4, 1e-3]])

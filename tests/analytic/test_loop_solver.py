@@ -10,12 +10,12 @@ from mechanisms import at as end
 from mechsim import catalog
 from mechsim.analytic.loops.constraints import tree_loops
 from mechsim.analytic.loops.mobility import checked_start
-from mechsim.analytic.loops.path_segments import PathStates
-from mechsim.analytic.loops.solver import NEARBY, Linearised, LoopSolver, loop_solver
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.numerics.loop_solver import NEARBY, Linearised, LoopSolver, loop_solver
 from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.path_segments import PathStates
 from mechsim.subjects.readers import load
 
 # differences of the fourth order

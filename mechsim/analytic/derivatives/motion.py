@@ -18,7 +18,7 @@ from mechsim.analytic.loops.motion import (
     with_locked_values,
 )
 from mechsim.analytic.loops.oracle import crank_angles, crank_rate
-from mechsim.analytic.loops.path import ContinuationPath
+from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.path_rates import (
     ClosedChunk,
     Instants,
@@ -69,7 +69,7 @@ class TracedMotion:
 
     solver: KinematicSolver
     mechanism: Mechanism
-    path: ContinuationPath
+    path: LoopPath
     instants: Instants
     chunks: Sequence[ClosedChunk]
     perturbed: GivenMechanism | None = None
@@ -182,7 +182,7 @@ def followed_motion(
 
 def driven_instants(
     solver: KinematicSolver, angle: Array, speed: Array, acceleration: Array
-) -> tuple[ContinuationPath, Instants]:
+) -> tuple[LoopPath, Instants]:
     """Return the continuation path of a solver, and instants along it."""
     motion_laws = solver.motion_laws
     path = driven_path(solver.mechanism, motion_laws, solver.change_point)
@@ -192,7 +192,7 @@ def driven_instants(
 
 
 def _changed(
-    path: ContinuationPath,
+    path: LoopPath,
     chunk: ClosedChunk,
     mechanism: GivenMechanism,
     name: str,
@@ -234,7 +234,7 @@ def with_mechanism(loops: TreeLoops, mechanism: GivenMechanism) -> TreeLoops:
 
 
 def record_of(
-    path: ContinuationPath,
+    path: LoopPath,
     moved: LoopMotion,
     instants: Instants,
     mechanism: GivenMechanism | None,
@@ -286,7 +286,7 @@ class NearbyMotion:
     """
 
     solver: KinematicSolver
-    path: ContinuationPath
+    path: LoopPath
     instants: Instants
     chunks: tuple[ClosedChunk, ...]
     reach: float = np.inf

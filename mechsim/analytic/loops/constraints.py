@@ -7,6 +7,7 @@ linkage, as many are kept as are independent; where they leave a link's spin ope
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from mechsim.analytic.loops.kinematics import (
     on_ground,
     product,
 )
-from mechsim.analytic.loops.tree import Index, SpanningTree, as_slice, spanning_tree
+from mechsim.analytic.loops.tree import SpanningTree, spanning_tree
 from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.model.design_arrays import Sides
 from mechsim.model.joint_kinds import COLUMN, KINDS, coordinates
@@ -29,7 +30,8 @@ from mechsim.model.link_poses import rotated, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, Index, as_slice
+from mechsim.numerics.loop_solver import LoopSolver
 
 
 @dataclass(frozen=True)
@@ -247,6 +249,16 @@ class TreeLoops:
         """How many equations there are."""
         return sum(cut.rows for cut in self.cuts) + len(self.turn_offsets)
 
+    @property
+    def name(self) -> str:
+        """Name of the mechanism."""
+        return self.tree.mechanism.name
+
+    @property
+    def count(self) -> int:
+        """How many coordinates there are."""
+        return self.tree.count
+
     def at_instants(self, _: int) -> "TreeLoops":
         """Return the equations for so many instants: of one mechanism they are the same at all."""
         return self
@@ -305,6 +317,22 @@ class TreeLoops:
         values[list(self.driven)] = driven
         return Coordinates(values, rotations)
 
+    def along(self, q: Coordinates, reference: Coordinates, directions: Array) -> tuple[Array, Array]:
+        """Return displacements along directions (k, u), (n, k), and their derivatives (n, k, u)."""
+        displacement = ((q.values - reference.values) / self.units[:, None])[self.unknown]
+        offsets = (directions @ displacement).T
+        rows = np.empty((len(q), *directions.shape), q.values.dtype)
+        rows[:] = directions
+        for ball, rotation, other in zip(self.tree.balls, q.turns, reference.turns, strict=True):
+            columns = np.searchsorted(self.unknown, ball.first_angle) + np.arange(3)
+            relative = product(rotation, other.transpose(1, 0, 2))
+            vector = 0.5 * (relative - relative.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
+            offsets += (directions[:, columns] @ vector).T
+            trace = np.einsum("iin->n", relative)
+            change = 0.5 * (trace * np.eye(3)[..., None] - relative)
+            rows[..., columns] = np.einsum("pi,ijn->npj", directions[:, columns], change)
+        return offsets, rows
+
     def read(self, poses: Mapping[str, Pose], sides: Mapping[str, Sides] | None = None) -> Coordinates:
         """Return the coordinates of n poses of every moving link; angles in (-pi, pi].
 
@@ -354,6 +382,10 @@ class TreeLoops:
             REVOLUTION * np.round(row.evaluate(q.values)[0] * row.unit / REVOLUTION) * row.turns
             for row in self.couplings
         ]
+
+
+# what solves the loop equations about a configuration
+TreeSolver: TypeAlias = LoopSolver[TreeLoops, Coordinates]
 
 
 @dataclass(frozen=True, slots=True)

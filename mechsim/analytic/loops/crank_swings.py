@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops
+from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver
 from mechsim.analytic.loops.design_motion import (
     Bools,
     Rows,
@@ -24,11 +24,11 @@ from mechsim.analytic.loops.design_motion import (
 )
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_rates import ClosedChunk, with_rates
-from mechsim.analytic.loops.solver import NEARBY, LoopSolver
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import NEARBY
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import least_norm
 
@@ -242,7 +242,7 @@ class SwingTracer:
             q, _, _, valid = self._corrected(swings.rows[indices], q)
             q.values[self.crank] = crank_angles
             designs = self.designs.select(swings.rows[indices])
-            solver = LoopSolver(designs, self.like.solver.rows, self.like.solver.null_space, q)
+            solver = TreeSolver(designs, self.like.solver.rows, self.like.solver.null_space, q)
             result = newton(solver, q, NEARBY)
             residual = np.abs(result.linearised.residual).max(0, initial=0.0)
             converged = valid & (residual < CLOSED) & (result.displacement < MAX_CORRECTION_AT_ANGLE)

@@ -7,15 +7,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.loops.constraints import Cut, LoopSystem, TreeLoops, axes_aligned
+from mechsim.analytic.loops.constraints import Cut, LoopSystem, TreeLoops, TreeSolver, axes_aligned
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import instants_of_laws, straight_line, with_locked_values
-from mechsim.analytic.loops.path import ContinuationPath
+from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.path_rates import Instants, LoopMotion, closed_chunks, with_rates
-from mechsim.analytic.loops.path_segments import ClosedNodes, Segment
 from mechsim.analytic.loops.record import link_motion, point_on
-from mechsim.analytic.loops.solver import LoopSolver, loop_solver
 from mechsim.analytic.loops.start import ASSEMBLY, CLOSED
 from mechsim.analytic.loops.tree import JointSides
 from mechsim.analytic.vector_method.rotations import dot
@@ -28,7 +26,9 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.newton import newton
+from mechsim.numerics.path_segments import ClosedNodes, Segment
 from mechsim.numerics.rank import least_norm, significant
 from mechsim.numerics.step_control import StepControl
 
@@ -136,7 +136,7 @@ class Divided(Exception):  # noqa: N818
         self.subsets = subsets
 
 
-class DesignPaths(ContinuationPath):
+class DesignPaths(LoopPath):
     """Assemblies of d designs followed with the same segments.
 
     A rejected segment costs only the designs that need shorter ones: they are divided from the others.
@@ -174,7 +174,9 @@ class DesignPaths(ContinuationPath):
             ]
         return subset
 
-    def accepted(self, segment: Segment, closed: ClosedNodes, direction: int) -> tuple[Segment | None, float]:
+    def accepted(
+        self, segment: Segment[TreeLoops, Coordinates], closed: ClosedNodes, direction: int
+    ) -> tuple[Segment[TreeLoops, Coordinates] | None, float]:
         """Return a segment, None if it is rejected for all designs, and the length to try next.
 
         Raises:
@@ -203,7 +205,7 @@ class DesignPaths(ContinuationPath):
         kept.sign = sign[valid]
         raise Divided((kept, longer), (rejected, self.control.shrink * step))
 
-    def _solver(self, current: float, direction: int) -> LoopSolver:
+    def _solver(self, current: float, direction: int) -> TreeSolver:
         adequate = self.segments[direction][-1].adequate if self.segments[direction] else None
         if self.count > 1 and adequate is not None and adequate.any() and not adequate.all():
             length = self.segments[direction][-1].length
@@ -240,7 +242,7 @@ class SharedLoops:
         initial: parameter at which the motion begins.
     """
 
-    solver: LoopSolver
+    solver: TreeSolver
     motion_laws: MotionLaws
     initial: float
 

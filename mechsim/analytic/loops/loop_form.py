@@ -14,7 +14,7 @@ from mechsim.analytic.loops.motion import (
     solve_along,
     solve_prescribed,
 )
-from mechsim.analytic.loops.path import ContinuationPath
+from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.path_rates import Instants
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
@@ -313,7 +313,7 @@ class LoopForm:
         return np.ones(len(next(iter(points.values()))))
 
     @cached_property
-    def _path(self) -> ContinuationPath:
+    def _path(self) -> LoopPath:
         return driven_path(self.mechanism, self.motion_laws, self.change_point)
 
     @cached_property

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, tree_loops
+from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
-from mechsim.analytic.loops.solver import NEARBY, LoopSolver, loop_solver
 from mechsim.analytic.loops.start import assembled, closed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.joint_kinds import KINDS
@@ -15,6 +14,7 @@ from mechsim.model.link_poses import initial_coordinates, rough_poses
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import NEARBY, loop_solver
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces, rank, significant
 
@@ -85,7 +85,7 @@ MIN_DRIVER_PARTICIPATION = 1e-7
 MIN_SHARE = 0.1
 
 
-def require_no_redundant_drivers(solver: LoopSolver) -> None:
+def require_no_redundant_drivers(solver: TreeSolver) -> None:
     """Reject drivers and locked joints that those before them determine already.
 
     Args:
@@ -168,7 +168,7 @@ NULL_DISPLACEMENT, CLOSED, MIN_MOTION = 1e-3, 1e-10, 1e-2
 MIN_PARTICIPATION, LISTED = 1e-6, 12
 
 
-def require_determined(solver: LoopSolver) -> None:
+def require_determined(solver: TreeSolver) -> None:
     """Reject a mechanism with undetermined degrees of freedom; passive ones, as a rod's spin, do not count.
 
     Args:
@@ -191,7 +191,7 @@ def require_determined(solver: LoopSolver) -> None:
         )
 
 
-def undetermined_names(solver: LoopSolver) -> list[str]:
+def undetermined_names(solver: TreeSolver) -> list[str]:
     """Return what can move while the drivers stand, one name for each undetermined degree of freedom."""
     names: list[str] = []
     for name, _ in _undetermined(solver) if solver.nullity else ():
@@ -201,7 +201,7 @@ def undetermined_names(solver: LoopSolver) -> list[str]:
     return names
 
 
-def joints_to_lock(solver: LoopSolver) -> tuple[str, ...]:
+def joints_to_lock(solver: TreeSolver) -> tuple[str, ...]:
     """Return coordinates, balls and floating joints with which locked nothing is undetermined.
 
     Those outside loops come first; in a loop as many as it has undetermined degrees of freedom.
@@ -210,7 +210,7 @@ def joints_to_lock(solver: LoopSolver) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def _undetermined(solver: LoopSolver, *, loops_last: bool = False) -> Iterator[tuple[str, str]]:
+def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[tuple[str, str]]:
     """Yield what can move, one name for each freedom: with all before it held, it still can.
 
     Each comes with what locks it: its coordinate, or the ball or floating joint.
@@ -241,7 +241,7 @@ def _undetermined(solver: LoopSolver, *, loops_last: bool = False) -> Iterator[t
                 null_space = with_coordinate_locked(null_space, column)
 
 
-def _displaced_by(solver: LoopSolver, null_space: Array, column: int) -> list[str]:
+def _displaced_by(solver: TreeSolver, null_space: Array, column: int) -> list[str]:
     """Return what moves along the null directions of a coordinate; empty for a passive one."""
     loops, components = solver.loops, null_space[:, column]
     length = float(np.linalg.norm(components))
@@ -384,7 +384,7 @@ def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
     return joints_to_lock(_at_generic_pose(mechanism)[0])
 
 
-def _at_generic_pose(mechanism: Mechanism) -> tuple[LoopSolver, Array]:
+def _at_generic_pose(mechanism: Mechanism) -> tuple[TreeSolver, Array]:
     """Return a solver about the pose near the start where the rank is highest, and the Jacobian there."""
     loops, guess = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
     try:
@@ -397,7 +397,7 @@ def _at_generic_pose(mechanism: Mechanism) -> tuple[LoopSolver, Array]:
     return loop_solver(loops, best), loops.linearise(best)[1][..., 0]
 
 
-def checked_start(mechanism: Mechanism) -> LoopSolver:
+def checked_start(mechanism: Mechanism) -> TreeSolver:
     """Return what solves the loops of a mechanism about the coordinates in which it begins to move.
 
     Raises:

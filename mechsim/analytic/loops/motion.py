@@ -7,15 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import twists
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.oracle import crank_angles, crank_rate
-from mechsim.analytic.loops.path import ContinuationPath, PathNames
+from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.path_rates import Instants, LoopMotion, loop_motion
-from mechsim.analytic.loops.path_segments import PrescribedValues
 from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
-from mechsim.analytic.loops.solver import LoopSolver, loop_solver
 from mechsim.analytic.loops.start import locked_values, with_locked
 from mechsim.errors import AssemblyError
 from mechsim.model.links import Pose
@@ -24,6 +22,9 @@ from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.continuation import PathNames
+from mechsim.numerics.loop_solver import loop_solver
+from mechsim.numerics.path_segments import PrescribedValues
 
 # part of the quickest turn of any link along an idle freedom at which another turns with it
 MIN_SPIN = 1e-6
@@ -31,7 +32,7 @@ MIN_SPIN = 1e-6
 INTEGER_TOLERANCE = 1e-12
 
 
-def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth") -> ContinuationPath:
+def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth") -> LoopPath:
     """Return the path of a mechanism's assembly over its crank angle, as yet no longer than its start.
 
     Args:
@@ -48,7 +49,7 @@ def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth")
     first = checked_start(mechanism)
     initial = float(first.reference.values[first.loops.tree.index_of[crank], 0])
     locked = locked_values(mechanism)
-    return ContinuationPath(first, lambda angle: with_locked(angle[None], locked), initial, change_point)
+    return LoopPath(first, lambda angle: with_locked(angle[None], locked), initial, change_point)
 
 
 def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
@@ -111,7 +112,7 @@ def solve(
 
 
 def solve_along(
-    path: ContinuationPath,
+    path: LoopPath,
     parameter: ArrayLike,
     speed: ArrayLike,
     acceleration: ArrayLike,
@@ -137,17 +138,15 @@ def solve_along(
 
 
 def motion_along(
-    path: ContinuationPath, angle: Array, speed: Array, acceleration: Array
-) -> tuple[ContinuationPath, LoopMotion]:
+    path: LoopPath, angle: Array, speed: Array, acceleration: Array
+) -> tuple[LoopPath, LoopMotion]:
     """Return the motion of a crank and its path, which may be that of another revolution."""
     return _motion_at(
         path, with_locked_values(path.loops, instants_of_laws(CRANK, angle, speed, acceleration)), CRANK
     )
 
 
-def _motion_at(
-    path: ContinuationPath, instants: Instants, motion_laws: MotionLaws
-) -> tuple[ContinuationPath, LoopMotion]:
+def _motion_at(path: LoopPath, instants: Instants, motion_laws: MotionLaws) -> tuple[LoopPath, LoopMotion]:
     try:
         return path, loop_motion(path, instants)
     except AssemblyError:
@@ -161,7 +160,7 @@ def _motion_at(
         raise
 
 
-def _on_other_revolution(path: ContinuationPath, revolutions: int) -> ContinuationPath | None:
+def _on_other_revolution(path: LoopPath, revolutions: int) -> LoopPath | None:
     """Return a path from the same pose so many turns of the crank on; None where gears make it another."""
     turn_offsets = list(path.loops.turn_offsets)
     tree = path.loops.tree
@@ -175,10 +174,10 @@ def _on_other_revolution(path: ContinuationPath, revolutions: int) -> Continuati
     start[crank] += revolutions * REVOLUTION
     loops = replace(path.loops, turn_offsets=tuple(turn_offsets))
     first = replace(path.first, loops=loops, reference=replace(path.start, values=start))
-    return ContinuationPath(first, path.prescribed, path.initial + revolutions * REVOLUTION, path.policy)
+    return LoopPath(first, path.prescribed, path.initial + revolutions * REVOLUTION, path.policy)
 
 
-def spinning_links(path: ContinuationPath) -> frozenset[str]:
+def spinning_links(path: LoopPath) -> frozenset[str]:
     """Return the links that turn while all that is driven, and every tracked point, stands: as rods spin."""
     tree = path.loops.tree
     names: set[str] = set()
@@ -193,7 +192,7 @@ def spinning_links(path: ContinuationPath) -> frozenset[str]:
 
 
 def motion_record(
-    path: ContinuationPath,
+    path: LoopPath,
     motion: LoopMotion,
     angle: Array,
     speed: Array,
@@ -223,7 +222,7 @@ def motion_record(
 
 def driven_path(
     mechanism: Mechanism, motion_laws: MotionLaws, change_point: ChangePointPolicy = "smooth"
-) -> ContinuationPath:
+) -> LoopPath:
     """Return the path of a mechanism's assembly over the path parameter of its motion laws.
 
     Args:
@@ -250,7 +249,7 @@ def driven_path(
         motion_laws.instant_label,
         motion_laws.instant_label,
     )
-    return ContinuationPath(first, prescribed, 0.0, change_point, names)
+    return LoopPath(first, prescribed, 0.0, change_point, names)
 
 
 def straight_line(loops: TreeLoops, start: Array, target: Array) -> tuple[PrescribedValues, float]:
@@ -259,7 +258,7 @@ def straight_line(loops: TreeLoops, start: Array, target: Array) -> tuple[Prescr
     return lambda s: start + (target - start) * (s / distance), distance
 
 
-def _moved_to_start(first: LoopSolver, target: Array, policy: ChangePointPolicy) -> LoopSolver:
+def _moved_to_start(first: TreeSolver, target: Array, policy: ChangePointPolicy) -> TreeSolver:
     """Return what solves the loops where what is prescribed, (driven, 1), has gone straight to its place."""
     loops = first.loops
     prescribed, distance = straight_line(loops, first.reference.values[[*loops.driven]], target)
@@ -272,7 +271,7 @@ def _moved_to_start(first: LoopSolver, target: Array, policy: ChangePointPolicy)
         return ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, values, strict=True))
 
     path_names = PathNames("the drivers on their way to the start of the motion laws", position, position)
-    path = ContinuationPath(first, prescribed, 0.0, policy, path_names)
+    path = LoopPath(first, prescribed, 0.0, policy, path_names)
     path.reach(distance, 1)
     return loop_solver(loops, path.unflat(path.segments[1][-1].states[-1:], np.array([distance]), target))
 
@@ -286,7 +285,7 @@ def instants_of_laws(
     return Instants(parameter, speed, acceleration, value, rate, second_rate)
 
 
-def solve_prescribed(path: ContinuationPath, motion_laws: MotionLaws, instants: Instants) -> Motion:
+def solve_prescribed(path: LoopPath, motion_laws: MotionLaws, instants: Instants) -> Motion:
     """Return the motion at instants, in which the drivers may stand near their motion laws.
 
     Raises:

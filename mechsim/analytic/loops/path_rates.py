@@ -6,14 +6,15 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.analytic.loops.constraints import TreeSolver
 from mechsim.analytic.loops.kinematics import Coordinates, product, twists, velocity_products
-from mechsim.analytic.loops.path import ContinuationPath
-from mechsim.analytic.loops.solver import Linearised, LoopSolver
+from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.errors import AssemblyError
 from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import Linearised
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 
 # poses solved in one go: their arrays stay in a core's own cache
@@ -91,7 +92,7 @@ class Instants:
         return Instants(*(getattr(self, field.name)[..., index] for field in fields(self)))
 
 
-def loop_motion(path: ContinuationPath, instants: Instants) -> LoopMotion:
+def loop_motion(path: LoopPath, instants: Instants) -> LoopMotion:
     """Return the motion at instants along a path.
 
     Raises:
@@ -119,14 +120,14 @@ class ClosedChunk:
         linearised: about them.
     """
 
-    solver: LoopSolver
+    solver: TreeSolver
     index: NDArray[np.intp]
     instants: Instants
     q: Coordinates
     linearised: Linearised
 
 
-def closed_chunks(path: ContinuationPath, instants: Instants) -> Iterator[ClosedChunk]:
+def closed_chunks(path: LoopPath, instants: Instants) -> Iterator[ClosedChunk]:
     """Yield the instants in parts, each closed to rounding.
 
     Raises:
@@ -151,7 +152,7 @@ def merged(chunks: Sequence[tuple[NDArray[np.intp], LoopMotion]]) -> LoopMotion:
 
 
 def _closed(
-    path: ContinuationPath, solver: LoopSolver, instants: Instants, q: Coordinates
+    path: LoopPath, solver: TreeSolver, instants: Instants, q: Coordinates
 ) -> tuple[Coordinates, Linearised]:
     """Return poses closed from those of the polynomials, and the loops there."""
     driven = list(path.loops.driven)
@@ -172,7 +173,7 @@ def _closed(
 
 
 def _newton(
-    path: ContinuationPath, solver: LoopSolver, s: Array, q: Coordinates, settings: NewtonSettings
+    path: LoopPath, solver: TreeSolver, s: Array, q: Coordinates, settings: NewtonSettings
 ) -> tuple[Coordinates, Linearised]:
     """Return configurations corrected from near ones, and the loops there."""
     singular = path.near_change_point(s)
@@ -186,7 +187,7 @@ def _newton(
     return result.q, result.linearised
 
 
-def _too_singular(path: ContinuationPath, s: float) -> AssemblyError:
+def _too_singular(path: LoopPath, s: float) -> AssemblyError:
     return AssemblyError(
         f"{path.loops.tree.mechanism.name}: the pose at {path.words.instant(s)} is too near a singular one "
         "to be distinguished from another assembly; keep away from it"
@@ -198,7 +199,7 @@ def regularised(matrix: Array, singular: NDArray[np.bool_]) -> Array:
     return np.where(singular[:, None, None], np.eye(matrix.shape[1]), matrix) if singular.any() else matrix
 
 
-def with_rates(path: ContinuationPath | None, chunk: ClosedChunk, *, conditioned: bool = True) -> LoopMotion:
+def with_rates(path: LoopPath | None, chunk: ClosedChunk, *, conditioned: bool = True) -> LoopMotion:
     """Return places, rates and accelerations of instants that are closed; conditioning 1 unless asked for.
 
     A path of None is one on which the loops are regular everywhere.
@@ -282,7 +283,7 @@ def smallest_singular_values(jacobian: Array, rank: int) -> Array:
     return np.asarray(values[:, rank - 1], dtype=np.float64)
 
 
-def rates_of_polynomial(path: ContinuationPath, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
+def rates_of_polynomial(path: LoopPath, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
     """Return first and second derivatives of the coordinates by the parameter, off the polynomials."""
     first, second = path.derivatives(angle)
     first_rates, second_rates = first[:, : tree.count].T.copy(), second[:, : tree.count].T.copy()

@@ -14,7 +14,7 @@ from mechsim.model.joints import Joint
 from mechsim.model.link_poses import split_joints
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, Index, Indices, as_slice
 
 # a turn about the third axis is the sum of these times 1, the cosine and the sine of its angle
 ABOUT_Z = np.array(
@@ -97,9 +97,6 @@ class JointSides:
         ]
 
 
-Indices = NDArray[np.intp]
-# indices, as a slice where they lie in a row
-Index = slice | Indices
 # vectors in a row at the most: what holds more takes several
 MAX_VECTORS = 8
 
@@ -160,19 +157,6 @@ def layout(branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]) -
         sliding,
         slid,
     )
-
-
-def as_slice(indices: Indices) -> Index:
-    """Return indices as a slice where each is one more than that before: no copy is then made."""
-    values = indices.tolist()
-    consecutive = len(values) > 0 and values == [*range(values[0], values[0] + len(values))]
-    return slice(values[0], values[-1] + 1) if consecutive else indices
-
-
-def block(rows: Indices, columns: Indices) -> tuple[Index, ...]:
-    """Return what picks rows and columns of a matrix: slices where both lie in a row."""
-    selectors = as_slice(rows), as_slice(columns)
-    return selectors if all(isinstance(selector, slice) for selector in selectors) else np.ix_(rows, columns)
 
 
 def _angles(

@@ -10,7 +10,7 @@ import numpy as np
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import link_poses
 from mechsim.analytic.loops.motion import driven_path
-from mechsim.analytic.loops.path import ContinuationPath
+from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.start import locked_values, with_locked
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
@@ -56,7 +56,7 @@ class ComputedMotion:
         end_message: why it was not traced over all of the requested range; empty if it was.
     """
 
-    path: ContinuationPath
+    path: LoopPath
     motion_laws: MotionLaws
     equations: ClosureEquations
     low: float
@@ -196,7 +196,7 @@ def computed_motion(
     return ComputedMotion(path, solver.motion_laws, equations, ends[0], ends[1], message)
 
 
-def _whole_range(solver: KinematicSolver, path: ContinuationPath) -> tuple[float, float]:
+def _whole_range(solver: KinematicSolver, path: LoopPath) -> tuple[float, float]:
     """Return the range of a motion: a period, or as far as the crank reaches from its start."""
     start, period = path.initial, solver.period
     if not solver.motion_laws.crank:

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists
 from mechsim.analytic.loops.path_rates import regularised, smallest_singular_values
-from mechsim.analytic.loops.solver import NEARBY, Linearised, LoopSolver
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.errors import MobilityError
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import NEARBY, Linearised
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 from mechsim.numerics.rank import pivot_columns, significant
 
@@ -157,7 +157,7 @@ class PlacedNodes:
         length: of each node, (n,).
     """
 
-    solver: LoopSolver
+    solver: TreeSolver
     rank: int
     length: Array
 
@@ -218,7 +218,7 @@ class FreeLoops:
         """
         return self.loops.unflat(rows, self.locked_values[:, None])
 
-    def solver(self, coordinates: Coordinates, direction: Array | None) -> LoopSolver:
+    def solver(self, coordinates: Coordinates, direction: Array | None) -> TreeSolver:
         """Return a solver about one set of coordinates; its first null-space vector is the tangent."""
         _, jacobian, poses = self.loops.linearise(coordinates)
         jacobian = jacobian[:, self.loops.unknown]
@@ -228,9 +228,9 @@ class FreeLoops:
         rows = np.zeros(0, dtype=np.intp)
         if self.rank:
             rows = np.sort(pivot_columns(jacobian[..., 0].T)[0][: self.rank])
-        return LoopSolver(self.loops, rows, np.vstack([tangent, idle]), coordinates)
+        return TreeSolver(self.loops, rows, np.vstack([tangent, idle]), coordinates)
 
-    def close(self, solver: LoopSolver, guess: Coordinates) -> CorrectedNodes | None:
+    def close(self, solver: TreeSolver, guess: Coordinates) -> CorrectedNodes | None:
         """Return a guess corrected perpendicular to the curve; None where Newton's method fails."""
         length = solver.linearise(guess).rhs[:, self.rank].copy()
         try:
@@ -259,7 +259,7 @@ class FreeLoops:
         """Return the singular value of Jacobians (rows, count, n) that vanishes at branch points, (n,)."""
         return smallest_singular_values(jacobian[:, self.loops.unknown], self.rank)
 
-    def corrected(self, solver: LoopSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:
+    def corrected(self, solver: TreeSolver, rows: Array, singular: NDArray[np.bool_]) -> LinkPoses:
         """Return the poses of approximate rows corrected to rounding level; singular ones stay unchanged."""
 
         def solve(matrix: Array, right: Array) -> Array:

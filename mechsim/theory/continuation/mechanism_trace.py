@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.mobility import require_determined
-from mechsim.analytic.loops.solver import loop_solver
 from mechsim.analytic.loops.start import assembled, poses_around_branch_point, random_poses
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rank import significant
 from mechsim.subjects.readers import load
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve

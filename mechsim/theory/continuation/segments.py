@@ -12,9 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
-from mechsim.analytic.loops.solver import LoopSolver
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -93,7 +92,7 @@ class CurveSegment(Interpolant):
     coordinates: Coordinates
     features: Interpolant
     tangent: Array
-    solver: LoopSolver
+    solver: TreeSolver
     largest_singular_value: float
 
     @cached_property
@@ -181,7 +180,7 @@ def trace_curve(
 def _next_segment(
     loops: FreeLoops,
     traced: list[CurveSegment],
-    solver: LoopSolver,
+    solver: TreeSolver,
     start: Coordinates,
     length: float,
     largest: float,
@@ -222,7 +221,7 @@ def _accepted_segment(
     loops: FreeLoops,
     nodes: CorrectedNodes,
     guess: Coordinates,
-    solver: LoopSolver,
+    solver: TreeSolver,
     low: float,
     largest: float,
 ) -> CurveSegment | None:

@@ -1,118 +1,13 @@
-"""Segments of a path: coordinates closed at Chebyshev nodes; and segments that pass change points."""
+"""Branch points of a path: located between nodes, passed by segments, left on the other branch."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechsim.analytic.loops.constraints import TreeLoops
-from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.analytic.loops.solver import MIN_SHARE_RATIO, Linearised, LoopSolver
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.collocation import Interpolant, interpolation_error, nodes_between
-from mechsim.numerics.newton import NewtonSettings, newton
-from mechsim.numerics.step_control import StepControl
-
-# path parameter (n,) -> prescribed coordinates in their units, (driven, n)
-PrescribedValues = Callable[[Array], Array]
-
-# largest residual of a closed pose, in radians and characteristic lengths
-CLOSED = 1e-12
-# lengths of segments, and the errors at which one is rejected
-CONTROL = StepControl()
-
-
-@dataclass(frozen=True)
-class Segment(Interpolant):
-    """A segment of a path: the polynomial through coordinates closed at its nodes.
-
-    Attributes:
-        solver: of its poses.
-        adequate: whether the solver's rows are well conditioned at the last node, for each design, (d,); None
-            if unknown.
-    """
-
-    solver: LoopSolver
-    adequate: NDArray[np.bool_] | None = None
-
-    def restricted(self, low: float, high: float) -> Self:
-        """Return the same polynomial through nodes from one parameter to another."""
-        return replace(super().restricted(low, high), adequate=None)
-
-
-@dataclass(frozen=True)
-class ClosedNodes:
-    """Nodes of a segment, each closed for d designs; d is 1 for one mechanism.
-
-    Attributes:
-        states: of the nodes, (k, d w).
-        linearised: the loops there; of k d instants each d in a row are those of the designs.
-        displacement: of the corrector, the largest of each design's nodes, (d,).
-        valid: which designs are closed after an admissible displacement, (d,).
-    """
-
-    states: Array
-    linearised: Linearised
-    displacement: Array
-    valid: NDArray[np.bool_]
-
-    @property
-    def error(self) -> Array:
-        """Interpolation error of each design by half of the nodes, (d,)."""
-        return interpolation_error(self.states).reshape(len(self.valid), -1).max(1)
-
-
-class PathStates:
-    """Poses along a path of the drivers as state vectors, those of d designs in a row.
-
-    Attributes:
-        loops: of the mechanism, or of the designs.
-        prescribed: values of the prescribed coordinates along the path.
-        count: number of designs, d; 1 for one mechanism.
-    """
-
-    def __init__(self, loops: TreeLoops, prescribed: PrescribedValues, count: int = 1):
-        self.loops, self.prescribed, self.count = loops, prescribed, count
-
-    def unflat(self, rows: Array, s: Array, driven: Array | None = None) -> Coordinates:
-        """Return coordinates, (n d) sets, from approximate states (n, d w) at parameters (n,)."""
-        driven = self.prescribed(s) if driven is None else driven
-        if self.count > 1:
-            rows, driven = rows.reshape(len(s) * self.count, -1), np.repeat(driven, self.count, 1)
-        return self.loops.unflat(rows, driven)
-
-    def flat(self, q: Coordinates) -> Array:
-        """Return states, (n, d w), of coordinates, (n d) sets."""
-        rows = self.loops.flat(q)
-        return rows.reshape(len(rows) // self.count, -1)
-
-    def closed(self, solver: LoopSolver, s: Array, rows: Array, tolerance: float = 0.0) -> ClosedNodes | None:
-        """Return nodes at parameters (k,) closed from approximate states; None if they do for no design.
-
-        To rounding, or to a residual below the tolerance.
-        """
-        try:
-            settings = NewtonSettings(
-                tolerance=tolerance, max_displacement=CONTROL.max_correction, verify=False
-            )
-            result = newton(solver, self.unflat(rows, s), settings)
-        except np.linalg.LinAlgError:
-            return None
-        linearised = result.linearised
-        if result.unverified is not None:
-            change = np.einsum(
-                "rkn,nk->rn", linearised.jacobian.take(linearised.unknown, 1), result.unverified
-            )
-            linearised = replace(linearised, residual=linearised.residual + change)
-        largest = np.abs(linearised.residual).max(0, initial=0.0)
-        residual, displacement = (
-            values.reshape(-1, self.count).max(0) for values in (largest, result.displacement)
-        )
-        valid = (residual <= max(CLOSED, tolerance)) & (displacement < CONTROL.max_correction)
-        return ClosedNodes(self.flat(result.q), linearised, displacement, valid) if valid.any() else None
-
+from mechsim.numerics.loop_solver import MIN_SHARE_RATIO, E, Linearised, Q
+from mechsim.numerics.path_segments import PathStates, Segment
 
 # largest and smallest half length of a segment centred on a change point
 MAX_HALF_LENGTH, MIN_HALF_LENGTH = 0.1, 5e-4
@@ -152,7 +47,7 @@ def even_change_point(log_determinant: Array) -> int | None:
     return None
 
 
-def change_point_between(path: PathStates, segment: Segment, a: float, b: float) -> float | None:
+def change_point_between(path: PathStates[E, Q], segment: Segment[E, Q], a: float, b: float) -> float | None:
     """Return the change point between two nodes; None where assemblies only come near each other.
 
     None also where only the selected rows become dependent. With equal signs at both nodes the determinant
@@ -208,8 +103,8 @@ def change_point_between(path: PathStates, segment: Segment, a: float, b: float)
 
 
 def segment_through(
-    path: PathStates, segment: Segment, change_point: float, direction: int
-) -> tuple[Segment, float] | None:
+    path: PathStates[E, Q], segment: Segment[E, Q], change_point: float, direction: int
+) -> tuple[Segment[E, Q], float] | None:
     """Return the longest valid segment centred on a change point, and the refined change point; or None.
 
     Args:
@@ -240,7 +135,7 @@ def segment_through(
     return None
 
 
-def _root_near(determinants: Segment, guess: float) -> float:
+def _root_near(determinants: Interpolant, guess: float) -> float:
     """Return a root of a polynomial (k, 1) by Newton's method; the guess where the method leaves it."""
     root, derivative = np.array([guess]), determinants.derivative()
     for _ in range(3):
@@ -249,8 +144,10 @@ def _root_near(determinants: Segment, guess: float) -> float:
     return float(root[0]) if abs(root[0] - guess) < LAST_SPACING else guess
 
 
-def branch_segment(path: PathStates, segment: Segment, change_point: float) -> Segment | None:
-    """Return the segment of the other assembly beyond a change point, with the same sign of the determinant.
+def branch_segment(
+    path: PathStates[E, Q], segment: Segment[E, Q], change_point: float
+) -> Segment[E, Q] | None:
+    """Return the segment of the other assembly about a change point; beyond it the determinant's sign stays.
 
     None where the crank does not move the other assembly.
 
@@ -278,12 +175,12 @@ def branch_segment(path: PathStates, segment: Segment, change_point: float) -> S
                 and (distances[0] * distances[1] < 0.0).all()
                 and candidate.truncation_error() < MAX_TRUNCATION
             ):
-                return candidate.restricted(change_point, change_point + half_length)
+                return candidate
         half_length *= 0.5
     return None
 
 
-def _branch_tangent(path: PathStates, segment: Segment, change_point: float) -> Array | None:
+def _branch_tangent(path: PathStates[E, Q], segment: Segment[E, Q], change_point: float) -> Array | None:
     """Return the difference of the derivatives of both branches at a change point, (w,); None if unbounded.
 
     Projected on the null directions, the loop equations are z (a x + b z) = 0 for the distance x beyond the
@@ -293,10 +190,10 @@ def _branch_tangent(path: PathStates, segment: Segment, change_point: float) -> 
     q = path.unflat(segment.evaluate(parameter), parameter)
     loops, solver = path.loops, segment.solver
     u, _, vh = np.linalg.svd(solver.linearise(q).matrix[0])
-    left_null_vector, null_direction = u[:, -1], np.zeros((loops.tree.count, 1))
+    left_null_vector, null_direction = u[:, -1], np.zeros((loops.count, 1))
     null_direction[loops.unknown, 0] = vh[-1]
 
-    def projected(rows: Coordinates) -> Array:
+    def projected(rows: Q) -> Array:
         return solver.linearise(rows).matrix @ vh[-1] @ left_null_vector
 
     displaced = [loops.displaced(q, sign * OFFSET * null_direction) for sign in (1.0, -1.0)]

@@ -1,15 +1,14 @@
 """Linearised loops of many instants as square systems: independent rows, and a null-space basis."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.loops.constraints import TreeLoops
-from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, product
-from mechsim.analytic.loops.tree import Index, block
-from mechsim.numerics.arrays import Array
+from mechsim.numerics.arrays import Array, Index, block
 from mechsim.numerics.newton import NewtonSettings, square_solution
 from mechsim.numerics.rank import RANK_TOLERANCE, pivot_columns, significant
 
@@ -22,6 +21,81 @@ NEARBY = NewtonSettings(max_displacement=0.3)
 MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = 0.4, 0.5, 0.2
 
 
+class Configurations(Protocol):
+    """Values of all coordinates at n instants."""
+
+    def __len__(self) -> int: ...
+
+    def select(self, which: NDArray[np.bool_] | NDArray[np.intp], /) -> Self:
+        """Return those at some of the instants."""
+        ...
+
+    def repeated(self, times: int, /) -> Self:
+        """Return all of them so many times, one after another."""
+        ...
+
+
+class LoopEquations(Protocol):
+    """Loop-closure equations in coordinates of which some are prescribed.
+
+    Coordinates have units: [rad], or a characteristic length.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the mechanism or model, for messages."""
+        ...
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        ...
+
+    @cached_property
+    def rows(self) -> int:
+        """Number of equations."""
+        ...
+
+    @property
+    def driven(self) -> Sequence[int]:
+        """Indices of the prescribed coordinates."""
+        ...
+
+    @cached_property
+    def unknown(self) -> NDArray[np.intp]:
+        """Indices of the coordinates that the equations determine, (u,)."""
+        ...
+
+    @cached_property
+    def units(self) -> Array:
+        """Units of the coordinates, (count,)."""
+        ...
+
+    def linearise(self, q: Any, /) -> tuple[Array, Array, Any]:
+        """Return residuals (rows, n), Jacobians by coordinates in units (rows, count, n), and link poses."""
+        ...
+
+    def displaced(self, q: Any, step: Array, /) -> Any:
+        """Return configurations moved by a step (count, n) in units."""
+        ...
+
+    def flat(self, q: Any, /) -> Array:
+        """Return configurations as rows of numbers without units, (n, w)."""
+        ...
+
+    def unflat(self, rows: Array, driven: Array, /) -> Any:
+        """Return configurations from approximate rows of numbers, and prescribed values (driven, n)."""
+        ...
+
+    def along(self, q: Any, reference: Any, directions: Array, /) -> tuple[Array, Array]:
+        """Return displacements along directions (k, u) from a reference, (n, k), and their derivatives."""
+        ...
+
+
+E = TypeVar("E", bound=LoopEquations)
+Q = TypeVar("Q", bound=Configurations)
+
+
 @dataclass(frozen=True)
 class Linearised:
     """The loops about n sets of coordinates.
@@ -29,7 +103,7 @@ class Linearised:
     Attributes:
         residual: of all rows, (rows, n).
         jacobian: by all coordinates in their units, (rows, count, n).
-        poses: of the links.
+        poses: of the links, as the equations return them.
         matrix: of independent rows and null-space rows by the unknowns, (n, u, u).
         rhs: residuals of the same rows, (n, u).
         unknown: which coordinates these are, (u,).
@@ -38,7 +112,7 @@ class Linearised:
 
     residual: Array
     jacobian: Array
-    poses: LinkPoses
+    poses: Any
     matrix: Array
     rhs: Array
     unknown: NDArray[np.intp]
@@ -96,7 +170,7 @@ class Linearised:
 
 
 @dataclass(frozen=True)
-class LoopSolver:
+class LoopSolver(Generic[E, Q]):
     """Which equations are solved, and the null-space basis that keeps undetermined coordinates in place.
 
     Attributes:
@@ -106,10 +180,10 @@ class LoopSolver:
         reference: coordinates without displacement along it, one set, or that of each design.
     """
 
-    loops: TreeLoops
+    loops: E
     rows: NDArray[np.intp]
     null_space: Array
-    reference: Coordinates
+    reference: Q
 
     @cached_property
     def picked(self) -> tuple[Index, ...]:
@@ -164,7 +238,7 @@ class LoopSolver:
         nonzero = every > RANK_TOLERANCE * every.max()
         return np.where(nonzero, linearised.singular_values[:, -1] / np.where(nonzero, every, 1.0), 1.0)
 
-    def linearise(self, q: Coordinates) -> Linearised:
+    def linearise(self, q: Q) -> Linearised:
         """Return the loops about n sets of coordinates."""
         residual, jacobian, poses = self.loops.linearise(q)
         n, u, r = len(q), len(self.loops.unknown), len(self.rows)
@@ -172,31 +246,17 @@ class LoopSolver:
         matrix[:, :r] = jacobian[self.picked].transpose(2, 0, 1)
         right[:, :r] = residual[self.rows].T
         if self.nullity:
-            self._pin(q, matrix[:, r:], right[:, r:])
+            reference = self.reference.repeated(n // len(self.reference))
+            right[:, r:], matrix[:, r:] = self.loops.along(q, reference, self.null_space)
         return Linearised(residual, jacobian, poses, matrix, right, self.loops.unknown, self.others)
 
-    def _pin(self, q: Coordinates, rows: Array, offsets: Array) -> None:
-        """Fill in the null-space rows: displacement from the reference along the null-space basis."""
-        loops, reference = self.loops, self.reference.repeated(len(q) // len(self.reference))
-        displacement = ((q.values - reference.values) / loops.units[:, None])[loops.unknown]
-        offsets[:] = (self.null_space @ displacement).T
-        rows[:] = self.null_space
-        for ball, rotation, other in zip(loops.tree.balls, q.turns, reference.turns, strict=True):
-            columns = np.searchsorted(loops.unknown, ball.first_angle) + np.arange(3)
-            relative = product(rotation, other.transpose(1, 0, 2))
-            vector = 0.5 * (relative - relative.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
-            offsets += (self.null_space[:, columns] @ vector).T
-            trace = np.einsum("iin->n", relative)
-            change = 0.5 * (trace * np.eye(3)[..., None] - relative)
-            rows[..., columns] = np.einsum("pi,ijn->npj", self.null_space[:, columns], change)
-
-    def retract(self, q: Coordinates, step: Array) -> Coordinates:
+    def retract(self, q: Q, step: Array) -> Q:
         """Return configurations displaced by steps of the unknowns, (n, u)."""
         return self.loops.displaced(q, self.whole_step(step))
 
     def whole_step(self, step: Array) -> Array:
         """Return steps of all coordinates, (count, n), from those of the unknowns, (n, u)."""
-        out = np.zeros((self.loops.tree.count, len(step)), step.dtype)
+        out = np.zeros((self.loops.count, len(step)), step.dtype)
         out[self.loops.unknown] = step.T
         return out
 
@@ -206,8 +266,8 @@ class LoopSolver:
 
 
 def loop_solver(
-    loops: TreeLoops, reference: Coordinates, previous: Array | None = None, jacobian: Array | None = None
-) -> LoopSolver:
+    loops: E, reference: Q, previous: Array | None = None, jacobian: Array | None = None
+) -> LoopSolver[E, Q]:
     """Return the solver for poses near one.
 
     Args:

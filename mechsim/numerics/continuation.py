@@ -1,0 +1,435 @@
+"""Numerical continuation of an assembly along its driver motion, by segments of Chebyshev polynomials.
+
+The polynomial of a segment predicts the next one; Newton's method corrects all its nodes together. A segment
+is accepted if the correction and the interpolation error are small and the Jacobian determinant keeps its
+sign. A sign change along a smooth path indicates a change point, where two assemblies meet: it is located,
+and the path continues through it.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Generic, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.errors import AssemblyError
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.branch_points import (
+    branch_segment,
+    change_point_between,
+    even_change_point,
+    segment_through,
+)
+from mechsim.numerics.collocation import Piecewise, nodes_between
+from mechsim.numerics.loop_solver import (
+    MIN_DETERMINANT_RATIO,
+    MIN_SHARE_RATIO,
+    E,
+    Linearised,
+    LoopSolver,
+    Q,
+    loop_solver,
+)
+from mechsim.numerics.path_segments import (
+    CONTROL,
+    ClosedNodes,
+    PathStates,
+    PrescribedValues,
+    Segment,
+)
+
+# fraction of a segment about a change point in which poses are taken from its polynomial, since the Jacobian
+# is singular there; and the smallest distance of a start from a change point
+SINGULAR_FRACTION, MIN_START_DISTANCE = 0.05, 1e-5
+# a path that ends within this distance of its start may end because the start is singular
+AT_START = 1e-3
+# largest residual at nodes, a hundredth of the truncation error; and signed distance from a singular pose
+# below which nodes are closed to rounding
+NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
+# tolerance of equal parameters
+SAME_PARAMETER = 1e-9
+# shortest segment in spacings of floating-point numbers at its parameter
+LEAST_SPACINGS = 16.0
+# after a segment shorter than this the tangent predicts: rounding spoils its polynomial
+MIN_EXTRAPOLATED = 1e-5
+# length of the segment after a change point, relative to the one through it: its many nodes extrapolate badly
+NEXT_LENGTH = 0.3
+# signed distance of a start from a singular pose above which no change point behind it affects its rates
+WELL_CONDITIONED = 0.05
+# distance that a path is traced beyond the requested parameter; not round, as change points are
+OVERSHOOT = 0.2137
+
+
+@dataclass(frozen=True, slots=True)
+class PathNames:
+    """Names for messages: what moves, and the position and instant at a parameter."""
+
+    mover: str
+    position: Callable[[float], str]
+    instant: Callable[[float], str]
+
+
+CRANK = PathNames("the crank", lambda s: f"{s:.7g} rad", lambda s: f"crank angle {s:.7g} rad")
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing(Generic[E, Q]):
+    """A change point of a path, at which two assemblies meet.
+
+    Attributes:
+        parameter: of the change point.
+        radius: of its singular neighbourhood, in which poses are those of the segments' polynomials.
+        before: segment centred on it, of the assembly before; the same as `beyond` on a smooth path.
+        beyond: likewise of the assembly after it.
+    """
+
+    parameter: float
+    radius: float
+    before: Segment[E, Q]
+    beyond: Segment[E, Q]
+
+
+class ContinuationPath(PathStates[E, Q]):
+    """An assembly followed along a path of its drivers, as far as was asked.
+
+    Attributes:
+        control: lengths of segments, and the errors at which one is rejected.
+        overshoot: distance that it is traced beyond a requested parameter, if possible.
+        singular_fraction: radius of the singular neighbourhood of a change point relative to its segment.
+        first: solver of the loops about the start.
+        start: coordinates at the start, one set; of d designs as many.
+        initial: its parameter there.
+        crossings: change points, as they were passed.
+        policy: how it goes on there.
+        words: names for messages.
+    """
+
+    control, overshoot, singular_fraction = CONTROL, OVERSHOOT, SINGULAR_FRACTION
+
+    def __init__(
+        self,
+        first: LoopSolver[E, Q],
+        prescribed: PrescribedValues,
+        initial: float,
+        policy: Literal["smooth", "branch"] = "smooth",
+        words: PathNames = CRANK,
+    ):
+        super().__init__(first.loops, prescribed, len(first.reference))
+        self.first, self.start, self.initial = first, first.reference, initial
+        self.policy: Literal["smooth", "branch"] = policy
+        self.words = words
+        self.segments: dict[int, list[Segment[E, Q]]] = {1: [], -1: []}
+        self.crossings: list[Crossing[E, Q]] = []
+        # of the singular poses that the last segment lies on; 0 where it is not known
+        self.sign = np.zeros(self.count)
+        # the segment through the next change point, and that change point, once known
+        self._upcoming: tuple[Segment[E, Q], float] | None = None
+
+    def extend(self, target: float) -> None:
+        """Trace the assembly to a parameter, and a little beyond if possible.
+
+        A change point is confirmed only after the path has passed it; one behind the start affects poses near
+        the start.
+
+        Raises:
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+        """
+        if target == self.initial and abs(self.first.at_reference.signed_distance[0]) > WELL_CONDITIONED:
+            return
+        direction = 1 if target > self.initial else -1
+        with suppress(AssemblyError):
+            self.reach(target + direction * self.overshoot, direction)
+            return
+        self.reach(target, direction)
+
+    def reach(self, target: float, direction: int, length: float | None = None) -> None:
+        """Trace the assembly to a parameter and no farther; the length is that of the next segment, if known.
+
+        Raises:
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+            InputError: for a path that is too long.
+        """
+        segments, self._upcoming = self.segments[direction], None
+        self.require_travel(self.end(direction), target)
+        if length is None:
+            self.sign = np.zeros(self.count)
+            length = NEXT_LENGTH * segments[-1].length if segments else self.control.first_length
+            if not segments and self.segments[-direction]:
+                length *= self.control.max_growth  # the segment on the other side predicts it
+        while (remaining := direction * (target - self.end(direction))) > 0.0:
+            current = self.end(direction)
+            step = remaining if remaining <= length else min(length, 0.6 * remaining)
+            segment, length = self.next_segment(current, direction, step)
+            if segment is not None:
+                segments.append(segment)
+            elif length < max(self.control.min_length, LEAST_SPACINGS * np.spacing(abs(current))):
+                raise AssemblyError(_end_message(self, current) + self.remaining_text(current, target))
+
+    def require_travel(self, start: float, target: float) -> None:
+        """Reject a path that is too long; there is no limit here."""
+
+    def remaining_text(self, current: float, target: float) -> str:
+        """Return what a message adds about the way from where the path ends to its target."""
+        return ""
+
+    def end(self, direction: int) -> float:
+        """Return the parameter reached in one direction."""
+        return float(self.segments[direction][-1].nodes[-1]) if self.segments[direction] else self.initial
+
+    def next_segment(self, current: float, direction: int, step: float) -> tuple[Segment[E, Q] | None, float]:
+        """Return the next segment, None if it is rejected, and the length to try next."""
+        if self._upcoming is not None:
+            remaining = direction * (float(self._upcoming[0].nodes[0]) - current)
+            if remaining < SAME_PARAMETER:
+                return self._segment_past(self._upcoming, current, direction)
+            step = min(step, remaining)
+        solver = self._solver(current, direction)
+        nodes, weights = nodes_between(current, current + direction * step, CONTROL.nodes)
+        closed = self.closed(solver, nodes, self.predicted(current, direction, solver, nodes), NODE_RESIDUAL)
+        if closed is None:
+            return None, self.control.shrink * step
+        return self.accepted(Segment(nodes, closed.states, weights, solver), closed, direction)
+
+    def accepted(
+        self, segment: Segment[E, Q], closed: ClosedNodes, direction: int
+    ) -> tuple[Segment[E, Q] | None, float]:
+        """Return a segment through closed nodes, None if it is rejected, and the length to try next."""
+        step, solver = segment.length, segment.solver
+        if (np.abs(closed.linearised.signed_distance) < NEARLY_SINGULAR).any():
+            closed = self.closed(solver, segment.nodes, closed.states) or closed
+        error, loops = closed.error, closed.linearised
+        if error[0] > CONTROL.max_error:
+            return None, self.control.shrink * step
+        adequate, by_determinant = solver.adequate(loops)
+        segment = replace(segment, states=closed.states, adequate=adequate[-1:])
+        if not by_determinant.all():
+            segment, loops = self._with_adequate_rows(segment, loops, by_determinant)
+        share, signs = segment.solver.share(loops), np.sign(loops.signed_distance)
+        if share.min() < MIN_SHARE_RATIO * share.max():
+            return None, self.control.shrink * step
+        sign_changes = np.flatnonzero(signs[1:] != signs[:-1])
+        if len(sign_changes):
+            return None, step if self._approached_change_point(
+                segment, int(sign_changes[0]), direction
+            ) else self.control.shrink * step
+        if (index := even_change_point(loops.log_determinant)) is not None and self._approached_change_point(
+            segment, index, direction
+        ):
+            return None, step
+        middle_sign, segments = float(signs[CONTROL.nodes // 2]), self.segments[direction]
+        if self.sign[0] * middle_sign < 0.0 and segment.solver is segments[-1].solver:
+            # the change point lies at the end of the last segment
+            length = segments[-1].length
+            return None, 0.6 * length if self.drop_last_segment(direction) else self.control.shrink * step
+        self.sign = np.array([middle_sign])
+        growth = float(self.growth(step, direction, error, closed.displacement)[0])
+        return segment, min(self.control.max_length, step * growth)
+
+    def growth(self, step: float, direction: int, error: Array, displacement: Array) -> Array:
+        """Return the largest ratios of the next segment's length to this one's, (d,)."""
+        if not self.segments[direction]:
+            return self.control.growth(error)  # predicted by the tangent
+        return self.control.growth(error, displacement, self.segments[direction][-1].length / step)
+
+    def _with_adequate_rows(
+        self, segment: Segment[E, Q], closed: Linearised, by_determinant: NDArray[np.bool_]
+    ) -> tuple[Segment[E, Q], Linearised]:
+        """Return a segment solved by rows of full rank where it is near a singular pose, and its loops.
+
+        Rows that repeat others elsewhere may be the ones that count there.
+
+        Args:
+            segment: solved by rows that lose rank somewhere.
+            closed: its loops.
+            by_determinant: at which nodes they do.
+        """
+        old_solver = segment.solver
+        # the nearest node may be the singular pose itself
+        nearest_index = np.argsort(np.abs(closed.signed_distance))[1:2]
+        if by_determinant[nearest_index[0]]:
+            return segment, closed
+        nearest = self.unflat(segment.states[nearest_index], segment.nodes[nearest_index])
+        solver = loop_solver(self.loops, nearest, old_solver.null_space, closed.jacobian[..., nearest_index])
+        if np.array_equal(solver.rows, old_solver.rows):
+            return segment, closed
+        own_determinant = abs(np.linalg.det(closed.matrix[nearest_index[0]]))
+        best_determinant = abs(np.linalg.det(solver.linearise(nearest).matrix[0]))
+        if solver.nullity != old_solver.nullity or own_determinant > MIN_DETERMINANT_RATIO * best_determinant:
+            return segment, closed
+        improved = self.closed(solver, segment.nodes, segment.states)
+        if improved is None:
+            return segment, closed
+        return replace(
+            segment,
+            states=improved.states,
+            solver=solver,
+            adequate=solver.adequate(improved.linearised)[0][-1:],
+        ), improved.linearised
+
+    def _approached_change_point(self, segment: Segment[E, Q], index: int, direction: int) -> bool:
+        """Return whether a change point lies beyond a node; the path then stops where its segment begins.
+
+        If it is a sharp bend or the end of the path instead, shorter segments resolve it.
+        """
+        a, b = segment.nodes[index : index + 2]
+        change_point = change_point_between(self, segment, float(a), float(b))
+        if change_point is not None:
+            self._upcoming = segment_through(self, segment, change_point, direction)
+        if change_point is None or self._upcoming is None:
+            return False
+        first = float(self._upcoming[0].nodes[0])
+        while direction * (first - self.end(direction)) < -SAME_PARAMETER and self.drop_last_segment(
+            direction
+        ):
+            pass
+        return True
+
+    def _segment_past(
+        self, upcoming: tuple[Segment[E, Q], float], current: float, direction: int
+    ) -> tuple[Segment[E, Q], float]:
+        """Return the segment beyond a change point, and the length to try next.
+
+        Raises:
+            AssemblyError: where the path begins at the change point, or the other branch cannot be driven.
+        """
+        self._upcoming, self.sign = None, np.zeros(self.count)
+        segment, change_point = upcoming
+        if direction * (change_point - current) < MIN_START_DISTANCE:
+            raise AssemblyError(
+                f"{self.name}: assemblies meet at {self.words.instant(change_point)}, "
+                f"{abs(change_point - current):.3g} rad from the start or from where others meet, and "
+                "cannot be distinguished; start elsewhere or change the dimensions"
+            )
+        beyond = branch_segment(self, segment, change_point) if self.policy == "branch" else segment
+        if beyond is None:
+            raise AssemblyError(
+                f"{self.name}: {self.words.mover} cannot pass {self.words.position(change_point)} by "
+                "folding, for it does not turn in the assembly that is met there; go on smoothly"
+            )
+        first, last = current, float(beyond.nodes[-1])
+        if self.policy == "branch":
+            self.segments[direction].append(segment.restricted(current, change_point))
+            first = change_point
+        distance_after = direction * (last - change_point)
+        radius = self.singular_fraction * distance_after
+        self.crossings.append(Crossing(change_point, radius, segment, beyond))
+        return beyond.restricted(first, last), NEXT_LENGTH * distance_after
+
+    def drop_last_segment(self, direction: int) -> bool:
+        """Drop the last segment; False if there is none, or if it contains a change point."""
+        if not self.segments[direction]:
+            return False
+        first, last = self.segments[direction][-1].nodes[[0, -1]]
+        if any(
+            direction * (point - first) >= 0.0 and direction * (last - point) >= 0.0
+            for point in self.change_points
+        ):
+            return False
+        self.segments[direction].pop()
+        self.sign = np.zeros(self.count)
+        return True
+
+    def _solver(self, current: float, direction: int) -> LoopSolver[E, Q]:
+        """Return by what the next segment is solved: the rows of the last one if regular at its end."""
+        if not self.segments[direction]:
+            return self.first
+        segment = self.segments[direction][-1]
+        if segment.adequate is not None and segment.adequate.all():
+            return segment.solver
+        q = self.unflat(segment.states[[-1]], np.array([current]))
+        if segment.adequate is None and segment.solver.adequate(segment.solver.linearise(q))[0].all():
+            return segment.solver
+        return loop_solver(self.loops, q, segment.solver.null_space)
+
+    def predicted(self, current: float, direction: int, solver: LoopSolver[E, Q], s: Array) -> Array:
+        """Return predicted states at parameters, by the previous segment or the tangent."""
+        segments = self.segments[direction]
+        if segments and abs(float(s[-1]) - current) > MIN_EXTRAPOLATED:
+            return segments[-1].evaluate(s)
+        if not segments and self.segments[-direction]:
+            return self.segments[-direction][0].evaluate(s)
+        driven, k = list(self.loops.driven), len(s)
+        advance = np.zeros((self.loops.count, k))
+        advance[driven] = (self.prescribed(s) - self.prescribed(np.array([current]))) / self.loops.units[
+            driven, None
+        ]
+        last = self.unflat(segments[-1].states[[-1]], np.array([current])) if segments else self.start
+        linearised = solver.linearise(last) if segments else solver.at_reference
+        residual = np.tensordot(advance.T, linearised.jacobian[solver.rows], (1, 1)).swapaxes(1, 2)
+        rhs = np.zeros((k * self.count, len(solver.loops.unknown)))
+        rhs[:, : len(solver.rows)] = residual.reshape(len(rhs), len(solver.rows))
+        step = solver.step(np.tile(linearised.matrix, (k, 1, 1)), rhs)
+        return self.flat(self.loops.displaced(last.repeated(k), np.repeat(advance, self.count, 1) + step))
+
+    def chunks(self, s: Array) -> Iterator[tuple[LoopSolver[E, Q], NDArray[np.intp], Array]]:
+        """Yield by what poses at parameters (n,) are solved: solver, which they are, and rough states.
+
+        Raises:
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+        """
+        for end in (float(s.max()), float(s.min())):
+            self.extend(end)
+        traced = self.traced
+        states = np.empty((len(s), traced.segments[0].states.shape[1]))
+        solved: dict[int, tuple[LoopSolver[E, Q], list[NDArray[np.intp]]]] = {}
+        for segment, index in traced.groups(s):
+            states[index] = segment.evaluate(s[index])
+            solved.setdefault(id(segment.solver), (segment.solver, []))[1].append(index)
+        for solver, indices in solved.values():
+            index = np.sort(np.concatenate(indices))
+            yield solver, index, states[index]
+
+    @property
+    def change_points(self) -> list[float]:
+        """Parameters at which assemblies meet, as they were passed."""
+        return [crossing.parameter for crossing in self.crossings]
+
+    @property
+    def traced(self) -> Piecewise[Segment[E, Q]]:
+        """All segments; of a path that is no longer than its start one of a single node."""
+        start = Segment(
+            np.array([self.initial]), self.flat(self.start), np.ones(1), self._solver(self.initial, 1)
+        )
+        return Piecewise([*self.segments[-1][::-1], *self.segments[1]] or [start])
+
+    def near_change_point(self, s: Array) -> NDArray[np.bool_]:
+        """Return which parameters lie in the singular neighbourhood of a change point, (n,)."""
+        mask = np.zeros(len(s), dtype=np.bool_)
+        for crossing in self.crossings:
+            mask |= np.abs(s - crossing.parameter) < crossing.radius
+        return mask
+
+    def interpolated(self, s: Array) -> Q:
+        """Return coordinates of the polynomials at parameters (n,)."""
+        return self.unflat(self.traced.evaluate(s), s)
+
+    def derivatives(self, s: Array) -> tuple[Array, Array]:
+        """Return first and second derivatives of flattened states by the parameter, off the polynomials."""
+        first = self.traced.derivative()
+        return first.evaluate(s), first.derivative().evaluate(s)
+
+    @property
+    def name(self) -> str:
+        """Name of the mechanism."""
+        return self.loops.name
+
+
+def _end_message(path: ContinuationPath[E, Q], parameter: float) -> str:
+    """Return the message that says why a path ends."""
+    text = f"{path.name}: {path.words.mover} cannot pass {path.words.position(parameter)} in this assembly"
+    if abs(parameter - path.initial) < AT_START and _singular_start(path):
+        return (
+            f"{text}, for at its start, {path.words.position(path.initial)}, it is at a dead centre "
+            "or meets another that cannot be distinguished from it; start elsewhere"
+        )
+    return f"{text}; stay on this side of the dead centre or change the dimensions"
+
+
+def _singular_start(path: ContinuationPath[E, Q]) -> bool:
+    """Return whether the rank of the loops is lower at the start than near it."""
+    loops, first = path.loops, path.first
+    step = np.zeros((loops.count, 1))
+    step[loops.unknown, 0] = AT_START * first.null_space.sum(0)
+    return loop_solver(loops, loops.displaced(path.start, step)).nullity < first.nullity

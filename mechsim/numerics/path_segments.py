@@ -1,0 +1,114 @@
+"""Segments of a path: configurations closed at Chebyshev nodes, and the polynomials through them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Generic, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.collocation import Interpolant, interpolation_error
+from mechsim.numerics.loop_solver import E, Linearised, LoopSolver, Q
+from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.step_control import StepControl
+
+# path parameter (n,) -> prescribed coordinates in their units, (driven, n)
+PrescribedValues = Callable[[Array], Array]
+
+# largest residual of a closed pose, in radians and characteristic lengths
+CLOSED = 1e-12
+# lengths of segments, and the errors at which one is rejected
+CONTROL = StepControl()
+
+
+@dataclass(frozen=True)
+class Segment(Interpolant, Generic[E, Q]):
+    """A segment of a path: the polynomial through coordinates closed at its nodes.
+
+    Attributes:
+        solver: of its poses.
+        adequate: whether the solver's rows are well conditioned at the last node, for each design, (d,); None
+            if unknown.
+    """
+
+    solver: LoopSolver[E, Q]
+    adequate: NDArray[np.bool_] | None = None
+
+    def restricted(self, low: float, high: float) -> Self:
+        """Return the same polynomial through nodes from one parameter to another."""
+        return replace(super().restricted(low, high), adequate=None)
+
+
+@dataclass(frozen=True)
+class ClosedNodes:
+    """Nodes of a segment, each closed for d designs; d is 1 for one mechanism.
+
+    Attributes:
+        states: of the nodes, (k, d w).
+        linearised: the loops there; of k d instants each d in a row are those of the designs.
+        displacement: of the corrector, the largest of each design's nodes, (d,).
+        valid: which designs are closed after an admissible displacement, (d,).
+    """
+
+    states: Array
+    linearised: Linearised
+    displacement: Array
+    valid: NDArray[np.bool_]
+
+    @property
+    def error(self) -> Array:
+        """Interpolation error of each design by half of the nodes, (d,)."""
+        return interpolation_error(self.states).reshape(len(self.valid), -1).max(1)
+
+
+class PathStates(Generic[E, Q]):
+    """Poses along a path of the drivers as state vectors, those of d designs in a row.
+
+    Attributes:
+        loops: the equations, of one mechanism or of designs.
+        prescribed: values of the prescribed coordinates along the path.
+        count: number of designs, d; 1 for one mechanism.
+    """
+
+    def __init__(self, loops: E, prescribed: PrescribedValues, count: int = 1):
+        self.loops, self.prescribed, self.count = loops, prescribed, count
+
+    def unflat(self, rows: Array, s: Array, driven: Array | None = None) -> Q:
+        """Return coordinates, (n d) sets, from approximate states (n, d w) at parameters (n,)."""
+        driven = self.prescribed(s) if driven is None else driven
+        if self.count > 1:
+            rows, driven = rows.reshape(len(s) * self.count, -1), np.repeat(driven, self.count, 1)
+        return self.loops.unflat(rows, driven)
+
+    def flat(self, q: Q) -> Array:
+        """Return states, (n, d w), of coordinates, (n d) sets."""
+        rows = self.loops.flat(q)
+        return rows.reshape(len(rows) // self.count, -1)
+
+    def closed(
+        self, solver: LoopSolver[E, Q], s: Array, rows: Array, tolerance: float = 0.0
+    ) -> ClosedNodes | None:
+        """Return nodes at parameters (k,) closed from approximate states; None if they do for no design.
+
+        To rounding, or to a residual below the tolerance.
+        """
+        try:
+            settings = NewtonSettings(
+                tolerance=tolerance, max_displacement=CONTROL.max_correction, verify=False
+            )
+            result = newton(solver, self.unflat(rows, s), settings)
+        except np.linalg.LinAlgError:
+            return None
+        linearised = result.linearised
+        if result.unverified is not None:
+            change = np.einsum(
+                "rkn,nk->rn", linearised.jacobian.take(linearised.unknown, 1), result.unverified
+            )
+            linearised = replace(linearised, residual=linearised.residual + change)
+        largest = np.abs(linearised.residual).max(0, initial=0.0)
+        residual, displacement = (
+            values.reshape(-1, self.count).max(0) for values in (largest, result.displacement)
+        )
+        valid = (residual <= max(CLOSED, tolerance)) & (displacement < CONTROL.max_correction)
+        return ClosedNodes(self.flat(result.q), linearised, displacement, valid) if valid.any() else None
