@@ -158,14 +158,19 @@ class ContinuationPath(PathStates[E, Q]):
             length = NEXT_LENGTH * segments[-1].length if segments else self.control.first_length
             if not segments and self.segments[-direction]:
                 length *= self.control.max_growth  # the segment on the other side predicts it
+            length = max(length, 2.0 * self._shortest(self.end(direction)))
         while (remaining := direction * (target - self.end(direction))) > 0.0:
             current = self.end(direction)
             step = remaining if remaining <= length else min(length, 0.6 * remaining)
             segment, length = self.next_segment(current, direction, step)
             if segment is not None:
                 segments.append(segment)
-            elif length < max(self.control.min_length, LEAST_SPACINGS * np.spacing(abs(current))):
+            elif length < self._shortest(current):
                 raise AssemblyError(_end_message(self, current) + self.remaining_text(current, target))
+
+    def _shortest(self, current: float) -> float:
+        """Return the length below which a segment at a parameter has no distinct nodes, or is singular."""
+        return max(self.control.min_length, LEAST_SPACINGS * float(np.spacing(abs(current))))
 
     def require_travel(self, start: float, target: float) -> None:
         """Reject a path that is too long; there is no limit here."""

@@ -18,7 +18,6 @@ from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.path import PosePath
 from mechsim.simulation.source import initial_guess, link_poses
 
 # A state is in another assembly if its distance from the nearest pose is below this fraction of its distance
@@ -161,11 +160,16 @@ def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[flo
     low, high = float(angle.min()), float(angle.max())
     revolutions = (0.0,) if path.gain is None else (-REVOLUTION, 0.0, REVOLUTION)
     first = float(path.revolutions(angle[:1])[0]) * REVOLUTION
-    change_point_angles = [m.angle + first + whole for m in path.change_points for whole in revolutions]
+    change_points = path.change_points
+    if path.gain is not None:
+        # what is followed extends beyond one revolution
+        end = path.initial + REVOLUTION - AT_START
+        change_points = [point for point in change_points if path.initial - AT_START <= point < end]
+    change_point_angles = [point + first + whole for point in change_points for whole in revolutions]
     return sorted(a for a in change_point_angles if low - AT_START <= a <= high + AT_START)
 
 
-def _path(closed: ClosedModel, angles: Array) -> PosePath:
+def _path(closed: ClosedModel, angles: Array) -> follow.PosePath:
     """Return the path over crank angles (n,), extended a little beyond the first of them where possible.
 
     A branch point is confirmed only after the path has passed it, and the model may start on either side.

@@ -167,47 +167,6 @@ def determinant_sign(loops: ModelLoops, jacobian: Array) -> Array:
     )
 
 
-def sign_changed(loops: ModelLoops, before: Array, beyond: Array) -> NDArray[np.bool_]:
-    """Return whether the determinant's sign changed from states to states near them, (n,).
-
-    If the independent constraints change with the pose, those of the states before are used.
-
-    Args:
-        before, beyond: Jacobians, (n, m, nv).
-    """
-    sides = determinant_sign(loops, before) * determinant_sign(loops, beyond)
-    for i in np.flatnonzero(sides == 0.0):
-        sides[i] = determinant(loops, np.stack([before[i], beyond[i]]))[1]
-    return sides < 0.0
-
-
-def determinant(loops: ModelLoops, jacobian: Array) -> Array:
-    """Return the determinant of the Jacobian with the crank locked, (n,), with a common scale.
-
-    If the independent constraints change with the pose, it is that of the first state's constraints
-    and positive there; signs are then comparable within one call only.
-    """
-    matrix, independent, sign = constrained_jacobian(loops, jacobian), loops.independent, 1.0
-    rows = independent.basis_of(matrix)
-    if rows is None:
-        rows = np.linalg.svd(matrix[0], full_matrices=False)[0][:, : len(independent.row_space)]
-        sign = np.linalg.slogdet(independent.square(matrix[:1], rows))[0]
-    signs, log_values = np.linalg.slogdet(independent.square(matrix, rows))
-    return sign * signs * independent.scaled(log_values)
-
-
-def least_constrained_direction(loops: ModelLoops, jacobian: Array) -> Array:
-    """Return the direction that the loops of one state, (1, m, nv), constrain least, (nv,).
-
-    The crank is locked; unconstrained DOFs do not contribute.
-    """
-    matrix = constrained_jacobian(loops, jacobian)
-    loops.independent.basis_of(matrix)
-    row_space = loops.independent.row_space
-    direction = np.linalg.svd(matrix @ row_space.T)[2][:, len(row_space) - 1] @ row_space
-    return _with_crank_rate(loops, direction, 0.0)[0]
-
-
 def conditioning(loops: ModelLoops, jacobian: Array) -> Array:
     """Return the distance of states from singular ones with the crank locked, (n,), 0 to about 1.
 

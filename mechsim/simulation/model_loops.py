@@ -34,7 +34,6 @@ class IndependentRows:
 
     def __init__(self, basis: tuple[Array, Array, Array] | None = None):
         self.basis = basis
-        self._log_scale: float | None = None
 
     @property
     def row_space(self) -> Array:
@@ -56,12 +55,6 @@ class IndependentRows:
     def square(self, matrix: Array, rows: Array) -> Array:
         """Return the square Jacobian of independent constraints, (n, rank, rank)."""
         return (rows.T @ matrix) @ self.row_space.T
-
-    def scaled(self, log_values: Array) -> Array:
-        """Return determinants, (n,), from their logarithms, relative to the first computed one."""
-        if self._log_scale is None:
-            self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0
-        return np.exp(np.minimum(log_values - self._log_scale, 300.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from mechsim.simulation.dynamics.friction import oppose
 from mechsim.simulation.dynamics.loaded_model import SITE, AppliedForces, LoadedModel
 from mechsim.simulation.dynamics.reactions import transmitted
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.change_points import ChangePoint, NearRows, fit_weights, moved_away
+from mechsim.simulation.poses.change_points import ChangePoint, NearRows, moved_away
 from mechsim.simulation.recording import CHUNK, States, closure_acceleration, link_motions
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import Progress, no_progress, rescale_coupled_tendons
@@ -330,7 +330,7 @@ def _interpolated_forces(
     acceleration: float,
 ) -> ForceRecord:
     """Return what an instant needs next to a branch point, where loops are singular: interpolated."""
-    count, revolutions = len(change_point.nodes), angle - angle_mod_2pi
+    count, revolutions = len(change_point.states), angle - angle_mod_2pi
     qpos = change_point.states.copy()
     qpos[:, loaded.loops.crank_address] += revolutions
     states = States(np.full(count, time), qpos, _rates(loaded, qpos) * speed)
@@ -338,9 +338,7 @@ def _interpolated_forces(
     around = force_record(
         loaded, state, *drive_and_constraint_forces(loaded, state, np.full(count, acceleration))
     )
-    record = weighted_sums(
-        around, fit_weights(change_point.nodes, change_point.angle, np.array([angle_mod_2pi]))
-    )
+    record = weighted_sums(around, change_point.weights(np.array([angle_mod_2pi])))
     # the direction of friction is a sign: round it
     return replace(record, angle=np.array([angle]), sliding=np.round(record.sliding))
 

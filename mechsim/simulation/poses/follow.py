@@ -1,100 +1,25 @@
 """Motion by solving configurations: no time, no integration, every crank angle to rounding."""
 
-import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
-from weakref import WeakKeyDictionary
+from functools import lru_cache
 
-import mujoco
 import numpy as np
-from mujoco import batch
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError
+from mechsim.model.limits import require_travel
 from mechsim.numerics.angles import REVOLUTION, other_revolutions
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.continuation import ContinuationPath, PathNames
+from mechsim.numerics.loop_solver import loop_solver
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.poses.path import AssemblyPath, PosePath, traced_path
-from mechsim.simulation.poses.trace import MAX_STEP, MIN_STEP, branch_path, trace
-from mechsim.simulation.settings import Settings
+from mechsim.simulation.poses.change_points import ChangePoint, closed_near
+from mechsim.simulation.poses.equations import ModelEquations, ModelStates
 from mechsim.simulation.state import hinge_entries, quaternion_entries
-
-# fourth-order steps per revolution, with errors of poses below 1e-4: measured 2e-6 to 2e-5 over the catalogue
-STEPS = 48
-STEP_TIME = REVOLUTION / STEPS
-# error of a pose above which it may leave the assembly; well above the measured errors and below any distance
-# between assemblies
-MAX_ERROR = 1e-3
-# ratio of a determinant to those two steps on either side, below which it may have a double zero between:
-# with one it grows as the square of the distance, and the ratio is a ninth at most
-MIN_DETERMINANT_RATIO = 0.25
-# maximum number of steps, for memory
-MAX_STEPS = 1_000_000
-
-
-@quiet()
-def explicit_trace(loops: ModelLoops, start: Array, end: float, jacobian: Array) -> Array | None:
-    """Return nearly closed states, (n, nq), on the path from a closed one to a crank angle.
-
-    None where it is not certain that they stay in the assembly: loops do not close, or the sign of the
-    determinant changes or is unknown.
-
-    Args:
-        loops: of the model, which is not changed.
-        start: closed state, (nq,).
-        end: crank angle in [rad].
-        jacobian: of the loops at the start, (1, m, nv).
-    """
-    angle = float(start[loops.crank_address])
-    count = int(np.ceil(abs(end - angle) / STEP_TIME))
-    sign = float(loop_jacobian.determinant_sign(loops, jacobian)[0])
-    if sign == 0.0 or count > MAX_STEPS:
-        return None
-    speed = (end - angle) / (count * STEP_TIME)
-    states = _stepped(loops, start, speed * loop_jacobian.tangent(loops, jacobian)[0], count)
-    angles = np.linspace(angle, end, count + 1)[1:]
-    # MuJoCo resets a bad state to the initial one
-    if not np.abs(states[:, loops.crank_address] - angles).max() < MAX_ERROR:
-        return None
-    states[:, loops.crank_address] = angles
-    residual, jacobian = loops.linearise(states)
-    same_sign = (loop_jacobian.determinant_sign(loops, jacobian) == sign).all()
-    if not (loops.closure_error(residual).max() < MAX_ERROR and same_sign):
-        return None
-    return None if _may_branch(np.abs(loop_jacobian.determinant(loops, jacobian))) else states
-
-
-def _may_branch(determinants: Array) -> bool:
-    """Return whether assemblies may coincide between states: the determinant may have a double zero."""
-    neighbours = np.minimum(determinants[:-4], determinants[4:])
-    return bool((determinants[2:-2] < MIN_DETERMINANT_RATIO * neighbours).any())
-
-
-def _stepped(loops: ModelLoops, start: Array, rates: Array, count: int) -> Array:
-    """Return the unchecked states after each step of `STEP_TIME` at the crank's rate, (count, nq)."""
-    if loops not in _runners:
-        _runners[loops] = _runner(loops)
-    sims = _runners[loops]
-    sims.reset(stage=int(mujoco.mjtStage.mjSTAGE_NONE))
-    sims.bind("qpos")[:], sims.bind("qvel")[:] = start, rates
-    return sims.rollout(count, record=("qpos",))["qpos"][0]
-
-
-# one simulation per model: creating one takes as long as stepping it for a revolution
-_runners: WeakKeyDictionary[ModelLoops, batch.Batch] = WeakKeyDictionary()
-
-
-def _runner(loops: ModelLoops) -> batch.Batch:
-    """Return a simulation of the model with stiff loops and virtual drive inertia."""
-    hard = replace(loops, model=copy.copy(loops.posed.kinematic_model))
-    hard.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    Settings(steps_per_turn=STEPS).apply(hard, STEP_TIME)
-    return batch.Batch(hard.model, 1, 1)
-
 
 # distance between states before and after a revolution, in [rad] or characteristic lengths, that is rounding
 RETURN_TOLERANCE = 1e-9
@@ -150,18 +75,108 @@ def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
     return shifted if residual_change.max() < MAX_RESIDUAL_CHANGE else None
 
 
-# two crank angles -> the path between them; None where it is not certain
-Build = Callable[[float, float], PosePath | None]
+# poses closed at once: their arrays fit into the cache, and a long run needs little memory
+CHUNK = 2048
+# correction of an interpolated pose, in [rad] or [m], beyond which it may be in another assembly
+MAX_CORRECTION = 1e-3
+# accuracy of a change point's angle, in [rad], measured 1.5e-11: rates within it are those of the path beyond
+CHANGE_POINT_TOLERANCE = 1e-10
+# paths that are kept to be followed farther
+MAX_KEPT = 8
+
+
+class PosePath(ContinuationPath[ModelEquations, ModelStates]):
+    """The states of a model's assembly along its crank angle, or the path parameter of its drivers.
+
+    Attributes:
+        gain: change of a state by a revolution, (nq,), where that leads back to the start; None elsewhere.
+    """
+
+    # the loops hardly constrain the pose within 1.5e-2 rad
+    singular_fraction = 0.15
+
+    def __init__(self, closure: ModelLoops, start: Array):
+        names = (
+            PathNames("the crank", lambda s: f"{s:.7g} rad", closure.driver_text)
+            if closure.drivers is None
+            else PathNames("the drivers", closure.driver_text, closure.driver_text)
+        )
+        first = loop_solver(ModelEquations(closure, start), ModelStates(start[None]))
+        initial = float(start[closure.crank_address])
+        super().__init__(first, lambda s: s[None], initial, closure.change_point, names)
+        self.gain: Array | None = None
+
+    def require_travel(self, start: float, target: float) -> None:
+        """Reject a path that is too long for one motion."""
+        position = self.words.position
+        require_travel(
+            f"{self.name}: {self.words.mover}", position(start), position(target), abs(target - start)
+        )
+
+    def find_gain(self) -> None:
+        """Follow one revolution of the crank, and compare its ends."""
+        with suppress(AssemblyError):
+            end = self.states_at(np.array([self.initial, self.initial + REVOLUTION]))
+            self.gain = revolution_gain(self.loops.closure, end)
+
+    def revolutions(self, angles: Array) -> Array:
+        """Return the whole revolutions between crank angles and the one that is followed, (n,)."""
+        return np.zeros(len(angles)) if self.gain is None else np.floor((angles - self.initial) / REVOLUTION)
+
+    def states_at(self, angles: Array) -> Array:
+        """Return closed states at crank angles, (n, nq)."""
+        closure, revolutions = self.loops.closure, self.revolutions(angles)
+        reduced = angles - revolutions * REVOLUTION
+        states = np.empty((len(angles), closure.model.nq))
+        for _, index, rows in self.chunks(reduced):
+            for first in range(0, len(index), CHUNK):
+                chunk = index[first : first + CHUNK]
+                guess = self.unflat(rows[first : first + CHUNK], reduced[chunk]).qpos
+                if self.gain is not None:
+                    guess += revolutions[chunk, None] * self.gain
+                guess[:, closure.crank_address] = angles[chunk]
+                states[chunk] = self._closed(guess, self.near_change_point(reduced[chunk]))
+        return states
+
+    def _closed(self, guess: Array, singular: NDArray[np.bool_]) -> Array:
+        closure, states = self.loops.closure, guess.copy()
+        if singular.any():
+            states[singular] = closed_near(closure, guess[singular])
+        if not singular.all():
+            states[~singular] = loop_jacobian.close(closure, guess[~singular])
+        correction = np.abs(states - guess).max(1)
+        if not (correction < MAX_CORRECTION).all():
+            angle = float(guess[np.argmax(correction), closure.crank_address])
+            raise AssemblyError(
+                f"{self.name}: the pose at {self.words.instant(angle)} is too near a singular one to be "
+                "distinguished from another assembly; keep away from it"
+            )
+        return states
+
+    def near_change_points(self, angles: Array) -> Iterator[tuple[ChangePoint, NDArray[np.intp], Array]]:
+        """Yield change points, the indices of crank angles near them, and these reduced by revolutions.
+
+        An angle at a change point belongs to the path beyond it.
+        """
+        reduced = angles - self.revolutions(angles) * REVOLUTION
+        for crossing in self.crossings:
+            close = np.abs(reduced - crossing.parameter) < crossing.radius
+            upper = reduced > crossing.parameter - CHANGE_POINT_TOLERANCE
+            rising = crossing.beyond.nodes[-1] > crossing.parameter
+            for segment, ahead in ((crossing.before, not rising), (crossing.beyond, rising)):
+                rows = np.flatnonzero(close & (upper == ahead))
+                if len(rows):
+                    states = self.unflat(segment.states, segment.nodes).qpos
+                    yield ChangePoint(crossing.parameter, states, segment.nodes), rows, reduced[rows]
 
 
 def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
     """Return the states at crank angles in the assembly of a closed start state, (n, nq).
 
-    Explicit steps over the range, or continuation where their error is too large, keep the assembly.
-    Interpolation between these states gives all others to within a Newton step or two, which are solved
-    together. Where a revolution of the crank leads back to the start, one revolution is traced for any
-    number. The angles of an oscillating crank may be offset by whole revolutions if the linkage is the same
-    there.
+    Continuation keeps the assembly. Its polynomials give all states to within a Newton step or two, which are
+    solved together. Where a revolution of the crank leads back to the start, one revolution is followed for
+    any number. The angles of an oscillating crank may be offset by whole revolutions if the linkage is the
+    same there.
 
     Args:
         loops: of the model.
@@ -174,6 +189,7 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
     return follow_path(loops, start, angles)[0]
 
 
+@quiet()
 def follow_path(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Array, PosePath]:
     """Return what `follow` does, and the path on which the states lie."""
     angles = np.asarray(angles, dtype=np.float64)
@@ -187,79 +203,17 @@ def follow_path(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Arr
 
 
 def _follow_path(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array, PosePath]:
-    if loops.change_point == "branch":
-        build: Build = partial(branch_path, loops, start)
-    else:
-        explicit = _explicit_path(loops, start, angles)
-        if explicit is not None:
-            states, certain = explicit.states_at(angles)
-            if certain.all():
-                return states, explicit
-        build = partial(_traced_path, loops, start)
-    path = _over_range(loops, start, angles, build)
-    assert path is not None
-    return _states_on(path, angles), path
+    path = _pose_path(loops, tuple(start.tolist()))
+    revolves = np.ptp(np.append(angles, path.initial)) > 1.5 * REVOLUTION
+    if revolves and path.gain is None and loops.drivers is None:
+        path.find_gain()
+    return path.states_at(angles), path
 
 
-def _over_range(loops: ModelLoops, start: Array, angles: Array, build: Build) -> PosePath | None:
-    """Return the path over the range of crank angles, of one revolution if that leads back to the start."""
-    angle = float(start[loops.crank_address])
-    low, high = min(angle, float(angles.min())), max(angle, float(angles.max()))
-    if high - low > 1.5 * REVOLUTION and loops.drivers is None:
-        revolution = build(angle, angle + REVOLUTION)
-        if revolution is not None:
-            last = revolution.pieces[-1].knots[-1:]
-            if last[0, loops.crank_address] != angle + REVOLUTION:  # a change point lies just beyond
-                last = _states_on(revolution, np.array([angle + REVOLUTION]))
-            gain = revolution_gain(loops, np.concatenate([start[None], last]))
-            if gain is not None:
-                return replace(revolution, gain=gain)
-    return build(low, high)
-
-
-def _states_on(path: PosePath, angles: Array) -> Array:
-    """Return closed states at crank angles, (n, nq), on a path; uncertain ones are traced."""
-    states, certain = path.states_at(angles)
-    for i in np.flatnonzero(~certain):
-        states[i] = _traced_to(path, angles[i : i + 1])
-    return states
-
-
-def _traced_to(path: PosePath, angle: Array) -> Array:
-    """Return the closed state at a crank angle, (1,), traced from the nearest knot, (nq,)."""
-    loops, nearest = path.pieces[0].loops, path.nearest_knot(angle)
-    state = [nearest, *trace(loops, nearest, float(angle[0])).states][-1].copy()
-    state[loops.crank_address] = angle[0]
-    return loop_jacobian.close(loops, state[None])[0]
-
-
-def _explicit_path(loops: ModelLoops, start: Array, angles: Array) -> PosePath | None:
-    """Return the path over the range of crank angles by explicit steps; None where it is not certain."""
-    angle = start[loops.crank_address]
-    if loops.drivers is not None or np.ptp(np.append(angles, angle)) < MAX_STEP:
-        return None
-    jacobian = loops.linearise(start[None])[1]
-    sign = float(loop_jacobian.determinant_sign(loops, jacobian)[0])
-
-    def build(low: float, high: float) -> PosePath | None:
-        sides = [
-            explicit_trace(loops, start, end, jacobian) if abs(end - angle) > MIN_STEP else start[None][:0]
-            for end in (low, high)
-        ]
-        if sides[0] is None or sides[1] is None:
-            return None
-        knots = np.concatenate([sides[0][::-1], start[None], sides[1]])
-        return PosePath((AssemblyPath(loops, knots, sign, certain_correction=0.0, max_correction=MAX_ERROR),))
-
-    return _over_range(loops, start, angles, build)
-
-
-def _traced_path(loops: ModelLoops, start: Array, low: float, high: float) -> PosePath:
-    """Return the path between two crank angles by continuation from a closed state (nq,) between them."""
-    before, after = (trace(loops, start, end) for end in (low, high))
-    knots = np.stack([*before.states[::-1], start, *after.states])
-    change_points = (*before.change_points, *after.change_points)
-    return PosePath((traced_path(loops, knots, change_points),), change_points)
+@lru_cache(maxsize=MAX_KEPT)
+def _pose_path(loops: ModelLoops, start: tuple[float, ...]) -> PosePath:
+    """Return the path of a model from a start, as far as it was followed before."""
+    return PosePath(loops, np.array(start))
 
 
 # fraction of the path by which the straight line extends beyond both of its ends

@@ -1,0 +1,121 @@
+import numpy as np
+import pytest
+
+from mechsim import catalog, closure
+from mechsim.analytic.loops.start import with_closed_guess
+from mechsim.errors import AssemblyError
+from mechsim.model.joints import End, Gear, Joint
+from mechsim.model.links import Link
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.scene import Scene
+from mechsim.simulation import loop_jacobian
+from mechsim.simulation.model_loops import ModelLoops, read_loops
+from mechsim.simulation.poses.equations import ModelEquations, ModelStates
+from mechsim.simulation.poses.follow import follow
+from mechsim.simulation.source import assembled, from_source, initial_guess
+from mechsim.studies.extremes.special_designs import special_designs
+
+
+def test_a_wheel_that_turns_twenty_times_as_fast_as_the_crank_is_followed_in_its_assembly():
+    """A wheel geared up twenty times turns a four-bar: its angle is twenty times that of the crank."""
+    ground = {name: End("ground", (x, 0.0, 0.0)) for name, x in (("p", 0.0), ("q", 0.05), ("r", 0.13))}
+    joints = (
+        Joint("crank", "revolute", ground["p"], End("crank")),
+        Joint("wheel", "revolute", ground["q"], End("wheel")),
+        Joint("pin", "revolute", End("wheel", (0.02, 0.0, 0.0)), End("rod")),
+        Joint("end", "revolute", End("rod", (0.08, 0.0, 0.0)), End("lever", (0.05, 0.0, 0.0))),
+        Joint("lever", "revolute", ground["r"], End("lever")),
+    )
+    links = tuple(Link(name) for name in ("crank", "wheel", "rod", "lever"))
+    points = {"P": ("rod", (0.04, 0.0, 0.0))}
+    gears = (Gear("crank", "wheel", 20.0),)
+    mechanism = Mechanism("geared", links, joints, "crank", points, gears, start=0.02)
+    loops, rough = initial_guess(with_closed_guess(mechanism), Scene(level="pose"))
+    start = loop_jacobian.close(loops, rough[None])[0]
+    angles = start[loops.crank_address] + np.linspace(0.0, 0.4, 40)
+    states = follow(loops, start, angles)
+    places = loops.posed.site_positions(states)[:, loops.model.site("P").id]
+    poses = closure.follow(with_closed_guess(mechanism), angles)
+    exact = poses["rod"].point((0.04, 0.0, 0.0))
+    assert np.abs(places - exact).max() < 1e-13
+
+
+def test_a_distance_of_rounding_is_followed_close_to_a_dead_centre_too():
+    """A recorded crank angle 50 units of rounding next to a node of the path once ended in a refusal."""
+    drive = catalog.make("four_bar", **special_designs("four_bar").swinging)
+    closed = from_source(drive)
+    (_, high), place = drive.crank_range().arcs[0], closed.loops.crank_address
+    there = follow(closed.loops, closed.qpos, np.array([high - 1e-5]))[0]
+    for off in np.geomspace(1.01e-14, 1e-12, 40):
+        (end,) = follow(closed.loops, there, [float(there[place]) - off])
+        assert abs(end[place] - there[place]) > 0.9 * off
+        assert np.abs(end - there).max() < 1e-8
+
+
+TURN = 2.0 * np.pi
+
+
+def loops_of(name: str, **changed: float) -> ModelLoops:
+    mechanism = catalog.make(name, **changed).mechanism
+    return read_loops(assembled(mechanism, Scene(level="pose")).compile())
+
+
+def gap(loops: ModelLoops, name: str, turns: float, **changed: float) -> float:
+    """Largest distance of a tracked point from the closed form, in lengths of the model."""
+    start = loops.model.qpos0
+    angles = start[loops.crank_address] + TURN * turns * np.linspace(0.0, 1.0, 50)
+    places = loops.posed.site_positions(follow(loops, start, angles))
+    exact = catalog.make(name, **changed).solve(angles, speed=1.0)
+    return max(
+        np.abs(places[:, loops.model.site(point).id] - motion.position).max() / loops.characteristic_length
+        for point, motion in exact.points.items()
+    )
+
+
+@pytest.mark.parametrize("turns", [0.3, 1.0, -1.0, 2.3])
+@pytest.mark.parametrize(
+    "name", ["four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper", "bennett"]
+)
+def test_poses_are_those_of_the_closed_form_and_the_model_is_left_as_it_was(name: str, turns: float) -> None:
+    loops = loops_of(name)
+    model = loops.model
+    kept = (model.qpos0, model.body_invweight0, model.dof_armature, model.eq_solref)
+    before = [values.copy() for values in kept]
+    # measured 2e-15
+    assert gap(loops, name, turns) < 1e-13
+    assert all(np.array_equal(a, b) for a, b in zip(before, kept, strict=True))
+
+
+@pytest.mark.parametrize("slack", [1e-4, 1e-8, 1e-12])
+def test_an_almost_dead_centre_is_passed_in_the_assembly(slack: float) -> None:
+    # the longest rocker that lets this crank turn fully is ground - crank + coupler
+    sizes = {"ground": 0.08, "crank": 0.03, "coupler": 0.07, "rocker": 0.12 * (1.0 - slack)}
+    # the square root of the distance from the dead centre is all that is left of rounding there
+    assert gap(loops_of("four_bar", **sizes), "four_bar", 1.0, **sizes) < 1e-7
+
+
+def test_a_crank_that_only_swings_is_not_followed_beyond_its_dead_centre() -> None:
+    loops = loops_of("four_bar", ground=0.08, crank=0.03, coupler=0.07, rocker=0.125)
+    start = loops.model.qpos0
+    with pytest.raises(AssemblyError, match="the crank cannot pass"):
+        follow(loops, start, start[loops.crank_address] + TURN * np.linspace(0.0, 1.0, 5))
+
+
+def test_displacements_along_idle_directions_have_the_derivatives_of_differences() -> None:
+    loops = loops_of("rssr")
+    equations = ModelEquations(loops, loops.model.qpos0)
+    random = np.random.default_rng(3)
+    reference = ModelStates(loops.model.qpos0[None])
+    directions = random.normal(size=(2, len(equations.unknown)))
+    turned = equations.displaced(reference, 0.2 * random.normal(size=(equations.count, 1)))
+    offsets, derivative = equations.along(turned, reference, directions)
+    step = np.zeros((equations.count, 1))
+    step[equations.unknown] = 1e-6 * random.normal(size=(len(equations.unknown), 1))
+    beyond, behind = (
+        equations.along(equations.displaced(turned, sign * step), reference, directions)[0]
+        for sign in (1.0, -1.0)
+    )
+    assert np.abs(offsets).max() > 0.01
+    assert 0.5 * (beyond - behind)[0] == pytest.approx(
+        (derivative[0] @ step[equations.unknown, 0]), rel=1e-6, abs=1e-12
+    )
