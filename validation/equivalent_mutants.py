@@ -7,8 +7,8 @@ JACOBIAN = "simulation/loop_jacobian.py"
 CUTS = "simulation/mjcf/loop_cuts.py"
 POSED = "simulation/state.py"
 MOTION = "analytic/loops/oracle.py"
-PATH = "analytic/loops/path.py"
-SOLVER = "analytic/loops/solver.py"
+PATH = "numerics/continuation.py"
+SOLVER = "numerics/loop_solver.py"
 TREE = "analytic/loops/kinematics.py"
 MANY = "analytic/loops/design_motion.py"
 WHOLE = "analytic/loops/motion.py"
@@ -43,11 +43,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "return (data.xpos[None], data.xmat.reshape(1, -2, 3, 3), point_jacobian)",
     ): SHAPE,
     (POSED, "if len(self._batches) > 8:", "..."): SPEED,
-    (
-        "simulation/model_loops.py",
-        "self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 0.0",
-        "self._log_scale = float(log_values[0]) if np.isfinite(log_values[0]) else 1.0",
-    ): "the determinant has a unit of its own",
     (
         JACOBIAN,
         "values = np.linalg.svd(matrix, compute_uv=False).astype(np.float64, copy=False)",

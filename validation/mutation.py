@@ -78,8 +78,9 @@ KILLERS: dict[str, list[str]] = {
         "analytic/test_undetermined_joints.py",
     ],
     "analytic/loops/design_motion.py": ["analytic/test_many_motion.py"],
-    "analytic/loops/solver.py": ["analytic/test_loop_solver.py", *PATHS],
-    "analytic/loops/path.py": ["analytic/test_continuation_path.py"],
+    "numerics/loop_solver.py": ["analytic/test_loop_solver.py", *PATHS],
+    "numerics/continuation.py": ["analytic/test_continuation_path.py"],
+    "simulation/poses/equations.py": ["simulation/test_pose_path.py", "simulation/test_free_bodies.py"],
     **{
         f"simulation/{name}.py": [
             *LOOPS,

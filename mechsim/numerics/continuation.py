@@ -158,19 +158,15 @@ class ContinuationPath(PathStates[E, Q]):
             length = NEXT_LENGTH * segments[-1].length if segments else self.control.first_length
             if not segments and self.segments[-direction]:
                 length *= self.control.max_growth  # the segment on the other side predicts it
-            length = max(length, 2.0 * self._shortest(self.end(direction)))
+            length = max(length, 2.0 * _shortest(self, self.end(direction)))
         while (remaining := direction * (target - self.end(direction))) > 0.0:
             current = self.end(direction)
             step = remaining if remaining <= length else min(length, 0.6 * remaining)
             segment, length = self.next_segment(current, direction, step)
             if segment is not None:
                 segments.append(segment)
-            elif length < self._shortest(current):
+            elif length < _shortest(self, current):
                 raise AssemblyError(_end_message(self, current) + self.remaining_text(current, target))
-
-    def _shortest(self, current: float) -> float:
-        """Return the length below which a segment at a parameter has no distinct nodes, or is singular."""
-        return max(self.control.min_length, LEAST_SPACINGS * float(np.spacing(abs(current))))
 
     def require_travel(self, start: float, target: float) -> None:
         """Reject a path that is too long; there is no limit here."""
@@ -210,7 +206,7 @@ class ContinuationPath(PathStates[E, Q]):
         adequate, by_determinant = solver.adequate(loops)
         segment = replace(segment, states=closed.states, adequate=adequate[-1:])
         if not by_determinant.all():
-            segment, loops = self._with_adequate_rows(segment, loops, by_determinant)
+            segment, loops = _with_adequate_rows(self, segment, loops, by_determinant)
         share, signs = segment.solver.share(loops), np.sign(loops.signed_distance)
         if share.min() < MIN_SHARE_RATIO * share.max():
             return None, self.control.shrink * step
@@ -237,41 +233,6 @@ class ContinuationPath(PathStates[E, Q]):
         if not self.segments[direction]:
             return self.control.growth(error)  # predicted by the tangent
         return self.control.growth(error, displacement, self.segments[direction][-1].length / step)
-
-    def _with_adequate_rows(
-        self, segment: Segment[E, Q], closed: Linearised, by_determinant: NDArray[np.bool_]
-    ) -> tuple[Segment[E, Q], Linearised]:
-        """Return a segment solved by rows of full rank where it is near a singular pose, and its loops.
-
-        Rows that repeat others elsewhere may be the ones that count there.
-
-        Args:
-            segment: solved by rows that lose rank somewhere.
-            closed: its loops.
-            by_determinant: at which nodes they do.
-        """
-        old_solver = segment.solver
-        # the nearest node may be the singular pose itself
-        nearest_index = np.argsort(np.abs(closed.signed_distance))[1:2]
-        if by_determinant[nearest_index[0]]:
-            return segment, closed
-        nearest = self.unflat(segment.states[nearest_index], segment.nodes[nearest_index])
-        solver = loop_solver(self.loops, nearest, old_solver.null_space, closed.jacobian[..., nearest_index])
-        if np.array_equal(solver.rows, old_solver.rows):
-            return segment, closed
-        own_determinant = abs(np.linalg.det(closed.matrix[nearest_index[0]]))
-        best_determinant = abs(np.linalg.det(solver.linearise(nearest).matrix[0]))
-        if solver.nullity != old_solver.nullity or own_determinant > MIN_DETERMINANT_RATIO * best_determinant:
-            return segment, closed
-        improved = self.closed(solver, segment.nodes, segment.states)
-        if improved is None:
-            return segment, closed
-        return replace(
-            segment,
-            states=improved.states,
-            solver=solver,
-            adequate=solver.adequate(improved.linearised)[0][-1:],
-        ), improved.linearised
 
     def _approached_change_point(self, segment: Segment[E, Q], index: int, direction: int) -> bool:
         """Return whether a change point lies beyond a node; the path then stops where its segment begins.
@@ -415,10 +376,10 @@ class ContinuationPath(PathStates[E, Q]):
         first = self.traced.derivative()
         return first.evaluate(s), first.derivative().evaluate(s)
 
-    @property
-    def name(self) -> str:
-        """Name of the mechanism."""
-        return self.loops.name
+
+def _shortest(path: ContinuationPath[E, Q], current: float) -> float:
+    """Return the length below which a segment at a parameter has no distinct nodes, or is singular."""
+    return max(path.control.min_length, LEAST_SPACINGS * float(np.spacing(abs(current))))
 
 
 def _end_message(path: ContinuationPath[E, Q], parameter: float) -> str:
@@ -438,3 +399,40 @@ def _singular_start(path: ContinuationPath[E, Q]) -> bool:
     step = np.zeros((loops.count, 1))
     step[loops.unknown, 0] = AT_START * first.null_space.sum(0)
     return loop_solver(loops, loops.displaced(path.start, step)).nullity < first.nullity
+
+
+def _with_adequate_rows(
+    path: PathStates[E, Q], segment: Segment[E, Q], closed: Linearised, by_determinant: NDArray[np.bool_]
+) -> tuple[Segment[E, Q], Linearised]:
+    """Return a segment solved by rows of full rank where it is near a singular pose, and its loops.
+
+    Rows that repeat others elsewhere may be the ones that count there.
+
+    Args:
+        path: whose poses they are.
+        segment: solved by rows that lose rank somewhere.
+        closed: its loops.
+        by_determinant: at which nodes they do.
+    """
+    old_solver = segment.solver
+    # the nearest node may be the singular pose itself
+    nearest_index = np.argsort(np.abs(closed.signed_distance))[1:2]
+    if by_determinant[nearest_index[0]]:
+        return segment, closed
+    nearest = path.unflat(segment.states[nearest_index], segment.nodes[nearest_index])
+    solver = loop_solver(path.loops, nearest, old_solver.null_space, closed.jacobian[..., nearest_index])
+    if np.array_equal(solver.rows, old_solver.rows):
+        return segment, closed
+    own_determinant = abs(np.linalg.det(closed.matrix[nearest_index[0]]))
+    best_determinant = abs(np.linalg.det(solver.linearise(nearest).matrix[0]))
+    if solver.nullity != old_solver.nullity or own_determinant > MIN_DETERMINANT_RATIO * best_determinant:
+        return segment, closed
+    improved = path.closed(solver, segment.nodes, segment.states)
+    if improved is None:
+        return segment, closed
+    return replace(
+        segment,
+        states=improved.states,
+        solver=solver,
+        adequate=solver.adequate(improved.linearised)[0][-1:],
+    ), improved.linearised

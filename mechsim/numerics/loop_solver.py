@@ -21,7 +21,7 @@ NEARBY = NewtonSettings(max_displacement=0.3)
 MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = 0.4, 0.5, 0.2
 
 
-class Configurations(Protocol):
+class ConfigurationBatch(Protocol):
     """Values of all coordinates at n instants."""
 
     def __len__(self) -> int: ...
@@ -35,7 +35,7 @@ class Configurations(Protocol):
         ...
 
 
-class LoopEquations(Protocol):
+class ClosureEquations(Protocol):
     """Loop-closure equations in coordinates of which some are prescribed.
 
     Coordinates have units: [rad], or a characteristic length.
@@ -92,8 +92,8 @@ class LoopEquations(Protocol):
         ...
 
 
-E = TypeVar("E", bound=LoopEquations)
-Q = TypeVar("Q", bound=Configurations)
+E = TypeVar("E", bound=ClosureEquations)
+Q = TypeVar("Q", bound=ConfigurationBatch)
 
 
 @dataclass(frozen=True)

@@ -74,6 +74,11 @@ class PathStates(Generic[E, Q]):
     def __init__(self, loops: E, prescribed: PrescribedValues, count: int = 1):
         self.loops, self.prescribed, self.count = loops, prescribed, count
 
+    @property
+    def name(self) -> str:
+        """Name of the mechanism or model."""
+        return self.loops.name
+
     def unflat(self, rows: Array, s: Array, driven: Array | None = None) -> Q:
         """Return coordinates, (n d) sets, from approximate states (n, d w) at parameters (n,)."""
         driven = self.prescribed(s) if driven is None else driven

@@ -259,7 +259,7 @@ class TreeLoops:
         """How many coordinates there are."""
         return self.tree.count
 
-    def at_instants(self, _: int) -> "TreeLoops":
+    def at_instants(self, _: int, /) -> "TreeLoops":
         """Return the equations for so many instants: of one mechanism they are the same at all."""
         return self
 

@@ -61,7 +61,7 @@ class DesignLoops(TreeLoops):
         """Return residuals, Jacobians and links about n sets of coordinates, as `TreeLoops` does."""
         return self.at_instants(len(q)).linearise(q)
 
-    def at_instants(self, count: int) -> TreeLoops:
+    def at_instants(self, count: int, /) -> TreeLoops:
         """Return the equations with the numbers of each of so many instants."""
         if count not in self._kept:
             if len(self._kept) == MAX_KEPT:
