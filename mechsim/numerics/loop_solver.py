@@ -35,7 +35,7 @@ class ConfigurationBatch(Protocol):
         ...
 
 
-class ClosureEquations(Protocol):
+class DrivenEquations(Protocol):
     """Loop-closure equations in coordinates of which some are prescribed.
 
     Coordinates have units: [rad], or a characteristic length.
@@ -92,7 +92,7 @@ class ClosureEquations(Protocol):
         ...
 
 
-E = TypeVar("E", bound=ClosureEquations)
+E = TypeVar("E", bound=DrivenEquations)
 Q = TypeVar("Q", bound=ConfigurationBatch)
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.loops import design_motion, path, solver
+from mechsim.analytic.loops import design_motion
 from mechsim.analytic.loops.design_motion import many_motion, shared_loops
 from mechsim.errors import AssemblyError
 from mechsim.model.design_arrays import similar_designs
+from mechsim.numerics import continuation, loop_solver
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24
 JOINTS = {
@@ -81,10 +82,12 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
 def test_designs_whose_rows_never_report_enough_take_others_for_every_segment(rows_are_enough, monkeypatch):
     mechanisms = [ms.catalog.make("bennett", length0=length).mechanism for length in (0.05, 0.049, 0.051)]
     exact = [ms.loops.solve(mechanism, ANGLES).points for mechanism in mechanisms]
-    selections, select = [], path.loop_solver
-    monkeypatch.setattr(path, "loop_solver", lambda *given: selections.append(given) or select(*given))
+    selections, select = [], continuation.loop_solver
+    monkeypatch.setattr(
+        continuation, "loop_solver", lambda *given: selections.append(given) or select(*given)
+    )
     if not rows_are_enough:
-        monkeypatch.setattr(solver, "MIN_VALUE_RATIO", 2.0)
+        monkeypatch.setattr(loop_solver, "MIN_VALUE_RATIO", 2.0)
     motion, told = together(mechanisms[0], mechanisms)
     assert told.all()
     assert (len(selections) > 6) == (not rows_are_enough)

@@ -10,6 +10,7 @@ from mechsim import catalog
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError
 from mechsim.numerics import newton
+from mechsim.numerics.continuation import ContinuationPath
 from mechsim.simulation import loop_jacobian, simulate
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.source import from_source
@@ -39,10 +40,34 @@ def test_both_sides_reject_configurations_that_have_not_converged(name, monkeypa
     assert simulate(mechanism, speed=1.0, method="pose").outcome == "passed"
     LoopForm(mechanism).solve(angles, speed=1.0)
     plant(monkeypatch, unconverged)
-    with pytest.raises(AssemblyError, match="do not close at crank angle"):
+    with pytest.raises(AssemblyError, match="the crank cannot pass"):
         simulate(mechanism, speed=1.0, method="pose")
-    with pytest.raises(AssemblyError, match="cannot pass"):
+    with pytest.raises(AssemblyError, match="the crank cannot pass"):
         LoopForm(mechanism).solve(angles, speed=1.0)
+
+
+@pytest.mark.parametrize("name", ["rssr", "four_bar"])
+def test_both_sides_correct_poses_of_a_path_that_are_off_and_reject_them_far_off(name, monkeypatch):
+    drive, chunks = catalog.make(name), ContinuationPath.chunks
+    form = LoopForm(drive.mechanism)
+
+    def plant_offset(offset):
+        def off(path, s):
+            return ((solver, index, rows + offset) for solver, index, rows in chunks(path, s))
+
+        monkeypatch.setattr(ContinuationPath, "chunks", off)
+
+    plant_offset(1e-6)
+    run = simulate(drive, speed=1.0, method="pose", samples=20)
+    exact = drive.positions(run.motion.angle)
+    for motion in (run.motion, form.solve(run.motion.angle)):
+        for point, positions in exact.items():
+            assert np.abs(motion.points[point].position - positions).max() < 1e-13
+    plant_offset(0.1)
+    with pytest.raises(AssemblyError):
+        simulate(drive, speed=1.0, method="pose", samples=20)
+    with pytest.raises(AssemblyError):
+        form.solve(run.motion.angle)
 
 
 def test_mujoco_states_are_checked_by_their_own_residual(monkeypatch):

@@ -136,7 +136,7 @@ def test_branch_points_are_measured_and_next_to_them_there_are_none():
     assert path.change_points
     for meeting in path.change_points:
         assert np.min(np.abs(np.exp(1j * meeting) - np.exp(1j * np.array(drive.change_points())))) < 1e-9
-    away = follow.follow_path(closed.loops, closed.qpos, [0.3, 1.0])[1]
+    away = follow.follow_path(from_source(drive).loops, closed.qpos, [0.3, 1.0])[1]
     assert not away.change_points
 
 

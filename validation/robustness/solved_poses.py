@@ -1,10 +1,6 @@
 """Are MuJoCo's solved poses ever in another assembly?
 
-<<<<<<<< HEAD:validation/robustness/predictor_steps.py
-    python validation/robustness/predictor_steps.py [--runs 200] [--seed 5]
-========
     python validation/robustness/solved_poses.py [--runs 200] [--seed 5]
->>>>>>>> 9ad10606 (MuJoCo's solved poses follow the assembly by the continuation in numerics; four files of their own engine removed):validation/robustness/solved_poses.py
 
 Linkages whose cranks just pass an almost dead centre, and sound ones of every kind. Truth: the closed form
 at 181 crank angles of a turn; an error above a ten-thousandth of the longest link is another assembly. The

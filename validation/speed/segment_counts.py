@@ -11,10 +11,10 @@ import sys
 import numpy as np
 
 from mechsim import catalog
-from mechsim.analytic.loops import path
 from mechsim.analytic.loops.design_motion import many_motion, shared_loops
 from mechsim.analytic.loops.motion import crank_path
 from mechsim.model.design_arrays import similar_designs
+from mechsim.numerics import continuation
 
 TURN = 2.0 * np.pi
 SMOOTH = {"four_bar": 25, "rssr": 39, "slider_crank": 22}
@@ -33,20 +33,20 @@ def cells_tried(mechanism, stops) -> int:
 
 def cells_together(name: str, spread: float) -> int:
     """Return how many segments three designs of a mechanism need together, over two turns."""
-    own, cells, nodes = catalog.make(name).crank, [], path.nodes_between
+    own, cells, nodes = catalog.make(name).crank, [], continuation.nodes_between
     mechanisms = [catalog.make(name, crank=own * (1.0 + by)).mechanism for by in (-spread, 0.0, spread)]
 
     def counted(begin, end, count):
         cells.append(end)
         return nodes(begin, end, count)
 
-    path.nodes_between = counted
+    continuation.nodes_between = counted
     try:
         alike = shared_loops(mechanisms[1], ())
         started, _ = similar_designs(mechanisms[1], mechanisms)
         many_motion(alike, started, np.array([-7.0, 0.0, 7.0]), 1.0, ())
     finally:
-        path.nodes_between = nodes
+        continuation.nodes_between = nodes
     return len(cells)
 
 

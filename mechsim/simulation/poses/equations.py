@@ -35,7 +35,7 @@ class ModelStates:
 
 @dataclass(frozen=True)
 class ModelEquations:
-    """The equality constraints of a model as `numerics.loop_solver.ClosureEquations` in its DOFs.
+    """The equality constraints of a model as `numerics.loop_solver.DrivenEquations` in its DOFs.
 
     Attributes:
         closure: the constraints.
