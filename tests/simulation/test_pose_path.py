@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from mechsim import catalog, closure
+from mechsim import catalog
+from mechsim.analytic.loops import motion as loop_motion
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Gear, Joint
@@ -35,7 +36,7 @@ def test_a_wheel_that_turns_twenty_times_as_fast_as_the_crank_is_followed_in_its
     angles = start[loops.crank_address] + np.linspace(0.0, 0.4, 40)
     states = follow(loops, start, angles)
     places = loops.posed.site_positions(states)[:, loops.model.site("P").id]
-    poses = closure.follow(with_closed_guess(mechanism), angles)
+    poses = loop_motion.follow(with_closed_guess(mechanism), angles)
     exact = poses["rod"].point((0.04, 0.0, 0.0))
     assert np.abs(places - exact).max() < 1e-13
 
