@@ -144,9 +144,9 @@ POINTS = 101
 FINER = 8
 # in parts of the arm: on a shorter curve rounding moves the lengths by more than 1e-7, and outweighs the
 # deviation, which falls with the cube of the length
-SHORTEST = 1e-4
+MIN_STEP = 1e-4
 # programmes one after another, three to six as a rule, until one predicts no more than this part
-ROUNDS = 40
+MAX_PROGRAMMES = 40
 LAST_GAIN = 1e-6
 # before them, as many about the dyad with C on the curve, which come within some percent
 GUESSES = 3
@@ -263,10 +263,10 @@ def follow_curve(
 
 def _followed(curve: Array, base: Looper, equal_ripple: bool, in_space: bool, every: int = 1) -> Synthesis:
     extent = float(np.hypot(*np.ptp(curve, axis=0)))
-    if not extent >= SHORTEST * base.arm:
+    if not extent >= MIN_STEP * base.arm:
         raise InputError(
             f"the curve extends over {extent:.3g} m, where rounding decides the linkage; give at least "
-            f"{SHORTEST * base.arm:.3g} m, {SHORTEST:g} of the arm"
+            f"{MIN_STEP * base.arm:.3g} m, {MIN_STEP:g} of the arm"
         )
     solutions: list[Synthesis] = []
     for branch in (1, -1):
@@ -320,7 +320,7 @@ class _Task:
     def leveled(self) -> Synthesis:
         """Return the linkage whose C leaves the curve least."""
         best = self._guess()
-        for _ in range(ROUNDS):
+        for _ in range(MAX_PROGRAMMES):
             now, level = best.passage, best.synthesis.deviation
             rows, right = circle_rows(now.b - self.origin)
             target = least_worst(now.levers[:, None] * rows, now.error + now.levers * right)

@@ -12,7 +12,7 @@ from mechsim.numerics.arrays import Array
 # step of the crank for the speed of C, in [rad]: a central difference good to 1e-10
 STEP = 1e-5
 # three or four as a rule, more where C turns back just behind an end of the curve
-ROUNDS = 20
+MAX_ITERATIONS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def _crossings(
 ) -> tuple[Array, Array, Array]:
     """Return crank angles, (n,), places of C, (n, 3), and speeds, (n, 2), where C crosses the normals."""
     middle = len(curve) // 2
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         positions, speed = _path(design, angles, in_space)
         along, rate = ((positions[:, :2] - curve) * tangents).sum(1), (speed * tangents).sum(1)
         if not np.isfinite(along + rate).all():

@@ -124,6 +124,7 @@ def test_a_tolerance_that_cannot_be_satisfied_is_rejected():
         ms.reduce("four_bar", "1mm", by="closure")
 
 
+@pytest.mark.slow
 def test_a_model_is_reduced_as_by_the_command(mechsim_json, tmp_path):
     options = {"drive": {"crank": "60rpm"}, "duration": "0.1s", "track": ["B"]}
     small = ms.reduce("four_bar", "0.1mm", **options, output=tmp_path / "small.xml")

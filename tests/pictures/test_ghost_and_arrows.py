@@ -50,7 +50,11 @@ def test_an_error_is_found_and_magnified_by_the_factor(drive, motion):
     assert np.abs(found["crank"][0]).max() == 0.0
     by = ghost.factor(drive.mechanism, found)
     assert np.log10(by) == pytest.approx(round(np.log10(by)))
-    assert 0.1 * ghost.FARTHEST * span(drive.mechanism) < 2e-9 * by <= ghost.FARTHEST * span(drive.mechanism)
+    assert (
+        0.1 * ghost.MAX_GHOST_DISTANCE * span(drive.mechanism)
+        < 2e-9 * by
+        <= ghost.MAX_GHOST_DISTANCE * span(drive.mechanism)
+    )
     shown = ghost.magnified(drive.mechanism, run, found, by)["rocker"]
     np.testing.assert_allclose(
         shown.position - run["rocker"].position, np.tile(-off * by, (25, 1)), atol=1e-8

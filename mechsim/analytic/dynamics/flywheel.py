@@ -15,7 +15,7 @@ from mechsim.numerics.newton import root
 from mechsim.units import si
 
 # the smallest coefficient of fluctuation above rounding
-LEAST = 1e-9
+MIN_FLUCTUATION = 1e-9
 # crank angles over the turn; smooth coefficients are resolved to rounding by far fewer
 ANGLES = 1024
 
@@ -46,9 +46,9 @@ def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> 
         InputError: for a coefficient so small that rounding of the speed is larger.
     """
     mean = si(mean, "rad/s", "mean crank speed")
-    if not LEAST <= coefficient < np.inf:
+    if not MIN_FLUCTUATION <= coefficient < np.inf:
         raise InputError(
-            f"coefficient of speed fluctuation is {coefficient}; give {LEAST:g} or more, as 0.02"
+            f"coefficient of speed fluctuation is {coefficient}; give {MIN_FLUCTUATION:g} or more, as 0.02"
         )
     bare = model.with_forces(replace(model.forces, flywheel=0.0))
     angle, inertia, gained, torque = _revolution(bare, mean)

@@ -203,7 +203,7 @@ def front_of(x: Array, y: Array) -> NDArray[np.intp]:
 # quantities on one sheet, and dimensions drawn in each
 MAX_QUANTITIES, LINES = 12, 12
 # how wide the widest band is drawn, in parts of the path's extent
-WIDE = 0.06
+MAX_BAND_WIDTH = 0.06
 # units as they are drawn: how many of them one in SI is, and their names
 SHOWN: dict[str, tuple[float, str]] = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "°")}
 
@@ -357,7 +357,7 @@ def _draw_path(ax: "Axes", path: PathBand) -> None:
     flat, normal = in_plane(path.positions)
     extent = float(np.ptp(flat, axis=0).max())
     widest = float(path.worst.max(initial=0.0))
-    times = 1.0 if widest == 0.0 else _round_number(WIDE * extent / widest)
+    times = 1.0 if widest == 0.0 else _round_number(MAX_BAND_WIDTH * extent / widest)
     for width, colour, label in (
         (path.worst, COLOURS[1], "worst case"),
         (path.squares, COLOURS[0], "root of squares"),

@@ -45,7 +45,7 @@ SPREAD = 0.018
 # distance between layers in units of the picture's height: below a pixel, above the resolution of depths
 STEP = 2e-4
 # left over of a solid's thickness and height, so that no matrix is singular; less than a layer
-FLAT = 1e-4
+MIN_THICKNESS = 1e-4
 # a colour that shines by itself takes no light: flat solids have no sides to be shaded
 GLOW = 99.0
 
@@ -65,7 +65,7 @@ class Shadow:
         self.sizes: Array = model.geom_size[self.geoms].copy()
         light = scenery.light_direction(drawn.camera, wall.normal)
         along = np.outer(light, wall.normal) / float(light @ wall.normal)
-        self.press = np.eye(3) - along + FLAT * np.outer(wall.normal, wall.normal)
+        self.press = np.eye(3) - along + MIN_THICKNESS * np.outer(wall.normal, wall.normal)
         lit, unlit = scenery.brightness(drawn.camera, wall.normal, drawn.missing_light(wall))
         shares = np.arange(1, LAYERS + 1) / LAYERS
         tones = np.multiply.outer(np.minimum(lit + shares * (unlit - lit), 1.0), scenery.PAPER)

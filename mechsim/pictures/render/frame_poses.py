@@ -16,7 +16,7 @@ from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes.body import span
 
 # how far the ghost may stand off, in units of the mechanism's size, and how far it may be turned in [rad]
-FARTHEST, WIDEST = 0.06, 0.25
+MAX_GHOST_DISTANCE, MAX_GHOST_ANGLE = 0.06, 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +68,10 @@ def errors(
 
 def factor(mechanism: Mechanism, deviations: Mapping[str, tuple[Array, Array]]) -> float:
     """Return the power of ten that makes errors plain to see and leaves the ghost in the picture."""
-    shift = max(float(np.abs(shift).max()) for shift, _ in deviations.values()) / (FARTHEST * span(mechanism))
-    rotation = max(float(np.abs(rotation).max()) for _, rotation in deviations.values()) / WIDEST
+    shift = max(float(np.abs(shift).max()) for shift, _ in deviations.values()) / (
+        MAX_GHOST_DISTANCE * span(mechanism)
+    )
+    rotation = max(float(np.abs(rotation).max()) for _, rotation in deviations.values()) / MAX_GHOST_ANGLE
     worst = max(shift, rotation)
     return 1.0 if not worst > 0.0 else float(10.0 ** np.floor(-np.log10(worst)))
 

@@ -24,7 +24,7 @@ from mechsim.studies.scene.scene import UserScene
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
 INTEGRATORS = ("EULER", "IMPLICITFAST", "IMPLICIT", "RK4")
 SOLVERS = ("NEWTON", "CG", "PGS")
-ROUNDS = 11
+TIMING_ROUNDS = 11
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class SceneCost:
 def scene_costs(
     scene: UserScene,
     spec: mujoco.MjSpec,
-    rounds: int = ROUNDS,
+    rounds: int = TIMING_ROUNDS,
     progress: Progress = no_progress,
 ) -> list[SceneCost]:
     """Return the costs of all elements and options of a scene over its motion, the unchanged scene first.

@@ -25,7 +25,7 @@ RECORDS = 400
 MAX_REFERENCE_RECORDS = 4000
 # processor time in [s] below which a measurement is repeated, and the largest number of repetitions
 MIN_MEASURED_TIME, MAX_REPETITIONS = 0.01, 8
-ROUNDS = 5
+TIMING_ROUNDS = 5
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ def run_scene(
 
 def step_times(
     runs: Sequence[tuple[UserScene, mujoco.MjModel]],
-    rounds: int = ROUNDS,
+    rounds: int = TIMING_ROUNDS,
     progress: Progress = no_progress,
 ) -> Array:
     """Return the processor time of a simulated second of each model, (models,) in [s].

@@ -42,7 +42,7 @@ SECONDS, REFERENCE_FRACTION, TRIALS_FRACTION = 50.0, 0.2, 0.75
 # best settings that are varied, number of repetitions, and settings timed again
 VARIED, REPETITIONS, TIMED = 3, 3, 12
 # rounds of timing, and after the end of the budget
-ROUNDS, LATE_ROUNDS = 5, 2
+TIMING_ROUNDS, LATE_ROUNDS = 5, 2
 # relative difference of times that counts as none: fewer changes are preferred
 TIME_TOLERANCE = 0.05
 # ratio to the published trajectory error above which the report names it
@@ -294,7 +294,7 @@ def _holds_at_every_step(search: _SettingSearch, trial: SceneTrial) -> bool:
 def _timed(search: _SettingSearch, trials: Sequence[SceneTrial]) -> list[SceneTrial]:
     """Return trials with their times measured in the same rounds; in fewer after the end of the budget."""
     scene = search.scene
-    rounds = ROUNDS if search.budget.fraction < 1.0 else LATE_ROUNDS
+    rounds = TIMING_ROUNDS if search.budget.fraction < 1.0 else LATE_ROUNDS
     runs = [(scene, trial.settings.applied(scene.model)) for trial in trials]
     times = step_times(runs, rounds) if runs else []
     return [replace(trial, seconds=float(time)) for trial, time in zip(trials, times, strict=True)]

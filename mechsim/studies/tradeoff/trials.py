@@ -25,7 +25,7 @@ from mechsim.studies.tradeoff.subject import Subject
 from mechsim.studies.tradeoff.work_precision import Point, Tradeoff
 
 # rounds of timing, the first trials included, and the largest fraction of the budget reserved for the others
-ROUNDS, TIMING_FRACTION = 5, 0.4
+TIMING_ROUNDS, TIMING_FRACTION = 5, 0.4
 # largest cost, relative to that of the front at the same error, of settings that are timed again
 MAX_COST_RATIO = 2.0
 
@@ -127,7 +127,7 @@ class _Trials:
     def time_again(self, random: np.random.Generator) -> None:
         """Time the relevant points again, each round in a new order, while the budget lasts."""
         relevant = self._relevant()
-        for number in range(1, ROUNDS):
+        for number in range(1, TIMING_ROUNDS):
             for i in random.permutation(len(relevant)):
                 point = relevant[i]
                 model = self.models[point.method.build]
@@ -152,7 +152,7 @@ class _Trials:
 
     def timing_seconds(self) -> float:
         """Return the expected wall time of timing again in [s], limited to a fraction of the budget."""
-        expected = (ROUNDS - 1) * sum(self._expected(point) for point in self._relevant())
+        expected = (TIMING_ROUNDS - 1) * sum(self._expected(point) for point in self._relevant())
         return min(TIMING_FRACTION * self.budget.seconds, expected)
 
     def _model(self, method: SteppingMethod) -> BuiltModel | None:
