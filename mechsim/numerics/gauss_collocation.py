@@ -164,6 +164,7 @@ class GaussCollocation:
         t_bound: latest end in [s].
         rtol: error of a step relative to the state and its scale.
         scale: of the components of the state, (size,).
+        max_step: longest step in [s].
 
     Attributes:
         t: time in [s].
@@ -172,10 +173,17 @@ class GaussCollocation:
     """
 
     def __init__(
-        self, derivatives: Derivatives, t0: float, y0: Array, t_bound: float, rtol: float, scale: Array
+        self,
+        derivatives: Derivatives,
+        t0: float,
+        y0: Array,
+        t_bound: float,
+        rtol: float,
+        scale: Array,
+        max_step: float = np.inf,
     ) -> None:
         self.derivatives, self.t, self.y, self.t_bound = derivatives, t0, y0, t_bound
-        self.rtol, self.scale = rtol, scale
+        self.rtol, self.scale, self.max_step = rtol, scale, max_step
         self.status: Literal["running", "finished", "failed"] = "running"
         self._first = derivatives(np.array([t0]), y0[None])[0]
         change = float((np.abs(self._first) / scale).max())
@@ -186,7 +194,7 @@ class GaussCollocation:
         """Take one step; return a message where there is none."""
         tolerance = self.rtol * (self.scale + np.abs(self.y))
         while self._length > SPACINGS * np.spacing(abs(self.t)):
-            remaining = self.t_bound - self.t
+            remaining, self._length = self.t_bound - self.t, min(self._length, self.max_step)
             # no last step that is much shorter than the others
             length = remaining if self._length > 0.99 * remaining else min(self._length, 0.5 * remaining)
             result = collocated(self.derivatives, self.t, self.y, length, self._guess(length), tolerance)

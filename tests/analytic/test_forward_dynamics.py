@@ -265,6 +265,28 @@ def test_a_load_that_grows_wakes_a_block_that_friction_held():
     assert run.motion.joints["s"].value == pytest.approx(2.0 / 3.0 * late**3, abs=1e-9)
 
 
+def test_a_brief_load_is_noticed():
+    """2 kg pushed by 8 N for 0.02 s in a run of 2 s: 0.08 m/s."""
+    times = [0.0, 1.0, 1.001, 1.02, 1.021, 2.0]
+    push = load_profile.table(
+        times, [[force, 0.0, 0.0] for force in (0.0, 0.0, 8.0, 8.0, 0.0, 0.0)], over="time"
+    )
+    run = ms.dynamics.run(slider(), Forces(loads=(Load("P", push),)), duration=2.0, samples=4)
+    assert run.motion.joints["s"].rate[-1] == pytest.approx(8.0 * 0.02 / 2.0, rel=1e-9)
+
+
+def test_a_four_bar_passes_a_hair_beside_a_singular_pose():
+    """Without forces: the time of a turn follows from the law of energy in the closed form's angles."""
+    hair = ms.catalog.make("four_bar", ground=0.05, crank=0.02, coupler=0.07 - 1e-6, rocker=0.04)
+    run = ms.dynamics.run(
+        hair, Forces(), initial={"crank.q": 2.0, "crank.v": 60.0}, duration=0.3, until="crank.q=8", samples=4
+    )
+    assert run.outcome == "done"
+    assert run.energy_error < 1e-9
+    angles = run.motion.joints["crank"].value
+    assert run.motion.points["B"].position == pytest.approx(hair.solve(angles).points["B"].position, abs=1e-9)
+
+
 def test_a_block_without_restitution_stays_on_its_stop():
     fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
     run = ms.dynamics.run(fall, Forces(gravity=(-8.0, 0.0, 0.0)), duration=1.0, samples=20)

@@ -32,6 +32,8 @@ from mechsim.numerics.newton import root
 
 # steps of the integrator in one run: about ten minutes
 MOST_STEPS = 50_000
+# steps of a run under forces over time, at least: their 24 nodes notice what lasts a thousandth of the run
+LEAST_STEPS = 50
 # events in one run before it counts as chattering
 MOST_EVENTS = 10_000
 # instants within a step at which events are looked for: evenly, and ever closer to its start, where a stop
@@ -124,7 +126,7 @@ class Integration:
         self.events: list[float] = []
         self.steps = 0
         self.regular = self.nearest = SINGULAR * self.right.conditioning(self.state)
-        self.implicit = False
+        self.implicit, self.duration = False, np.inf
         self.ends: list[tuple[str, EventFunction]] = []
         self.balance = EnergyBalance(equations, q, rates)
 
@@ -133,6 +135,7 @@ class Integration:
         outcome: Outcome = "done"
         reason = ""
         self.ends = [] if until is None else [("until", until)]
+        self.duration = duration
         try:
             self._choose_mode()
             rest = self._at_rest()
@@ -156,8 +159,10 @@ class Integration:
         """Return the integrator of smooth motion: collocation, or Radau's method where it is stiff."""
         scale = self._scale()
         if not self.implicit:
+            # forces over time may be brief
+            longest = np.inf if self.equations.steady else self.duration / LEAST_STEPS
             return GaussCollocation(
-                self.right.derivatives, self.time, self.state, duration, self.tolerance, scale
+                self.right.derivatives, self.time, self.state, duration, self.tolerance, scale, longest
             )
         from scipy.integrate import Radau
 
@@ -254,8 +259,8 @@ class Integration:
             self.nearest *= NEARER
             return None
         last = min(self.time + solution.duration, duration)
-        self.nearest = self.regular
         kind = self._accept(solution, last, solution(last))
+        self.nearest = min(self.regular, self.right.conditioning(self.state) / CLOSE)
         return None if kind is None else self._after_event(kind)
 
     def _scale(self) -> Array:

@@ -18,6 +18,8 @@ NODES = 12
 CONVERGED, ROUNDING = 1e-13, 1e5
 # distance of the nodes from the loops, in sizes or radians, above which the path does not cross
 ON_LOOPS = 1e-9
+# smallest singular value in the middle relative to that at the ends above which the path only passes near
+PASSING = 0.3
 # tries to find the far side of a singular configuration, each 1.5 times as far
 CROSSINGS = 12
 
@@ -60,6 +62,9 @@ def _across(
     if result is None:
         return None
     solution, _ = result
+    middle = equations.conditioning(solution(time + 0.5 * duration))
+    if middle > PASSING * equations.conditioning(state):
+        return None
     times = node_times(time, duration, NODES)
     nodes = np.array([solution(instant) for instant in times.tolist()])
     distance = np.abs(nodes - equations.nearest_on_loops(times, nodes))[:, : equations.layout.positions]
