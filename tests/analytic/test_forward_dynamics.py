@@ -276,7 +276,7 @@ def test_a_brief_load_is_noticed():
 
 
 def test_a_four_bar_passes_a_hair_beside_a_singular_pose():
-    """Without forces: the time of a turn follows from the law of energy in the closed form's angles."""
+    """The coupler is a micrometre too short for all links to lie in line."""
     hair = ms.catalog.make("four_bar", ground=0.05, crank=0.02, coupler=0.07 - 1e-6, rocker=0.04)
     run = ms.dynamics.run(
         hair, Forces(), initial={"crank.q": 2.0, "crank.v": 60.0}, duration=0.3, until="crank.q=8", samples=4
