@@ -8,7 +8,7 @@ import pytest
 from grids import grid
 from mpmath import mp
 
-from mechsim import catalog, dynamics, load_profile, motors
+from mechsim import catalog, dynamics, load_profile, loops, motors
 from mechsim.analytic.dynamics.reduced_equation import CrankTable, columns
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.joints import End, Joint
@@ -80,11 +80,11 @@ def test_closed_form_and_loop_equations_run_freely_alike():
     drive = catalog.make("four_bar")
     forces = Forces(gravity=DOWN, motor=motors.TorqueSpeedLine(0.01, 50.0), friction=(Friction("B", 1e-5),))
     times = np.linspace(0.0, 0.1, 5)
-    closed, loops = (
+    closed, by_loops = (
         dynamics.free_run(dynamics.dynamic_model(source, forces), angle=drive.mechanism.start, times=times)
         for source in (drive, drive.mechanism)
     )
-    assert np.abs(closed.angle - loops.angle).max() <= 1e-9
+    assert np.abs(closed.angle - by_loops.angle).max() <= 1e-9
     motion = drive.solve(closed.angle, closed.speed, closed.acceleration)
     assert motion.points["B"].velocity[-1] == pytest.approx(
         loops.rates(
