@@ -1,8 +1,9 @@
 """Certificates of 1,000 mechanisms with a singularity planted in or next to their range: none may be false.
 
-Four-bars and slider-cranks with random dimensions: dead centres inside the range and at its end, and change
-points, each missed by 0 or 1e-6 to 1e-12 of a link or a radian. Whether a range holds a singularity is
-decided in 50 digits on the same floating-point numbers by triangles, which the certificate does not use.
+Four-bars, slider-cranks and spatial four-bars (RSSR) with random dimensions: dead centres inside the range
+and at its end, and of the planar ones change points, each missed by 0 or 1e-6 to 1e-12 of a link or a radian.
+Whether a range holds a singularity is decided in 50 digits on the same floating-point numbers: by triangles,
+and by the distance between two balls. The certificate uses neither.
 """
 
 import argparse
@@ -45,11 +46,41 @@ def slider_crank(rng, miss, kind):
     return {"crank": crank, "rod": rod, "offset": offset}, float(np.arcsin((offset + rod) / crank))
 
 
+def tip_from_pivot(crank, pivot, axis, angle):
+    """Return distances of the crank's ball from the rocker's axis and along it, in mpmath."""
+    axis = mpmath.matrix(list(axis)) / mpmath.norm(mpmath.matrix(list(axis)))
+    circle = [0, crank * mpmath.cos(angle), crank * mpmath.sin(angle)]
+    tip = mpmath.matrix(circle) - mpmath.matrix(list(pivot))
+    height = mpmath.fdot(tip, axis)
+    return mpmath.norm(tip - height * axis), height
+
+
+def rssr(rng, miss, kind):
+    """Return dimensions of an RSSR, and the crank angle at which its coupler points at the rocker's axis."""
+    crank, rocker, gamma1, gamma2 = rng.uniform(0.5, 0.8, 4)
+    pivot = tuple(rng.uniform([0.8, -0.2, -0.2], [1.2, 0.2, 0.2]).tolist())
+    angle = float(rng.uniform(0.4, 1.2))
+    dimensions = {"crank": crank, "rocker": rocker, "pivot": pivot, "gamma1": gamma1, "gamma2": gamma2}
+    axis = ms.catalog.make("rssr", **dimensions).description.joint("rocker").a.axis
+    reach, height = (float(x) for x in tip_from_pivot(crank, pivot, axis, angle))
+    return dimensions | {"coupler": float(np.hypot(reach + rocker, height))}, angle
+
+
+def rssr_closes(dimensions, angle):
+    """Return whether the rocker's ball can be as far from the crank's as the coupler is long."""
+    axis = ms.catalog.make("rssr", **dimensions).description.joint("rocker").a.axis
+    crank, rocker, coupler = (mpmath.mpf(float(dimensions[key])) for key in ("crank", "rocker", "coupler"))
+    reach, height = tip_from_pivot(crank, dimensions["pivot"], axis, angle)
+    return abs(reach**2 + height**2 + rocker**2 - coupler**2) < 2 * rocker * reach
+
+
 def is_singular(name, dimensions, low, high):
     """Return whether the linkage is flat at an angle of the range, in 50 digits."""
     with mpmath.workdps(DIGITS):
-        d = {key: mpmath.mpf(float(value)) for key, value in dimensions.items()}
         ends = [mpmath.mpf(low), mpmath.mpf(high)]
+        if name == "rssr":
+            return not all(rssr_closes(dimensions, angle) for angle in mpmath.linspace(*ends, 9))
+        d = {key: mpmath.mpf(float(value)) for key, value in dimensions.items()}
         extremes = [k * mpmath.pi / 2 for k in range(-8, 9) if ends[0] <= k * mpmath.pi / 2 <= ends[1]]
         angles = [*ends, *extremes]
         if name == "four_bar":
@@ -66,9 +97,11 @@ def is_singular(name, dimensions, low, high):
 
 def plant(rng, index):
     """Return name, dimensions and range of a mechanism."""
-    name, make = (("four_bar", four_bar), ("slider_crank", slider_crank))[index % 2]
-    kind = ("change point", "dead centre", "end")[index // 2 % 3]
-    miss = MISSES[index // 6 % len(MISSES)]
+    name, make = (("four_bar", four_bar), ("slider_crank", slider_crank), ("rssr", rssr))[index % 3]
+    kind = ("change point", "dead centre", "end")[index // 3 % 3]
+    if name == "rssr" and kind == "change point":
+        kind = "end"
+    miss = MISSES[index // 9 % len(MISSES)]
     dimensions, angle = make(rng, miss, kind)
     if kind == "end":
         # the range ends short of the dead centre or beyond it by the miss

@@ -45,9 +45,35 @@ def test_the_bound_of_the_smallest_singular_value_is_below_the_computed_one():
     assert 0.3 * computed < ms.certify("four_bar").min_singular_value <= computed
 
 
-def test_equations_in_balls_agree_with_those_of_the_solver_and_their_zeros_are_zeros():
+# a gear pair, a screw nut on a slide, and a cam whose lift is a polynomial
+PRESS = """
+name = "press"
+drivers = ["crank"]
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "gear" } }
+wheel = { kind = "revolute", a = { link = "ground", at = [0.2, 0, 0] }, b = { link = "wheel" } }
+thread = { kind = "screw", lead = 0.005, a = { link = "wheel", at = [0, 0, 0.1] }, b = { link = "nut" } }
+guide = { kind = "prismatic", a = { link = "ground", at = [0.2, 0, 0.1] }, b = { link = "nut" } }
+[joints.lift]
+kind = "prismatic"
+a = { link = "ground", at = [0, 0.2, 0], axis = [0, 1, 0], reference = [1, 0, 0] }
+b = { link = "cam", axis = [0, 1, 0], reference = [1, 0, 0] }
+[links]
+gear = {}
+cam = {}
+[couplings]
+pair = { driver = "crank", driven = "wheel", ratio = -0.5 }
+cam = { driver = "crank", driven = "lift", coefficients = [0.01, 0.002, -0.003, 0.0004] }
+"""
+
+
+def test_equations_in_balls_agree_with_those_of_the_solver_and_their_zeros_are_zeros(tmp_path):
     rng = np.random.default_rng(0)
-    for name in ("looper", "delta_robot", "warp_knitter", "sarrus", "rack_steering", "double_cardan"):
+    press = tmp_path / "press.toml"
+    press.write_text(PRESS)
+    assert ms.certify(press).certified
+    names = ("looper", "delta_robot", "warp_knitter", "sarrus", "rack_steering", "double_cardan")
+    for name in (*names, press, "oldham_coupling", "planetary_gear"):
         solver = ms.load(name)
         path = driven_path(solver.mechanism, solver.motion_laws)
         loops = path.loops
