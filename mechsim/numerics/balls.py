@@ -72,6 +72,10 @@ class Ball:
         """The balls with the last two axes exchanged."""
         return Ball(self.mid.swapaxes(-1, -2), self.rad.swapaxes(-1, -2))
 
+    def any(self, axis: None = None, out: None = None) -> bool:
+        """Return whether a ball holds a number other than zero, for `np.any`."""
+        return bool(np.any(self.mid) or np.any(self.rad))
+
     @property
     def magnitude(self) -> Array:
         """Upper bounds of the absolute values."""

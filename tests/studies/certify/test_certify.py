@@ -362,8 +362,10 @@ c = {{ kind = "revolute", a = {{ link = "ground", axis = [1, 0, 0.1] }}, b = {{ 
     assert not ms.certify(path, (0.0, 0.3), within={"tilt": 1e-3}).certified
 
 
-@pytest.mark.parametrize("law", ["-1 + 0.2*(t + 1)**0.5", "-1 + 0.2*(t + 1)**-2", "-1 + 0.1*(t + 1)**1.5"])
-def test_powers_of_time_are_enclosed(law):
+@pytest.mark.parametrize(
+    "law", ["-1 + 0.2*(t + 1)**0.5", "-1 + 0.2*(t + 1)**-2", "-1 + 0.1*(t + 1)**1.5", "-50deg + 0.1*t"]
+)
+def test_powers_of_time_and_sums_with_units_are_enclosed(law):
     assert ms.certify("four_bar", drive={"crank": law}, duration=1.0).certified
     # with a crank of 90 mm the loops do not close before -0.8 rad
     assert not ms.certify(
