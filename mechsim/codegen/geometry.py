@@ -274,7 +274,8 @@ def _javascript(node: ast.AST, angle: float) -> str:
                 return f"Math.{name}({arguments[0]} * {angle!r})"
             scale = f" / {angle!r}" if name in ("asin", "acos", "atan", "atan2") else ""
             return f"(Math.{name}({', '.join(arguments)}){scale})"
-    raise ValueError(ast.dump(node))
+        case _:
+            raise ValueError(ast.dump(node))
 
 
 # --- coefficients entries on a grid of designs

@@ -328,11 +328,11 @@ class SolverFormulas:
         for k, name in enumerate(self.links):
             i = self.tree.links[name]
             twist, spatial = (values[i, :, 0] for values in self.motion)
-            mass, *numbers = (symbol(f"inertia{k}_{j}") for j in range(INERTIA_NUMBERS))
+            numbers: list[Any] = [symbol(f"inertia{k}_{j}") for j in range(INERTIA_NUMBERS)]
             rotation = self.poses.rotation[i, ..., 0]
-            centre = self._point(i, np.array(numbers[:3], dtype=object))
-            force = (point_rates(twist, spatial, centre)[1] - gravity) * mass
-            moments = np.array(numbers[3:], dtype=object)[MOMENTS]
+            centre = self._point(i, np.array(numbers[1:4], dtype=object))
+            force = (point_rates(twist, spatial, centre)[1] - gravity) * numbers[0]
+            moments = np.array(numbers[4:], dtype=object)[MOMENTS]
             # Euler's equation in the link's frame
             angular, angular_rate = rotation.T @ twist[3:], rotation.T @ spatial[3:]
             moment = rotation @ (moments @ angular_rate + cross(angular, moments @ angular))

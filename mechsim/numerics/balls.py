@@ -105,7 +105,7 @@ class Ball:
         return Ball(mid, (self.rad + other.rad + ROUNDOFF * np.abs(mid)) * OUTWARD)
 
     def __sub__(self, other: "Ball | ArrayLike") -> "Ball":
-        return self + -(other if isinstance(other, DualBall) else ball(other))
+        return NotImplemented if isinstance(other, DualBall) else self + -ball(other)
 
     def __mul__(self, other: "Ball | ArrayLike") -> "Ball":
         if isinstance(other, DualBall):

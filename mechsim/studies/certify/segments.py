@@ -133,20 +133,24 @@ def _centres(
     """
     values = guess.values.copy()
     values[:, equations.driven] = driven
-    start = CentreConfigurations(values, guess.quaternions)
-    for iteration in range(CORRECTIONS + 1):
-        residual, jacobian = equations.evaluate(ball(start.values[..., None]), rotations(equations, start))
-        inverse = _inverse(jacobian.mid[..., equations.unknown])
-        by_driven = inverse @ jacobian.mid[..., equations.driven]
-        own_rate = -(by_driven @ rate)
-        step = -(inverse @ residual.mid)[..., 0]
+    centres = _linearised(equations, CentreConfigurations(values, guess.quaternions), rate)
+    for _ in range(CORRECTIONS):
+        step = -(centres.inverse @ centres.residual.mid)[..., 0]
         largest = np.abs(step).max(1, initial=0.0)
-        limit = CORRECTED + CORRECTED_SHARE * np.abs(own_rate).max((1, 2), initial=0.0) * half
+        limit = CORRECTED + CORRECTED_SHARE * np.abs(centres.rate).max((1, 2), initial=0.0) * half
         move = np.isfinite(largest) & (largest > limit)
-        if not move.any() or iteration == CORRECTIONS:
+        if not move.any():
             break
-        start = _moved(equations, start, np.where(move[:, None], step, 0.0))
-    return Centres(start, residual, inverse, by_driven, own_rate)
+        start = _moved(equations, centres.start, np.where(move[:, None], step, 0.0))
+        centres = _linearised(equations, start, rate)
+    return centres
+
+
+def _linearised(equations: ClosureEquations, start: CentreConfigurations, rate: Array) -> Centres:
+    residual, jacobian = equations.evaluate(ball(start.values[..., None]), rotations(equations, start))
+    inverse = _inverse(jacobian.mid[..., equations.unknown])
+    by_driven = inverse @ jacobian.mid[..., equations.driven]
+    return Centres(start, residual, inverse, by_driven, -(by_driven @ rate))
 
 
 def _moved(equations: ClosureEquations, start: CentreConfigurations, step: Array) -> CentreConfigurations:
