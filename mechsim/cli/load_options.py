@@ -74,9 +74,12 @@ MOTORS = {
 
 def gravity_of(text: str) -> tuple[float, float, float]:
     """Return the acceleration of gravity, three numbers in [m/s2]."""
-    values = units.parse_vector(text, "1", "--gravity")
+    try:
+        values = units.parse_vector(text, "1", "--gravity")
+    except InputError:
+        values = ()
     if len(values) != 3:
-        raise InputError(f"--gravity is {text!r}, {len(values)} numbers; give three in m/s2, with commas")
+        raise InputError(f"--gravity is {text!r}; give three numbers in m/s2, as in 0,0,-9.81")
     return values[0], values[1], values[2]
 
 

@@ -102,7 +102,7 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
         (("--motor", "dc:12,-1,0.1"), "motor resistance is -1.0 ohm"),
         (("--friction", "crank"), "--friction is 'crank'; write JOINT="),
         (("--friction", "elbow=1"), "there are only crank"),
-        (("--gravity", "1,2"), "--gravity is '1,2', 2 numbers"),
+        (("--gravity", "1,2"), "--gravity is '1,2'; give three numbers"),
         (("--method", "guess"), "there is no method 'guess'"),
         (("--spring", "P3:P2"), "--spring is 'P3:P2'; write A:B=STIFFNESS,REST"),
         (("--spring", "P3:ground@1,2=5"), "has a position 'ground@1,2'; write LINK@X,Y,Z"),

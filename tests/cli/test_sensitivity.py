@@ -58,7 +58,7 @@ def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["four_bar"], "no quantity is named; give --of"),
+        (["four_bar"], "--of is missing; name the quantities"),
         (["four_bar", "--of", "rockr"], "did you mean 'rocker'"),
         (["four_bar", "--of", "C", "--to", "arn"], "did you mean 'arm'"),
         (["four_bar", "--of", "C", "--tolerances", "crank=0.06"], "the tolerances allow no assembly"),

@@ -121,6 +121,23 @@ def test_what_is_drawn_is_where_the_page_states(window, place_of):
 
 
 @shown
+def test_the_links_cast_a_shadow_on_the_wall_behind_them(window, place_of):
+    floor = data()["floor"]
+    assert (floor["normal"], floor["at"] <= -data()["radius"]) == ([0.0, 0.0, 1.0], True)
+    fresh(window, place_of, "#crank=123&paths=off&names=off&joints=off")
+
+    def shaded():
+        """Pixels of the stage between the sky, its grid and the links."""
+        image = window.look().astype(int)[60:, :600]
+        return ((np.ptp(image, axis=-1) <= 3) & (image.max(-1) > 190) & (image.max(-1) < 228)).sum()
+
+    before = shaded()
+    window.run("scene.children.find(part => part.material && part.material.isShadowMaterial).visible = false")
+    window.run("draw()")
+    assert before > shaded() + 1000
+
+
+@shown
 def test_keys_move_the_slider_and_choose_what_is_seen(window, place_of):
     fresh(window, place_of, "#crank=40")
     window.run("slider0.focus()")

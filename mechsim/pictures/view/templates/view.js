@@ -205,13 +205,14 @@ function build() {
 }
 
 /* a floor, or a wall behind a planar mechanism, with a grid and the shadow of the links */
-let floorLines = null;
+let floorLines = null, shade = null;
 function addFloor() {
   const view = DATA.cameras[0], size = Math.max(view.width, view.height), extent = 3 * size;
   const normal = new THREE.Vector3(...DATA.floor.normal);
   const spacing = 10 ** Math.round(Math.log10(size / 8)), divisions = 2 * Math.round(extent / spacing / 2);
   const centre = new THREE.Vector3(...view.centre), at = centre.clone().addScaledVector(normal, DATA.floor.at - centre.dot(normal));
-  const floor = new THREE.Mesh(new THREE.PlaneGeometry(extent, extent), new THREE.ShadowMaterial({ opacity: 0.16 }));
+  shade = new THREE.ShadowMaterial({ opacity: 0.16 });
+  const floor = new THREE.Mesh(new THREE.PlaneGeometry(extent, extent), shade);
   floor.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
   floor.receiveShadow = true;
   floorLines = new THREE.GridHelper(divisions * spacing, divisions);
@@ -316,6 +317,7 @@ function dressed() {
   const style = getComputedStyle(document.documentElement), dark = document.documentElement.dataset.theme === "dark";
   scene.background = new THREE.Color(style.getPropertyValue("--sky").trim());
   floorLines.material.color.set(style.getPropertyValue("--line").trim());
+  shade.opacity = dark ? 0.45 : 0.16;
   for (const made of steels) {
     const [r, g, b, a] = made.userData.rgba, up = dark && Math.max(r, g, b) < 0.45 ? 0.3 : 0;
     made.color.setRGB(r + up * (1 - r), g + up * (1 - g), b + up * (1 - b));
