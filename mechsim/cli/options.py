@@ -359,7 +359,7 @@ def writable(path: str, *extensions: str) -> Path:
         raise InputError(f"{path!r} ends in {target.suffix or 'no suffix'}; choose from {extensions_text}")
     folder = target.parent
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        raise OutputError(f"cannot write {path!r}: {str(folder)!r} is not a writable folder; make it first")
+        raise OutputError(f"cannot write {path!r}: {str(folder)!r} is not a writable folder; create it first")
     files.require_writable(target)
     return target
 
@@ -372,7 +372,7 @@ def folder_for(path: str) -> Path:
         raise OutputError(f"cannot write into {path!r}: it is a file; name a folder")
     if not os.path.isdir(folder.parent):
         raise OutputError(
-            f"cannot make the folder {path!r}: there is no folder {str(folder.parent)!r}; make it first"
+            f"cannot make the folder {path!r}: there is no folder {str(folder.parent)!r}; create it first"
         )
     if not os.path.isdir(folder):
         try:

@@ -193,7 +193,7 @@ def _require_writable(output: str) -> None:
         resolved_path(output)
     folder = Path(output).parent
     if not folder.is_dir():
-        raise OutputError(f"cannot write {output!r}: there is no folder {str(folder)!r}; make it first")
+        raise OutputError(f"cannot write {output!r}: there is no folder {str(folder)!r}; create it first")
 
 
 def _print_checked(checked: CheckedDesigns) -> None:

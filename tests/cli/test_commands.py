@@ -68,7 +68,7 @@ BAD = {
     "output is a folder": ("solve rssr -o .", ["'.'", "is a folder", "file name"]),
     "report into a file": (f"validate rssr --report {__file__}", [__file__, "name a folder"]),
     "extremes into a file": (f"extremes rssr --report {__file__}", [__file__, "name a folder"]),
-    "report in a folder that is not there": ("validate rssr --report no/out", ["'no'", "make it first"]),
+    "report in a folder that is not there": ("validate rssr --report no/out", ["'no'", "create it first"]),
     "models into a file": (f"export --all {__file__}", [__file__, "name a folder"]),
     "profile that is not there": ("simulate rssr --profile no.csv", ["no.csv"]),
     "angle step of zero": ("solve rssr --angles 0:360:0deg", ["0:360:0deg"]),

@@ -64,7 +64,7 @@ def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatc
     ("words", "said"),
     [
         (("--tolerance", "0"), "above 0"),
-        (("--tolerance", "7um", "--by", "closure"), "known are trajectory, torque"),
+        (("--tolerance", "7um", "--by", "closure"), "choose from trajectory, torque"),
         (("--tolerance", "7um", "--ctrl", "motor=1"), "actuators of the model are servo"),
         (("--tolerance", "7um", "--track", "nail"), "nail"),
     ],

@@ -59,7 +59,7 @@ def test_bad_input_is_one_line_and_nothing_is_written(mechsim, tmp_path, words, 
 
 
 def test_an_output_that_cannot_be_is_rejected_before_any_work(mechsim):
-    for name, said in (("out.xls", "known are .nc"), ("nowhere/out.nc", "make it first")):
+    for name, said in (("out.xls", "choose from .nc"), ("nowhere/out.nc", "create it first")):
         done = mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "-o", name)
         assert (done.code, said in done.err) == (2, True), done.err
 

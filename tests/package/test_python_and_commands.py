@@ -120,7 +120,7 @@ def test_a_tolerance_that_cannot_be_satisfied_is_rejected():
         ms.tune("four_bar", 0.0)
     with pytest.raises(ms.InputError, match="no error by 'speed'"):
         ms.tune("four_bar", "1mm", by="speed")
-    with pytest.raises(ms.InputError, match="known are trajectory, torque"):
+    with pytest.raises(ms.InputError, match="choose from trajectory, torque"):
         ms.reduce("four_bar", "1mm", by="closure")
 
 

@@ -183,7 +183,7 @@ def _write_sequence(path: Path, pictures: Iterator[Picture], progress: Callable[
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise OutputError(f"cannot write pictures to {path}: it is not an empty directory; name a new one")
     if not path.parent.is_dir():
-        raise OutputError(f"cannot write {path}: there is no directory {path.parent}; make it first")
+        raise OutputError(f"cannot write {path}: there is no directory {path.parent}; create it first")
     count = 0
     try:
         with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as scratch:

@@ -101,7 +101,7 @@ def reduce(
         >>> small.reduction.speedup, [element.candidate.what for element in small.reduction.left_out]
     """
     if by not in get_args(By):
-        raise InputError(f"--by is {by!r}; known are {', '.join(UNITS)}")
+        raise InputError(f"--by is {by!r}; choose from {', '.join(UNITS)}")
     limit = si(tolerance, UNITS[by], "the tolerance")
     if not 0.0 < limit < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give a value above 0, as 10um")

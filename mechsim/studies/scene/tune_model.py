@@ -224,7 +224,7 @@ def tune(
     """
     limit = _tolerance(tolerance, by)
     if unknown := [kind for kind in allow if kind not in ALLOWABLE]:
-        raise InputError(f"--allow names {unknown[0]!r}; known are {', '.join(ALLOWABLE)}")
+        raise InputError(f"--allow names {unknown[0]!r}; choose from {', '.join(ALLOWABLE)}")
     with scene_file(model) as path, TemporaryDirectory(prefix="mechsim-") as folder:
         target = Path(folder) / "tuned.xml" if output is None else Path(output)
         if target.resolve() == Path(path).resolve():

@@ -271,7 +271,7 @@ def measures(
         InputError: as for `measure`, or without any measure.
     """
     if not texts:
-        raise InputError(f"no measure is requested; known are {', '.join(WORDS)}")
+        raise InputError(f"no measure is requested; choose from {', '.join(WORDS)}")
     return MeasureSet(tuple(measure(text, mechanism, motion_laws) for text in dict.fromkeys(texts)))
 
 

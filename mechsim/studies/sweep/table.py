@@ -100,7 +100,7 @@ def suffix_of(path: str | Path) -> str:
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
-        raise InputError(f"{str(path)!r} ends in {suffix or 'no suffix'}; known are {', '.join(SUFFIXES)}")
+        raise InputError(f"{str(path)!r} ends in {suffix or 'no suffix'}; choose from {', '.join(SUFFIXES)}")
     return suffix
 
 
