@@ -115,7 +115,7 @@ def test_the_next_segment_is_so_long_that_it_is_predicted_as_well_as_is_aimed_at
 
 
 @pytest.mark.parametrize(("least", "holds"), [(0.19, False), (0.21, True)])
-def test_a_cell_whose_rows_tell_a_fifth_of_what_they_do_elsewhere_in_it_is_halved(least, holds, monkeypatch):
+def test_a_segment_whose_equations_lose_four_fifths_of_their_rank_margin_is_halved(least, holds, monkeypatch):
     path = crank_path(catalog.make("four_bar").mechanism)
     monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * least, 3.0, CONTROL.nodes))
     cell, length = path.next_segment(path.initial, 1, 0.05)

@@ -64,7 +64,7 @@ def test_a_swing_counted_on_another_revolution_is_the_same_swing(wheel, laps):
     ("ratio", "turns", "laps", "same"),
     [(1.5, True, 1, False), (1.5, True, -2, True), (1.0 + 1e-9, True, 1, False), (2.0, False, 1, False)],
 )
-def test_a_swing_is_on_another_lap_only_where_what_goes_with_the_crank_stands_alike(ratio, turns, laps, same):
+def test_a_swing_is_on_another_revolution_only_where_the_geared_links_repeat(ratio, turns, laps, same):
     mechanism = swinging(turns=turns, coefficients=(0.003, ratio))
     angles = mechanism.start + laps * TURN + np.array([0.2])
     if same:

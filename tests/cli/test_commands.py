@@ -397,7 +397,7 @@ def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("more", [(), ("--json",)])
-def test_an_exported_model_that_misses_its_tolerance_ends_in_1_however_it_is_told(mechsim, monkeypatch, more):
+def test_an_exported_model_beyond_its_tolerance_ends_in_1_in_every_format(mechsim, monkeypatch, more):
     monkeypatch.setattr(
         "mechsim.studies.scene.tune_model.exported_model", lambda *_, **__: ("<mujoco/>", 1e-3)
     )

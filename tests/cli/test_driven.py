@@ -147,7 +147,7 @@ def test_a_motion_of_next_to_nothing_is_in_its_own_assembly(mechsim):
     assert "passed" in answer.out
 
 
-def test_how_far_places_are_from_where_programs_want_them_is_told_where_it_is_beyond_the_tolerance(mechsim):
+def test_driver_errors_beyond_the_tolerance_are_reported(mechsim):
     """Places are held to where the drivers were; a force held over a step leaves those behind."""
     words = ("simulate", "four_bar", "--drive", "crank=0.5*sin(6*t)", "--samples", "12", "-o")
     fine = mechsim(*words, "found.csv", "--tolerance", "1um")

@@ -1,16 +1,31 @@
 """Identifiers, strings, comments and pages use the terms of the field; none is a private word."""
 
+import ast
 from collections import Counter
 from pathlib import Path
 
-from readability.private_words import page_uses, private_name, python_uses, uses
+from readability.private_words import WORDS, page_uses, private_name, python_uses, uses
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "mechsim", ROOT / "docs", ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+PAGES += sorted((ROOT / "validation").glob("*.md"))
 
 
 def test_nothing_uses_private_words():
     assert [(use.path.relative_to(ROOT), use.line, use.word) for use in uses(PAGES)] == []
+
+
+def names_of_tests():
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        yield path.stem
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+                yield node.name
+
+
+def test_names_of_tests_and_scripts_hold_no_private_word():
+    names = [*names_of_tests(), *(path.stem for path in (ROOT / "validation").rglob("*.py"))]
+    assert [name for name in names if {*name.split("_")} & WORDS.keys()] == []
 
 
 def test_a_private_word_is_rejected_wherever_it_stands(tmp_path):

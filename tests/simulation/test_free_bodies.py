@@ -134,7 +134,7 @@ def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):
         assert gap == pytest.approx((ends[:, 0] - ends[:, 1]).ravel(), abs=1e-15)
 
 
-def test_the_yardstick_is_the_longest_of_arms_and_bodies_places(loops):
+def test_the_characteristic_length_is_the_longest_arm_or_body_distance(loops):
     reach = max(np.linalg.norm(local) for pair in loops.pairs for local in pair.local)
     assert loops.characteristic_length == max(reach, np.linalg.norm([0.3, 0.1, 0.0]))
     out = read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=9.0)))

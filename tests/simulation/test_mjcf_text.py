@@ -76,7 +76,7 @@ def test_options_and_flags_are_put_wherever_there_is_a_place(text):
     assert model.opt.disableflags & gravity == before.opt.disableflags & gravity
 
 
-def test_many_rows_without_softness_of_their_own_get_it_from_one_default():
+def test_many_equalities_without_compliance_of_their_own_share_one_default():
     rows = "".join(f'<joint joint1="j{i}"/>\n' for i in range(4))
     joints = "".join(f'<body><joint name="j{i}"/><geom size=".1"/></body>' for i in range(4))
     edited = EditedText(

@@ -38,7 +38,7 @@ def refined(seconds: float, tolerance: float) -> tuple[list[int], str]:
     return tried, promise.reason
 
 
-def test_an_attempt_that_would_exceed_the_budget_is_not_begun() -> None:
+def test_an_attempt_that_would_exceed_the_budget_is_not_started() -> None:
     assert refined(1000.0, 1e-4)[1] == ""
     tried, reason = refined(1.0, 1e-4)
     assert tried == [100, 400]
