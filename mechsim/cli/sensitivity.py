@@ -33,6 +33,7 @@ from mechsim.studies.sensitivity.tolerances import (
 )
 from mechsim.units import crank_speed, option
 
+# limit on the number of random samples of a tolerance analysis
 MOST_SAMPLES = 10_000_000
 # contributions to a tolerance that are printed
 MOST_SHARES = 3

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mechsim.analytic.dynamics import InverseDynamics
     from mechsim.pictures.plots.figure import Figure
 
+# intervals of a plotted motion: one a degree of a revolution
 SAMPLES = 360
 # a run whose errors are drawn is recorded in fewer: they are smooth
 ERROR_SAMPLES = 180

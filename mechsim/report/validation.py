@@ -25,6 +25,7 @@ from mechsim.studies.agreement.agreement import Agreement
 from mechsim.studies.agreement.attribution import COMPONENTS
 from mechsim.studies.validate import Validation
 
+# pixels of a video; its frames per revolution and per second: a revolution lasts two seconds
 RESOLUTION = (640, 480)
 FRAMES_PER_TURN = 36
 FRAMES_PER_SECOND = 18.0

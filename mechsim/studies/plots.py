@@ -76,6 +76,7 @@ MARKERS: dict[str, tuple[float | None, str, str]] = {
     "diverged": (1e2, "x", "#b00020"),
     "cannot assemble": (1e3, "^", "#5b6470"),
 }
+# relative error drawn for an error of zero: below the spacing of floating-point numbers
 FLOOR = 1e-17
 
 

@@ -17,6 +17,7 @@ from mechsim.subjects.toml_keys import MOTOR_PARAMETERS, Number
 from mechsim.subjects.toml_values import KeyPath, Values, shown, suggestion
 from mechsim.units import Unit
 
+# default gravity in [m/s2]: MuJoCo's default value, along -Y
 GRAVITY = (0.0, -9.81, 0.0)
 # unit of the coordinate -> unit of viscous friction, Coulomb friction and stiffness
 _VISCOUS: dict[str, Unit] = {"m": "N s/m", "rad": "N m s/rad"}

@@ -64,6 +64,7 @@ def _labelled(label: str, text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH_OF_MESSAGE, initial_indent=first, subsequent_indent=" " * 8)
 
 
+# size of a plot in pixels of the page
 WIDTH, HEIGHT = 640, 200
 # largest number of characters of a file name
 MAX_LENGTH = 80

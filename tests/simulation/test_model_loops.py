@@ -212,7 +212,7 @@ def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
     loops = loops_of(catalog.make("four_bar", crank=0.06, ground=0.1, coupler=0.05, rocker=0.05).mechanism)
     states = np.repeat(loops.model.qpos0[None], 2, 0)
     states[1, loops.crank_address] = np.pi
-    with pytest.raises(AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a gap of"):
+    with pytest.raises(AssemblyError, match=r"do not close at crank angle 3\.14159 rad: a closure error of"):
         loop_jacobian.close(loops, states)
 
 

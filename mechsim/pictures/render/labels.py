@@ -147,6 +147,7 @@ Picture = NDArray[np.uint8]
 
 Ink = tuple[int, int, int]
 INK: Ink = (28, 32, 40)
+# colour of the outline of letters, 0 to 255, and its width in pixels
 HALO = (250, 250, 252)
 HALO_WIDTH = 2
 # height of a line of a legend, in heights of its letters

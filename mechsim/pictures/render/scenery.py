@@ -166,6 +166,7 @@ GEOMS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "box": mujoco.mjtGeom.mjGEOM_BOX,
 }
+# colours of the background and of the lines of its grid, 0 to 1
 PAPER = (0.955, 0.96, 0.97)
 GRID_LINE = (0.76, 0.79, 0.83)
 MATTE = "matte"
@@ -308,6 +309,7 @@ def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
 
 
 CAMERA = "view"
+# default size of a picture in pixels
 RESOLUTION = (960, 720)
 # sites stand for points and ends of joints; MuJoCo draws groups 0 to 2 by default
 SITE_GROUP = 3

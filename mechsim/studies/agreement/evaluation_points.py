@@ -103,6 +103,7 @@ def sized(
     )
 
 
+# default number of instants of a comparison: every five degrees of a revolution, both ends included
 INSTANTS = 73
 
 

@@ -24,6 +24,7 @@ from mechsim.studies.scene.scene import UserScene
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
 INTEGRATORS = ("EULER", "IMPLICITFAST", "IMPLICIT", "RK4")
 SOLVERS = ("NEWTON", "CG", "PGS")
+# default number of rounds of timing, each of which runs every scene once
 TIMING_ROUNDS = 11
 
 

@@ -18,6 +18,7 @@ from mechsim.studies.sensitivity.monte_carlo import (
 from mechsim.studies.sensitivity.sensitivity import Sensitivity
 from mechsim.studies.sensitivity.tolerances import CLEARANCE, Tolerances, parsed_tolerances
 
+# default number of random samples: the standard deviation is known to 0.2 %; and their seed
 SAMPLES, SEED = 100_000, 1
 
 

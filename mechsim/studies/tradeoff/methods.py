@@ -219,6 +219,7 @@ def possible_cuts(mechanism: Mechanism) -> list[tuple[str, ...]]:
     return cuts
 
 
+# records of a compared run per revolution: every five degrees
 MAX_SAMPLES_PER_TURN = 72
 # inertia of a crank without virtual drive inertia in [kg m2], negligible next to the links
 NO_DRIVE_INERTIA = 1e-12

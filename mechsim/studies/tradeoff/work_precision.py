@@ -17,6 +17,7 @@ from mechsim.simulation import Settings
 from mechsim.studies.tradeoff.methods import DEFAULTS, Build, SteppingMethod
 from mechsim.studies.tradeoff.subject import COMPARED, Subject
 
+# errors in strokes for which the fastest settings are listed
 BOUNDS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # errors, in strokes, between which the order of convergence is measured
 MIN_ERROR, MAX_ERROR = 1e-12, 0.1
