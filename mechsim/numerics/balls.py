@@ -159,7 +159,8 @@ class Ball:
         apart = nearest > 0.0
         safe = np.where(apart, nearest, 1.0)
         mid = 1.0 / np.where(apart, self.mid, 1.0)
-        spread = self.rad / (safe * np.where(apart, magnitude, 1.0)) + ROUNDOFF * np.abs(mid)
+        # one division after another: the product may overflow
+        spread = self.rad / safe / np.where(apart, magnitude, 1.0) + ROUNDOFF * np.abs(mid)
         return Ball(mid, np.where(apart, spread * OUTWARD + UNDERFLOW, np.inf))
 
     def sqrt(self) -> "Ball":

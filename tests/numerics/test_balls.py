@@ -62,6 +62,15 @@ def test_reciprocals_and_roots_contain_the_exact_results_and_a_ball_with_zero_ha
             assert all(contains(root, mpmath.sqrt(x)) for x in ends)
 
 
+@pytest.mark.parametrize("size", [1e-150, 1e160, 1e300])
+def test_reciprocals_and_roots_of_numbers_whose_squares_overflow_keep_their_radius(size):
+    value = Ball(np.array(size), np.array(0.1 * size))
+    with mpmath.workdps(DIGITS):
+        for end, _ in corners(value, ball(0.0)):
+            assert contains(value.reciprocal(), 1 / end)
+            assert contains(value.sqrt(), mpmath.sqrt(end))
+
+
 @given(st.floats(-1e5, 1e5), st.floats(0.0, 4.0), st.floats(-1.0, 1.0))
 def test_sine_and_cosine_contain_the_exact_values_of_all_angles_of_a_ball(angle, radius, fraction):
     sine, cosine = Ball(np.array(angle), np.array(radius)).sin_cos()
