@@ -82,8 +82,9 @@ class Certificate:
             return f"not certified from {low:.4g} to {high:.4g} {self.unit}: {self.reason}"
         return (
             f"certified from {low:.4g} to {high:.4g} {self.unit}: at each driver position exactly one "
-            f"configuration within {self.tube:.2g} of the computed one, and no singularity (smallest "
-            f"singular value at least {self.min_singular_value:.2g}, {self.segments} segments)"
+            f"configuration in a tube of half-width {self.tube:.2g} about the computed motion, and no "
+            f"singularity (smallest singular value at least {self.min_singular_value:.2g}, "
+            f"{self.segments} segments)"
         )
 
 
