@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # largest step of a driver on the path from the reference, in [rad] or characteristic lengths
 DRIVER_STEP = 0.1
+# largest distance of a driver from the reference in the same units: 16 turns, a thousand steps
+FARTHEST = 100.0
 # largest component of a Newton step, in [rad] or [m]
 MAX_STEP = 0.5
 # Newton's steps at the end of the path
@@ -93,6 +95,11 @@ class StraightPath:
         """
         displacements = targets - self.reference[self.addresses]
         scaled = np.abs(displacements / self.loops.units[self.drivers]).max(1, initial=0.0)
+        if not scaled.max(initial=0.0) < FARTHEST:
+            raise InputError(
+                f"a driver is {scaled.max():.3g} rad or characteristic lengths from the reference; give "
+                f"positions within {FARTHEST:g}"
+            )
         counts = np.maximum(1, np.ceil(scaled / DRIVER_STEP)).astype(np.int64)
         qpos, lost = np.repeat(self.reference[None], len(targets), 0), np.zeros(len(targets), dtype=np.bool_)
         before = self.loops.linearise(self.reference[None])[1]
@@ -301,13 +308,18 @@ def outside_limits(model: mujoco.MjModel, qpos: Array) -> NDArray[np.bool_]:
 
 
 def driver_ranges(path: StraightPath) -> tuple[Array, Array]:
-    """Return the limits of the drivers, (k,) each; by default a turn or a characteristic length around."""
+    """Return the limits of the drivers, (k,) each; by default a turn or a characteristic length around.
+
+    Both are at most FARTHEST from the reference.
+    """
     model, dofs = path.loops.model, path.drivers
     joints, start = model.dof_jntid[dofs], path.reference[path.addresses]
     reach = np.where(model.jnt_type[joints] == HINGE, np.pi, path.loops.characteristic_length)
     limited = np.isin(joints, limited_joints(model))
     low, high = model.jnt_range[joints].T
-    return np.where(limited, low, start - reach), np.where(limited, high, start + reach)
+    reach = np.where(limited, 0.5 * FARTHEST * path.loops.units[dofs], reach)
+    low, high = np.where(limited, low, -np.inf), np.where(limited, high, np.inf)
+    return np.maximum(low, start - reach), np.minimum(high, start + reach)
 
 
 def scalar_dof(model: mujoco.MjModel, name: str) -> int:

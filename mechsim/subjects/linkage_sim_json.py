@@ -82,14 +82,14 @@ def _joint(
         body, label = str(entry.get(f"body_{side}")), str(entry.get(f"point_{side}"))
         if label not in points.get(body, ()):
             raise InputError(f"joint {key!r} is at point {label!r} of body {body!r}, which is not listed")
-        centre = in_plane(points[body][label])
+        position = in_plane(points[body][label])
         cos, sin = float(np.cos(rotation)), float(np.sin(rotation))
         along = in_plane((cos * axis[0] - sin * axis[1], sin * axis[0] + cos * axis[1]))
         normal = (0.0, 0.0, 1.0)
         if kind == "prismatic":
-            ends.append(End(body, centre, along, normal))
+            ends.append(End(body, position, along, normal))
         else:
-            ends.append(End(body, centre, normal, in_plane((cos, sin)) if kind == "fixed" else None))
+            ends.append(End(body, position, normal, in_plane((cos, sin)) if kind == "fixed" else None))
     return Joint(key, kind, ends[0], ends[1])  # type: ignore[arg-type]
 
 

@@ -154,6 +154,10 @@ def test_a_loop_that_cannot_be_read_ends_in_one_sentence(written, part, message)
         ("closed_loop: [[rod_end]]", "needs two frames a loop"),
         ("closed_loop: [[rod_end, foot]]", "names link 'foot'"),
         ("closed_loop: [[rod_end, follower_end]]\ntype: [2d]", "it can be 3d or 6d"),
+        ("closed_loop: [[rod_end, follower_end]]\ntype: 3", "type is 3; write a list"),
+        ("closed_loop: [[rod_end, follower_end]]\nname_mot: 3", "name_mot is 3; write a list"),
+        ("closed_loop: [[rod_end, follower_end]]\njoint_name: 3", "joint_name is 3; write a list"),
+        ("[" * 5000, "is no YAML"),
     ],
 )
 def test_a_wrong_sidecar_file_ends_in_one_sentence(written, text, message):
@@ -236,3 +240,9 @@ def test_a_sidecar_file_of_scikit_robot_closes_a_loop_where_it_stands_at_zero(wr
 def test_a_wrong_sidecar_file_of_scikit_robot_ends_in_one_sentence(written, text, message):
     with pytest.raises(ms.InputError, match=message):
         ms.load(written(robot()), loops=written(text, "loop_closures.yaml"), still=True)
+
+
+def test_a_name_that_two_joints_share_ends_in_one_sentence(written):
+    path = written(robot(DIALECTS["URDF+"]).replace('name="knee"', 'name="motor"'))
+    with pytest.raises(ms.InputError, match="repeated name 'motor'"):
+        ms.check(path)

@@ -129,6 +129,8 @@ def _spec_of_file(path: str) -> mujoco.MjSpec:
     try:
         with warnings.catch_warnings(action="ignore"):
             return urdf_specification(path) or mujoco.MjSpec.from_file(path)
+    except InputError:
+        raise
     except (ValueError, UnicodeError) as error:
         raise readable_error(path, error) from None
 

@@ -24,6 +24,7 @@ from mechsim.simulation.mjcf_reader.coordinates import (
     tracked,
 )
 from mechsim.simulation.mjcf_reader.equality_constraints import equalities
+from mechsim.simulation.mjcf_reader.file_errors import readable_error
 from mechsim.simulation.mjcf_reader.fixed_bodies import (
     fix_bodies,
     free_bodies,
@@ -293,7 +294,10 @@ def _compiled(
         spec, with_meshes = parse_without_meshes(source)
     else:
         spec, _, remarks = parse_file(source)
-    name_elements(spec)
+    try:
+        name_elements(spec)
+    except ValueError as error:  # of URDF, MuJoCo reports a repeated name no earlier
+        raise readable_error(path, error) from None
     model, _ = compile_repaired(path, spec)
     remarks += ignored_ranges(spec)
     start = model.key_qpos[0].copy() if lint and model.nkey else initial_qpos(path, model, key)

@@ -283,7 +283,7 @@ class JointChanges:
                 raise tree.error(
                     f"the sidecar file has joint {name!r}{did_you_mean(name, names)}; name a joint"
                 )
-        for name in self.motors:
+        for name in dict.fromkeys(self.motors):
             spec.add_actuator(name=f"{name}_motor", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
         for name, kind in self.kinds.items():
             joint = spec.joint(name)
@@ -312,7 +312,7 @@ def _sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges
             content: Any = yaml.safe_load(file)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}; name a file with loop closures") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         line = getattr(getattr(error, "problem_mark", None), "line", None)
         where = "" if line is None else f", line {line + 1}"
         raise InputError(f"{path}{where} is no YAML; write closed_loop: [[FRAME, FRAME]]") from None
@@ -344,14 +344,14 @@ def _scikit_robot(
         ]
         # both frames are parallel to the root frame at zero
         closures.append(LoopClosure(name, "hinge", sides[0], sides[1], axis / length))
-    motors = tuple(str(name) for name in content.get("independent") or [])
+    motors = tuple(map(str, _list_of(content, "independent", path)))
     return closures, JointChanges(motors=motors)
 
 
 def _gepetto(tree: UrdfTree, path: str, content: Mapping[str, Any]) -> tuple[list[LoopClosure], JointChanges]:
     """Read pairs of frames in `closed_loop`, with a `type` each of 3d or 6d."""
     pairs: list[Any] = content["closed_loop"]
-    types = content.get("type") or ["6d"] * len(pairs)
+    types = _list_of(content, "type", path) or ["6d"] * len(pairs)
     if len(types) != len(pairs) or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
         raise InputError(
             f"{path}: closed_loop needs two frames a loop, and type one entry a loop; correct them"
@@ -363,13 +363,21 @@ def _gepetto(tree: UrdfTree, path: str, content: Mapping[str, Any]) -> tuple[lis
             raise InputError(f"{path}: type of loop {number} is {kind!r}; it can be 3d or 6d")
         a, b = (_named_frame(tree, str(frame), name) for frame in pair)
         closures.append(LoopClosure(name, KINDS[str(kind).lower()], a, b))
-    names, kinds = content.get("joint_name") or [], content.get("joint_type") or []
+    names, kinds = (_list_of(content, key, path) for key in ("joint_name", "joint_type"))
     if len(names) != len(kinds):
         raise InputError(
             f"{path}: joint_name has {len(names)} entries, joint_type {len(kinds)}; give as many"
         )
-    motors = tuple(str(name) for name in content.get("name_mot") or [])
-    return closures, JointChanges(dict(zip(names, kinds, strict=True)), motors)
+    motors = tuple(map(str, _list_of(content, "name_mot", path)))
+    return closures, JointChanges(dict(zip(map(str, names), map(str, kinds), strict=True)), motors)
+
+
+def _list_of(content: Mapping[str, Any], key: str, path: str) -> list[Any]:
+    """Return a list of a sidecar file; empty where it has none."""
+    value = content.get(key) or []
+    if not isinstance(value, list):
+        raise InputError(f"{path}: {key} is {value!r}; write a list, as {key}: [NAME]")
+    return value
 
 
 # first list of a sidecar file -> its reader
