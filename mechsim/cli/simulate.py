@@ -29,6 +29,7 @@ from mechsim.cli.progress import progress
 from mechsim.cli.schema import RunJson
 from mechsim.cli.verdict_text import (
     findings_in_json,
+    headline,
     motion_law_of_crank,
     print_finding_lines,
 )
@@ -170,13 +171,15 @@ def simulate(
         if run.outcome == "diverged":
             print_text(f"diverged: {run.motion.broken}")
         else:
+            method = "solved poses" if run.method == "pose" else "stepped"
+            typer.echo(headline(f"{solver.name}  MuJoCo, {method}", run.outcome == "passed"))
             print_text(
-                f"{run.outcome}: points within {number(run.estimate, 3)} m of the solved poses "
+                f"  points within {number(run.estimate, 3)} m of the solved poses "
                 f"(tolerance {number(run.tolerance, 3)} m)"
             )
         print_text(run.note)
         unit = "solved poses" if run.method == "pose" else "time steps"
-        typer.echo(f"{run.steps} {unit} in {number(run.seconds)} s")
+        typer.echo(f"  {run.steps} {unit} in {number(run.seconds)} s")
         _print_written(output, len(run.motion))
 
     data = run.summary() | {"mechanism": solver.name, "output": output, "rows": len(run.motion)}
