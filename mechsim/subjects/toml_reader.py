@@ -91,8 +91,8 @@ def toml_model(
     document = {name: entry for name, entry in source.document.items() if name not in ("parameters", "units")}
     units_of = parameter_units(source.document) if changed else {}
     parameters = source.document.get("parameters", {})
-    values = values_of(source).with_parameters(parameters, changed or {}, units_of)
     require_dimensions(source, {**parameters, **(changed or {})})
+    values = values_of(source).with_parameters(parameters, changed or {}, units_of)
     read = values.checked(ROOT, document, ())
     coordinates = coordinates_of(values, read["joints"])
     with source.error_context(()):
@@ -117,10 +117,12 @@ def toml_model(
             up=_up(read),
         )
     require_pitch_points(source, mechanism, read)
+    formula = read.get("formula", {}).get("python", "")
     solver = LoopForm(
         mechanism,
         parameters=values.parameters,
-        formula=_formula(source.path, read),
+        # FILE.py:FUNCTION with the folder of the mechanism
+        formula=os.path.join(os.path.dirname(source.path), formula) if formula else "",
         forces=forces_of(values, mechanism, read),
         initial=initial_of(coordinates, read),
         written=WrittenUnits(values.length, values.angle),
@@ -137,12 +139,6 @@ def _up(read: Mapping[str, Any]) -> Up | None:
     if stated or "forces" not in read:
         return stated
     return against(read["forces"].get("gravity", GRAVITY))
-
-
-def _formula(path: str, read: Mapping[str, Any]) -> str:
-    """Return FILE.py:FUNCTION of the formula with the folder of the mechanism; empty if there is none."""
-    reference = read.get("formula", {}).get("python", "")
-    return os.path.join(os.path.dirname(path), reference) if reference else ""
 
 
 def values_of(source: TomlSource) -> Values:
