@@ -144,6 +144,14 @@ def test_outside_the_range_nothing_is_solved(compiled):
             compiled("rssr").solve_drivers([[bad]])
 
 
+def test_a_link_that_would_spin_within_a_step_is_followed_in_shorter_ones(compiled):
+    # both cranks end nearly in one point, about which the other links turn
+    ends = np.array([[2.452152, 0.477330], [1.564885, 1.936591]])
+    solver = compiled("five_bar")
+    long, short = (solver.solve_drivers(path).motion[-1, 0] for path in (ends, np.linspace(*ends, 300)))
+    assert np.abs(long - short).max() < 1e-9
+
+
 def test_beyond_the_workspace_of_several_drivers_a_status_reports_so(compiled):
     solver = compiled("stewart_gough")
     start = solver.code.assembly.start.values[solver.code.assembly.driven, 0]
