@@ -1,4 +1,4 @@
-"""Numbers as plots, pictures and pages write them."""
+"""Number formats of plots, pictures and pages."""
 
 import math
 
@@ -15,7 +15,7 @@ def power_of_ten(exponent: int) -> str:
 
 
 def number(value: float | None) -> str:
-    """Return a number with three or four digits, whole numbers whole, far from 1 with a power of ten."""
+    """Return a number with three or four digits, very large or small ones with a power of ten."""
     if value is None or not math.isfinite(value):
         return "not a number"
     if value == 0 or (float(value).is_integer() and abs(value) < 1e6):
@@ -27,12 +27,12 @@ def number(value: float | None) -> str:
 
 
 def prefixed(value: float, unit: str) -> str:
-    """Return a quantity with three digits and the prefix that leaves it between 1 and 1000."""
+    """Return a quantity with three digits and the prefix for which it lies between 1 and 1000."""
     if not value:
         return f"0 {unit}"
     if not math.isfinite(value):
         return f"{value} {unit}"
-    # rounded first, so that 0.9999 m is 1 m and not 1000 mm
+    # rounded first, so that 0.9999 m becomes 1 m, not 1000 mm
     value = float(f"{value:.3g}")
     power = 3 * math.floor(math.log10(abs(value)) / 3.0 + 1e-9)
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
@@ -40,7 +40,7 @@ def prefixed(value: float, unit: str) -> str:
 
 
 def readable(values: ArrayLike, unit: str) -> tuple[float, str]:
-    """Return a factor and the unit it gives, such that the numbers of an axis are neither long nor tiny."""
+    """Return a factor and the resulting unit, for which the numbers of an axis are short."""
     largest = float(np.nanmax(np.abs(np.asarray(values)), initial=0.0))
     for power in (0, -3, -6):
         if largest >= 0.5 * 10.0**power or largest == 0.0:

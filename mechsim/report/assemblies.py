@@ -14,26 +14,26 @@ from mechsim.pictures.plots import AssemblyTable
 from mechsim.theory.continuation.assembly_curve import joint_columns
 from mechsim.theory.continuation.mechanism_trace import AssemblyTrace
 
-# intervals of a curve that a table and a plot have
+# number of intervals of a curve in tables and plots
 SAMPLES = 360
-# a coordinate that moves less, in radians or metres, is not worth an axis
+# motion of a coordinate, in radians or metres, below which it gets no axis
 STILL = 1e-9
 
 
 def curve_tables(trace: AssemblyTrace, samples: int = SAMPLES) -> list[dict[str, Array]]:
-    """Return the columns of each curve at so many even steps of arc, both ends included."""
+    """Return the columns of each curve at evenly spaced arc lengths, both ends included."""
     return [dict(curve.samples(samples + 1).columns()) for curve in trace.curves]
 
 
 def joined(tables: Sequence[dict[str, Array]]) -> dict[str, Array]:
-    """Return the tables of all curves under one another, counted from 1 in a column `component`."""
+    """Return the tables of all curves one after another, numbered from 1 in a column `component`."""
     counted = [np.full(len(table["arc"]), i + 1.0) for i, table in enumerate(tables)]
     columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     return {"component": np.concatenate(counted), **columns}
 
 
 def assembly_table(trace: AssemblyTrace, tables: Sequence[dict[str, Array]]) -> AssemblyTable:
-    """Return what a plot of the assemblies is drawn from."""
+    """Return the data of a plot of the assemblies."""
     first = trace.curves[0]
     units = dict.fromkeys(tables[0], "m") | {"arc": "", "angle": "rad"}
     units |= {column.name: column.unit for column in first.joints.columns}
@@ -50,7 +50,7 @@ def assembly_table(trace: AssemblyTrace, tables: Sequence[dict[str, Array]]) -> 
 
 
 def requested_columns(mechanism: Mechanism, requested: Sequence[str]) -> list[str]:
-    """Return the columns to plot over that are meant; a joint's name stands for its coordinate.
+    """Return the requested columns of a plot; a joint's name selects its coordinate.
 
     Raises:
         InputError: for a name that is no column, with the nearest that is, or not two or three of them.

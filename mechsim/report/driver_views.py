@@ -45,7 +45,7 @@ SHOWN, MIDDLES = slice(None, None, 2), slice(1, None, 12)
 
 
 def release_view(release: Release, mode: int | None) -> View:
-    """Return what a page shows of a run from an initial state, or of a mode of vibration.
+    """Return the contents of a page for a run from an initial state, or for a mode of vibration.
 
     Args:
         release: the initial state.
@@ -68,7 +68,7 @@ def release_view(release: Release, mode: int | None) -> View:
 
 
 def _grid(release: Release, motion: Motion, name: str) -> PoseGrid:
-    """Return every second instant over time, and the error between them at some of the others."""
+    """Return every second instant over time, and the interpolation error at some of the others."""
     assert motion.time is not None
     shown, others = select_instants(motion, SHOWN), select_instants(motion, MIDDLES)
     grid = motion_grid(
@@ -92,7 +92,7 @@ def platform_of(mechanism: Mechanism, limits: Mapping[str, tuple[float, float]])
 
     Args:
         mechanism: with several drivers and no couplings or locked joints, else it has none.
-        limits: driver -> lowest and highest value in SI, where a file states them.
+        limits: driver -> lowest and highest value in SI, if a file states them.
     """
     drivers = mechanism.drivers
     simple = not (mechanism.laws or mechanism.locked) and all(
@@ -150,7 +150,7 @@ def _free_motions(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Array:
 def _controlled(
     mechanism: Mechanism, link: str, pose: Pose, point: Vector, motions: Array
 ) -> tuple[str, ...]:
-    """Return the independent pose coordinates of a link; none where its tilt is too large for angles."""
+    """Return the independent pose coordinates of a link; none if its tilt is too large for angles."""
     if abs(np.arcsin(np.clip(pose.rotation[0, 2], -1.0, 1.0))) > LARGEST_TILT:
         return ()
     slot = 6 * [other.name for other in mechanism.links].index(link)
@@ -166,11 +166,11 @@ def _controlled(
 
 # intervals of the time of motion laws
 SAMPLES = 360
-# nodes of each driver, by how many there are; more drivers are moved one at a time
+# number of nodes of each driver, by the number of drivers; more drivers are moved one at a time
 NODES: Mapping[int, int] = {1: 121, 2: 25, 3: 7}
 ALONE = 61
-# how far a driver may be moved by hand either way, where no file says: in [rad], and as a part of the size;
-# with three the whole box is to be far from singular, or following to its edges takes minutes
+# range of a driver moved by hand to either side without limits of a file: in [rad], and relative to the size;
+# with three drivers the whole box must be far from singular poses, or following to its edges takes minutes
 MANUAL_RANGE = {"rad": (np.deg2rad(45.0), np.deg2rad(20.0)), "m": (0.25, 0.1)}
 # settings between nodes at which the error is measured: of the last driver, and of the others
 PROBED = 6
@@ -178,7 +178,7 @@ PROBED = 6
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Where drivers stand at first, and how far each may go.
+    """Initial values of drivers, and their ranges.
 
     Attributes:
         start: driver -> value in SI.
@@ -222,12 +222,12 @@ def hand_grids(solver: LoopForm, box: Box) -> list[PoseGrid]:
 
 
 def box_of(solver: LoopForm, limits: Mapping[str, tuple[float, float]], start: Mapping[str, float]) -> Box:
-    """Return how far the drivers of a mechanism may be moved by hand.
+    """Return the ranges of the drivers of a mechanism when moved by hand.
 
     Args:
-        solver: whose drivers.
-        limits: joint -> its range, where a file states it.
-        start: driver -> where it stands, where nothing is programmed.
+        solver: the mechanism's solver.
+        limits: joint -> its range, if a file states it.
+        start: driver -> initial value, for drivers without a motion law.
     """
     begin, low, high = dict(start), dict[str, float](), dict[str, float]()
     spans: dict[str, tuple[float, float]] = {}
@@ -304,7 +304,7 @@ def _error(mechanism: Mechanism, grid: PoseGrid, box: Box) -> float:
 def _row(
     mechanism: Mechanism, values: Mapping[str, float], moved: str, nodes: Array
 ) -> tuple[NDArray[np.bool_], Motion | None]:
-    """Return which nodes of a driver can be reached, the others standing still, and the motion there."""
+    """Return the nodes of a driver that can be reached with the others at rest, and the motion there."""
     states = {driver: steady(values[driver], 1.0 if driver == moved else 0.0) for driver in mechanism.drivers}
     parameter = nodes - values[moved]
     try:
@@ -321,7 +321,7 @@ def _row(
 
 
 def _reached(path: LoopPath, direction: int, end: float) -> float:
-    """Return how far a path can be followed towards an end, as a path parameter."""
+    """Return the path parameter up to which a path can be followed towards an end."""
     with suppress(AssemblyError):
         path.extend(end)
         return end

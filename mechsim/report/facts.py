@@ -1,4 +1,4 @@
-"""What `mechsim show` and the report say about a mechanism."""
+"""Properties of a mechanism for `mechsim show` and the report."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 
 def facts(solver: KinematicSolver, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
-    """Return all that is known of a mechanism without simulating it, as plain data.
+    """Return all properties of a mechanism that need no simulation, as plain data.
 
     Of one that no crank alone settles, what does not ask for a crank.
 
     Args:
         solver: the mechanism.
-        angle: crank angle at which assemblies are listed, in [rad]; None takes where assembly starts.
-        driver: link that drives, for the Assur groups; None takes the crank.
+        angle: crank angle at which assemblies are listed, in [rad]; None takes the start of the assembly.
+        driver: driving link of the Assur groups; None takes the crank.
     """
     from mechsim.theory.structure.assur import assur_groups
     from mechsim.theory.structure.mobility_count import mobility
@@ -57,7 +57,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
         try:
             apart = assur_groups(mechanism, driver)
             groups, explained = apart.as_dicts(), apart.lines()
-        except MechsimError as error:  # holds, and links that repeat others, leave no groups
+        except MechsimError as error:  # locked joints and redundant links leave no groups
             if driver is not None:
                 raise
             explained = [f"no Assur groups: {error}"]
@@ -79,7 +79,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
 
 
 def _described(solver: KinematicSolver) -> dict[str, Any]:
-    """Return what a mechanism is made of."""
+    """Return the components of a mechanism."""
     mechanism = solver.mechanism
     return {
         "name": solver.name,
@@ -105,7 +105,7 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
 
 
 def about(solver: KinematicSolver) -> str:
-    """Return the sentence of the catalogue or the gallery on a mechanism; empty for any other."""
+    """Return the description of a catalogue or gallery mechanism; empty for others."""
     if isinstance(solver, ClosedForm):
         return (type(solver).__doc__ or "").splitlines()[0]
     path = None if isinstance(solver, MjcfForm) else gallery.files().get(solver.name)
@@ -113,11 +113,11 @@ def about(solver: KinematicSolver) -> str:
 
 
 def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
-    """Return what kind of mechanism it is: planar or spatial, links, degrees of freedom, range of the crank.
+    """Return the type of a mechanism: planar or spatial, links, degrees of freedom, range of the crank.
 
     Args:
         solver: the mechanism.
-        dofs: its degrees of freedom, where they are known to be others than its drivers.
+        dofs: its degrees of freedom, if they differ from the number of drivers.
     """
     mechanism = solver.mechanism
     drivers = len(mechanism.drivers)
@@ -134,7 +134,7 @@ def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
 
 
 def _mobility(solver: LoopForm) -> dict[str, Any]:
-    """Return what the drivers of a mechanism settle, and how they go; in words too."""
+    """Return the mobility of a mechanism and the motion of its drivers, also as text."""
     mechanism = solver.mechanism
     determinacy = driver_determinacy(mechanism)
     lines = [
@@ -196,7 +196,7 @@ def _parameters(solver: KinematicSolver) -> dict[str, dict[str, Any]]:
 
 
 def assemblies(solver: KinematicSolver, angle: float) -> list[dict[str, Any]]:
-    """Return every real assembly at a crank angle: what selects it, and its points in [m]."""
+    """Return every real assembly at a crank angle: the parameters that select it, and its points in [m]."""
     return [
         {**chosen, "points": {name: position.tolist() for name, position in points.items()}}
         for chosen, points in solver.assembly_points(angle)
@@ -276,7 +276,7 @@ def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None 
 def _coupling_facts(
     study: "InverseDynamics", peak: Callable[[Array], dict[str, float]]
 ) -> dict[str, dict[str, Any]]:
-    """Return each coupling's effort on its driven coordinate, and what carries it."""
+    """Return each coupling's force on its driven coordinate, and its reactions."""
     result, mechanism = study.forces, study.model.mechanism
     threads, facts = threads_of(mechanism), dict[str, dict[str, Any]]()
     for name, law in mechanism.named_laws.items():
@@ -299,21 +299,21 @@ def _norm(vector: Array) -> Array:
 
 
 def _mean(values: Array, angle: Array) -> float:
-    """Return the mean over the crank angle; over the instants where the crank swings or stands."""
+    """Return the mean over the crank angle; over the instants if the crank swings or is at rest."""
     if len(angle) < 2 or not (np.diff(angle) * np.sign(angle[-1] - angle[0]) > 0.0).all():
         return float(values.mean())
     return float(np.trapezoid(values, angle) / (angle[-1] - angle[0]))
 
 
 def _peak(values: Array, angle: Array, time: Array | None) -> dict[str, float]:
-    """Return the largest value and the crank angle at which it is, or under motion laws the time."""
+    """Return the largest value and its crank angle, or under motion laws its time."""
     index = int(np.argmax(np.abs(values)))
     where = ("at_angle", angle) if time is None else ("at_time", time)
     return {"largest": float(values[index]), where[0]: float(where[1][index])}
 
 
 def turn_facts(fluctuation: Fluctuation | None) -> dict[str, float] | None:
-    """Return the speed fluctuation of a turn."""
+    """Return the speed fluctuation of a revolution."""
     if fluctuation is None:
         return None
     names = ("mean", "coefficient", "torque", "excess", "flywheel")
@@ -321,7 +321,7 @@ def turn_facts(fluctuation: Fluctuation | None) -> dict[str, float] | None:
 
 
 def run_facts(run: FreeRun) -> dict[str, Any]:
-    """Return how a free run ended."""
+    """Return the end of a free run."""
     return {
         "outcome": run.outcome,
         "reason": run.reason,

@@ -29,19 +29,19 @@ from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.toml_reader import TomlModel, values_of
 from mechsim.subjects.toml_writer import to_toml
 
-# range of a slider: of a length or a plain number as parts of its value; of an angle about its value, in
-# [rad]; of a length of zero as a quantity of the mechanism's size
+# range of a slider: of a length or a number relative to its value; of an angle about its value, in
+# [rad]; of a zero length relative to the mechanism's size
 LOW, HIGH, ANGLE, AROUND_ZERO = 0.5, 1.5, np.deg2rad(45.0), 0.25
 
 
 def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed: float) -> LivePage:
-    """Return a mechanism as a page solves it.
+    """Return the data with which a page solves a mechanism.
 
     Args:
-        model: opened, as `open_model` gives it.
+        model: the opened model, from `open_model`.
         solver: its mechanism.
         designs: its dimensions.
-        speed: of a single driven angle in [rad/s], for speeds and torque.
+        speed: rate of a single driven angle in [rad/s], for speeds and torque.
 
     Raises:
         AssemblyError: where the loops do not close at the start.
@@ -123,7 +123,7 @@ def _matching(
 def _numbers(
     geometry: ParametricGeometry, solved: SolvedAssembly, designs: DesignFamily
 ) -> tuple[VaryingNumbers, Array, list[str]]:
-    """Return which numbers vary, their values, and JavaScript that fills them in from the dimensions."""
+    """Return the variable numbers, their values, and JavaScript that computes them from the dimensions."""
     sides: dict[tuple[str, str], tuple[int | None, int | None]] = {}
     points: dict[str, int] = {}
     values: list[float] = []
@@ -162,7 +162,7 @@ def _numbers(
 
 
 def _drivers(solved: SolvedAssembly, solver: KinematicSolver, full: bool) -> Iterator[dict[str, Any]]:
-    """Yield name, unit, start and range of each driver; whether a turn of it is a ring."""
+    """Yield name, unit, start and range of each driver, and whether its range is a closed ring."""
     mechanism = solver.mechanism
     limits = solver.source.limits if isinstance(solver, MjcfForm) and solver.source else {}
     for name, index in zip(solved.drivers, solved.driven, strict=True):
@@ -209,7 +209,7 @@ def _joint(joint: Joint, varying: VaryingNumbers) -> dict[str, Any]:
 
 
 def _rods(solved: SolvedAssembly) -> Iterator[dict[str, Any]]:
-    """Yield the links whose inertia is that of rods between their joints: `model.masses` for the page."""
+    """Yield the links whose inertia is that of rods between their joints, as in `model.masses`."""
     links = [link.name for link in solved.source.mechanism.links]
     for link in solved.source.mechanism.links:
         if link.inertia is None:
@@ -245,7 +245,7 @@ def _transmissions(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
 
 
 def _toml(model: Any, solver: KinematicSolver, geometry: ParametricGeometry) -> dict[str, Any]:
-    """Return a TOML file in pieces: lines as they are, and what the page fills in."""
+    """Return a TOML file in pieces: fixed lines, and values that the page inserts."""
     if isinstance(model, TomlModel) and geometry.statements:
         values, lines = values_of(model.source), Path(model.path).read_text(encoding="utf-8").splitlines()
         pieces: list[Any] = [*lines]

@@ -1,4 +1,4 @@
-"""How results are shown in a notebook: tables, plots, videos, interactive pages."""
+"""Display of results in a notebook: tables, plots, videos, interactive pages."""
 
 import base64
 import tempfile
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from mechsim.verdict.checks import Verdict
 
 PASS_COLOUR, FAIL_COLOUR = "#00694c", "#a8261a"
-# of the crank on a page, in [rad/s]
+# default crank speed of a page, in [rad/s]
 SPEED = 10.0 * REVOLUTION
 
 
 @dataclass(frozen=True, slots=True)
 class Video:
-    """A video that plays where it is the last line of a notebook's cell.
+    """A video that plays as the last line of a notebook's cell.
 
     Attributes:
         data: the mp4 file.
@@ -45,10 +45,10 @@ class Video:
 
 @dataclass(frozen=True, slots=True)
 class FramedPage:
-    """A page to turn a mechanism by hand, where it is the last line of a notebook's cell.
+    """An interactive page, shown as the last line of a notebook's cell.
 
     Attributes:
-        text: of the page, HTML; written to a file it is what `mechsim view` writes.
+        text: the page as HTML; a file with this text equals the output of `mechsim view`.
         height: in pixels.
     """
 
@@ -104,14 +104,14 @@ def view(
     """Return an interactive 3-D page of a model, as `mechsim view` writes it.
 
     Args:
-        model: what `load` takes: a name, a file, a MuJoCo object, a mechanism or a solver.
+        model: any argument of `load`: a name, a file, a MuJoCo object, a mechanism or a solver.
         output: path of the page, .html; None writes none.
-        set: parameter -> its value, as `load` takes it.
+        set: parameter -> its value, as for `load`.
         speed: of the crank, in [rad/s] or as "600rpm".
-        up: axis that points up, as "z" or "-y"; by default against gravity, else y.
+        up: axis that points up, as "z" or "-y"; by default opposite to gravity, else y.
         live: whether the page solves the mechanism, with sliders of its dimensions and points to drag.
         height: of the frame in a notebook, in pixels.
-        options: `drive`, `lock` and what else `load` takes.
+        options: `drive`, `lock` and further arguments of `load`.
 
     Raises:
         InputError: for what does not move, or an unknown model.
@@ -155,11 +155,11 @@ def video(
     """Return a video of a motion, analytic or simulated; whole turns play in a loop without a seam.
 
     Args:
-        mechanism: what moves.
-        motion: how it moves.
+        mechanism: the mechanism.
+        motion: its motion.
         look: what the film shows; None is the usual, with paths that reach back a quarter of a turn.
-        frames_per_turn: frames in a turn of the crank.
-        fps: frames a second.
+        frames_per_turn: frames in a revolution of the crank.
+        fps: frames per second.
         size: (width, height) in pixels.
         exact: the same motion by the closed form, drawn as a ghost.
         options: other fields of `render.Look` in place of the look's, or `forces` and `moments` for its
@@ -177,7 +177,7 @@ def video(
 
 
 def verdict_html(verdict: "Verdict") -> str:
-    """Return a verdict as a table: quantity by quantity, worst error, where, bound and its reason."""
+    """Return a verdict as a table: quantity, largest error, its instant, tolerance and reason."""
     from mechsim.verdict.checks import check_table
 
     head, rows = check_table(verdict.checks)
@@ -187,25 +187,25 @@ def verdict_html(verdict: "Verdict") -> str:
 
 
 class Shown(Protocol):
-    """A run, as far as it is shown."""
+    """The interface of a run for display."""
 
     @property
     def motion(self) -> "Motion":
-        """What moved, and how."""
+        """The motion."""
         ...
 
     @property
     def outcome(self) -> str:
-        """How it ended."""
+        """The outcome."""
         ...
 
     def summary(self) -> dict[str, Any]:
-        """Return what it came to and how it was made."""
+        """Return the result and the settings."""
         ...
 
 
 def run_html(run: Shown) -> str:
-    """Return a run as what it came to, how it was made, and a plot of its motion."""
+    """Return a run as its result, its settings, and a plot of its motion."""
     from mechsim.pictures import plots
 
     summary = run.summary()
@@ -219,7 +219,7 @@ def run_html(run: Shown) -> str:
 
 
 def figure_svg(figure: Any) -> str | None:
-    """Return a figure of matplotlib as SVG; None for one that pyplot looks after and shows itself."""
+    """Return a figure of matplotlib as SVG; None for one that pyplot displays itself."""
     from mechsim.pictures import plots
 
     if figure.canvas.manager is not None:
@@ -228,7 +228,7 @@ def figure_svg(figure: Any) -> str | None:
     return drawing[drawing.index("<svg") :]
 
 
-# (module, class) -> what kind of data shows it, and how that is made
+# (module, class) -> MIME type and function of its display
 SHOWN = {
     ("mechsim.verdict.checks", "Verdict"): ("text/html", verdict_html),
     ("mechsim.simulation.result", "Run"): ("text/html", run_html),
@@ -237,7 +237,7 @@ SHOWN = {
 
 
 def register() -> None:
-    """Register with IPython, where it runs, how results are shown; loads nothing that is not loaded yet."""
+    """Register the displays with IPython, if it runs; imports nothing else."""
     from IPython.core.getipython import get_ipython
 
     shell: Any = get_ipython()

@@ -54,20 +54,20 @@ METHODS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """What the page shows of one mechanism.
+    """The section of one mechanism.
 
     Attributes:
         name: as in the results.
         title: heading.
-        about: one sentence on what it is.
-        cause: the most likely cause of a failure; empty where there is none.
-        facts: what is known without a run: name of the fact -> value, or list of lines.
-        picture: one pose, WebP or PNG; None where it could not be drawn.
+        about: one-sentence description.
+        cause: the most likely cause of a failure; empty without one.
+        facts: name of a property -> value, or list of lines.
+        picture: one pose, WebP or PNG; None if it could not be drawn.
         video: name of a video file in the same folder; empty for none.
         view: name of the interactive 3-D page in the same folder; empty for none.
         plots: (caption, WebP, PNG or SVG bytes).
         checks: of the verdict.
-        settings: how the run was made and what it cost.
+        settings: settings and cost of the run.
     """
 
     name: str
@@ -85,15 +85,15 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class StudySection:
-    """What the page shows of a study.
+    """The section of a study.
 
     Attributes:
         name: anchor on the page.
         title: heading.
-        about: what was done, and by which command.
+        about: description, with the command.
         plots: (caption, SVG bytes).
-        head: of a table.
-        rows: of that table.
+        head: header of a table.
+        rows: rows of that table.
     """
 
     name: str
@@ -118,12 +118,12 @@ def write_report(
     A `validate.json` that an earlier report left there is compared with the new results.
 
     Args:
-        directory: exists, or its parent does.
-        results: as `mechsim validate --json` prints them; extra keys are kept in the JSON.
-        sections: what to show of each mechanism, in this order.
-        command: that makes this report again; None takes that of this process.
-        notes: what could not be done, one sentence each; they are shown at the top.
-        studies: extremes and trades, after the mechanisms.
+        directory: existing directory, or one with an existing parent.
+        results: in the format of `mechsim validate --json`; extra keys stay in the JSON.
+        sections: mechanisms of the page, in order.
+        command: command that makes this report again; None takes that of this process.
+        notes: sentences on failed parts of the report; shown at the top.
+        studies: studies after the mechanisms, as extremes and trade-offs.
 
     Raises:
         OutputError: where a file cannot be written.
@@ -188,7 +188,7 @@ def render(
 
 
 def method_rows(cases: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return one row per method that was used: mechanisms, checks, and the largest error / tolerance."""
+    """Return one row per method: mechanisms, checks, and the largest error / tolerance."""
     rows: list[dict[str, Any]] = []
     used = dict.fromkeys(check.method for case in cases for check in case["checks"])
     for method in sorted(used, key=[*METHODS, *used].index):
@@ -210,7 +210,7 @@ def method_rows(cases: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def changes_since(path: Path, results: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return what changed since an earlier report; None where there is none that can be read.
+    """Return the changes since an earlier report; None without a readable one.
 
     Args:
         path: the earlier `validate.json`.
@@ -252,12 +252,12 @@ def _checks_by_key(results: Mapping[str, Any]) -> list[tuple[tuple[str, str, str
 
 
 def _finite(error: float | None) -> float:
-    """Return an error, infinite where it is no number."""
+    """Return an error, infinite if it is not a number."""
     return math.inf if error is None or math.isnan(error) else float(error)
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of mechsim, Python and the libraries that results depend on."""
+    """Return the versions of mechsim, Python and the libraries that affect results."""
     installed = {"mechsim": __version__, "python": platform.python_version()}
     for library in LIBRARIES:
         with suppress(metadata.PackageNotFoundError):
@@ -266,7 +266,7 @@ def versions() -> dict[str, str]:
 
 
 def computer() -> dict[str, str]:
-    """Return the computer that made the numbers."""
+    """Return a description of the computer."""
     return {
         "system": platform.platform(terse=True),
         "processor": _processor(),
@@ -280,14 +280,14 @@ def degrees(x: Any) -> str:
 
 
 def instant(check: Check) -> str:
-    """Return where the error of a check is worst: a crank angle, or a time under motion laws."""
+    """Return the instant of the largest error of a check: a crank angle, or a time under motion laws."""
     if check.at_unit == "rad":
         return degrees(check.instant)
     return f"row {check.instant:g}" if check.at_unit == "row" else f"{check.instant:.4g} s"
 
 
 def value(x: Any) -> list[str]:
-    """Return a fact or setting as the lines that show it."""
+    """Return a property or setting as lines of text."""
     if isinstance(x, bool):
         return ["yes" if x else "no"]
     if isinstance(x, int | float) or hasattr(x, "item"):
@@ -342,7 +342,7 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _tightest(checks: Sequence[Check]) -> list[tuple[int, Check]]:
-    """Return the check with the largest error / tolerance of each kind, and all that failed, with their rows.
+    """Return the check with the largest error / tolerance of each kind, and all failed ones, with their rows.
 
     Checks that use less than `UNUSED` of their tolerance are left out, unless nothing else is there.
     """
@@ -358,7 +358,7 @@ def _tightest(checks: Sequence[Check]) -> list[tuple[int, Check]]:
 
 
 def _severity(check: Check) -> float:
-    """Return error / tolerance; infinite where the error is no number."""
+    """Return error / tolerance; infinite if the error is not a number."""
     if not np.isfinite(check.worst):
         return math.inf
     return check.fraction_of_tolerance or 0.0
@@ -389,7 +389,7 @@ def _processor() -> str:
 
 
 def studies_in(folder: Path) -> list[StudySection]:
-    """Return the studies that `mechsim extremes --report` and `mechsim tradeoff --plot` left in a folder.
+    """Return the studies of `mechsim extremes --report` and `mechsim tradeoff --plot` in a folder.
 
     Raises:
         OutputError: where a file exists but cannot be read.

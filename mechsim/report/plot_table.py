@@ -1,4 +1,4 @@
-"""Every kind of plot there is: what it draws from, what it shows, whether the page of a validation has it.
+"""Table of all kinds of plots: their data, their options, and whether the page of a validation shows them.
 
 A new plot is a function in `pictures/plots`, or in its study, and a row of `PLOTS` here; `mechsim plot`,
 its help and the page read the table.
@@ -39,17 +39,17 @@ if TYPE_CHECKING:
 
 # intervals of a plotted motion: one a degree of a revolution
 SAMPLES = 360
-# a run whose errors are drawn is recorded in fewer: they are smooth
+# number of samples of a run whose errors are drawn, fewer because errors are smooth
 ERROR_SAMPLES = 180
-# what may be chosen of a plot of motions
+# options of a plot of motions
 OF_MOTIONS = ("points", "method")
-# what a work-precision plot may take to measure, in [s]; `mechsim tradeoff --plot` takes a budget
+# budget of the measurement of a work-precision plot, in [s]; `mechsim tradeoff --plot` has its own
 BUDGET = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlotOptions:
-    """What may be chosen about a plot."""
+    """Options of a plot."""
 
     points: tuple[str, ...] | None = option(None, "Tracked points to draw. Default: all.", read=parse_names)
     method: str = option("closed", "Motion to draw: closed (analytic) or simulated (MuJoCo).", name="--from")
@@ -69,18 +69,18 @@ class PlotOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlotSource:
-    """What a plot is drawn from: a mechanism, and motions of it, made when first asked for.
+    """The source of a plot: a mechanism, and motions of it, computed on first use.
 
     Attributes:
         solver: of the mechanism.
         speed: of the crank in [rad/s].
-        options: what was chosen.
-        motions: method -> a motion that exists already.
-        bounds: method -> tolerance on the positions of its points in [m], where there is one.
+        options: options of the plot.
+        motions: method -> an existing motion.
+        bounds: method -> tolerance on the positions of its points in [m].
         progress: called after each piece of long work.
-        masses: of the links, filled in by what is drawn from them.
-        release: a run from an initial state; None where a motion is prescribed.
-        model: masses and forces of the mechanism, for what is drawn of a prescribed motion.
+        masses: filled in by plots that need them.
+        release: a run from an initial state; None for a prescribed motion.
+        model: masses and forces of the mechanism for a prescribed motion.
     """
 
     solver: KinematicSolver
@@ -102,7 +102,7 @@ class PlotSource:
 
     @property
     def title(self) -> str:
-        """The mechanism, and the speed of its crank or the time that its motion laws take."""
+        """The mechanism, and its crank speed or the duration of its motion laws."""
         laws, name = self.solver.motion_laws, self.solver.name.replace("_", "-")
         if self.release is not None:
             return f"{name}, its drivers free"
@@ -112,11 +112,11 @@ class PlotSource:
 
     @property
     def requested_motion(self) -> Motion:
-        """The motion by the chosen method."""
+        """The motion by the selected method."""
         return self.motion(self.options.method)
 
     def study(self) -> "InverseDynamics":
-        """Return drive torque and reactions under what acts in `mechsim dynamics` without options."""
+        """Return drive torque and reactions under the default forces of `mechsim dynamics`."""
         profile = profile_of(self.solver, self.speed, 1.0)
         time = np.linspace(0.0, profile.duration, SAMPLES + 1)
         analysis = prescribed_along(self.model(self.solver), *profile.state(time), time=time)
@@ -129,13 +129,13 @@ class PlotKind:
     """A row of the table.
 
     Attributes:
-        about: what the plot shows, in a few words; its caption.
-        draw: from a source.
+        about: short description of the plot; its caption.
+        draw: function of a source.
         on_page: whether the page of a validation shows it.
         released: whether it shows a run from an initial state or vibrations: "never", "always" or "either".
         loaded: whether it shows forces in a prescribed motion.
-        closed: whether only a closed form gives it.
-        takes: which of `PlotOptions` say something of it.
+        closed: whether it needs a closed form.
+        takes: names of the `PlotOptions` that apply.
     """
 
     about: str
@@ -154,12 +154,12 @@ class PlotKind:
 
 
 def require_taken(kind: str, takes: Sequence[str], options: PlotOptions) -> None:
-    """Refuse options of other kinds of plots, which would be passed over in silence.
+    """Reject options of other kinds of plots.
 
     Args:
         kind: of plot.
-        takes: which of the options say something of it.
-        options: what was chosen.
+        takes: names of the options that apply.
+        options: options of the plot.
 
     Raises:
         InputError: naming the option, and the plots that take it.

@@ -1,7 +1,7 @@
-"""Plots of motions, efforts and comparisons, as figures of matplotlib that need no screen.
+"""Plots of motions, forces and comparisons, as matplotlib figures that need no screen.
 
-A figure shows itself in a notebook; `write` puts it in a file by its extension, `drawn` gives the bytes of
-one. Axes carry units, colours stay apart for colour-blind eyes.
+A figure displays itself in a notebook; `write` saves it in the format of the extension, `drawn` returns the
+bytes of a file. Axes have units; the colours suit colour-blind readers.
 """
 
 from mechsim.pictures.plots.dynamics import dynamics_sheet, energy_plot, free_plot, reaction_plot, torque_plot

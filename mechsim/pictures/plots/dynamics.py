@@ -1,4 +1,4 @@
-"""Plots of dynamics: torque over the turn, reactions in polar form, energy balance, speed fluctuation."""
+"""Plots of dynamics: torque over a revolution, reactions in polar form, energy balance, speed fluctuation."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Protocol
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RINGS = "#222831"
-# joints side by side, and the part of the largest force below which a component is rounding
+# largest number of joints in a row; relative size of a component below which it is rounding
 ACROSS, ROUNDING = 6, 1e-9
 
 
 class Prescribed(Protocol):
-    """A mechanism under a prescribed crank, solved by a method that gives the parts of its drive torque."""
+    """A mechanism under a prescribed crank, with the components of its drive torque."""
 
     @property
     def forces(self) -> ForceRecord:
@@ -39,7 +39,7 @@ class Prescribed(Protocol):
 
     @property
     def torque_parts(self) -> Mapping[str, Array]:
-        """What the drive torque is made of, (n,) each in [N m]."""
+        """Components of the drive torque, (n,) each in [N m]."""
         ...
 
     @property
@@ -50,7 +50,7 @@ class Prescribed(Protocol):
 
 @styled()
 def torque_plot(study: Prescribed, simulated: ForceRecord | None = None) -> "Figure":
-    """Draw the drive torque over the crank angle and what it is made of; of drivers their efforts over time.
+    """Draw the drive torque and its components over the crank angle; or drive forces over time.
 
     Args:
         study: the analytic side.
@@ -63,9 +63,9 @@ def torque_plot(study: Prescribed, simulated: ForceRecord | None = None) -> "Fig
 
 @styled()
 def reaction_plot(study: Prescribed) -> "Figure":
-    """Draw the force in each joint as a vector over the turn: its path in x-y and x-z, or in one plane.
+    """Draw the force in each joint as a vector over a revolution: its path in x-y and x-z, or in one plane.
 
-    Components that are the rounding of others are drawn as none; a row holds at most `ACROSS` joints.
+    Components within rounding of others are not drawn; a row contains at most `ACROSS` joints.
     """
     reactions = study.forces.reactions
     forces = _determined_forces(study)
@@ -99,7 +99,7 @@ def reaction_plot(study: Prescribed) -> "Figure":
 
 @styled()
 def energy_plot(study: Prescribed) -> "Figure":
-    """Draw the powers that must balance: drive and loads in, losses out, the rest stored."""
+    """Draw the power balance: drive and loads in, losses out, the rest stored."""
     figure, axes = blank(1, 1, (5.8, 3.2))
     _powers(axes[0, 0], study)
     return figure
@@ -107,7 +107,7 @@ def energy_plot(study: Prescribed) -> "Figure":
 
 @styled()
 def free_plot(run: FreeRun) -> "Figure":
-    """Draw speed, torque of the motor and energies of a free run over time."""
+    """Draw speed, motor torque and energies of a free run over time."""
     figure, axes = blank(3, 1, (5.8, 6.0), sharex=True)
     factor, unit = readable(run.time, "s")
     time = run.time / factor
@@ -196,7 +196,7 @@ def _drives(ax: "Axes", result: ForceRecord, simulated: ForceRecord | None) -> N
 
 
 def _determined_forces(study: Prescribed) -> dict[str, Array]:
-    """Return what is determined of each joint's force, (n, 3), gaps where it has no limit."""
+    """Return the determined components of each joint's force, (n, 3), NaN where it has no limit."""
     gaps = study.forces.unbounded[:, None]
     return {
         name: np.where(gaps, np.nan, reaction.project(reaction.force, reaction.moment)[0])
@@ -209,7 +209,7 @@ def _unit(result: ForceRecord, name: str) -> str:
 
 
 def _polar(ax: "Axes", study: Prescribed) -> None:
-    """All forces in the x-y plane, as vectors from one origin."""
+    """Draw all forces in the x-y plane, as vectors from one origin."""
     forces = _determined_forces(study)
     factor, unit = readable(np.concatenate(list(forces.values())), "N")
     for i, (name, force) in enumerate(forces.items()):

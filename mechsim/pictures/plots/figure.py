@@ -1,4 +1,4 @@
-"""What all plots share: how they look, their axes, and how a figure becomes a file."""
+"""Common parts of all plots: style, axes, and output to files."""
 
 import io
 import warnings
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 Format = Literal["svg", "png", "pdf"]
 FORMATS: tuple[Format, ...] = ("svg", "png", "pdf")
-# colour of lines that the palette does not colour
+# colour of lines outside the palette
 INK = "#222831"
 COLOURS = [colour[:3] for colour in PALETTE[:6]]
 STYLES = ("-", "--", ":")
-# what varies by less than this part of its scale is rounding
+# relative variation below which a curve is rounding
 ROUNDED = 1e-12
-# decades of a logarithmic axis up to which each has a tick
+# largest number of decades of a logarithmic axis with a tick for each
 MAX_DECADES = 20
-# characters of a label that fit into a legend
+# largest number of characters of a label in a legend
 LONGEST_LABEL = 40
-# a legend to the right of axes that curves may fill
+# position of a legend to the right of axes full of curves
 LEGEND_RIGHT: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
 LOOK: dict[str, Any] = {
@@ -52,15 +52,15 @@ LOOK: dict[str, Any] = {
     "legend.frameon": False,
     "figure.facecolor": "white",
     "svg.fonttype": "path",
-    # a dollar sign in a name begins no formula
+    # a dollar sign in a name starts no formula
     "text.parse_math": False,
-    # the same plot gives the same bytes
+    # equal plots give equal bytes
     "svg.hashsalt": "mechsim",
 }
 
 
 def format_of(path: str | Path) -> Format:
-    """Return the format that a file's extension asks for.
+    """Return the format of a file's extension.
 
     Raises:
         InputError: for an unknown extension.
@@ -75,7 +75,7 @@ def format_of(path: str | Path) -> Format:
 
 @contextmanager
 def styled() -> Generator[None]:
-    """Draw with the style of all plots; no setting of matplotlib's stays changed."""
+    """Draw with the style of all plots; matplotlib's settings are restored afterwards."""
     with needs("pictures"):
         from matplotlib import rc_context
 
@@ -88,7 +88,8 @@ def blank(
 ) -> tuple["Figure", NDArray[Any]]:
     """Return a figure of a size in inches and its axes, (rows, columns).
 
-    It is a figure of its own: it needs no pyplot, hence no screen and no list of open figures.
+    It is a figure of its own: The figure is independent of pyplot, so it needs no screen and is in no list of
+    open figures.
     """
     with needs("pictures"):
         from matplotlib.figure import Figure
@@ -96,7 +97,7 @@ def blank(
     figure = Figure(figsize=inches, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     for ax in axes.flat:
-        # matplotlib makes the ticks of axes when they are first used
+        # matplotlib creates the ticks of axes at their first use
         ax.tick_params(
             labelsize=LOOK["font.size"], grid_color=LOOK["grid.color"], grid_linewidth=LOOK["grid.linewidth"]
         )
@@ -104,7 +105,7 @@ def blank(
 
 
 def drawn(figure: "Figure", file_format: Format = "svg") -> bytes:
-    """Return a figure as the bytes of a file; the same plot made again gives the same bytes.
+    """Return a figure as the bytes of a file; equal plots give equal bytes.
 
     Raises:
         InputError: for an unknown format.
@@ -114,9 +115,9 @@ def drawn(figure: "Figure", file_format: Format = "svg") -> bytes:
     out = io.BytesIO()
     layout = figure.get_layout_engine()
     with styled(), warnings.catch_warnings():
-        # letters that the font lacks are drawn as boxes, which is all there is to say
+        # characters that the font lacks become boxes, without a warning
         warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
-        # laid out once: left to itself, saving does it again for each of its two passes
+        # laid out once; otherwise saving does it in both of its passes
         if layout is not None:
             layout.execute(figure)
             figure.set_layout_engine("none")
@@ -127,7 +128,7 @@ def drawn(figure: "Figure", file_format: Format = "svg") -> bytes:
 
 
 def write(path: str | Path, figure: "Figure") -> None:
-    """Write a figure to a file, in the format that its extension asks for.
+    """Write a figure to a file, in the format of its extension.
 
     Raises:
         InputError: for an unknown extension.
@@ -139,13 +140,13 @@ def write(path: str | Path, figure: "Figure") -> None:
 
 
 def label_of(name: str) -> str:
-    """Return a name as a legend shows it: not all of a long one, and one that begins with _ at all."""
+    """Return a name as text of a legend: shortened if long, and visible if it starts with _."""
     short = name if len(name) <= LONGEST_LABEL else f"{name[: LONGEST_LABEL - 1]}…"
     return f" {short}" if short.startswith("_") else short
 
 
 def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:
-    """Return the points to plot: those requested, else all."""
+    """Return the points to plot: the requested ones, else all."""
     names = list(motion.points) if points is None else list(points)
     for name in names:
         if name not in motion.points:
@@ -161,7 +162,7 @@ def abscissa(motion: Motion) -> Array:
 
 
 def along_axis(ax: "Axes", timed: bool) -> None:
-    """Make the horizontal axis one of times in seconds, or of crank angles in degrees."""
+    """Label the horizontal axis for times in seconds, or for crank angles in degrees."""
     if timed:
         ax.set_xlabel("time [s]")
     else:
@@ -169,7 +170,7 @@ def along_axis(ax: "Axes", timed: bool) -> None:
 
 
 def angle_axis(ax: "Axes") -> None:
-    """Make the horizontal axis one of crank angles in degrees."""
+    """Label the horizontal axis for crank angles in degrees."""
     ax.set_xlabel("crank angle [°]")
     low, high = ax.get_xlim()
     if high - low < 800.0:
@@ -177,19 +178,19 @@ def angle_axis(ax: "Axes") -> None:
 
 
 def still(values: ArrayLike, scale: float) -> bool:
-    """Say whether values vary by no more than the rounding of their scale."""
+    """Return whether values vary by no more than the rounding of their scale."""
     finite = np.asarray(values, dtype=np.float64)
     finite = finite[np.isfinite(finite)]
     return bool(len(finite)) and scale > 0.0 and float(np.ptp(finite)) < ROUNDED * scale
 
 
 def flattened(ax: "Axes", scale: float, unit: str) -> None:
-    """Show curves that vary by no more than the rounding of their scale as flat, and say below what.
+    """Draw curves that vary by no more than rounding as flat lines, with a note.
 
     Args:
-        ax: with the curves.
-        scale: of them, in the axis's own numbers; 0 where it is not known.
-        unit: of these.
+        ax: axes with the curves.
+        scale: scale of the curves, in the numbers of the axis; 0 if unknown.
+        unit: unit of these numbers.
     """
     values = np.concatenate([np.zeros(0), *(np.asarray(line.get_ydata(), float) for line in ax.get_lines())])
     if not still(values, scale):
@@ -201,7 +202,7 @@ def flattened(ax: "Axes", scale: float, unit: str) -> None:
 
 
 def locator(step: float) -> Any:
-    """Return what puts ticks so far apart."""
+    """Return a tick locator with a given step."""
     with needs("pictures"):
         from matplotlib.ticker import MultipleLocator
 
@@ -209,7 +210,7 @@ def locator(step: float) -> Any:
 
 
 def round_numbers(axis: "Axis") -> None:
-    """Write 1, 2 and 5 of every decade of a logarithmic axis as plain numbers; others where it holds none."""
+    """Label 1, 2 and 5 of each decade of a logarithmic axis with plain numbers; others without these."""
     with needs("pictures"):
         from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
 
@@ -219,7 +220,7 @@ def round_numbers(axis: "Axis") -> None:
 
 
 def decades(axis: "Axis") -> None:
-    """Write powers of ten as plain text: typesetting each as a formula costs more than all the rest."""
+    """Label powers of ten as plain text: typesetting each as a formula takes most of the time of a plot."""
     with needs("pictures"):
         from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# errors at and below this are rounding to zero; a logarithm needs something to show
+# smallest error on a logarithmic axis; smaller ones are rounding
 FLOOR = 1e-18
 
 
@@ -58,7 +58,7 @@ def motion_plot(motion: Motion, points: Sequence[str] | None = None) -> "Figure"
                 )
             ax.set_ylabel(f"{label} [{unit}]")
             flattened(ax, scales[row] / factor, unit)
-            # one line for all labels of a column; finding the line costs a third of the plot
+            # one position for all labels of a column; computing it takes a third of the plot's time
             ax.yaxis.set_label_coords(-0.19, 0.5)
         axes[0, column].set_title(label_of(name))
         along_axis(axes[2, column], bool(motion.drivers))
@@ -73,9 +73,9 @@ def _unused(motion: Motion, names: Sequence[str], axis: int, rounding: float) ->
 
 
 def _scales(motion: Motion) -> list[float]:
-    """Return the scales of positions, velocities and accelerations where something moves, in SI.
+    """Return the scales of positions, velocities and accelerations that are not zero, in SI.
 
-    The rates are those of a point so far out that turns with the crank, where those of all points are less.
+    The rates are at least those of a point at the largest distance that turns with the crank.
     """
     reach = max(float(np.abs(point.position).max(initial=0.0)) for point in motion.points.values())
     speed = float(np.abs(motion.speed).max(initial=0.0))
@@ -113,15 +113,15 @@ def error_plot(
     title: str = "",
     timed: bool = False,
 ) -> "Figure":
-    """Draw errors over the turn on a logarithmic scale, with the bound they must keep.
+    """Draw errors over a revolution on a logarithmic scale, with their tolerance.
 
     Args:
         instants: crank angles, (n,) in [rad], or times in [s].
-        errors: label -> error, (n,); the size is drawn, gaps stand for NaN.
-        unit: of errors and bound.
-        tolerance: largest error allowed; None draws none.
-        title: what was compared.
-        timed: whether they are over time.
+        errors: label -> error, (n,); its magnitude is drawn, NaN as a gap.
+        unit: unit of errors and tolerance.
+        tolerance: largest allowed error; None draws none.
+        title: title of the plot.
+        timed: whether the instants are times.
     """
     x = np.asarray(instants) if timed else np.rad2deg(np.asarray(instants))
     figure, axes = blank(1, 1, (5.6, 3.0))
@@ -133,7 +133,7 @@ def error_plot(
     if tolerance is not None:
         ax.axhline(tolerance, color="#b00020", lw=1.2, ls="--", label=f"tolerance {tolerance:.1e} {unit}")
     decades(ax.yaxis)
-    # an error passes zero when it changes sign; following it there would flatten all the rest
+    # an error that changes its sign passes zero; showing that would flatten all other errors
     peaks = _peaks(errors)
     ax.set_ylim(bottom=max(FLOOR, 1e-4 * min(peaks)) if peaks else None)
     ax.set_ylabel(f"error [{unit}]")
@@ -144,31 +144,31 @@ def error_plot(
 
 
 def _peaks(errors: Mapping[str, ArrayLike]) -> list[float]:
-    """The largest finite error of each label that has one above the floor."""
+    """Return the largest finite error of each label with an error above the floor."""
     sizes = (np.abs(np.asarray(values, dtype=np.float64)) for values in errors.values())
     peaks = [float(np.max(error, where=np.isfinite(error), initial=0.0)) for error in sizes]
     return [peak for peak in peaks if peak > FLOOR]
 
 
-# of a curve with more instants the claimed ones are drawn as a line too
+# number of instants above which candidate values are drawn as a line too
 DOTS = 120
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoCurves:
-    """What is drawn of one quantity.
+    """The plotted data of one quantity.
 
     Attributes:
-        name: of it.
+        name: name of the quantity.
         unit: of all values.
         instants: crank angles in [rad], times in [s], or rows of a table, (n,).
-        over: which of them: "rad", "s" or "row".
+        over: kind of the instants: "rad", "s" or "row".
         exact: (n, k).
         claimed: (n, k).
         components: names of the components, k.
-        tolerance: how far both may lie apart.
-        source: who claims it.
-        shares: where the distance of a run comes from, part -> size; empty where none was run.
+        tolerance: allowed difference.
+        source: name of the function or file with the candidate values.
+        shares: component -> size of the difference of a stepped run; empty without a run.
     """
 
     name: str
@@ -185,7 +185,7 @@ class TwoCurves:
 
 @styled()
 def agreement_plot(curves: TwoCurves) -> "Figure":
-    """Draw a claim on top of what is exact, the difference below, and below that where a run's comes from."""
+    """Draw candidate values over exact ones, their difference, and the components of a run's difference."""
     rows = 3 if curves.shares else 2
     figure, axes = blank(rows, 1, (5.4, 2.1 * rows + 0.6))
     x = np.rad2deg(curves.instants) if curves.over == "rad" else curves.instants

@@ -43,7 +43,7 @@ RADIUS, BLOCK, FOOT = 0.018, 0.045, 0.05
 
 @styled()
 def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
-    """Draw a mechanism as a kinematic diagram in its clearest pose, with a scale bar.
+    """Draw a mechanism as a kinematic diagram in a clear pose, with a scale bar.
 
     Revolute joints are circles, on the ground with a hatched foot; sliding joints are blocks on a line;
     spherical and universal joints are filled circles. Points and joints on the ground bear their names.
@@ -87,7 +87,7 @@ def _ground_pivots(mechanism: Mechanism) -> dict[str, Joint]:
 
 
 def _draw_link(ax: "Axes", points: list[Array]) -> None:
-    """Draw the body of a link; one with three or more joints is a filled polygon."""
+    """Draw the body of a link; a link with three or more joints is a filled polygon."""
     lines = list(edges([np.append(point, 0.0) for point in points]))
     if len(points) > 2 and len(lines) > 2:
         around = np.array([line[0][:2] for line in lines] + [line[1][:2] for line in lines])
@@ -149,7 +149,7 @@ def _hatch(ax: "Axes", line: Array, length_scale: float) -> None:
 
 
 class DrawablePlan(Protocol):
-    """What a velocity plan must offer: see `velocity_plan.DrawablePlan`."""
+    """The interface of a velocity plan: see `velocity_plan.DrawablePlan`."""
 
     @property
     def pole(self) -> Array: ...
@@ -169,10 +169,10 @@ def coupler_curve(
     *,
     other: Motion | None = None,
 ) -> "Figure":
-    """Draw the paths of points: in their plane where they have one in common, else seen along Z, X and Y.
+    """Draw the paths of points: in their common plane if there is one, else seen along Z, X and Y.
 
     Args:
-        mechanism: whose points; gives the colours.
+        mechanism: the mechanism with these points; gives the colours.
         motion: paths drawn as lines.
         points: tracked points; None draws all.
         other: a second motion of the same points, drawn as rings.
@@ -198,7 +198,7 @@ def coupler_curve(
         ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
         ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
         if spread < ROUNDED * scale:
-            # what stands still is a point, not a path of rounding
+            # a point at rest is drawn as a point, not as a path of rounding
             for middle, limits in zip(
                 everything[0, [i, j]] / factor, (ax.set_xlim, ax.set_ylim), strict=True
             ):
@@ -216,7 +216,7 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
     positions = {name: motion.points[name].position for name in names}
     everything = np.vstack(list(positions.values()))
     factor, unit = readable(everything, "m")
-    # a cube that holds everything, so that lengths compare across axes
+    # a cube that contains everything, so that lengths are comparable between axes
     middle = (everything.min(0) + everything.max(0)) / 2.0 / factor
     spread, scale = float(np.ptp(everything, axis=0).max()), float(np.abs(everything).max())
     half = (0.55 * spread if spread >= ROUNDED * scale else 0.5 * scale) / factor
@@ -228,7 +228,7 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
     ax = axes[0, 0]
     for name, position in positions.items():
         colour = colours[name]
-        # matplotlib's z points up, whichever of the mechanism's axes does
+        # matplotlib's z axis always points up
         first, second, height = (position / factor)[:, order].T
         ax.plot(first, second, np.full_like(height, floor), color="#b9bfc8", lw=1.0)
         ax.plot(first, second, height, color=colour, label=label_of(name))
@@ -237,11 +237,11 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
         getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)
         getattr(ax, f"set_{axis}label")(f"{'xyz'[i]} [{unit}]")
         getattr(ax, f"{axis}axis").set_pane_color("#f5f6f8")
-        # more marks than these run into one another where an axis points away
+        # more ticks than these overlap on an axis that points away from the viewer
         ax.locator_params(axis, nbins=5)
     if up[vertical] < 0.0:
         ax.invert_zaxis()
-    # left to itself this label turns with the axis and may stand on its head
+    # by default this label rotates with the axis and may be upside down
     ax.zaxis.set_rotate_label(False)
     ax.zaxis.label.set_rotation(90.0)
     ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.82)
@@ -252,7 +252,7 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
 
 @styled()
 def velocity_plan_plot(plan: DrawablePlan, title: str = "") -> "Figure":
-    """Draw a velocity plan: from the pole p a vector to every point, thin lines between them."""
+    """Draw a velocity plan: a vector from the pole p to every point, and thin lines between them."""
     vectors = {name: plan.scale * (np.asarray(end)[:2] - plan.pole[:2]) for name, end in plan.vectors.items()}
     reach = max(float(np.linalg.norm(end)) for end in vectors.values())
     factor, unit = readable(np.array([reach]), "m/s")
@@ -278,20 +278,20 @@ def velocity_plan_plot(plan: DrawablePlan, title: str = "") -> "Figure":
     return figure
 
 
-# a gap in the angles of all curves wider than this, in [rad], is where a revolution is cut
+# smallest gap in the angles of all curves, in [rad], at which a revolution is cut
 GAP = 0.2
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class AssemblyTable:
-    """What a plot of assemblies is drawn from; each table is column -> values in SI.
+    """The data of a plot of assemblies; each table is column -> values in SI.
 
     Attributes:
-        curves: a table each.
-        units: column -> "rad", "m", or "" of an arc.
-        dead_centres: a table of the positions where the crank turns back.
-        branch_points: a table of those where curves meet.
+        curves: one table for each curve.
+        units: column -> "rad", "m", or "" for an arc.
+        dead_centres: table of dead centres, where the crank turns back.
+        branch_points: table of branch points, where curves meet.
     """
 
     curves: Sequence[Mapping[str, Array]]
@@ -305,7 +305,7 @@ def assembly_plot(table: AssemblyTable, columns: Sequence[str]) -> "Figure":
     """Draw all curves over two or three coordinates: dead centres as dots, branch points as rings.
 
     Args:
-        table: what is drawn.
+        table: data of the plot.
         columns: two or three columns of it.
 
     Raises:
@@ -319,7 +319,7 @@ def assembly_plot(table: AssemblyTable, columns: Sequence[str]) -> "Figure":
     ax: Any = axes[0, 0]
     for i, curve in enumerate(table.curves):
         line = _broken([scale.drawn(curve[scale.name]) for scale in scales])
-        # curves that lie on each other in these coordinates are all to be seen
+        # curves that coincide in these coordinates all stay visible
         width = 1.4 + min(1.3 * (len(table.curves) - 1 - i), 5.2)
         ax.plot(*line, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], lw=width, label=f"component {i + 1}")
     for marked, label, look in (
@@ -345,13 +345,13 @@ def assembly_plot(table: AssemblyTable, columns: Sequence[str]) -> "Figure":
 
 
 class _Scale:
-    """How a column is drawn: lengths in a readable unit, angles in degrees, one turn cut where none is."""
+    """Scale of a column: lengths in a readable unit, angles in degrees, cut where no curve passes."""
 
     def __init__(self, table: AssemblyTable, name: str):
         self.name = name
         values = np.concatenate([curve[name] for curve in table.curves])
         self.is_angle = table.units[name] == "rad"
-        # what swings over more than a turn and comes back, as a pinion on its rack, is drawn as it is counted
+        # a coordinate that swings over more than a revolution, as a pinion on its rack, keeps its revolutions
         gains = [abs(float(curve[name][-1] - curve[name][0])) for curve in table.curves]
         wide = max(float(np.ptp(curve[name])) for curve in table.curves) > REVOLUTION
         self.cut = self.is_angle and not (wide and max(gains) < np.pi)
@@ -363,14 +363,14 @@ class _Scale:
         self.every = self.drawn(values)
 
     def drawn(self, values: Array) -> Array:
-        """Return values as they stand on the axis."""
+        """Return values in the numbers of the axis."""
         if self.cut:
-            # what is a rounding error below the cut is no turn away
+            # a rounding error below the cut must not add a revolution
             values = self.low + np.mod(values - self.low + ROUNDING, REVOLUTION) - ROUNDING
         return values / self.factor
 
     def ticks(self, *, sparse: bool) -> Any:
-        """Return what puts the ticks; None leaves it to the axis."""
+        """Return a tick locator; None for the default of the axis."""
         with needs("pictures"):
             from matplotlib.ticker import MaxNLocator
 
@@ -381,20 +381,20 @@ class _Scale:
 
 
 def _cut(values: Array) -> float:
-    """Return the angle in [rad] at which a turn is cut: in the middle of the widest gap, or at zero."""
+    """Return the angle in [rad] at which a revolution is cut: in the middle of the widest gap, or at zero."""
     angles = np.sort(np.mod(values, REVOLUTION))
     gaps = np.diff(angles, append=angles[0] + REVOLUTION)
     widest = int(np.argmax(gaps))
     if gaps[widest] < GAP:
         return 0.0
     cut = float(angles[widest] + 0.5 * gaps[widest])
-    # counted about zero rather than about a turn
+    # counted about zero
     middle = cut + np.pi
     return cut - REVOLUTION * float(np.round(middle / REVOLUTION))
 
 
 def _broken(columns: Sequence[Array]) -> list[Array]:
-    """Return columns with a gap wherever one of them leaps over the cut of its turn."""
+    """Return columns with a gap wherever one of them jumps over the cut of its revolution."""
     leaps = np.zeros(len(columns[0]) - 1, dtype=np.bool_)
     for column in columns:
         steps = np.abs(np.diff(column))
@@ -404,7 +404,7 @@ def _broken(columns: Sequence[Array]) -> list[Array]:
 
 
 def _in_space(ax: Any, alike: Sequence[_Scale] | None) -> None:
-    """Set up axes in perspective; where all three are lengths, one scale for all."""
+    """Set up axes in perspective; three lengths share one scale."""
     if alike is not None:
         middles = [0.5 * (scale.every.min() + scale.every.max()) for scale in alike]
         half = 0.55 * max(float(np.ptp(scale.every)) for scale in alike)

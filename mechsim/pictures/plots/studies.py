@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# lines of a parallel plot; of more designs some are drawn, evenly
+# largest number of lines of a parallel plot; of more designs an even selection is drawn
 MOST_LINES = 2000
 
 
 @dataclass(frozen=True)
 class SweepTable:
-    """A sweep as plots read it.
+    """The data of a sweep plot.
 
     Attributes:
-        title: what was swept.
+        title: name of the swept model.
         parameters: name -> (n,) of each design.
-        measures: name -> (n,); not a number where it was not built.
+        measures: name -> (n,); NaN if it was not built.
         units: name -> SI unit.
-        shape: of the grid; one length for a list.
+        shape: shape of the grid; one length for a list.
     """
 
     title: str
@@ -73,7 +73,7 @@ def sweep_plot(table: SweepTable, selected: Sequence[str] | None = None, kind: s
             or two parameters, or a list of one; else parallel.
 
     Raises:
-        InputError: for an unknown measure or kind, or a kind that the sweep has not the columns for.
+        InputError: for an unknown measure or kind, or a kind for which the sweep lacks columns.
     """
     names = [*table.measures] if selected is None else [*selected]
     for name in names:
@@ -194,31 +194,31 @@ def _pareto(table: SweepTable, names: Sequence[str]) -> "Figure":
 
 
 def front_of(x: Array, y: Array) -> NDArray[np.intp]:
-    """Return which designs no other betters in both, lower being better, by rising x."""
+    """Return the designs that no other one beats in both, lower being better, by rising x."""
     order = np.lexsort((y, x))
     below = np.minimum.accumulate(np.concatenate([[np.inf], y[order][:-1]]))
     return order[y[order] < below]
 
 
-# quantities on one sheet, and dimensions drawn in each
+# largest number of quantities on a sheet, and of dimensions in each
 MAX_QUANTITIES, LINES = 12, 12
-# how wide the widest band is drawn, in parts of the path's extent
+# drawn width of the widest band, relative to the path's extent
 MAX_BAND_WIDTH = 0.06
-# units as they are drawn: how many of them one in SI is, and their names
+# SI unit -> factor and name of the unit that is drawn
 SHOWN: dict[str, tuple[float, str]] = {"m": (1e3, "mm"), "rad": (180.0 / np.pi, "°")}
 
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """What tolerances make of one quantity.
+    """The effect of tolerances on one quantity.
 
     Attributes:
         unit: of the quantity.
-        worst: largest deviation where all conspire, (n,).
-        squares: root of the sum of squares, (n,).
-        low: beyond which 2.5 % of random mechanisms lie, as off, (n,); None without Monte Carlo.
-        high: likewise above.
-        shares: dimension -> part of the variance over the motion.
+        worst: worst-case deviation, (n,).
+        squares: root sum of squares, (n,).
+        low: 2.5 % quantile of the deviation, (n,); None without Monte Carlo.
+        high: 97.5 % quantile.
+        shares: dimension -> fraction of the variance over the motion.
     """
 
     unit: str
@@ -231,13 +231,13 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class PathBand:
-    """A path of a point and how far it can lie aside.
+    """A path of a point and its lateral deviation.
 
     Attributes:
         point: its name.
         positions: (n, 3) in [m].
-        worst: how far aside where all conspire, across the path in its plane, (n,) in [m].
-        squares: likewise by the root of the sum of squares, (n,).
+        worst: worst-case lateral deviation in the plane of the path, (n,) in [m].
+        squares: root sum of squares, (n,) in [m].
     """
 
     point: str
@@ -248,7 +248,7 @@ class PathBand:
 
 @dataclass(frozen=True, slots=True)
 class ToleranceSheet:
-    """What a plot of tolerances is drawn from.
+    """The data of a tolerance plot.
 
     Attributes:
         over: "angle" in [rad] or "t" in [s].
@@ -273,7 +273,7 @@ def sensitivity_plot(
 ) -> "Figure":
     """Draw derivatives of each quantity that has any over the motion, the largest few of its dimensions.
 
-    They are given per mm or per degree, so that lengths and angles compare.
+    They are drawn per mm or per degree, so that lengths and angles are comparable.
 
     Args:
         over: "angle" in [rad] or "t" in [s].
@@ -328,7 +328,7 @@ def _largest_first(lines: Mapping[str, Array]) -> list[str]:
 
 @styled()
 def tolerance_plot(sheet: ToleranceSheet) -> "Figure":
-    """Draw bands around paths, magnified as they say, deviations of quantities, and the shares of dimensions.
+    """Draw magnified bands around paths, deviations of quantities, and the shares of dimensions.
 
     Raises:
         InputError: for more quantities than a sheet holds.

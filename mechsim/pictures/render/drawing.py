@@ -1,4 +1,4 @@
-"""Frames of a motion, drawn one after the other, with shadows, paths and arrows."""
+"""Frames of a motion, drawn in order, with shadows, paths and arrows."""
 
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
@@ -37,16 +37,16 @@ from mechsim.shapes.camera import clearest_pose
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
-# arrows stand so many rod radii before the solid links, see `drawn_model.BEHIND`
+# distance of arrows in front of the solid links, in rod radii; see `drawn_model.BEHIND`
 BEFORE = 6.0
 LAYERS = 3
-# half the width of a soft edge for each metre above the wall
+# half the width of a soft shadow edge for each metre above the wall
 SPREAD = 0.018
 # distance between layers in units of the picture's height: below a pixel, above the resolution of depths
 STEP = 2e-4
-# left over of a solid's thickness and height, so that no matrix is singular; less than a layer
+# remaining fraction of a solid's thickness and height, so that no matrix is singular; less than a layer
 MIN_THICKNESS = 1e-4
-# a colour that shines by itself takes no light: flat solids have no sides to be shaded
+# an emissive colour without reflected light: flat shadows have no sides to shade
 GLOW = 99.0
 
 
@@ -56,7 +56,7 @@ class Shadow:
     def __init__(self, drawn: DrawnModel):
         model, wall = drawn.model, drawn.walls[0]
         self.drawn, self.point, self.normal = drawn, wall.point, wall.normal
-        # a ghost is transparent and throws none
+        # a ghost is transparent and casts no shadow
         solid = (model.geom_type != PLANE) & (model.geom_rgba[:, 3] == 1.0)
         self.geoms = np.flatnonzero(solid)
         self.types = [int(kind) for kind in model.geom_type[self.geoms]]
@@ -72,14 +72,14 @@ class Shadow:
         self.colours = np.column_stack([tones / (1.0 + GLOW), np.ones(LAYERS)]).astype(np.float32)
 
     def put(self, scene: mujoco.MjvScene) -> None:
-        """Add the shadow of the present pose to a scene, as far as it fits."""
+        """Add the shadow of the current pose to a scene, as far as it has room."""
         data = self.drawn.data
         off = data.geom_xpos[self.geoms] - self.point
         matrices = (self.press @ data.geom_xmat[self.geoms].reshape(-1, 3, 3)).reshape(-1, 9)
         above = np.maximum(off @ self.normal, 0.0)[:, None]
         flat = self.point + off @ self.press.T
         geoms, ngeom, step = scene.geoms, scene.ngeom, STEP * self.drawn.camera.height
-        # the uppermost layer first, so that what it hides of the others is not drawn at all
+        # the uppermost layer first, so that hidden geometry of the others is not drawn
         for layer in reversed(range(LAYERS)):
             wider = SPREAD * (1.0 - 2.0 * layer / (LAYERS - 1))
             positions = flat + (layer + 1) * step * self.normal
@@ -146,7 +146,7 @@ class Trace:
                 chain(np.array([reached, current]), self.width, path.rgba).put(scene)
 
     def _rotation_arrow(self) -> list[Chain]:
-        """An arrow around the crank shaft, in the direction it turns, on the camera's side."""
+        """Add an arrow around the crank shaft, in its direction of rotation, on the camera's side."""
         drawn = self.drawn
         end, radius = drawn.mechanism.driven_joints[0].a, drawn.radius
         axis, forward = np.asarray(end.axis), drawn.forward
@@ -175,15 +175,15 @@ def frames(
     """Yield the frames of a motion, (height, width, 3) each.
 
     Args:
-        mechanism: what moves.
-        motion: how it moves, analytic or simulated; a frame per sample.
-        look: what the pictures show; None is the usual.
+        mechanism: the mechanism.
+        motion: its motion, analytic or simulated; a frame for each sample.
+        look: contents of the pictures; None is the default.
         angles: crank angles of the frames in [rad], inside the motion; None draws every sample.
         exact: the same motion by the closed form, sample by sample; drawn as a ghost over `motion`,
             their difference magnified (see `Look.magnify`) and the factor written on the picture.
         forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for `arrows`;
             `dynamics.prescribed(...).forces.reactions[joint].force` are those in the joints.
-        moments: likewise in [N m].
+        moments: likewise moments, in [N m].
         options: fields of `Look`, in place of the look's own.
 
     Raises:
@@ -225,7 +225,7 @@ def still(
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What frames are taken from; see `frames`."""
+    """The source of frames; see `frames`."""
 
     mechanism: Mechanism
     motion: Motion
@@ -249,13 +249,13 @@ class Source:
         return frame_poses(self.mechanism, self.motion, angles, self.forces, self.moments)
 
     def ghost(self, angles: ArrayLike | None, by: float | None) -> Ghost | None:
-        """Return the ghost, its error magnified by a factor, or as much as shows it well."""
+        """Return the ghost with its error magnified by a factor, or by an automatic one."""
         if self.exact is None:
             return None
         if not np.allclose(self.exact.angle, self.motion.angle, rtol=0.0, atol=1e-9):
             raise InputError("the ghost stands at other crank angles than the run; solve it at the run's")
-        # errors are taken at the samples and only then spread, so that what frames between samples cost
-        # is not magnified with them
+        # errors are taken at the samples and then interpolated, so that the interpolation error
+        # is not magnified
         spinning = self.exact.spinning | self.motion.spinning
         exact = frame_poses(self.mechanism, self.exact).poses
         deviations = errors(self.mechanism, self.frames(None).poses, exact, spinning)

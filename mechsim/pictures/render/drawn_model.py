@@ -1,4 +1,4 @@
-"""A mechanism as a MuJoCo model of shapes alone, put into any pose and framed by a camera.
+"""A mechanism as a MuJoCo model of shapes only, for any pose and with a camera.
 
 Every link is a mocap body that carries geoms and nothing else, so drawing never touches the physics
 of a run and the closed form is drawn likewise.
@@ -40,31 +40,31 @@ BOX, BALL, MESH = (
 )
 # MuJoCo shows these groups of geoms by default; collision shapes lie in the others
 SHOWN = 2
-# a mesh of more triangles is made coarser
+# meshes with more triangles are simplified
 MAX_TRIANGLES = 60_000
 # first step of the grid that merges vertices, relative to the extent of all bodies
 FIRST_GRID_STEP = 1.0 / 400.0
-# what is lighter is drawn as light as this: lit from the front it would look like the paper behind
+# lighter colours are drawn as light as this: lit from the front they would look like the background
 LIGHTEST, LIGHTNESS = 0.78, np.array([0.2126, 0.7152, 0.0722])
 # meridians and parallels of an ellipsoid
 ELLIPSOID = (24, 12)
 
 
 class Drawn(TypedDict):
-    """Fields of a look or a view that a user's MJCF file decides."""
+    """Fields of a look or a view that a user's MJCF file determines."""
 
     bodies: dict[str, list[Shape]] | None
 
 
 def drawn_as(solver: object) -> Drawn:
-    """Return how what was read from an MJCF file is drawn: with the file's bodies; all else as usual."""
+    """Return the look of a file's model: with the file's bodies; other models use the default."""
     read = getattr(solver, "source", None)
     return {"bodies": file_bodies(read) if isinstance(read, MjcfModel) else None}
 
 
 @quiet()
 def file_bodies(read: MjcfModel) -> dict[str, list[Shape]] | None:
-    """Return the bodies of a file's links, "ground" included; None where it draws nothing on them.
+    """Return the bodies of a file's links, "ground" included; None if it draws nothing on them.
 
     Planes and height fields are left out. Materials give their colour, textures the mean of theirs.
     """
@@ -149,7 +149,7 @@ def _colour(model: mujoco.MjModel, i: int) -> Rgba:
 
 
 def _few(bodies: Mapping[str, Sequence[Shape]]) -> dict[str, list[Shape]]:
-    """Return bodies with no more triangles than a page can hold, their small features gone."""
+    """Return bodies with no more triangles than a page can hold, without small features."""
     made = {link: list(shapes) for link, shapes in bodies.items()}
     whole = max((_extent(shape) for shapes in made.values() for shape in shapes), default=0.0)
     grid_step = FIRST_GRID_STEP * whole
@@ -160,7 +160,7 @@ def _few(bodies: Mapping[str, Sequence[Shape]]) -> dict[str, list[Shape]]:
 
 
 def _is_visible(shape: Shape) -> bool:
-    """Say whether anything is left of a shape; of a screw nothing may be. MuJoCo takes no mesh of less."""
+    """Return whether a shape has any volume; MuJoCo rejects meshes without."""
     return shape.facets is None or (len(shape.facets.vertices) >= 4 and len(shape.facets.faces) > 0)
 
 
@@ -175,13 +175,13 @@ def _extent(shape: Shape) -> float:
 
 CAMERA = "view"
 GHOST: Rgba = (0.10, 0.11, 0.14, 0.5)
-# parallel projection shows a thing at the same pixel however deep it lies: a ghost stands this many rod
-# radii behind the solid links, so that it shows only where it differs; see also `overlays.BEFORE`
+# parallel projection does not show depth: a ghost lies this many rod radii behind the solid links, so that
+# only its differences are visible; see also `overlays.BEFORE`
 BEHIND = 1.5
 
 
 class DrawnModel:
-    """What is drawn: the model, its data, the camera, the grid.
+    """The drawn model, its data, the camera and the grid.
 
     Attributes:
         camera: the camera, framed over the whole motion.
@@ -191,9 +191,9 @@ class DrawnModel:
         walls: planes with a grid.
         forward: whether the crank turns in the positive direction.
         up: unit vector that points up, (3,).
-        normals: of links that all move in one plane; None where they do not.
+        normals: normals of links that all move in one plane; None for others.
         arrows: arrows of each requested kind.
-        distant: the paths that go far beyond the links, which are cut.
+        distant: paths that go far beyond the links and are cut.
     """
 
     def __init__(self, mechanism: Mechanism, frames: FramePoses, look: Look, ghost: Ghost | None = None):
@@ -237,16 +237,16 @@ class DrawnModel:
         self._ghost_slots = {name: self._slot(_ghost(name)) for name in (ghost.poses if ghost else ())}
 
     def show(self, frames: FramePoses, ghost: Ghost | None) -> None:
-        """Take other frames of the same motion; camera and scales stay."""
+        """Use other frames of the same motion; camera and scales stay."""
         self.frames, self.ghost = self.distant.cut(frames), ghost
         self.arrows = [
             replace(arrow_set, vectors=self.frames.vectors[arrow_set.kind]) for arrow_set in self.arrows
         ]
 
     def set_frame(self, frame: int) -> None:
-        """Put the links where they stand in a frame; overlaid positions where they always stand."""
+        """Set the links to the poses of a frame; overlaid positions do not move."""
         overlay = self.look.overlay
-        # the last frame of a closed turn is the first again
+        # the last frame of a closed revolution equals the first
         spread = len(self.frames) - (1 if self.frames.closed else 0)
         for (name, copy), slot in self._slots.items():
             index = frame if overlay == 1 else round(copy * spread / overlay) % len(self.frames)
@@ -259,14 +259,14 @@ class DrawnModel:
         mujoco.mj_camlight(self.model, self.data)
 
     def missing_light(self, wall: Wall) -> float:
-        """Return the light of its own that keeps a wall slanting from the camera as white as any."""
+        """Return the emission for which a slanted wall looks as white as a frontal one."""
         if self.look.projections:
             lit, _ = scenery.brightness(self.camera, wall.normal, 0.0, self._facing.normal)
             return 0.97 - lit
         return 0.25 * (1.0 - float(wall.normal @ self.camera.back))
 
     def thrown(self, path: Array, wall: Wall) -> Array:
-        """Return a path projected square on a wall, lifted off it by less than can be seen."""
+        """Return a path projected onto a wall, with an invisible distance from it."""
         height = (path - wall.point) @ wall.normal - 0.15 * self.radius
         return path - height[:, None] * wall.normal
 
@@ -285,7 +285,7 @@ class DrawnModel:
         mujoco.mju_mat2Quat(self.data.mocap_quat[slot], pose.rotation.ravel())
 
     def _free_sides(self) -> dict[str, float]:
-        """The side of every shaft that the links keep farther away from over the motion."""
+        """The side of every shaft from which the links keep the larger distance over the motion."""
         samples = np.linspace(0, len(self.frames) - 1, 24).astype(int)
         poses = {
             name: pose if pose.position.ndim == 1 else Pose(pose.position[samples], pose.rotation[samples])
@@ -298,7 +298,7 @@ class DrawnModel:
         return [arrows(kind, self.frames.vectors.get(kind, {}), extent) for kind in self.look.arrows]
 
     def _extent(self) -> tuple[Array, Array]:
-        """Balls that hold all shapes over all frames: centres (k, 3) and radii (k,)."""
+        """Balls that enclose all shapes over all frames: centres (k, 3) and radii (k,)."""
         step = slice(None, None, max(1, len(self.frames) // 180))
         poses = [*self.frames.poses.items(), *(self.ghost.poses.items() if self.ghost else ())]
         return extent(
@@ -307,7 +307,7 @@ class DrawnModel:
         )
 
     def _add_stands(self, balls: Array, radii: Array) -> tuple[Array, Array]:
-        """Carry every bearing by a post on the floor; return the balls with those of the posts."""
+        """Support every bearing by a post on the floor; return the balls with those of the posts."""
         self.low, self.high, floor = lowered(self.low, self.high, self.up, 2.0 * self.radius)
         posts = stands(self.shapes[GROUND], self.up, floor, self.radius)
         self.shapes[GROUND].extend(posts)
@@ -315,7 +315,7 @@ class DrawnModel:
         return np.vstack([balls, feet]), np.append(radii, widths)
 
     def _clear_walls(self) -> None:
-        """Keep walls clear of the mechanism, except where it stands on one."""
+        """Keep walls clear of the mechanism, except a wall that supports it."""
         clear = 2.0 * self.radius
         keep, top = self.low.copy(), self.high.copy()
         self.low = self.low - clear
@@ -357,12 +357,12 @@ class DrawnModel:
 
     @property
     def _facing(self) -> Wall:
-        """The wall that the camera looks at most squarely; the lamp is set for it."""
+        """The wall that faces the camera most directly; the lamp is set for it."""
         return max(self.walls, key=lambda wall: float(wall.normal @ self.camera.back))
 
     @property
     def stands_on_wall(self) -> bool:
-        """Whether the backdrop carries the mechanism; on a wall far behind it a shadow only confuses."""
+        """Whether the backdrop supports the mechanism; on a distant wall a shadow only confuses."""
         if self.look.projections or self.look.overlay > 1:
             return False
         if self.normals:

@@ -1,4 +1,4 @@
-"""Poses of every link in every frame, and those of a ghost: the links with the error of a run magnified."""
+"""Poses of every link in every frame, and of a ghost: the links with a magnified error of the run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import power_of_ten
 from mechsim.shapes.body import span
 
-# how far the ghost may stand off, in units of the mechanism's size, and how far it may be turned in [rad]
+# largest displacement of the ghost, relative to the mechanism's size, and its largest rotation in [rad]
 MAX_GHOST_DISTANCE, MAX_GHOST_ANGLE = 0.06, 0.25
 
 
@@ -33,7 +33,7 @@ class Ghost:
 
     @property
     def legend(self) -> str:
-        """What a picture says about it."""
+        """Text about the ghost in a picture."""
         exponent = int(np.floor(np.log10(self.by) + 1e-9))
         lead, power = self.by / 10.0**exponent, power_of_ten(exponent)
         return f"closed form dark, error × {power if round(lead, 6) == 1.0 else f'{self.by:.3g}'}"  # noqa: RUF001
@@ -42,13 +42,13 @@ class Ghost:
 def errors(
     mechanism: Mechanism, run: Mapping[str, Pose], exact: Mapping[str, Pose], spinning: frozenset[str]
 ) -> dict[str, tuple[Array, Array]]:
-    """Return how far each moving link stands from where the closed form puts it.
+    """Return the displacement of each moving link from its pose by the closed form.
 
     Args:
-        mechanism: whose links.
+        mechanism: the mechanism with these links.
         run: link -> poses drawn solid, (n, ...).
         exact: link -> poses at the same instants.
-        spinning: links whose spin about the line of their joints means nothing; it is left out.
+        spinning: links whose spin about the line of their joints is undetermined; it is left out.
 
     Returns:
         Link -> displacement of its first joint, (n, 3) in [m], and turn as a vector, (n, 3) in [rad].
@@ -67,7 +67,7 @@ def errors(
 
 
 def factor(mechanism: Mechanism, deviations: Mapping[str, tuple[Array, Array]]) -> float:
-    """Return the power of ten that makes errors plain to see and leaves the ghost in the picture."""
+    """Return the power of ten that makes errors visible and keeps the ghost in the picture."""
     shift = max(float(np.abs(shift).max()) for shift, _ in deviations.values()) / (
         MAX_GHOST_DISTANCE * span(mechanism)
     )
@@ -79,7 +79,7 @@ def factor(mechanism: Mechanism, deviations: Mapping[str, tuple[Array, Array]]) 
 def magnified(
     mechanism: Mechanism, run: Mapping[str, Pose], deviations: Mapping[str, tuple[Array, Array]], by: float
 ) -> dict[str, Pose]:
-    """Return the poses of the ghost: those of the run, moved and turned by the errors times a factor.
+    """Return the poses of the ghost: those of the run, displaced by the errors times a factor.
 
     To first order in the error the ghost's joints hold together as the closed form's do.
     """
@@ -95,7 +95,7 @@ def magnified(
 
 
 def _line(mechanism: Mechanism, link: str) -> Array:
-    """The unit vector between the first two joints of a link that stand apart."""
+    """The unit vector between the first two distinct joints of a link."""
     first, *others = (np.asarray(end.point) for end in mechanism.ends(link))
     line = max((other - first for other in others), key=lambda along: float(np.linalg.norm(along)))
     return line / np.linalg.norm(line)
@@ -109,9 +109,9 @@ def rotation_vectors(rotation: Array) -> Array:
     return 0.5 * twice * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)[:, None]
 
 
-# path points kept over a motion: a picture cannot show more
+# largest number of path points of a motion: a picture cannot show more
 PATH_POINTS = 360
-# parts of the size, and [rad], by which two frames look the same
+# differences, relative to the size and in [rad], below which two frames look the same
 VISIBLE_DIFFERENCE = 1e-3
 
 
@@ -124,11 +124,11 @@ class FramePoses:
         poses: link -> poses, ground included.
         points: tracked point -> position in each frame, (n, 3) in [m].
         paths: tracked point -> its path over the whole motion, (m, 3) in [m].
-        passed: how many points of its path each tracked point has passed, (n,).
+        passed: number of points of its path that each tracked point has passed, (n,).
         vectors: "velocity", "acceleration" and, if given, "force" and "moment" -> point or joint ->
             vector in each frame, (n, 3) in SI.
-        starts: point or joint -> where its arrows start in each frame, (n, 3) in [m].
-        time: of each frame where motion laws drive, (n,) in [s]; else None.
+        starts: point or joint -> start of its arrows in each frame, (n, 3) in [m].
+        time: of each frame under motion laws, (n,) in [s]; else None.
     """
 
     angle: Array
@@ -144,14 +144,14 @@ class FramePoses:
         return len(self.angle)
 
     def instant(self, frame: int) -> str:
-        """Return what a frame is called: by its crank angle, under motion laws by its time."""
+        """Return the label of a frame: its crank angle, or under motion laws its time."""
         if self.time is not None:
             return f"{self.time[frame]:.3f} s"
         return f"crank {round(np.rad2deg(float(self.angle[frame])), 1) % 360.0:5.1f}°"
 
     @property
     def closed(self) -> bool:
-        """Whether the paths end where they began."""
+        """Whether the paths are closed."""
         rotation = abs(float(self.angle[-1] - self.angle[0]))
         return rotation > 6.0 and all(
             float(np.linalg.norm(path[-1] - path[0])) < 1e-3 * float(np.ptp(path, axis=0).max())
@@ -162,7 +162,7 @@ class FramePoses:
 def comes_round(
     mechanism: Mechanism, motion: Motion, position_tolerance: float = 1e-9, angle_tolerance: float = 1e-6
 ) -> bool:
-    """Say whether the last pose of a motion is the first again: within a part of the size, and in [rad]."""
+    """Return whether the last pose of a motion equals the first, within a part of the size and in [rad]."""
     if len(motion) < 3:
         return False
     return all(
@@ -184,11 +184,11 @@ def frame_poses(
     """Return the frames of a motion, or of the poses it passes at given crank angles.
 
     Args:
-        mechanism: what moves.
-        motion: how it moves.
+        mechanism: the mechanism.
+        motion: its motion.
         angles: crank angles of the frames in [rad]; None takes every sample.
         forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for arrows.
-        moments: likewise in [N m].
+        moments: likewise moments, in [N m].
 
     Raises:
         InputError: where the motion lacks a link, holds a NaN, or does not reach an angle.
@@ -203,7 +203,7 @@ def frame_poses(
     passed = np.searchsorted(fine, np.arange(len(motion)), side="right")
     requested = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
     vectors = _vectors(mechanism, motion, {"force": forces or {}, "moment": moments or {}})
-    # the samples themselves need no search, which a crank that swings to and fro would not allow
+    # the samples themselves need no search, which a crank that swings would not allow
     samples = np.array_equal(requested, motion.angle[: len(requested)])
     if samples:
         first = slice(0, len(requested))
@@ -260,7 +260,7 @@ def _moving(mechanism: Mechanism) -> list[tuple[str, tuple[str, tuple[float, flo
 
 
 def sample_indices(angles: Array, requested: Array) -> Array:
-    """Return where crank angles lie among the samples, as fractional indices.
+    """Return the positions of crank angles among the samples, as fractional indices.
 
     Of a crank that swings to and fro the longest stretch in one direction counts.
     """
@@ -279,7 +279,7 @@ def sample_indices(angles: Array, requested: Array) -> Array:
 
 
 def _longest_stretch(angles: Array) -> tuple[int, int]:
-    """Return the first and the last sample of the longest stretch without a turn of direction."""
+    """Return the first and the last sample of the longest interval without a reversal."""
     direction = np.sign(np.diff(angles))
     breaks = np.flatnonzero(direction[1:] != direction[:-1]) + 1
     ends = np.concatenate([[0], breaks, [len(angles) - 1]])
@@ -289,7 +289,7 @@ def _longest_stretch(angles: Array) -> tuple[int, int]:
 
 
 def _between(pose: Pose, indices: Array) -> Pose:
-    """Return poses at fractional indices; good for the eye, not for numbers."""
+    """Return poses at fractional indices, accurate enough for pictures only."""
     if pose.position.ndim == 1:
         return pose
     u, _, v = np.linalg.svd(mixed(pose.rotation, indices))  # the rotation nearest to the mixture
@@ -304,18 +304,19 @@ def mixed(values: Array, indices: Array) -> Array:
     return (1.0 - share) * values[low] + share * values[high]
 
 
-# a path that goes farther from the middle of the links than so many of their spans is cut, at so many
+# largest distance of a path from the middle of the links, in spans of the links, and the distance at which
+# longer ones are cut
 FAR_SPANS, CUT_SPANS = 12.0, 6.0
 
 
 @dataclass(frozen=True, slots=True)
 class FarPaths:
-    """Which paths are cut, and where.
+    """The cut paths, and the limits.
 
     Attributes:
         low: corner of the box beyond which nothing of them is drawn, (3,) in [m].
         high: the opposite one.
-        names: tracked point -> how many spans of the links it goes away; empty where none goes far.
+        names: tracked point -> largest distance in spans of the links; empty without distant paths.
     """
 
     low: Array
@@ -323,7 +324,7 @@ class FarPaths:
     names: dict[str, float]
 
     def cut(self, frames: FramePoses) -> FramePoses:
-        """Return frames whose far points stay at the box, outside the picture, and bear no arrow."""
+        """Return frames whose distant points stay at the box, outside the picture, without arrows."""
         if not self.names:
             return frames
         paths, points = (
@@ -346,7 +347,7 @@ class FarPaths:
 
     @property
     def label(self) -> str:
-        """What a picture says of it, in one line; empty where no path goes far."""
+        """Note on cut paths, in one line; empty without any."""
         text = ", ".join(f"{name} ({times:,.0f} times as far)" for name, times in self.names.items())
         return f"framed on the links; cut: the path of {text}" if text else ""
 

@@ -1,4 +1,4 @@
-"""OpenGL without a screen: which back end there is, its driver by name, and a renderer on it."""
+"""OpenGL without a screen: the available back end, its driver, and a renderer."""
 
 import functools
 import importlib
@@ -15,7 +15,7 @@ from mujoco.rendering.classic import gl_context
 
 from mechsim.errors import InputError, MissingToolError, require_extra
 
-# in the order they are tried; macOS and Windows have one way each
+# order of trial; macOS and Windows have one back end each
 ORDER = {"linux": ("egl", "osmesa"), "darwin": ("cgl",), "win32": ("glfw",)}.get(sys.platform, ("glfw",))
 PACKAGES = {"egl": "libegl1", "osmesa": "libosmesa6"}
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "offscreen")
@@ -37,8 +37,8 @@ class Backend:
     """An OpenGL back end that works on this machine.
 
     Attributes:
-        name: "egl", "osmesa", ... as MUJOCO_GL calls it.
-        driver: what draws, as the driver names itself.
+        name: "egl", "osmesa", ... as in MUJOCO_GL.
+        driver: name of the driver.
         version: of OpenGL.
     """
 
@@ -48,7 +48,7 @@ class Backend:
 
     @property
     def software(self) -> bool:
-        """Whether the processor draws, not a graphics card."""
+        """Whether the processor renders, not a graphics card."""
         return any(word in self.driver.lower() for word in SOFTWARE)
 
     def __str__(self) -> str:
@@ -56,7 +56,7 @@ class Backend:
 
 
 def choose(forced: str | None = None) -> Backend:
-    """Return the back end to draw with: the forced one, else the first of EGL and OSMesa that works.
+    """Return the back end for rendering: the forced one, else the first of EGL and OSMesa that works.
 
     Raises:
         InputError: for a name this platform does not know, or one this process can no longer use.
@@ -83,7 +83,7 @@ def choose(forced: str | None = None) -> Backend:
 
 @functools.cache
 def probe(name: str) -> Backend | None:
-    """Return the back end of that name if it works in a process of its own, else None."""
+    """Return the named back end if it works in a separate process, else None."""
     environment = {key: value for key, value in os.environ.items() if key != "PYOPENGL_PLATFORM"}
     environment["MUJOCO_GL"] = name
     command = [sys.executable, "-c", PROBE, name]
@@ -135,7 +135,7 @@ def renderer(
 
 
 def _current_backend() -> str | None:
-    """The back end that PyOpenGL was fixed on when it was first imported here, if it was."""
+    """The back end that PyOpenGL chose when it was first imported in this process, if it was."""
     if "OpenGL.platform" not in sys.modules:
         return None
     platform = os.environ.get("PYOPENGL_PLATFORM", "").lower()
@@ -143,6 +143,6 @@ def _current_backend() -> str | None:
 
 
 def _preferred() -> tuple[str, ...]:
-    """The order to try, with what MUJOCO_GL asks for first."""
+    """The order of trial, starting with that of MUJOCO_GL."""
     requested = os.environ.get("MUJOCO_GL", "").lower().strip()
     return tuple(sorted(ORDER, key=lambda name: name != requested))

@@ -1,4 +1,4 @@
-"""What is written on a picture: names of points, scale bar, crank angle."""
+"""Text on a picture: names of points, scale bar, crank angle."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
     from PIL import Image, ImageFont
 
 
-# points nearer than this share one label, in pixels
+# largest distance of points that share one label, in pixels
 SHARED_DISTANCE = 3.0
-# distance that a label keeps from another, in pixels
+# smallest distance between labels, in pixels
 LABEL_GAP = 2.0
-# sides on which a label may stand, and how many times as far off as usual it may go
+# sides of a point for its label, and multiples of the usual distance
 SIDES = ((1, -1), (-1, -1), (1, 1), (-1, 1), (1, 0), (-1, 0), (0, -1), (0, 1))
 FARTHER = (1.0, 1.8, 2.8)
-# costs of a position: over another label, over a point, nearer to another point than to its own, outside the
-# picture, and other than in the frame before; a label moves rather than stand at another point
+# costs of a label's position: over another label, over a point, closer to another point than to its own,
+# outside the picture, and different from the frame before; a label moves rather than be at another point
 LABEL, POINT, NEARER, OUT, MOVED = 10.0, 1.0, 5.0, 100.0, 2.5
 Placement = tuple[tuple[int, int], float]
 
 
 @dataclass(frozen=True, slots=True)
 class Rectangle:
-    """A part of a picture in pixels, y downwards."""
+    """A rectangle of a picture in pixels, y downwards."""
 
     x_low: float
     y_low: float
@@ -42,7 +42,7 @@ class Rectangle:
     y_high: float
 
     def meets(self, other: "Rectangle") -> bool:
-        """Return whether it overlaps another, or nearly."""
+        """Return whether it overlaps another, with a margin."""
         return not (
             self.x_high + LABEL_GAP < other.x_low
             or other.x_high + LABEL_GAP < self.x_low
@@ -57,7 +57,7 @@ class Rectangle:
         return float(np.hypot(across, max(self.y_low - y, 0.0, y - self.y_high)))
 
     def inside(self, resolution: tuple[int, int]) -> bool:
-        """Return whether it lies in a picture of a size."""
+        """Return whether it lies inside a picture of a size."""
         return (
             self.x_low >= 0.0
             and self.y_low >= 0.0
@@ -67,7 +67,7 @@ class Rectangle:
 
 
 def shared(points: Mapping[str, Array]) -> list[tuple[str, Array]]:
-    """Return names, those of points that coincide in one, and where in pixels, (2,)."""
+    """Return names, joined for coincident points, and their positions in pixels, (2,)."""
     groups: list[tuple[list[str], Array]] = []
     for name, position in points.items():
         for names, other in groups:
@@ -92,14 +92,14 @@ def placed(
     """Return where labels stand, each off the middle of all points, where nothing else is written.
 
     Args:
-        points: that they name, (2,) in pixels each.
+        points: the named points, (2,) in pixels each.
         widths: of the labels in pixels.
         height: of a line in pixels.
-        off: how far a label keeps off its point, in pixels.
+        off: distance between a label and its point, in pixels.
         resolution: of the picture.
-        occupied: what is written there already.
-        before: side and distance where each stood in the frame before, which it leaves only where another
-            label or the edge is in its way, or where another point is nearer than its own.
+        occupied: rectangles that are occupied already.
+        before: side and distance of each label in the frame before; it keeps them unless it would touch
+            another label or the edge, or would be closer to another point.
 
     Returns:
         Where each stands, and on which side how far off.
@@ -150,17 +150,17 @@ INK: Ink = (28, 32, 40)
 # colour of the outline of letters, 0 to 255, and its width in pixels
 HALO = (250, 250, 252)
 HALO_WIDTH = 2
-# height of a line of a legend, in heights of its letters
+# height of a legend line, relative to the height of its letters
 LINE = 1.45
 
 
 @dataclass(frozen=True, slots=True)
 class Notes:
-    """What stands at the edges of every frame.
+    """The text at the edges of every frame.
 
     Attributes:
         name: of the mechanism.
-        legend: lines at the foot, and their colours.
+        legend: lines at the bottom, and their colours.
     """
 
     name: str
@@ -180,12 +180,12 @@ def written(
 
     Args:
         picture: (height, width, 3).
-        camera: that took it.
+        camera: the camera of the picture.
         labels: name of a point -> its position, (3,) in [m].
-        clear: how far labels keep off their points, in [m].
-        notes: what stands at the edges; None for nothing.
-        instant: that it shows, in words; empty where it shows many.
-        stood: label -> where it was placed in the frame before; updated.
+        clear: distance between labels and points, in [m].
+        notes: text at the edges; None for none.
+        instant: shown instant as text; empty if the picture shows many.
+        stood: label -> its position in the frame before; updated.
     """
     with needs("pictures"):
         from PIL import Image
@@ -202,8 +202,8 @@ def letters(resolution: tuple[int, int]) -> int:
 
 
 def foot(resolution: tuple[int, int], lines: int) -> float:
-    """Return the share of a picture's height that so many lines of a legend take, 0.4 at most."""
-    # over a margin and the line of the scale bar
+    """Return the fraction of a picture's height that legend lines take, at most 0.4."""
+    # above a margin and the line of the scale bar
     return min(0.4, (0.8 + 1.5 + LINE * lines) * letters(resolution) / resolution[1]) if lines else 0.0
 
 
@@ -216,7 +216,7 @@ def _labels(
     occupied: Sequence[Rectangle],
     stood: dict[str, Placement],
 ) -> None:
-    """Write names next to their points; points that coincide share one."""
+    """Write names next to their points; coincident points share one."""
     named = shared({name: camera.pixel(placement) for name, placement in labels.items()})
     widths = [_font(edge).getlength(name) for name, _ in named]
     before = [stood.get(name) for name, _ in named]
@@ -229,7 +229,7 @@ def _labels(
 
 
 def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edge: int) -> list[Rectangle]:
-    """Write name, instant, scale bar and legend at the edges; return where.
+    """Write name, instant, scale bar and legend at the edges; return their rectangles.
 
     A legend that would reach over the scale bar stands above it.
     """
@@ -263,7 +263,7 @@ def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edg
 
 
 def scale_bar(camera: Camera) -> tuple[float, str]:
-    """Return a round length of about a sixth of the picture's width in [m], and how it is written."""
+    """Return a round length of about a sixth of the picture's width in [m], and its text."""
     length = nice(camera.resolution[0] / camera.scale / 5.0)
     return length, prefixed(length, "m")
 
@@ -271,16 +271,16 @@ def scale_bar(camera: Camera) -> tuple[float, str]:
 def _text(
     image: "Image.Image", anchor_point: tuple[float, float], text: str, edge: int, anchor: str, ink: Ink = INK
 ) -> None:
-    """Write a text with its left ("l") or right ("r") end at a place, hung ("a") or standing ("s") there."""
+    """Write a text with its left ("l") or right ("r") end at a position, below ("a") or above ("s") it."""
     stamp, x_offset, y_offset, right = _stamp(text, edge, anchor[1], ink)
     x = anchor_point[0] + x_offset if anchor[0] == "l" else anchor_point[0] - right
     image.paste(stamp, (round(x), round(anchor_point[1] + y_offset)), stamp)
 
 
-# drawing letters with a halo costs more than all else on a picture, and names stay the same
+# drawing letters with a halo is the most expensive step of a picture, and names repeat
 @lru_cache(maxsize=256)
 def _stamp(text: str, edge: int, hang: str, ink: Ink) -> tuple["Image.Image", float, float, float]:
-    """A text on a clear ground: picture, its left and top from the anchor, its right end."""
+    """A text on a transparent background: picture, its left and top from the anchor, its right end."""
     from PIL import Image, ImageDraw
 
     font = _font(edge)

@@ -1,4 +1,4 @@
-"""What a picture shows: size, camera, paths, labels, projections, overlaid positions."""
+"""Contents of a picture: size, camera, paths, labels, projections, overlaid positions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -28,7 +28,7 @@ def parse_pixels(text: str) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """What a picture shows.
+    """Contents and style of a picture.
 
     Attributes:
         size: (width, height) in pixels.
@@ -36,18 +36,18 @@ class Look:
         backend: OpenGL back end to force; None takes the first that works.
         paths: of tracked points: True or "grow" draws them behind the points, "tail" only the last
             quarter of a turn, so that a full turn can be played in a loop, "whole" all at once.
-        labels: whether tracked points carry their names.
-        notes: whether scale bar, name and crank angle are written on the picture.
+        labels: whether tracked points have labels.
+        notes: whether the picture has a scale bar, name and crank angle.
         direction: whether an arrow shows the direction in which the crank rotates.
-        projections: tracked points whose paths are also thrown on the planes XY, XZ and YZ.
-        overlay: positions drawn at once over the whole motion; 1 draws one a frame.
+        projections: tracked points whose paths are also projected onto the planes XY, XZ and YZ.
+        overlay: number of positions drawn together over the whole motion; 1 draws one in each frame.
         arrows: what arrows show: "velocity" and "acceleration" of tracked points, "force" and "moment"
             where they were given.
         magnify: factor on the error between a run and the ghost of the closed form; None takes the
             power of ten that makes it plain to see.
-        caption: a line to write at the foot of the picture.
-        bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
-        up: coordinate axis that points up, as "z" or "-y"; None takes the mechanism's own, else y.
+        caption: a line at the bottom of the picture.
+        bodies: link -> its body from a user's file; None draws bodies from the joints.
+        up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
     """
 
     size: tuple[int, int] = option(
@@ -97,7 +97,7 @@ class Look:
 
     @property
     def trace(self) -> Paths | None:
-        """How paths are drawn, None for not at all."""
+        """The style of the paths, or None for no paths."""
         if isinstance(self.paths, str):
             return self.paths
         return "grow" if self.paths else None
@@ -113,7 +113,7 @@ class Look:
 
 
 def changed(look: Look | None, options: dict[str, Any]) -> Look:
-    """Return a look, the usual one if None, with other values for some of its fields.
+    """Return a look, by default the standard one, with other values of some fields.
 
     Raises:
         InputError: for a field there is not, or a value that it cannot have.

@@ -1,4 +1,4 @@
-"""Shapes, rods, arrows, grids, light and camera of a scene: nothing that collides or has mass."""
+"""Shapes, rods, arrows, grids, light and camera of a scene, without collisions or mass."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,10 +33,10 @@ COLOURS = {
     "force": (0.10, 0.10, 0.10, 1.0),
     "moment": (0.42, 0.16, 0.60, 1.0),
 }
-# the longest arrow of a kind may be so long, and is no shorter than two fifths of it: in units of the
-# mechanism's largest extent
+# largest length of the longest arrow of a kind, relative to the mechanism's extent; the smallest is two
+# fifths of it
 MAX_ARROW = 0.34
-# a moment has a second head behind the first, at this part of its length
+# position of the second head of a moment's arrow, relative to its length
 SECOND_HEAD = 0.84
 
 
@@ -47,9 +47,9 @@ class Arrows:
     Attributes:
         kind: "velocity", "acceleration", "force" or "moment".
         vectors: point or joint -> vectors frame by frame, (n, 3) in the kind's unit.
-        largest: length of the longest vector of the whole motion, in that unit.
-        length: a round length in [m]...
-        stands_for: ...and the round number of units that an arrow of that length stands for.
+        largest: magnitude of the longest vector of the whole motion, in that unit.
+        length: length of the scale arrow, a round number in [m].
+        stands_for: number of units that this arrow represents.
     """
 
     kind: str
@@ -65,7 +65,7 @@ class Arrows:
 
     @property
     def legend(self) -> tuple[str, tuple[int, int, int]]:
-        """What a picture says about them, and their colour, 0 to 255."""
+        """Legend of the arrows, and their colour, 0 to 255."""
         red, green, blue, _ = (round(255.0 * channel) for channel in COLOURS[self.kind])
         if self.largest == 0.0:
             return f"{self.kind}: none", (red, green, blue)
@@ -74,14 +74,14 @@ class Arrows:
         return f"{self.kind}: {scale_text}, at most {prefixed(self.largest, unit)}", (red, green, blue)
 
     def tips(self, starts: Mapping[str, Array]) -> Array:
-        """Return where the arrows end in every frame, (k, 3) in [m]."""
+        """Return the tips of the arrows in every frame, (k, 3) in [m]."""
         return np.vstack([starts[name] + self.scale * vector for name, vector in self.vectors.items()])
 
     def put(self, scene: mujoco.MjvScene, starts: Mapping[str, Array], frame: int, width: float) -> None:
-        """Add the arrows of a frame to a scene, from their starts, as many as fit."""
+        """Add the arrows of a frame to a scene, from their starts, as far as it has room."""
         for name, vectors in self.vectors.items():
             arrow = self.scale * vectors[frame]
-            # one shorter than it is thick is no arrow
+            # arrows shorter than their thickness are left out
             if float(np.linalg.norm(arrow)) < 2.0 * width:
                 continue
             for share in (1.0, SECOND_HEAD) if self.kind == "moment" else (1.0,):
@@ -92,7 +92,7 @@ class Arrows:
         geom = scene.geoms[scene.ngeom]
         rgba = np.array(COLOURS[self.kind], dtype=np.float32)
         mujoco.mjv_initGeom(geom, ARROW, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
-        # MuJoCo draws an arrow of half the length that it is given
+        # MuJoCo draws an arrow with half of the given length
         mujoco.mjv_connector(geom, ARROW, width, start, start + 2.0 * arrow)
         geom.specular, geom.emission = 0.1, 0.3
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR
@@ -100,7 +100,7 @@ class Arrows:
 
 
 def arrows(kind: str, vectors: Mapping[str, Array], extent: float) -> Arrows:
-    """Return arrows of a kind for a mechanism of some extent in [m], the longest of a readable length."""
+    """Return arrows of a kind for a mechanism of an extent in [m], the longest with a readable length."""
     lengths = (np.sqrt((vector**2).sum(1)).max() for vector in vectors.values())
     largest, length = float(max(lengths, default=0.0)), nice(extent / 5.0)
     # the round number above: 1, 2 and 5 are the inverses of 1, 0.5 and 0.2
@@ -113,7 +113,7 @@ BOX = int(mujoco.mjtGeom.mjGEOM_BOX)
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Rods between the points of a path, ready to be put into a scene.
+    """Rods between the points of a path, as geoms of a scene.
 
     Attributes:
         centres: (k, 3) in [m].
@@ -131,22 +131,22 @@ class Chain:
         return len(self.centres)
 
     def put(self, scene: mujoco.MjvScene, start: int = 0, stop: int | None = None) -> None:
-        """Add some of the rods to a scene, as many as fit."""
+        """Add some of the rods to a scene, as far as it has room."""
         geoms, ngeom = scene.geoms, scene.ngeom
         stop = len(self) if stop is None else min(stop, len(self))
         stop = min(stop, start + scene.maxgeom - ngeom)
         for i in range(start, stop):
             geom = geoms[ngeom]
             mujoco.mjv_initGeom(geom, BOX, self.sizes[i], self.centres[i], self.frames[i], self.rgba)
-            # some light of their own, so that a path reads the same in light and shade; decoration
-            # throws no shadow
+            # some emission, so that a path looks the same in light and shadow; decoration
+            # casts no shadow
             geom.specular, geom.emission, geom.category = 0.0, 0.15, DECOR
             ngeom += 1
         scene.ngeom = ngeom
 
 
 def chain(path: Array, width: float, rgba: ArrayLike) -> Chain:
-    """Return the rods along a path, (m, 3), `width` across."""
+    """Return the rods along a path, (m, 3), with a given width."""
     steps = np.diff(path, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     along = np.where(lengths[:, None] > 0.0, steps / np.maximum(lengths, 1e-300)[:, None], [1.0, 0.0, 0.0])
@@ -155,7 +155,7 @@ def chain(path: Array, width: float, rgba: ArrayLike) -> Chain:
     x /= np.linalg.norm(x, axis=1)[:, None]
     frames = np.stack([x, np.cross(along, x), along], axis=-1).reshape(-1, 9)
     sizes = np.full((len(steps), 3), width / 2.0)
-    # half a width longer at each end closes the outer side of a bend
+    # half a width at each end closes the outer side of a bend
     sizes[:, 2] = (lengths + 0.5 * width) / 2.0
     return Chain((path[:-1] + path[1:]) / 2.0, frames, sizes, np.asarray(rgba, dtype=np.float32))
 
@@ -172,7 +172,7 @@ GRID_LINE = (0.76, 0.79, 0.83)
 MATTE = "matte"
 # of MuJoCo's geoms that say nothing
 GREY = (0.5, 0.5, 0.5, 1.0)
-# parts of white light: from everywhere, from the camera, from the lamp over its shoulder
+# fractions of white light: ambient, from the camera, from the lamp over its shoulder
 AMBIENT, HEADLIGHT, LAMP = 0.42, 0.28, 0.30
 # in [m], that the compiler lets a camera with parallel projection show: it takes it for an angle
 HIGHEST = 179.0
@@ -204,14 +204,14 @@ def _add_facets(spec: mujoco.MjSpec, body: mujoco.MjsBody, facets: TriangleMesh,
 
 
 def add_grid(spec: mujoco.MjSpec, name: str, wall: Wall, grid_step: float, emission: float) -> None:
-    """Add a plane of paper with grid lines.
+    """Add a plane with grid lines.
 
     Args:
-        spec: what to add to.
+        spec: specification to extend.
         name: of texture and material.
         wall: where it stands.
         grid_step: edge of a grid cell in [m].
-        emission: light of its own, for what a slanting plane misses of the camera's.
+        emission: emission, which compensates for the camera's light on a slanted plane.
     """
     texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
     texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
@@ -232,7 +232,7 @@ def add_grid(spec: mujoco.MjSpec, name: str, wall: Wall, grid_step: float, emiss
 
 
 def add_sheet(spec: mujoco.MjSpec, camera: Camera, depth: float) -> None:
-    """Add a plain sheet square to a camera, `depth` behind it: MuJoCo's own background is black."""
+    """Add a plain sheet normal to a camera, `depth` behind it: MuJoCo's own background is black."""
     spec.add_material(name="paper", specular=0.0, shininess=0.0, emission=1.0, rgba=(*PAPER, 1.0))
     sheet = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, material="paper")
     sheet.pos = camera.position - depth * camera.back
@@ -261,7 +261,7 @@ def light_direction(camera: Camera, normal: Array) -> Array:
 
 
 def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array, shadow: bool) -> None:
-    """Add a lamp far away; its shadows, if any, fall on a wall."""
+    """Add a distant lamp; its shadows, if any, fall on a wall."""
     light = spec.worldbody.add_light(pos=middle - 2.0 * camera.height * light_direction(camera, normal))
     light.dir = light_direction(camera, normal)
     light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
@@ -272,10 +272,10 @@ def add_light(spec: mujoco.MjSpec, camera: Camera, middle: Array, normal: Array,
 def brightness(
     camera: Camera, normal: Array, emission: float, lamp_over: Array | None = None
 ) -> tuple[float, float]:
-    """Return the share of its colour that a white wall shows, with the lamp and in its shadow.
+    """Return the brightness of a white wall relative to its colour, in the lamp's light and in its shadow.
 
     Args:
-        camera: whose headlight it is.
+        camera: the camera with the headlight.
         normal: unit vector off the wall.
         emission: light of its own.
         lamp_over: normal of the wall that the lamp was set for, if another.
@@ -286,15 +286,15 @@ def brightness(
 
 
 def prepare(spec: mujoco.MjSpec, camera: Camera, middle: Array) -> None:
-    """Set what is the same in every picture: material, soft light from the camera, distances."""
+    """Set the common properties of all pictures: material, soft light from the camera, distances."""
     # a geom whose colour is MuJoCo's usual one takes that of its material: the same
     spec.add_material(name=MATTE, specular=0.25, shininess=0.4, rgba=GREY)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = camera.resolution
     spec.visual.quality.shadowsize = 2048
-    # parts are small in the picture: fewer facets than MuJoCo's 28 and 16 look as round and draw faster
+    # details are small in the picture: fewer facets than MuJoCo's 28 and 16 look as round and draw faster
     spec.visual.quality.numslices = 20
     spec.visual.quality.numstacks = 8
-    # under light from far away a flat face is shaded alike all over and needs no division
+    # under distant light a flat face has uniform brightness and needs no division
     spec.visual.quality.numquads = 1
     spec.visual.headlight.ambient = [AMBIENT] * 3
     spec.visual.headlight.diffuse = [HEADLIGHT] * 3
@@ -316,7 +316,7 @@ SITE_GROUP = 3
 
 
 def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
-    """Return the model of a mechanism, its loops closed, with its picture where the scene holds one.
+    """Return the assembled model of a mechanism, with its picture if the scene has one.
 
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
@@ -328,7 +328,7 @@ def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
 
 
 def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
-    """Add to a model what a picture of it needs, and nothing that its physics could notice.
+    """Add to a model the elements of a picture, without effect on its physics.
 
     The camera "view" holds the mechanism at every crank angle.
 

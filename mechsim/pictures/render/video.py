@@ -28,7 +28,7 @@ VIDEOS = (".mp4", ".webm", ".gif")
 # options of mediapy for each kind; webm plays without patents, mp4 everywhere
 CODECS: dict[str, dict[str, Any]] = {
     ".mp4": {"codec": "h264", "crf": 20, "ffmpeg_args": "-preset veryfast"},
-    # "good" and a row of threads: the default takes ten times as long for the same picture
+    # "good" and row-based threads: the default takes ten times as long for the same quality
     ".webm": {
         "codec": "vp9",
         "crf": 31,
@@ -69,10 +69,10 @@ def write_video(
     """Write a motion as mp4, webm or gif, or, for a path without extension, as a directory of PNG files.
 
     Args:
-        path: where to; a directory must be new or empty.
-        mechanism: what moves.
-        motion: how; a frame per sample unless `angles` says otherwise.
-        look: what the pictures show; None is the usual.
+        path: output path; a directory must be new or empty.
+        mechanism: the mechanism.
+        motion: its motion; a frame for each sample unless `angles` is given.
+        look: contents of the pictures; None is the default.
         fps: frames per second.
         angles: crank angles of the frames in [rad]; `turn_angles` makes evenly spaced ones.
         progress: called after each frame.
@@ -100,7 +100,7 @@ def write_video(
 
 
 def turn_angles(mechanism: Mechanism, motion: Motion, per_turn: int = 36) -> np.ndarray:
-    """Return evenly spaced crank angles over a motion, `per_turn` to a turn, in [rad].
+    """Return evenly spaced crank angles over a motion, `per_turn` in a revolution, in [rad].
 
     36 frames stand 10 degrees apart, as in the paper. Over whole turns after which every link stands
     as it did, the last one is left out, so that the frames play in a loop.
@@ -160,7 +160,7 @@ def _encode(
     shape = first.shape[0] // 2 * 2, first.shape[1] // 2 * 2  # codecs want even edges
     count = 0
     try:
-        # the encoder takes a frame while the next one is drawn; never more than two wait
+        # the encoder takes a frame while the next one is drawn; at most two frames wait
         with (
             mediapy.VideoWriter(path, shape, fps=fps, **CODECS[path.suffix]) as writer,
             ThreadPoolExecutor(max_workers=1) as line,

@@ -1,4 +1,4 @@
-"""A mechanism in a page that needs nothing but itself, to turn by hand.
+"""A self-contained interactive 3-D page of a mechanism.
 
-All that moves was solved before: the page interpolates between dense samples and solves nothing.
+All that moves was solved before: All motions are solved before: the page interpolates between dense samples.
 """

@@ -1,4 +1,4 @@
-"""The page: records as JSON, three.js from its Python package, and a script that only shows."""
+"""The page: records as JSON, three.js from its Python package, and a script for display."""
 
 import base64
 import json
@@ -27,16 +27,16 @@ from mechsim.shapes.shape import Shape
 
 TEMPLATES = Path(__file__).parent / "templates"
 LIBRARY, BUILD = "jupyter_threejs_sage", "static/r130/three.min.js"
-# poses over which the space of a mechanism is measured
+# number of poses from which the extent of a mechanism is determined
 MAX_POSES = 360
 
 
 def page(view: View, library: str = "") -> str:
-    """Return the page as HTML text, with all it needs inside.
+    """Return the page as HTML text, self-contained.
 
     Args:
-        view: what it shows.
-        library: file in the same folder that holds three.js; empty puts it into the page.
+        view: contents of the page.
+        library: file in the same folder with three.js; empty embeds it in the page.
 
     Raises:
         MissingToolError: where the package that brings three.js is not installed.
@@ -53,7 +53,7 @@ def page(view: View, library: str = "") -> str:
         version=__version__,
         facts=view.facts,
         errors=[(grid.name, prefixed(grid.error, "m")) for grid in view.grids if np.isfinite(grid.error)],
-        # no text of a mechanism may end the element it stands in
+        # no text of a mechanism may end its enclosing element
         data=data.replace("<", "\\u003c"),
         three="" if library else three_js(),
         library=library,
@@ -68,7 +68,7 @@ def _script_text(code: str) -> str:
 
 
 def three_js() -> str:
-    """Return the text of three.js, as the package that brings it has it.
+    """Return the text of three.js from its Python package.
 
     Raises:
         MissingToolError: where it is not installed.
@@ -117,7 +117,7 @@ def _data(view: View) -> dict[str, Any]:
 
 
 def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Pose]:
-    """Return poses of every link over all grids, as many as its space needs."""
+    """Return poses of every link over all grids, enough to determine the extent."""
     from scipy.spatial.transform import Rotation
 
     poses = {GROUND: Pose(np.zeros(3), np.eye(3))}
@@ -176,7 +176,7 @@ def _points(mechanism: Mechanism) -> list[dict[str, Any]]:
 
 
 def _cameras(mechanism: Mechanism, balls: Array, radii: Array, vertical: Up | None) -> list[dict[str, Any]]:
-    """Return the directions to look from; the first is the usual one."""
+    """Return the view directions; the first is the default."""
     presets: list[dict[str, Any]] = []
     flat = hinged_normals(mechanism) is not None
     usual = {"iso": "straight on" if flat else "corner", "top": "top", "side": "side"}

@@ -1,4 +1,4 @@
-"""Records of an interactive page: sliders, poses, read-outs, platforms moved to a prescribed pose."""
+"""Records of an interactive page: sliders, poses, read-outs, platforms with prescribed poses."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,10 +35,10 @@ class PlatformDrive:
     Attributes:
         link: name of the platform.
         point: its reference point, in its own frame in [m].
-        origin: name of that point; the link's own name for its origin.
+        origin: name of that point; the link's name for its origin.
         coordinates: those of `POSE_COORDINATES` that the drivers control.
-        start: link -> pose in which the mechanism starts.
-        limits: driver -> lowest and highest value in SI, where a file states them.
+        start: link -> initial pose.
+        limits: driver -> lowest and highest value in SI, if a file states them.
     """
 
     link: str
@@ -50,7 +50,7 @@ class PlatformDrive:
 
 
 def platform_data(mechanism: Mechanism, platform: PlatformDrive) -> dict[str, Any]:
-    """Return what the page's solver reads, as plain data; links are numbered, the ground is -1."""
+    """Return the data of the page's solver; links are numbered, the ground is -1."""
     links = [link.name for link in mechanism.links]
     joints = [joint.name for joint in mechanism.joints]
     return {
@@ -96,22 +96,22 @@ def _end(end: End, links: list[str]) -> dict[str, Any]:
 
 
 def _exact(values: Array) -> list[float]:
-    """Return numbers that JSON writes with all their digits, in the order of their rows."""
+    """Return numbers that JSON writes with all digits, in the order of their rows."""
     return [float(value) for value in np.ravel(values)]
 
 
-# of a slider; "%" goes round a curve of assemblies
+# unit of a slider; "%" is the position on a closed curve of assemblies
 SliderUnit = Literal["rad", "m", "s", "%"]
 
 
 @dataclass(frozen=True, slots=True)
 class Landmark:
-    """A named position on a slider: a dead centre, the least transmission angle.
+    """A named position on a slider: a dead centre, the smallest transmission angle.
 
     Attributes:
         value: in the unit of the slider.
-        label: what it is, in a few words.
-        kind: "dead" where the motion cannot go on, "meets" where assemblies meet, "note" else.
+        label: description in a few words.
+        kind: "dead" at the end of a motion, "meets" at a branch point, else "note".
     """
 
     value: float
@@ -126,9 +126,9 @@ class Slider:
     Attributes:
         name: of the driver, or "time".
         unit: of its nodes.
-        nodes: rising values at which poses are known, (k,) in SI.
-        ring: whether the last node is the first again, a period later.
-        start: where it stands at first.
+        nodes: ascending values with known poses, (k,) in SI.
+        ring: whether the last node equals the first, one period later.
+        start: initial value.
         landmarks: named positions.
     """
 
@@ -145,9 +145,9 @@ class Readout:
     """A quantity over the grid, with one or several components: a point's position, a joint's coordinate.
 
     Attributes:
-        name: of what.
+        name: name of the quantity.
         unit: in SI, "rad", "m", "m/s", "".
-        components: what a part is called -> its values, of the shape of the grid; "" where there is one.
+        components: name of a component -> its values, of the shape of the grid; "" for a scalar.
     """
 
     name: str
@@ -157,14 +157,14 @@ class Readout:
 
 @dataclass(frozen=True, slots=True)
 class GhostTrack:
-    """The links by another method, as differences along the one slider.
+    """The links by another method, as differences along a single slider.
 
     Attributes:
         name: of the method.
         nodes: rising values of the slider, (k,).
         shift: link -> displacement of its first joint, (k, 3) in [m].
-        rotation: link -> turn as a vector, (k, 3) in [rad].
-        by: factor that makes the differences plain to see.
+        rotation: link -> rotation vector, (k, 3) in [rad].
+        by: factor that makes the differences visible.
     """
 
     name: str
@@ -179,14 +179,14 @@ class PoseGrid:
     """One assembly, or one method: poses of all moving links at every node of its sliders.
 
     Attributes:
-        name: as the page offers it.
+        name: name on the page.
         sliders: one for each driver; the grid is the product of their nodes.
-        position: link -> position of its origin, (*shape, 3) in [m]; NaN where it cannot stand.
+        position: link -> position of its origin, (*shape, 3) in [m]; NaN where it cannot be assembled.
         quaternion: link -> its orientation, (*shape, 4), scalar first.
         readouts: quantities shown as numbers and as curves.
-        ghost: of another method; None where there is none.
-        error: largest position error between the nodes in [m], measured; NaN where it was not.
-        note: more on where it comes from.
+        ghost: of another method; None without one.
+        error: largest position error between the nodes in [m], measured; NaN if it was not.
+        note: further text on its source.
     """
 
     name: str
@@ -206,11 +206,11 @@ class PoseGrid:
 
 @dataclass(frozen=True, slots=True)
 class LivePage:
-    """What a page needs to solve a mechanism.
+    """Data with which a page solves a mechanism.
 
     Attributes:
         code: JavaScript that defines `live_solver` and `live_geometry`.
-        data: what `live.js` reads, as plain data.
+        data: plain data for `live.js`.
     """
 
     code: str
@@ -219,17 +219,18 @@ class LivePage:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """All that a page shows.
+    """The contents of a page.
 
     Attributes:
-        mechanism: whose links are drawn.
-        grids: what can be chosen; the first is shown at first.
+        mechanism: the mechanism with the drawn links.
+        grids: the choices; the first is shown initially.
         title: heading.
-        facts: lines that say what it is and where it comes from.
-        bodies: link -> its body, as a user's file has it; None draws bodies from the joints.
-        up: coordinate axis that points up, as "z" or "-y"; None takes the mechanism's own, else y.
-        platform: link that can be moved by its pose; None without one.
-        live: the mechanism as the page solves it, with dimensions that vary; None shows solved poses alone.
+        facts: lines of description.
+        bodies: link -> its body from a user's file; None draws bodies from the joints.
+        up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
+        platform: link with a prescribed pose; None without one.
+        live: data with which the page solves the mechanism, with variable dimensions; None shows solved poses
+            only.
     """
 
     mechanism: Mechanism
@@ -242,12 +243,12 @@ class View:
     live: LivePage | None = None
 
 
-# nodes that a cubic goes through
+# number of nodes of cubic interpolation
 STENCIL = 4
 
 
 def stencil(slider: Slider, value: float) -> tuple[list[int], list[float]]:
-    """Return the nodes of a slider about a value, four where there are so many, and their weights.
+    """Return the nodes of a slider next to a value, four if there are as many, and their weights.
 
     A ring goes on past its ends; its last node is its first.
     """
@@ -281,7 +282,7 @@ def interpolated(
         sliders: of the grid.
         values: at the nodes.
         setting: a value for each slider.
-        turns: whether the values are quaternions, of which both signs mean one turn.
+        turns: whether the values are quaternions, for which both signs are the same rotation.
     """
     stencils = [stencil(slider, value) for slider, value in zip(sliders, setting, strict=True)]
     block = values[np.ix_(*(nodes for nodes, _ in stencils))]
@@ -306,19 +307,19 @@ def motion_grid(
     ghost: GhostTrack | None = None,
     speeds: bool = True,
 ) -> PoseGrid:
-    """Return the grid of a motion along one slider.
+    """Return the grid of a motion along a single slider.
 
     Args:
-        name: as the page offers it.
-        mechanism: what moves.
+        name: name on the page.
+        mechanism: the mechanism.
         motion: with links, at rising values of the slider.
-        driver: what the slider is called.
+        driver: name of the slider.
         unit: of its values.
         nodes: its values, (n,); None takes the crank angles.
         landmarks: named positions.
         extra: quantities besides positions, speeds and joints, (n,) each.
         ghost: of another method.
-        speeds: whether the motion's rates are shown.
+        speeds: whether the rates of the motion are shown.
     """
     nodes = motion.angle if nodes is None else nodes
     poses = moved_links(mechanism, motion)
@@ -335,11 +336,11 @@ def ghost_of(
     """Return the links by another method, given both motions at the same drivers.
 
     Args:
-        name: of the method.
-        mechanism: what moves.
-        shown: the motion of the page's own method.
-        other: that of the other.
-        rows: instants over which the slider rises: all of a crank that turns, half of a swing.
+        name: name of the method.
+        mechanism: the mechanism.
+        shown: the motion of the page.
+        other: the motion of the other method.
+        rows: rows at which the slider ascends: all for a crank that turns, half for a swing.
     """
     spinning = shown.spinning | other.spinning
     deviations = errors(mechanism, moved_links(mechanism, shown), moved_links(mechanism, other), spinning)

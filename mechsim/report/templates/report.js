@@ -2,7 +2,7 @@
 const cases = document.getElementById("cases"), sections = [...cases.children];
 const filter = document.getElementById("filter"), failed = document.getElementById("failed"), order = document.getElementById("order");
 
-/* a link to a mechanism or to a row opens what holds it */
+/* a link to a mechanism or to a row opens the enclosing section */
 function follow() {
   const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
   if (!target) return;

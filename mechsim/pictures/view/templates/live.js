@@ -2,11 +2,11 @@
 
 const DIMENSION_STEP = 0.02;  // of a dimension between two solutions, relative to its slider's scale
 const SMALLEST_WAY = 1e-5;    // of a request, below which the limit counts as reached
-const CURVE_NODES = 60;       // solutions of a curve each way
-const HOLD = 1e-3;            // damping of the drivers when a point is dragged, relative
+const CURVE_NODES = 60;       // solutions of a curve in each direction
+const HOLD = 1e-3;            // relative damping of the drivers when a point is dragged
 const DRAG_STEPS = 6;         // Newton steps of a drag for each event of the pointer
 const DRAG_STEP = 0.15;       // largest change of a driver in each, in [rad] or sizes
-const DRAG_HALVINGS = 8;      // of a step that does not come nearer
+const DRAG_HALVINGS = 8;      // halvings of a step that does not decrease the distance
 
 /* the frame of a side of a joint, as mechsim.model.joints.End makes it: rows of the columns reference, axis x reference, axis */
 function frameOf(axis, reference) {
@@ -24,7 +24,7 @@ function quaternionOf(r) {
   return [[main, a, b, c], [a, main, d, e], [b, d, main, f], [c, e, f, main]][k];
 }
 
-/* pairs of points that join all with the least length (Prim), as mechsim.model.masses has them */
+/* pairs of points that connect all with the least total length (Prim), as in mechsim.model.masses */
 function joined(points) {
   const done = [0], pairs = [];
   while (done.length < points.length) {
@@ -125,7 +125,7 @@ class LiveMechanism {
     return kept;
   }
 
-  /* the mechanism's size: the longest distance between two joints of a link, or between other points of one */
+  /* the mechanism's size: the largest distance between two joints of a link, or between other points of one */
   longest() {
     const widest = (more) => Math.max(...["ground", ...this.links].map((link) => {
       const points = [...this.endsOf(link).map((end) => this.point(end)), ...more(link)];
@@ -138,7 +138,7 @@ class LiveMechanism {
 
   local(point) { return point.index < 0 ? point.at : Array.from(this.code.GEOMETRY.slice(point.index, point.index + 3)); }
 
-  /* where the dimensions of a solution put joints and points, in their links, for the picture */
+  /* positions of joints and points in their links for the dimensions of a solution, for the picture */
   shapeAt(solution) {
     this.setDimensions(Array.from(solution.values.slice(this.count)));
     if (this.shape) return this.shape;
@@ -156,7 +156,7 @@ class LiveMechanism {
     return this.shape;
   }
 
-  /* all that the page shows of the state's configuration */
+  /* all records of the state's configuration that the page shows */
   solution(values) {
     const { code, state, records } = this, configuration = code.configuration(), poses = new Float64Array(7 * this.links.length);
     code.save(state, configuration);
@@ -195,7 +195,7 @@ class LiveMechanism {
     this.code.restore(this.state, solution.configuration);
   }
 
-  /* the solution nearest to values of drivers and dimensions on the straight way there, and why it goes no further */
+  /* the last solution on the straight path to values of drivers and dimensions, and why it ends there */
   towards(from, values) {
     const n = this.count, far = Math.max(0, ...this.scales.map((scale, i) => Math.abs(values[n + i] - from.values[n + i]) / scale));
     let best = { ...from, reached: true, reason: "" }, share = 0, size = Math.min(1, DIMENSION_STEP / far);
@@ -213,7 +213,7 @@ class LiveMechanism {
     return best;
   }
 
-  /* values whose drivers bring a point nearest to a place in the plane of two directions (damped Gauss-Newton) */
+  /* values whose drivers bring a point closest to a position in the plane of two directions (damped Gauss-Newton) */
   reaching(values, name, right, over, wanted, grid) {
     const n = this.count, sizes = this.drivers.map((driver) => (driver.unit === "rad" ? 1 : this.size)), index = this.code.points.indexOf(name);
     let current = grid.solutionAt(values);
@@ -266,7 +266,7 @@ class LiveMechanism {
   }
 }
 
-/* a number that TOML reads back to the last bit as one with a fraction */
+/* a number as text that TOML reads back exactly, with a fraction */
 const decimal = (value) => (Number.isInteger(value) && Math.abs(value) < 1e15 ? `${value}.0` : `${value}`);
 
 /* the least-norm step of a 2 x n system, damped relative to its size */
@@ -278,7 +278,7 @@ function dampedStep(columns, off) {
   return columns.map(([u, v]) => u * x + v * y);
 }
 
-/* the mechanism as the page shows grids */
+/* the mechanism in the form of a grid of the page */
 function liveGrid(data) {
   const { toml, ...rest } = data, live = new LiveMechanism({ ...rest, toml_pieces: toml.pieces }, live_solver, live_geometry), n = data.drivers.length;
   const sliders = [
@@ -306,7 +306,7 @@ function liveGrid(data) {
   return grid;
 }
 
-/* unit of a coordinate of a joint; null of what has none to show */
+/* unit of a coordinate of a joint; null for joints without a shown coordinate */
 function jointUnit(data, name) {
   const joint = data.joints.find((candidate) => candidate.name === name);
   return joint ? joint.unit : null;

@@ -1,12 +1,12 @@
 /* A platform moved by its pose: the loop-closure equations of all joints, solved by Newton's method in the page. */
 
 const CLOSED = 1e-13;         // largest residual of a solution, lengths relative to the mechanism's size
-const DAMPING = 1e-10;        // of the normal equations: idle rotations of rods stay as they are
+const DAMPING = 1e-10;        // of the normal equations: passive rotations of rods do not change
 const NEWTON_STEPS = 12;
 const LARGEST_STEP = 0.05;    // of a pose coordinate between two solutions, in sizes or rad
-const LARGEST_CHANGE = 0.6;   // of a link within one step: beyond, the corrector has left the assembly
+const LARGEST_CHANGE = 0.6;   // of a link within one step: beyond it, the corrector has left the assembly
 const SMALLEST_STEP = 1e-4;   // of the requested displacement, below which the limit counts as reached
-const NODES_EACH_WAY = 30;    // of the curves along one coordinate
+const NODES_EACH_WAY = 30;    // nodes of the curves along one coordinate, in each direction
 /* Cardan angles: about x, then about the turned y, then about the turned z */
 function anglesOf(poses, o) {
   const [x, y, z] = AXES.map((axis) => rotated(poses, o, axis));
@@ -122,7 +122,7 @@ class Platform {
     return out;
   }
 
-  /* poses of all links at values of the pose coordinates, from poses nearby; null where Newton's method fails */
+  /* poses of all links at values of the pose coordinates, from nearby poses; null if Newton's method fails */
   corrected(poses, values) {
     let current = poses, moved = 0;
     for (let step = 0; step < NEWTON_STEPS; step++) {
@@ -156,7 +156,7 @@ class Platform {
     return { poses, values, drivers };
   }
 
-  /* why a solution cannot be used; "" where it can */
+  /* reason why a solution is invalid; "" if it is valid */
   problem(solution) {
     for (let i = 0; i < this.drivers.length; i++) {
       const { name, limits, unit } = this.drivers[i];
@@ -167,7 +167,7 @@ class Platform {
     return solution.det * this.first.det > 0 ? "" : "a singular pose lies in between, in which the drivers do not determine the platform";
   }
 
-  /* the solution nearest to values on the straight way there, and why it goes no further */
+  /* the last solution on the straight path to given values, and why it ends there */
   towards(from, values) {
     let best = from, share = 0, reason = "";
     const far = Math.max(...values.map((value, i) => Math.abs(value - from.values[i])), 0);
@@ -206,7 +206,7 @@ function determinant(matrix) {
   return result;
 }
 
-/* A platform as the page shows grids: sliders with reachable ranges, poses and read-outs at their settings. */
+/* A platform in the form of a grid of the page: sliders with reachable ranges, poses and read-outs. */
 function platformGrid(data) {
   const platform = new Platform(data), first = platform.first;
   const outside = (values) => values.map((value, i) => (platform.isAngle[i] ? value : value * data.size));

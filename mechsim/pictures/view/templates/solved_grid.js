@@ -31,7 +31,7 @@ function solvedGrid(solver, grid) {
     return current;
   }
 
-  /* solutions along one slider one way; towards a limit they stand closer, where poses go as the root of the way */
+  /* solutions along one slider in one direction; closer to each other near a limit, where poses vary with the root of the distance */
   function oneWay(from, values, k, end) {
     const count = solver.nodes(k), march = (last, share) => {
       const solutions = [];
@@ -46,7 +46,7 @@ function solvedGrid(solver, grid) {
     return last.reached === false ? [...march(solver.valuesOf(last)[k], (share) => Math.sin(share * Math.PI / 2)).filter((solution) => solution.reached !== false), last] : even;
   }
 
-  /* solutions along one slider as far as it goes each way, the others standing still */
+  /* solutions along one slider in both directions up to its limits, with the others at rest */
   function along(values, k) {
     const from = solved(values), [low, high] = grid.sliders[k].nodes;
     return [...oneWay(from, values, k, low).reverse(), from, ...oneWay(from, values, k, high)];
@@ -58,7 +58,7 @@ function solvedGrid(solver, grid) {
       const solution = solved(values);
       return solution.reached === false ? null : solver.posesOf(solution);
     },
-    /* poses of the nearest solution, which is shown where the request cannot be reached */
+    /* poses of the last solution, which is shown if the request cannot be reached */
     nearestPoses: () => solver.posesOf(current),
     solutionAt: (values) => solved(values),
     read(readout, values) {

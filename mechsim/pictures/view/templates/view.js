@@ -1,11 +1,11 @@
 "use strict";
-/* Shows what was solved elsewhere: poses between nodes by cubics, a picture, read-outs and curves. */
+/* Shows solved poses: cubic interpolation between nodes, a picture, read-outs and curves. */
 const DATA = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const SVG = "http://www.w3.org/2000/svg";
 const DEGREE = Math.PI / 180;
-const GRAB = 16;              // distance in pixels within which a point is taken hold of
-const MOST_OPEN = 6;          // dimensions that a page shows at once; more are folded away
+const GRAB = 16;              // distance in pixels within which a point is selected
+const MOST_OPEN = 6;          // dimensions that a page shows at once; more are collapsed
 const PALETTE = ["#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"];
 
 /* ---- records ---- */
@@ -104,7 +104,7 @@ function readAt(grid, readout, values) {
   return new Array(width).fill(NaN);
 }
 
-/* ---- what is set ---- */
+/* ---- settings ---- */
 
 const state = { grid: DATA.grids[0], values: [], active: 0, playing: new Set(), direction: [], speed: 1, camera: 0,
   show: { names: true, axes: false, paths: true, ghost: false, joints: !DATA.own_bodies }, magnified: true, poses: null, chosen: [] };
@@ -234,7 +234,7 @@ function addFloor() {
 
 const castShadow = (group) => group.traverse((part) => { part.castShadow = !!part.isMesh; });
 
-/* Moves joints and points to where dimensions put them, and draws links as rods between them. null, or the
+/* Moves joints and points to their positions for given dimensions, and draws links as rods between them. null, or the
    dimensions of the file, shows the links as they were drawn. */
 let shapeShown = null;
 function showDimensions(shape) {
@@ -283,7 +283,7 @@ function framing(width, height) {
 function lookFrom(which) {
   state.camera = which;
   const view = DATA.cameras[which], centre = new THREE.Vector3(...view.centre), far = 2 * (view.width + view.height + view.depth);
-  // orbits turn about the vertical, so that the horizon stays level; seen along the vertical, a small tilt sets what is up
+  // orbits rotate about the vertical, so that the horizon stays level; for a vertical view, a small tilt defines the up direction
   const vertical = new THREE.Vector3(...DATA.vertical), back = new THREE.Vector3(...view.back), along = back.dot(vertical);
   if (Math.abs(along) > 0.9999) back.addScaledVector(new THREE.Vector3(...view.up), -1e-4 * Math.sign(along)).normalize();
   camera.up.copy(vertical);
@@ -293,7 +293,7 @@ function lookFrom(which) {
   camera.zoom = 1;
   if (controls) controls.dispose();
   controls = new THREE.OrbitControls(camera, stage);
-  // one finger scrolls the page up and down, and turns the mechanism sideways
+  // one finger scrolls the page up and down, and rotates the mechanism sideways
   stage.style.touchAction = "pan-y";
   controls.target.copy(centre);
   controls.enableDamping = false;
@@ -424,7 +424,7 @@ function write() {
         if (hits < least) { least = hits; best = { box, side, round }; }
         if (!hits) break;
       }
-    if (least >= 3) return;  // nowhere to stand without covering another name
+    if (least >= 3) return;  // no position without covering another name
     sides[label] = best.side;
     occupied.push(best.box);
     if (best.round > 0) pieces.push(make("line", { class: "leader", x1: group.at[0], y1: group.at[1], x2: (best.box.left + best.box.right) / 2, y2: best.box.middle }));
@@ -477,7 +477,7 @@ function update() {
     setGhost(grid, state.poses);
     scene.updateMatrixWorld();
   }
-  // curves of an unreachable request stay as they were
+  // curves of an unreachable request do not change
   if (poses || !grid.solver) paths();
   writeReadouts(!poses);
   draw();
@@ -485,7 +485,7 @@ function update() {
   if (grid.solver) showReach(grid, !!poses);
 }
 
-/* reachable ranges of a platform's coordinates: of the moved one at once, of the others when it rests */
+/* reachable ranges of a platform's coordinates: of the moved one at once, of the others at rest */
 let reachDelay = 0;
 function showReach(grid, reached) {
   clearTimeout(reachDelay);
@@ -553,7 +553,7 @@ function sampled(grid, k) {
   return Array.from({ length: 121 }, (_, i) => nodes[0] + (nodes[nodes.length - 1] - nodes[0]) * i / 120);
 }
 
-/* widens the range of a dimension to a value that was typed or stands in the address */
+/* widens the range of a dimension to a value from the input field or the address */
 function widen(i, value) {
   const slider = state.grid.sliders[i], by = shownUnit(slider.unit)[1], range = sliderRows[i].querySelector("input[type=range]");
   if (!Number.isFinite(value)) return;
@@ -561,7 +561,7 @@ function widen(i, value) {
   [range.min, range.max] = slider.nodes.map((node) => node * by);
 }
 
-/* sets a slider without moving anything yet */
+/* sets a slider without moving the mechanism */
 function placeSlider(i, value) {
   const slider = state.grid.sliders[i];
   if (slider.dimension) widen(i, value);
@@ -878,7 +878,7 @@ function save(name, blob) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
-/* the picture with its names, as it stands */
+/* the picture with its names, as displayed */
 function picture() {
   const own = $("picture"), ratio = own.width / stage.clientWidth, copy = Object.assign(document.createElement("canvas"), { width: own.width, height: own.height });
   const pen = copy.getContext("2d");
@@ -898,7 +898,7 @@ function picture() {
   return copy;
 }
 
-/* all read-outs along the slider that was moved last */
+/* all read-outs along the last moved slider */
 function table() {
   const k = state.active, slider = state.grid.sliders[k], [unit, by] = shownUnit(slider.unit);
   const head = [`${slider.name} [${unit}]`], along = sampled(state.grid, k), rows = along.map((value) => [value * by]);
@@ -939,7 +939,7 @@ stage.addEventListener("pointermove", (event) => {
 }, true);
 for (const kind of ["pointerup", "pointercancel"]) stage.addEventListener(kind, () => { dragged = null; }, true);
 
-/* Moves the drivers so that a point comes nearest to a place on the screen. */
+/* Moves the drivers so that a point comes closest to a position on the screen. */
 function dragTo(i, target) {
   const right = new THREE.Vector3(1, 0, 0).applyQuaternion(camera.quaternion).toArray(), over = new THREE.Vector3(0, 1, 0).applyQuaternion(camera.quaternion).toArray();
   const origin = pixel(new THREE.Vector3()), scale = +stage.dataset.scale;
@@ -975,7 +975,7 @@ document.addEventListener("keydown", (event) => {
   else if (/^[1-9]$/.test(key) && DATA.grids[+key - 1]) choose(+key - 1);
 });
 
-/* the address of the page holds what it shows */
+/* the address of the page contains its state */
 let remembering = 0, written = "";
 function remember() {
   clearTimeout(remembering);
