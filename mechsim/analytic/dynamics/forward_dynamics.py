@@ -32,8 +32,8 @@ from mechsim.numerics.newton import root
 
 # steps of the integrator in one run: about ten minutes
 MOST_STEPS = 50_000
-# steps of a run under forces over time, at least: their 24 nodes notice what lasts a thousandth of the run
-LEAST_STEPS = 50
+# steps of a run under forces over time, at least: their 24 nodes notice what lasts a three-hundredth of the run
+LEAST_STEPS = 20
 # events in one run before it counts as chattering
 MOST_EVENTS = 10_000
 # instants within a step at which events are looked for: evenly, and ever closer to its start, where a stop
