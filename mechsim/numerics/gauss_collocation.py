@@ -209,6 +209,8 @@ class GaussCollocation:
             if error <= max(1.0, change):
                 self._accept(solution)
                 return ""
+            # the error may fall by less than by the order of the method, as over a kink
+            self._length = min(self._length, 0.5 * length)
         self.status = "failed"
         return "the step is shorter than the spacing of floating-point numbers"
 

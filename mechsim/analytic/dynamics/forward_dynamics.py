@@ -32,7 +32,7 @@ from mechsim.numerics.newton import root
 
 # steps of the integrator in one run: about ten minutes
 MOST_STEPS = 50_000
-# steps of a run under forces over time, at least: their 24 nodes notice what lasts a three-hundredth of the run
+# steps of a run under forces over time, at least: their 24 nodes notice what lasts 1/300 of the run
 LEAST_STEPS = 20
 # events in one run before it counts as chattering
 MOST_EVENTS = 10_000
@@ -269,7 +269,9 @@ class Integration:
         acceleration = self.contacts.accelerate(
             kinematics, np.array([self.time]), self.right.mode
         ).acceleration
-        rate = max(self.fastest, float(np.sqrt(np.abs(acceleration).max(initial=0.0))), 1e-6)
+        # at rest without forces, what moves a unit during the run
+        slow = 1.0 / self.duration
+        rate = max(self.fastest, float(np.sqrt(np.abs(acceleration).max(initial=0.0))), slow)
         scale = self.layout.scale(rate)
         if self.implicit:
             scale[-2:] = float(np.trace(self.equations.mass(kinematics)[0])) * rate**2
