@@ -20,7 +20,7 @@ from mechsim.studies.sensitivity.moved_family import Loading, MovedFamily
 from mechsim.units import crank_speed, option
 
 # significant digits of an identified dimension
-MOST_DIGITS = 9
+MAX_DIGITS = 9
 
 
 # relative difference of the given speed from the measured one that noise does not explain
@@ -224,4 +224,4 @@ def _to_digit_of(value: float, deviation: float | None) -> str:
     if not deviation or not value or not np.isfinite(deviation):
         return number(value)
     digits = 2 + int(np.floor(np.log10(abs(value / deviation))))
-    return number(value, min(max(digits, 2), MOST_DIGITS))
+    return number(value, min(max(digits, 2), MAX_DIGITS))

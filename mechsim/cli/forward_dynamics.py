@@ -133,7 +133,7 @@ ForwardJson = ForwardRunJson | StaticsJson | ModesJson | ResponseJson
 # an imaginary part of a mode shape below this fraction of its largest amplitude is rounding
 REAL = 1e-6
 # printed amplitudes of a mode shape, the largest first
-MOST_AMPLITUDES = 4
+MAX_AMPLITUDES = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -376,7 +376,7 @@ def _modes(model: DynamicModel, initial: Mapping[str, str], plot: str | None) ->
     def text() -> None:
         rows: list[tuple[str, str, str]] = []
         for mode in equilibrium.modes:
-            shape = sorted(mode.shape.items(), key=lambda item: -abs(item[1]))[:MOST_AMPLITUDES]
+            shape = sorted(mode.shape.items(), key=lambda item: -abs(item[1]))[:MAX_AMPLITUDES]
             amplitudes = ", ".join(f"{joint} {value.real:+.3g}" for joint, value in shape)
             rows.append((number(mode.frequency), number(mode.damping_ratio), amplitudes))
         state = "stable" if equilibrium.stable else "unstable"

@@ -34,9 +34,9 @@ from mechsim.studies.sensitivity.tolerances import (
 from mechsim.units import crank_speed, option
 
 # limit on the number of random samples of a tolerance analysis
-MOST_SAMPLES = 10_000_000
+MAX_SAMPLES = 10_000_000
 # contributions to a tolerance that are printed
-MOST_SHARES = 3
+MAX_SHARES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,10 +81,10 @@ class SensitivityOptions:
         """Raise InputError for invalid options, before any computation."""
         if not self.quantities:
             raise InputError("--of is missing; name the quantities, as in --of P3,rocker,torque")
-        if not 0 <= self.samples <= MOST_SAMPLES or self.seed < 0:
+        if not 0 <= self.samples <= MAX_SAMPLES or self.seed < 0:
             raise InputError(
                 f"--samples is {self.samples} and --seed {self.seed}; "
-                f"give 0 to {MOST_SAMPLES} samples and a seed from 0"
+                f"give 0 to {MAX_SAMPLES} samples and a seed from 0"
             )
         if self.tolerances is None and self.distribution != "uniform":
             raise InputError("--distribution applies to tolerances; add --tolerances")
@@ -269,7 +269,7 @@ def _print_tolerances(study: ToleranceStudy) -> None:
     rows: list[tuple[Value, ...]] = []
     for quantity in study.table.values:
         largest = _deviations(study, quantity)
-        shares = sorted(largest["shares"].items(), key=lambda pair: -pair[1])[:MOST_SHARES]
+        shares = sorted(largest["shares"].items(), key=lambda pair: -pair[1])[:MAX_SHARES]
         contributions = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares if share > 0.0)
         numbers = (largest["worst"], largest["rss"], largest["deviation"], largest.get("std"))
         rows.append((quantity, *numbers, largest["unit"], largest["at"], contributions))

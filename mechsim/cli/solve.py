@@ -48,7 +48,7 @@ MotionAt = Callable[[Array], Motion]
 CHUNK = 1 << 17
 # bytes of memory for each number that is written as .npz, and as JSON
 NPZ_BYTES, JSON_BYTES = 40.0, 160.0
-ANGLES, SAMPLES, MOST_SAMPLES = "0:360:5deg", 73, 10_000_000
+ANGLES, SAMPLES, MAX_SAMPLES = "0:360:5deg", 73, 10_000_000
 # rows and columns of the table in a terminal
 SHOWN_ROWS, SHOWN_COLUMNS = 25, 6
 # ends of the names of columns of velocities and accelerations
@@ -83,8 +83,8 @@ class SolveOptions:
                 f"{name} applies to a crank without a motion law; leave it out with --drive and --at"
             )
         if self.samples is not None:
-            if not 2 <= self.samples <= MOST_SAMPLES:
-                raise InputError(f"--samples is {self.samples}; give 2 to {MOST_SAMPLES}")
+            if not 2 <= self.samples <= MAX_SAMPLES:
+                raise InputError(f"--samples is {self.samples}; give 2 to {MAX_SAMPLES}")
             if self.angles or self.poses:
                 name = "--angles" if self.angles else "--at"
                 raise InputError(f"{name} determines the rows; leave out --samples")

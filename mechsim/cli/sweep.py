@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 # printed reasons of designs that are not built
-MOST_REASONS = 5
+MAX_REASONS = 5
 
 Vary = Annotated[
     list[str] | None,
@@ -225,5 +225,5 @@ def _print(result: "Dataset", title: str) -> None:
     if swings := int(np.count_nonzero(table["outcome"].astype(str) == "swings")):
         typer.echo(f"{swings:,} of them swing: they are measured over their reachable ranges")
     reasons, counts = np.unique(table["reason"][~valid].astype(str), return_counts=True)
-    for i in np.argsort(-counts)[:MOST_REASONS]:
+    for i in np.argsort(-counts)[:MAX_REASONS]:
         print_text(f"{counts[i]:,} not built: {reasons[i]}")

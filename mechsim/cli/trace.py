@@ -29,7 +29,7 @@ from mechsim.theory.continuation.mechanism_trace import trace as trace_assemblie
 from mechsim.units import parse_names
 
 # rows of a table for each curve
-MOST_SAMPLES = 100_000
+MAX_SAMPLES = 100_000
 # significant digits of angles and lengths that describe a curve
 CURVE_DIGITS = 4
 
@@ -109,8 +109,8 @@ def trace(
         plots.format_of(plot)
     elif coordinates is not None:
         raise InputError(f"--of {coordinates} selects what is plotted; add --plot FILE")
-    if not 1 <= samples <= MOST_SAMPLES:
-        raise InputError(f"{samples} samples of a curve; give 1 to {MOST_SAMPLES}")
+    if not 1 <= samples <= MAX_SAMPLES:
+        raise InputError(f"{samples} samples of a curve; give 1 to {MAX_SAMPLES}")
     solver = source.load()
     shown = output_units(units, solver)
     over = None if coordinates is None else requested_columns(solver.mechanism, parse_names(coordinates))

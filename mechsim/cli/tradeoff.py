@@ -30,7 +30,7 @@ from mechsim.units import crank_speed
 # [s] of the budget that are reserved for the table, and for a plot
 TABLE_TIME, PLOT_TIME = 0.1, 0.7
 # printed families that were not tried
-MOST_FAMILIES = 3
+MAX_FAMILIES = 3
 # steps per turn at which MuJoCo's defaults are printed
 DEFAULTS_STEPS = (72, 720, 7200)
 
@@ -249,8 +249,8 @@ def _count(result: Tradeoff) -> str:
     if result.left_out:
         items.append(f"{result.left_out} left out for lack of time")
     if result.untried:
-        names = "; ".join(result.untried[:MOST_FAMILIES])
-        rest = len(result.untried) - MOST_FAMILIES
+        names = "; ".join(result.untried[:MAX_FAMILIES])
+        rest = len(result.untried) - MAX_FAMILIES
         items.append(f"not tried: {names}{f' and {rest} more' if rest > 0 else ''}")
     return "; ".join(items)
 

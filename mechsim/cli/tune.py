@@ -20,7 +20,7 @@ from mechsim.studies.scene.tune_model import tune as tune_model
 from mechsim.studies.scene.write_tuned import setting_changes
 
 # rows of the table of tried settings
-MOST_ROWS = 14
+MAX_ROWS = 14
 
 
 class TriedSettings(TypedDict):
@@ -155,7 +155,7 @@ def _print(report: TuningReport, data: dict[str, Any]) -> None:
         if trial.errors.by(result.by) + result.reference_error <= result.tolerance
         and trial.settings not in shown
     ]
-    satisfying = satisfying[:MOST_ROWS] + ([] if result.beyond is None else [result.beyond])
+    satisfying = satisfying[:MAX_ROWS] + ([] if result.beyond is None else [result.beyond])
     rows += [(_summary(result, trial), *_row(trial, result)) for trial in satisfying]
     for sentence in report.sentences:
         print_text(sentence)

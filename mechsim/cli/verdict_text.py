@@ -60,7 +60,7 @@ METHODS = {
     "as published": "MuJoCo, the file's own settings",
 }
 # failed checks that are listed without -v
-MOST_FAILED = 3
+MAX_FAILED = 3
 # units whose first letter is no prefix, and which take none
 WITHOUT_PREFIX = ("kg", "1")
 # columns kept for the time that a validation took
@@ -147,7 +147,7 @@ def _aligned(texts: Sequence[str], *, right: bool = False) -> list[str]:
 def failure_lines(checks: "Sequence[Check]", findings: Sequence[Finding], reason: str = "") -> list[str]:
     """Return what is off and by how much, and the likely cause."""
     failed = sorted((check for check in checks if not check.passed), key=_severity, reverse=True)
-    shown = failed[:MOST_FAILED]
+    shown = failed[:MAX_FAILED]
     explanations = causes(findings)
     label_width = max(map(len, [*map(_name, shown), *(label for label, _ in explanations)]), default=0)
     lines = [line for check in shown for line in labelled(_name(check), _off_by(check), label_width)]

@@ -170,7 +170,7 @@ def _called(solver: ClosedForm) -> str:
 
 # random starts from which curves are sought
 STARTS = 60
-MOST_CURVES = 6
+MAX_CURVES = 6
 # of a motion with twice the samples: what the page holds, and some between to measure its error at
 NODES, MIDDLES, BACKWARDS = slice(None, None, 2), slice(1, None, 12), slice(None, None, -1)
 
@@ -190,7 +190,7 @@ def curve_grids(solver: KinematicSolver) -> tuple[list[PoseGrid], str]:
     except MechsimError as error:
         return [], f"Other assemblies are not shown: {error}"
     grids: list[PoseGrid] = []
-    for i, curve in enumerate(traced.curves[:MOST_CURVES]):
+    for i, curve in enumerate(traced.curves[:MAX_CURVES]):
         if i == 0 and not swings:
             continue
         name = "round its dead centres" if i == 0 else f"assembly {i + 1}"

@@ -60,7 +60,7 @@ def with_theory(theory: str) -> str:
 
 
 # names that an error message lists
-MOST_LISTED = 16
+MAX_LISTED = 16
 
 
 def nearest(name: str, names: list[str]) -> str:
@@ -73,5 +73,5 @@ def nearest(name: str, names: list[str]) -> str:
         if candidate in close
     }
     hint = f"; did you mean {max(similarity, key=similarity.__getitem__)!r}? " if similarity else "; "
-    listed = ", ".join(names) if len(names) <= MOST_LISTED else "the names that `mechsim list` prints"
+    listed = ", ".join(names) if len(names) <= MAX_LISTED else "the names that `mechsim list` prints"
     return f"{hint}choose from {listed}"

@@ -14,7 +14,7 @@ from mechsim.analytic.dynamics.link_forces import constrained_acceleration
 from mechsim.numerics.arrays import Array
 
 # changes of sticking, sliding and contact at one instant
-MOST_CHANGES = 50
+MAX_CHANGES = 50
 # fraction of the fastest rate so far below which a coordinate under friction is at rest
 REST = 1e-9
 # a stop that is approached more slowly than this fraction of the fastest rate is touched, not hit
@@ -142,7 +142,7 @@ class Contacts:
         stuck = [int(i) for i in np.flatnonzero(at_rest)]
         mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, contacts)
         sizes = [friction.magnitude for friction in self.equations.frictions]
-        for _ in range(MOST_CHANGES):
+        for _ in range(MAX_CHANGES):
             dynamics = self.accelerate(state, np.array([time]), mode)
             loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)

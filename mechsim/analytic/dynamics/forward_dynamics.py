@@ -31,11 +31,11 @@ from mechsim.numerics.gauss_collocation import GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
 
 # steps of the integrator in one run: about ten minutes
-MOST_STEPS = 50_000
+MAX_STEPS = 50_000
 # steps of a run under forces over time, at least: their 24 nodes notice what lasts 1/300 of the run
 LEAST_STEPS = 20
 # events in one run before it counts as chattering
-MOST_EVENTS = 10_000
+MAX_EVENTS = 10_000
 # instants within a step at which events are looked for: evenly, and ever closer to its start, where a stop
 # that was just hit may be hit again
 INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0, 1.0, 33)[1:]])
@@ -45,7 +45,7 @@ INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0,
 SINGULAR = 2e-2
 # decays of the fastest rate during a run above which an implicit method is used: the iteration of collocation
 # needs about a step for every four
-MOST_DECAYS = 1e4
+MAX_DECAYS = 1e4
 # relative error of an implicit step
 IMPLICIT_TOLERANCE = 1e-11
 # a singular configuration is crossed from within this many times that distance
@@ -140,7 +140,7 @@ class Integration:
             self._choose_mode()
             rest = self._at_rest()
             decay = self.right.fastest_decay(0.0, self.state, max(self.fastest, 1.0))
-            self.implicit = decay * duration > MOST_DECAYS
+            self.implicit = decay * duration > MAX_DECAYS
             while self.time < duration:
                 ended = self._smooth_motion(self._solver(duration))
                 if ended is not None:
@@ -184,10 +184,10 @@ class Integration:
                 return self._cross(solver.t_bound)
             if solver.status == "failed" or not np.isfinite(solver.y).all():
                 return "diverged", f"the integrator found no step at {self.time:.6g} s ({message})"
-            if self.steps > MOST_STEPS:
+            if self.steps > MAX_STEPS:
                 return (
                     "failed",
-                    f"{MOST_STEPS:,} steps reach {self.time:.6g} s only; give a shorter duration",
+                    f"{MAX_STEPS:,} steps reach {self.time:.6g} s only; give a shorter duration",
                 )
             after = float(solver.t)
             kind = self._accept(solver.dense_output(), after, solver.y)
@@ -223,8 +223,8 @@ class Integration:
         if kind != "mode":
             return "done", ""
         self.events.append(self.time)
-        if len(self.events) > MOST_EVENTS:
-            return "stopped", f"{MOST_EVENTS:,} impacts and changes of friction by {self.time:.6g} s"
+        if len(self.events) > MAX_EVENTS:
+            return "stopped", f"{MAX_EVENTS:,} impacts and changes of friction by {self.time:.6g} s"
         self._impact()
         self._choose_mode()
         return self._at_rest()

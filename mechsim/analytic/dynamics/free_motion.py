@@ -21,7 +21,7 @@ from mechsim.numerics.newton import root
 # a run for turns with no time limit of its own may take this many times what it seems to need
 PATIENCE = 1000.0
 # times a run may come to rest and start again before it is called off
-MOST_RESTS = 10_000
+MAX_RESTS = 10_000
 # of a torque relative to its terms: below this it is rounding of a balance
 BALANCED = 1e-12
 # a step tried this many turns past the end, or this far in [rad] where there is none, leads nowhere
@@ -128,13 +128,13 @@ class Runner:
         """Go on until an end; return which."""
         try:
             end = self._patience() if duration is None else duration
-            for _ in range(MOST_RESTS):
+            for _ in range(MAX_RESTS):
                 over = self._piece(end)
                 if over is not None:
                     return over
         except AssemblyError as error:
             return "dead centre", str(error)
-        return "stopped", f"the crank came to rest {MOST_RESTS} times; give fewer turns or less time"
+        return "stopped", f"the crank came to rest {MAX_RESTS} times; give fewer turns or less time"
 
     def _piece(self, end: float) -> tuple[Outcome, str] | None:
         """Run to the next rest or end; None where the run goes on."""

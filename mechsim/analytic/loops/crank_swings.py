@@ -33,7 +33,7 @@ from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import least_norm
 
 # arc length of a step in [rad] and parts of the size, and steps in one direction
-STEP, MOST_STEPS = 0.1, 400
+STEP, MAX_STEPS = 0.1, 400
 # how often a step that fails is halved
 HALVINGS = 4
 # residual of a closed loop, and largest corrector displacement, as a fraction of the step
@@ -142,7 +142,7 @@ class SwingTracer:
         nodes, length = [(q.values, q.turns, tangent)], np.full(d, STEP)
         lengths: list[Array] = []
         last, active = np.zeros(d, dtype=np.intp), valid.copy()
-        for count in range(1, MOST_STEPS):
+        for count in range(1, MAX_STEPS):
             if not active.any():
                 break
             previous, trial_length = nodes[-1], length

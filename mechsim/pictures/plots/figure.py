@@ -33,7 +33,7 @@ ROUNDED = 1e-12
 # largest number of decades of a logarithmic axis with a tick for each
 MAX_DECADES = 20
 # largest number of characters of a label in a legend
-LONGEST_LABEL = 40
+MAX_LABEL = 40
 # position of a legend to the right of axes full of curves
 LEGEND_RIGHT: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)}
 
@@ -141,7 +141,7 @@ def write(path: str | Path, figure: "Figure") -> None:
 
 def label_of(name: str) -> str:
     """Return a name as text of a legend: shortened if long, and visible if it starts with _."""
-    short = name if len(name) <= LONGEST_LABEL else f"{name[: LONGEST_LABEL - 1]}…"
+    short = name if len(name) <= MAX_LABEL else f"{name[: MAX_LABEL - 1]}…"
     return f" {short}" if short.startswith("_") else short
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 # largest number of lines of a parallel plot; of more designs an even selection is drawn
-MOST_LINES = 2000
+MAX_LINES = 2000
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def _parallel(table: SweepTable, names: Sequence[str]) -> "Figure":
     built = np.flatnonzero(np.all([np.isfinite(table.measures[name]) for name in names], axis=0))
     if not len(built):
         raise InputError("no design of the sweep was built; there is nothing to draw")
-    subset = built[np.unique(np.linspace(0, len(built) - 1, min(len(built), MOST_LINES)).astype(int))]
+    subset = built[np.unique(np.linspace(0, len(built) - 1, min(len(built), MAX_LINES)).astype(int))]
     columns = [*table.parameters, *names]
     figure, axes = blank(1, 1, (1.5 * len(columns) + 1.5, 4.2))
     ax = axes[0, 0]
