@@ -73,6 +73,12 @@ WORDS = {
     "wherefrom": "from which",
     "whereby": "by which",
     "thereof": "of it",
+    # phrases
+    "went bad": "became invalid, diverged",
+    "goes bad": "becomes invalid, diverges",
+    "held against": "compared with",
+    "as it stands": "nominal, unchanged",
+    "so near to": "close to",
 }
 
 # rejected as a part of an identifier (between underscores), not in prose

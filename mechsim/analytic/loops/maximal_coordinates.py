@@ -244,7 +244,7 @@ def equations(
 
 
 def _prescribed(mechanism: Mechanism, angle: Angles) -> dict[str, ArrayLike | None]:
-    """Return what is asked of each driver; None for one that is taken as it stands."""
+    """Return the prescribed motion of each driver; None for an unchanged one."""
     if angle is None:
         return {}
     if isinstance(angle, Mapping):

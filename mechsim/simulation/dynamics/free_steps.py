@@ -120,7 +120,7 @@ def step_freely(
         if outcome == "done" and turns is not None:
             break
         if bad or not valid.all():
-            outcome, reason = "diverged", f"MuJoCo's state went bad after {timestep * finished:.6g} s"
+            outcome, reason = "diverged", f"MuJoCo's state became invalid after {timestep * finished:.6g} s"
             break
         made = (
             0.0

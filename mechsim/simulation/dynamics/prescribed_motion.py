@@ -203,7 +203,7 @@ def _stepped(
         driver_acceleration=np.stack(drivers, 1) if drivers else None,
     )
     if steps.diverged:
-        motion = replace(motion, broken=f"MuJoCo's state went bad after {states.time[-1]:.6g} s")
+        motion = replace(motion, broken=f"MuJoCo's state became invalid after {states.time[-1]:.6g} s")
     return Driven(
         motion=motion,
         forces=record,

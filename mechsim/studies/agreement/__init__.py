@@ -1,3 +1,3 @@
-"""A model held against a user's own formula or table: whether they agree, and why not."""
+"""Comparison of a model with a formula or a table, and the cause of a difference."""
 
 import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]
