@@ -70,8 +70,8 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): SPEED,
     (
         PATH,
-        "step = np.zeros((loops.tree.count, 1))",
-        "step = np.zeros((loops.tree.count, 2))",
+        "step = np.zeros((loops.count, 1))",
+        "step = np.zeros((loops.count, 2))",
     ): "rows are chosen by the first pose alone",
     (
         PATH,

@@ -11,8 +11,8 @@ from mechsim.numerics.path_segments import PathStates, Segment
 
 # largest and smallest half length of a segment centred on a change point
 MAX_HALF_LENGTH, MIN_HALF_LENGTH = 0.1, 5e-4
-# pairs of assemblies that meet at once without a sign change of the determinant; and the interpolation error
-# after the sign is flipped, as a fraction of that before, below which a change point is assumed
+# pairs of assembly modes that can meet without a sign change of the determinant; and the interpolation error
+# after the sign is flipped, relative to that before, below which a change point is assumed
 PAIRS, MAX_ERROR_RATIO = (2, 4), 0.3
 # nodes of such a segment; even, so that none lies at the change point, where the Jacobian is singular
 NODES = 24
@@ -27,7 +27,7 @@ OFFSET, MIN_CURVATURE, MAX_DEVIATION, HALVINGS = 1e-4, 1e-6, 0.3, 6
 
 
 def even_change_point(log_determinant: Array) -> int | None:
-    """Return the node before a change point at which an even number of pairs of assemblies meet; or None.
+    """Return the node before a change point at which an even number of pairs of modes meet; or None.
 
     The determinant touches zero there without a sign change. Its root of that order is smooth only if its
     sign is flipped beyond the change point.
@@ -48,10 +48,10 @@ def even_change_point(log_determinant: Array) -> int | None:
 
 
 def change_point_between(path: PathStates[E, Q], segment: Segment[E, Q], a: float, b: float) -> float | None:
-    """Return the change point between two nodes; None where assemblies only come near each other.
+    """Return the change point between two nodes; None if assembly modes only approach each other.
 
-    None also where only the selected rows become dependent. With equal signs at both nodes the determinant
-    touches zero: two pairs of assemblies meet at once.
+    None also if only the selected equations become dependent. With equal signs at both nodes the determinant
+    touches zero: two pairs of modes meet at once.
     """
 
     def linearised_at(s: Array) -> Linearised | None:
@@ -108,7 +108,7 @@ def segment_through(
     """Return the longest valid segment centred on a change point, and the refined change point; or None.
 
     Args:
-        path: whose poses they are.
+        path: path of the poses.
         segment: extends to both sides of the change point.
         change_point: parameter.
         direction: of continuation, +1 or -1.
@@ -136,7 +136,7 @@ def segment_through(
 
 
 def _root_near(determinants: Interpolant, guess: float) -> float:
-    """Return a root of a polynomial (k, 1) by Newton's method; the guess where the method leaves it."""
+    """Return a root of a polynomial (k, 1) by Newton's method; the guess if the method diverges from it."""
     root, derivative = np.array([guess]), determinants.derivative()
     for _ in range(3):
         root = root - determinants.evaluate(root)[0] / derivative.evaluate(root)[0]
@@ -149,10 +149,10 @@ def branch_segment(
 ) -> Segment[E, Q] | None:
     """Return the segment of the other assembly about a change point; beyond it the determinant's sign stays.
 
-    None where the crank does not move the other assembly.
+    None if the crank does not move the other branch.
 
     Args:
-        path: whose poses they are.
+        path: path of the poses.
         segment: centred on the change point.
         change_point: parameter.
     """

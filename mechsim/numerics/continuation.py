@@ -102,7 +102,7 @@ class ContinuationPath(PathStates[E, Q]):
         start: coordinates at the start, one set; of d designs as many.
         initial: its parameter there.
         crossings: change points, as they were passed.
-        policy: how it goes on there.
+        policy: policy at change points.
         words: names for messages.
     """
 
@@ -264,15 +264,15 @@ class ContinuationPath(PathStates[E, Q]):
         segment, change_point = upcoming
         if direction * (change_point - current) < MIN_START_DISTANCE:
             raise AssemblyError(
-                f"{self.name}: assemblies meet at {self.words.instant(change_point)}, "
-                f"{abs(change_point - current):.3g} rad from the start or from where others meet, and "
+                f"{self.name}: two assembly modes meet at {self.words.instant(change_point)}, "
+                f"{abs(change_point - current):.3g} rad from the start or from another change point, and "
                 "cannot be distinguished; start elsewhere or change the dimensions"
             )
         beyond = branch_segment(self, segment, change_point) if self.policy == "branch" else segment
         if beyond is None:
             raise AssemblyError(
-                f"{self.name}: {self.words.mover} cannot pass {self.words.position(change_point)} by "
-                "folding, for it does not turn in the assembly that is met there; go on smoothly"
+                f"{self.name}: {self.words.mover} cannot pass {self.words.position(change_point)} with "
+                "policy 'branch', since it does not move in the other branch; use policy 'smooth'"
             )
         first, last = current, float(beyond.nodes[-1])
         if self.policy == "branch":
@@ -383,12 +383,12 @@ def _shortest(path: ContinuationPath[E, Q], current: float) -> float:
 
 
 def _end_message(path: ContinuationPath[E, Q], parameter: float) -> str:
-    """Return the message that says why a path ends."""
+    """Return the message that states why a path ends."""
     text = f"{path.name}: {path.words.mover} cannot pass {path.words.position(parameter)} in this assembly"
     if abs(parameter - path.initial) < AT_START and _singular_start(path):
         return (
-            f"{text}, for at its start, {path.words.position(path.initial)}, it is at a dead centre "
-            "or meets another that cannot be distinguished from it; start elsewhere"
+            f"{text}, since its start, {path.words.position(path.initial)}, is a dead centre or a "
+            "change point, where assembly modes cannot be distinguished; start elsewhere"
         )
     return f"{text}; stay on this side of the dead centre or change the dimensions"
 

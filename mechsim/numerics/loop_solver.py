@@ -1,4 +1,4 @@
-"""Linearised loops of many instants as square systems: independent rows, and a null-space basis."""
+"""Linearised loops of many instants as square systems: independent equations and a null-space basis."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,8 +16,8 @@ from mechsim.numerics.rank import RANK_TOLERANCE, pivot_columns, significant
 NEGLIGIBLE = 1e-14
 # Newton's method about a nearby configuration: beyond this displacement the linear model is invalid
 NEARBY = NewtonSettings(max_displacement=0.3)
-# ratio to the best rows below which others are selected, by smallest singular value and by determinant;
-# and the ratio to their value elsewhere below which these rows are singular, and not the pose
+# smallest singular value, and determinant, relative to the best equations, below which others are selected;
+# and the ratio to their value elsewhere below which the equations are singular, and not the pose
 MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = 0.4, 0.5, 0.2
 
 
@@ -101,7 +101,7 @@ class Linearised:
     """The loops about n sets of coordinates.
 
     Attributes:
-        residual: of all rows, (rows, n).
+        residual: of all equations, (rows, n).
         jacobian: by all coordinates in their units, (rows, count, n).
         poses: of the links, as the equations return them.
         matrix: of independent rows and null-space rows by the unknowns, (n, u, u).
@@ -125,25 +125,25 @@ class Linearised:
 
     @cached_property
     def all_singular_values(self) -> Array:
-        """Singular values of all rows by the unknowns, (n, the fewer of them)."""
+        """Singular values of all equations by the unknowns, (n, smaller dimension)."""
         jacobian = self.jacobian.take(self.unknown, 1)
         if len(self.others) + self.matrix.shape[1] == len(jacobian) and self._idle(jacobian):
             return self.singular_values
         return np.asarray(np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False), dtype=np.float64)
 
     def _idle(self, jacobian: Array) -> bool:
-        """Return whether the rows that are not solved are zero, as those out of a planar linkage's plane."""
+        """Whether the unused equations are zero, such as those out of the plane of a planar linkage."""
         return bool(np.abs(jacobian.take(self.others, 0)).max(initial=0.0) < NEGLIGIBLE)
 
     @cached_property
     def signed_distance(self) -> Array:
-        """The signed distance from a singular pose, (n,): its sign differs in two assemblies that meet."""
+        """Signed distance from a singular pose, (n,): its sign differs in two assembly modes that meet."""
         if not self.matrix.size:  # the drivers alone determine all coordinates
             return np.ones(len(self.matrix))
         return self._determinant[0] * self.singular_values[:, -1]
 
     def last(self, count: int) -> "Linearised":
-        """Return the loops about the last so many of them."""
+        """Return the loops about the last `count` sets."""
         return replace(
             self,
             residual=self.residual[:, -count:],
@@ -159,23 +159,23 @@ class Linearised:
 
     @property
     def log_determinant(self) -> Array:
-        """The logarithm of the determinants' size, (n,)."""
+        """The logarithm of the determinants' magnitude, (n,)."""
         return self._determinant[1]
 
     @cached_property
     def _determinant(self) -> tuple[Array, Array]:
-        """Signs, and logarithms of sizes, (n,) each."""
+        """Signs, and logarithms of magnitudes, (n,) each."""
         sign, logarithm = np.linalg.slogdet(self.matrix)
         return sign, logarithm
 
 
 @dataclass(frozen=True)
 class LoopSolver(Generic[E, Q]):
-    """Which equations are solved, and the null-space basis that keeps undetermined coordinates in place.
+    """The selected equations, and the null-space basis that keeps undetermined coordinates constant.
 
     Attributes:
-        loops: the equations.
-        rows: indices of independent rows, (r,).
+        loops: the loop equations.
+        rows: indices of independent equations, (r,).
         null_space: basis of the undetermined motion of the unknowns, (nullity, unknowns).
         reference: coordinates without displacement along it, one set, or that of each design.
     """
@@ -187,12 +187,12 @@ class LoopSolver(Generic[E, Q]):
 
     @cached_property
     def picked(self) -> tuple[Index, ...]:
-        """Index of the solved rows by the unknowns in the whole Jacobian."""
+        """Index of the selected equations by the unknowns in the whole Jacobian."""
         return block(self.rows, self.loops.unknown)
 
     @cached_property
     def others(self) -> NDArray[np.intp]:
-        """Indices of the rows that are not solved."""
+        """Indices of the unused equations."""
         return np.delete(np.arange(self.loops.rows), self.rows)
 
     @cached_property
@@ -211,7 +211,7 @@ class LoopSolver(Generic[E, Q]):
         return not self.nullity and len(self.rows) == self.loops.rows
 
     def adequate(self, linearised: Linearised) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return at which poses the solved rows are about as well conditioned as all rows, (n,) each.
+        """Return at which poses the selected equations are about as well conditioned as all, (n,) each.
 
         By the smallest singular value, and by the determinant.
         """
@@ -223,7 +223,7 @@ class LoopSolver(Generic[E, Q]):
         return by_smallest, linearised.singular_values.prod(1) > MIN_DETERMINANT_RATIO * all_poses.prod(1)
 
     def _alone(self, linearised: Linearised) -> bool:
-        """Return whether the other rows are zero there, or none are solved."""
+        """Whether the unused equations are zero, or there are none."""
         return (
             self.uses_all_rows
             or not len(self.rows)
@@ -231,7 +231,7 @@ class LoopSolver(Generic[E, Q]):
         )
 
     def share(self, linearised: Linearised) -> Array:
-        """Return the ratio of the smallest singular values of the solved rows and of all rows, (n,)."""
+        """Return the ratio of the smallest singular values of the selected equations and of all, (n,)."""
         if self._alone(linearised):
             return np.ones(len(linearised.matrix))
         every = linearised.all_singular_values[:, len(self.rows) - 1]
@@ -268,14 +268,14 @@ class LoopSolver(Generic[E, Q]):
 def loop_solver(
     loops: E, reference: Q, previous: Array | None = None, jacobian: Array | None = None
 ) -> LoopSolver[E, Q]:
-    """Return the solver for poses near one.
+    """Return the solver for poses near a reference.
 
     Args:
-        loops: the equations.
-        reference: closed coordinates, away from singular ones: one set, or those of each design, of which
-            the first counts.
-        previous: null-space basis so far, to which the new one is aligned.
-        jacobian: of all rows there, (rows, count, 1), where it is nonzero.
+        loops: the loop equations.
+        reference: closed coordinates at a regular pose: one set, or those of each design, of which the first
+            is used for the selection.
+        previous: previous null-space basis, to which the new one is aligned.
+        jacobian: of all equations at the reference, (rows, count, 1), if known.
     """
     matrix = (loops.linearise(reference)[1] if jacobian is None else jacobian)[:, loops.unknown, 0]
     if not matrix.size:

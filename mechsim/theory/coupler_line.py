@@ -1,11 +1,11 @@
-"""Synthesis: the best (Chebyshev) approximation of a looper's coupler curve to a given one.
+"""Synthesis: the best (Chebyshev) approximation of a looper's coupler curve to a given curve.
 
-Crank, coupler and arm are given, and where C should go; rocker, frame and frame angle are found. While C
-runs along the curve the dyad O1-A-C carries B along with it, and B should keep its distance c from a
-fixed O2. |B|2 - 2 p0 Bx - 2 p1 By - p2, with p0, p1 the place of O2 and p2 = c2 - d2, is how far it does
-not; this is linear in p, so the p with the least greatest error is found by a linear programme. That is
-the paper's criterion. The distance of C from the curve is not quite linear in p; it is made least at its
-greatest by such programmes one after another, each about the linkage of the last (Gauss-Newton).
+Given are crank, coupler, arm and the target curve of C; unknown are rocker, frame and frame angle. With C on
+the curve the dyad O1-A-C moves B, which should keep its distance c from a fixed O2. Its error is |B|2 - 2 p0
+Bx - 2 p1 By - p2, with the position (p0, p1) of O2 and p2 = c2 - d2. It is linear in p, so that a linear
+programme finds the p with the smallest largest error. This is the paper's criterion. The distance of C from
+the curve is nonlinear in p; successive linear programmes, each about the previous linkage (Gauss-Newton),
+minimise its largest value.
 """
 
 from dataclasses import dataclass, replace
@@ -23,13 +23,13 @@ from mechsim.theory.passage import Passage, crank_pin, dyad, levers_on, passage,
 
 @dataclass(frozen=True, slots=True)
 class Best:
-    """The unknowns x that make the greatest |right - rows x| least.
+    """The unknowns x that minimise the largest |right - rows x|.
 
     Attributes:
         x: (3,).
         error: right - rows x, (n,).
-        level: its greatest size.
-        active: the rows, four as a rule, that hold the solution in place, rising.
+        level: largest absolute error.
+        active: indices of the active rows, usually four, increasing.
     """
 
     x: Array
@@ -40,14 +40,14 @@ class Best:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """The circle that points keep to best.
+    """The best-fitting circle of points.
 
     Attributes:
         centre: (2,) in [m].
         radius: in [m].
         error: |B - centre|2 - radius2 at every point, (n,) in [m2].
-        level: its greatest size.
-        alternation: the points, four as a rule, that hold the solution in place, rising.
+        level: largest absolute error.
+        alternation: indices of the active points, usually four, increasing.
     """
 
     centre: Array
@@ -58,13 +58,13 @@ class Circle:
 
 
 def best_circle(points: Array) -> Circle:
-    """Return the circle whose error |B - m|2 - r2 is least at its greatest.
+    """Return the circle that minimises the largest error |B - m|2 - r2.
 
     Args:
         points: B, (n, 2) in [m].
 
     Raises:
-        AssemblyError: where the best "circle" has no real radius.
+        AssemblyError: if the best "circle" has no real radius.
     """
     origin = points.mean(0)
     best = least_worst(*circle_rows(points - origin))
@@ -78,25 +78,25 @@ def circle_rows(points: Array) -> tuple[Array, Array]:
 
 
 def circle_of(x: Array) -> tuple[Array, float]:
-    """Return centre, (2,), and radius of the circle with x = (m, r2 - m2), as `circle_rows` has it."""
+    """Return centre, (2,), and radius of the circle with x = (m, r2 - m2), as in `circle_rows`."""
     radius2 = float(x[2] + x[:2] @ x[:2])
     if not radius2 > 0.0:
-        raise AssemblyError("the circle that fits the rocker's end best has no real radius")
+        raise AssemblyError("the best circle of the rocker's end has no real radius")
     return x[:2], float(np.sqrt(radius2))
 
 
 def least_worst(rows: Array, right: Array) -> Best:
-    """Return the x whose greatest |right - rows x| is least, by a linear programme.
+    """Return the x that minimises the largest |right - rows x|, by a linear programme.
 
     Args:
         rows: (n, 3).
         right: (n,).
 
     Raises:
-        AssemblyError: where the programme has no solution.
+        AssemblyError: if the programme has no solution.
 
-    Accuracy: the programme is solved in an orthonormal basis and in units of the error itself, then its
-    active rows exactly, so that nothing of the solver's tolerance (1e-7) is left.
+    Accuracy: the programme is solved in an orthonormal basis and in units of the error itself, and then its
+        active rows exactly, so that the solver's tolerance (1e-7) has no effect.
     """
     from scipy.optimize import linprog
 
@@ -138,34 +138,33 @@ def _exact(rows: Array, right: Array, best: Any) -> tuple[NDArray[np.intp], Arra
     return active, x[:3]
 
 
-# points of a line for the rocker's circle: the ripple between them is hidden to a thousandth of its height
+# points of a line for the rocker's circle: the ripple between them is accurate to a thousandth of its height
 POINTS = 101
-# for the distance of C there are so many times more, which hide it to 2e-5
-FINER = 8
-# in parts of the arm: on a shorter curve rounding moves the lengths by more than 1e-7, and outweighs the
-# deviation, which falls with the cube of the length
-MIN_STEP = 1e-4
-# programmes one after another, three to six as a rule, until one predicts no more than this part
+# factor of the number of points for the distance of C: accurate to 2e-5
+REFINEMENT = 8
+# shortest curve relative to the arm: on a shorter one rounding moves the lengths by more than 1e-7 and
+# exceeds the deviation, which is proportional to the cube of the length
+MIN_LENGTH = 1e-4
+# largest number of linear programmes, usually three to six, and the relative gain at which they end
 MAX_PROGRAMMES = 40
 LAST_GAIN = 1e-6
-# before them, as many about the dyad with C on the curve, which come within some percent
-GUESSES = 3
+# number of initial programmes about the dyad with C on the curve; they come within a few percent
+INITIAL_PROGRAMMES = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Synthesis:
-    """A looper found by approximation.
+    """A synthesised looper.
 
     Attributes:
         design: the whole linkage.
-        deviation: the farthest that the path of its C leaves the curve, along the curve's normals and over
-            the whole of it, in [m].
-        radial_error: the farthest that B would leave the rocker's circle with C on the curve, in [m].
-        curve: points that C should pass, (n, 2) in [m].
-        angles: crank angle at which C crosses the normals there, (n,) in [rad].
-        error: distance of C from the curve there, signed, (n,) in [m]; by `equal_ripple` it is equal in
-            size and of alternating sign at the alternation points.
-        alternation: indices of the points that hold the solution in place.
+        deviation: largest distance of the path of C from the curve, along the curve's normals, in [m].
+        radial_error: largest distance of B from the rocker's circle with C on the curve, in [m].
+        curve: target points of C, (n, 2) in [m].
+        angles: crank angles at which C crosses the normals there, (n,) in [rad].
+        error: distances of C from the curve there, signed, (n,) in [m]; with `equal_ripple` they have equal
+            magnitudes and alternating signs at the alternation points.
+        alternation: indices of the active points.
     """
 
     design: Looper
@@ -209,28 +208,30 @@ def synthesize_looper(
         through: middle of the line, (x, y) in [m].
         tilt: angle of the line from Y towards X, in [rad].
         length: extent of the line in y, in [m].
-        base: gives crank, coupler, arm, arm angle and all that the plane does not decide.
-        equal_ripple: make the deviation of C from the line least, rather than (as the paper does) that of
-            B from its circle.
-        in_space: follow the line with the C of the spatial linkage, seen along Z, rather than with that
-            of the planar four-bar.
+        base: gives crank, coupler, arm, arm angle and all dimensions that the planar problem does not
+            determine.
+        equal_ripple: whether to minimise the deviation of C from the line, instead of (as the paper does)
+            that of B from its circle.
+        in_space: whether C of the spatial linkage, seen along Z, follows the line, instead of that of the
+            planar four-bar.
 
     Raises:
-        InputError: where C cannot reach the line, no linkage follows it, or it is too short.
+        InputError: if C cannot reach the line, no linkage follows it, or it is too short.
 
-    Accuracy: the deviation to 2e-5 of itself, and to rounding of the arm. By the circle, the optimum over
-    101 points; the line between them moves the least error by a thousandth, and, the optimum being flat,
-    the lengths by 1 um for the paper's linkage. By equal ripple, the optimum over 801 points, next to the
-    one by the circle: no linkage nearby is better, one far off may be.
+    Accuracy: the deviation to a relative 2e-5, and to rounding of the arm. By the circle, the optimum over
+        101
+    points; the line between them changes the smallest error by a thousandth, and, as the optimum is flat, the
+    lengths by 1 um for the paper's linkage. By equal ripple, the local optimum over 801 points near the one
+    by the circle; another optimum may be better.
 
     Source: paper 004, section "Example of synthesis", eq. (3) in the form of papers.md section 4.
     """
-    curve = line(through, tilt, length, FINER * (POINTS - 1) + 1)
-    return _followed(curve, base, equal_ripple, in_space, every=FINER)
+    curve = line(through, tilt, length, REFINEMENT * (POINTS - 1) + 1)
+    return _followed(curve, base, equal_ripple, in_space, every=REFINEMENT)
 
 
 def line(through: tuple[float, float], tilt: float, length: float, points: int = POINTS) -> Array:
-    """Return points of a line, closer together at its ends, (n, 2) in [m], for `synthesize_looper`."""
+    """Return points of a line, denser at its ends, (n, 2) in [m], for `synthesize_looper`."""
     if not 0.0 < length < np.inf or not np.isfinite([*through, tilt]).all() or not abs(tilt) < np.pi / 2:
         raise InputError(
             f"there is no line through {through} m, tilted by {tilt} rad and {length} m long; "
@@ -243,17 +244,16 @@ def line(through: tuple[float, float], tilt: float, length: float, points: int =
 def follow_curve(
     curve: Array, base: Looper, *, equal_ripple: bool = False, in_space: bool = False
 ) -> Synthesis:
-    """Return the looper whose C follows a curve best, of both senses in which the dyad O1-A-C can bend.
+    """Return the looper whose C follows a curve best, for both directions in which the dyad O1-A-C can bend.
 
     Args:
-        curve: points in the order they are passed, (n, 2) in [m], n at least 5; the deviation counts on
-            the normals at these.
-        base: as for `synthesize_looper`.
-        equal_ripple: as for `synthesize_looper`.
-        in_space: the curve is that of C on its cylinder, seen along Z, not of the planar four-bar's.
+        curve: points in order, (n, 2) in [m], n at least 5; the deviation is measured on their normals.
+        base: as in `synthesize_looper`.
+        equal_ripple: as in `synthesize_looper`.
+        in_space: whether the curve is that of C on its cylinder, seen along Z, not of the planar four-bar's.
 
     Raises:
-        InputError: where C cannot reach the curve, no linkage follows it, or it is too short.
+        InputError: if C cannot reach the curve, no linkage follows it, or it is too short.
     """
     curve = np.asarray(curve, dtype=np.float64)
     if curve.ndim != 2 or curve.shape[1] != 2 or len(curve) < 5 or not np.isfinite(curve).all():
@@ -263,10 +263,10 @@ def follow_curve(
 
 def _followed(curve: Array, base: Looper, equal_ripple: bool, in_space: bool, every: int = 1) -> Synthesis:
     extent = float(np.hypot(*np.ptp(curve, axis=0)))
-    if not extent >= MIN_STEP * base.arm:
+    if not extent >= MIN_LENGTH * base.arm:
         raise InputError(
             f"the curve extends over {extent:.3g} m, where rounding decides the linkage; give at least "
-            f"{MIN_STEP * base.arm:.3g} m, {MIN_STEP:g} of the arm"
+            f"{MIN_LENGTH * base.arm:.3g} m, {MIN_LENGTH:g} of the arm"
         )
     solutions: list[Synthesis] = []
     for branch in (1, -1):
@@ -277,15 +277,15 @@ def _followed(curve: Array, base: Looper, equal_ripple: bool, in_space: bool, ev
             continue
     if not solutions:
         raise InputError(
-            f"no linkage carries C along this curve, {extent:.6g} m in extent: the rocker that fits best "
-            "cannot hold B all along it; shorten or move the curve or change crank, coupler and arm"
+            f"no linkage moves C along this curve, {extent:.6g} m in extent: the best rocker cannot "
+            "constrain B all along it; shorten or move the curve or change crank, coupler and arm"
         )
     return min(solutions, key=lambda solution: solution.deviation)
 
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """A linkage and how it passes the curve."""
+    """A linkage and its passage along the curve."""
 
     synthesis: Synthesis
     passage: Passage
@@ -293,7 +293,7 @@ class _Trial:
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """A curve to follow, and where the dyad then is: crank angles, (n,), and B, (n, 2)."""
+    """A target curve, and the dyad with C on it: crank angles, (n,), and B, (n, 2)."""
 
     curve: Array
     base: Looper
@@ -304,7 +304,7 @@ class _Task:
 
     @property
     def origin(self) -> Array:
-        """Where circles are counted from, lest digits cancel, (2,) in [m]."""
+        """Origin of the circles, which avoids loss of significance, (2,) in [m]."""
         return self.b.mean(0)
 
     def _circle(self, x: Array) -> tuple[Array, float]:
@@ -312,13 +312,13 @@ class _Task:
         return self.origin + centre, radius
 
     def by_circle(self) -> _Trial:
-        """Return the linkage whose B, with C on every so many points of the curve, keeps its circle best."""
+        """Return the linkage whose B keeps its circle best with C on every `every`-th point of the curve."""
         circle = best_circle(self.b[:: self.every])
         alternation = tuple(self.every * index for index in circle.alternation)
         return self._trial(circle.centre, circle.radius, self.angles, alternation)
 
     def leveled(self) -> Synthesis:
-        """Return the linkage whose C leaves the curve least."""
+        """Return the linkage whose C has the smallest deviation from the curve."""
         best = self._guess()
         for _ in range(MAX_PROGRAMMES):
             now, level = best.passage, best.synthesis.deviation
@@ -332,17 +332,17 @@ class _Task:
         return best.synthesis
 
     def _guess(self) -> _Trial:
-        """Return nearly the linkage whose C leaves the curve least, from the dyad with C on the curve."""
+        """Return an initial guess of this linkage, from the dyad with C on the curve."""
         rows, right = circle_rows(self.b - self.origin)
         best = least_worst(rows, right)
-        for _ in range(GUESSES):
+        for _ in range(INITIAL_PROGRAMMES):
             design = self._design(*self._circle(best.x))
             levers = levers_on(design, self.curve, self.angles, in_space=self.in_space)
             best = least_worst(levers[:, None] * rows, levers * right)
         return self._trial(*self._circle(best.x), self.angles, best.active)
 
     def _toward(self, target: Best, last: _Trial, gain: float) -> _Trial | None:
-        """Return the first trial, ever nearer to the last, with a tenth of the predicted gain."""
+        """Return the first of successively shorter steps with a tenth of the predicted gain."""
         design, level = last.synthesis.design, last.synthesis.deviation
         centre = design.pivot[:2, 0] - self.origin
         x = np.append(centre, design.rocker**2 - centre @ centre)
@@ -360,7 +360,7 @@ class _Task:
         pin = crank_pin(self.angles, self.base)
         bends = wedge(self.b - centre, pin - centre)
         if abs(np.sign(bends).sum()) < len(bends):
-            raise AssemblyError("coupler and rocker stretch out while C is on the curve")
+            raise AssemblyError("coupler and rocker are collinear while C is on the curve")
         return replace(
             self.base,
             rocker=radius,

@@ -1,4 +1,4 @@
-"""How a looper's C passes a curve: the dyad that carries C along it, and where a whole linkage leaves it."""
+"""The path of a looper's C along a curve: the dyad with C on the curve, and the deviation of a linkage."""
 
 from dataclasses import dataclass
 
@@ -9,21 +9,21 @@ from mechsim.analytic.vector_method.vectors import Sign
 from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
 
-# step of the crank for the speed of C, in [rad]: a central difference good to 1e-10
+# crank step for the speed of C, in [rad]: a central difference with an error of 1e-10
 STEP = 1e-5
-# three or four as a rule, more where C turns back just behind an end of the curve
+# largest number of Newton steps; three or four suffice unless C reverses near an end of the curve
 MAX_ITERATIONS = 20
 
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """Where the path of C crosses the normals of a curve.
+    """Crossings of the path of C with the normals of a curve.
 
     Attributes:
-        angles: crank angle there, (n,) in [rad].
-        error: distance from the curve along its normal, signed, (n,) in [m].
-        b: places of B there, (n, 2) in [m].
-        levers: how the error changes for a change of one in |B - O2|2 - c2, (n,) in [1/m].
+        angles: crank angles, (n,) in [rad].
+        error: distances from the curve along its normals, signed, (n,) in [m].
+        b: positions of B, (n, 2) in [m].
+        levers: derivative of the error by |B - O2|2 - c2, (n,) in [1/m].
     """
 
     angles: Array
@@ -33,9 +33,9 @@ class Passage:
 
 
 def depth(y: Array, base: Looper) -> Array:
-    """Return how far from the plane C is on its cylinder at height y, the nearer of two, (n,) in [m].
+    """Return the distance of C from the plane on its cylinder at height y, the nearer solution, (n,) in [m].
 
-    NaN where y is beyond the cylinder.
+    NaN where y is outside the cylinder.
     """
     with np.errstate(invalid="ignore"):
         half = np.sqrt((base.follower - (y - base.axis_y)) * (base.follower + (y - base.axis_y)))
@@ -43,14 +43,14 @@ def depth(y: Array, base: Looper) -> Array:
 
 
 def dyad(curve: Array, base: Looper, branch: Sign, *, in_space: bool = False) -> tuple[Array, Array]:
-    """Return crank angles, (n,) in [rad], and places of B, (n, 2) in [m], that put C on a curve.
+    """Return crank angles, (n,) in [rad], and positions of B, (n, 2) in [m], with C on a curve.
 
     Args:
-        curve: places of C, (n, 2) in [m].
+        curve: positions of C, (n, 2) in [m].
         base: gives crank a, coupler b, arm k and arm angle; in space also the cylinder.
-        branch: side of A as seen from O1 towards C, +1 for left.
-        in_space: the curve is that of C on the cylinder, seen along Z; then arm and arm angle are what
-            the plane shows of them, k' and omega' of the paper.
+        branch: side of A seen from O1 towards C, +1 for left.
+        in_space: whether the curve is that of C on the cylinder, seen along Z; arm and arm angle are then
+            their projections, k' and omega' of the paper.
 
     Raises:
         InputError: where C is out of reach.
@@ -73,21 +73,22 @@ def dyad(curve: Array, base: Looper, branch: Sign, *, in_space: bool = False) ->
 
 
 def crank_pin(angles: Array, base: Looper) -> Array:
-    """Return places of A, (n, 2) in [m]."""
+    """Return positions of A, (n, 2) in [m]."""
     return base.crank * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def passage(design: Looper, curve: Array, angles: Array, *, in_space: bool = False) -> Passage:
-    """Return where the C of a linkage crosses the normals of a curve, found by Newton's iteration.
+    """Return the crossings of a linkage's C with the normals of a curve, by Newton's method.
 
     Args:
         design: the whole linkage.
-        curve: points in the order they are passed, (n, 2) in [m].
-        angles: crank angles near which C passes them, (n,) in [rad].
-        in_space: take the C of the spatial linkage, seen along Z, rather than that of the planar four-bar.
+        curve: points in order, (n, 2) in [m].
+        angles: crank angles near the crossings, (n,) in [rad].
+        in_space: whether to use C of the spatial linkage, seen along Z, instead of that of the planar
+            four-bar.
 
     Raises:
-        AssemblyError: where the linkage does not close, or C turns back or never comes by.
+        AssemblyError: where the linkage does not close, or C reverses or never crosses a normal.
 
     Accuracy: the error to 1e-16 of the arm; the levers to 1e-9.
     """
@@ -96,18 +97,18 @@ def passage(design: Looper, curve: Array, angles: Array, *, in_space: bool = Fal
     angles, positions, speed = _crossings(design, curve, tangents, angles, in_space)
     rate, off = (speed * tangents).sum(1), positions[:, :2] - curve
     b, moved = _response(design, positions, angles, in_space)
-    # C is held on the normal: the crank makes up for what the turn moves it along the curve
+    # C stays on the normal: the crank compensates its displacement along the curve
     derivative = (speed * normals).sum(1) / rate
     levers = (moved * normals).sum(1) - derivative * (moved * tangents).sum(1)
     return Passage(angles, (off * normals).sum(1), b, levers)
 
 
 def levers_on(design: Looper, curve: Array, angles: Array, *, in_space: bool = False) -> Array:
-    """Return the levers of a linkage as if its C were on a curve and went along it, (n,) in [1/m].
+    """Return the levers of a linkage with C on a curve, (n,) in [1/m].
 
     Args:
-        design, curve, in_space: as for `passage`.
-        angles: crank angles of the dyad that holds C on the curve, (n,) in [rad].
+        design, curve, in_space: as in `passage`.
+        angles: crank angles of the dyad with C on the curve, (n,) in [rad].
     """
     z = depth(curve[:, 1], design) if in_space else np.zeros(len(curve))
     tangents = _tangents(curve)
@@ -118,7 +119,7 @@ def levers_on(design: Looper, curve: Array, angles: Array, *, in_space: bool = F
 def _crossings(
     design: Looper, curve: Array, tangents: Array, angles: Array, in_space: bool
 ) -> tuple[Array, Array, Array]:
-    """Return crank angles, (n,), places of C, (n, 3), and speeds, (n, 2), where C crosses the normals."""
+    """Return crank angles, (n,), positions of C, (n, 3), and speeds, (n, 2), at the crossings."""
     middle = len(curve) // 2
     for _ in range(MAX_ITERATIONS):
         positions, speed = _path(design, angles, in_space)
@@ -128,11 +129,11 @@ def _crossings(
         reversed_ = rate * rate[middle] <= 0.0
         if not reversed_.any() and np.abs(along).max() <= 1e-14 * design.arm and _monotonic(angles):
             return angles, positions, speed
-        # beyond a place where C turns back the only direction is inwards; a longer step might lead there
+        # where C has reversed, step inwards only; a longer step could lead there
         inwards = np.sign(angles - angles[middle])
         step = np.divide(along, rate, out=inwards.copy(), where=~reversed_)
         angles = angles - np.clip(step, -0.1, 0.1)
-    raise AssemblyError("the linkage does not close, or C turns back, while C is on the curve")
+    raise AssemblyError("the linkage does not close, or C reverses, while C is on the curve")
 
 
 def wedge(u: Array, v: Array) -> Array:
@@ -141,9 +142,9 @@ def wedge(u: Array, v: Array) -> Array:
 
 
 def _response(design: Looper, positions: Array, angles: Array, in_space: bool) -> tuple[Array, Array]:
-    """Return B, and how C moves for a change of one in |B - O2|2 - c2 with the crank held, (n, 2) each.
+    """Return B, and the derivative of C by |B - O2|2 - c2 with the crank fixed, (n, 2) each.
 
-    The coupler then turns about A until B is on its circle again.
+    The coupler rotates about A until B is on its circle again.
     """
     pin = crank_pin(angles, design)
     to_b = _rod(positions[:, :2] - pin, *_shown(positions[:, 2], design), design)
@@ -151,7 +152,7 @@ def _response(design: Looper, positions: Array, angles: Array, in_space: bool) -
     with np.errstate(divide="ignore", invalid="ignore"):
         moved = -_sweep(design, positions, pin, to_b, in_space) / closed[:, None]
     if not np.isfinite(moved).all():
-        raise AssemblyError("coupler and rocker stretch out while C is on the curve")
+        raise AssemblyError("coupler and rocker are collinear while C is on the curve")
     return pin + to_b, moved
 
 
@@ -161,7 +162,7 @@ def _monotonic(angles: Array) -> bool:
 
 
 def _path(design: Looper, angles: Array, in_space: bool) -> tuple[Array, Array]:
-    """Return places of C, (n, 3) in [m], and how they change with the crank angle, (n, 2) in [m/rad]."""
+    """Return positions of C, (n, 3) in [m], and their derivatives by the crank angle, (n, 2) in [m/rad]."""
     around = np.concatenate([angles, angles + STEP, angles - STEP])
     with np.errstate(invalid="ignore"):
         positions = design.positions(around)["C"] if in_space else design.planar_point(around)
@@ -170,7 +171,7 @@ def _path(design: Looper, angles: Array, in_space: bool) -> tuple[Array, Array]:
 
 
 def _shown(z: Array, base: Looper) -> tuple[Array, Array, Array]:
-    """Return arm, and cosine and sine of arm angle, as the plane shows them with C at a depth, (n,) each."""
+    """Return projected arm, and cosine and sine of the projected arm angle, with C at a depth, (n,) each."""
     with np.errstate(invalid="ignore"):
         k = np.sqrt((base.arm - z) * (base.arm + z))
         cosine = base.arm * np.cos(base.arm_angle) / k
@@ -178,13 +179,13 @@ def _shown(z: Array, base: Looper) -> tuple[Array, Array, Array]:
 
 
 def _rod(to_c: Array, k: Array, cosine: Array, sine: Array, base: Looper) -> Array:
-    """Return AB from AC as the plane shows it, (n, 2) each in [m]."""
+    """Return projected AB from AC, (n, 2) each in [m]."""
     x, y = (to_c / k[:, None]).T
     return base.coupler * np.column_stack([cosine * x + sine * y, cosine * y - sine * x])
 
 
 def _sweep(design: Looper, positions: Array, pin: Array, to_b: Array, in_space: bool) -> Array:
-    """Return how C moves, seen along Z, where B turns about A by one radian, (n, 2) in [m]."""
+    """Return the projected derivative of C by a rotation of B about A, (n, 2) in [m/rad]."""
     to_c = positions[:, :2] - pin
     if not in_space:
         return np.column_stack([-to_c[:, 1], to_c[:, 0]])

@@ -1,9 +1,9 @@
-"""Velocity plans of the two-crank warp-knitting mechanism, built as paper 003 builds them.
+"""Velocity plans of the two-crank warp-knitting mechanism, constructed as in paper 003.
 
-One crank is stopped in thought and a rod made the driver instead of the other crank: the class III
-group falls apart into class II groups, and the plan can be drawn from the pole, vector by vector,
-from a first vector of any length. The crank that really drives then gives the scale, and the two
-plans, one a crank, add up.
+One crank is stopped, and a rod drives instead of the other crank: the class III group then consists of class
+    II
+groups, and the plan can be drawn from the pole, vector by vector, from a first vector of any length. The
+crank that actually drives determines the scale. The velocities of both plans, one for each crank, are added.
 """
 
 from collections.abc import Mapping
@@ -17,9 +17,9 @@ from mechsim.errors import AssemblyError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 
-# sine below which two lines of a plan count as parallel: their crossing keeps too few digits
+# sine below which two lines of a plan count as parallel: their intersection loses too many digits
 PARALLEL = 1e-9
-# lines of a plan: (from, to) joins two ends of vectors and stands for a relative velocity
+# lines of a plan: (from, to) connects the ends of two vectors and represents a relative velocity
 LINES = {
     "crank2": (("c", "k"), ("c", "b"), ("b", "k"), ("b", "a")),
     "crank1": (("b", "k"), ("b", "c"), ("c", "k"), ("c", "d")),
@@ -31,11 +31,11 @@ class Plan:
     """The velocity plan with one crank stopped.
 
     Attributes:
-        stopped: the crank that stands still, "crank1" or "crank2".
+        stopped: the stopped crank, "crank1" or "crank2".
         driver: the rod that drives the drawing.
-        pole: where all vectors begin, (2,), in plan units.
-        vectors: end of each point's vector as seen from the pole, (2,), in plan units.
-        lines: (from, to) ends of vectors joined by a line: a relative velocity.
+        pole: origin of all vectors, (2,), in plan units.
+        vectors: end of each point's vector relative to the pole, (2,), in plan units.
+        lines: (from, to) ends of vectors connected by a line: a relative velocity.
         scale: velocity in [m/s] of one plan unit.
     """
 
@@ -56,13 +56,13 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class VelocityPlan:
-    """Both plans at one crank angle and what they add up to.
+    """Both plans at a crank angle and their sum.
 
     Attributes:
-        angle: of crank 1 in [rad].
-        speeds: of crank 1 and crank 2 in [rad/s].
-        crank2_stopped: plan of crank 1 driving alone; its scale is eq. (3).
-        crank1_stopped: plan of crank 2 driving alone; its scale is eq. (5).
+        angle: angle of crank 1 in [rad].
+        speeds: speeds of crank 1 and crank 2 in [rad/s].
+        crank2_stopped: plan with crank 1 driving alone; its scale is eq. (3).
+        crank1_stopped: plan with crank 2 driving alone; its scale is eq. (5).
         velocities: absolute velocities, A, B, C, D, K -> (3,) in [m/s]; eqs (6)-(8).
     """
 
@@ -82,10 +82,10 @@ def velocity_plan(
 
     Args:
         mechanism: the mechanism.
-        angle: of crank 1 in [rad]; crank 2 stands where the gears put it.
-        speed: of crank 1 in [rad/s].
-        speed2: of crank 2 in [rad/s]; None takes what the gears make of `speed`.
-        first: length of the first vector drawn, pc or pb, in plan units; any but zero.
+        angle: angle of crank 1 in [rad]; the gears determine that of crank 2.
+        speed: speed of crank 1 in [rad/s].
+        speed2: speed of crank 2 in [rad/s]; the default follows from the gears.
+        first: length of the first vector, pc or pb, in plan units; any but zero.
 
     Returns:
         The plans, their scales and the velocities.
@@ -94,8 +94,8 @@ def velocity_plan(
         AssemblyError: where a plan cannot be drawn: KC or KB lies along KE, or the rod that drives
             the drawing cannot move the crank.
 
-    Accuracy: relative error a few ulp divided by the sine of the angle at which lines of the plan
-        cross.
+    Accuracy: relative error a few ulp divided by the sine of the angle between intersecting lines of the
+        plan.
 
     Source: paper 003, eqs (1)-(8).
     """
@@ -120,11 +120,11 @@ def _plan(
 ) -> Plan:
     """Draw the plan with one crank stopped.
 
-    `driving` names the point of the base link on the driving rod, then the rod's standing end;
+    `driving` names the point of the base link on the driving rod, then the fixed end of the rod;
     `driven` the point of the base link on the other rod, that rod's crank pin, the crank's pivot.
     """
     (p, stand), (q, pin, pivot) = driving, driven
-    # the first vector is drawn to one side; should the crank then turn backwards, to the other
+    # the first vector has one direction; if the crank then rotates backwards, the other
     for direction in (1.0, -1.0):
         vector = {
             stand: 0j,
@@ -142,7 +142,7 @@ def _plan(
             f"K{p}",
             "KE",
         )
-        # the plan holds a figure similar to the base link
+        # the plan contains a figure similar to the base link
         vector[q] = vector[p] + (vector["K"] - vector[p]) * (positions[q] - positions[p]) / (
             positions["K"] - positions[p]
         )
@@ -169,7 +169,7 @@ def _plan(
 
 
 def _crossing(start: complex, along: complex, ray: complex, line1: str, line2: str) -> complex:
-    """Return where the line from `start` along `along` meets the line from the pole along `ray`."""
+    """Return the intersection of the line from `start` along `along` with that from the pole along `ray`."""
     sine = cross(along, ray) / (abs(along) * abs(ray))
     if not abs(sine) > PARALLEL:
         raise AssemblyError(

@@ -84,7 +84,7 @@ def test_a_loop_that_closes_at_another_crank_angle_reports_it():
     loops, at = assembled(press(0.35, value))
     assert np.abs(loops.linearise(at)[0]).max() < 1e-12
     with pytest.raises(
-        AssemblyError, match=r"from the guess \w+ stays open wherever the drivers stand; change"
+        AssemblyError, match=r"from the guess \w+ remains open at any driver positions; change"
     ):
         assembled(press(0.2, 0.9))
 

@@ -126,7 +126,7 @@ def test_a_branch_without_continuation_is_rejected_by_both_methods(which):
     drive = FLAT_ONES[which]
     with pytest.raises(AssemblyError, match="no assembly mode leads into another; use change_point=smooth"):
         drive.positions([0.5], change_point="branch")
-    with pytest.raises(AssemblyError, match="by folding, for it does not turn"):
+    with pytest.raises(AssemblyError, match="with policy 'branch', since it does not move"):
         loops.solve(drive.mechanism, [-0.5, 0.5], change_point="branch")
 
 

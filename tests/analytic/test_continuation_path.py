@@ -269,7 +269,7 @@ def test_a_path_may_begin_close_to_a_change_point(off):
 
 @pytest.mark.parametrize(
     ("off", "said"),
-    [*((at, "at its start, .* start elsewhere") for at in (0.0, np.pi)), (1e-7, "start elsewhere")],
+    [*((at, "since its start, .* start elsewhere") for at in (0.0, np.pi)), (1e-7, "start elsewhere")],
 )
 def test_a_path_that_begins_at_a_change_point_is_rejected_with_the_angle_and_the_reason(off, said):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)

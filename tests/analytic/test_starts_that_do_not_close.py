@@ -34,7 +34,7 @@ def _line(folder, rod, more=""):
 
 
 def test_a_start_from_which_no_step_closes_the_loops_is_reported_where_they_close(tmp_path):
-    with pytest.raises(AssemblyError, match="do not close from where the other joints start") as told:
+    with pytest.raises(AssemblyError, match="do not close at the start of the other joints") as told:
         assembled(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
     said = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", str(told.value)))
     key = f'<keyframe><key name="on" qpos="{said["crank"]} {said["rod"]} {said["rocker"]}"/></keyframe>'
@@ -46,12 +46,12 @@ def test_a_start_from_which_no_step_closes_the_loops_is_reported_where_they_clos
 
 
 def test_show_reports_the_same(tmp_path):
-    with pytest.raises(AssemblyError, match="do not close from where the other joints start"):
+    with pytest.raises(AssemblyError, match="do not close at the start of the other joints"):
         driver_determinacy(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
 
 
 def test_loops_that_close_nowhere_are_still_advised_to_change_dimensions(tmp_path):
-    with pytest.raises(AssemblyError, match=r"a closure error of .* remains.* change the dimensions"):
+    with pytest.raises(AssemblyError, match=r"a gap of .* remains.* change the dimensions"):
         assembled(read_mjcf(str(_line(tmp_path, 0.15))).mechanism)
 
 
@@ -60,10 +60,10 @@ def test_a_pin_that_stands_aside_of_the_plane_is_reported_by_how_much(tmp_path):
     bent = path.read_text().replace('pos="-.08 0 0"', 'pos="0 .07 .002"')
     path.write_text(bent)
     with pytest.raises(
-        AssemblyError, match=r"loop stays open by .* m, where nothing in its loop moves"
+        AssemblyError, match=r"loop has a gap of .* m that no joint in its loop can close"
     ) as told:
         assembled(read_mjcf(str(path)).mechanism)
-    way = [float(part) for part in re.findall(r"by \((.*)\) m", str(told.value))[0].split(",")]
+    way = [float(part) for part in re.findall(r"gap of \((.*)\) m", str(told.value))[0].split(",")]
     np.testing.assert_allclose(np.abs(way), [0.0, 0.0, 0.002], atol=1e-9)
     path.write_text(bent.replace(".002", "0"))
     loops, at = assembled(read_mjcf(str(path)).mechanism)

@@ -36,8 +36,8 @@ def test_a_private_word_is_rejected_wherever_it_stands(tmp_path):
     kinds = Counter(use.kind for use in python_uses(source))
     assert kinds == {"identifier": 4, "string": 2, "comment": 1}
     page = tmp_path / "page.md"
-    page.write_text("The refusal names `told` and nought.")
-    assert [use.word for use in page_uses(page)] == ["refusal", "nought"]
+    page.write_text("The refusal names `told` and nought; a crank of one's\nown can go.")
+    assert [use.word for use in page_uses(page)] == ["refusal", "nought", "of one's\nown"]
 
 
 def test_terms_of_the_field_are_not_rejected():

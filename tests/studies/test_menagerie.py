@@ -89,7 +89,7 @@ def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
 
 
 def test_torques_that_cannot_be_compared_are_stated():
-    # a rod between balls whose inertia is not round about its line
+    # a rod between balls whose inertia has no symmetry of revolution about its line
     text = """
     <mujoco><compiler angle="radian"/><worldbody>
       <body><joint name="motor" axis="0 1 0"/><geom size=".01"/><body pos=".03 0 0"><joint type="ball"/>
@@ -101,5 +101,5 @@ def test_torques_that_cannot_be_compared_are_stated():
     verification = ms.export(mujoco.MjSpec.from_string(text), style="menagerie").verification
     assert verification.position < 1e-12
     assert verification.gravity_torque is None
-    assert "inertia is not round" in verification.no_torque
+    assert "inertia has no symmetry of revolution" in verification.no_torque
     assert "not compared" in verification.markdown()

@@ -145,7 +145,7 @@ def test_a_load_over_the_angle_needs_a_crank_as_the_only_driver(made, tmp_path):
         load(str(path))
     made(turned)
     form = load(str(tmp_path / "slider.toml"), drive={"crank": "30deg*sin(t)"})
-    with pytest.raises(InputError, match="over the crank's angle, but motion laws drive it"):
+    with pytest.raises(InputError, match="depends on the crank's angle, but motion laws drive it"):
         dynamics.dynamic_model(form, form.forces)
 
 

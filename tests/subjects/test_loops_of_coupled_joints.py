@@ -109,5 +109,5 @@ def test_a_ring_of_gears_turns_if_the_last_ratio_fits_and_is_reported_as_locked_
     path = tmp_path / "ring.toml"
     path.write_text(RING)
     assert ms.load(str(path)).solve([0.7]).joints["third"].value[0] == pytest.approx(0.7, abs=1e-14)
-    with pytest.raises(MobilityError, match="couplings leave crank no freedom"):
+    with pytest.raises(MobilityError, match="couplings leave crank no degree of freedom"):
         ms.load(str(path), set={"back": 0.9}).solve([0.7])

@@ -60,5 +60,5 @@ def test_a_stated_start_has_priority_over_the_laws(load):
 
 
 def test_a_law_relative_to_the_start_does_not_determine_it(load):
-    with pytest.raises(AssemblyError, match=r"l1 = 0 m, .* where the drivers start"):
+    with pytest.raises(AssemblyError, match=r"l1 = 0 m, .* the start of the drivers"):
         load("20mm/s").solve(t=[0.0])

@@ -328,7 +328,7 @@ def arms(*, joined=False):
 
 
 def test_two_dofs_are_rejected_and_one_that_a_gear_leaves_is_not():
-    with pytest.raises(MobilityError, match=r"arms: underdetermined: .*two is left open; drive, hold or"):
+    with pytest.raises(MobilityError, match=r"arms: underdetermined: .*two can still move; drive, lock or"):
         trace(arms())
     (curve,) = trace(arms(joined=True)).curves
     assert curve.turns == 1

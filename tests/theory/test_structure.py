@@ -394,7 +394,7 @@ def test_a_locked_crank_is_distinguished_apart_from_a_locked_mechanism():
 
 def test_a_dof_nobody_drives_is_rejected_with_the_links_that_have_it():
     places = {**FOUR_BAR, "B": ("coupler", "link", (83.0, 61.0)), "C": ("link", "rocker", (99.0, 44.0))}
-    with pytest.raises(InputError, match="leave 1 freedom to coupler, link, rocker; drive one link more"):
+    with pytest.raises(InputError, match="leave 1 degree of freedom to coupler, link, rocker; drive one"):
         assur_groups(planar(places))
     both = assur_groups(planar(places), ("crank", "rocker"))
     assert [group.links for group in both.groups] == [("coupler", "link")]
@@ -426,8 +426,8 @@ def test_planarity_does_not_depend_on_the_plane_but_on_every_axis():
     ("driver", "stopped", "message"),
     [
         ("rod7", (), "no moving link 'rod7'; choose from crank1, crank2"),
-        ("base", (), "'base' meets neither the frame nor a driven link"),
-        ("rod5", ("rod5",), "cannot both drive and stand still"),
+        ("base", (), "'base' has a pair with neither the frame nor a driven link"),
+        ("rod5", ("rod5",), "cannot both drive and be stopped"),
         (("rod5", "crank1"), (), "with crank2 stopped, which leaves W = 1"),
     ],
 )

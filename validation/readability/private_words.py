@@ -2,7 +2,7 @@
 
     python validation/readability/private_words.py [--list] [PATH ...]
 
-The tables `WORDS`, `NAME_PARTS` and `NAMES` give the term of the field that replaces each word.
+The tables `WORDS`, `PHRASES`, `NAME_PARTS` and `NAMES` give the term of the field that replaces each word.
 
 """
 
@@ -79,6 +79,24 @@ WORDS = {
     "held against": "compared with",
     "as it stands": "nominal, unchanged",
     "so near to": "close to",
+}
+
+# rejected in prose: phrase -> what to write instead
+PHRASES = {
+    "are said": "are reported, are stated",
+    "comes round": "repeats",
+    "goes bad": "diverges, fails",
+    "goes on where": "continues at",
+    "how it goes on": "policy, continuation",
+    "is wanted": "is requested",
+    "it can stand": "its range is, it can be assembled",
+    "laid flat": "flat, at a change point",
+    "nothing can hold": "is undetermined",
+    "of one's own": "custom, user-defined",
+    "reckoned": "computed",
+    "rubs": "has friction",
+    "what is held": "locked coordinates",
+    "what is wanted": "the request, the target",
 }
 
 # rejected as a part of an identifier (between underscores), not in prose
@@ -226,7 +244,9 @@ PERMITTED = {
     "left": (("model/joints.py", "simulation/equality_rows.py"), "left and right sides of an equation"),
 }
 
-_PROSE = re.compile(r"(?<![\w`./'-])(" + "|".join(map(re.escape, WORDS)) + r")(?![\w`/(])", re.IGNORECASE)
+_PROSE_TERMS = WORDS | PHRASES
+_PATTERNS = (re.escape(term).replace(r"\ ", r"\s+") for term in _PROSE_TERMS)
+_PROSE = re.compile(r"(?<![\w`./'-])(" + "|".join(_PATTERNS) + r")(?![\w`/(])", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -271,7 +291,8 @@ def private_name(name: str) -> str | None:
 
 def _prose(text: str, line: int, path: Path, kind: str) -> Iterator[Use]:
     for match in _PROSE.finditer(text):
-        yield Use(path, line + text[: match.start()].count("\n"), match[1], WORDS[match[1].lower()], kind)
+        instead = _PROSE_TERMS[" ".join(match[1].lower().split())]
+        yield Use(path, line + text[: match.start()].count("\n"), match[1], instead, kind)
 
 
 def python_uses(path: Path) -> Iterator[Use]:

@@ -1,4 +1,4 @@
-"""Dynamics of any mechanism with one crank, from its closed form or its loop equations. No simulator."""
+"""Dynamics of any mechanism, from its closed form or its loop equations, without a simulator."""
 
 from mechsim.analytic.dynamics.dynamic_run import DynamicRun, run
 from mechsim.analytic.dynamics.flywheel import fluctuation, flywheel_for

@@ -1,4 +1,4 @@
-"""Contacts: Coulomb frictions that stick or slide, and stops of joints that are hit or pressed.
+"""Contacts: Coulomb friction that sticks or slides, and impacts and contacts at joint limits.
 
 Source: F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts (1996), section 5.4 (Newton's
 law of impact).
@@ -13,13 +13,13 @@ from mechsim.analytic.dynamics.equations_of_motion import Dynamics, EquationsOfM
 from mechsim.analytic.dynamics.link_forces import constrained_acceleration
 from mechsim.numerics.arrays import Array
 
-# changes of sticking, sliding and contact at one instant
+# largest number of changes of sticking, sliding and contact at one instant
 MAX_CHANGES = 50
-# fraction of the fastest rate so far below which a coordinate under friction is at rest
+# rate of a coordinate with friction, relative to the fastest rate so far, below which it is at rest
 REST = 1e-9
-# a stop that is approached more slowly than this fraction of the fastest rate is touched, not hit
+# approach rate to a stop, relative to the fastest rate, below which there is contact without an impact
 SOFT_IMPACT = 1e-7
-# fraction by which a friction force may exceed its size: rounding of a balance
+# relative excess of a friction force over its limit that counts as rounding
 BALANCED = 1e-9
 
 # n states and times (n,) in [s] -> numbers (n,) that are zero at the event
@@ -37,7 +37,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class ContactMode:
-    """Which frictions slide (direction) or stick, and which stops are in contact."""
+    """The frictions that slide (with direction) or stick, and the stops in contact."""
 
     sliding: Array
     stuck: list[int] = field(default_factory=list[int])
@@ -49,9 +49,9 @@ class Contacts:
     """Frictions and stops of a mechanism.
 
     Attributes:
-        equations: of motion.
+        equations: equations of motion.
         stops: limits of joints.
-        restitution: rate after an impact divided by the rate before it, 0 to 1.
+        restitution: coefficient of restitution, rate after an impact divided by that before it, 0 to 1.
     """
 
     equations: EquationsOfMotion
@@ -59,15 +59,15 @@ class Contacts:
     restitution: float = 0.0
 
     def indices(self, mode: ContactMode) -> list[int]:
-        """Return the indices in the tree of the coordinates that stops hold."""
+        """Return the tree indices of the coordinates that stops constrain."""
         return [self.stops[i].index for i in mode.contacts]
 
     def accelerate(self, state: Kinematics, times: Array, mode: ContactMode) -> Dynamics:
-        """Return the accelerations of n states at times (n,) in [s] in a mode."""
+        """Return the accelerations of n states at times (n,) in [s] in a contact mode."""
         return self.equations.accelerate(state, times, mode.sliding, mode.stuck, self.indices(mode))
 
     def end_functions(self, mode: ContactMode) -> list[EventFunction]:
-        """Return functions that fall through zero where a mode ends."""
+        """Return functions that cross zero downwards where a contact mode ends."""
 
         def dynamics(state: Kinematics, times: Array) -> Dynamics:
             return self.accelerate(state, times, mode)
@@ -85,12 +85,12 @@ class Contacts:
         return functions
 
     def _reserve(self, dynamics: Dynamics, index: int) -> Array:
-        """Return by how much a sticking friction exceeds what it must hold, in [N m] or [N]."""
+        """Return the difference of the friction limit and the sticking friction, in [N m] or [N]."""
         magnitude = self.equations.frictions[index].magnitude
         return magnitude * (1.0 + BALANCED) - np.abs(dynamics.holding[index])
 
     def _pressing(self, dynamics: Dynamics, mode: ContactMode, index: int) -> Array:
-        """Return the force with which a stop is pressed; negative where the joint would have to be pulled."""
+        """Return the contact force of a stop; negative for a tensile force."""
         return -self.stops[index].side * dynamics.contact[mode.contacts.index(index)]
 
     def _clearance(self, state: Kinematics, stop: Stop) -> Array:
@@ -98,13 +98,13 @@ class Contacts:
         return stop.side * (stop.limit - value)
 
     def rates_after_impact(self, state: Kinematics, mode: ContactMode, fastest: float) -> Array:
-        """Return the rates (count, 1) after every joint at a stop hit it, by impulses on all coordinates.
+        """Return the rates (count, 1) after impacts at all joint stops, by impulses on all coordinates.
 
         A joint that only touches its stop comes to rest there.
 
         Args:
-            state: before the impact.
-            mode: before the impact; stops in contact are not hit.
+            state: state before the impact.
+            mode: contact mode before the impact; stops in contact have no impact.
             fastest: largest rate of the run so far.
         """
         slow = SOFT_IMPACT * fastest
@@ -130,7 +130,7 @@ class Contacts:
         return after
 
     def choose(self, state: Kinematics, time: float, fastest: float) -> ContactMode:
-        """Return which stick, slide and press, so that friction forces and pressures are admissible."""
+        """Return the contact mode with admissible friction and contact forces."""
         rates, fastest = self.equations.friction_rates(state)[:, 0], max(fastest, 1e-9)
         at_rest = np.abs(rates) <= REST * fastest
         contacts = [
@@ -160,7 +160,7 @@ class Contacts:
 
 
 def stops_of(equations: EquationsOfMotion, ranges: Mapping[str, tuple[float, float]]) -> tuple[Stop, ...]:
-    """Return the stops of joints with a range in [m] or [rad], of those whose coordinate the tree has."""
+    """Return the stops of joints with a range in [m] or [rad], if the tree has their coordinate."""
     stops: list[Stop] = []
     for name, limits in ranges.items():
         index = equations.loops.tree.index_of.get(name)

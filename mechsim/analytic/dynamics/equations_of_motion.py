@@ -1,7 +1,7 @@
 """Equations of motion of any mechanism in the coordinates of its spanning tree.
 
-M(q) a + h(q, v) = Q(q, v, t) + J' lambda with the loop constraints J a + gamma = 0. The coordinates and
-their rates are in units of the mechanism: displacements in its size, angles in radians.
+M(q) a + h(q, v) = Q(q, v, t) + J' lambda with the loop constraints J a + gamma = 0. Displacements are in
+characteristic lengths, angles in radians.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 8 (closed-loop systems); the mass
 matrix is summed over the links from their spatial inertias at the ground's origin.
@@ -37,8 +37,8 @@ from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import significant
 
-# step of the central difference for the rate of a friction direction, in units of the coordinates; its error
-# is about 1e-10 of the rate
+# step of the central difference for the rate of a friction direction, in units of the coordinates; the
+# relative error of the rate is about 1e-10
 DIFFERENCE = 1e-5
 # distance from the start at which the rank of the constraints is looked at, too
 NEXT_TO_START = 1e-2
@@ -50,13 +50,13 @@ class Kinematics:
 
     Attributes:
         q: coordinates of the spanning tree.
-        rates: of the coordinates in units, (count, n) per second.
-        residual: of the constraint equations, (rows, n).
-        jacobian: of the constraints by the free coordinates in units, (n, rows, free), those of
-            prescribed coordinates last.
-        gamma: velocity-product term of the loops, (n, rows less prescribed ones).
-        poses: of the links.
-        twist: of each link at the ground's origin, (links, 6, n).
+        rates: rates of the coordinates in units, (count, n) per second.
+        residual: residuals of the constraint equations, (rows, n).
+        jacobian: Jacobian of the constraints by the free coordinates in units, (n, rows, free), with the rows
+            of prescribed coordinates last.
+        gamma: velocity-product term of the loops, (n, rows without prescribed ones).
+        poses: poses of the links.
+        twist: twist of each link at the ground's origin, (links, 6, n).
         bias: acceleration of each link at constant rates, (links, 6, n).
     """
 
@@ -75,15 +75,15 @@ class Dynamics:
     """Accelerations and energies at n states.
 
     Attributes:
-        acceleration: of the coordinates in units, (count, n) per second squared.
-        driving: effort that moves each prescribed coordinate, (prescribed, n) in [N m] or [N].
-        holding: effort that each sticking friction carries, (frictions, n) in [N m] or [N].
+        acceleration: accelerations of the coordinates in units, (count, n) per second squared.
+        driving: drive force of each prescribed coordinate, (prescribed, n) in [N m] or [N].
+        holding: force of each sticking friction, (frictions, n) in [N m] or [N].
         contact: force of each stop in contact along its coordinate, (contacts, n) in [N m] or [N] times the
             unit of the coordinate.
         kinetic: kinetic energy, (n,) in [J].
-        potential: of gravity and springs, (n,) in [J].
-        power_in: of motor, loads and prescribed motion, (n,) in [W].
-        power_lost: in friction and dampers, (n,) in [W].
+        potential: potential energy of gravity and springs, (n,) in [J].
+        power_in: power of motor, loads and prescribed motion, (n,) in [W].
+        power_lost: power lost in friction and dampers, (n,) in [W].
     """
 
     acceleration: Array
@@ -101,10 +101,10 @@ class EquationsOfMotion:
     """The equations of motion of a dynamic model; its drivers are free or follow motion laws.
 
     Attributes:
-        model: mechanism, masses and forces.
+        model: the dynamic model.
         loops: loop equations, in which locked coordinates are prescribed.
         start: assembled coordinates.
-        prescribed: coordinate -> motion law that it follows; all others are free.
+        prescribed: coordinate -> its motion law; all others are free.
     """
 
     model: DynamicModel
@@ -155,7 +155,7 @@ class EquationsOfMotion:
 
     @cached_property
     def _inertias(self) -> tuple[Array, Array, Array]:
-        """Masses (L,), centres (L, 3) and inertia matrices (L, 3, 3) in the links' own frames."""
+        """Masses (L,), centres (L, 3) and inertia matrices (L, 3, 3) in the links' frames."""
         inertias = [link.inertia for link in self.model.mechanism.links if link.inertia is not None]
         return (
             np.array([inertia.mass for inertia in inertias]),
@@ -184,11 +184,11 @@ class EquationsOfMotion:
         """Return the accelerations at states.
 
         Args:
-            state: of n states.
+            state: n states.
             time: (n,) in [s].
             sliding: direction of each Coulomb friction's rate, (frictions,) of -1, 0, 1.
-            stuck: indices of the frictions that hold their coordinate at rest.
-            contacts: indices of the coordinates that a stop holds at rest.
+            stuck: indices of the sticking frictions.
+            contacts: indices of the coordinates with a stop in contact.
         """
         unit, jacobians = self._unit_motion(state), self._link_jacobians(state)
         inertia = spatial_inertias(unit, *self._inertias)
@@ -242,7 +242,7 @@ class EquationsOfMotion:
 
     @property
     def steady(self) -> bool:
-        """Whether nothing depends on time: neither loads, controllers nor prescribed motion."""
+        """Whether neither loads, controllers nor prescribed motion depend on time."""
         return not (self.prescribed or self.model.forces.controllers) and not any(
             course.over == "time" for course in self.model.forces.load_profiles
         )
@@ -255,7 +255,7 @@ class EquationsOfMotion:
         stuck: Sequence[int],
         contacts: Sequence[int],
     ) -> tuple[Array, Array]:
-        """Return Jacobian (n, rows, free) and velocity products of loops, sticking frictions and stops."""
+        """Return Jacobian (n, rows, free) and velocity-product terms: loops, sticking friction, stops."""
         rows = state.jacobian
         if len(stuck):
             rows = np.concatenate([rows, directions[list(stuck)].transpose(1, 0, 2)], 1)
@@ -296,7 +296,7 @@ class EquationsOfMotion:
         return np.einsum("fnk,kn->fn", directions, state.rates[self.free])
 
     def _unit_motion(self, state: Kinematics) -> UnitMotion:
-        """Return the links' motion by time in the form that applied forces are computed from."""
+        """Return the links' motion by time in the form that applied forces need."""
         position = state.poses.position[self.links].transpose(2, 0, 1)
         rotation = state.poses.rotation[self.links].transpose(3, 0, 1, 2)
         twist = state.twist[self.links].transpose(2, 0, 1).copy()
@@ -326,7 +326,7 @@ class EquationsOfMotion:
         return total[self.free].T
 
     def _direction_rates(self, state: Kinematics, stuck: Sequence[int]) -> Array:
-        """Return the velocity-product terms of the coordinates that friction holds, (n, stuck)."""
+        """Return the velocity-product terms of the coordinates with sticking friction, (n, stuck)."""
         displaced: list[Array] = []
         for seconds in (DIFFERENCE, -DIFFERENCE):
             moved = self.kinematics(self.loops.displaced(state.q, seconds * state.rates), state.rates)
@@ -338,7 +338,7 @@ class EquationsOfMotion:
 
 
 def with_locked(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
-    """Return a constraint Jacobian (n, rows, free) with more rows, which hold coordinates of the tree."""
+    """Return a constraint Jacobian (n, rows, free) with additional rows that lock coordinates of the tree."""
     rows = np.eye(equations.loops.tree.count)[list(indices)][:, equations.free]
     return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
 
@@ -365,9 +365,9 @@ def equations_of_motion(
     """Return the equations of motion of a dynamic model, assembled at its guess.
 
     Args:
-        model: mechanism, masses and forces.
-        coordinates: joint coordinates that the spanning tree should keep, as those with initial values.
-        prescribed: coordinate -> motion law that it follows.
+        model: the dynamic model.
+        coordinates: joint coordinates that the spanning tree must contain, such as those with initial values.
+        prescribed: coordinate -> its motion law.
 
     Raises:
         AssemblyError: if the loops do not close.

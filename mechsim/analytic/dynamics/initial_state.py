@@ -12,10 +12,10 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 
-# longest step of a coordinate towards its initial value, in [rad] or sizes of the mechanism: the linear model
-# of the loops is good for several times that
+# largest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the linear model
+# of the loops is valid for several times that
 STEP = 0.05
-# velocities that miss their requested value by more than this fraction contradict the loops
+# relative error of rates above which their requested values contradict the loops
 CONSISTENT = 1e-9
 
 
@@ -30,8 +30,8 @@ class InitialValues:
 def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[Coordinates, Array]:
     """Return coordinates and rates in units, (count, 1), that satisfy the loops and the requested values.
 
-    Coordinates move to their values in short steps from the assembled configuration, so that the assembly
-    stays. Coordinates that the values and the loops leave open move least; rates likewise.
+    The coordinates move to their values in short steps from the assembled configuration, within its assembly
+    mode. Coordinates and rates that neither the values nor the loops determine change as little as possible.
 
     Raises:
         AssemblyError: where the loops do not close at the values.
@@ -57,7 +57,7 @@ def projected(
     """Return the n closed configurations and consistent rates nearest to given ones, at times (n,) in [s].
 
     Raises:
-        AssemblyError: where Newton's method does not close the loops.
+        AssemblyError: if Newton's method does not close the loops.
     """
     value, rate, _ = equations.prescribed_motion(times)
     q = _closed(equations, q, equations.prescribed_indices, value)
@@ -85,7 +85,7 @@ def _moved(equations: EquationsOfMotion, coordinates: Mapping[str, float]) -> Co
 def _closed(
     equations: EquationsOfMotion, q: Coordinates, indices: Sequence[int] = (), values: Array | float = 0.0
 ) -> Coordinates:
-    """Return coordinates with closed loops, some at values (k, n) in units; the others move least."""
+    """Return coordinates with closed loops, some at values (k, n) in units; the others change least."""
     loops = equations.loops
     if len(indices):
         q = Coordinates(q.values.copy(), q.turns)

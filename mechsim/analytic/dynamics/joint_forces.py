@@ -1,4 +1,4 @@
-"""Forces in the joints over a run of forward dynamics, by the inverse dynamics of its motion."""
+"""Joint forces over a run of forward dynamics, by the inverse dynamics of its motion."""
 
 from dataclasses import replace
 
@@ -14,21 +14,21 @@ SAME_MOTION = 1e-6
 
 
 def joint_forces(model: DynamicModel, run: DynamicRun) -> InverseDynamics:
-    """Return the forces in joints, and the efforts of the drivers' motors, at the instants of a run.
+    """Return the joint forces, and the drive forces of the motors, at the instants of a run.
 
     Raises:
-        InputError: where the drivers do not determine the motion of all links.
+        InputError: if the drivers do not determine the motion of all links.
         AssemblyError: where the loops do not close at the instants.
 
-    Accuracy: without motor and load torque the efforts of drivers are zero to rounding.
+    Accuracy: without motor and load torque the drive forces are zero to rounding.
     """
     motion = run.motion
     controlled = {controller.coordinate for controller in model.forces.controllers}
     if controlled <= {*model.mechanism.drivers}:
-        # the efforts of the drivers include those of their controllers
+        # drive forces include those of the controllers
         model = replace(model, forces=replace(model.forces, controllers=()))
     if not model.solver.motion_laws.crank:
-        # drivers are prescribed over time, which goes on at rate 1
+        # drivers are prescribed as functions of time, with rate 1
         zero = np.zeros_like(run.time)
         motion = replace(motion, angle=run.time, speed=zero + 1.0, acceleration=zero)
     state = motion.angle, motion.speed, motion.acceleration
@@ -37,7 +37,7 @@ def joint_forces(model: DynamicModel, run: DynamicRun) -> InverseDynamics:
     change = np.abs(study.forces.kinetic - run.kinetic).max(initial=0.0)
     if not change <= SAME_MOTION * max(float(run.kinetic.max(initial=0.0)), np.finfo(float).tiny):
         raise InputError(
-            f"{model.mechanism.name}: forces in the joints over a run are known where its drivers determine "
+            f"{model.mechanism.name}: joint forces over a run need drivers that determine "
             "the motion of all links; name a quantity of positions, velocities or energies"
         )
     return study

@@ -1,7 +1,7 @@
 """Linear dynamics about a configuration: natural frequencies, damping, mode shapes, frequency response.
 
 In independent coordinates u along a basis N of the constraint null space the motion is u'' = a(u, u'). Its
-derivatives are central differences of order eight of the exact accelerations on the closed loops.
+derivatives are eighth-order central differences of the exact accelerations on the closed loops.
 
 Source: K. Ogata, Modern Control Engineering (2010), chapter 9 (state space); B. Fornberg, Generation of
 finite difference formulas on arbitrarily spaced grids, Mathematics of Computation 51 (1988) 699-706.
@@ -20,16 +20,16 @@ from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm, significant
 
-# weights of the central difference of order eight at 1, 2, 3 and 4 steps
+# weights of the eighth-order central difference at 1, 2, 3 and 4 steps
 WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
-# its step in [rad] or sizes of the mechanism: the truncation error is about STEP**8, rounding 1e-15 / STEP
+# its step in [rad] or characteristic lengths: the truncation error is about STEP**8, rounding 1e-15 / STEP
 STEP = 0.01
-# eigenvalues below this fraction of the largest are zero: motions that nothing restores; differences of the
-# accelerations leave 1e-10 of the largest stiffness
+# eigenvalues below this fraction of the largest are zero: motions without restoring force; differences of the
+# accelerations have an error of 1e-10 of the largest stiffness
 NEUTRAL = 3e-5
 
 Complex = NDArray[np.complex128]
-# a number that belongs to a state
+# a scalar function of a state
 Quantity = Callable[[Kinematics], float]
 
 
@@ -41,8 +41,8 @@ class Mode:
         frequency: undamped natural frequency |s| / 2 pi of the eigenvalue s, in [Hz].
         damping_ratio: -Re s / |s|; 1 for a mode that decays without oscillation.
         eigenvalue: s in [1/s].
-        shape: joint coordinate -> complex amplitude in [m] or [rad]; the largest, in units of the mechanism's
-            size and radians, is 1.
+        shape: joint coordinate -> complex amplitude in [m] or [rad]; the largest, in characteristic lengths
+            and radians, is 1.
     """
 
     frequency: float
@@ -56,9 +56,9 @@ class LinearModel:
     """The linear equations x' = A x about a configuration, x = (u, u').
 
     Attributes:
-        equations: of motion.
+        equations: equations of motion.
         q: the configuration.
-        basis: null space of the loop constraints over the free coordinates in units, (free, dof).
+        basis: basis of the null space of the loop constraints in the free coordinates in units, (free, dof).
         matrix: A, (2 dof, 2 dof).
         mass: reduced mass matrix, (dof, dof).
     """
@@ -76,7 +76,7 @@ class LinearModel:
         return bool(values.real.max(initial=-np.inf) <= NEUTRAL * np.abs(values).max(initial=0.0))
 
     def modes(self) -> tuple[Mode, ...]:
-        """Return the modes by rising frequency; a complex pair of eigenvalues is one mode."""
+        """Return the modes by increasing frequency; a complex pair of eigenvalues is one mode."""
         values, vectors = np.linalg.eig(self.matrix)
         values = np.where(np.abs(values) < NEUTRAL * np.abs(values).max(initial=0.0), 0.0, values)
         dof = self.basis.shape[1]
@@ -101,9 +101,9 @@ class LinearModel:
         """Return the complex frequency response from a unit load to an output, (n,).
 
         Args:
-            load: the displacement on which the load does work: the coordinate of a joint for its torque, the
-                component of a point for a force; the load's generalised force is its gradient.
-            output: the quantity that responds.
+            load: displacement on which the load does work: the coordinate of a joint for its torque, the
+                component of a point for a force; its gradient is the load's generalised force.
+            output: the quantity of the response.
             frequencies: (n,) in [Hz].
         """
         dof = self.basis.shape[1]
@@ -120,9 +120,9 @@ class LinearModel:
 def linear_model(
     equations: EquationsOfMotion, q: Coordinates, rates: Array | None = None, time: float = 0.0
 ) -> LinearModel:
-    """Return the linear model about a configuration, at rest or with steady rates in units, (count, 1).
+    """Return the linear model about a configuration, at rest or with constant rates in units, (count, 1).
 
-    Coulomb friction is left out: it has no derivative at rest.
+    Coulomb friction is ignored: it has no derivative at rest.
     """
     basis = null_space(equations, q)
     dof = basis.shape[1]
@@ -147,7 +147,7 @@ def linear_model(
 
 
 def null_space(equations: EquationsOfMotion, q: Coordinates) -> Array:
-    """Return an orthonormal basis of the free coordinates' rates that the loops allow, (free, dof)."""
+    """Return an orthonormal basis of the free coordinates' rates that satisfy the loops, (free, dof)."""
     jacobian = equations.loops.linearise(q)[1][:, equations.free, 0]
     if not jacobian.size:
         return np.eye(len(equations.free))
@@ -161,7 +161,7 @@ def displaced(
     """Return the closed state at independent displacements u and rates, (dof,) each, from a configuration.
 
     Raises:
-        AssemblyError: where the loops do not close there.
+        AssemblyError: where the loops do not close.
     """
     loops, free = equations.loops, equations.free
     step = np.zeros((loops.tree.count, 1))

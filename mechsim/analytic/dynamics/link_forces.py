@@ -1,4 +1,4 @@
-"""Forces and inertias of links as generalised forces and mass matrices, on arrays over n states.
+"""Generalised forces and mass matrices from forces and inertias of links, on arrays over n states.
 
 Source: R. Featherstone, Rigid Body Dynamics Algorithms (2008), sections 2.13 and 6.5.
 """
@@ -19,7 +19,7 @@ from mechsim.numerics.rank import significant
 
 @dataclass(frozen=True, slots=True)
 class DryFriction:
-    """One Coulomb friction: a joint, which of its coordinates it opposes, and its size in [N m] or [N]."""
+    """A Coulomb friction: a joint, the index of its coordinate, and its magnitude in [N m] or [N]."""
 
     joint: Joint
     coordinate: int
@@ -32,8 +32,8 @@ def spatial_inertias(unit: UnitMotion, masses: Array, centres: Array, moments: A
     Args:
         unit: the links' motion.
         masses: (L,) in [kg].
-        centres: of mass in the links' own frames, (L, 3).
-        moments: inertia matrices about them in the links' own frames, (L, 3, 3).
+        centres: centres of mass in the links' frames, (L, 3).
+        moments: inertia matrices about them in the links' frames, (L, 3, 3).
     """
     rotation = unit.rotation
     centre = unit.position + (rotation @ centres[..., None])[..., 0]
@@ -49,7 +49,7 @@ def inertial_wrenches(twist: Array, bias: Array, inertia: Array) -> Array:
     """Return the inertial wrenches at zero accelerations, at the ground's origin, (n, L, 6).
 
     Args:
-        twist: of each link at the ground's origin, (n, L, 6).
+        twist: twist of each link at the ground's origin, (n, L, 6).
         bias: acceleration of each link at constant rates, (n, L, 6).
         inertia: spatial inertias, (n, L, 6, 6).
     """
@@ -67,8 +67,8 @@ def generalised_forces(
 
     Args:
         unit: the links' motion.
-        jacobians: of the links, (n, L, 6, free).
-        wrenches: about the links' origins, (n, L, 6).
+        jacobians: Jacobians of the links, (n, L, 6, free).
+        wrenches: wrenches about the links' origins, (n, L, 6).
         less: wrenches at the ground's origin that are subtracted.
     """
     moved = wrenches - less
@@ -89,7 +89,7 @@ def kinetic_energy(mass: Array, rates: Array) -> Array:
 
 
 def friction_directions(frictions: Sequence[DryFriction], unit: UnitMotion, jacobians: Array) -> Array:
-    """Return the generalised force of a unit effort of each friction, (frictions, n, free)."""
+    """Return the generalised force of a unit force of each friction, (frictions, n, free)."""
     n, columns = len(unit), jacobians.shape[-1]
     directions = np.zeros((len(frictions), n, columns))
     for row, friction in zip(directions, frictions, strict=True):
@@ -102,7 +102,7 @@ def friction_directions(frictions: Sequence[DryFriction], unit: UnitMotion, jaco
 
 
 def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Array) -> tuple[Array, Array]:
-    """Solve M a = Q + J' lambda, J a + gamma = 0 where rows may repeat one another.
+    """Solve M a = Q + J' lambda, J a + gamma = 0, also for redundant constraints.
 
     Args:
         mass: (n, k, k), positive definite.
@@ -111,7 +111,7 @@ def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Arra
         gamma: (n, m).
 
     Returns:
-        Accelerations, (n, k), and the multipliers of least norm, (n, m).
+        Accelerations, (n, k), and the minimum-norm multipliers, (n, m).
     """
     if not rows.shape[1]:
         unconstrained: Any = np.linalg.solve(mass, force[..., None])[..., 0]

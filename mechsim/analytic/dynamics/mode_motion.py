@@ -1,4 +1,4 @@
-"""Motions along mode shapes, to be drawn: a vibration of visible amplitude about an equilibrium."""
+"""Motions along mode shapes for pictures: a vibration with visible amplitude about an equilibrium."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -12,20 +12,21 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 
-# largest displacement of a coordinate, in [rad] or sizes of the mechanism; halved while loops do not close
+# largest displacement of a coordinate, in [rad] or characteristic lengths, and number of times it can be
+# halved
 AMPLITUDE, HALVINGS = 0.25, 6
-# [s] for one cycle of a mode that does not oscillate
+# duration in [s] of a cycle of a mode that does not oscillate
 STILL_PERIOD = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class ModeMotion:
-    """One cycle along a mode shape.
+    """A cycle along a mode shape.
 
     Attributes:
         title: number, frequency and damping ratio in words.
-        period: of the cycle in [s].
-        motion: from the largest displacement to the next, without damping; closed at every instant.
+        period: period of the cycle in [s].
+        motion: one period from the largest displacement, without damping; closed at every instant.
     """
 
     title: str
@@ -34,16 +35,16 @@ class ModeMotion:
 
 
 def mode_motion(equilibrium: Equilibrium, number: int, samples: int = 72) -> ModeMotion:
-    """Return a cycle along a mode shape, its amplitude large enough to be seen.
+    """Return a cycle along a mode shape, with a visible amplitude.
 
     Args:
-        equilibrium: with its modes.
-        number: of the mode, from 1.
-        samples: intervals of the cycle.
+        equilibrium: the equilibrium with its modes.
+        number: number of the mode, from 1.
+        samples: number of intervals of the cycle.
 
     Raises:
-        InputError: where there is no such mode.
-        AssemblyError: where the loops close at no visible amplitude.
+        InputError: for an unknown mode.
+        AssemblyError: if the loops close at no visible amplitude.
     """
     count = len(equilibrium.modes)
     if not 1 <= number <= count:

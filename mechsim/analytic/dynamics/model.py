@@ -24,9 +24,9 @@ class DynamicModel:
     """A mechanism with masses and forces; made by `dynamic_model`.
 
     Attributes:
-        mechanism: every link has an inertia.
-        forces: what acts on it.
-        solver: of its motion: a closed form, or the loop equations.
+        mechanism: the mechanism; every link has an inertia.
+        forces: applied forces.
+        solver: solver of its motion: a closed form, or the loop equations.
     """
 
     mechanism: Mechanism
@@ -37,7 +37,7 @@ class DynamicModel:
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
-        """The masses of the links, and where each comes from."""
+        """The masses of the links and their sources."""
         return masses_of(self.mechanism)
 
     def unit_motion(
@@ -45,8 +45,8 @@ class DynamicModel:
     ) -> UnitMotion:
         """Return poses, first and second derivatives by the path parameter, at path parameters (n,) in [rad].
 
-        Under motion laws the drivers are where they were in a run, if one is given. With `within`, poses
-        beyond the ranges of joints are rejected.
+        Under motion laws the drivers have their positions of a run, if one is given. With `within`, poses
+        outside the ranges of joints are rejected.
 
         Raises:
             AssemblyError: where the loops do not close, or a joint would leave its range.
@@ -54,7 +54,7 @@ class DynamicModel:
         values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         if not isinstance(self.solver, LoopForm):
             return from_motion(self.mechanism, self.solver.solve_along(values))
-        # as `LoopForm` has it: with the links that a record of a user's file leaves out
+        # with the links that the record of a user's file omits
         if as_run is None or not as_run.drivers:
             motion = LoopForm.solve_along(self.solver, values)
         else:
@@ -62,7 +62,7 @@ class DynamicModel:
         return from_motion(self.mechanism, self.solver.within_ranges(motion) if within else motion)
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> "DynamicModel":
-        """Return the model with the assembly that is selected at the first crank angle."""
+        """Return the model in the assembly mode that is selected at the first crank angle."""
         solver = self.solver
         if not isinstance(solver, ClosedForm):
             return self
@@ -89,17 +89,18 @@ def dynamic_model(
     """Return a catalogue mechanism, or any other, as a dynamic model.
 
     Args:
-        source: a catalogue mechanism, whose closed form gives the motion, or any mechanism, whose loop
-            equations do.
-        forces: what acts on it; None takes the forces of the source, as a file's `[forces]`, and none where
-            it has none. `Forces()` is none in any case.
-        mechanism: the description of the catalogue mechanism with inertias of one's own.
-        density: of the rods that links without inertia are made of, in [kg/m3].
-        diameter: of those rods in [m] or text, as "5mm"; None takes 0.05 of the mechanism's size.
+        source: a catalogue mechanism, solved by its closed form, or any mechanism, solved by its loop
+            equations.
+        forces: applied forces; the default is those of the source, such as a file's `[forces]`, or none.
+            `Forces()` means none in any case.
+        mechanism: the description of the catalogue mechanism with other inertias.
+        density: density of the rods that replace missing inertias, in [kg/m3].
+        diameter: diameter of those rods in [m] or text such as "5mm"; the default is 0.05 of the
+            characteristic length.
 
     Raises:
-        InputError: for forces that name what the mechanism does not have, and for one that is to fold where
-            assemblies meet: its links would jump in speed.
+        InputError: for forces at unknown joints, points or links, and for the policy "branch" at change
+            points, where speeds of links would be discontinuous.
     """
     solver = LoopForm(source) if isinstance(source, Mechanism) else source
     if not isinstance(solver, ClosedForm | LoopForm):
@@ -109,8 +110,8 @@ def dynamic_model(
         )
     if solver.change_point == "branch" and solver.change_points():
         raise InputError(
-            f"{solver.name} is to fold at change points, where its links would jump in speed and no force is "
-            "large enough; leave out change_point=branch"
+            f"{solver.name} changes its branch at change points, where speeds are discontinuous and no "
+            "finite force suffices; leave out change_point=branch"
         )
     bare = mechanism or solver.mechanism
     described = with_inertia(bare, density, units.si(diameter, "m", "diameter of the rods"))
@@ -123,8 +124,8 @@ def dynamic_model(
 def _check_crank(mechanism: Mechanism, forces: Forces, motion_laws: MotionLaws) -> None:
     if not motion_laws.crank and any(course.over == "angle" for course in forces.load_profiles):
         raise InputError(
-            f"{mechanism.name}: a load goes over the crank's angle, but motion laws drive it; "
-            "give it over time, or drive the crank by its speed"
+            f"{mechanism.name}: a load depends on the crank's angle, but motion laws drive it; "
+            "give the load over time, or drive the crank by its speed"
         )
     if not (forces.flywheel or forces.crank_torque or forces.motor):
         return

@@ -1,4 +1,4 @@
-"""Inverse dynamics: what a machine needs, and what its joints carry, while its crank moves as prescribed."""
+"""Inverse dynamics: drive forces and joint reactions for a prescribed motion."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,28 +21,27 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import require
 from mechsim.numerics.resources import require_memory
 
-# instants solved in one go, and bytes held at each of them by each element of the matrix that balances links
+# number of instants solved together, and bytes per instant and element of the matrix of the balance
 BATCH_SIZE, STORED_NUMBERS = 4096, 80.0
-# numbers kept of an instant, and of a joint in it; each is held twice while parts are put together
-KEPT, JOINT, TWICE = 40.0, 27.0, 16.0
+# numbers stored per instant, and per joint and instant; each exists twice while chunks are merged
+NUMBERS_PER_INSTANT, NUMBERS_PER_JOINT, COPIES = 40.0, 27.0, 16.0
 FEWER = "take {most} instants at the most"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InverseDynamics:
-    """What formulas say of a machine under a prescribed crank at n instants, in SI; ground frame.
+    """Analytic inverse dynamics for a prescribed motion at n instants, in SI and the ground frame.
 
     Attributes:
-        model: the mechanism with its masses and forces.
-        forces: what both methods compute; the drive torque is by virtual power and replaces the motor.
-            Reactions where a dry friction turns round are without it, halfway between two values.
+        model: the dynamic model.
+        forces: the record that both methods compute; the drive torque is by virtual power and replaces the
+            motor. Where Coulomb friction reverses, reactions are without it, halfway between two values.
         load: generalised force of the loads on the crank, (n,) in [N m].
         reduced: coefficients of the reduced equation.
-        second_torque: the drive torque by Newton's and Euler's laws, a second route, (n,) in [N m].
-        indeterminacy: number of independent self-stresses: forces the joints can hold against each
-            other without any load.
-        shaking_force: on the frame, by the whole machine, (n, 3) in [N].
-        shaking_moment: likewise, about the ground's origin, (n, 3) in [N m].
+        second_torque: the drive torque by the Newton-Euler equations, an independent method, (n,) in [N m].
+        indeterminacy: number of independent self-stresses: joint forces in balance without any load.
+        shaking_force: force of the whole mechanism on the frame, (n, 3) in [N].
+        shaking_moment: its moment about the ground's origin, (n, 3) in [N m].
     """
 
     model: DynamicModel
@@ -61,12 +60,12 @@ class InverseDynamics:
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
-        """The masses of the links, and where each comes from."""
+        """The masses of the links and their sources."""
         return self.model.masses
 
     @property
     def torque_parts(self) -> dict[str, Array]:
-        """What the drive torque is made of, (n,) each in [N m]."""
+        """Components of the drive torque, (n,) each in [N m]."""
         reduced, w = self.reduced, self.forces.speed
         return {
             "inertia": reduced.inertia * self.forces.acceleration + 0.5 * reduced.inertia_derivative * w**2,
@@ -77,12 +76,12 @@ class InverseDynamics:
 
     @property
     def power_stored(self) -> Array:
-        """Rate at which kinetic and potential energy grow, (n,) in [W], from J, J' and statics."""
+        """Rate of kinetic and potential energy, (n,) in [W], from J, J' and static forces."""
         w, e, reduced = self.forces.speed, self.forces.acceleration, self.reduced
         return w * (reduced.inertia * e + 0.5 * reduced.inertia_derivative * w**2 - reduced.static)
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield columns of a table in SI: forces, and what only the analytic method computes."""
+        """Yield columns of a table in SI: forces, and quantities that only the analytic method computes."""
         more = {
             "torque": {
                 "inertia": self.reduced.inertia,
@@ -107,27 +106,28 @@ def prescribed(
     progress: Callable[[str, float], None] = lambda _, __: None,
     as_run: Motion | None = None,
 ) -> InverseDynamics:
-    """Return the drive torque and everything the joints carry at prescribed crank motion, or at times.
+    """Return the drive torque and all joint reactions at prescribed crank motion, or at times.
 
-    Under motion laws `efforts.drives` has each driver's torque or force.
+    Under motion laws `forces.drives` has each driver's torque or force.
 
-    A coupler whose spin nothing determines has no torque about its line and no momentum about it.
+    A coupler with an undetermined rotation about its line has neither torque nor momentum about it.
 
     Args:
-        model: the dynamic model; its motor is left out.
-        angles: crank angles, (n,) in [rad] or text, as "0:360:5deg"; where motion laws drive, give `t`.
-        speed: of the crank, scalar or (n,) in [rad/s], or text, as "600rpm".
-        acceleration: of the crank, scalar or (n,) in [rad/s2].
-        t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that stands at the
+        model: the dynamic model; its motor is ignored.
+        angles: crank angles, (n,) in [rad] or text such as "0:360:5deg"; under motion laws use `t`.
+        speed: crank speed, scalar or (n,) in [rad/s] or text such as "600rpm".
+        acceleration: crank acceleration, scalar or (n,) in [rad/s2].
+        t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that starts from the
             mechanism's `start` at time zero.
-        time: of crank angles, (n,) in [s]; None at constant speed counts it from crank angle zero.
-        as_run: motion under the same motion laws, whose drivers' values and rates are taken; angles, speed
-            and acceleration are then those of the motion.
+        time: times of the crank angles, (n,) in [s]; by default, at constant speed, time is zero at crank
+            angle zero.
+        as_run: motion under the same motion laws whose driver values and rates are used; angles, speed and
+            acceleration are then those of the motion.
         progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
-        InputError: for rates that are not finite, loads over time where no time is known, crank angles where
-            motion laws drive, or more instants than memory holds.
+        InputError: for rates that are not finite, loads over time with unknown times, crank angles under
+            motion laws, or more instants than fit into memory.
         AssemblyError: where the loops do not close.
     """
     require("what is to be solved", model, DynamicModel)
@@ -155,7 +155,7 @@ def prescribed_along(
     progress: Callable[[str, float], None] = lambda _, __: None,
     as_run: Motion | None = None,
 ) -> InverseDynamics:
-    """Return what `prescribed` does, at values of the path parameter and its rates.
+    """Return the result of `prescribed` at values of the path parameter, with its rates.
 
     The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
     `motion_laws.rate`.
@@ -166,7 +166,8 @@ def prescribed_along(
     time = model.solver.motion_laws.time(angle) if time is None else time
     n, joints = len(angle), len(model.mechanism.joints)
     equations = 6.0 * len(model.mechanism.links)
-    each = TWICE * (KEPT + JOINT * joints) + STORED_NUMBERS * equations**2 * min(1.0, BATCH_SIZE / n)
+    matrices = STORED_NUMBERS * equations**2 * min(1.0, BATCH_SIZE / n)
+    each = COPIES * (NUMBERS_PER_INSTANT + NUMBERS_PER_JOINT * joints) + matrices
     require_memory(f"inverse dynamics of {n:,} instants", n, each, FEWER)
     w, e = _rate("speed", rate, angle), _rate("acceleration", second, angle)
     times = None if time is None else np.broadcast_to(np.asarray(time, dtype=np.float64), angle.shape)
@@ -193,7 +194,7 @@ def _solved(
     standing: NDArray[np.bool_],
     as_run: Motion | None,
 ) -> InverseDynamics:
-    """Return the inverse dynamics of some instants, all in one go."""
+    """Return the inverse dynamics of some instants, solved together."""
     return moved_as(model, model.unit_motion(angle, as_run, within=True), w, e, times, standing)
 
 
@@ -205,15 +206,15 @@ def moved_as(
     times: Array | None,
     standing: NDArray[np.bool_],
 ) -> InverseDynamics:
-    """Return the inverse dynamics of a model at given motion, all instants in one go.
+    """Return the inverse dynamics of a model for a given motion, all instants together.
 
     Args:
         model: the dynamic model.
-        unit: its motion per radian of the crank; complex, and all that follows, where dimensions are.
-        w: speed of the crank, (n,) in [rad/s].
-        e: its acceleration, (n,) in [rad/s2].
-        times: times in [s]; None where they are not known.
-        standing: whether the crank stands, (n,).
+        unit: its motion per radian of the crank; complex, as all results, for complex dimensions.
+        w: crank speed, (n,) in [rad/s].
+        e: crank acceleration, (n,) in [rad/s2].
+        times: times in [s]; None if unknown.
+        standing: whether the crank is at rest, (n,).
     """
     angle, flywheel = unit.angle, model.forces.flywheel
     acting, outside = applied(model, unit), loads(model, unit, times)
@@ -277,7 +278,7 @@ def _parameter_torque(unit: UnitMotion, drives: Mapping[str, Array]) -> Array:
 def _shaking(
     model: DynamicModel, unit: UnitMotion, inertial: Array, outside: Array, acceleration: Array
 ) -> tuple[Array, Array]:
-    """Return force and moment about the ground's origin that the frame feels: outside less inertial."""
+    """Return force and moment about the ground's origin on the frame: applied minus inertial."""
     unbalanced = outside - inertial
     force = unbalanced[..., :3].sum(1)
     moment = (unbalanced[..., 3:] + cross(unit.position, unbalanced[..., :3])).sum(1)
@@ -288,12 +289,12 @@ def _shaking(
 
 
 def _sliding(dry: Sequence[Dry], sign: Array) -> Array:
-    """Return the direction in which each dry friction's joint goes, (n, k); 0 where a crank stands too."""
+    """Return the direction of motion of each joint with Coulomb friction, (n, k); 0 with a crank at rest."""
     return np.stack([sign * friction.direction for friction in dry], 1) if dry else np.zeros((len(sign), 0))
 
 
 def _joined(chunks: Sequence[InverseDynamics]) -> InverseDynamics:
-    """Return parts put end to end; what is not determined in one of them is not determined."""
+    """Return chunks joined; a component is determined if it is in all chunks."""
 
     def bare(reaction: Reaction) -> Reaction:
         projector = (

@@ -1,4 +1,4 @@
-"""Joint reactions by Newton and Euler with the Jacobian of the loop equations, and what it leaves open."""
+"""Joint reactions by Newton and Euler with the Jacobian of the loop equations, and their indeterminacy."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,27 +19,26 @@ from mechsim.model.meshes import Mesh, mesh_of, meshes_of, threads_of
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import least_norm, null_space
 
-# part of a self-stress below which a joint takes no part in it
+# component of a self-stress below which it is zero
 DETERMINED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """All forces that give the links their motion.
+    """All forces that cause the motion of the links.
 
     Attributes:
         drives: driver -> torque on the driven joint's link b about its axis, or force along it, (n,) in
             [N m] or [N].
-        holds: coordinate -> likewise, of what holds it.
+        holds: locked coordinate -> torque or force that locks it, as in `drives`.
         reactions: joint -> reaction.
         gears: "driver-driven" of gears and other couplings -> torque on the driven joint's link b about its
-            axis, or force along it, (n,) in [N m] or [N]; on the driver's is -slope times it.
+            axis, or force along it, (n,) in [N m] or [N]; on the driver it is -slope times as large.
         meshes: gear, bevel and rack pair -> force at its pitch point.
-        undetermined: couplings whose effort self-stresses change.
-        residual: largest imbalance left of any link, relative to the largest wrench, (n,).
-        indeterminacy: number of independent self-stresses: forces the joints can hold against each
-            other without any load.
-        at_branch_point: where there are more of them than elsewhere, (n,).
+        undetermined: couplings whose force self-stresses change.
+        residual: largest imbalance of any link, relative to the largest wrench, (n,).
+        indeterminacy: number of independent self-stresses: joint forces in balance without any load.
+        at_branch_point: whether there are more of them than elsewhere, (n,).
     """
 
     drives: Mapping[str, Array]
@@ -54,16 +53,16 @@ class Balance:
 
 
 def balance(unit: UnitMotion, needed: Array) -> Balance:
-    """Return the drive torque and all joint reactions that give the links the wrenches they need.
+    """Return the drive torque and all joint reactions that exert given wrenches on the links.
 
-    Solves J' lambda = needed for the multipliers of the loop equations, J being their Jacobian; where
-    rows are redundant, by least norm with lengths in units of the mechanism's size. At a pose where more
-    rows repeat each other than elsewhere, as where two assemblies meet, forces have no limit; there the
-    least are given that leave the smallest imbalance.
+    Solves J' lambda = needed for the multipliers of the loop equations with the Jacobian J; for redundant
+    equations by minimum norm, with lengths in characteristic lengths. At a branch point, where more equations
+    are redundant than elsewhere, forces are unbounded; there the result is the minimum-norm solution with the
+    smallest imbalance.
 
     Args:
         unit: the motion per radian.
-        needed: inertial wrenches less what is applied, about link origins, (n, L, 6) in [N, N m].
+        needed: inertial wrenches less applied ones, about link origins, (n, L, 6) in [N, N m].
     """
     mechanism, jacobian = unit.mechanism, unit.locked_rows.jacobian
     columns, rows = _scales(mechanism, jacobian.shape[1])
@@ -95,9 +94,9 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
 
 
 def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return least-norm solutions, (n, m), what the matrix takes to zero everywhere, (n, m, s), and where.
+    """Return minimum-norm solutions, (n, m), the common null space, (n, m, s), and where it is complete.
 
-    At the other instants, (n,) False, it takes more to zero.
+    At the other instants, (n,) False, the null space is larger.
     """
     u, values, vt = np.linalg.svd(np.real(matrix), full_matrices=True)
     significant = values > RANK_TOLERANCE * values[:, :1]
@@ -113,7 +112,7 @@ def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.b
 
 
 def _scales(mechanism: Mechanism, count: int) -> tuple[Array, Array]:
-    """Return the units of the columns and rows of the loop Jacobian in the mechanism's size."""
+    """Return the units of the columns and rows of the loop Jacobian in characteristic lengths."""
     columns = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, len(mechanism.links))
     return columns, row_units(mechanism, count)
 
@@ -140,7 +139,7 @@ def _reaction(
         wrench = wrench + (share.linear * effort + share.separating * magnitude(effort))[..., None]
         alone = alone + share.linear[..., None] * stress
         apart.append(share.separating[..., None] * stress)
-    # what separates teeth has the size of an effort, not its sign: it may differ whatever the others do
+    # the separating tooth force depends on the magnitude of the coupling force, not on its sign
     alone = np.concatenate([alone, *apart], -1)
     scale = np.array([unit.mechanism.characteristic_length] * 3 + [1.0] * 3)
     alone = np.real(alone) * scale[:, None]
@@ -157,7 +156,7 @@ def _reaction(
 
 
 def _determined_projector(alone: Array) -> Array:
-    """Return projections of force and moment on what self-stresses (n, 6, s) leave alone, (n, 2, 3, 3)."""
+    """Return projections of force and moment on the components without self-stress, (n, 2, 3, 3)."""
     u, values, _ = np.linalg.svd(alone.reshape(len(alone), 2, 3, -1), full_matrices=False)
     loose = u * (values > DETERMINED)[..., None, :]
     return np.eye(3) - loose @ np.swapaxes(loose, -1, -2)
@@ -178,7 +177,7 @@ def _wrench(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array) -> 
 
 
 def _named(mechanism: Mechanism, multipliers: Array) -> dict[str, Array]:
-    """Return the multipliers of couplings, holds and drivers, which are the last rows, by name."""
+    """Return the multipliers of couplings, locked coordinates and drivers, the last rows, by name."""
     names = [*mechanism.named_laws, *mechanism.locked, *mechanism.drivers]
     first = multipliers.shape[1] - len(names)
     return {name: multipliers[:, first + i] for i, name in enumerate(names)}
@@ -193,12 +192,12 @@ def _row(mechanism: Mechanism, coupling: str, multipliers: Array) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """What a coupling adds to a joint's reaction: wrenches on link b about the joint's point.
+    """Contribution of a coupling to a joint's reaction: wrenches on link b about the joint's point.
 
     Attributes:
-        coupling: its name.
-        linear: per unit of its effort, (n, 6).
-        separating: per unit of that effort's size, (n, 6).
+        coupling: name of the coupling.
+        linear: wrench per unit of its force, (n, 6).
+        separating: wrench per unit magnitude of that force, (n, 6).
     """
 
     coupling: str
@@ -207,7 +206,7 @@ class Share:
 
 
 def mesh_forces(unit: UnitMotion, forces: Mapping[str, Array]) -> dict[str, MeshForce]:
-    """Return the force at the pitch point of each coupling that has one, from efforts of couplings (n,)."""
+    """Return the force at the pitch point of each coupling with one, from the forces of couplings (n,)."""
     return {
         name: MeshForce(
             link=mesh.driven.link,
@@ -221,7 +220,7 @@ def mesh_forces(unit: UnitMotion, forces: Mapping[str, Array]) -> dict[str, Mesh
 
 
 def shares(unit: UnitMotion, joint: Joint) -> Iterator[Share]:
-    """Yield what threads and teeth add to the reaction of a joint."""
+    """Yield the contributions of threads and teeth to the reaction of a joint."""
     threads = threads_of(unit.mechanism)
     for name, law in unit.mechanism.named_laws.items():
         if not {*joint.coordinates} & {*law.coordinates}:
@@ -237,12 +236,12 @@ def shares(unit: UnitMotion, joint: Joint) -> Iterator[Share]:
 
 
 def magnitude(effort: Array) -> Array:
-    """Return the size of efforts whose numbers may be complex steps."""
+    """Return the magnitude of forces, which may have complex steps."""
     return effort * np.sign(np.real(effort))
 
 
 def _on_coordinates(unit: UnitMotion, joint: Joint, law: Coupling) -> Array:
-    """Return the wrench of a coupling's row on link b about the joint's point, per unit of effort, (n, 6)."""
+    """Return the wrench of a coupling on link b about the joint's point, per unit of its force, (n, 6)."""
     kind, zero = KINDS[joint.kind], np.zeros((len(unit), 3))
     out = np.zeros((len(unit), 6))
     for terms, factor in ((law.left_terms, 1.0), (law.right_terms, -law.ratio)):
@@ -257,7 +256,7 @@ def _on_coordinates(unit: UnitMotion, joint: Joint, law: Coupling) -> Array:
 
 
 def _from_teeth(unit: UnitMotion, joint: Joint, mesh: Mesh, vector: Array) -> Array:
-    """Return the wrench with which a joint must oppose a force on the driven one, as of link b, (n, 6)."""
+    """Return the wrench on link b with which a joint balances a tooth force on the driven wheel, (n, 6)."""
     own, sign = (mesh.driven, 1.0) if mesh.driven.joint is joint else (mesh.driver, -1.0)
     force = sign * own.sign * _in_ground(unit, mesh.carrier, vector)
     arm = _pitch_point(unit, mesh) - unit.point(joint.b.link, joint.b.point)[0]

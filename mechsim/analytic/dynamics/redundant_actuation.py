@@ -1,4 +1,4 @@
-"""Forces of more actuators than degrees of freedom: those of least weighted norm that drive the motion."""
+"""Forces of redundant actuators: minimum weighted norm for a prescribed motion."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,14 +16,14 @@ def actuator_forces(
 ) -> dict[str, Array]:
     """Return the forces of actuators that together replace the drivers of a prescribed motion.
 
-    Of all forces with the power of the drivers in every motion, those with the least sum of weighted squares
-    are returned: tau = W^-1 J (J^T W^-1 J)^-1 tau_d, with the derivatives J of the actuated joints by the
-    drivers. As many actuators as drivers leave no choice.
+    Of all forces with the power of the drivers in every motion, those with the smallest sum of weighted
+    squares are returned: tau = W^-1 J (J^T W^-1 J)^-1 tau_d, with the derivatives J of the actuated joints by
+    the drivers. For as many actuators as drivers they are unique.
 
     Args:
-        result: of `prescribed`.
-        actuators: joints with one coordinate, and the weight of each squared torque or force; without weights
-            all are 1.
+        result: result of `prescribed`.
+        actuators: joints with one coordinate, with a weight for each squared torque or force; the default
+            weight is 1.
 
     Returns:
         Joint -> torque in [N m] or force in [N], (n,).

@@ -9,10 +9,10 @@ from mechsim.numerics.arrays import Array
 
 
 class StateLayout:
-    """Packing of coordinates, quaternions of balls, rates, work and loss into one vector.
+    """Packing of coordinates, quaternions of spherical joints, rates, work and loss into one vector.
 
     Args:
-        equations: whose states.
+        equations: equations of motion.
     """
 
     def __init__(self, equations: EquationsOfMotion) -> None:
@@ -41,7 +41,7 @@ class StateLayout:
         return q, states[:, positions : positions + n].T.copy()
 
     def replaced(self, states: Array, q: Coordinates, rates: Array) -> Array:
-        """Return n vectors with other coordinates and rates (count, n); work and loss remain."""
+        """Return n vectors with other coordinates and rates (count, n), and unchanged work and loss."""
         n, positions, result = self.count, self.positions, states.copy()
         result[:, :n] = (q.values / self.units[:, None]).T
         result[:, positions : positions + n] = rates.T

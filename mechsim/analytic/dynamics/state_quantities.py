@@ -1,4 +1,4 @@
-"""Quantities of a state by their names, as P.x, J.v or distance:P,Q: events and outputs of responses."""
+"""Quantities of a state by name, such as P.x, J.v or distance:P,Q: events and outputs of responses."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -62,16 +62,16 @@ def joined(configurations: Sequence[Coordinates]) -> Coordinates:
 
 
 def state_quantity(name: str, mechanism: Mechanism) -> Quantity:
-    """Return the quantity of a name, a number that follows from configuration and velocities.
+    """Return the quantity with a name, a scalar function of configuration and velocities.
 
     Raises:
-        InputError: for another name, or a quantity that needs accelerations or forces.
+        InputError: for an unknown name, or a quantity that needs accelerations or forces.
     """
     result = numeric_quantity(name, mechanism)
     if result.order > 1 or result.uses("force", "formula"):
         raise InputError(
             f"{name} of {mechanism.name} needs accelerations or forces; give a quantity of positions and "
-            "velocities, as J.q, P.vx or distance:P,Q"
+            "velocities, such as J.q, P.vx or distance:P,Q"
         )
     return result
 
@@ -84,7 +84,7 @@ def values_at(equations: EquationsOfMotion, quantity: Quantity, state: Kinematic
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An event: a quantity takes a value in SI."""
+    """An event: a quantity reaches a value in SI."""
 
     quantity: Quantity
     value: float
@@ -94,16 +94,16 @@ class Event:
         difference = values_at(equations, self.quantity, state) - self.value
         if self.quantity.kind != "angle":
             return difference
-        # whole revolutions of an angle between links do not count, and its jump by one is no crossing
+        # the jump of an angle between links by a whole revolution is no crossing
         difference = wrapped(difference)
         return np.where(np.abs(difference) < 0.5 * np.pi, difference, np.nan)
 
 
 def parse_event(mechanism: Mechanism, text: str) -> Event:
-    """Return the event that a text as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm" describes.
+    """Return the event in a text such as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm".
 
     Raises:
-        InputError: for other text, or a name that the mechanism does not have.
+        InputError: for other text, or an unknown name.
     """
     name, sign, value = text.rpartition("=")
     if not sign:
@@ -113,7 +113,7 @@ def parse_event(mechanism: Mechanism, text: str) -> Event:
 
 
 def _event_value(text: str, quantity: Quantity) -> float:
-    """Return a value in SI; units of expressions, as m2, are not read."""
+    """Return a value in SI; units of expressions, such as m2, are not read."""
     unit: Any = quantity.unit
     if unit in get_args(units.Unit):
         return units.parse(text, unit, f"value of {quantity.name}")
@@ -127,7 +127,7 @@ def load_displacement(name: str, mechanism: Mechanism) -> Quantity:
     """Return the displacement on which a unit load in [N] or [N m] does work.
 
     Raises:
-        InputError: for a name of no displacement.
+        InputError: for a name that is no displacement.
     """
     result = state_quantity(name, mechanism)
     if result.order or result.unit not in ("m", "rad"):
@@ -136,16 +136,16 @@ def load_displacement(name: str, mechanism: Mechanism) -> Quantity:
 
 
 def displacement_of(name: str, mechanism: Mechanism) -> tuple[Quantity, int]:
-    """Return the quantity of positions whose derivative by time a name is, and the order of the derivative.
+    """Return the quantity of positions of which a name is a time derivative, and the order of the derivative.
 
     Raises:
-        InputError: for a name of forces, or of velocities of which no displacement is the integral.
+        InputError: for a name of forces, or of velocities without such a quantity.
     """
     result = numeric_quantity(name, mechanism)
     if not result.order:
         return state_quantity(name, mechanism), 0
     if result.function is not None or len(result.columns) > 1:
-        raise InputError(f"{name} has no linear response; give a component, as P.vx or J.v")
+        raise InputError(f"{name} has no linear response; give a component such as P.vx or J.v")
     column = result.columns[0]
     if column.source == "point":
         return numeric_quantity(f"{column.subject}.{column.name[-1]}", mechanism), result.order
@@ -155,7 +155,7 @@ def displacement_of(name: str, mechanism: Mechanism) -> tuple[Quantity, int]:
 def change_from(
     equations: EquationsOfMotion, state: Kinematics, quantity: Quantity
 ) -> Callable[[Kinematics], float]:
-    """Return how a quantity of other states differs from that of one; of angles without revolutions."""
+    """Return the change of a quantity from one state to others; of angles without revolutions."""
     start = values_at(equations, quantity, state)
 
     def change(other: Kinematics) -> float:

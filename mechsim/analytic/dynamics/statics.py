@@ -1,4 +1,4 @@
-"""Statics of any mechanism: equilibria under its loads, and the efforts that hold a configuration."""
+"""Statics of any mechanism: equilibria under its loads, and drive forces that hold a configuration."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -25,23 +25,23 @@ from mechsim.model.forces import Forces
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 
-# searches from configurations reached by random steps along the motion of the mechanism
+# default number of starts, reached by random steps along the motion of the mechanism
 STARTS = 20
-# random configurations from which mechanisms without loops are searched besides
-RANDOM = 10
-# length of one of these random steps, in [rad] or sizes of the mechanism
+# number of additional random configurations for mechanisms without loops
+RANDOM_CONFIGURATIONS = 10
+# length of one of these random steps, in [rad] or characteristic lengths
 RANDOM_STEP = 0.7
-# Newton steps from each start, and the longest
+# largest number of Newton steps from each start, and largest step
 NEWTON_STEPS, MAX_STEP = 60, 0.3
-# a step this short has converged
+# step below which Newton's method has converged
 CONVERGED = 1e-12
-# what is left of the acceleration at an equilibrium, as a fraction of the largest on the way there, or of the
-# largest change per radian
+# residual acceleration at an equilibrium, as a fraction of the largest so far, or of the largest change per
+# radian
 BALANCED = 1e-8
-# stiffnesses below this fraction of the largest are zero: passive degrees of freedom, as the spin of a rod
-# between two balls; differences leave 1e-9
+# stiffnesses below this fraction of the largest are zero: passive degrees of freedom, such as the rotation of
+# a rod between two balls; differences have an error of 1e-9
 SINGULAR = 1e-6
-# two equilibria whose coordinates differ by less are one, in [rad] or sizes
+# difference of coordinates in [rad] or characteristic lengths below which equilibria are equal
 SAME_EQUILIBRIUM = 1e-6
 # step of the central difference for Newton's method
 STEP = 1e-5
@@ -54,11 +54,11 @@ class Equilibrium:
     Attributes:
         q: joint coordinate -> value in [m] or [rad]; angles within (-pi, pi].
         stable: whether small motions about it do not grow.
-        potential: of gravity and springs, in [J].
-        modes: of small vibrations about it.
+        potential: potential energy of gravity and springs, in [J].
+        modes: modes of small vibrations about it.
         linear: the linear model about it.
         reached: whether the search along the motion from the initial configuration found it; otherwise it may
-            be of another assembly.
+            be in another assembly mode.
     """
 
     q: Mapping[str, float]
@@ -78,23 +78,23 @@ def equilibria(
     assemblies: int = 0,
     seed: int = 0,
 ) -> tuple[Equilibrium, ...]:
-    """Return the equilibria found by a random search, by rising potential.
+    """Return the equilibria found by a random search, by increasing potential.
 
-    Newton's method starts at the initial configuration and at `starts` others, each a random step along the
-    motion from the one before, then at `assemblies` random configurations that close the loops anywhere;
-    without loops, at ten random configurations.
-    Coulomb friction is left out; loads over time act as at time zero.
+    Newton's method starts at the initial configuration, at `starts` others, each a random step along the
+    motion from the one before, and at `assemblies` random configurations that close the loops in any assembly
+    mode; without loops, at ten random configurations. Coulomb friction is ignored; loads over time have their
+    value at time zero.
 
     Args:
-        source: a mechanism, or what has one.
-        forces: what acts; None takes the forces of the source.
+        source: a mechanism, or an object that has one.
+        forces: applied forces; the default is those of the source.
         initial: coordinates `J.q` of the initial configuration.
-        starts: number of random steps; without them and `assemblies` only the initial configuration counts.
-        assemblies: number of random configurations of any assembly.
-        seed: of the random numbers.
+        starts: number of random steps; 0, with `assemblies` 0, leaves only the initial configuration.
+        assemblies: number of random configurations in any assembly mode.
+        seed: seed of the random numbers.
 
     Raises:
-        InputError: for values that cannot be used.
+        InputError: for invalid values.
         AssemblyError: where the loops do not close at the initial values.
 
     Accuracy: coordinates to about 1e-11 at a regular equilibrium.
@@ -127,10 +127,10 @@ def _starts(
     for _ in range(starts):
         q = _random_step(equations, q, random)
         yield q, True
-    for _ in range(assemblies if equations.loops.rows else RANDOM if starts else 0):
+    for _ in range(assemblies if equations.loops.rows else RANDOM_CONFIGURATIONS if starts else 0):
         closed = _random_configuration(equations, q, random)
         if closed is not None:
-            # without loops there is one assembly
+            # without loops there is only one assembly mode
             yield closed, not equations.loops.rows
 
 
@@ -140,7 +140,7 @@ def modes(
     """Return the modes of small vibrations about the equilibrium nearest to the initial configuration.
 
     Raises:
-        AssemblyError: where Newton's method finds no equilibrium.
+        AssemblyError: if Newton's method finds no equilibrium.
 
     Accuracy: frequencies to about 1e-11 of their value at a regular equilibrium.
     """
@@ -153,7 +153,7 @@ def nearest_equilibrium(
     """Return the equilibrium that Newton's method reaches from the initial configuration.
 
     Raises:
-        AssemblyError: where it reaches none.
+        AssemblyError: if it reaches none.
     """
     equations, q = _prepared(source, forces, initial or {})
     solution = _newton(equations, q)
@@ -177,21 +177,22 @@ def response(
     """Return the frequency response from a unit load to a quantity about the nearest equilibrium, (n,).
 
     Args:
-        source: a mechanism, or what has one.
-        load: the displacement on which the load does work: a joint coordinate "J" (torque or force in the
+        source: a mechanism, or an object that has one.
+        load: displacement on which the load does work: a joint coordinate "J" (torque or force in the
             joint), a component "P.x" of a point (force on it in that direction), or "distance:P,Q" (forces
             that push both points apart).
-        output: the quantity that responds: a displacement, its velocity or its acceleration, as P.x or J.v.
+        output: quantity of the response: a displacement, its velocity or its acceleration, such as P.x or
+            J.v.
         frequencies: (n,) in [Hz].
-        forces: what acts besides; None takes the forces of the source.
+        forces: other applied forces; the default is those of the source.
         initial: coordinates `J.q` near the equilibrium.
 
     Returns:
         Output in SI per [N] or [N m].
 
     Raises:
-        InputError: for a name that the mechanism does not have.
-        AssemblyError: where Newton's method finds no equilibrium.
+        InputError: for an unknown name.
+        AssemblyError: if Newton's method finds no equilibrium.
     """
     linear = nearest_equilibrium(source, forces, initial=initial).linear
     equations = linear.equations
@@ -208,9 +209,9 @@ def response(
 def holding(
     source: Any, forces: Forces | None = None, *, initial: Mapping[str, float | str] | None = None
 ) -> dict[str, float]:
-    """Return the effort in each driver that holds the initial configuration at rest, in [N m] or [N].
+    """Return the drive force of each driver that holds the initial configuration at rest, in [N m] or [N].
 
-    Where drivers are redundant, the efforts of least norm.
+    For redundant drivers it is the minimum-norm solution.
     """
     equations, q = _prepared(source, forces, initial or {})
     tree = equations.loops.tree
@@ -240,9 +241,9 @@ def _static_acceleration(equations: EquationsOfMotion, q: Coordinates, basis: Ar
 
 
 def _newton(equations: EquationsOfMotion, q: Coordinates, *, downhill: bool = False) -> Coordinates | None:
-    """Return the equilibrium that Newton's method reaches; None where it reaches none.
+    """Return the equilibrium that Newton's method reaches; None if it reaches none.
 
-    Downhill steps reverse along unstable directions, so that they lead to stable equilibria.
+    Downhill steps reverse unstable directions, so that they lead to stable equilibria.
     """
     largest = 0.0
     for _ in range(NEWTON_STEPS):
@@ -279,7 +280,7 @@ def _newton_step(jacobian: Array, value: Array, downhill: bool) -> Array:
     values, vectors = np.linalg.eig(jacobian)
     steep = -np.maximum(np.abs(values), SINGULAR * np.abs(values).max(initial=1e-300))
     with np.errstate(over="ignore", invalid="ignore"):
-        # a step without bounds ends the search
+        # an unbounded step ends the search
         return np.real(-vectors @ (np.linalg.solve(vectors, value.astype(np.complex128)) / steep))
 
 
@@ -315,7 +316,7 @@ def _same(equations: EquationsOfMotion, q: Mapping[str, float], other: Mapping[s
 def _random_configuration(
     equations: EquationsOfMotion, q: Coordinates, random: np.random.Generator
 ) -> Coordinates | None:
-    """Return a configuration of any assembly: random coordinates closed by Newton's method; None without."""
+    """Return a configuration in any assembly mode: random coordinates closed by Newton's method; or None."""
     from scipy.spatial.transform import Rotation
 
     tree = equations.loops.tree
@@ -330,7 +331,7 @@ def _random_configuration(
 
 
 def _random_step(equations: EquationsOfMotion, q: Coordinates, random: np.random.Generator) -> Coordinates:
-    """Return a configuration a random step along the motion away; less where the loops do not close."""
+    """Return a configuration after a random step along the motion; shorter if the loops do not close."""
     basis = null_space(equations, q)
     direction = random.normal(size=basis.shape[1])
     step = np.zeros((equations.loops.tree.count, 1))

@@ -1,7 +1,7 @@
 """A mechanism's motion per radian of the crank: poses, first and second derivatives, stacked by link.
 
-With the crank at speed w and acceleration e, a velocity is w times the first derivative and an
-acceleration is e times the first plus w2 times the second.
+At crank speed w and acceleration e, a velocity is w times the first derivative, and an acceleration is e
+times the first plus w2 times the second derivative.
 """
 
 from collections.abc import Mapping
@@ -22,8 +22,8 @@ from mechsim.model.motion import Motion, short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import least_norm, null_space
 
-# parts of a link's size and inertia by which an idle link may miss being round about its line
-ROUND = 1e-9
+# relative deviation of size and inertia of a link with passive rotation from symmetry about its line
+SYMMETRY_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ class UnitMotion:
     """Poses and their derivatives by the crank angle, ground frame, n angles and L links.
 
     Attributes:
-        mechanism: whose motion; every link has an inertia.
+        mechanism: the mechanism; every link has an inertia.
         angle: crank angle, (n,) in [rad].
-        position: of link origins, (n, L, 3) in [m].
-        rotation: (n, L, 3, 3).
+        position: positions of link origins, (n, L, 3) in [m].
+        rotation: rotations of links, (n, L, 3, 3).
         twist: first derivative: of the origin in [m/rad], of the orientation in [1], (n, L, 6).
-        bias: second derivative likewise, (n, L, 6).
-        idle: twists that no joint resists once the crank is held, (n, L, 6, k).
+        bias: second derivative of both, (n, L, 6).
+        idle: passive twists, which no joint resists with the crank locked, (n, L, 6, k).
         drivers: driver -> its value, (n,), under motion laws; the angle is then their path parameter.
         driver_rates: driver -> its derivative by the path parameter, (n,).
         driver_seconds: driver -> its second derivative, (n,).
@@ -82,7 +82,7 @@ class UnitMotion:
         return self.rows()
 
     def rows(self, twists: Mapping[str, Array] | None = None) -> Rows:
-        """Return loop equations and driver rows at these poses, and their bias at twists of links (n, 6)."""
+        """Return loop and driver equations at these poses, with the bias for twists of links (n, 6)."""
         return loops.equations(self.mechanism, self.poses(), self.drivers or self.angle, twists)
 
     def poses(self) -> dict[str, Pose]:
@@ -93,7 +93,7 @@ class UnitMotion:
         }
 
     def slot(self, link: str) -> int | None:
-        """Return the place of a link in the stacks; None for the frame."""
+        """Return the index of a link in the stacked arrays; None for the frame."""
         if link == GROUND:
             return None
         return [other.name for other in self.mechanism.links].index(link)
@@ -108,7 +108,7 @@ class UnitMotion:
         return self.position[:, slot] + arm, self.twist[:, slot, :3] + swing
 
     def locate(self, location: Location) -> tuple[str, Array, Array]:
-        """Return the link of a place, where it is and its derivative."""
+        """Return the link of a location, its position and the derivative of its position."""
         link, local = located(self.mechanism, location)
         return link, *self.point(link, local)
 
@@ -128,7 +128,7 @@ class UnitMotion:
         return np.broadcast_to(frame @ end.frame[:, column], (len(self), 3))
 
     def inertial(self, speed: Array, acceleration: Array) -> Array:
-        """Return the wrenches that give the links their motion, about link origins, (n, L, 6) in [N, N m].
+        """Return the wrenches that cause the motion of the links, about link origins, (n, L, 6) in [N, N m].
 
         m a of the centre, and I alpha + omega x I omega + c x m a for the centre at c.
         """
@@ -143,15 +143,16 @@ class UnitMotion:
 
 
 def from_motion(mechanism: Mechanism, motion: Motion, nominal: Mechanism | None = None) -> UnitMotion:
-    """Return a motion at unit crank speed and no crank acceleration, stacked by link.
+    """Return a motion at unit crank speed and zero crank acceleration, stacked by link.
 
-    A link whose spin nothing determines has its spin taken out: a round body that begins without
-    momentum about its own line never gains any, so that it behaves as a link with no spin at all.
-    `nominal` is the mechanism itself where the numbers of this one carry complex steps.
+    An undetermined rotation of a link about its line is removed: a body with symmetry of revolution that
+        starts
+    without angular momentum about its line never gains any, so that it behaves as a link without this
+    rotation. `nominal` is the unperturbed mechanism if this one has complex steps.
 
     Raises:
-        InputError: for such a link that is not round about its line, whose spin would be a second
-            freedom of the machine.
+        InputError: for such a link without symmetry of revolution, whose rotation would be a second degree of
+            freedom.
     """
     links = [motion.links[link.name] for link in mechanism.links]
     twist = np.stack(
@@ -186,7 +187,7 @@ def from_motion(mechanism: Mechanism, motion: Motion, nominal: Mechanism | None 
 
 
 def _idle(unit: UnitMotion, nominal: Mechanism) -> Array:
-    """Return a basis of the twists left once the crank is held, (n, L, 6, k)."""
+    """Return a basis of the twists that remain with the crank locked, (n, L, 6, k)."""
     mechanism = unit.mechanism
     real = replace(unit, position=np.real(unit.position), rotation=np.real(unit.rotation))
     passive = loops.dof_count(nominal, real.poses()).passive
@@ -199,7 +200,7 @@ def _idle(unit: UnitMotion, nominal: Mechanism) -> Array:
 
 
 def _require_round(unit: UnitMotion, idle: Array) -> None:
-    """Raise InputError unless each idle twist leaves centres at rest and inertias as they are."""
+    """Raise InputError unless each passive twist leaves centres at rest and inertias unchanged."""
     for k in range(idle.shape[-1]):
         linear, angular = idle[..., :3, k], idle[..., 3:, k]
         drift = linear + cross(angular, unit.centres)
@@ -207,20 +208,20 @@ def _require_round(unit: UnitMotion, idle: Array) -> None:
         change = across @ unit.moments - unit.moments @ across
         fastest = np.abs(angular).max((1, 2), keepdims=True)
         length, most = unit.mechanism.characteristic_length, np.abs(unit.moments).max((-1, -2))
-        off = (np.abs(drift).max(-1) > ROUND * length * fastest[..., 0]) | (
-            np.abs(change).max((-1, -2)) > ROUND * most * fastest[..., 0]
+        off = (np.abs(drift).max(-1) > SYMMETRY_TOLERANCE * length * fastest[..., 0]) | (
+            np.abs(change).max((-1, -2)) > SYMMETRY_TOLERANCE * most * fastest[..., 0]
         )
         if off.any():
             name = unit.mechanism.links[int(np.argmax(off.any(0)))].name
             raise InputError(
-                f"{unit.mechanism.name}: nothing determines the spin of link {name!r}, and its inertia is "
-                "not round about its line, so that its spin would be a freedom of its own; give it a centre "
-                "on the line and equal moments across it, or a guide"
+                f"{unit.mechanism.name}: the rotation of link {name!r} about its line is undetermined, and "
+                "its inertia has no symmetry of revolution, so that this rotation would be a degree of "
+                "freedom; give it a centre on the line and equal moments across it, or a guide"
             )
 
 
 def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
-    """Return twist and bias without momentum, and its rate, along the idle twists."""
+    """Return twist and bias without momentum along the passive twists, and without its rate."""
     n, count, _, k = idle.shape
     mass = mass_matrices(unit)
     weighted = (mass @ idle).reshape(n, 6 * count, k)
@@ -236,7 +237,7 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     twists = {link.name: twist[:, i] for i, link in enumerate(unit.mechanism.links)}
     rows = unit.rows(twists)
     before = unit.rows({link.name: unit.twist[:, i] for i, link in enumerate(unit.mechanism.links)})
-    # the second rates that what is driven has, whatever spins
+    # second derivatives of the driven motion, with any passive rotation
     driven = (before.jacobian @ unit.bias.reshape(n, -1, 1))[..., 0] + before.bias
     scale = np.tile([unit.mechanism.characteristic_length] * 3 + [1.0] * 3, count)
     least = least_norm(rows.jacobian * scale, rows.bias - driven, loops.RANK_TOLERANCE)

@@ -1,8 +1,8 @@
 """Loop equations of any mechanism: residual, Jacobian, rates, rank and assembly.
 
-The second, independent truth on the analytic side: it knows no closed form. At given poses every moving
-link has six coordinates and each joint is a few rows that must vanish (`equations`, `rates`); a whole motion
-is solved in the coordinates of a spanning tree (`follow`, `solve`), all poses together.
+They are independent of closed forms. For given poses every moving link has six coordinates, and each joint
+has constraint equations (`equations`). Whole motions are solved in the coordinates of a spanning tree
+(`solve`), for all poses together.
 """
 
 from mechsim.analytic.loops.maximal_coordinates import Rows, equations, residual_norms

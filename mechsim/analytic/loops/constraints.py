@@ -1,7 +1,7 @@
-"""The loops of a mechanism in coordinates of its tree: residuals and Jacobians.
+"""The loop equations of a mechanism in the coordinates of its spanning tree: residuals and Jacobians.
 
-Unknown are the coordinates that no driver prescribes. Where the rows repeat each other, as in a flat
-linkage, as many are kept as are independent; where they leave a link's spin open, a gauge keeps it.
+The coordinates without driver are unknown. Of redundant equations, as in a planar linkage, only independent
+ones are used; an additional equation keeps a passive rotation at its value.
 """
 
 from collections.abc import Iterator, Mapping
@@ -39,10 +39,10 @@ class Cut:
     """A joint that closes a loop.
 
     Attributes:
-        joint: of the mechanism.
-        sides: index of the links of its sides a and b; -1 is the ground.
-        columns: coordinates of which only one side feels each.
-        gains: by how much side b feels one unit of each, in [m] or [rad]; negative where side a does.
+        joint: the joint.
+        sides: indices of the links of its sides a and b; -1 is the ground.
+        columns: coordinates that move only one side.
+        gains: change of side b by one unit of each, in [m] or [rad]; negative for side a.
         length: characteristic length of the mechanism, in [m].
     """
 
@@ -54,18 +54,18 @@ class Cut:
 
     @cached_property
     def span(self) -> Index:
-        """The columns, as a slice where they lie in a row."""
+        """The columns, as a slice if they are consecutive."""
         return as_slice(self.columns)
 
     @cached_property
     def lengths(self) -> list[int]:
-        """Columns of side a's frame along which the points must lie on each other."""
+        """Columns of side a's frame along which the points must coincide."""
         free = {COLUMN[axis] for axis in KINDS[self.joint.kind].slides}
         return [i for i in range(3) if i not in free]
 
     @cached_property
     def directions(self) -> list[tuple[int, int, float]]:
-        """(i, j, c): column i of a's frame and column j of b's have the scalar product c."""
+        """(i, j, c): column i of a's frame and column j of b's frame have the scalar product c."""
         kind = KINDS[self.joint.kind]
         if kind.crossed:
             return [(2, 2, np.cos(self.joint.cross_angle))]
@@ -75,7 +75,7 @@ class Cut:
 
     @cached_property
     def products(self) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
-        """What is multiplied: by row a column of a's frame, by direction one of b's; units, products wanted.
+        """Factors of each direction equation: columns of a's and b's frames, units, and required products.
 
         The last two are (rows, 1).
         """
@@ -87,12 +87,12 @@ class Cut:
 
     @cached_property
     def rows(self) -> int:
-        """How many equations it is."""
+        """Number of equations."""
         return len(self.lengths) + len(self.directions)
 
     @cached_property
     def ends(self) -> list[tuple[int, Array, Array]]:
-        """Of sides a and b the link, the point and the joint frame, both in the link's."""
+        """Link, point and joint frame of sides a and b, in the frames of the links."""
         ends = zip(self.sides, (self.joint.a, self.joint.b), strict=True)
         return [(link, np.array(end.point), end.frame) for link, end in ends]
 
@@ -111,7 +111,7 @@ class Cut:
         return sides[0], sides[1], sides[2], sides[3]
 
     def residual_and_jacobian(self, poses: LinkPoses) -> tuple[Array, Array]:
-        """Return residuals (m, n), free of units, and Jacobians by the coordinates (m, columns, n)."""
+        """Return residuals (m, n) without units, and Jacobians by the coordinates (m, columns, n)."""
         point_a, frame_a, point_b, frame_b = self.frames(poses)
         columns_a, columns_b, units, targets = self.products
         unit_twists, k = poses.unit_twists[self.span], len(self.lengths)
@@ -119,7 +119,7 @@ class Cut:
         measured = np.empty((3, self.rows, unit_twists.shape[2]), unit_twists.dtype)
         measured[:, :k] = point_b[:, None]
         measured[:, k:] = frame_b.take(columns_b, 1)
-        # forces along what is measured: their power is its rate
+        # wrench along each equation: its power is the rate of the residual
         wrench = np.zeros((6, *measured.shape[1:]), unit_twists.dtype)
         wrench[:3, :k] = directions_a[:, :k]
         wrench[3:] = cross(measured, directions_a)
@@ -129,7 +129,7 @@ class Cut:
         return np.einsum("irn,irn->rn", directions_a, measured) - targets, jacobian
 
     def velocity_products(self, poses: LinkPoses, twist: Array, velocity_product: Array) -> Array:
-        """Return the second rate of the residuals, (m, n), at the links' twists and drifts (links, 6, n)."""
+        """Return velocity-product terms of the residuals, (m, n), from those of the links (links, 6, n)."""
         _, frame_a, point_b, frame_b = self.frames(poses)
         zero = np.zeros(twist.shape[1:])
         (ta, tb), (da, db) = (
@@ -141,7 +141,7 @@ class Cut:
             d[:3] + cross(d[3:], point_b) + cross(w, v)
             for d, w, v in zip((da, db), (wa, wb), velocity, strict=True)
         ]
-        # as seen from side a
+        # relative to side a
         relative = acceleration[1] - acceleration[0] - 2.0 * cross(wa, velocity[1] - velocity[0])
         out = np.empty((self.rows, twist.shape[2]), twist.dtype)
         k = 0
@@ -172,13 +172,13 @@ def cuts_of(tree: SpanningTree) -> tuple[Cut, ...]:
 
 @dataclass(frozen=True)
 class CoupledRow:
-    """One coupling: left - zeros[0] - p(right - zeros[1]) = 0.
+    """The equation of a coupling: left - zeros[0] - p(right - zeros[1]) = 0.
 
     Attributes:
-        coupling: of the mechanism.
-        left_weights: of the coordinates on its left side, (count,).
-        right_weights: likewise, on its right.
-        unit: of the residual: 1 rad, or the mechanism's size in [m] where the left side is a length.
+        coupling: the coupling.
+        left_weights: weights of the coordinates on its left side, (count,).
+        right_weights: weights of the coordinates on its right side, (count,).
+        unit: unit of the residual: 1 rad, or the characteristic length in [m] if the left side is a length.
     """
 
     coupling: Coupling
@@ -188,7 +188,7 @@ class CoupledRow:
 
     @property
     def turns(self) -> bool:
-        """Whether whole turns between its sides do not count."""
+        """Whether its sides may differ by whole revolutions."""
         return self.coupling.turns
 
     def evaluate(self, values: Array) -> tuple[Array, Array, Array]:
@@ -199,12 +199,12 @@ class CoupledRow:
         return residual, jacobian, second
 
     def velocity_products(self, values: Array, rates: Array) -> Array:
-        """Return the residuals' second rate at rates (count, n) that do not change, (n,)."""
+        """Return the velocity-product terms of the residuals for rates (count, n), (n,)."""
         return -self.evaluate(values)[2] * (self.right_weights @ rates) ** 2 / self.unit
 
 
 def coupled_rows(tree: SpanningTree) -> tuple[CoupledRow, ...]:
-    """Return the rows of all couplings of a mechanism."""
+    """Return the equations of all couplings of a mechanism."""
     rows: list[CoupledRow] = []
     for law in tree.mechanism.laws:
         left_weights, right_weights = (tree.coupled(terms) for terms in (law.left_terms, law.right_terms))
@@ -218,10 +218,10 @@ class TreeLoops:
     """The loop equations of a mechanism in the coordinates of a spanning tree.
 
     Attributes:
-        tree: the tree.
+        tree: the spanning tree.
         cuts: the joints that close its loops.
-        turn_offsets: of each coupling, the whole turns between its sides as put together, in [rad].
-        driven: indices of the coordinates that are prescribed.
+        turn_offsets: whole revolutions between the sides of each coupling in the assembly, in [rad].
+        driven: indices of the prescribed coordinates.
     """
 
     tree: SpanningTree
@@ -231,22 +231,22 @@ class TreeLoops:
 
     @cached_property
     def unknown(self) -> NDArray[np.intp]:
-        """Indices of the coordinates that the loops determine."""
+        """Indices of the unknown coordinates."""
         return np.delete(np.arange(self.tree.count), self.driven)
 
     @cached_property
     def units(self) -> Array:
-        """Of the tree: what one unit of each coordinate is in the equations."""
+        """Unit of each coordinate in the equations."""
         return self.tree.units
 
     @cached_property
     def couplings(self) -> tuple[CoupledRow, ...]:
-        """The rows of the couplings."""
+        """The equations of the couplings."""
         return coupled_rows(self.tree)
 
     @cached_property
     def rows(self) -> int:
-        """How many equations there are."""
+        """Number of equations."""
         return sum(cut.rows for cut in self.cuts) + len(self.turn_offsets)
 
     @property
@@ -256,15 +256,15 @@ class TreeLoops:
 
     @property
     def count(self) -> int:
-        """How many coordinates there are."""
+        """Number of coordinates."""
         return self.tree.count
 
     def at_instants(self, _: int, /) -> "TreeLoops":
-        """Return the equations for so many instants: of one mechanism they are the same at all."""
+        """Return the equations for a number of instants; those of a single mechanism do not depend on it."""
         return self
 
     def linearise(self, q: Coordinates) -> tuple[Array, Array, LinkPoses]:
-        """Return residuals (rows, n), Jacobians by coordinates in units (rows, count, n), and the links."""
+        """Return residuals (rows, n), Jacobians by coordinates in units (rows, count, n), and link poses."""
         poses = link_poses(self.tree, q)
         n = len(q)
         dtype = q.values.dtype
@@ -285,13 +285,13 @@ class TreeLoops:
     def velocity_products(
         self, q: Coordinates, poses: LinkPoses, rates: Array, twist: Array, velocity_product: Array
     ) -> Array:
-        """Return the residuals' second rate at coordinate rates (count, n) that do not change, (rows, n)."""
+        """Return the velocity-product terms of the residuals for coordinate rates (count, n), (rows, n)."""
         blocks = [cut.velocity_products(poses, twist, velocity_product) for cut in self.cuts]
         coupled = [coupling.velocity_products(q.values, rates)[None] for coupling in self.couplings]
         return np.concatenate([np.empty((0, len(q))), *blocks, *coupled])
 
     def displaced(self, q: Coordinates, step: Array) -> Coordinates:
-        """Return coordinates moved by a step (count, n) in their units."""
+        """Return coordinates displaced by a step (count, n) in their units."""
         values, rotations = q.values + step * self.units[:, None], q.turns
         if len(rotations):
             values[self.tree.ball_indices] = 0.0
@@ -304,11 +304,11 @@ class TreeLoops:
         return Coordinates(values, rotations)
 
     def flat(self, q: Coordinates) -> Array:
-        """Return coordinates as rows of numbers free of units, (n, w)."""
+        """Return coordinates as rows of numbers without units, (n, w)."""
         return np.concatenate([(q.values / self.units[:, None]).T, q.turns.reshape(-1, len(q)).T], 1)
 
     def unflat(self, rows: Array, driven: Array) -> Coordinates:
-        """Return coordinates from approximate rows of numbers, and the driven ones, (driven, n)."""
+        """Return coordinates from rows of approximate numbers, and the driven ones, (driven, n)."""
         k = self.tree.count
         rotations = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))
         if len(rotations):
@@ -338,8 +338,8 @@ class TreeLoops:
 
         Args:
             poses: moving link -> one pose or n poses.
-            sides: joint -> points (n, 3) and frames (n, 3, 3) of its sides a and b in their links, where they
-                differ from pose to pose; None takes those of the mechanism.
+            sides: joint -> points (n, 3) and frames (n, 3, 3) of its sides a and b in their links, if they
+                differ between poses; the default is those of the mechanism.
         """
         known_poses = {GROUND: IDENTITY, **with_virtual_bodies(self.tree.mechanism, poses)}
         n = max(pose.position.size // 3 for pose in known_poses.values())
@@ -365,7 +365,7 @@ class TreeLoops:
         return Coordinates(values, rotations)
 
     def with_multi_turn(self, q: Coordinates, values: Mapping[str, float | Array]) -> Coordinates:
-        """Return coordinates with prescribed ones at given values, and other angles on their revolution."""
+        """Return coordinates with given values, and other angles in the corresponding revolution."""
         tree, out = self.tree, q.values.copy()
         prescribed = {*tree.mechanism.drivers, *tree.mechanism.locked}
         for name, value in values.items():
@@ -377,7 +377,7 @@ class TreeLoops:
         return Coordinates(out, q.turns)
 
     def revolutions_between(self, q: Coordinates) -> list[Array]:
-        """Return for each coupling the whole revolutions between its sides, (n,) in [rad]."""
+        """Return the whole revolutions between the sides of each coupling, (n,) in [rad]."""
         return [
             REVOLUTION * np.round(row.evaluate(q.values)[0] * row.unit / REVOLUTION) * row.turns
             for row in self.couplings
@@ -407,7 +407,7 @@ class LoopSystem:
 
     Attributes:
         loops: the equations.
-        free: indices of the coordinates that may change, (free,).
+        free: indices of the coordinates that can change, (free,).
     """
 
     loops: TreeLoops
@@ -426,28 +426,28 @@ class LoopSystem:
 
 
 def tree_loops(
-    mechanism: Mechanism, poses: Mapping[str, Pose], counted: Mapping[str, float]
+    mechanism: Mechanism, poses: Mapping[str, Pose], guess_coordinates: Mapping[str, float]
 ) -> tuple[TreeLoops, Coordinates]:
-    """Return the loops of a mechanism and the coordinates of its poses.
+    """Return the loop equations of a mechanism and the coordinates of its poses.
 
     Args:
         mechanism: the mechanism.
-        poses: of every moving link, closed or nearly so.
-        counted: coordinate -> value, of those that poses do not determine: whole turns of angles, of
-            drivers and holds where they stand.
+        poses: pose of every moving link, closed or nearly so.
+        guess_coordinates: coordinate -> value, for coordinates that poses do not determine: whole revolutions
+            of angles, and exact values of drivers and locked coordinates.
     """
     tree = spanning_tree(mechanism)
     driven = tuple(tree.index_of[name] for name in (*mechanism.drivers, *mechanism.locked))
     loops = TreeLoops(tree, cuts_of(tree), (), driven)
-    q = loops.with_multi_turn(loops.read(poses), counted)
+    q = loops.with_multi_turn(loops.read(poses), guess_coordinates)
     offsets = tuple(float(offset[0]) for offset in loops.revolutions_between(q))
     return replace(loops, turn_offsets=offsets), q
 
 
 def axis_cosines(loops: TreeLoops, poses: LinkPoses) -> Iterator[tuple[str, int, Array]]:
-    """Yield cut joints, columns of their frames that are to be aligned, and the cosines between them, (n,).
+    """Yield cut joints, columns of their frames that must be aligned, and the cosines between them, (n,).
 
-    Equations say parallel, not in which sense.
+    The equations require parallel directions, of either sign.
     """
     for cut in loops.cuts:
         _, frame_a, _, frame_b = cut.frames(poses)
@@ -456,7 +456,7 @@ def axis_cosines(loops: TreeLoops, poses: LinkPoses) -> Iterator[tuple[str, int,
 
 
 def axes_aligned(loops: TreeLoops, q: Coordinates) -> NDArray[np.bool_]:
-    """Return which of n configurations have no cut joint put together with axes, or marks, opposed, (n,)."""
+    """Return which of n configurations have no cut joint with antiparallel axes or references, (n,)."""
     aligned = np.ones(len(q), dtype=np.bool_)
     for _, _, cosine in axis_cosines(loops, link_poses(loops.tree, q)):
         aligned &= cosine > 0.0
@@ -464,7 +464,7 @@ def axes_aligned(loops: TreeLoops, q: Coordinates) -> NDArray[np.bool_]:
 
 
 def _rotated(rotation: Array, vector: Array) -> Array:
-    """Return exp(vector) @ turn, (3, 3, n), made orthogonal again to rounding."""
+    """Return exp(vector) @ rotation, (3, 3, n), orthonormal to rounding."""
     angle = np.sqrt((vector**2).sum(0))
     small = angle < 1e-8
     safe = np.where(small, 1.0, angle)
@@ -476,5 +476,5 @@ def _rotated(rotation: Array, vector: Array) -> Array:
 
 
 def orthogonal(rotation: Array) -> Array:
-    """Return nearly orthogonal matrices (3, 3, n) a Newton step nearer to the nearest rotations."""
+    """Return nearly orthogonal matrices (3, 3, n) after a Newton step to the nearest rotations."""
     return 1.5 * rotation - 0.5 * product(rotation, product(rotation.transpose(1, 0, 2), rotation))

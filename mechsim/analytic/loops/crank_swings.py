@@ -1,8 +1,8 @@
 """Reachable crank ranges of many designs at once, and their motions within them.
 
 The assembly of every design is traced from its start in both directions by pseudo-arclength continuation with
-the crank free: predictor along the tangent of the solution curve, corrector of least norm. The crank turns
-back where its component of the tangent changes sign; this dead centre is then located by secant steps.
+the crank free: predictor along the tangent of the solution curve, minimum-norm corrector. The crank reverses
+where its component of the tangent changes sign; secant steps locate this dead centre.
 
 Source: E. L. Allgower, K. Georg, Introduction to numerical continuation methods, SIAM (2003), chapters 2, 9.
 """
@@ -32,22 +32,22 @@ from mechsim.numerics.loop_solver import NEARBY
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import least_norm
 
-# arc length of a step in [rad] and parts of the size, and steps in one direction
+# arc length of a step in [rad] and characteristic lengths, and largest number of steps in a direction
 STEP, MAX_STEPS = 0.1, 400
-# how often a step that fails is halved
+# largest number of halvings of a step that fails
 HALVINGS = 4
-# residual of a closed loop, and largest corrector displacement, as a fraction of the step
+# residual of a closed loop, and largest corrector displacement relative to the step
 CLOSED, MAX_CORRECTION = 1e-12, 0.3
-# corrector of least norm, perpendicular to the curve
+# minimum-norm corrector, perpendicular to the curve
 CORRECTOR = NewtonSettings(max_iterations=5, tolerance=CLOSED, max_step=1.0)
-# smallest singular value, as a part of the largest, of loops whose solution is a curve: at a branch point and
-# with undetermined degrees of freedom it vanishes
+# smallest singular value, relative to the largest, of a regular point of the curve: it vanishes at a branch
+# point and with undetermined degrees of freedom
 REGULAR = 1e-6
-# secant steps to a dead centre, and its tangent's crank component
+# secant steps to a dead centre, and crank component of the tangent there
 SECANTS, TANGENT_TOLERANCE = 12, 1e-9
-# largest displacement from a predicted pose to the closed one, in [rad] and parts of the size
+# largest displacement from a predicted pose to the closed one, in [rad] and characteristic lengths
 MAX_CORRECTION_AT_ANGLE = 0.05
-# instants closed at once
+# number of instants solved together
 CHUNK = 4096
 
 
@@ -57,10 +57,10 @@ class Curve:
 
     Attributes:
         values: coordinates at the nodes, (k, count, d).
-        turns: of balls, (k, balls, 3, 3, d).
+        turns: rotations of balls, (k, balls, 3, 3, d).
         tangent: unit tangents, (k, free, d).
-        length: arc length from each node to the next, (k, d); the last one is not used.
-        last: number of each design's last node, its dead centre, (d,).
+        length: arc length from each node to the next, (k, d); that of the last node is unused.
+        last: number of the last node of each design, its dead centre, (d,).
     """
 
     values: Array
@@ -72,13 +72,13 @@ class Curve:
 
 @dataclass(frozen=True)
 class Swings:
-    """Designs whose cranks swing: which they are, and their reachable ranges.
+    """Designs with swinging cranks and their reachable ranges.
 
     Attributes:
-        rows: which of the designs, (d,).
+        rows: indices of the designs, (d,).
         low: crank angle of the lower dead centre, (d,) in [rad].
-        high: of the upper one.
-        curves: direction (-1, 1) -> their solution curves.
+        high: crank angle of the upper dead centre, (d,) in [rad].
+        curves: direction (-1, 1) -> solution curves.
     """
 
     rows: Rows
@@ -88,7 +88,7 @@ class Swings:
 
 
 class SwingTracer:
-    """Traces designs that are alike; see `shared_loops`."""
+    """Traces designs of the same structure; see `shared_loops`."""
 
     def __init__(self, like: SharedLoops, started: StartedDesigns):
         self.like, self.started = like, started
@@ -98,7 +98,7 @@ class SwingTracer:
         self.free = np.append(loops.unknown, self.crank)
 
     def swings(self) -> Swings | None:
-        """Return the designs whose cranks swing; None where none does or designs cannot be traced."""
+        """Return the designs with swinging cranks; None if there are none or designs cannot be traced."""
         solver = self.like.solver
         if len(solver.null_space) or len(solver.rows) != len(solver.loops.unknown):
             return None
@@ -129,12 +129,12 @@ class SwingTracer:
 
     def _moved(self, loops: TreeLoops, q: Coordinates, step: Array) -> Coordinates:
         whole = np.zeros((len(q.values), step.shape[1]))
-        # no more than a finite step: its displacement rejects it
+        # limit the step, so that its displacement rejects it
         whole[self.free] = np.clip(np.nan_to_num(step), -1.0, 1.0)
         return loops.displaced(q, whole)
 
     def _traced(self, rows: Rows, q: Coordinates, direction: int) -> tuple[Curve, Bools]:
-        """Return the curves in one direction of the crank, and which of the designs swing back."""
+        """Return the curves in one direction of the crank, and which designs have a swinging crank."""
         d = len(rows)
         q, tangent, _, valid = self._corrected(rows, q)
         tangent = tangent * np.sign(direction * tangent[-1])
@@ -187,7 +187,7 @@ class SwingTracer:
     def _stepped(
         self, rows: Rows, q: Coordinates, tangent: Array, length: Array
     ) -> tuple[Coordinates, Array, Bools]:
-        """Return points a step along the curves, tangents there, and which were reached safely."""
+        """Return points a step along the curves, tangents there, and which are valid."""
         predicted = self._moved(self._loops(rows, len(rows)), q, tangent * length)
         q_next, tangent_next, displacement, valid = self._corrected(rows, predicted)
         tangent_next = tangent_next * np.sign((tangent_next * tangent).sum(0))
@@ -271,7 +271,7 @@ class SwingTracer:
             node = np.clip(previous, 0, curve.last[row] - 1)
             low, high = nodes[node, row], nodes[node + 1, row]
             fraction = (angle - low) / (high - low)
-            # the crank angle goes with the square of the distance from a dead centre
+            # near a dead centre the crank angle is a quadratic function of the distance
             ends = 1.0 - np.sqrt(np.maximum(1.0 - fraction, 0.0))
             ahead = np.where(node == curve.last[row] - 1, ends, fraction) * curve.length[node, row]
             q = Coordinates(curve.values[node, :, row].T, np.moveaxis(curve.turns[node, ..., row], 0, -1))

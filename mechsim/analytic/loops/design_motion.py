@@ -34,35 +34,35 @@ from mechsim.numerics.step_control import StepControl
 
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]
-# numbers of instants for which equations are kept
+# largest number of cached equations, by number of instants
 MAX_KEPT = 4
 
 
 @dataclass(frozen=True)
 class DesignLoops(TreeLoops):
-    """Loop equations of d designs that differ only in where their joints and points are.
+    """Loop equations of d designs that differ only in the positions of joints and points.
 
-    Lengths of all are counted in the size of the mechanism of the tree. Of n instants each d in a row are
-    those of the designs.
+    Lengths of all designs are in units of the characteristic length of the tree's mechanism. Of n instants,
+    consecutive groups of d belong to the d designs.
 
     Attributes:
-        arrays: numbers of the designs.
-        which: of all designs they are, (d,).
+        arrays: dimensions of the designs.
+        which: their indices among all designs, (d,).
     """
 
     arrays: DesignArrays
     which: Rows
 
     def select(self, which: Rows) -> "DesignLoops":
-        """Return the loops of some of the designs."""
+        """Return the loops of a subset of the designs."""
         return replace(self, arrays=self.arrays.subset(which), which=self.which[which])
 
     def linearise(self, q: Coordinates) -> tuple[Array, Array, LinkPoses]:
-        """Return residuals, Jacobians and links about n sets of coordinates, as `TreeLoops` does."""
+        """Return residuals, Jacobians and links about n sets of coordinates, as `TreeLoops`."""
         return self.at_instants(len(q)).linearise(q)
 
     def at_instants(self, count: int, /) -> TreeLoops:
-        """Return the equations with the numbers of each of so many instants."""
+        """Return the equations with the dimensions of each of `count` instants."""
         if count not in self._kept:
             if len(self._kept) == MAX_KEPT:
                 self._kept.clear()
@@ -74,7 +74,7 @@ class DesignLoops(TreeLoops):
         return {}
 
     def _repeated(self, repeat: int) -> TreeLoops:
-        """Return the equations of all designs, one after another, so many times."""
+        """Return the equations of all designs in order, repeated."""
         wide = {
             name: tuple(np.tile(array, repeat) for array in ends) for name, ends in self.arrays.ends.items()
         }
@@ -84,7 +84,7 @@ class DesignLoops(TreeLoops):
             point_a, frame_a, point_b, frame_b = wide[branch.joint.name]
             a, b = (frame_a, point_a), (frame_b, point_b)
             constants[branch.child] = JointSides(*a, *b) if branch.forward else JointSides(*b, *a)
-        # in place of what `cached_property` would find
+        # preset cached properties
         cached: dict[str, object] = vars(tree)
         cached["constants"] = constants
         cuts = tuple(_cut(cut, wide[cut.joint.name]) for cut in self.cuts)
@@ -104,8 +104,8 @@ def assembled_designs(
 ) -> tuple[DesignLoops, Coordinates, Bools]:
     """Return loops of designs, the coordinates in which they close nearest to their guesses, and which do.
 
-    A design that closes otherwise than with the rank of the one they are like, with axes or marks opposed, or
-    after other revolutions of coupled joints, counts as one that does not close.
+    A design counts as one that does not close if it closes with another rank than `like`, with antiparallel
+    axes or references, or after other revolutions of coupled joints.
     """
     arrays = started.arrays
     designs = DesignLoops(
@@ -121,15 +121,15 @@ def assembled_designs(
     return designs, result.q, closed
 
 
-# part of the designs that a longer step must suit
+# fraction of the designs for which a longer step must be suitable
 GROWTH_QUANTILE = 0.2
 
 
 class Divided(Exception):  # noqa: N818
-    """Designs cannot go on with the same segments.
+    """Designs cannot continue with the same segments.
 
     Attributes:
-        subsets: of them that can, each with the length of its next segment.
+        subsets: subsets that can, each with the length of its next segment.
     """
 
     def __init__(self, *subsets: tuple["DesignPaths", float]):
@@ -137,9 +137,9 @@ class Divided(Exception):  # noqa: N818
 
 
 class DesignPaths(LoopPath):
-    """Assemblies of d designs followed with the same segments.
+    """Paths of d designs traced with the same segments.
 
-    A rejected segment costs only the designs that need shorter ones: they are divided from the others.
+    A rejected segment affects only the designs that need shorter ones; they are separated from the others.
     """
 
     control = StepControl(min_length=4e-3, target_error=2e-5, target_correction=2e-2)
@@ -147,12 +147,12 @@ class DesignPaths(LoopPath):
 
     @property
     def designs(self) -> DesignLoops:
-        """Their loops."""
+        """Loop equations of the designs."""
         assert isinstance(self.loops, DesignLoops)
         return self.loops
 
     def select(self, which: Rows | Bools) -> "DesignPaths":
-        """Return the paths of some of the designs."""
+        """Return the paths of a subset of the designs."""
         loops = self.designs.select(np.arange(self.count)[which])
         solvers = {
             id(solver): replace(solver, loops=loops, reference=solver.reference.select(which))
@@ -186,7 +186,7 @@ class DesignPaths(LoopPath):
             return super().accepted(segment, closed, direction)
         step, segments = segment.length, self.segments[direction]
         signs = closed.linearised.determinant_sign.reshape(-1, self.count)
-        # determinants of other rows have other signs
+        # determinants of other equations have other signs
         same_rows = len(segments) > 0 and segments[-1].solver is segment.solver
         sign = np.where(same_rows & (self.sign != 0.0), self.sign, signs[0])
         error = closed.error
@@ -214,7 +214,7 @@ class DesignPaths(LoopPath):
 
 
 def followed(paths: DesignPaths, targets: Sequence[float]) -> list[DesignPaths]:
-    """Return designs followed to parameters, divided as they need; those that fail are left out."""
+    """Return designs traced to parameters, divided as needed, without those that fail."""
     finished = [paths]
     for target in targets:
         waiting: list[tuple[DesignPaths, float | None]] = [(path, None) for path in finished]
@@ -234,12 +234,12 @@ def followed(paths: DesignPaths, targets: Sequence[float]) -> list[DesignPaths]:
 
 @dataclass(frozen=True)
 class SharedLoops:
-    """What designs that can be followed together have in common.
+    """Common properties of designs that can be traced together.
 
     Attributes:
-        solver: of one of them, about where that one begins.
-        motion_laws: of the drivers.
-        initial: parameter at which the motion begins.
+        solver: solver of one of them about its start.
+        motion_laws: motion laws of the drivers.
+        initial: path parameter at the start of the motion.
     """
 
     solver: TreeSolver
@@ -247,11 +247,11 @@ class SharedLoops:
     initial: float
 
     def prescribed(self, s: Array) -> Array:
-        """Return what is prescribed at parameters (n,) of the path, (driven, n)."""
+        """Return the prescribed coordinates at path parameters (n,), (driven, n)."""
         return self.instants(s, 1.0, 0.0).value
 
     def instants(self, s: Array, speed: ArrayLike, acceleration: ArrayLike) -> Instants:
-        """Return instants at parameters (n,) of the path and its rates, (n,) or scalar."""
+        """Return instants at path parameters (n,) and rates, (n,) or scalar."""
         rates = (np.broadcast_to(values, s.shape) for values in (speed, acceleration))
         return with_locked_values(self.solver.loops, instants_of_laws(self.motion_laws, s, *rates))
 
@@ -259,14 +259,14 @@ class SharedLoops:
 def shared_loops(
     mechanism: Mechanism, joints: Sequence[str], motion_laws: MotionLaws = CRANK
 ) -> SharedLoops | None:
-    """Return what designs of a mechanism have in common; None where they cannot be followed together.
+    """Return the common properties of designs of a mechanism; None if they cannot be traced together.
 
-    A crank turns or motion laws move the drivers, there are loops, no joint of which is split, and of
-    joints that close loops only hinges are asked for.
+    The drivers are a crank or follow motion laws, there are loops, no joint of a loop is split, and requested
+    joints that close loops are hinges.
 
     Raises:
-        AssemblyError: where its own loops do not close.
-        MobilityError: where the drivers leave joints or tracked points open, or are too many.
+        AssemblyError: if the loops of the mechanism do not close.
+        MobilityError: if the drivers leave joints or tracked points undetermined, or are redundant.
     """
     if motion_laws.crank and not mechanism.has_crank:
         return None
@@ -287,17 +287,17 @@ def many_motion(
     """Return the motions of designs at crank angles, and which designs were solved, (d,).
 
     Args:
-        like: what they have in common (see `shared_loops`).
-        started: the designs; their guesses say which assemblies are meant.
+        like: their common properties (see `shared_loops`).
+        started: the designs; their guesses select the assembly modes.
         angles: path parameters, (p,) in [rad].
         speed: rate of the path parameter in [rad/s].
-        joints: whose motion is wanted.
+        joints: names of the requested joints.
 
     Returns:
-        Points and joints at d p instants, one design after another. A design that was not solved
-        must be solved by itself, with the segments that it needs or an error that gives the reason.
+        Points and joints at d p instants, one design after another. A design that was not solved must be
+        solved separately, with its own segments or an error that states the reason.
 
-    Accuracy: as `loops.solve`, of which the assembly too is kept: each step is certified for each design.
+    Accuracy: as `loops.solve`, with the same assembly mode: each step is certified for each design.
     """
     instants = like.instants(angles, speed, 0.0)
     count = started.arrays.count
@@ -313,7 +313,7 @@ def many_motion(
 
 
 def _paths_from_start(like: SharedLoops, started: StartedDesigns) -> Iterator[DesignPaths]:
-    """Yield the paths of designs that are assembled as they are to be where the motion begins."""
+    """Yield the paths of designs that are assembled at the start of the motion."""
     loops, driven = like.solver.loops, list(like.solver.loops.driven)
     designs, q, closed = assembled_designs(loops, started, len(like.solver.rows))
     start, target = like.solver.reference.values[driven], like.prescribed(np.array([like.initial]))
@@ -331,7 +331,7 @@ def _paths_from_start(like: SharedLoops, started: StartedDesigns) -> Iterator[De
 
 
 def _stored(path: DesignPaths, instants: Instants, motion: LoopMotion) -> Iterator[Rows]:
-    """Put the motions of designs at instants of their paths into that of all; yield which are solved."""
+    """Store the motions of designs at instants of their paths in that of all; yield which are solved."""
     rows, count = path.designs.which, len(instants.parameter)
     try:
         for chunk in closed_chunks(path, instants):
@@ -339,13 +339,13 @@ def _stored(path: DesignPaths, instants: Instants, motion: LoopMotion) -> Iterat
             store(motion, index, with_rates(path, chunk, conditioned=False))
         yield rows
     except AssemblyError:
-        # one is too near a singular pose
+        # a design is too near a singular pose
         for half in np.array_split(np.arange(path.count), 2) if path.count > 1 else ():
             yield from _stored(path.select(half), instants, motion)
 
 
 def empty_motion(like: SharedLoops, count: int) -> LoopMotion:
-    """Return a motion at so many instants to be filled."""
+    """Return an empty motion for a number of instants."""
     tree = like.solver.loops.tree
     links = len(tree.branches)
     shapes = [(tree.count,)] * 3 + [(links, 3), (links, 3, 3), (links, 6), (links, 6), ()]
@@ -353,7 +353,7 @@ def empty_motion(like: SharedLoops, count: int) -> LoopMotion:
 
 
 def store(motion: LoopMotion, index: Rows, subset: LoopMotion) -> None:
-    """Put the motion at some instants into that at all."""
+    """Store the motion of some instants in that of all instants."""
     for field in fields(LoopMotion):
         getattr(motion, field.name)[index] = getattr(subset, field.name)
 

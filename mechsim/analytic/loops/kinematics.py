@@ -1,6 +1,6 @@
-"""Where the links of a spanning tree are at given coordinates, and how each coordinate moves them.
+"""Link poses of a spanning tree at given coordinates, and the unit twist of each coordinate.
 
-Instants come last in every array here, so that each component is one run of memory.
+Instants are the last axis of every array, so that each component is contiguous in memory.
 """
 
 from dataclasses import dataclass
@@ -20,8 +20,9 @@ class Coordinates:
     """Coordinates of a tree at n instants.
 
     Attributes:
-        values: (count, n) in [m] and [rad]; those of a ball are not read. Complex where dimensions are.
-        turns: of each ball, side b's frame in side a's, (balls, 3, 3, n).
+        values: (count, n) in [m] and [rad]; those of a spherical joint are unused. Complex for complex
+            dimensions.
+        turns: rotation of each spherical joint, side b's frame in side a's, (balls, 3, 3, n).
     """
 
     values: Array
@@ -31,11 +32,11 @@ class Coordinates:
         return self.values.shape[1]
 
     def select(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> "Coordinates":
-        """Return those at some of the instants."""
+        """Return the coordinates at some of the instants."""
         return Coordinates(self.values[:, which], self.turns[..., which])
 
     def repeated(self, times: int) -> "Coordinates":
-        """Return all of them so many times, one after another."""
+        """Return the coordinates repeated as a whole."""
         return Coordinates(np.tile(self.values, times), np.tile(self.turns, times))
 
 
@@ -44,9 +45,9 @@ class LinkPoses:
     """The links of a tree at n instants.
 
     Attributes:
-        position: of each link's origin, (links, 3, n) in [m].
-        rotation: (links, 3, 3, n).
-        unit_twists: what a unit rate of each coordinate is: velocity at the ground's origin and angular
+        position: position of each link's origin, (links, 3, n) in [m].
+        rotation: rotation of each link, (links, 3, 3, n).
+        unit_twists: twist for a unit rate of each coordinate: velocity at the ground's origin and angular
             velocity, (count, 6, n).
     """
 
@@ -56,9 +57,9 @@ class LinkPoses:
 
 
 def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
-    """Return where coordinates put the links."""
+    """Return the link poses at coordinates."""
     layout, n, dtype = tree.layout, len(q), q.values.dtype
-    # the ground comes last, where the index -1 finds it
+    # the ground is last, at index -1
     rotation = np.empty((len(tree.branches) + 1, 3, 3, n), dtype)
     _rotate(tree, q, rotation)
     rotation[-1] = EYE
@@ -90,14 +91,14 @@ def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
 
 
 def _carried(vectors: Array, rotation: Array) -> Array:
-    """Return rows of vectors, (rows, m, 3) or (rows, m, 3, n), as their links are turned: (3, rows, m, n)."""
+    """Return vectors, (rows, m, 3) or (rows, m, 3, n), rotated with their links: (3, rows, m, n)."""
     if vectors.ndim == 3:
         return vectors @ rotation.transpose(1, 0, 2, 3)
     return np.einsum("lmkn,likn->ilmn", vectors, rotation)
 
 
 def _rotate(tree: SpanningTree, q: Coordinates, out: Array) -> None:
-    """Fill in how each link is turned in that on which it hangs, (links + 1, 3, 3, n)."""
+    """Store the rotation of each link relative to its parent, (links + 1, 3, 3, n)."""
     layout = tree.layout
     angle = q.values[layout.angles]
     terms = np.empty((len(angle), 3, len(q)), angle.dtype)
@@ -125,7 +126,7 @@ def _rotate(tree: SpanningTree, q: Coordinates, out: Array) -> None:
 
 
 def _wide(matrix: Array) -> Array:
-    """Return a matrix (3, 3) as (3, 3, 1), or (3, 3, n) as it is."""
+    """Return a matrix (3, 3) as (3, 3, 1); a matrix (3, 3, n) unchanged."""
     return matrix[..., None] if matrix.ndim == 2 else matrix
 
 
@@ -135,22 +136,22 @@ def on_ground(frame: Array, point: Array) -> tuple[Array, Array]:
 
 
 def carried_frame(frame: Array, rotation: Array) -> Array:
-    """Return a frame (3, 3) of a link, or (3, 3, n) of many designs, where the link is turned, (3, 3, n)."""
+    """Return a frame (3, 3) of a link, or (3, 3, n) of many designs, rotated with the link, (3, 3, n)."""
     return frame.T @ rotation if frame.ndim == 2 else product(rotation, frame)
 
 
 def carried_point(point: Array, rotation: Array) -> Array:
-    """Return a point (3,) of a link, or (3, n) of many designs, where the link is turned, (3, n)."""
+    """Return a point (3,) of a link, or (3, n) of many designs, rotated with the link, (3, n)."""
     return point @ rotation if point.ndim == 1 else np.einsum("kn,ikn->in", point, rotation)
 
 
 def twists(tree: SpanningTree, poses: LinkPoses, rates: Array) -> Array:
-    """Return each link's motion at coordinate rates (count, n): (links, 6, n), at the ground's origin."""
+    """Return each link's twist at coordinate rates (count, n): (links, 6, n), at the ground's origin."""
     return _summed(tree, poses.unit_twists * rates[:, None])
 
 
 def velocity_products(tree: SpanningTree, poses: LinkPoses, twist: Array, rates: Array) -> Array:
-    """Return the links' accelerations at coordinate rates that do not change, (links, 6, n), as `twists`."""
+    """Return the links' velocity-product terms at coordinate rates, (links, 6, n), as `twists`."""
     derivative = np.empty_like(poses.unit_twists)
     zero = np.zeros(twist.shape[1:])
     for branch in tree.branches:
@@ -158,12 +159,12 @@ def velocity_products(tree: SpanningTree, poses: LinkPoses, twist: Array, rates:
         a, b = (parent, child) if branch.forward else (child, parent)
         kind, k = branch.kind, branch.first
         for axis in (*kind.slides, *kind.turns):
-            # fixed in a: slides, the axes of a ball, the first of two that cross; else in b
+            # axes fixed on side a: slides, axes of a ball, the first of two crossed axes; else on b
             in_a = k < branch.first_angle or kind.ball or (kind.crossed and axis == "a")
             w, s = a if in_a else b, poses.unit_twists[k]
             derivative[k, 3:] = cross(w[3:], s[3:])
             if k >= branch.first_angle and kind.slides and kind.ball:
-                # the axis passes through b's point, but is carried along by a
+                # the axis passes through b's point, but moves with a
                 centre = _centre(tree, branch, poses)
                 derivative[k, :3] = cross(b[:3] + cross(b[3:], centre), s[3:]) + cross(
                     centre, derivative[k, 3:]
@@ -176,7 +177,7 @@ def velocity_products(tree: SpanningTree, poses: LinkPoses, twist: Array, rates:
 
 
 def _centre(tree: SpanningTree, branch: TreeJoint, poses: LinkPoses) -> Array:
-    """Return where side b's point of a branch is, (3, n) or (3, 1)."""
+    """Return the position of side b's point of a tree joint, (3, n) or (3, 1)."""
     fixed = tree.constants[branch.child]
     link, point = (branch.child, fixed.child_point) if branch.forward else (branch.parent, fixed.parent_point)
     if link < 0:

@@ -32,12 +32,12 @@ from mechsim.units import WrittenUnits
 
 @dataclass(frozen=True, slots=True)
 class JointRanges:
-    """The ranges of a mechanism's joints.
+    """Limits of joints, checked over a motion.
 
     Attributes:
-        mechanism: whose joints they are.
-        ranges: joint -> smallest and largest value, in [m] or [rad].
-        solve: path parameters (n,) -> motion there.
+        mechanism: the mechanism.
+        ranges: joint -> lower and upper limit, in [m] or [rad].
+        solve: path parameters (n,) -> motion.
         label: path parameter -> name of the instant in messages.
     """
 
@@ -49,7 +49,7 @@ class JointRanges:
     def require(self, motion: Motion) -> None:
         """Raise AssemblyError for a motion in which a joint leaves its range, between instants too."""
         if motion.speed.any() and np.ptp(motion.angle) > 0.0:
-            # instants at which the loops do not close are no part of what was requested
+            # instants at which the loops do not close are not part of the request
             dense = None
             with suppress(AssemblyError):
                 dense = self._with_extremes(check_instants(motion.angle.min(), motion.angle.max()))
@@ -58,7 +58,7 @@ class JointRanges:
         self._require(motion.angle, {name: joint.value for name, joint in motion.joints.items()})
 
     def reach(self, start: float, end: float) -> float | None:
-        """Return how far the crank can go from a start towards an end, in [rad]; None if not at all."""
+        """Return the crank angle reached from a start towards an end, in [rad]; None if there is none."""
         parameters, values = self._with_extremes(np.linspace(min(start, end), max(start, end), INSTANTS + 1))
         if not values:
             return end
@@ -79,12 +79,12 @@ class JointRanges:
         )
 
     def _excess(self, values: Mapping[str, Array]) -> Array:
-        """Return how far the joints are beyond their ranges at the most, (n,); negative within."""
+        """Return the largest violation of a joint range, (n,); negative within all ranges."""
         limits = [(value, *self.ranges[name]) for name, value in values.items()]
         return np.max([np.maximum(low - value, value - high) for value, low, high in limits], axis=0)
 
     def _with_extremes(self, instants: Array) -> tuple[Array, dict[str, Array]]:
-        """Return path parameters (n,) with those of extremes between, and the values of joints there."""
+        """Return path parameters (n,) with those of the extrema in between, and the joint values there."""
         values = self._values(instants)
         between = extremes(instants, values.values())
         if not len(between):
@@ -108,27 +108,27 @@ class JointRanges:
         )
 
 
-# two crank angles nearer than this are one
+# crank angles nearer than this are equal
 SAME_ANGLE = 1e-9
-# how far links may be from where they were a turn before, in sizes and parts of their axes; another assembly
-# is farther
+# largest displacement of links after a revolution, in characteristic lengths and axis components, that counts
+# as periodic; another assembly mode is farther
 SAME_POSE = 1e-6
 
 
 @dataclass(frozen=True)
 class LoopForm:
-    """A mechanism whose motion its loop equations give, as a `ClosedForm` gives that of the catalogue's.
+    """A mechanism solved by its loop-closure equations.
 
     Attributes:
-        mechanism: its guess says which assembly is meant.
-        parameters: name -> value of what it was made from, as written.
-        formula: FILE.py:FUNCTION of the user's own model; empty where there is none.
-        change_point: how it goes on where two assemblies meet.
-        forces: what acts on it; None where that is not said.
-        initial: J.q and J.v of coordinates in SI from which dynamics releases the mechanism; empty for none.
-        motion_laws: of its drivers; `CRANK` for a crank at any speed.
-        ranges: joint -> between which values it closes, in [m] or [rad].
-        written: the units that its file declares.
+        mechanism: the mechanism; its guess selects the assembly mode.
+        parameters: parameter name -> value, in the units of the file.
+        formula: FILE.py:FUNCTION of the user's own model; empty if there is none.
+        change_point: policy at change points.
+        forces: applied forces; None if the file defines none.
+        initial: initial state of forward dynamics, J.q and J.v of coordinates in SI; empty for none.
+        motion_laws: motion laws of the drivers; `CRANK` for a crank at any speed.
+        ranges: joint -> lower and upper limit, in [m] or [rad].
+        written: units that its file declares.
     """
 
     mechanism: Mechanism
@@ -145,23 +145,24 @@ class LoopForm:
 
     @property
     def name(self) -> str:
-        """The mechanism's."""
+        """Name of the mechanism."""
         return self.mechanism.name
 
     @property
     def period(self) -> float:
         """Path parameter after which the configuration repeats, in [rad] of a crank.
 
-        It is two revolutions if the change points lead to another assembly; with motion laws it is their end.
+        It is two revolutions if the change points lead to another assembly mode; with motion laws it is their
+        end.
         """
         if not self.motion_laws.crank:
             return self.motion_laws.length
         if self.change_point != "smooth" or not self._range.full or not self._path.change_points:
             return REVOLUTION
-        return REVOLUTION if self._back_after_a_turn() else 2.0 * REVOLUTION
+        return REVOLUTION if self._periodic_in_a_revolution() else 2.0 * REVOLUTION
 
-    def _back_after_a_turn(self) -> bool:
-        """Say whether all links stand as they did a turn before; with gears, whether sides changed evenly."""
+    def _periodic_in_a_revolution(self) -> bool:
+        """Whether all links return after a revolution; with gears, after an even number of mode changes."""
         if self.mechanism.laws:
             return len(self.change_points()) % 2 == 0
         start = self.mechanism.start
@@ -173,11 +174,11 @@ class LoopForm:
         return max(*displacements, *(np.ptp(link.rotation, axis=0).max() for link in links)) < SAME_POSE
 
     def with_change_point(self, policy: ChangePointPolicy) -> Self:
-        """Return the mechanism that goes on so where assemblies meet."""
+        """Return the mechanism with another policy at change points."""
         return self if policy == self.change_point else replace(self, change_point=policy)
 
     def starting_at(self, _: ArrayLike, direction: float = 1.0) -> Self:
-        """Return itself: the guess selects the assembly, whatever crank angles come first."""
+        """Return itself: the guess selects the assembly mode for any first crank angle."""
         return self
 
     def solve(
@@ -191,22 +192,23 @@ class LoopForm:
         """Return the motion at crank angles, as `loops.solve`, or at times.
 
         Args:
-            angles: crank angles, (n,) in [rad] or text, as "0:360:5deg"; where motion laws drive, give `t`.
-            speed: crank speed, scalar or (n,) in [rad/s] or text, as "600rpm"; None is 1 at crank angles.
+            angles: crank angles, (n,) in [rad] or text such as "0:360:5deg"; under motion laws use `t`.
+            speed: crank speed, scalar or (n,) in [rad/s] or text such as "600rpm"; the default at crank
+                angles is 1.
             acceleration: crank acceleration, scalar or (n,) in [rad/s2].
-            t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that stands at the
+            t: times, (n,) in [s], of motion laws, or of a crank at a constant `speed` that starts from the
                 mechanism's `start` at time zero.
 
         Raises:
             AssemblyError: where the loops do not close.
-            InputError: for crank angles where motion laws drive.
+            InputError: for crank angles under motion laws.
         """
         instants = path_instants(self.mechanism, self.motion_laws, angles, speed, acceleration, t)
         motion = self.solve_along(instants.parameter, instants.rate, instants.second)
         return motion if instants.time is None else replace(motion, time=instants.time)
 
     def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
-        """Return the motion at values of the path parameter, (n,), and its rates.
+        """Return the motion at values of the path parameter, (n,), with its rates.
 
         The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
         `motion_laws.rate`.
@@ -217,7 +219,7 @@ class LoopForm:
         return replace(solve_along(self._path, parameter, rate, second, self.motion_laws), origin=self)
 
     def solve_as(self, driven: Motion) -> Motion:
-        """Return the motion where the drivers of another motion under the same motion laws really were.
+        """Return the motion at the driver positions of another motion under the same motion laws.
 
         Raises:
             AssemblyError: where the loops do not close.
@@ -236,10 +238,10 @@ class LoopForm:
         return replace(solve_prescribed(self._path, self.motion_laws, instants), origin=self)
 
     def within_ranges(self, motion: Motion) -> Motion:
-        """Return a motion of it in which every joint stays in its range, between its instants too.
+        """Return a motion in which every joint stays in its range, also between the instants.
 
         Raises:
-            AssemblyError: naming the joint that does not, and where.
+            AssemblyError: names the joint that leaves its range, and the instant.
         """
         if not self.ranges:
             return motion
@@ -248,7 +250,7 @@ class LoopForm:
 
     @property
     def _joint_ranges(self) -> JointRanges:
-        # the solver of a user's file leaves out links of its record
+        # the solver of a user's file omits links in its records
         solve = partial(LoopForm.solve_along, self)
         return JointRanges(self.mechanism, self.ranges, solve, self.motion_laws.instant_label)
 
@@ -261,22 +263,22 @@ class LoopForm:
 
         Raises:
             AssemblyError: where the loops do not close.
-            InputError: for crank angles where motion laws drive.
+            InputError: for crank angles under motion laws.
         """
         return {name: point.position for name, point in self.solve(angles, speed, t=t).points.items()}
 
     def crank_range(self) -> Arcs:
-        """Return the arc of crank angle over which this assembly can be followed from its start.
+        """Return the interval of crank angle in which this assembly mode can be traced from its start.
 
-        It ends at dead centres, and where a joint reaches the end of its range. Under motion laws it is the
-        interval of their path parameter.
+        It ends at dead centres, and at limits of joints. Under motion laws it is the interval of their path
+        parameter.
         """
         return self._range
 
     def dead_centres(self) -> tuple[float, ...]:
-        """Return the crank angles beyond which it cannot be followed, in [rad]; empty for a full turn.
+        """Return the crank angles of dead centres, in [rad]; empty for a full revolution.
 
-        What the ranges of joints keep from being reached is left out.
+        Dead centres beyond the limits of joints are left out.
         """
         closing, reachable = self._closing_range, self._range
         if closing.full:
@@ -286,9 +288,9 @@ class LoopForm:
         return tuple(end for end in ends if any(abs(end - other) < SAME_ANGLE for other in reachable_ends))
 
     def change_points(self) -> tuple[float, ...]:
-        """Return the crank angles at which assemblies meet though the crank turns on, in [-pi, pi) rad.
+        """Return the crank angles of change points, in [-pi, pi) rad.
 
-        The motion passes them as `through` says.
+        The motion passes them by the policy `change_point`.
         """
         if not self.motion_laws.crank:
             return tuple(sorted(point for point in self._path.change_points if 0.0 <= point <= self.period))
@@ -302,14 +304,14 @@ class LoopForm:
         return tuple(sorted({float((point + np.pi) % REVOLUTION - np.pi) for point in within}))
 
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
-        """Return the one assembly that is known: tracked points, (3,) in [m]; empty where it cannot stand."""
+        """Return the known assembly mode: tracked points, (3,) in [m]; empty where it cannot be assembled."""
         with suppress(AssemblyError):
             points = self.solve_along([angle]).points
             return [({}, {name: point.position[0] for name, point in points.items()})]
         return []
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
-        """Return 1 for each pose, (n,): no sign distinguishes its assemblies."""
+        """Return 1 for each pose, (n,): no sign distinguishes its assembly modes."""
         return np.ones(len(next(iter(points.values()))))
 
     @cached_property
@@ -335,7 +337,7 @@ class LoopForm:
         return Arcs(False, ((low - revolution, high - revolution),))
 
     def _range_end(self, start: float, end: float) -> float | None:
-        """Return how far the crank can go from its start towards an angle, in [rad]; None if not at all."""
+        """Return the crank angle reached from its start towards an angle, in [rad]; None if there is none."""
         inner = start + (end - start) * (1.0 - SAME_ANGLE)
         if abs(inner - start) < SAME_ANGLE:
             return end
@@ -344,7 +346,7 @@ class LoopForm:
 
     @cached_property
     def _closing_range(self) -> Arcs:
-        """The arc of crank angle over which the loops close."""
+        """Interval of crank angle in which the loops close."""
         path, start = self._path, self.mechanism.start
         if not self.motion_laws.crank:
             path.extend(self.period)

@@ -18,12 +18,12 @@ from mechsim.numerics.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Some rows of the loop equations, linearised.
+    """Some loop equations, linearised.
 
     Attributes:
         residual: (n, m).
         jacobian: (n, m, 6 links).
-        bias: second derivative of the residual at zero acceleration, (n, m).
+        bias: velocity-product term: second derivative of the residual at zero link accelerations, (n, m).
     """
 
     residual: Array
@@ -32,7 +32,7 @@ class Rows:
 
 
 class Side:
-    """A joint end in space: its arm from the link's origin, its frame, and how both move."""
+    """A joint end in space: its arm from the link's origin, its frame, and their rates."""
 
     def __init__(self, pose: Pose, twist: Array, point: ArrayLike, frame: Array, slot: int | None):
         self.slot = slot
@@ -44,14 +44,14 @@ class Side:
         self.point_bias = cross(self.spin, cross(self.spin, self.arm))
 
     def direction(self, column: int) -> tuple[Array, Array, Array]:
-        """Return a frame direction, its rate and the bias of its second rate."""
+        """Return a frame direction, its rate and the velocity-product term of its second rate."""
         u = self.frame[..., column]
         rate = cross(self.spin, u)
         return u, rate, cross(self.spin, rate)
 
 
 class Stack:
-    """Collects rows for a mechanism of `links` moving links at n poses."""
+    """Collects equations of a mechanism with `links` moving links at n poses."""
 
     def __init__(self, links: int, n: int):
         self.links, self.n = links, n
@@ -71,7 +71,7 @@ class Stack:
         self.bias.append(np.broadcast_to(bias, (self.n,)))
 
     def coincide(self, a: Side, b: Side) -> None:
-        """D = 0, three rows."""
+        """D = 0, three equations."""
         gap, bias = b.point - a.point, b.point_bias - a.point_bias
         turn_a, turn_b = skew(a.arm), -skew(b.arm)
         for i in range(3):
@@ -94,7 +94,7 @@ class Stack:
         self._add(dot(a.frame[..., i], b.point - a.point), motion.bias, motion.terms)
 
     def weighted(self, residual: Array, bias: Array, terms: list[tuple[Array, "CoordinateMotion"]]) -> None:
-        """A weighted sum of joint coordinates is given, weights (n,) or scalar; residual in [rad] or [m]."""
+        """Prescribe a weighted sum of joint coordinates, weights (n,) or scalar; residual in [rad] or [m]."""
         scaled = [
             (slot, weight[..., None] * linear, weight[..., None] * angular)
             for weight, moved in terms
@@ -104,17 +104,17 @@ class Stack:
         self._add(residual, total, scaled)
 
     def rows(self) -> Rows:
-        """Return all rows collected."""
+        """Return all collected equations."""
         return Rows(np.stack(self.residual, 1), np.stack(self.jacobian, 1), np.stack(self.bias, 1))
 
 
 @dataclass(frozen=True, slots=True)
 class CoordinateMotion:
-    """How a coordinate of a joint moves with the links.
+    """Dependence of a joint coordinate on the motion of the links.
 
     Attributes:
         rate: at the links' twists, (n,) per second.
-        bias: its second rate at zero acceleration of the links, (n,).
+        bias: velocity-product term: its second rate at zero link accelerations, (n,).
         terms: link's slot, and the coordinate's derivative by its velocity and angular velocity, (n, 3) each.
     """
 
@@ -124,7 +124,7 @@ class CoordinateMotion:
 
 
 def slide_motion(a: Side, column: int, b: Side) -> CoordinateMotion:
-    """Return how the gap between two sides along a direction of a's frame moves with their links."""
+    """Return the motion of the gap between two sides along a direction of a's frame."""
     u, u_rate, u_bias = a.direction(column)
     gap, gap_rate = b.point - a.point, b.point_velocity - a.point_velocity
     bias = 2.0 * dot(u_rate, gap_rate) + dot(u_bias, gap) + dot(u, b.point_bias - a.point_bias)
@@ -133,10 +133,10 @@ def slide_motion(a: Side, column: int, b: Side) -> CoordinateMotion:
 
 
 def coordinate_motion(joint: Joint, index: int, a: Side, b: Side) -> CoordinateMotion:
-    """Return how one coordinate of a joint, in the order of `Joint.coordinates`, moves with its links.
+    """Return the motion of a joint coordinate, by its index in `Joint.coordinates`.
 
     Raises:
-        InputError: for the angles of crossed axes, which no row couples or drives.
+        InputError: for the angles of crossed axes, which no equation can couple or drive.
     """
     kind = KINDS[joint.kind]
     if index < len(kind.slides):
@@ -144,18 +144,18 @@ def coordinate_motion(joint: Joint, index: int, a: Side, b: Side) -> CoordinateM
     if kind.crossed:
         raise InputError(
             f"coordinate {joint.coordinates[index]!r} of a {joint.kind} joint is coupled or driven, which is "
-            "not known here; have two joints of one axis each in its place"
+            "not supported; use two joints with one axis each instead"
         )
     axis = a.frame[..., 2]
     zero = np.zeros_like(axis)
-    # the sides turn against each other about the axis, which a rate of the axis is square to: no bias
+    # the relative rotation is about the axis, to which a rate of the axis is perpendicular: no such term
     return CoordinateMotion(
         dot(axis, b.spin - a.spin), np.zeros(len(axis)), [(a.slot, zero, -axis), (b.slot, zero, axis)]
     )
 
 
 def add_joint(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
-    """Add the rows of one joint: as many lengths as it transmits forces, then a row for each moment."""
+    """Add the equations of a joint: a length for each force component, one for each moment component."""
     kind = KINDS[joint.kind]
     if not kind.slides:
         stack.coincide(a, b)
@@ -174,13 +174,13 @@ def add_joint(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
 
 
 def is_length(joint: Joint) -> list[bool]:
-    """Say of each row of a joint whether its residual is a length."""
+    """Return for each equation of a joint whether its residual is a length."""
     kind = KINDS[joint.kind]
     return [True] * kind.forces + [False] * kind.moments
 
 
 Poses = Mapping[str, Pose]
-# crank angle, or driver -> value; None where drivers are free
+# crank angle, or driver -> value; None for free drivers
 Angles = ArrayLike | Mapping[str, ArrayLike] | None
 
 
@@ -195,14 +195,14 @@ def equations(
     Args:
         mechanism: the mechanism.
         poses: moving link -> n poses.
-        angle: crank angle that the driver row asks for, scalar or (n,) in [rad]; of several drivers each
-            one's value, else they are taken as they stand. None leaves the rows of drivers out.
-        twists: moving link -> (n, 6) velocity of the origin and angular velocity; only the bias
-            depends on them. None means at rest.
+        angle: prescribed crank angle, scalar or (n,) in [rad], or driver -> value; drivers without a value
+            keep theirs. None omits the equations of drivers.
+        twists: moving link -> (n, 6) velocity of the origin and angular velocity, which determine
+            the bias; None means at rest.
 
     Returns:
-        Rows in the order of the joints, then couplings (`Mechanism.laws`), holds, and drivers. Residuals in
-        [m], [rad] or cosines of angles.
+        Equations in the order of joints, couplings (`Mechanism.laws`), locked coordinates and drivers.
+        Residuals in [m], [rad] or cosines of angles.
     """
     names = [link.name for link in mechanism.links]
     n = next(iter(poses.values())).position.shape[0]
@@ -260,10 +260,10 @@ def _add_law(
     motion: Callable[[str], CoordinateMotion],
     prescribed: Mapping[str, ArrayLike | None],
 ) -> None:
-    """Add the row of a coupling."""
+    """Add the equation of a coupling."""
 
-    def counted(name: str) -> Array:
-        """A driver's own value counts its turns, and that of a start, so that any ratio works."""
+    def multi_turn_value(name: str) -> Array:
+        """Return the value of a driver or of the guess with its revolutions, for any ratio."""
         current, target = value(name), prescribed.get(name)
         if target is None and name not in mechanism.drivers:
             target = mechanism.guess_coordinates.get(name)
@@ -272,7 +272,7 @@ def _add_law(
         return np.asarray(target) + wrapped(current - np.asarray(target))
 
     def total(terms: Mapping[str, float]) -> Array:
-        return sum((weight * counted(name) for name, weight in terms.items()), np.zeros(stack.n))
+        return sum((weight * multi_turn_value(name) for name, weight in terms.items()), np.zeros(stack.n))
 
     current, derivative, second_derivative = law.polynomial(total(law.right_terms))
     residual = total(law.left_terms) - law.zeros[0] - current
@@ -286,7 +286,7 @@ def _add_law(
 
 
 def lengths(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
-    """Say of each of the first `count` rows of a mechanism whether its residual is a length, (count,)."""
+    """Return for the first `count` equations of a mechanism whether their residual is a length, (count,)."""
     is_length_row = [length for joint in mechanism.joints for length in is_length(joint)]
     firsts = [next(iter(law.left_terms)) for law in mechanism.laws]
     named = (*firsts, *mechanism.locked, *mechanism.drivers)
@@ -296,18 +296,18 @@ def lengths(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
 
 
 def row_units(mechanism: Mechanism, count: int) -> Array:
-    """Return factors that make the first `count` rows of a mechanism free of units, (count,)."""
+    """Return factors that make the first `count` equations of a mechanism dimensionless, (count,)."""
     return np.where(lengths(mechanism, count), 1.0 / mechanism.characteristic_length, 1.0)
 
 
 def scaled(mechanism: Mechanism, jacobian: Array) -> Array:
-    """Make a Jacobian free of units: lengths in units of the mechanism's size."""
+    """Return a Jacobian without units: lengths in units of the characteristic length."""
     columns = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, len(mechanism.links))
     return jacobian * columns * row_units(mechanism, jacobian.shape[1])[:, None]
 
 
 def residual_norms(mechanism: Mechanism, poses: Poses, angle: Angles) -> tuple[Array, Array]:
-    """Return how far the loops stand open at each pose: (n,) in [m] and (n,) in [rad]."""
+    """Return the loop-closure errors at each pose: (n,) in [m] and (n,) in [rad]."""
     rows = np.abs(equations(mechanism, poses, angle).residual)
     long = lengths(mechanism, rows.shape[1])
     return rows[:, long].max(1, initial=0.0), rows[:, ~long].max(1, initial=0.0)

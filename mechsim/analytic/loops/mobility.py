@@ -1,4 +1,4 @@
-"""What the drivers determine, by rank at generic poses: undetermined joints and redundant drivers."""
+"""Undetermined joints and redundant drivers, by the rank of the loop Jacobian at generic poses."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -18,31 +18,31 @@ from mechsim.numerics.loop_solver import NEARBY, loop_solver
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, least_norm, null_spaces, rank, significant
 
-# dimensions are taken to be known to this part of the size, and axes to as many radians: files with six
-# digits are off by 1e-6, and no linkage that was meant to be rigid moves for so little. Rows below it at all,
-# of a ball at the point through which all axes of its loop pass, are such digits and nothing else
+# accuracy of dimensions relative to the size, and of axes in [rad]: files with six digits have errors of
+# 1e-6, and no rigid linkage moves by so little. Equations below it (of a spherical joint at the common point
+# of all axes of its loop) consist of rounding only
 DIMENSION_TOLERANCE = 1e-5
-# displacement from one pose to the next, in radians or parts of the size
+# displacement from a pose to the next, in [rad] or characteristic lengths
 SPACING = 0.15
-# poses at which ranks are evaluated: at one of them the rank may be lower
+# number of poses at which ranks are evaluated: at a single pose the rank can be lower
 SAMPLED_POSES = 5
-# generic poses at which the rank is compared with that at the start
+# number of generic poses at which the rank is compared with that at the start
 PROBES = 2
-# Gauss-Newton steps to a generic pose: the residual of inconsistent equations remains, the steps vanish
+# Gauss-Newton steps to a generic pose: inconsistent equations keep a residual, but steps vanish
 CONSISTENT = NewtonSettings(max_iterations=40, rounding=0.0, last_step=1e-12, max_step=0.3)
 
 
 def generic_poses(
     loops: TreeLoops, start: Coordinates, count: int, tolerance: float, floor: float = FLOOR
 ) -> list[Coordinates]:
-    """Return poses near a start, one after the other, drivers and holds as free as the rest.
+    """Return successive poses near a start, with drivers and locked coordinates free.
 
     Args:
-        loops: of the mechanism.
-        start: one set of coordinates, closed or nearly so.
-        count: of poses.
-        tolerance: singular values below this part of the largest are zero.
-        floor: so are those below it.
+        loops: the loop equations.
+        start: a set of coordinates, closed or nearly so.
+        count: number of poses.
+        tolerance: singular values below this fraction of the largest are zero.
+        floor: singular values below it are zero.
     """
     random, q = np.random.default_rng(7), nearest_consistent(loops, start, tolerance, floor)
     poses: list[Coordinates] = []
@@ -61,16 +61,16 @@ def generic_poses(
 def nearest_consistent(
     loops: TreeLoops, q: Coordinates, tolerance: float, floor: float = FLOOR
 ) -> Coordinates:
-    """Return the configuration nearest to one that reduces the residual of the independent equations most."""
+    """Return the nearest configuration with the least residual of the independent equations."""
     system = LoopSystem(loops, np.arange(loops.tree.count))
     return newton(system, q, CONSISTENT, lambda matrix, right: least_norm(matrix, right, tolerance, floor)).q
 
 
 def with_coordinate_locked(null_space: Array, coordinate: int) -> Array:
-    """Return the null_space in which a coordinate that has part in them does not move, one fewer."""
+    """Return the null space with a coordinate locked, which has one dimension less."""
     component = null_space[:, coordinate]
     rows = np.flatnonzero(component)
-    # a reflection puts all of the coordinate's part into the first of them
+    # a reflection moves the component of the coordinate into the first vector
     mirror = component[rows]
     mirror[0] += np.copysign(np.linalg.norm(mirror), mirror[0])
     reflected = np.outer(2.0 / (mirror @ mirror) * mirror[1:], mirror @ null_space[rows])
@@ -81,24 +81,23 @@ def with_coordinate_locked(null_space: Array, coordinate: int) -> Array:
 
 # smallest participation of a driver in a degree of freedom
 MIN_DRIVER_PARTICIPATION = 1e-7
-# smallest share of a loop in dependent rows for it to be named
+# smallest fraction of a dependent combination of equations for which a loop is named
 MIN_SHARE = 0.1
 
 
 def require_no_redundant_drivers(solver: TreeSolver) -> None:
-    """Reject drivers and locked joints that those before them determine already.
+    """Raise MobilityError for drivers and locked coordinates that others determine already.
 
     Args:
-        solver: of the mechanism's loops, about coordinates closed or nearly so; what cannot be closed at all
-            is left to others.
+        solver: solver about coordinates closed or nearly so; loops that cannot close raise errors elsewhere.
 
     Raises:
-        MobilityError: naming them.
+        MobilityError: names the coordinates.
     """
     loops, start = solver.loops, solver.reference
     if rank(solver.at_reference.jacobian[..., 0]) == len(solver.rows):
         return
-    # at a dead centre a single crank cannot move either: another pose decides
+    # at a dead centre a single crank cannot move either: use another pose
     (q,) = generic_poses(loops, start, 1, RANK_TOLERANCE)
     if not np.abs(loops.linearise(q)[0]).max(initial=0.0) < CLOSED:
         return
@@ -111,31 +110,32 @@ def require_no_redundant_drivers(solver: TreeSolver) -> None:
     if locked:
         raise MobilityError(
             f"{mechanism.name}: overdetermined: {', '.join(locked)} cannot move, for "
-            f"{' and '.join(_nearly_dependent_joints(loops, q))} ask for the same but for less than "
-            f"{DIMENSION_TOLERANCE:g} of the size, and lock each other; make one of them "
+            f"{' and '.join(_nearly_dependent_joints(loops, q))} have nearly dependent constraints, with a "
+            f"difference below {DIMENSION_TOLERANCE:g} of the size, and lock each other; make one of them "
             "inactive, or its dimensions exact",
             "overdetermined",
         )
     if redundant and not independent:
         raise MobilityError(
-            f"{mechanism.name}: overdetermined: joints and couplings leave {', '.join(redundant)} no "
-            "freedom; leave one of them out, or change a ratio or a dimension by which they disagree",
+            f"{mechanism.name}: overdetermined: joints and couplings leave {', '.join(redundant)} no degree "
+            "of freedom; leave one of them out, or change a ratio or a dimension that contradicts another",
             "overdetermined",
         )
     if redundant:
         listed = ", ".join(independent) if len(independent) <= LISTED else f"{len(independent)} others"
-        determine = f"{listed} settle{'s' if len(independent) == 1 else ''}"
+        determine = f"{listed} determine{'s' if len(independent) == 1 else ''}"
         raise MobilityError(
-            f"{mechanism.name}: overdetermined: {determine} {', '.join(redundant)} already; drive or hold no "
-            f"more joints than {len(independent)}, as in --drive {independent[0]}=LAW",
+            f"{mechanism.name}: overdetermined: {determine} {', '.join(redundant)} already; drive or lock at "
+            f"most {len(independent)} joint{'s' if len(independent) > 1 else ''}, as in "
+            f"--drive {independent[0]}=LAW",
             "overdetermined",
         )
 
 
 def _independent(loops: TreeLoops, names: Iterable[str], null_space: Array) -> tuple[list[str], list[str]]:
-    """Return which coordinates of a null space, (dofs, count), are independent, and which depend on those.
+    """Return which coordinates of a null space, (dofs, count), are independent, and which depend on them.
 
-    Each coordinate in turn is locked: it is independent if it still moves with those before it locked.
+    A coordinate is independent if it can still move with all independent ones before it locked.
     """
     independent: list[str] = []
     dependent: list[str] = []
@@ -150,7 +150,7 @@ def _independent(loops: TreeLoops, names: Iterable[str], null_space: Array) -> t
 
 
 def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
-    """Return the names of the cut joints whose constraint equations are nearly dependent."""
+    """Return the names of the cut joints with nearly dependent constraint equations."""
     u, values, _ = np.linalg.svd(loops.linearise(q)[1][..., 0], full_matrices=False)
     share = np.abs(
         u[:, significant(values) & ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)]
@@ -161,18 +161,18 @@ def _nearly_dependent_joints(loops: TreeLoops, q: Coordinates) -> list[str]:
     return [loops.cuts[i].joint.name for i in dict.fromkeys(indices)] or ["couplings"]
 
 
-# displacement along a freedom, in radians or parts of the size; a residual that is closed; and the part of
-# the displacement by which a joint or a point is seen to move
+# displacement along a degree of freedom, in [rad] or characteristic lengths; residual of closed loops; and
+# fraction of the displacement above which a joint or a point counts as moved
 NULL_DISPLACEMENT, CLOSED, MIN_MOTION = 1e-3, 1e-10, 1e-2
 # smallest participation of a coordinate in a null direction; and largest number of names in a message
 MIN_PARTICIPATION, LISTED = 1e-6, 12
 
 
 def require_determined(solver: TreeSolver) -> None:
-    """Reject a mechanism with undetermined degrees of freedom; passive ones, as a rod's spin, do not count.
+    """Raise MobilityError for a mechanism with undetermined degrees of freedom, passive ones excepted.
 
     Args:
-        solver: of its loops, about a pose that is no special one.
+        solver: solver of its loops about a generic pose.
 
     Raises:
         MobilityError: names one joint or point for each undetermined degree of freedom.
@@ -181,18 +181,17 @@ def require_determined(solver: TreeSolver) -> None:
     floating_joints = {joint.name for joint in loops.tree.mechanism.joints if KINDS[joint.kind].floating}
     if names:
         listed = " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
-        base = ", hold the base (--fix-base)" if floating_joints & {*names} else ""
+        base = ", fix the base (--fix-base)" if floating_joints & {*names} else ""
         raise MobilityError(
-            f"{loops.tree.mechanism.name}: underdetermined: with what is driven held, {listed} "
-            f"{'are' if len(names) > 1 else 'is'} left open; drive, hold or couple "
-            f"{'them' if len(names) > 1 else 'it'}{base}, lock what is left open (--lock-others), "
-            f"or {STEPPED}",
+            f"{loops.tree.mechanism.name}: underdetermined: with the drivers locked, {listed} can still "
+            f"move; drive, lock or couple {'them' if len(names) > 1 else 'it'}{base}, lock "
+            f"all undetermined joints (--lock-others), or {STEPPED}",
             "underdetermined",
         )
 
 
 def undetermined_names(solver: TreeSolver) -> list[str]:
-    """Return what can move while the drivers stand, one name for each undetermined degree of freedom."""
+    """Return what can move at fixed driver positions, one name for each undetermined degree of freedom."""
     names: list[str] = []
     for name, _ in _undetermined(solver) if solver.nullity else ():
         if len(names) == LISTED:
@@ -202,18 +201,18 @@ def undetermined_names(solver: TreeSolver) -> list[str]:
 
 
 def joints_to_lock(solver: TreeSolver) -> tuple[str, ...]:
-    """Return coordinates, balls and floating joints with which locked nothing is undetermined.
+    """Return coordinates, balls and floating joints whose locks make the motion determined.
 
-    Those outside loops come first; in a loop as many as it has undetermined degrees of freedom.
+    Those outside loops come first; in a loop there are as many as it has undetermined degrees of freedom.
     """
     names = (name for _, name in _undetermined(solver, loops_last=True)) if solver.nullity else ()
     return tuple(dict.fromkeys(names))
 
 
 def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[tuple[str, str]]:
-    """Yield what can move, one name for each freedom: with all before it held, it still can.
+    """Yield one name for each undetermined degree of freedom, with all names before it locked.
 
-    Each comes with what locks it: its coordinate, or the ball or floating joint.
+    Each has what locks it: its coordinate, or the ball or floating joint.
     """
     loops, null_space = solver.loops, solver.null_space
     tree = loops.tree
@@ -221,7 +220,7 @@ def _undetermined(solver: TreeSolver, *, loops_last: bool = False) -> Iterator[t
     free = [name for name, index in tree.index_of.items() if index in loops.unknown]
     joints = {name: joint for joint in tree.mechanism.joints for name in joint.coordinates}
     if loops_last:
-        # a coordinate that no loop ties to others is a null-space direction of its own
+        # a coordinate that is in no loop is a null direction itself
         free.sort(
             key=lambda name: float(np.linalg.norm(null_space[:, columns[name]])) < 1.0 - MIN_PARTICIPATION
         )
@@ -254,7 +253,7 @@ def _displaced_by(solver: TreeSolver, null_space: Array, column: int) -> list[st
         result = newton(replace(solver, reference=displaced_q), displaced_q, NEARBY)
     except np.linalg.LinAlgError:
         return []
-    # at a singular pose the loops draw it back
+    # at a singular pose the loops do not allow the displacement
     if np.abs(result.linearised.residual).max(initial=0.0) >= CLOSED:
         return []
     return _displaced_names(loops, solver.reference, result.q)
@@ -288,13 +287,13 @@ def _points(loops: TreeLoops, poses: LinkPoses) -> Mapping[str, Array]:
 
 @dataclass(frozen=True, slots=True)
 class Determinacy:
-    """What the drivers of a mechanism determine.
+    """The degrees of freedom that the drivers of a mechanism determine.
 
     Attributes:
         dofs: degrees of freedom left by loops, couplings and locked joints, passive ones included.
         drivers: names of the driven coordinates.
-        undetermined: coordinates or points that can move while the drivers stand, one for each
-            undetermined degree of freedom.
+        undetermined: coordinates or points that can move at fixed driver positions, one for each undetermined
+            degree of freedom.
         redundant_drivers: drivers and locked joints that others determine already.
         redundant_equations: dependent equations of joints and couplings.
     """
@@ -338,13 +337,13 @@ def driver_determinacy(mechanism: Mechanism) -> Determinacy:
 
 @dataclass(frozen=True, slots=True)
 class DofCount:
-    """Numbers by the rank of the loop Jacobian, at that of several poses where it is largest.
+    """Counts by the rank of the loop Jacobian, at the pose with the largest rank of several.
 
     Attributes:
-        mobility: degrees of freedom that all joints leave.
-        passive: degrees of freedom with the drivers locked, which move no tracked point by themselves.
-        redundant: dependent equations.
-        rank: of the loop equations in maximal coordinates without drivers.
+        mobility: degrees of freedom of all joints.
+        passive: degrees of freedom with the drivers locked that move no tracked point.
+        redundant: number of dependent equations.
+        rank: rank of the loop equations in maximal coordinates without drivers.
     """
 
     mobility: int
@@ -356,7 +355,7 @@ class DofCount:
 def dof_count(mechanism: Mechanism, poses: Mapping[str, Pose]) -> DofCount:
     """Return mobility, passive degrees of freedom and redundant equations at n poses that close the loops.
 
-    At most `SAMPLED_POSES` or a few more are used, evenly spread: at a single one the rank may be lower.
+    About `SAMPLED_POSES` evenly spread poses are used: at a single pose the rank can be lower.
     """
     step = max(1, len(next(iter(poses.values())).position) // SAMPLED_POSES)
     sample = {name: pose.select(slice(None, None, step)) for name, pose in poses.items()}
@@ -376,7 +375,7 @@ def dof_count(mechanism: Mechanism, poses: Mapping[str, Pose]) -> DofCount:
 
 
 def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return what is to be locked so that the drivers determine the rest, as `joints_to_lock` chooses it.
+    """Return what must be locked so that the drivers determine the rest, as in `joints_to_lock`.
 
     Raises:
         AssemblyError: where the loops do not close.
@@ -385,11 +384,11 @@ def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def _at_generic_pose(mechanism: Mechanism) -> tuple[TreeSolver, Array]:
-    """Return a solver about the pose near the start where the rank is highest, and the Jacobian there."""
+    """Return a solver about the pose near the start with the highest rank, and the Jacobian there."""
     loops, guess = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
     try:
         start = closed(replace(loops, driven=()), guess)
-    except AssemblyError:  # with the drivers at their start the loops may close, or the error says why not
+    except AssemblyError:  # at the drivers' start the loops may close; otherwise the error gives the reason
         loops, start = assembled(mechanism)
     poses = [start, *generic_poses(loops, start, PROBES, RANK_TOLERANCE)]
     poses = [q for q in poses if np.abs(loops.linearise(q)[0]).max(initial=0.0) < CLOSED]
@@ -398,16 +397,16 @@ def _at_generic_pose(mechanism: Mechanism) -> tuple[TreeSolver, Array]:
 
 
 def checked_start(mechanism: Mechanism) -> TreeSolver:
-    """Return what solves the loops of a mechanism about the coordinates in which it begins to move.
+    """Return the solver about the configuration in which a mechanism starts to move.
 
     Raises:
         AssemblyError: where the loops do not close at the start.
-        MobilityError: where the drivers leave joints or tracked points open, or are too many.
+        MobilityError: if the drivers leave joints or tracked points undetermined, or are redundant.
     """
     try:
         loops, start = assembled(mechanism)
     except AssemblyError:
-        # drivers that are too many seldom agree to the last digit
+        # redundant drivers seldom agree to the last digit
         require_no_redundant_drivers(
             loop_solver(*tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism)))
         )

@@ -26,22 +26,22 @@ from mechsim.numerics.continuation import PathNames
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.path_segments import PrescribedValues
 
-# part of the quickest turn of any link along an idle freedom at which another turns with it
+# angular velocity of a link in a passive motion, relative to the largest, above which it rotates
 MIN_SPIN = 1e-6
-# a gear ratio times turns of the crank is a whole number to this
+# tolerance of integers, for a gear ratio times revolutions of the crank
 INTEGER_TOLERANCE = 1e-12
 
 
 def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth") -> LoopPath:
-    """Return the path of a mechanism's assembly over its crank angle, as yet no longer than its start.
+    """Return the path of a mechanism's assembly mode over its crank angle; it contains only its start.
 
     Args:
-        mechanism: its guess says which assembly is meant.
-        change_point: "smooth" or "branch" where two assemblies meet.
+        mechanism: its guess selects the assembly mode.
+        change_point: policy "smooth" or "branch" at change points.
 
     Raises:
         AssemblyError: where the loops do not close at the start.
-        MobilityError: where the crank leaves joints or tracked points open, or is held by the loops.
+        MobilityError: if the crank leaves joints or tracked points undetermined, or the loops lock it.
         InputError: for a mechanism without a crank.
     """
     mechanism = described(mechanism)
@@ -53,15 +53,15 @@ def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth")
 
 
 def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
-    """Return the poses at crank angles in the assembly of the mechanism's guess: moving link -> n poses.
+    """Return the poses at crank angles in the assembly mode of the mechanism's guess: moving link -> n poses.
 
     Args:
-        mechanism: the mechanism; its guess says which assembly is meant.
+        mechanism: the mechanism; its guess selects the assembly mode.
         angles: crank angles, not wrapped, in any order, (n,) in [rad].
 
     Raises:
         AssemblyError: where the loops do not close.
-        MobilityError: where the crank leaves joints or tracked points open.
+        MobilityError: if the crank leaves joints or tracked points undetermined.
 
     Accuracy: residuals of a few ulp of the longest link away from a dead centre.
     """
@@ -85,24 +85,25 @@ def solve(
 ) -> Motion:
     """Return the motion of any mechanism from its loop equations alone.
 
-    Where two assemblies meet on its path, as in a parallelogram laid flat, the motion goes on smoothly,
-    and rates there are limits; or it folds into the other one, which keeps the sign of the loops'
-    determinant, and rates there are those on one side.
+    At change points, such as the flat pose of a parallelogram, the motion continues by the policy: smoothly,
+        with
+    rates that are limits, or in the branch with the same sign of the loops' determinant, with one-sided
+    limits of the rates.
 
     Args:
-        mechanism: the mechanism, whose guess selects the assembly; or what has one, as those of the
-            catalogue have, whose parameters select it at the first crank angle.
-        angles: crank angles, not wrapped, in any order, (n,) in [rad] or text, as "0:360:5deg".
-        speed: crank speed, scalar or (n,) in [rad/s] or text, as "600rpm".
+        mechanism: the mechanism, whose guess selects the assembly mode; or an object that has one, such as a
+            catalogue mechanism, whose parameters select it at the first crank angle.
+        angles: crank angles, not wrapped, in any order, (n,) in [rad] or text such as "0:360:5deg".
+        speed: crank speed, scalar or (n,) in [rad/s] or text such as "600rpm".
         acceleration: crank acceleration, scalar or (n,) in [rad/s2].
-        change_point: "smooth" or "branch" where two assemblies meet.
+        change_point: policy "smooth" or "branch" at change points.
 
     Raises:
         AssemblyError: where the loops do not close.
-        MobilityError: where the crank leaves joints or tracked points open.
+        MobilityError: if the crank leaves joints or tracked points undetermined.
 
-    Accuracy: relative errors of about 1e-15 times the condition of the loops; within 5e-3 rad of a change
-        point 1e-12.
+    Accuracy: relative errors of about 1e-15 times the condition number of the loops; within 5e-3 rad of a
+        change point 1e-12.
     """
     angles, speed = units.si_angles(angles), units.si(speed, "rad/s", "the crank's speed")
     crank_angle = crank_angles(described(mechanism), angles)
@@ -118,17 +119,17 @@ def solve_along(
     acceleration: ArrayLike,
     motion_laws: MotionLaws = CRANK,
 ) -> Motion:
-    """Return the motion at values of the path parameter, (n,), and its rates; else as `solve`.
+    """Return the motion at values of the path parameter, (n,), with its rates; otherwise as `solve`.
 
     Args:
         path: from `driven_path`.
         parameter: crank angles in [rad], or times multiplied by the rate of the motion laws.
         speed: rate of the parameter, scalar or (n,) in [rad/s].
-        acceleration: its second rate, scalar or (n,) in [rad/s2].
-        motion_laws: of the drivers.
+        acceleration: its second derivative, scalar or (n,) in [rad/s2].
+        motion_laws: motion laws of the drivers.
 
     Raises:
-        AssemblyError: at the instant beyond which the loops cannot close in this assembly.
+        AssemblyError: at the instant beyond which the loops cannot close in this assembly mode.
     """
     mechanism = path.loops.tree.mechanism
     parameter = crank_angles(mechanism, parameter)
@@ -140,7 +141,7 @@ def solve_along(
 def motion_along(
     path: LoopPath, angle: Array, speed: Array, acceleration: Array
 ) -> tuple[LoopPath, LoopMotion]:
-    """Return the motion of a crank and its path, which may be that of another revolution."""
+    """Return the motion of a crank and its path, which can be that of another revolution."""
     return _motion_at(
         path, with_locked_values(path.loops, instants_of_laws(CRANK, angle, speed, acceleration)), CRANK
     )
@@ -161,7 +162,7 @@ def _motion_at(path: LoopPath, instants: Instants, motion_laws: MotionLaws) -> t
 
 
 def _on_other_revolution(path: LoopPath, revolutions: int) -> LoopPath | None:
-    """Return a path from the same pose so many turns of the crank on; None where gears make it another."""
+    """Return a path from the same pose other crank revolutions later; None if gears change the pose."""
     turn_offsets = list(path.loops.turn_offsets)
     tree = path.loops.tree
     crank = tree.index_of[tree.mechanism.crank.name]
@@ -178,10 +179,10 @@ def _on_other_revolution(path: LoopPath, revolutions: int) -> LoopPath | None:
 
 
 def spinning_links(path: LoopPath) -> frozenset[str]:
-    """Return the links that turn while all that is driven, and every tracked point, stands: as rods spin."""
+    """Return the links that rotate while all drivers and tracked points are at rest, as spinning rods."""
     tree = path.loops.tree
     names: set[str] = set()
-    # where more is open at the start than elsewhere no path begins
+    # with more undetermined motions at the start than elsewhere no path begins
     for direction in path.first.null_space:
         rates = np.zeros((tree.count, 1))
         rates[path.loops.unknown, 0] = direction
@@ -199,9 +200,9 @@ def motion_record(
     acceleration: Array,
     dimensions: Mechanism | None = None,
 ) -> Motion:
-    """Return the motion of points, links and joints as a record; the angle is the path's parameter.
+    """Return the motion of points, links and joints as a record; the angle is the path parameter.
 
-    The dimensions are the path's own, or those of a mechanism like it.
+    The dimensions are those of the path, or of a mechanism of the same structure.
     """
     tree = path.loops.tree
     mechanism = dimensions or tree.original
@@ -223,17 +224,17 @@ def motion_record(
 def driven_path(
     mechanism: Mechanism, motion_laws: MotionLaws, change_point: ChangePointPolicy = "smooth"
 ) -> LoopPath:
-    """Return the path of a mechanism's assembly over the path parameter of its motion laws.
+    """Return the path of a mechanism's assembly mode over the path parameter of its motion laws.
 
     Args:
-        mechanism: its guess selects the assembly; from the guess the drivers go straight to where their laws
-            start.
-        motion_laws: of its drivers.
-        change_point: "smooth" or "branch" where two assemblies meet.
+        mechanism: its guess selects the assembly mode; from the guess the drivers move straight to the start
+            of their laws.
+        motion_laws: motion laws of its drivers.
+        change_point: policy "smooth" or "branch" at change points.
 
     Raises:
-        AssemblyError: where the loops do not close at the guess or on the way to the start of the laws.
-        MobilityError: where the drivers leave joints or tracked points open, or are too many.
+        AssemblyError: where the loops do not close at the guess or on the path to the start of the laws.
+        MobilityError: if the drivers leave joints or tracked points undetermined, or are redundant.
     """
     if motion_laws.crank:
         return crank_path(mechanism, change_point)
@@ -253,13 +254,13 @@ def driven_path(
 
 
 def straight_line(loops: TreeLoops, start: Array, target: Array) -> tuple[PrescribedValues, float]:
-    """Return the straight line between two places of what is prescribed, (driven, 1), and its length."""
+    """Return the straight line between two sets of prescribed coordinates, (driven, 1), and its length."""
     distance = float(np.abs((target - start) / loops.units[[*loops.driven], None]).max())
     return lambda s: start + (target - start) * (s / distance), distance
 
 
 def _moved_to_start(first: TreeSolver, target: Array, policy: ChangePointPolicy) -> TreeSolver:
-    """Return what solves the loops where what is prescribed, (driven, 1), has gone straight to its place."""
+    """Return the solver after the prescribed coordinates, (driven, 1), have moved straight to a target."""
     loops = first.loops
     prescribed, distance = straight_line(loops, first.reference.values[[*loops.driven]], target)
     if distance == 0.0:
@@ -279,14 +280,14 @@ def _moved_to_start(first: TreeSolver, target: Array, policy: ChangePointPolicy)
 def instants_of_laws(
     motion_laws: MotionLaws, parameter: Array, speed: Array, acceleration: Array
 ) -> Instants:
-    """Return where the drivers are at path parameters, at its rates, (n,) each."""
+    """Return the driver positions at path parameters, with its rates, (n,) each."""
     value, first, second = motion_laws.along_path(parameter)
     rate, second_rate = first * speed, first * acceleration + second * speed**2
     return Instants(parameter, speed, acceleration, value, rate, second_rate)
 
 
 def solve_prescribed(path: LoopPath, motion_laws: MotionLaws, instants: Instants) -> Motion:
-    """Return the motion at instants, in which the drivers may stand near their motion laws.
+    """Return the motion at instants, whose driver positions may deviate slightly from their motion laws.
 
     Raises:
         AssemblyError: as `solve_along`.

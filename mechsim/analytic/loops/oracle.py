@@ -25,21 +25,21 @@ from mechsim.numerics.rank import least_norm, significant
 
 # residual of rounding, in characteristic lengths and [rad]
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
-# Gauss-Newton steps that place links without a guess, which need not close the loops; singular values below
+# Gauss-Newton steps for links without a guess, with which the loops need not close; singular values below
 # this fraction of the largest are zero
 COMPLETION = NewtonSettings(max_iterations=30, max_step=0.5)
 MIN_SINGULAR = 1e-6
-# a link rotates by at most this in one Newton step, in [rad]: beyond it the linear model is invalid
+# largest rotation of a link in a Newton step, in [rad]: beyond it the linear model is invalid
 MAX_ROTATION = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class LinearisedPoses:
-    """Loop equations linearised about n sets of poses, free of units.
+    """Loop equations linearised about n sets of poses, without units.
 
     Attributes:
         rhs: residuals, (n, m).
-        matrix: Jacobians by the displacements that may change, (n, m, k).
+        matrix: Jacobians by the free displacements, (n, m, k).
     """
 
     rhs: Array
@@ -52,8 +52,8 @@ class PoseSystem:
 
     Attributes:
         mechanism: the mechanism.
-        angle: crank angle, (n,) in [rad]; None leaves drivers free.
-        free: links that may move, (links,).
+        angle: crank angle, (n,) in [rad]; None for free drivers.
+        free: whether each link can move, (links,).
     """
 
     mechanism: Mechanism
@@ -90,7 +90,7 @@ def assemble(
     Args:
         mechanism: the mechanism.
         angles: crank angles, (n,) in [rad].
-        guess: moving link -> one pose or n poses; None takes the mechanism's own guess for all angles.
+        guess: moving link -> one pose or n poses; the default is the mechanism's own guess.
         most_steps: limit on the number of Newton steps.
         tolerance: largest residual, in characteristic lengths and in [rad].
 
@@ -98,7 +98,7 @@ def assemble(
         Moving link -> n poses.
 
     Raises:
-        AssemblyError: where the loops do not close; names the crank angle and the gap left.
+        AssemblyError: where the loops do not close; names the crank angle and the loop-closure error.
 
     Accuracy: residuals of a few ulp of the longest link away from a dead centre.
     """
@@ -120,8 +120,8 @@ def assemble(
     if not result.residual.max() <= tolerance:
         index = int(np.argmax(result.residual))
         raise AssemblyError(
-            f"{mechanism.name}: the loops do not close at crank angle {angles[index]:.6g} rad: a gap of "
-            f"{result.residual[index]:.3g} of the longest link is left after {most_steps} Newton steps; "
+            f"{mechanism.name}: the loops do not close at crank angle {angles[index]:.6g} rad: after "
+            f"{most_steps} Newton steps a gap of {result.residual[index]:.3g} of the longest link remains; "
             "change the dimensions, the crank angle or the guess"
         )
     _require_axes_aligned(mechanism, result.q, angles)
@@ -129,10 +129,10 @@ def assemble(
 
 
 def completed_poses(mechanism: Mechanism, initial: Poses) -> Poses | None:
-    """Return poses of the links without a guess that reduce the residual most; links with one do not move.
+    """Return poses of the links without a guess with the least residual; other links do not move.
 
-    A chain of joints alone places a leg anywhere, not towards the plate that it carries. None where all links
-    have a guess, or none has.
+    A chain of joints alone can place a leg anywhere, not towards the plate that it carries. None if all links
+    have a guess, or none has. have a guess, or none has.
     """
     free = np.array([link.name not in mechanism.guess for link in mechanism.links])
     if free.all() or not free.any():
@@ -144,7 +144,7 @@ def completed_poses(mechanism: Mechanism, initial: Poses) -> Poses | None:
 
 
 def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> None:
-    """Reject antiparallel axes or reference directions: the equations only require parallel ones."""
+    """Raise AssemblyError for antiparallel axes or references: the equations only require parallel ones."""
     poses_of = {GROUND: IDENTITY, **poses}
     for joint in mechanism.joints:
         for i in KINDS[joint.kind].aligned_columns:
@@ -156,20 +156,20 @@ def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> 
 
 
 def crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:
-    """Return crank angles as (n,) in [rad], or say what is wrong with them."""
+    """Return crank angles as (n,) in [rad]; raise InputError if they are invalid."""
     values = np.atleast_1d(numbers(angles))
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise InputError(
-            f"{mechanism.name}: a crank angle is no finite number, or there is none; give a list in [rad]"
+            f"{mechanism.name}: a crank angle is not a finite number, or there is none; give a list in [rad]"
         )
     return values
 
 
 def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = False) -> Array:
-    """Return the singular values of the loop Jacobian in units of the mechanism's size, (n, k), falling.
+    """Return the singular values of the loop Jacobian in characteristic lengths, (n, k), decreasing.
 
-    With the crank held, the smallest of them that belongs to a determined coordinate is the
-    distance to a singular pose (a dead centre of the crank).
+    With the crank fixed, the smallest singular value of a determined coordinate is the distance from a
+    singular pose (a dead centre of the crank).
     """
     angle = None if crank_free else 0.0
     rows = equations(mechanism, poses, angle)
@@ -178,10 +178,10 @@ def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = Fa
 
 
 def conditioning(mechanism: Mechanism, poses: Poses) -> Array:
-    """Return the distance of each pose from a singular one with the crank held, (n,), 0 to about 1.
+    """Return the distance of each pose from a singular one with the crank fixed, (n,), 0 to about 1.
 
-    The smallest singular value of the loop Jacobian in units of the mechanism's size; those that are
-    zero at every pose, of redundant equations and passive degrees of freedom, do not count.
+    It is the smallest singular value of the loop Jacobian in characteristic lengths, without those that are
+    zero at every pose, of redundant equations and passive degrees of freedom.
     """
     values = singular_values(mechanism, poses)
     rank = int(significant(values).sum(1).max())
@@ -199,7 +199,7 @@ def conditioning_of(mechanism: Mechanism, motion: Motion) -> Array:
 def rates(
     mechanism: Mechanism, poses: Poses, angle: ArrayLike, speed: ArrayLike, acceleration: ArrayLike = 0.0
 ) -> Motion:
-    """Differentiate the loop equations twice: exact velocities and accelerations of everything.
+    """Return the motion from the loop equations differentiated twice: exact velocities and accelerations.
 
     Args:
         mechanism: the mechanism.

@@ -1,4 +1,4 @@
-"""Places, rates and accelerations of many poses together, along a path that was followed."""
+"""Positions, rates and accelerations at many instants of a traced path."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
@@ -17,32 +17,33 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import Linearised
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
 
-# poses solved in one go: their arrays stay in a core's own cache
+# number of poses solved together: their arrays fit in the cache of a core
 CHUNK = 1024
 # Newton's method from an interpolated pose: a longer displacement could lead to another assembly
 FINAL = NewtonSettings(max_iterations=4, max_displacement=1e-3)
-# drivers that deviate from their path by more than this, in [rad] or characteristic lengths, are moved there
-# in steps; the largest step, and Newton's method after one
+# deviation of drivers from their path, in [rad] or characteristic lengths, above which they are moved there
+# in steps; the largest step; and Newton's method after a step
 MAX_DEVIATION, MAX_DRIVER_STEP = 1e-9, 0.02
 DRIVER_STEP = NewtonSettings(max_iterations=4, max_displacement=10.0 * MAX_DRIVER_STEP)
-# coordinates err by rounding over the conditioning, and rates by that over it once more
+# conditioning below which rates have no valid digit: errors are rounding over conditioning, in rates once
+# more
 SINGULAR = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 @dataclass(frozen=True, slots=True)
 class LoopMotion:
-    """Closed poses of a mechanism and their rates at n instants.
+    """Solved poses of a mechanism and their rates at n instants.
 
     Attributes:
-        values: coordinates of the tree in [m] and [rad], (n, count); not read for balls.
-        rates: of the coordinates, (n, count).
-        second: their second rates, (n, count).
-        position: of the links' origins, (n, links, 3) in [m].
-        rotation: (n, links, 3, 3).
-        velocity: of origins, then angular, (n, links, 6).
-        acceleration: likewise.
-        conditioning: distance of each pose from a singular one, (n,): the smallest singular value of the
-            loop Jacobian, the drivers held, in units of the mechanism's size.
+        values: coordinates of the tree in [m] and [rad], (n, count); unused for spherical joints.
+        rates: rates of the coordinates, (n, count).
+        second: their second derivatives, (n, count).
+        position: position of the links' origins, (n, links, 3) in [m].
+        rotation: rotation of the links, (n, links, 3, 3).
+        velocity: velocity of the origins, then angular velocity, (n, links, 6).
+        acceleration: acceleration of the origins, then angular acceleration, (n, links, 6).
+        conditioning: distance of each pose from a singular one, (n,): the smallest singular value of the loop
+            Jacobian with the drivers fixed, in characteristic lengths.
     """
 
     values: Array
@@ -69,15 +70,15 @@ class LoopMotion:
 
 @dataclass(frozen=True, slots=True)
 class Instants:
-    """At which parameters of a path, and how what is prescribed moves there.
+    """Instants on a path, with the motion of the prescribed coordinates.
 
     Attributes:
-        parameter: parameter of the path, (n,).
+        parameter: path parameter, (n,).
         speed: its rate, (n,) per second.
-        acceleration: its second rate, (n,).
-        value: of the prescribed coordinates, (driven, n) in [m] or [rad].
-        rate: per second, (driven, n).
-        second: second rates, (driven, n).
+        acceleration: its second derivative, (n,).
+        value: prescribed coordinates, (driven, n) in [m] or [rad].
+        rate: their rates per second, (driven, n).
+        second: their second derivatives, (driven, n).
     """
 
     parameter: Array
@@ -88,7 +89,7 @@ class Instants:
     second: Array
 
     def select(self, index: NDArray[np.intp]) -> "Instants":
-        """Return some of them."""
+        """Return the instants at some indices."""
         return Instants(*(getattr(self, field.name)[..., index] for field in fields(self)))
 
 
@@ -96,8 +97,8 @@ def loop_motion(path: LoopPath, instants: Instants) -> LoopMotion:
     """Return the motion at instants along a path.
 
     Raises:
-        AssemblyError: at the parameter beyond which the loops cannot close in this assembly, or at one so
-            near to a singular pose that no digit of the rates is left.
+        AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode, or where a
+            singular pose is so near that the rates have no valid digit.
     """
     chunks = [(chunk.index, with_rates(path, chunk)) for chunk in closed_chunks(path, instants)]
     for index, motion in chunks:
@@ -110,14 +111,14 @@ def loop_motion(path: LoopPath, instants: Instants) -> LoopMotion:
 
 @dataclass(frozen=True, slots=True)
 class ClosedChunk:
-    """Some instants of a motion, closed together.
+    """Some instants of a motion, solved together.
 
     Attributes:
-        solver: what closed them.
-        index: which instants they are, (k,).
-        instants: themselves; of d designs each d times in a row.
-        q: coordinates of the tree there.
-        linearised: about them.
+        solver: their solver.
+        index: their indices among all instants, (k,).
+        instants: the instants; of d designs each repeated d times.
+        q: coordinates of the tree.
+        linearised: the linearised loops at `q`.
     """
 
     solver: TreeSolver
@@ -128,10 +129,10 @@ class ClosedChunk:
 
 
 def closed_chunks(path: LoopPath, instants: Instants) -> Iterator[ClosedChunk]:
-    """Yield the instants in parts, each closed to rounding.
+    """Yield the instants in chunks, each solved to rounding.
 
     Raises:
-        AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+        AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
     """
     per_chunk = max(1, CHUNK // path.count)
     for solver, index, rows in path.chunks(instants.parameter):
@@ -143,7 +144,7 @@ def closed_chunks(path: LoopPath, instants: Instants) -> Iterator[ClosedChunk]:
 
 
 def merged(chunks: Sequence[tuple[NDArray[np.intp], LoopMotion]]) -> LoopMotion:
-    """Return parts of a motion put together by which instants they are."""
+    """Return chunks of a motion merged by their indices."""
     order = np.argsort(np.concatenate([index for index, _ in chunks]))
     columns = {
         field.name: [getattr(motion, field.name) for _, motion in chunks] for field in fields(LoopMotion)
@@ -154,7 +155,7 @@ def merged(chunks: Sequence[tuple[NDArray[np.intp], LoopMotion]]) -> LoopMotion:
 def _closed(
     path: LoopPath, solver: TreeSolver, instants: Instants, q: Coordinates
 ) -> tuple[Coordinates, Linearised]:
-    """Return poses closed from those of the polynomials, and the loops there."""
+    """Return poses closed from those of the polynomials, and the linearised loops."""
     driven = list(path.loops.driven)
     start = q.values[driven]
     offset = instants.value - start
@@ -175,7 +176,7 @@ def _closed(
 def _newton(
     path: LoopPath, solver: TreeSolver, s: Array, q: Coordinates, settings: NewtonSettings
 ) -> tuple[Coordinates, Linearised]:
-    """Return configurations corrected from near ones, and the loops there."""
+    """Return configurations corrected from nearby ones, and the linearised loops."""
     singular = path.near_change_point(s)
 
     def solve(matrix: Array, right: Array) -> Array:
@@ -195,14 +196,14 @@ def _too_singular(path: LoopPath, s: float) -> AssemblyError:
 
 
 def regularised(matrix: Array, singular: NDArray[np.bool_]) -> Array:
-    """Return matrices that can be solved also where the loops are singular."""
+    """Return matrices that are regular also where the loops are singular."""
     return np.where(singular[:, None, None], np.eye(matrix.shape[1]), matrix) if singular.any() else matrix
 
 
 def with_rates(path: LoopPath | None, chunk: ClosedChunk, *, conditioned: bool = True) -> LoopMotion:
-    """Return places, rates and accelerations of instants that are closed; conditioning 1 unless asked for.
+    """Return positions, rates and accelerations of solved instants; conditioning is 1 unless `conditioned`.
 
-    A path of None is one on which the loops are regular everywhere.
+    With a path of None the loops are regular everywhere.
     """
     solver, q, linearised, instants = chunk.solver, chunk.q, chunk.linearised, chunk.instants
     loops = solver.loops.at_instants(len(q))
@@ -218,7 +219,7 @@ def with_rates(path: LoopPath | None, chunk: ClosedChunk, *, conditioned: bool =
     )
 
     def solved(prescribed: Array, bias: Array) -> Array:
-        """Return the coordinates' rates of one order, in their units."""
+        """Return the derivatives of the coordinates of an order, in their units."""
         step = np.zeros((tree.count, len(q)), q.values.dtype)
         step[driven] = prescribed / units[driven]
         rhs = np.zeros_like(linearised.rhs)
@@ -276,7 +277,7 @@ def _at_origins(position: Array, twist: Array, spatial: Array) -> tuple[Array, A
 
 
 def smallest_singular_values(jacobian: Array, rank: int) -> Array:
-    """Return the smallest singular values that count of Jacobians (rows, unknowns, n), (n,); else 1."""
+    """Return the smallest relevant singular values of Jacobians (rows, unknowns, n), (n,); else 1."""
     if not rank:
         return np.ones(jacobian.shape[2])
     values = np.linalg.svd(jacobian.transpose(2, 0, 1), compute_uv=False)
@@ -284,7 +285,7 @@ def smallest_singular_values(jacobian: Array, rank: int) -> Array:
 
 
 def rates_of_polynomial(path: LoopPath, tree: SpanningTree, angle: Array) -> tuple[Array, Array]:
-    """Return first and second derivatives of the coordinates by the parameter, off the polynomials."""
+    """Return first and second derivatives of the coordinates by the parameter, of the polynomials."""
     first, second = path.derivatives(angle)
     first_rates, second_rates = first[:, : tree.count].T.copy(), second[:, : tree.count].T.copy()
     coordinates = path.interpolated(angle)

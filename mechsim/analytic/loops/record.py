@@ -1,4 +1,4 @@
-"""The coordinates of joints and the places of points, and their rates, read from how links move."""
+"""Joint coordinates and positions of points, with their rates, from the motion of links."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -23,10 +23,10 @@ def with_all_joints(mechanism: Mechanism, motion: Motion) -> Motion:
     """Return a motion with every coordinate, also of the joints that close loops.
 
     Args:
-        mechanism: that moves.
-        motion: of it, with its links; joints that it contains stay as they are.
+        mechanism: the mechanism.
+        motion: its motion with links; joints that it contains stay unchanged.
 
-    Accuracy: that of the links; angles are counted on from (-pi, pi] at the first instant.
+    Accuracy: that of the links; angles start in (-pi, pi] and are continuous from the first instant.
     """
     links, joints = {GROUND, *motion.links}, dict[str, JointMotion]()
     for joint in mechanism.joints:
@@ -34,7 +34,7 @@ def with_all_joints(mechanism: Mechanism, motion: Motion) -> Motion:
         if len(reported) < len(joint.coordinates) and {joint.a.link, joint.b.link} <= links:
             for name, coordinate in joint_motions(joint, motion.links).items():
                 value = (
-                    _counted(coordinate.value, coordinate.rate, motion.time)
+                    _with_revolutions(coordinate.value, coordinate.rate, motion.time)
                     if coordinate.unit == "rad"
                     else coordinate.value
                 )
@@ -79,13 +79,13 @@ def tree_joint_motions(
     links: Mapping[str, LinkMotion],
     values: tuple[Array, Array, Array],
 ) -> dict[str, JointMotion]:
-    """Return the motion of each coordinate, of joints that close loops from the links.
+    """Return the motion of each coordinate, for joints that close loops from the motion of their links.
 
     Args:
-        tree: whose coordinates are known.
-        joints: of the mechanism.
-        links: of the mechanism.
-        values: of the tree's coordinates, with first and second rates, (count, n) each.
+        tree: the tree with known coordinates.
+        joints: joints of the mechanism.
+        links: motions of its links.
+        values: coordinates of the tree and their first and second derivatives, (count, n) each.
     """
     motions: dict[str, JointMotion] = {}
     for joint in joints:
@@ -101,7 +101,7 @@ def tree_joint_motions(
 
 
 def _slides(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, Array]]:
-    """Yield first and second rate of each displacement, seen from link a, whose axes count it."""
+    """Yield first and second derivative of each displacement, along the axes of link a."""
     ends = point_on(a, joint.a.point), point_on(b, joint.b.point)
     gap = ends[1].position - ends[0].position
     relative = ends[1].velocity - ends[0].velocity - cross(a.angular_velocity, gap)
@@ -114,7 +114,7 @@ def _slides(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array,
 
 
 def _turns(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, Array]]:
-    """Yield first and second rate of each angle: links turn against each other about the joint's axes."""
+    """Yield first and second derivative of each angle: relative rotation about the joint's axes."""
     kind = KINDS[joint.kind]
     if kind.ball or not kind.turns:
         return
@@ -122,7 +122,7 @@ def _turns(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, 
     angular_acceleration = b.angular_acceleration - a.angular_acceleration
     axis = a.rotation @ np.asarray(joint.a.axis)
     if not kind.crossed:
-        # a rate of the axis is square to it
+        # a rate of the axis is perpendicular to it
         yield dot(axis, angular_velocity), dot(axis, angular_acceleration)
         return
     other = b.rotation @ np.asarray(joint.b.axis)
@@ -133,7 +133,7 @@ def _turns(joint: Joint, a: LinkMotion, b: LinkMotion) -> Iterator[tuple[Array, 
 
 
 def _along(axis: Array, other: Array, vector: Array) -> tuple[Array, Array]:
-    """Return the parts of vectors, (..., 3), along two unit vectors that cross."""
+    """Return the components of vectors, (..., 3), along two crossing unit vectors."""
     cosine, components = dot(axis, other), (dot(axis, vector), dot(other, vector))
     sine_squared = 1.0 - cosine**2
     return (components[0] - cosine * components[1]) / sine_squared, (
@@ -142,7 +142,7 @@ def _along(axis: Array, other: Array, vector: Array) -> tuple[Array, Array]:
 
 
 def link_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:
-    """Return the motion of a link, or of the ground, which stands still."""
+    """Return the motion of a link, or of the ground, which is at rest."""
     if name != GROUND:
         return links[name]
     zero = np.zeros_like(next(iter(links.values())).position)
@@ -150,8 +150,8 @@ def link_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:
     return LinkMotion(zero, frames, zero, zero, zero, zero)
 
 
-def _counted(angle: Array, rate: Array, time: Array | None) -> Array:
-    """Return angles with their turns: each lies nearest to where the one before led at its speed."""
+def _with_revolutions(angle: Array, rate: Array, time: Array | None) -> Array:
+    """Return angles with revolutions: each is nearest to the prediction from the one before and its rate."""
     predicted = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time) if time is not None else np.zeros(len(angle) - 1)
     step = np.diff(angle)
     step = step + REVOLUTION * np.round((predicted - step) / REVOLUTION)

@@ -1,9 +1,9 @@
-"""Dimensions known to a few digits, moved as little as lets the loops close wherever they mean to.
+"""Correction of rounded dimensions, so that the loops close at all configurations.
 
-Loops with more equations than independent ones, as of flat and spherical linkages or of a hinge held at two
-points, close in all poses only if their dimensions agree exactly. Rounded to the digits of a file they close
-in none, or lock. What is read here is where they would close but for their digits; points and axes are then
-moved by the least that makes them close there, in several poses at once.
+Redundant loops, as in planar and spherical linkages or of a hinge with two bearings, close only if their
+dimensions agree exactly. With the rounded numbers of a file they cannot close, or lock. The positions at
+which they would close with exact dimensions are solved; points and axes then get the smallest change with
+which the loops close in several poses at once.
 """
 
 from collections.abc import Sequence
@@ -28,15 +28,15 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import null_spaces, significant
 
-# no point is moved and no axis turned by more, in parts of the size and in [rad]
+# largest correction of a point relative to the characteristic length, and of an axis in [rad]
 MAX_CORRECTION = 1e-4
-# poses in which it is seen whether digits disagree, and in which the loops are to close
+# number of poses at which inconsistency is tested, and at which the corrected loops must close
 PROBES, POSES = 2, 8
-# a residual that is rounding, and the step of differences by dimensions
+# residual that counts as rounding, and step of differences by dimensions
 ROUNDING, STEP = 1e-13, 1e-6
-# part of a sum of rows that counts
+# smallest relevant fraction of a combination of equations
 MIN_SHARE = 1e-6
-# singular values below these fractions of the largest are zero, round by round
+# fractions of the largest singular value below which others are zero, by iteration
 CUTOFFS = (1e-4, 1e-4, 1e-5, 1e-5, 1e-6)
 
 
@@ -45,9 +45,9 @@ class Corrected:
     """A mechanism whose loops close exactly.
 
     Attributes:
-        mechanism: with its points and axes where they let the loops close.
-        moved: the farthest that a point of a joint was moved, in [m].
-        rotated: the most that an axis was turned, in [rad].
+        mechanism: the mechanism with corrected points and axes.
+        moved: largest displacement of a joint point, in [m].
+        rotated: largest rotation of a joint axis, in [rad].
     """
 
     mechanism: Mechanism
@@ -56,9 +56,9 @@ class Corrected:
 
 
 def corrected(mechanism: Mechanism) -> Corrected:
-    """Return a mechanism with the digits of its dimensions made to agree; as it is where they do.
+    """Return a mechanism with consistent dimensions; unchanged if they are consistent already.
 
-    What would have to be moved by more than `MAX_CORRECTION` is left as it is.
+    Corrections above `MAX_CORRECTION` are not made.
     """
     loops, guess = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
     if not loops.rows or not _inconsistent(
@@ -92,7 +92,7 @@ def corrected(mechanism: Mechanism) -> Corrected:
 
 
 def _inconsistent(loops: TreeLoops, poses: Sequence[Coordinates]) -> bool:
-    """Whether rounding decides: rows that nearly repeat others, or stand open where these are closed."""
+    """Whether rounding decides: equations are nearly redundant, or violated where others are satisfied."""
     for q in poses:
         residual, jacobian, _ = loops.linearise(q)
         values = np.linalg.svd(jacobian[..., 0], compute_uv=False)
@@ -106,7 +106,7 @@ def _inconsistent(loops: TreeLoops, poses: Sequence[Coordinates]) -> bool:
 
 
 def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates]) -> set[str]:
-    """Return the joints of the loops whose digits disagree, and of all loops that share one with them."""
+    """Return the joints of inconsistent loops, and of all loops that share a joint with them."""
     tree = loops.tree
     around = [
         {
@@ -161,13 +161,13 @@ def _loops(mechanism: Mechanism) -> TreeLoops:
 
 
 def _enters_equations(joint: Joint, component: int) -> bool:
-    """Whether a shift (0 to 2) or a turn (3 to 5) of a joint's side changes its equations."""
+    """Whether a shift (0 to 2) or a rotation (3 to 5) of a joint's side changes its equations."""
     kind = KINDS[joint.kind]
     return not kind.floating and (component < 3 or not kind.ball)
 
 
 def with_moved_sides(mechanism: Mechanism, change: Array) -> Mechanism:
-    """Return a mechanism whose joint sides are shifted, in parts of the size, and turned, in [rad]."""
+    """Return a mechanism with joint sides shifted, in characteristic lengths, and rotated, in [rad]."""
     length = mechanism.characteristic_length
     joints = tuple(
         replace(joint, a=_moved(joint.a, sides[0], length), b=_moved(joint.b, sides[1], length))

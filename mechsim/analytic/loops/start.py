@@ -1,4 +1,4 @@
-"""Assembly in coordinates of the tree, from the guess or random starts, and why loops do not close."""
+"""Assembly in coordinates of the tree, from the guess or random starts, and messages for open loops."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -20,8 +20,8 @@ from mechsim.numerics.rank import least_norm, significant
 
 # largest residual of closed loops, in radians and characteristic lengths
 CLOSED = 1e-12
-# by which part of a gap its loop moves that does not move that way at all; how far away another pose is,
-# in [rad] and characteristic lengths; and the smallest component of a gap that is reported
+# relative motion of a loop along its gap below which the gap is immobile; distance of another pose in [rad]
+# and characteristic lengths; and smallest component of a gap that is reported
 IMMOBILE, OTHER_POSE, MIN_COMPONENT = 1e-6, 0.3, 1e-3
 # Newton's method from a guess: no step rotates a joint by more than 0.5 rad
 ASSEMBLY = NewtonSettings(
@@ -39,33 +39,33 @@ def close_nearest(loops: TreeLoops, q: Coordinates) -> tuple[Coordinates, Array]
 
 
 def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates, remaining: float) -> str:
-    """Return the message that gives the residual, and the driver positions at which the loops would close.
+    """Return the message with the residual, and the driver positions at which the loops would close.
 
     Args:
-        loops: of the mechanism.
-        initial: coordinates from which they were to be closed.
-        final: those in which they were left.
-        remaining: by which they then stood open, in parts of the size.
+        loops: loop equations of the mechanism.
+        initial: coordinates from which Newton's method started.
+        final: coordinates at which it ended.
+        remaining: residual there, in characteristic lengths.
     """
     mechanism = loops.tree.mechanism
     text = (
-        f"{mechanism.name}: the loops do not close at {_stands(loops, final)}: a gap of {remaining:.3g} "
-        f"of the longest link is left after {ASSEMBLY.max_iterations} Newton steps"
+        f"{mechanism.name}: the loops do not close at {_driver_text(loops, final)}: after "
+        f"{ASSEMBLY.max_iterations} Newton steps a gap of {remaining:.3g} of the longest link remains"
     )
     undriven = replace(loops, driven=loops.driven[len(mechanism.drivers) :])
     solution, violation = close_nearest(undriven, initial)
     if violation[0] < CLOSED:
-        near_by = f"from the guess they close at {_stands(loops, solution)}"
+        near_by = f"from the guess they close at {_driver_text(loops, solution)}"
         return f"{text}; {near_by}: start there, or change the dimensions"
     if across := _across(undriven, solution):
-        return f"{text}, for {across}; move one of its points by that"
+        return f"{text}, because {across}; move one of its points by that"
     return (
-        f"{text}, and from the guess {_widest(undriven, solution)} stays open wherever the drivers "
-        "stand; change the dimensions, where the drivers start, or the guess"
+        f"{text}, and from the guess {_widest(undriven, solution)} remains open at any driver "
+        "positions; change the dimensions, the start of the drivers, or the guess"
     )
 
 
-def _stands(loops: TreeLoops, q: Coordinates) -> str:
+def _driver_text(loops: TreeLoops, q: Coordinates) -> str:
     tree = loops.tree
     indices = {name: tree.index_of[name] for name in tree.mechanism.drivers}
     return ", ".join(
@@ -77,7 +77,7 @@ def _stands(loops: TreeLoops, q: Coordinates) -> str:
 def _across(loops: TreeLoops, q: Coordinates) -> str:
     """Return the joint with the largest gap that its loop cannot change, and the gap; empty for none."""
     residual, jacobian, _ = loops.linearise(q)
-    # not in this pose alone, as all ways but one of a linkage that is stretched
+    # not only at this pose, where a stretched linkage can move in one direction only
     displaced = loops.displaced(
         q, OTHER_POSE * (1.0 + 0.3 * np.arange(loops.tree.count))[:, None] / loops.tree.count
     )
@@ -101,7 +101,7 @@ def _across(loops: TreeLoops, q: Coordinates) -> str:
             )
             largest, text = (
                 violation,
-                f"{cut.joint.name} stays open by ({along}) m, where nothing in its loop moves",
+                f"{cut.joint.name} has a gap of ({along}) m that no joint in its loop can close",
             )
     return text
 
@@ -114,35 +114,36 @@ def _widest(loops: TreeLoops, q: Coordinates) -> str:
     return names[int(residual.argmax())]
 
 
-# damped Gauss-Newton steps from a random start, and least-norm Newton steps after them
+# damped Gauss-Newton steps from a random start, and minimum-norm Newton steps after them
 APPROACH = NewtonSettings(max_iterations=80, max_step=0.7)
 POLISH = NewtonSettings(max_iterations=4, max_step=0.7)
-# residual from which loops are expected to close
+# residual below which loops are expected to close
 NEARLY_CLOSED = 1e-6
-# singular values below this fraction of the largest are zero in the least-norm steps
+# singular values below this fraction of the largest are zero in the minimum-norm steps
 STEP_CUTOFF = 1e-7
-# and below this part, where assemblies meet, do not count
+# the same at branch points
 BRANCH_CUTOFF = 1e-6
-# how far slides are thrown, in sizes to either side
+# range of random displacements of slides, in characteristic lengths to either side
 SLIDE_RANGE = 2.0
-# bytes of Jacobians of random starts that are closed together
+# bytes of the Jacobians of random starts that are solved together
 CHUNK_BYTES = 4e6
-# how far from a branch point its branches are looked for, in radians or parts of the size, and how many ways
+# distance from a branch point at which its branches are searched, in [rad] or characteristic lengths, and
+# number of directions
 BRANCH_DISTANCE, DIRECTIONS = 0.05, 16
 
 
 def random_poses(
     loops: TreeLoops, reference: Coordinates, count: int, seed: int
 ) -> Iterator[tuple[int, Coordinates]]:
-    """Yield closed poses from random starts, without those that close not at all or with axes opposed.
+    """Yield closed poses from random starts, without those that do not close or have antiparallel axes.
 
-    Chunks of starts need little memory; each comes with the number of starts so far.
+    Chunks of starts limit the memory; each comes with the number of starts so far.
 
     Args:
-        loops: of the mechanism.
-        reference: one set of coordinates about which slides are thrown.
-        count: how many starts.
-        seed: of the random numbers.
+        loops: loop equations of the mechanism.
+        reference: a set of coordinates about which slides are displaced at random.
+        count: number of starts.
+        seed: seed of the random numbers.
     """
     tree, draw = loops.tree, np.random.default_rng(seed)
     angles = draw.uniform(-np.pi, np.pi, (tree.count, count))
@@ -160,7 +161,7 @@ def random_poses(
 
 
 def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
-    """Return closed poses all around a place where assemblies meet: some on each branch that leaves it."""
+    """Return closed poses around a branch point: some on each branch."""
     _, jacobian, _ = loops.linearise(q)
     _, values, right = np.linalg.svd(jacobian[:, loops.unknown, 0])
     null_space = right[int(significant(values, BRANCH_CUTOFF).sum()) :]
@@ -174,7 +175,7 @@ def poses_around_branch_point(loops: TreeLoops, q: Coordinates) -> Coordinates:
 
 
 def all_closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
-    """Return coordinates closed from rough ones; those that do not close are left out."""
+    """Return configurations closed from approximate ones, without those that do not close."""
     system = LoopSystem(loops, loops.unknown)
     result = newton(system, q, APPROACH, _damped)
     nearly_closed = result.q.select(result.residual < NEARLY_CLOSED)
@@ -186,7 +187,7 @@ def all_closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
 
 
 def _damped(jacobian: Array, residual: Array) -> Array:
-    """Return damped Gauss-Newton steps, (n, count): the damping goes with the residual."""
+    """Return damped Gauss-Newton steps, (n, count); the damping is proportional to the residual."""
     transposed = jacobian.transpose(0, 2, 1)
     square = transposed @ jacobian
     damping = 0.1 * (residual**2).mean(1) + 1e-13
@@ -206,11 +207,12 @@ def _rotations(quaternions: Array) -> Array:
     return np.array(rows).transpose(2, 0, 1, 3)
 
 
-# how far a link may be from its guess, in sizes and [rad], before another way to close the loops is tried
+# distance of a link from its guess, in characteristic lengths and [rad], above which other configurations are
+# tried
 MAX_DISTANCE = 0.5
-# random starts where a guess that leaves links out leads nowhere
+# number of random starts if an incomplete guess fails
 STARTS = 48
-# coordinates that are named
+# largest number of coordinates in a message
 NAMED = 6
 
 
@@ -218,14 +220,14 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
     """Return the loops of a mechanism and the coordinates in which they close nearest to its guess.
 
     Raises:
-        AssemblyError: where they do not close; names the gap that is left, and where they would.
+        AssemblyError: if they do not close; states the gap, and where they would close.
     """
-    guess, counted = rough_poses(mechanism), initial_coordinates(mechanism)
+    guess, guess_coordinates = rough_poses(mechanism), initial_coordinates(mechanism)
     candidates: list[tuple[float, TreeLoops, Coordinates]] = []
     first_error: AssemblyError | None = None
     for poses in _initial_guesses(mechanism, guess):
         try:
-            loops, initial = tree_loops(mechanism, poses, counted)
+            loops, initial = tree_loops(mechanism, poses, guess_coordinates)
             q = closed(loops, initial)
             tree_poses = link_poses(loops.tree, q)
             for name, column, cosine in axis_cosines(loops, tree_poses):
@@ -243,7 +245,7 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
 
 
 def _initial_guesses(mechanism: Mechanism, guess: Mapping[str, Pose]) -> Iterator[Mapping[str, Pose]]:
-    """Yield poses of all links from which loops may close: joints as they come, drawn, slides first."""
+    """Yield initial poses of all links: with joints in their order, completed, and with slides first."""
     yield guess
     completed = completed_poses(mechanism, guess)
     if completed is not None:
@@ -255,11 +257,11 @@ def _initial_guesses(mechanism: Mechanism, guess: Mapping[str, Pose]) -> Iterato
 def _from_random_starts(
     mechanism: Mechanism, guess: Mapping[str, Pose], first_error: AssemblyError
 ) -> tuple[TreeLoops, Coordinates]:
-    """Return loops closed from random starts: nearest to a guess that leaves links out, then to zero.
+    """Return loops closed from random starts: nearest to an incomplete guess, else nearest to zero.
 
     Raises:
-        AssemblyError: where the guess names every link, saying where else they close; that which is given
-            where they close nowhere, or not near the guess.
+        AssemblyError: if the guess is complete, with other configurations in which they close; `first_error`
+            if they never close, or not near the guess.
     """
     loops, initial = tree_loops(mechanism, guess, initial_coordinates(mechanism))
     batches = [batch for _, batch in random_poses(loops, initial, STARTS, seed=1)]
@@ -282,7 +284,7 @@ def _from_random_starts(
 def _closes_elsewhere(
     loops: TreeLoops, initial: Coordinates, batches: Iterable[Coordinates]
 ) -> AssemblyError | None:
-    """Return the error of a guess from which loops do not close that close elsewhere; None for others."""
+    """Return the error of a guess if the loops close at other configurations; else None."""
     mechanism, index_of = loops.tree.mechanism, loops.tree.index_of
     displacements = [(batch.values - initial.values) / loops.units[:, None] for batch in batches]
     all_displacements = np.concatenate([np.zeros((loops.tree.count, 0)), *displacements], 1)
@@ -300,13 +302,13 @@ def _closes_elsewhere(
 
     return AssemblyError(
         f"{mechanism.name}: {'at ' + values_text(prescribed[:NAMED]) + ' ' if prescribed else ''}the loops "
-        f"do not close from where the other joints start, but with {values_text(listed)} they do; start near "
-        "there, by a keyframe, the places of the bodies, or the guess"
+        f"do not close at the start of the other joints, but they do with {values_text(listed)}; start near "
+        "these values, by a keyframe, the positions of the bodies, or the guess"
     )
 
 
 def _distance_from_guess(mechanism: Mechanism, loops: TreeLoops, poses: LinkPoses) -> float:
-    """Return how far links of the guess are from it, in units of the size and in [rad], the worst."""
+    """Return the largest distance of links from their guess, in characteristic lengths and [rad]."""
     worst = 0.0
     for name, pose in mechanism.guess.items():
         i = loops.tree.links[name]
@@ -317,21 +319,22 @@ def _distance_from_guess(mechanism: Mechanism, loops: TreeLoops, poses: LinkPose
 
 
 def locked_values(mechanism: Mechanism) -> Array:
-    """Return the values of held coordinates, (holds,) in [m] or [rad]."""
+    """Return the values of locked coordinates, (locked,) in [m] or [rad]."""
     return np.array([*mechanism.locked.values()], dtype=np.float64)
 
 
 def with_locked(driven: Array, locked: Array) -> Array:
-    """Return all that is prescribed, (drivers + holds, n), from the drivers (drivers, n) and (holds,)."""
+    """Return all prescribed coordinates, (drivers + locked, n), from drivers (drivers, n) and (locked,)."""
     if not len(locked):
         return driven
     return np.vstack([driven, np.broadcast_to(locked[:, None], (len(locked), driven.shape[1]))])
 
 
 def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
-    """Return the coordinates in which the loops close nearest to some, what is prescribed standing still.
+    """Return the coordinates in which the loops close nearest to given ones, at fixed prescribed coordinates.
 
     Raises:
+        AssemblyError: if they do not close; states the gap, and where they would close.
         AssemblyError: where they do not close; names the gap that is left, and where they would.
     """
     solution, residual = close_nearest(loops, q)
@@ -340,7 +343,7 @@ def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
     raise AssemblyError(assembly_failure(loops, q, solution, float(residual[0])))
 
 
-# poses nearer to each other, in sizes and as matrices, are one
+# distance in characteristic lengths and matrix entries below which poses are equal
 SAME_POSE = 1e-9
 
 
@@ -354,9 +357,9 @@ def with_closed_guess(mechanism: Mechanism) -> Mechanism:
         poses, values = start_poses(mechanism)
     except AssemblyError:
         return mechanism
-    counted = _counted(mechanism, values)
+    guess_coordinates = _with_coupled_angles(mechanism, values)
     if (
-        counted == mechanism.guess_coordinates
+        guess_coordinates == mechanism.guess_coordinates
         and mechanism.guess.keys() == poses.keys()
         and all(
             np.abs(pose.position - poses[name].position).max() < SAME_POSE * mechanism.characteristic_length
@@ -365,25 +368,27 @@ def with_closed_guess(mechanism: Mechanism) -> Mechanism:
         )
     ):
         return mechanism
-    return replace(mechanism, guess=poses, guess_coordinates=counted)
+    return replace(mechanism, guess=poses, guess_coordinates=guess_coordinates)
 
 
-def _counted(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
-    """Return what a mechanism counts, and coupled angles beyond half a turn where whole turns matter."""
-    counted = dict(mechanism.guess_coordinates)
+def _with_coupled_angles(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the guess coordinates, and coupled angles beyond half a revolution where revolutions matter."""
+    guess_coordinates = dict(mechanism.guess_coordinates)
     for law in mechanism.laws:
         for name in law.coordinates if not law.turns else ():
-            already_counted = name in counted or name in mechanism.drivers or name in mechanism.locked
+            already_counted = (
+                name in guess_coordinates or name in mechanism.drivers or name in mechanism.locked
+            )
             if not already_counted and mechanism.unit(name) == "rad" and abs(values[name]) > np.pi:
-                counted[name] = values[name]
-    return counted
+                guess_coordinates[name] = values[name]
+    return guess_coordinates
 
 
 def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]]:
     """Return the poses of the moving links, closed nearest to the guess, and all coordinates there.
 
     Returns:
-        Link -> pose; coordinate -> value in [m] or [rad], turns counted where the mechanism counts them.
+        Link -> pose; coordinate -> value in [m] or [rad], with revolutions if the mechanism has them.
 
     Raises:
         AssemblyError: where the loops do not close.

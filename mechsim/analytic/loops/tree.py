@@ -1,4 +1,4 @@
-"""A mechanism as a tree of links with coordinates, and the joints that close its loops."""
+"""A mechanism as a spanning tree of links with joint coordinates, and the joints that close its loops."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array, Index, Indices, as_slice
 
-# a turn about the third axis is the sum of these times 1, the cosine and the sine of its angle
+# a rotation about the third axis is the sum of these times 1, the cosine and the sine of its angle
 ABOUT_Z = np.array(
     [
         [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
@@ -28,13 +28,13 @@ ABOUT_Z = np.array(
 
 @dataclass(frozen=True)
 class TreeJoint:
-    """A joint by which a link hangs on one nearer the frame.
+    """A joint that places a link relative to a link nearer the frame.
 
     Attributes:
-        joint: of the mechanism.
-        forward: whether its side a is on the link nearer the frame.
-        parent: index of that link; -1 is the ground.
-        child: index of the link that hangs on it.
+        joint: the joint.
+        forward: whether its side a is on the link nearer the frame (the parent).
+        parent: index of the parent; -1 is the ground.
+        child: index of the placed link.
         first: index of its first coordinate.
     """
 
@@ -46,29 +46,29 @@ class TreeJoint:
 
     @cached_property
     def kind(self) -> Kind:
-        """Its row in the table of kinds."""
+        """Its joint kind."""
         return KINDS[self.joint.kind]
 
     @cached_property
     def first_angle(self) -> int:
-        """Index of its first turn: displacements come first."""
+        """Index of its first angle: displacements come first."""
         return self.first + len(self.kind.slides)
 
     @cached_property
     def direction(self) -> float:
-        """+1 where the far link moves as its coordinates count, else -1."""
+        """+1 if the child moves in the direction of the coordinates, else -1."""
         return 1.0 if self.forward else -1.0
 
     @cached_property
     def angles(self) -> list[int]:
-        """Indices of its angles, from the near link to the far one; a ball has none."""
+        """Indices of its angles, from the parent to the child; a spherical joint has none."""
         count = 0 if self.kind.ball else len(self.kind.turns)
         return list(range(self.first_angle, self.first_angle + count))[:: 1 if self.forward else -1]
 
 
 @dataclass(frozen=True, slots=True)
 class JointSides:
-    """The two sides of a branch, each in its own link's frame: joint frame (3, 3) and point (3,) in [m]."""
+    """The two sides of a tree joint in their links' frames: joint frame (3, 3) and point (3,) in [m]."""
 
     parent_frame: Array
     parent_point: Array
@@ -76,15 +76,15 @@ class JointSides:
     child_point: Array
 
     def axis(self, branch: TreeJoint, axis: Axis) -> tuple[int, Array]:
-        """Return which link an axis of the branch's joint is fixed on, and the axis in its frame."""
+        """Return the link on which an axis of the joint is fixed, and the axis in its frame."""
         on_far = (axis == "b") == branch.forward
         frame, link = (self.child_frame, branch.child) if on_far else (self.parent_frame, branch.parent)
         return link, frame[:, COLUMN[axis]]
 
     def rotations(self, branch: TreeJoint) -> list[Array]:
-        """Return what a branch's angles turn the far link's axes by, in the near link's, one after the other.
+        """Return the successive rotations of the child relative to the parent by the angles of the joint.
 
-        Each as what 1, the cosine and the sine of the angle are multiplied by, (3, 3, 3).
+        Each is a matrix (3, 3, 3): factors of 1, the cosine and the sine of the angle.
         """
         ends = [self.parent_frame, self.child_frame.swapaxes(0, 1)]
         if branch.kind.crossed:
@@ -97,32 +97,32 @@ class JointSides:
         ]
 
 
-# vectors in a row at the most: what holds more takes several
+# largest number of vectors in a row of the layout; links with more vectors have several rows
 MAX_VECTORS = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What the links of a tree are placed by; index -1 is the ground.
+    """Index arrays and constants that place the links of a tree; index -1 is the ground.
 
     Attributes:
         angles: indices of the angles among the coordinates.
-        rotations: how each turns a link, in terms of 1, its cosine and its sine, (angles, 9, 3), or
-            (angles, 9, 3, n) of many designs.
-        single: links that one angle turns in that on which they hang, and which of the angles.
-        double: likewise of two, the first nearer the frame.
-        stiff: branches without angles, each with the index of its ball, if any.
-        tiers: links that hang on moving ones and those on which they do, nearest the frame first.
-        vectors: what is fixed on links, in their frames, padded with noughts, (rows, m, 3), or
-            (rows, m, 3, n). A row for each link and the ground, its branch's point first; then others.
+        rotations: rotation by each angle, as factors of 1, its cosine and its sine, (angles, 9, 3), or
+            (angles, 9, 3, n) for many designs.
+        single: links that one angle rotates relative to their parents, and the indices of the angles.
+        double: links with two angles, and these, the one nearer the frame first.
+        stiff: tree joints without angles, each with the index of its spherical joint, if any.
+        tiers: links with moving parents, and these parents, nearest the frame first.
+        vectors: vectors fixed in links, in their frames, padded with zeros, (rows, m, 3), or
+            (rows, m, 3, n). Each link and the ground has a row, with its joint point first; then others.
         holders: the links of the rows.
-        parent_points: for each link, the index of its branch's point on its parent; indices count
-            through all rows.
-        axes: places of the axes of all coordinates, as the farther link moves along or about them.
-        centres: of a point on each of these axes.
-        centred: the links on which these are fixed.
+        parent_points: for each link, the index of its joint point on its parent; indices count through all
+            rows.
+        axes: indices of the axes of all coordinates, in the direction of motion of the child.
+        centres: indices of a point on each of these axes.
+        centred: the links on which these points are fixed.
         slides: indices of the coordinates that are displacements.
-        slid: links that these move in those on which they hang.
+        slid: links that these displace relative to their parents.
     """
 
     angles: Index
@@ -142,11 +142,11 @@ class Layout:
 
 
 def layout(branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]) -> Layout:
-    """Return the layout of a tree, its branches nearest the frame first.
+    """Return the layout of a tree, with its joints nearest the frame first.
 
     Args:
-        branches: by which joint each link is placed.
-        constants: index of a link -> the sides of the branch that places it.
+        branches: tree joint of each link.
+        constants: index of a link -> sides of its tree joint.
     """
     slides = [(k, branch.child) for branch in branches for k in range(branch.first, branch.first_angle)]
     sliding, slid = np.array(slides, dtype=np.intp).reshape(-1, 2).T
@@ -168,7 +168,7 @@ def _angles(
     tuple[Indices, Indices, Indices],
     tuple[tuple[TreeJoint, int | None], ...],
 ]:
-    """Return the first five of a layout."""
+    """Return the first five fields of a layout."""
     by_link = sorted(branches, key=lambda branch: branch.child)
     angles = [angle for branch in by_link for angle in branch.angles]
     terms = [
@@ -202,7 +202,7 @@ def _tiers(branches: Sequence[TreeJoint]) -> tuple[tuple[Index, Index], ...]:
 def _vectors(
     branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]
 ) -> tuple[Array, Index, Indices, Indices, Indices, Indices]:
-    """Return what is fixed on the links, and where of it points, axes and centres are."""
+    """Return the vectors fixed in links, and the indices of points, axes and centres among them."""
     rows = [[constants[i].child_point] for i in range(len(branches))]
     rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(3)])
     holders = [*range(len(rows))]
@@ -239,14 +239,15 @@ def _vectors(
 
 @dataclass(frozen=True)
 class SpanningTree:
-    """Links in the order in which they are placed, each by one joint; the joints left close the loops.
+    """Links in the order of placement, each with its tree joint; the other joints close the loops.
 
-    A coordinate is a displacement in [m], an angle in [rad], or one of the three turns of a ball.
+    A coordinate is a displacement in [m], an angle in [rad], or one of the three rotations of a spherical
+    joint.
 
     Attributes:
-        mechanism: the mechanism; joints that must be branches though they close loops are split in it.
-        original: the mechanism as it was before.
-        branches: by which joint each link is placed, nearest the frame first.
+        mechanism: the mechanism; tree joints that would close loops are split in it.
+        original: the mechanism before splitting.
+        branches: tree joint of each link, nearest the frame first.
         cuts: the joints that close the loops.
     """
 
@@ -257,17 +258,17 @@ class SpanningTree:
 
     @cached_property
     def links(self) -> dict[str, int]:
-        """Moving link of the mechanism as it was given -> index."""
+        """Moving link of the original mechanism -> index."""
         return {link.name: self.index[link.name] for link in self.original.links}
 
     @cached_property
     def index(self) -> dict[str, int]:
-        """Moving link -> index, also of links that split joints led to."""
+        """Moving link -> index, with the virtual bodies of split joints."""
         return {link.name: i for i, link in enumerate(self.mechanism.links)}
 
     @cached_property
     def constants(self) -> dict[int, JointSides]:
-        """Index of a link -> the sides of the branch that places it."""
+        """Index of a link -> sides of its tree joint."""
         sides: dict[int, JointSides] = {}
         for branch in self.branches:
             a, b = branch.joint.a, branch.joint.b
@@ -279,7 +280,7 @@ class SpanningTree:
 
     @cached_property
     def layout(self) -> Layout:
-        """What its links are placed by, all poses at once."""
+        """The layout for all poses."""
         return layout(self.branches, self.constants)
 
     @cached_property
@@ -289,22 +290,22 @@ class SpanningTree:
 
     @cached_property
     def count(self) -> int:
-        """How many coordinates there are."""
+        """Number of coordinates."""
         return sum(branch.kind.dof for branch in self.branches)
 
     @cached_property
     def balls(self) -> tuple[TreeJoint, ...]:
-        """The branches that turn about every axis."""
+        """The spherical tree joints."""
         return tuple(branch for branch in self.branches if branch.kind.ball)
 
     @cached_property
     def ball_indices(self) -> list[int]:
-        """Indices of the turns of balls, which are no angles."""
+        """Indices of the rotations of spherical joints, which are no angles."""
         return [ball.first_angle + i for ball in self.balls for i in range(3)]
 
     @cached_property
     def moved_by(self) -> Array:
-        """Which coordinates move which link, (links, count), 1 or 0."""
+        """Whether each coordinate moves each link, (links, count), 1 or 0."""
         moved = np.zeros((len(self.mechanism.links), self.count))
         for branch in self.branches:
             if branch.parent >= 0:
@@ -314,7 +315,7 @@ class SpanningTree:
 
     @cached_property
     def slides(self) -> NDArray[np.bool_]:
-        """Which coordinates are displacements, (count,)."""
+        """Whether each coordinate is a displacement, (count,)."""
         slides = np.zeros(self.count, dtype=np.bool_)
         for branch in self.branches:
             slides[branch.first : branch.first + len(branch.kind.slides)] = True
@@ -322,16 +323,16 @@ class SpanningTree:
 
     @cached_property
     def units(self) -> Array:
-        """What one unit of each coordinate is in the equations: the size for displacements, else 1 rad."""
+        """Unit of each coordinate in the equations: characteristic length for displacements, else 1 rad."""
         return np.where(self.slides, self.length, 1.0)
 
     def first_index(self, joint: str) -> int | None:
-        """Return the index of the first coordinate of a joint; None where it closes a loop."""
+        """Return the index of the first coordinate of a joint; None if it closes a loop."""
         return next((branch.first for branch in self.branches if branch.joint.name == joint), None)
 
     @cached_property
     def index_of(self) -> dict[str, int]:
-        """Coordinate of a branch -> its index."""
+        """Coordinate of a tree joint -> its index."""
         return {
             name: branch.first + i
             for branch in self.branches
@@ -347,24 +348,24 @@ class SpanningTree:
 
 
 def spanning_tree(mechanism: Mechanism) -> SpanningTree:
-    """Return a tree whose cuts leave few equations: driven and coupled joints stay, then counted ones.
+    """Return a spanning tree with few loop equations that contains driven, coupled and multi-turn joints.
 
-    Where those alone close a loop, some are split, and the loop is cut next to them.
+    If these alone close a loop, some are split, and the loop is cut next to them.
 
     Raises:
-        AssemblyError: for links that no chain of joints leads to.
+        AssemblyError: if no chain of joints connects a link with the frame.
     """
     first = {
         *mechanism.drivers,
         *mechanism.locked,
         *(name for law in mechanism.laws for name in law.coordinates),
     }
-    # turns of a joint that closes a loop are not counted
-    counted = {*mechanism.guess_coordinates}
+    # cut joints lose their number of revolutions
+    multi_turn = {*mechanism.guess_coordinates}
 
     def cost(joint: Joint) -> tuple[bool, bool, int]:
         names = {*joint.coordinates}
-        return not first & names, not counted & names, KINDS[joint.kind].dof
+        return not first & names, not multi_turn & names, KINDS[joint.kind].dof
 
     ordered = sorted(mechanism.joints, key=cost)
     chosen = _forest(ordered)
@@ -397,7 +398,7 @@ def spanning_tree(mechanism: Mechanism) -> SpanningTree:
 
 
 def _forest(joints: Sequence[Joint]) -> set[str]:
-    """Return the names of the joints that join links not joined yet, taken in order."""
+    """Return the names of the joints of a spanning forest, taken in order."""
     group: dict[str, str] = {}
 
     def root(link: str) -> str:

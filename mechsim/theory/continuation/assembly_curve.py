@@ -1,4 +1,4 @@
-"""One closed curve of assemblies: poses anywhere along it, and where its coordinates turn back."""
+"""A closed curve of assemblies: poses anywhere along it, and turning points of its coordinates."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from mechsim.theory.continuation.free_loops import FreeLoops
 from mechsim.theory.continuation.segments import MIN_DISTANCE_FROM_BRANCH_POINT, NODES, TracedCurve
 
 # a coordinate whose range is smaller, in radians or relative to the characteristic length, is constant
-STILL = 1e-9
+CONSTANT = 1e-9
 # arcs in a segment at which rates are checked for a change of sign
 SAMPLES = 4 * NODES
 
@@ -142,7 +142,7 @@ class CurveJoints:
         turns: list[tuple[int, bool, float]] = []
         grid, values, rates = self._samples()
         units = np.where(self.angular > 0.0, 1.0, self.tree.mechanism.characteristic_length)
-        for i in np.flatnonzero(np.ptp(values, axis=0) > STILL * units).tolist():
+        for i in np.flatnonzero(np.ptp(values, axis=0) > CONSTANT * units).tolist():
             rising = rates[:, i] > 0.0
             # the curve is closed: the last sample is followed by the first
             for k in np.flatnonzero(rising != np.roll(rising, -1)).tolist():
@@ -243,7 +243,7 @@ class AssemblyCurve:
 
     @property
     def mechanism(self) -> Mechanism:
-        """What moves."""
+        """The mechanism."""
         return self.loops.loops.tree.original
 
     @property
@@ -253,7 +253,7 @@ class AssemblyCurve:
 
     @property
     def branch_points(self) -> tuple[float, ...]:
-        """Arcs at which another curve, or this one itself, crosses."""
+        """Arcs at which another curve, or the curve itself, crosses it."""
         return self.traced.branch_points
 
     @cached_property
@@ -263,12 +263,12 @@ class AssemblyCurve:
 
     @cached_property
     def driver(self) -> JointColumn:
-        """The coordinate that is driven."""
+        """The driven coordinate."""
         return self.joints.columns[self._driver]
 
     @property
     def turns(self) -> int:
-        """Revolutions of the crank along the whole curve; 0 where it only oscillates."""
+        """Revolutions of the crank along the whole curve; 0 if it only oscillates."""
         return round(float(self.joints.gains[self._driver]) / REVOLUTION)
 
     @cached_property

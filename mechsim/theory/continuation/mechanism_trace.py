@@ -177,13 +177,13 @@ class AssemblyTrace:
     """Every assembly of a mechanism, as closed curves.
 
     Attributes:
-        mechanism: what was traced.
+        mechanism: the traced mechanism.
         curves: the first contains the mechanism's guess; the others by number of starts that ended on them.
-        branch_points: where they cross each other or themselves.
+        branch_points: points at which they cross each other or themselves.
         starts: number of random starts.
         closed: number of starts that converged to an assembly.
-        seed: of the random numbers.
-        left_out: assemblies that were not traced, and the reason; one sentence each.
+        seed: seed of the random numbers.
+        left_out: assemblies that were not traced, with the reason; one sentence each.
     """
 
     mechanism: Mechanism
@@ -217,9 +217,9 @@ def trace(
     (1 - p) to the power of the number of starts.
 
     Args:
-        model: what `load` takes: a name, a file, a MuJoCo object, a mechanism or a solver.
+        model: as in `load`: a name, a file, a MuJoCo object, a mechanism or a solver.
         starts: number of random starts; 0 traces the curve of the guess and those connected to it.
-        seed: of the random numbers: the same seed finds the same curves.
+        seed: seed of the random numbers: the same seed gives the same curves.
         progress: called with a description of the work and the fraction done, at least.
 
     Raises:
@@ -228,7 +228,7 @@ def trace(
             is unbounded, or the curve is longer than 3,000 segments.
         MobilityError: unless exactly one degree of freedom besides passive ones is undetermined.
 
-    Source: arc-length continuation (Dragilev's method) as paper 002 uses it; here by predicted polynomials.
+    Source: arc-length continuation (Dragilev's method) as in paper 002; here with polynomial predictors.
     """
     for name, value, most in (("starts", starts, MAX_STARTS), ("the seed", seed, 2**32)):
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:  # pyright: ignore[reportUnnecessaryIsInstance]

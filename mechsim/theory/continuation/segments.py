@@ -27,7 +27,7 @@ MAX_DISPLACEMENT, MAX_REVOLUTIONS = 1000, 100
 
 
 def require_return(loops: TreeLoops, initial: Coordinates, current: Coordinates) -> None:
-    """Reject a curve whose displacement or multi-turn angle is too large for a closed curve.
+    """Raise AssemblyError if a displacement or multi-turn angle is too large for a closed curve.
 
     Args:
         loops: of the mechanism.
@@ -112,7 +112,7 @@ class CurveSegment(Interpolant):
 
 @dataclass(frozen=True)
 class TracedCurve(Piecewise[CurveSegment]):
-    """A closed curve, its segments by arc.
+    """A closed curve as segments by arc.
 
     Attributes:
         length: arc of the whole curve.
@@ -271,7 +271,7 @@ def _branch_points(loops: FreeLoops, segment: CurveSegment, nodes: CorrectedNode
 
 
 def _closing_arc(segment: CurveSegment, start: Array, plane: Array, first: bool) -> float | None:
-    """Return the arc at which a segment returns to the start of the curve; None where it does not."""
+    """Return the arc at which a segment returns to the start of the curve; None if it does not."""
     ahead = (segment.features.states - start) @ plane
     for i in np.flatnonzero((ahead[:-1] < 0.0) & (ahead[1:] >= 0.0)):
         if first and i == 0:
@@ -311,6 +311,6 @@ def _blocked_message(loops: FreeLoops, coordinates: Coordinates) -> str:
     tree = loops.loops.tree
     driver = tree.mechanism.drivers[0]
     return (
-        f"{tree.mechanism.name}: the curve of assemblies has no smooth way on at {driver} = "
+        f"{tree.mechanism.name}: the curve of assemblies has no smooth continuation at {driver} = "
         f"{coordinates.values[tree.index_of[driver], 0]:.7g}; change the dimensions a little"
     )

@@ -1,1 +1,1 @@
-"""Structure of a mechanism: how many freedoms it has and why, and the Assur groups it is built of."""
+"""Structure of a mechanism: degrees of freedom and their explanation, and Assur groups."""

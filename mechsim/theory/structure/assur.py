@@ -1,4 +1,4 @@
-"""Assur groups: a planar chain taken apart into the smallest groups of no mobility."""
+"""Assur groups: decomposition of a planar chain into the smallest groups of zero mobility."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from mechsim.theory.structure.mobility_count import Pairs, planar_pairs, plane_n
 
 
 class Unit(NamedTuple):
-    """Something unknown: a link (three coordinates) or the place of a pin (two)."""
+    """An unknown: a coordinate of a link (three) or of a pin position (two)."""
 
     name: str | int
     coordinate: int
 
 
 class Equation(NamedTuple):
-    """One of the two equations by which a link sits on pin or slide number `pair`."""
+    """One of the two equations that constrain a link to pin or slide number `pair`."""
 
     pair: int
     links: tuple[str, ...]
@@ -31,7 +31,7 @@ def _system(pairs: Sequence[Pairs], unknown: Sequence[str]) -> dict[Equation, li
     units_of: dict[Equation, list[Unit]] = {}
     for number, pair in enumerate(pairs):
         loose = tuple(link for link in pair.links if link in unknown)
-        # a pin on a link that is there has a known place; so each loose link sits on it by itself
+        # a pin on a placed link has a known position, so that every free link is constrained separately
         pin = [Unit(number, i) for i in range(2)] if pair.hinge and loose == pair.links else []
         for links in [(link,) for link in loose] if pair.hinge else [loose] * bool(loose):
             for row in range(2):
@@ -43,7 +43,7 @@ def _system(pairs: Sequence[Pairs], unknown: Sequence[str]) -> dict[Equation, li
 def blocks(
     mechanism: Mechanism, pairs: Sequence[Pairs], unknown: Sequence[str]
 ) -> list[tuple[set[Equation], set[Unit]]]:
-    """Return the smallest sets of equations that can be solved one after the other, with their unknowns."""
+    """Return the smallest sets of equations that can be solved one after another, with their unknowns."""
     units_of = _system(pairs, unknown)
     match = matching(units_of)
     later: dict[Equation, list[Equation]] = {
@@ -69,7 +69,7 @@ def _require_matched(
     match: Mapping[Equation, Unit],
     later: Mapping[Equation, Sequence[Equation]],
 ) -> None:
-    """Raise InputError where equations and unknowns do not pair off; names the links concerned."""
+    """Raise InputError if equations and unknowns do not match; names the links concerned."""
     every = {unit for units in units_of.values() for unit in units}
     every |= {Unit(link, i) for link in unknown for i in range(3)}
     free = every - set(match.values())
@@ -79,8 +79,8 @@ def _require_matched(
         open_equations = reachable(later, loose)
         links = {unit.name for unit in [*free, *(match[e] for e in open_equations)]}
         raise InputError(
-            f"{mechanism.name}: the drivers leave {len(free)} freedom{'s' * (len(free) > 1)} to "
-            f"{_listed(mechanism, links)}; drive one link more for each"
+            f"{mechanism.name}: the drivers leave {len(free)} degree{'s' * (len(free) > 1)} of freedom to "
+            f"{_listed(mechanism, links)}; drive one more link for each"
         )
     if excess:
         solved_by = {unit: equation for equation, unit in match.items()}
@@ -88,8 +88,8 @@ def _require_matched(
         matched = reachable(earlier, [solved_by[unit] for e in excess for unit in units_of[e]])
         raise InputError(
             f"{mechanism.name}: {_listed(mechanism, {match[e].name for e in matched})} cannot move freely: "
-            f"with the drivers given, {len(excess)} more condition{'s' * (len(excess) > 1)} than freedoms; "
-            "leave out a link that repeats another, or drive fewer"
+            f"with the given drivers, {len(excess)} more condition{'s' * (len(excess) > 1)} than degrees of "
+            "freedom; leave out a redundant link, or drive fewer"
         )
 
 
@@ -102,12 +102,12 @@ ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII", "IX", "X")
 
 @dataclass(frozen=True, slots=True)
 class AssurGroup:
-    """A group that neither adds nor takes a freedom.
+    """A group with zero mobility.
 
     Attributes:
         class_: Artobolevskii's class, the highest of its contours: 2 for a dyad, 3 with a link of
             three or more pairs, k with a closed changeable contour of k >= 4 sides.
-        order: number of outer pairs, by which it hangs on what is already there.
+        order: number of outer pairs, which connect it to links placed before.
         links: in the order of the mechanism.
         pairs: number of its lower pairs, inner and outer; 3 * links = 2 * pairs.
     """
@@ -118,7 +118,7 @@ class AssurGroup:
     pairs: int
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what `mechsim show --json` prints."""
+        """Return the group as in `mechsim show --json`."""
         return {"class": self.class_, "order": self.order, "links": list(self.links)}
 
     def __str__(self) -> str:
@@ -131,9 +131,9 @@ class Decomposition:
     """A planar chain as its drivers and its groups.
 
     Attributes:
-        drivers: links that drive.
-        stopped: links stopped in thought, counted as frame.
-        groups: in the order of assembly.
+        drivers: driving links.
+        stopped: links that count as frame.
+        groups: groups in the order of assembly.
     """
 
     drivers: tuple[str, ...]
@@ -146,7 +146,7 @@ class Decomposition:
         return max((group.class_ for group in self.groups), default=1)
 
     def as_dicts(self) -> list[dict[str, Any]]:
-        """Return the groups as `mechsim show --json` prints them."""
+        """Return the groups as in `mechsim show --json`."""
         return [group.as_dict() for group in self.groups]
 
     def lines(self) -> list[str]:
@@ -161,25 +161,25 @@ class Decomposition:
 def assur_groups(
     mechanism: Mechanism, driver: str | Sequence[str] | None = None, stopped: Sequence[str] = ()
 ) -> Decomposition:
-    """Take a planar chain apart into Assur groups.
+    """Decompose a planar chain into Assur groups.
 
     Args:
         mechanism: a planar mechanism.
-        driver: link or links that drive. None: the crank and what is geared to it. A link on the
-            frame takes the crank's place; the crank becomes an ordinary link. A link that meets no
-            frame but a driven link drives with that one stopped, as in paper 003; gears are released
-            by such an exchange, and other driven links go on driving as far as there are freedoms.
-        stopped: links stopped in thought: they count as frame.
+        driver: driving link or links. The default is the crank and the links geared to it. A link on the
+            frame replaces the crank, which becomes an ordinary link. A link connected to a driven link, but
+            not to the frame, drives with that link stopped, as in paper 003. Such an exchange releases gears;
+            other driven links remain drivers as long as there are degrees of freedom.
+        stopped: links that count as frame.
 
     Returns:
         Drivers, stopped links and groups in the order of assembly.
 
     Raises:
-        InputError: for a spatial mechanism, a link that cannot drive, or a chain whose drivers leave
-            a freedom or hold it more than once; names the links.
+        InputError: for a spatial mechanism, a link that cannot drive, or a chain that its drivers leave
+            underdetermined or overdetermined; names the links.
 
-    Source: Assur 1914; classes after Artobolevskii, Theory of Mechanisms; the exchange of drivers
-    in paper 003.
+    Source: Assur 1914; classes after Artobolevskii, Theory of Mechanisms; the exchange of drivers in
+    paper 003.
     """
     if plane_normal(mechanism) is None:
         raise InputError(
@@ -193,7 +193,7 @@ def assur_groups(
     groups: list[AssurGroup] = []
     for equations, units in blocks(mechanism, pairs, unknown):
         links = tuple(link for link in unknown if Unit(link, 0) in units)
-        if links:  # else only a pin's place, on a link already there
+        if links:  # otherwise only the position of a pin on a placed link
             groups.append(_group(links, equations, units))
     return Decomposition(drivers, stopped, tuple(groups))
 
@@ -227,7 +227,7 @@ def _group(links: tuple[str, ...], equations: set[Equation], units: set[Unit]) -
 def inputs(
     mechanism: Mechanism, pairs: Sequence[Pairs], driver: str | Sequence[str] | None, stopped: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the driving links and the stopped ones; `assur_groups` says how they are chosen.
+    """Return the driving links and the stopped ones, selected as in `assur_groups`.
 
     Raises:
         InputError: for an unknown link, or one that cannot drive.
@@ -244,7 +244,7 @@ def inputs(
         return tuple(link for link in driven if link not in stopped), stopped
     for link in requested:
         if link in stopped:
-            raise InputError(f"{mechanism.name}: link {link!r} cannot both drive and stand still; choose one")
+            raise InputError(f"{mechanism.name}: link {link!r} cannot both drive and be stopped; choose one")
         neighbour_links = neighbours(pairs, link)
         if not neighbour_links & {GROUND, *stopped, *requested}:
             stopped += _to_stop(mechanism, link, [other for other in driven if other in neighbour_links])
@@ -257,16 +257,16 @@ def inputs(
         )
     if len(requested) > 1:
         return requested, stopped
-    # the crank yields first: the new driver stands in its place
+    # the new driver replaces the crank first
     rest = [link for link in driven[1:] + driven[:1] if link not in (*requested, *stopped)]
     return (*requested, *rest[: dofs - 1]), stopped
 
 
 def driven_links(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return the links whose place follows from the crank angle alone: the crank, then what is geared to it.
+    """Return the links whose pose the crank angle determines alone: the crank, then links geared to it.
 
     Raises:
-        InputError: if a driven joint hangs on links that the drive does not place.
+        InputError: if a driven joint is on links that are not placed by the drive.
     """
     names = [joint.name for joint in mechanism.driven_joints]
     while more := [
@@ -297,7 +297,7 @@ def neighbours(pairs: Iterable[Pairs], link: str) -> set[str]:
 
 
 def planar_dofs(mechanism: Mechanism, pairs: Iterable[Pairs], stopped: Sequence[str]) -> int:
-    """Return W = 3n - 2p of the lower pairs alone, stopped links counted as frame."""
+    """Return W = 3n - 2p of the lower pairs alone, with stopped links as frame."""
     fixed = {GROUND, *stopped}
     dofs = 3 * (len({*rigid(mechanism).values()}) - 1 - len(stopped))
     for pair in pairs:
@@ -307,11 +307,11 @@ def planar_dofs(mechanism: Mechanism, pairs: Iterable[Pairs], stopped: Sequence[
 
 
 def _to_stop(mechanism: Mechanism, link: str, cranks: list[str]) -> tuple[str]:
-    """Return the crank whose stopping lets a floating link drive, as paper 003 does it."""
+    """Return the crank that must be stopped so that a floating link can drive, as in paper 003."""
     if not cranks:
         raise InputError(
-            f"{mechanism.name}: link {link!r} meets neither the frame nor a driven link, so it cannot drive; "
-            "stop a link that it meets, or choose another"
+            f"{mechanism.name}: link {link!r} has a pair with neither the frame nor a driven link, so it "
+            "cannot drive; stop a link with which it has a pair, or choose another"
         )
     return (cranks[0],)
 

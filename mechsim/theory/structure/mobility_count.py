@@ -17,9 +17,9 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.graphs import components
 
-# parts of a null vector below this are rounding: singular vectors come to about 1e-16 over the gap
-# of RANK_TOLERANCE between zero and nonzero singular values
-NOTHING = 1e-6
+# components of a null vector below this are rounding: singular vectors have errors of 1e-16 divided by the
+# gap of RANK_TOLERANCE between zero and nonzero singular values
+ZERO_COMPONENT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Twist:
 def motion_words(
     mechanism: Mechanism, poses: Mapping[str, Pose], body: tuple[str, ...], twist: Twist
 ) -> str | None:
-    """Say about or along which joints a body moves; None if no joint determines it."""
+    """Return about or along which joints a body moves; None if no joint determines it."""
     length = mechanism.characteristic_length
     ends = [
         (joint, end)
@@ -46,24 +46,24 @@ def motion_words(
     ]
     positions = {joint.name: poses[end.link].point(end.point)[0] for joint, end in ends}
     speed = float(np.linalg.norm(twist.spin))
-    if speed <= NOTHING:
+    if speed <= ZERO_COMPONENT:
         along = _along(poses, ends, twist.velocity, lambda kind: kind.slides)
         return f"slides along the axis of joint {along[0]}" if along else None
     direction = twist.spin / speed
     pitch = float(twist.velocity @ direction) / speed
-    verb = "spins" if abs(pitch) <= NOTHING * length else "screws"
+    verb = "spins" if abs(pitch) <= ZERO_COMPONENT * length else "screws"
     foot = np.cross(direction, twist.velocity) / speed
     on_axis = [
         name
         for name, position in positions.items()
-        if np.linalg.norm(np.cross(position - foot, direction)) <= NOTHING * length
+        if np.linalg.norm(np.cross(position - foot, direction)) <= ZERO_COMPONENT * length
     ]
     along = _along(poses, ends, direction, lambda kind: kind.turns)
     for name in along:
         if name in on_axis:
             return f"{verb} about the axis of joint {name}"
     for first, second in combinations(on_axis, 2):
-        if np.linalg.norm(positions[first] - positions[second]) > NOTHING * length:
+        if np.linalg.norm(positions[first] - positions[second]) > ZERO_COMPONENT * length:
             return f"{verb} about the line through {first} and {second}"
     if on_axis:
         return f"{verb} about a line through {on_axis[0]} along ({', '.join(f'{x:.3g}' for x in direction)})"
@@ -76,26 +76,27 @@ def _along(
     direction: Array,
     axes: Callable[[Kind], tuple[Axis, ...]],
 ) -> list[str]:
-    """Return the joints whose axis lies along a direction and is among some axes of their kind."""
+    """Return the joints with an axis of given kinds parallel to a direction."""
     unit = direction / np.linalg.norm(direction)
     return [
         joint.name
         for joint, end in ends
         if "a" in axes(KINDS[joint.kind])
-        and np.linalg.norm(np.cross(poses[end.link].rotation[0] @ np.asarray(end.axis), unit)) <= NOTHING
+        and np.linalg.norm(np.cross(poses[end.link].rotation[0] @ np.asarray(end.axis), unit))
+        <= ZERO_COMPONENT
     ]
 
 
 def joints_of(mechanism: Mechanism, links: set[str]) -> list[Joint]:
-    """Return the joints between some links and the rest."""
+    """Return the joints between some links and the others."""
     return [joint for joint in mechanism.joints if (joint.a.link in links) != (joint.b.link in links)]
 
 
 def plane_normal(mechanism: Mechanism) -> Array | None:
-    """Return the direction across which a mechanism is planar, or None if it is spatial.
+    """Return the normal of the plane of a planar mechanism, or None if it is spatial.
 
     Returns:
-        Unit vector in the ground frame, (3,), or None; planar as `model.motion_plane` says it.
+        Unit vector in the ground frame, (3,), or None; planar as in `model.link_poses.plane_normals`.
     """
     normals = plane_normals(mechanism)
     return None if normals is None else normals[GROUND]
@@ -103,11 +104,11 @@ def plane_normal(mechanism: Mechanism) -> Array | None:
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """Lower pairs at one place of a planar chain.
+    """Lower pairs at one point of a planar chain.
 
     Attributes:
-        links: the links that meet there: two, or more on one pin. k links on a pin make k - 1 pairs.
-        hinge: whether they turn on a pin; otherwise the two slide.
+        links: the connected links: two, or more on one pin. k links on a pin make k - 1 pairs.
+        hinge: whether they rotate on a pin; otherwise the two slide.
     """
 
     links: tuple[str, ...]
@@ -115,11 +116,10 @@ class Pairs:
 
 
 def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
-    """Return the pairs of a planar chain, revolute joints on one pin put together.
+    """Return the pairs of a planar chain, with revolute joints on one pin combined.
 
-    Which of three links on a pin a description joins to which is its author's whim; a structure
-    must not depend on it. Links that are fixed to each other are one; a joint that leaves the plane free
-    is no pair.
+    A description can connect three links on a pin in several ways, and the structure must not depend on this.
+    Links that are fixed to each other count once; a joint that does not constrain the plane is no pair.
     """
     body = rigid(mechanism)
     hinges = [joint for joint in mechanism.joints if KINDS[joint.kind].hinge]
@@ -135,7 +135,7 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
 
 
 def rigid(mechanism: Mechanism) -> dict[str, str]:
-    """Return of every link, the ground included, the first of those that are fixed to it."""
+    """Return link (the ground included) -> the first link of those that are fixed to it."""
     order = [GROUND, *(link.name for link in mechanism.links)]
     welded = [(joint.a.link, joint.b.link) for joint in mechanism.joints if not KINDS[joint.kind].dof]
     bodies = components(order, welded)
@@ -143,7 +143,7 @@ def rigid(mechanism: Mechanism) -> dict[str, str]:
 
 
 def _on_one_pin(first: Joint, second: Joint, tolerance: float) -> bool:
-    """Say whether two revolute joints share a link and, on it, an axis."""
+    """Whether two revolute joints share a link and an axis on it."""
     for end in (first.a, first.b):
         for other in (second.a, second.b):
             if end.link == other.link:
@@ -155,13 +155,13 @@ def _on_one_pin(first: Joint, second: Joint, tolerance: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class FreeMotion:
-    """A freedom that the crank does not take.
+    """A degree of freedom that the crank does not determine.
 
     Attributes:
-        links: what moves.
-        idle: whether it changes nothing wanted: no tracked point moves, and where a link on the frame
-            takes part, no joint is carried along either (a wheel or rod that spins in place).
-        text: what moves how, in words.
+        links: the moving links.
+        idle: whether it is passive: no tracked point moves, and where a link on the frame takes part, no
+            joint moves either (a wheel or rod that rotates in place).
+        text: the motion in words.
     """
 
     links: tuple[str, ...]
@@ -173,14 +173,14 @@ class FreeMotion:
 
 
 def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) -> tuple[FreeMotion, ...]:
-    """Name the freedoms left with the crank held.
+    """Return the degrees of freedom with the crank locked, in words.
 
-    The null space of the loop Jacobian is split so that each freedom moves as few links as it can.
+    The basis of the null space of the loop Jacobian is chosen so that each vector moves few links.
 
     Args:
         mechanism: the mechanism.
         poses: moving link -> one pose that closes the loops, arrays with a leading axis of length 1.
-        count: how many such freedoms there are (`closure.DofCount.passive`).
+        count: number of these degrees of freedom (`loops.DofCount.passive`).
     """
     if count == 0:
         return ()
@@ -193,7 +193,7 @@ def free_motions(mechanism: Mechanism, poses: Mapping[str, Pose], count: int) ->
     motions: list[FreeMotion] = []
     for vector in _localised(space, len(names)):
         components = vector.reshape(-1, 6)
-        moving = np.linalg.norm(components, axis=1) > NOTHING * np.linalg.norm(components)
+        moving = np.linalg.norm(components, axis=1) > ZERO_COMPONENT * np.linalg.norm(components)
         twists: dict[str, Twist] = {}
         for name, component in zip(names, components, strict=True):
             if moving[names.index(name)]:
@@ -223,11 +223,11 @@ def _null_space(matrix: Array) -> Array:
     if matrix.shape[0] == 0:
         return np.eye(matrix.shape[1])
     _, values, right = np.linalg.svd(matrix)
-    return right[int((values > NOTHING).sum()) :].T
+    return right[int((values > ZERO_COMPONENT).sum()) :].T
 
 
 def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> FreeMotion:
-    still = NOTHING * mechanism.characteristic_length
+    still = ZERO_COMPONENT * mechanism.characteristic_length
 
     def moves(link: str, local: Vector) -> bool:
         position = poses[link].point(local)[0]
@@ -244,7 +244,7 @@ def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str,
 
 
 def _words(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str, Twist]) -> str:
-    """Say how each rigid body moves; what no joint names goes with the ones that joints do name."""
+    """Return the motion of each rigid body in words; bodies without such a joint move with the others."""
     phrases: list[str] = []
     carried: list[str] = []
     for body in _rigid_bodies(twists, mechanism.characteristic_length):
@@ -259,13 +259,13 @@ def _words(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str,
 
 
 def _rigid_bodies(twists: Mapping[str, Twist], length: float) -> list[tuple[str, ...]]:
-    """Put links together that move as one."""
+    """Return groups of links that move as one rigid body."""
     bodies: list[list[str]] = []
     for name, twist in twists.items():
         for body in bodies:
             first = twists[body[0]]
             gap = np.concatenate([(twist.velocity - first.velocity) / length, twist.spin - first.spin])
-            if np.linalg.norm(gap) <= NOTHING:
+            if np.linalg.norm(gap) <= ZERO_COMPONENT:
                 body.append(name)
                 break
         else:
@@ -273,25 +273,25 @@ def _rigid_bodies(twists: Mapping[str, Twist], length: float) -> list[tuple[str,
     return [tuple(body) for body in bodies]
 
 
-# how far the crank is turned to either side, in [rad], to distinguish a special pose from the rule: far
-# enough for the rank to see, near enough for almost any range
-ASIDE = 1e-3
+# displacement of the crank to either side, in [rad], that distinguishes a special pose from the general one:
+# large enough for the rank, small enough for almost any range
+CRANK_STEP = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class Mobility:
-    """How many freedoms a mechanism has, by count and in truth.
+    """Degrees of freedom of a mechanism, by counting and by rank.
 
     Attributes:
-        actual: freedoms by the rank of the loop Jacobian; what counts.
+        actual: degrees of freedom by the rank of the loop Jacobian, the decisive number.
         links: number of moving links.
-        joints: (constraints of a joint, how many joints have them), falling.
-        gears: number of gears, each of which takes one freedom.
-        planar: whether all moves in one plane, so that Grübler's count applies.
-        redundant: constraints in space that repeat what others say.
-        crank_moves: whether the crank can move at all.
-        first_order: whether the mechanism seems to move but closes on neither side of its pose.
-        free: the freedoms left with the crank held, by name.
+        joints: (constraints of a joint, number of such joints), decreasing.
+        gears: number of gears, each of which removes one degree of freedom.
+        planar: whether the mechanism is planar, so that Grübler's count applies.
+        redundant: number of redundant constraints in space.
+        crank_moves: whether the crank can move.
+        first_order: whether the mechanism can move to first order, but closes on neither side of its pose.
+        free: the degrees of freedom with the crank locked.
     """
 
     actual: int
@@ -313,7 +313,8 @@ class Mobility:
     def grubler(self) -> int | None:
         """W = 3n - 2 p5 - gears, the count in a plane (Chebyshev, Grübler); None in space.
 
-        A joint that leaves nothing free takes three, one that leaves the plane free none.
+        A joint without a degree of freedom in the plane removes three, one that does not constrain the plane
+        none.
         """
         if not self.planar:
             return None
@@ -323,16 +324,16 @@ class Mobility:
 
     @property
     def idle(self) -> tuple[FreeMotion, ...]:
-        """The freedoms that change nothing wanted."""
+        """The passive degrees of freedom."""
         return tuple(motion for motion in self.free if motion.idle)
 
     @property
     def redundant_in_plane(self) -> int:
-        """Constraints that repeat others even within the plane; in space all redundant ones."""
+        """Number of constraints that are redundant even within the plane; in space all redundant ones."""
         return self.redundant if self.grubler is None else self.actual - self.grubler
 
     def lines(self) -> list[str]:
-        """Return the mobility in words, the result first, then each count, then what explains it."""
+        """Return the mobility in words: the result, then each count, then the explanation."""
         gears = f" - {self.gears}" if self.gears else ""
         constraints = "".join(f" - {constraints}*{count}" for constraints, count in self.joints)
         lines = [
@@ -373,23 +374,23 @@ class Mobility:
 
 
 def mobility(mechanism: Mechanism) -> Mobility:
-    """Count the freedoms of a mechanism, confirm them by rank and name those the crank does not take.
+    """Count the degrees of freedom, confirm them by rank and name those that the crank does not determine.
 
-    The rank is taken at the start and a little to either side of it, and the largest counts: at a
-    special pose (a flattened parallelogram) it is smaller than it is as a rule.
+    The rank is the largest at the start and at a small distance to either side: at a special pose (a flat
+    parallelogram) it is smaller than in general.
 
     Args:
         mechanism: the mechanism.
 
     Returns:
-        The counts, the true number and what explains the difference.
+        The counts, the actual number, and the explanation of the difference.
 
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
 
     Source: papers.md sections 1-4 for the counts; rank of the loop Jacobian, `loops.dof_count`.
     """
-    stands = _stands(mechanism)
+    stands = _configurations(mechanism)
     ranked: list[tuple[DofCount, Mapping[str, Pose]]] = [
         (dof_count(mechanism, poses), poses) for poses in stands
     ]
@@ -409,10 +410,10 @@ def mobility(mechanism: Mechanism) -> Mobility:
     )
 
 
-def _stands(mechanism: Mechanism) -> list[Mapping[str, Pose]]:
-    """Return the assembled start, then what closes a little to either side of it."""
+def _configurations(mechanism: Mechanism) -> list[Mapping[str, Pose]]:
+    """Return the assembled start, and closed configurations at a small distance to either side."""
     stands = [assemble(mechanism, [mechanism.start])]
-    for aside in (ASIDE, -ASIDE):
+    for aside in (CRANK_STEP, -CRANK_STEP):
         try:
             stands.append(assemble(mechanism, [mechanism.start + aside], stands[0], most_steps=20))
         except AssemblyError:
