@@ -24,7 +24,8 @@ def _accepting_names(run: Callable[P, Run]) -> Callable[P, Run]:
                 rest: Any = (load(text), *args[1:])
                 return run(*rest, **options)
         if args and type(args[0]).__name__ == "MjModel":
-            own: Any = load(args[0], still=True)
+            compiled: Any = args[0]
+            own: Any = load(compiled, still=True)
             rest = (own.source.spec, *args[1:])
             return run(*rest, **options)
         return run(*args, **options)

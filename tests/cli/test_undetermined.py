@@ -58,6 +58,6 @@ def test_a_run_in_time_and_a_hold_both_settle_it(mechsim, tmp_path):
 def test_a_crank_that_leaves_something_open_runs_in_time_from_where_it_starts(mechsim, tmp_path):
     (tmp_path / "five.toml").write_text(ONE_DRIVER)
     answer = mechsim("simulate", "five.toml", "--method", "step", "--turns", "0.02", "-o", "run.csv")
-    assert (answer.code, answer.out.split(":")[0]) == (0, "passed")
+    assert (answer.code, "PASS" in answer.out) == (0, True)
     assert files.read(str(tmp_path / "run.csv"))["angle"][0] == pytest.approx(2.0, abs=1e-12)
     assert "right can still move" in mechsim("solve", "five.toml", "--angles", "2").err

@@ -144,9 +144,9 @@ def displacement_of(name: str, mechanism: Mechanism) -> tuple[Quantity, int]:
     result = numeric_quantity(name, mechanism)
     if not result.order:
         return state_quantity(name, mechanism), 0
-    if result.function is not None or len(result.columns) > 1:
+    if result.function is not None or len(result.columns) != 1:
         raise InputError(f"{name} has no linear response; give a component such as P.vx or J.v")
-    column = result.columns[0]
+    (column,) = result.columns
     if column.source == "point":
         return numeric_quantity(f"{column.subject}.{column.name[-1]}", mechanism), result.order
     return numeric_quantity(column.subject, mechanism), result.order
