@@ -408,3 +408,6 @@ class WrittenUnits:
     def declared(self, unit: str) -> str:
         """Return the declared unit of quantities with the SI unit "m" or "rad"; for others the SI unit."""
         return {"m": self.length, "rad": self.angle}.get(unit, unit)
+
+
+SI_UNITS = WrittenUnits()

@@ -156,7 +156,9 @@ def sensitivity(
     tolerances = None
     if options.tolerances is not None:
         bounds = written_tolerances(options.tolerances)
-        tolerances = parsed_tolerances(bounds, parametric.dimensions, solver.mechanism, options.distribution)
+        tolerances = parsed_tolerances(
+            bounds, parametric.dimensions, solver.mechanism, options.distribution, solver.written
+        )
     with progress("sensitivity", None) as report:
         to = list(tolerances.bounds) if tolerances is not None and options.to == ("all",) else options.to
         table = derivative_table(moved, options.quantities, to)

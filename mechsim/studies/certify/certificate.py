@@ -306,7 +306,7 @@ def certify(
     if within:
         designs = parametric_model(model, set, **options)
         solver = designs.make({})
-        bounds = parsed_tolerances(within, designs.dimensions, solver.mechanism)
+        bounds = parsed_tolerances(within, designs.dimensions, solver.mechanism, declared=solver.written)
         if bounds.clearances:
             raise InputError(
                 "within takes tolerances of dimensions, not clearances of joints; leave the clearance out"

@@ -141,7 +141,9 @@ def tolerance_study(
     requested = (
         tolerances
         if isinstance(tolerances, Tolerances)
-        else parsed_tolerances(tolerances, moved.designs.dimensions, moved.solver.mechanism)
+        else parsed_tolerances(
+            tolerances, moved.designs.dimensions, moved.solver.mechanism, declared=moved.solver.written
+        )
     )
     columns = list(table.values)
     moved.designs.require_independent(requested.bounds)

@@ -16,7 +16,7 @@ from mechsim.model.joint_kinds import KINDS, kinds_that
 from mechsim.model.joints import Joint
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.toml_values import suggestion
-from mechsim.units import Unit
+from mechsim.units import SI_UNITS, Unit, WrittenUnits
 
 Distribution = Literal["uniform", "normal"]
 DISTRIBUTIONS: tuple[Distribution, ...] = get_args(Distribution)
@@ -51,17 +51,19 @@ def parsed_tolerances(
     dimensions: Mapping[str, Dimension],
     mechanism: Mechanism,
     distribution: str = "uniform",
+    declared: WrittenUnits = SI_UNITS,
 ) -> Tolerances:
-    """Return tolerances from names and bounds; a bare number is SI and may follow ± or +-.
+    """Return tolerances from names and bounds, which may follow ± or +-.
 
     Args:
         written: dimension, or JOINT.clearance -> bound.
         dimensions: the known dimensions.
         mechanism: the mechanism that has the joints.
         distribution: "uniform" between the bounds, or "normal" with bounds of three standard deviations.
+        declared: units of the model's file. Text without a unit is SI, and rejected where these differ.
 
     Raises:
-        InputError: for an unknown name, or a bound that is not a positive finite number.
+        InputError: for an unknown name, or a bound that is not a positive finite number with a clear unit.
     """
     if distribution not in DISTRIBUTIONS:
         raise InputError(f"the distribution is {distribution!r}; choose from {', '.join(DISTRIBUTIONS)}")
@@ -74,9 +76,9 @@ def parsed_tolerances(
             if joint not in joints:
                 raise InputError(f"{mechanism.name} has no joint {joint!r}{suggestion(joint, joints)}")
             _require_pin(joints[joint])
-            clearances[joint] = _tolerance(name, tolerance, "m")
+            clearances[joint] = _tolerance(name, tolerance, "m", declared)
         elif name in dimensions:
-            bounds[name] = _tolerance(name, tolerance, dimensions[name].unit)
+            bounds[name] = _tolerance(name, tolerance, dimensions[name].unit, declared)
         else:
             raise InputError(f"{mechanism.name} has no dimension {name!r}{suggestion(name, dimensions)}")
     if not bounds and not clearances:
@@ -84,12 +86,12 @@ def parsed_tolerances(
     return Tolerances(bounds, clearances, "normal" if distribution == "normal" else "uniform")
 
 
-def _tolerance(name: str, written: str | float, unit: str) -> float:
+def _tolerance(name: str, written: str | float, unit: str, declared: WrittenUnits) -> float:
     if isinstance(written, str):
         si_unit: Unit = "m" if unit == "m" else "rad" if unit == "rad" else "1"
-        value = units.parse(
-            written.strip().removeprefix("±").removeprefix("+-"), si_unit, f"tolerance of {name}"
-        )
+        text = written.strip().removeprefix("±").removeprefix("+-")
+        units.require_written(text, si_unit, declared.declared(si_unit), f"tolerance of {name}")
+        value = units.parse(text, si_unit, f"tolerance of {name}")
     else:
         value = float(written)
     if not 0.0 < value < np.inf:

@@ -371,3 +371,8 @@ def test_powers_of_time_and_sums_with_units_are_enclosed(law):
     assert not ms.certify(
         "four_bar", set={"crank": "90mm"}, drive={"crank": f"1 + {law}"}, duration=1.0
     ).certified
+
+
+def test_a_tolerance_without_a_unit_is_rejected_where_the_file_is_in_millimetres():
+    with pytest.raises(ms.InputError, match=r"tolerance of m: 0\.1 has no unit; the file is in mm"):
+        ms.certify("jansen", within={"m": "±0.1"})
