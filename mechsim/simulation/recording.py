@@ -45,7 +45,7 @@ def _chain(loops: ModelLoops) -> list[CouplingConstraint]:
 
 
 OFF = mujoco.mjtDisableBit
-# forces that may be large: actuators, springs and dampers
+# flags that disable forces that may be large: actuators, springs and dampers
 FORCE_FLAGS = int(OFF.mjDSBL_ACTUATION) | int(OFF.mjDSBL_SPRING) | int(OFF.mjDSBL_DAMPER)
 # number of states evaluated together, which limits memory
 CHUNK = 2048
@@ -113,7 +113,7 @@ class States:
     qvel: Array
 
     def chunk(self, first: int) -> "States":
-        """Return one chunk of them."""
+        """Return the chunk of states from an index on."""
         chunk = slice(first, first + CHUNK)
         return States(self.time[chunk], self.qpos[chunk], self.qvel[chunk])
 
@@ -134,7 +134,7 @@ def evaluate(
     Args:
         loops: of the model the states belong to.
         track: points, links and coordinates to record.
-        states: n of them.
+        states: n recorded states.
         source: the method that computed them.
         crank_acceleration: (n,) in [rad/s2]: accelerations are then those that keep the loops closed
             exactly. None reports the result of MuJoCo's dynamics at the state; with Coulomb friction, the
@@ -163,8 +163,8 @@ def _evaluated(
     driver_acceleration: Array | None,
     force: Array | None,
 ) -> Motion:
-    # if the loops determine the accelerations, MuJoCo's soft constraints need not be solved; servos against
-    # a drive, springs and dampers would accelerate light links so much that digits were lost
+    # a given crank acceleration determines all others: MuJoCo's soft constraints need not be solved. Servos
+    # against a drive, springs and dampers would accelerate light links so much that digits would be lost
     model = _with_sensors(loops.model, constrained=crank_acceleration is None)
     n = len(states.time)
     sims = loops.posed.simulations(model, n, 1 if n <= ONE_THREAD else 0)

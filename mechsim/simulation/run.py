@@ -122,7 +122,7 @@ def simulate(
         method: "step" integrates in time; "pose" solves each crank angle separately, to rounding. None takes
             "step" with a tolerance or settings, or if the drivers do not determine the tracked points;
             otherwise "pose". The run reports it.
-        samples: instants to record after the first, evenly spread; None takes about 72 a turn. With
+        samples: instants to record after the first, evenly spaced; None takes about 72 a turn. With
             samples given, the number of steps is raised to a multiple of them.
         scene: contents of the model; None takes `Scene(level="motion")`, in which no forces act. From level
             "dynamics" on, the source's forces act, as a file's `[forces]`, unless the scene names others.
@@ -134,8 +134,8 @@ def simulate(
             value, the only choice for a ball or a free joint.
         key: initial keyframe of a custom model.
         progress: callback with the progress of the run as text and as a fraction, 0 to 1.
-        budget: processor time of the stepped runs for a tolerance. After it, the best run so far is
-            returned, and its note states that it did not converge. None is no limit.
+        budget: processor time of the stepped runs for a tolerance. Once it is spent, the best run so far is
+            returned, and its note states that it did not converge. None sets no limit.
 
     Raises:
         BudgetError: if not even one run ends within the budget.

@@ -97,8 +97,8 @@ def step(
     The crank has a virtual inertia so large that no reaction of the linkage changes its speed. A variable
     speed results from a torque, constant over each step, that gives the prescribed speed at the end of the
     step (measured in validation/choices/crank_actuation.py). With several drivers each has its virtual
-    inertia and its force, and the path parameter advances freely. So has a coordinate with a nonlinear
-    coupling to them, because MuJoCo's constraints omit the velocity-product term.
+    inertia and its force, and the path parameter advances freely. A coordinate with a nonlinear coupling to
+    the drivers also has both, because MuJoCo's constraints omit the velocity-product term.
 
     Args:
         loops: of the model; its settings are replaced.
@@ -106,7 +106,7 @@ def step(
         profile: the crank's motion.
         start: closed state and rates at time zero, (nq,) and (nv,).
         total: steps over the whole profile.
-        interval: steps from one record to the next; the last step is recorded too.
+        interval: number of steps between two records; the last step is recorded too.
         controls: of the model's actuators at the start of each step, (total, nu); None without controls.
         progress: callback after every block.
     """

@@ -1,1 +1,1 @@
-"""Forces in MuJoCo: what a driven crank needs, and how a crank runs freely."""
+"""Dynamics in MuJoCo: forces of a driven crank, and motion of a free crank."""

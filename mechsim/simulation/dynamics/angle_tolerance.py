@@ -1,8 +1,8 @@
-"""The time step that a tolerance of a free crank's angle needs, and the proof that it keeps it.
+"""The time step for a tolerance of a free crank's angle, and the check that the run satisfies it.
 
-Nothing but the run itself is asked: with steps twice as long the crank comes elsewhere. Where the error
-falls nearly by the fourth order, a tenth of that difference is more than the shorter steps still err by;
-else the whole of it counts.
+The error estimate is the difference from a run with steps twice as long. If the error falls with nearly
+fourth order, a tenth of that difference exceeds the error of the shorter steps. Otherwise the whole
+difference counts.
 """
 
 from dataclasses import dataclass
@@ -17,23 +17,23 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.tolerance import MAX_STEPS, Attempt, ToleranceReport, rounded, run_within_tolerance
 
-# steps a turn of the coarsest of three trials, each with twice those before
+# minimum steps per revolution in the first of three trials; each of the others doubles the steps
 COARSEST = 60
-# an error that falls by this order or more is taken to fall by this order; else all that the last halving
-# changed counts
+# order with which the error is extrapolated if the observed order is at least as high; otherwise the whole
+# change of the last halving counts
 HIGH_ORDER = 3.4
 
 
 @dataclass(frozen=True, slots=True)
 class FreeStepping:
-    """A machine let run once.
+    """A free run at one time step.
 
     Attributes:
-        steps: its records.
-        loops: of the model as it was stepped.
-        settings: how it was stepped.
+        steps: its recorded states.
+        loops: of the model as stepped.
+        settings: time-stepping settings.
         seconds: time spent stepping.
-        every: how many records go to a sample.
+        every: number of records per sample.
     """
 
     steps: FreeSteps
@@ -44,18 +44,18 @@ class FreeStepping:
 
 
 class LetRun(Protocol):
-    """Lets the machine run with so many steps a turn; records as with a `per_record`-th part of them."""
+    """Function that runs a free mechanism at `steps` per revolution, recorded as at `steps / per_record`."""
 
     def __call__(self, steps: int, per_record: int = 1) -> FreeStepping: ...
 
 
 def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeStepping, ToleranceReport]:
-    """Return a run whose crank angle keeps a tolerance in [rad], or the best there is; and its promise.
+    """Return a run whose crank angle satisfies a tolerance, or the best run, and its tolerance report.
 
     Args:
-        let_run: steps the machine.
-        tolerance: on the crank angle at every instant, in [rad].
-        least: steps a turn of the coarsest trial, so that stepping is stable.
+        let_run: function that runs the mechanism.
+        tolerance: of the crank angle at every instant, in [rad].
+        least: minimum steps per revolution of the coarsest trial, for stability.
     """
     coarsest = rounded(max(COARSEST, least), 2)
     first, second = let_run(coarsest), let_run(2 * coarsest, 2)
@@ -92,7 +92,7 @@ def _reason(steps: int, estimate: float) -> str:
 
 
 def _apart(coarse: FreeStepping, fine: FreeStepping) -> float:
-    """Return how far two runs' crank angles are apart at the instants they share, in [rad]."""
+    """Return the largest difference between the crank angles of two runs at common instants, in [rad]."""
     if "diverged" in (coarse.steps.outcome, fine.steps.outcome):
         return np.inf
     address, n = fine.loops.crank_address, min(len(coarse.steps.time), len(fine.steps.time))

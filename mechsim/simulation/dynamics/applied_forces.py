@@ -1,7 +1,7 @@
 """MuJoCo's own tendon, actuator and constraint forces as wrenches on bodies.
 
-MuJoCo projects these forces onto coordinates. What a joint of the tree carries depends on the bodies they
-act on, so for reactions each is put back where it acts.
+MuJoCo projects these forces onto coordinates. The reaction of a joint of the tree depends on the bodies on
+which they act. For reactions, each force is therefore applied to its bodies.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -19,13 +19,13 @@ Fields = Mapping[str, Array]
 
 
 def add_force(stack: Array, fields: Fields, body: int, point: Array, force: Array) -> None:
-    """Add forces (n, 3) on a body at places (n, 3) to wrenches about centres of mass (n, nbody, 6)."""
+    """Add forces (n, 3) on a body at points (n, 3) to wrenches about centres of mass (n, nbody, 6)."""
     stack[:, body, :3] += force
     stack[:, body, 3:] += np.cross(point - fields["xipos"][:, body], force)
 
 
 def native(model: mujoco.MjModel, fields: Fields) -> AppliedForces:
-    """Return the forces of a model's tendons and actuators, as applied from outside."""
+    """Return the forces of a model's tendons and actuators as applied forces."""
     n = len(fields["qacc"])
     forces = AppliedForces(np.zeros((n, model.nu)), np.zeros((n, model.nv)), np.zeros((n, model.nbody, 6)))
     for i in range(model.nu):
@@ -63,7 +63,7 @@ def _add_tendon(model: mujoco.MjModel, fields: Fields, i: int, wrenches: Array) 
 
 
 def dry_friction(loaded: LoadedModel, fields: Fields, qvel: Array) -> AppliedForces:
-    """Return the dry friction of all joints: its size against the sign of the joint's rate."""
+    """Return the dry friction of all joints: a given magnitude, opposite to the joint's rate."""
     model, forces = loaded.model, loaded.nothing(len(qvel))
     forces.generalised[:] = -model.dof_frictionloss * np.sign(qvel)
     for i in np.flatnonzero(model.tendon_frictionloss):
@@ -78,13 +78,13 @@ def dry_friction(loaded: LoadedModel, fields: Fields, qvel: Array) -> AppliedFor
 
 
 def sliding(loaded: LoadedModel, fields: Fields, qvel: Array) -> Array:
-    """Return the direction in which each joint with dry friction goes, (n, k) of -1, 0, 1."""
+    """Return the direction of motion of each joint with dry friction, (n, k) of -1, 0, 1."""
     model = loaded.model
     rates = [
         qvel[:, model.dof_frictionloss > 0.0],
         fields["ten_velocity"][:, model.tendon_frictionloss > 0.0],
     ]
-    # the spin of a ball joint has no sign; it passes from one direction to another without a jump
+    # the spin of a ball joint has no sign; its direction changes without a jump
     rates += [
         fields["actuator_velocity"][:, friction.actuators]
         for friction in loaded.dry
@@ -94,7 +94,7 @@ def sliding(loaded: LoadedModel, fields: Fields, qvel: Array) -> Array:
 
 
 def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> AppliedForces:
-    """Return the forces of cut joints, (n, m): a multiplier acts on the first point of its pair."""
+    """Return the forces of cut joints from multipliers, (n, m); each acts on the first point of its pair."""
     loops, forces = loaded.loops, loaded.nothing(len(multipliers))
     for number, pair in enumerate(loops.pairs):
         force = multipliers[:, 3 * number : 3 * number + 3]
@@ -111,7 +111,7 @@ def loop_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> Appl
 
 
 def together(*applied: AppliedForces) -> AppliedForces:
-    """Return the sum of what is applied."""
+    """Return the sum of applied forces."""
     return AppliedForces(
         sum((forces.controls for forces in applied[1:]), applied[0].controls),
         sum((forces.generalised for forces in applied[1:]), applied[0].generalised),
@@ -122,10 +122,10 @@ def together(*applied: AppliedForces) -> AppliedForces:
 def coupling_forces(
     loaded: LoadedModel, fields: Fields, jacobian: Array, multipliers: Array
 ) -> AppliedForces:
-    """Return the forces of couplings and holds: of teeth at their pitch points, of others on coordinates.
+    """Return the forces of couplings and locked coordinates: of teeth at pitch points, others on coordinates.
 
-    A tooth force on a wheel, and its reverse on the body that carries it, do the work of the coordinate's
-    effort; those on the carrier cancel.
+    A tooth force on a wheel, and its opposite on the carrier of the wheel, do the work of the coordinate's
+    force. The forces on the carrier cancel.
     """
     forces = loaded.nothing(len(multipliers))
     meshes, first = meshes_of(loaded.mechanism), loaded.loops.coupled_rows.start
@@ -154,7 +154,7 @@ def mesh_forces(loaded: LoadedModel, fields: Fields, multipliers: Array) -> dict
 
 
 def thread_forces(loaded: LoadedModel, joint: Joint, multipliers: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield force along and moment about the axis of a screw on its link b, (n,) each; nothing of others."""
+    """Yield force along and moment about a screw's axis on its link b, (n,) each; nothing for other kinds."""
     threads, first = threads_of(loaded.mechanism), loaded.loops.coupled_rows.start
     for i, (name, law) in enumerate(loaded.mechanism.named_laws.items()):
         if threads.get(name) == joint:
@@ -162,29 +162,29 @@ def thread_forces(loaded: LoadedModel, joint: Joint, multipliers: Array) -> Iter
 
 
 def _at_pitch_point(loaded: LoadedModel, fields: Fields, mesh: Mesh, effort: Array) -> tuple[Array, Array]:
-    """Return the force on the driven one and the pitch point, in the ground frame, (n, 3) each."""
+    """Return the force on the driven wheel and the pitch point, in the ground frame, (n, 3) each."""
     body = loaded.body(mesh.carrier)
     axes = fields["xmat"][:, body].reshape(-1, 3, 3)
     own = np.outer(effort, mesh.tangential) + np.outer(np.abs(effort), mesh.separating)
     return (axes @ own[..., None])[..., 0], fields["xpos"][:, body] + axes @ mesh.point
 
 
-# factor on MuJoCo's inverse weights at which forces are looked for. Harder, rounding over it is left where
-# rows repeat each other; softer, two passes leave 1e-3 near a dead centre
+# minimum factor on MuJoCo's inverse weights for the computation of constraint forces. Smaller factors leave
+# rounding errors with redundant rows. With larger ones, two passes leave an error of 1e-3 near a dead centre
 # (validation/robustness/torque_scale.py)
 COMPLIANCE_FACTOR = 1e-5
-# steps of Newton's method in each pass, and passes
+# number of Newton steps in each pass, and number of passes
 ITERATIONS, PASSES = 10, 3
-# of the correction before it: a third that is no smaller part is rounding
+# ratio of the third correction to the second above which the third is rounding and is left out
 SHRINKING = 0.1
 
 
 def soften(model: mujoco.MjModel, compliance: float) -> float:
-    """Make a model's constraints fit to look for their forces.
+    """Make a model's constraints compliant enough for the computation of their forces.
 
     Args:
         model: compiled; its inverse weights are multiplied.
-        compliance: factor on them so far.
+        compliance: present factor on its inverse weights.
 
     Returns:
         The factor by which they were multiplied, 1 or more.
@@ -197,12 +197,12 @@ def soften(model: mujoco.MjModel, compliance: float) -> float:
 
 
 def rigid_forces(look: Callable[[Array], Mapping[str, Array]], states: int, dofs: int) -> dict[str, Array]:
-    """Return what MuJoCo makes of states whose constraints are rigid, with "qfrc_constraint" their force.
+    """Return MuJoCo's fields of states with rigid constraints; "qfrc_constraint" is the constraint force.
 
     Args:
-        look: MuJoCo's fields of the states under generalised forces (n, nv) added to what acts otherwise.
-        states: their number n.
-        dofs: nv.
+        look: additional generalised forces, (n, nv) -> MuJoCo's fields of the states.
+        states: number of states n.
+        dofs: number of degrees of freedom nv.
     """
     force = np.zeros((states, dofs))
     fields, before = look(force), np.full(states, np.inf)

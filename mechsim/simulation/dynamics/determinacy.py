@@ -1,4 +1,4 @@
-"""Which forces in the joints the loop constraints settle, and which they may share out as they like."""
+"""Static determinacy: the components of joint forces and moments that the loop constraints determine."""
 
 from collections.abc import Mapping
 
@@ -18,9 +18,9 @@ from mechsim.simulation.recording import States
 # joint -> whether fx, fy, fz, mx, my, mz is determined, (6,)
 DeterminedComponents = Mapping[str, NDArray[np.bool_]]
 
-# turn of the crank from one pose looked at to the next, in [rad], and how many
+# crank angle between two evaluated poses, in [rad], and number of poses
 STEP, POSES = 0.05, 4
-# a component that changes by less than this part of the self-stress is determined
+# change of a component, relative to the self-stress, up to which the component is determined
 TINY = 1e-9
 
 
@@ -64,7 +64,7 @@ def determined_components(loaded: LoadedModel) -> DeterminedComponents:
 
 
 def _rotated(loaded: LoadedModel) -> Array:
-    """Return by how much the crank turns from the closed state to poses it can reach, (n,) in [rad]."""
+    """Return the crank angles of reachable poses relative to the closed state, (n,) in [rad]."""
     displaced = STEP * np.arange(float(POSES))
     for sign in (1.0, -1.0):
         try:

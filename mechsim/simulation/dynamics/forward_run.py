@@ -33,13 +33,13 @@ from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
 from mechsim.simulation.source import assembled
 from mechsim.simulation.state import HINGE, SLIDE
 
-# RK4 with stiff equalities; the same as a free crank has (dynamics/free_motion.py)
+# RK4 with stiff equalities, as for a free crank (dynamics/free_motion.py)
 FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
 # longest step of a coordinate towards its initial value, in [rad] or characteristic lengths
 STEP = 0.05
-# constraint violation in characteristic lengths that counts as closed
+# constraint violation in characteristic lengths up to which the loops are closed
 CLOSED = 1e-12
-# MuJoCo's own Newton iterations of a step
+# minimum Newton iterations of MuJoCo's constraint solver in a step
 ITERATIONS = 20
 
 
@@ -50,11 +50,11 @@ class SteppedRun:
     Attributes:
         motion: of points, links and joints of the tree at the recorded instants.
         kinetic: kinetic energy, (n,) in [J].
-        driving: prescribed coordinate -> effort that moves it, (n,) in [N m] or [N].
+        driving: prescribed coordinate -> torque or force that moves it, (n,) in [N m] or [N].
         potential: of gravity and springs, (n,) in [J].
         diverged: whether the state of MuJoCo became invalid; the records then end before.
         timestep: in [s].
-        steps: taken.
+        steps: number of steps taken.
         seconds: time spent stepping.
     """
 
@@ -85,19 +85,19 @@ def stepped_run(
 
     Args:
         mechanism: links without an inertia are rods.
-        forces: what acts, the motor too.
+        forces: applied forces, including the motor.
         coordinates: initial values in [m] or [rad] of joint coordinates of the tree.
         rates: initial rates per second, likewise.
         times: instants to record, evenly spaced from 0, (n,) in [s].
-        substeps: steps from one recorded instant to the next.
+        substeps: number of steps between two recorded instants.
         settings: of the integrator and the constraints.
-        kept: coordinates at which no loop is cut; values of others count only where no loop is cut. None
-            keeps all that have a value.
-        prescribed: coordinate -> motion law that it follows, by the force that its acceleration needs.
+        kept: coordinates at which no loop is cut. Values of other coordinates are ignored if a loop is cut
+            there. None keeps all coordinates that have a value.
+        prescribed: coordinate -> its motion law; a force gives the prescribed acceleration.
 
     Raises:
         InputError: for a coordinate that the model does not have.
-        AssemblyError: where the loops do not close at the initial values.
+        AssemblyError: if the loops do not close at the initial values.
     """
     model = free_model(mechanism, forces, {*coordinates, *rates} if kept is None else kept)
     if kept is not None:
@@ -163,7 +163,7 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
 
 
 def prepared(model: LoadedModel, settings: Settings, timestep: float) -> mujoco.MjModel:
-    """Return a copy of the model that is set up for stepping, without virtual drive inertia."""
+    """Return a copy of the model, prepared for stepping without virtual drive inertia."""
     stepped = copy.copy(model.model)
     crank = np.array([model.loops.crank])
     own = float(stepped.dof_armature[model.loops.crank])
@@ -178,7 +178,7 @@ class Controllers:
     """The controllers of a model, as forces applied to MuJoCo's degrees of freedom.
 
     Args:
-        model: with the forces.
+        model: with the controllers among its forces.
     """
 
     def __init__(self, model: LoadedModel) -> None:
@@ -249,7 +249,7 @@ def dofs_of(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], 
     """Return addresses in qpos and degrees of freedom of joint coordinates.
 
     Raises:
-        InputError: for a coordinate at which the model's loops are cut, or that it does not have.
+        InputError: for a coordinate at which the loops are cut, or that the model does not have.
     """
     called = model_names(model.mechanism)
     crank = model.mechanism.crank.name if model.mechanism.has_crank else None
@@ -279,7 +279,7 @@ def without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, f
 
 
 def _moved(model: LoadedModel, coordinates: Mapping[str, float]) -> Array:
-    """Return the closed state at independent coordinates, (nq,), by short steps from the reference."""
+    """Return the closed state at independent coordinates, (nq,), by short steps from the reference state."""
     addresses, dofs = dofs_of(model, coordinates)
     loops, qpos = model.loops, model.qpos.copy()
     target, begin = np.array([*coordinates.values()]), qpos[addresses].copy()
@@ -409,7 +409,7 @@ def _motion(
         address = int(stepped.sensor(name).adr[0])
         return sensors[:, address : address + 3]
 
-    # MuJoCo's sensors of linear acceleration are accelerometers: they leave out that of gravity
+    # MuJoCo's sensors of linear acceleration are accelerometers, which omit the acceleration of gravity
     gravity = stepped.opt.gravity
     points = {
         name: PointMotion(position, sensed(f"{name}.linvel"), sensed(f"{name}.linacc") + gravity)

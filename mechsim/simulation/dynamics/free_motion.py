@@ -1,4 +1,4 @@
-"""Free running in MuJoCo: the crank moves as motor, loads, weight, springs and friction make it."""
+"""Free runs in MuJoCo: the crank moves under motor, loads, weight, springs and friction."""
 
 import copy
 import time as timer
@@ -35,29 +35,29 @@ from mechsim.simulation.source import HasMechanism
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.units import si
 
-# turns of the crank at its expected speed after which a run for turns is given up
+# a run for `turns` lasts at most this number times (1 + turns) revolutions at the expected speed
 PATIENCE = 20.0
-# where constraints repeat each other only as long as loops are closed they must give way, or that by which
-# they disagree acts like a brake: of compliances 1e-8 to 1e4 and constants of 3 to 20 steps this keeps the
-# energy best (Bennett, 3e-7)
+# for constraints that are redundant only while the loops are closed: stiff ones brake the mechanism by their
+# inconsistency. Of compliances 1e-8 to 1e4 and time constants of 3 to 20 steps these conserve the energy best
+# (Bennett linkage, 3e-7)
 REDUNDANT = Settings(compliance=100.0, constant_steps=5.0, steps_per_turn=4000)
-# the same where they agree
+# for redundant constraints that are consistent
 AGREEING = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
-# records over which the work is summed up, at least
+# minimum number of records over which the work is integrated; every step if the run has fewer
 FINEST = 10_000
-# instants at which the energy of a trial is looked at
+# number of instants at which the energy of a trial is evaluated
 CHECK_INTERVAL = 72
-# steps of Newton's method at each instant: with one the energy drifts by 1e-5 a turn, with two by 1e-9
+# Newton steps of the constraint solver: with one the energy drifts by 1e-5 a revolution, with two by 1e-9
 ITERATIONS = 2
-# a motor is stiff that brings the crank to its speed in this part of a turn
+# a motor is stiff if the step that damping allows is at most this fraction of a revolution at no-load speed
 STIFF = 1e-3
-# what to do where the motor is so stiff that explicit steps are too many
+# remedy in the message if a stiff motor needs too many explicit steps
 STIFF_REMEDY = (
     "give a flywheel, a weaker motor or fewer turns, or leave MuJoCo out (--method none): the equations of "
     "motion are solved by an implicit method"
 )
-# times the step that damping allows, in the coarsest of the trials: with 4 the work of a motor in the first
-# instants, summed over so few steps, is off by 1e-3 of itself
+# factor on the longest step that damping allows, in the coarsest trial. With 4, the work of a motor in the
+# first instants has a relative error of 1e-3, because it is integrated over too few steps
 COARSER = 2.0
 
 
@@ -77,30 +77,30 @@ def free_run(
     cut: tuple[str, ...] | None = None,
     progress: Progress = no_progress,
 ) -> SteppedFreeRun:
-    """Let a machine run by itself from a crank angle and speed, stepped in MuJoCo.
+    """Step a free mechanism in MuJoCo from an initial crank angle and speed.
 
     Quantities are numbers in SI, or text with a unit, as "600rpm".
 
     Args:
-        source: a Mechanism, or what has one, as `ms.load` returns; links without an inertia are rods, as in
-            `rods.with_inertia`.
-        forces: what acts, the motor too; None takes the forces of the source, as a file's `[forces]`, and
-            none where it has none.
-        angle: crank angle at the start in [rad]; None takes where assembly starts.
-        speed: crank speed at the start in [rad/s].
-        turns: turns of the crank after which to end; negative backwards.
-        duration: time after which to end in [s]; give it or `turns`.
-        tolerance: bound on the error of the crank angle at every instant in [rad]; the time step is then
-            chosen by trials, and the error taken from a run with steps twice as long (`angle_tolerance`).
-        samples: instants recorded after the first, about as many where only turns are given.
-        timestep: longest step in [s], shortened so that records are even; None takes the settings' part of a
-            turn at the speed to be expected.
-        settings: how to step; the virtual drive inertia in them is left out.
+        source: a Mechanism, or an object that has one, as `ms.load` returns; links without an inertia are
+            rods, as in `masses.with_inertia`.
+        forces: applied forces, including the motor. None takes the forces of the source, as a file's
+            `[forces]`, or no forces if it has none.
+        angle: initial crank angle in [rad]; None takes the mechanism's start angle.
+        speed: initial crank speed in [rad/s].
+        turns: revolutions of the crank after which the run ends; negative backwards.
+        duration: time after which the run ends in [s]; give it or `turns`.
+        tolerance: tolerance of the crank angle at every instant in [rad]. Trials then determine the time
+            step, and a run with steps twice as long gives the error (`angle_tolerance`).
+        samples: number of instants recorded after the first; approximate if only `turns` is given.
+        timestep: longest step in [s], shortened for evenly spaced records; None takes the settings' fraction
+            of a revolution at the expected speed.
+        settings: time-stepping settings; their virtual drive inertia is ignored.
         cut: joints at which the loops are cut; None lets the generator choose.
         progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
-        InputError: where it is not said when to end, or values cannot be used.
+        InputError: if neither `turns` nor `duration` is given, or for invalid values.
         AssemblyError: if the loops do not close at the start.
     """
     angle, speed = si(angle, "rad", "the start angle"), si(speed, "rad/s", "the speed")
@@ -133,7 +133,7 @@ def free_run(
     if tolerance is not None:
         if timestep is not None:
             raise InputError("a free run was given a time step and a tolerance; leave one of them out")
-        # Runge's method is stable for steps of five times that; only a trial takes such
+        # the Runge-Kutta method is stable up to five times `longest`; only trials take steps above it
         plan = replace(plan, longest=COARSER * plan.longest)
         stepping, report = within(plan.let_run, tolerance, REVOLUTION / plan.fastest / plan.longest)
         record = _recorded(plan, stepping)
@@ -147,17 +147,17 @@ def free_run(
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A free run but for its time step.
+    """A free run without its time step.
 
     Attributes:
-        loaded: the mechanism.
-        settings: how to step.
+        loaded: the mechanism and its forces.
+        settings: time-stepping settings.
         start: closed state and rates.
-        turns: as asked for.
-        duration: as asked for.
-        samples: as asked for.
-        fastest: speed to be expected, in [rad/s]; 0 where it is not needed.
-        longest: time step that damping allows, in [s].
+        turns: requested revolutions of the crank.
+        duration: requested duration, in [s].
+        samples: requested number of instants after the first.
+        fastest: expected maximum crank speed, in [rad/s]; 0 if it is not needed.
+        longest: longest time step that damping allows, in [s].
         progress: called with a text and the finished fraction.
     """
 
@@ -172,13 +172,13 @@ class _Plan:
     progress: Progress
 
     def let_run(self, steps: int, per_record: int = 1, *, timestep: float | None = None) -> FreeStepping:
-        """Return the run with so many steps in a turn at the speed to be expected.
+        """Return the run with a number of steps per revolution at the expected speed.
 
         Args:
-            steps: in a turn.
-            per_record: into how many parts each step is cut: twice as many steps with twice the
-                parts are recorded at the same instants.
-            timestep: overrides the step before it is cut, in [s].
+            steps: per revolution.
+            per_record: factor by which the steps are finer than those of a reference run. Runs with the same
+                ratio of `steps` to `per_record` are recorded at the same instants.
+            timestep: step of the reference run, in [s]; None derives it from `steps`.
         """
         coarse = replace(self.settings, steps_per_turn=steps // per_record)
         step = timestep or min(coarse.timestep(self.fastest), self.longest)
@@ -215,7 +215,7 @@ class _Plan:
         return FreeStepping(run, loops, settings, seconds, every)
 
     def _start_up(self, step: float, record_step: int, per_record: int) -> StartUp | None:
-        """Return how to start under a stiff motor; None without one, or where the run ends before."""
+        """Return the start-up under a stiff motor; None without one, or if the run ends before it does."""
         end = self.duration if self.turns is None else abs(self.turns) * self._slowest
         if not self._is_stiff or end is None:
             return None
@@ -224,17 +224,17 @@ class _Plan:
 
     @property
     def _is_stiff(self) -> bool:
-        """Whether the motor brings the crank to its speed in a small fraction of a revolution."""
+        """Whether the motor accelerates the crank to its speed in a small fraction of a revolution."""
         return self.longest <= STIFF * self._slowest
 
     @property
     def _slowest(self) -> float:
-        """Time of a turn at the motor's speed without load in [s]; 0 without a motor."""
+        """Time of a revolution at the motor's no-load speed in [s]; 0 without a motor."""
         motor = self.loaded.forces.motor
         return 0.0 if motor is None else REVOLUTION / abs(motor.no_load) if motor.no_load else np.inf
 
     def _require_feasible(self, step: float, likely: int) -> None:
-        """Raise InputError where a stiff motor makes explicit steps too many: it holds the crank's speed."""
+        """Raise InputError if a stiff motor, which keeps the crank's speed, needs too many explicit steps."""
         if not self._is_stiff:
             return
         steps = float(likely)
@@ -246,7 +246,7 @@ class _Plan:
 
 
 def _is_redundant(loaded: LoadedModel) -> bool:
-    """Say whether some loop constraints repeat what others say; rows that say nothing do no harm."""
+    """Return whether some loop constraints depend linearly on others; rows of zeros are ignored."""
     _, jacobian = loaded.loops.linearise(loaded.qpos[None])
     sizes = np.abs(jacobian[0]).max(1, initial=0.0)
     rounding = loop_jacobian.rounding(loaded.loops)
@@ -255,10 +255,10 @@ def _is_redundant(loaded: LoadedModel) -> bool:
 
 
 def _steadier(plan: _Plan) -> Settings:
-    """Return by which settings a machine with redundant constraints keeps its energy better over a turn.
+    """Return the settings that conserve the energy better over a revolution with redundant constraints.
 
-    Those of a third parallel crank agree, and hard ones are right to rounding; those of a Bennett linkage
-    do not.
+    The constraints of a third parallel crank are consistent, and stiff ones are accurate to rounding. Those
+    of a Bennett linkage are consistent only while its loops are closed.
     """
     longest = REVOLUTION / plan.fastest
     short = replace(
@@ -278,20 +278,20 @@ def _steadier(plan: _Plan) -> Settings:
 
 
 def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoops:
-    """Return the model as it is stepped: hard loops, and on the crank no inertia but the machine's."""
+    """Return the model to be stepped, with stiff loops and without virtual inertia on the crank."""
     loops = replace(loaded.loops, model=copy.copy(loaded.loops.model))
     crank = np.array([loops.crank])
     drive_inertia = float(loops.model.dof_armature[loops.crank])
     settings.apply(loops, step, velocity_products=True)
     stiffen_friction(loops.model, step)
     set_armature(loops.model, crank, drive_inertia)
-    # a driven crank forgives what one step of Newton's method leaves; here it would move the crank
+    # the residual that one Newton step leaves cannot move a driven crank, but it would move a free one
     loops.model.opt.iterations = max(loops.model.opt.iterations, ITERATIONS)
     return loops
 
 
 def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
-    """Return the run at every so many of its records, the last one too; work is summed over all."""
+    """Return the run at its first, last and every `stepping.every`-th record; all records give the work."""
     loaded, run, loops = plan.loaded, stepping.steps, stepping.loops
     shown = np.unique([0, *range(run.started, len(run.time), stepping.every), len(run.time) - 1])
     kept = shown.astype(np.intp)
@@ -326,7 +326,7 @@ def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:
 
 
 def _work(loaded: LoadedModel, states: States) -> tuple[Array, Array]:
-    """Return work done by motor and loads, and lost, since the first state, (n,) each in [J]."""
+    """Return the work of motor and loads, and the lost work, since the first state, (n,) each in [J]."""
     forces, n = loaded.forces, len(states.time)
     outer = forces.motor or forces.load_profiles
     if not (outer or forces.friction or any(spring.damping for spring in forces.springs)):
@@ -337,7 +337,7 @@ def _work(loaded: LoadedModel, states: States) -> tuple[Array, Array]:
 
 
 def _integral(time: Array, power: Array) -> Array:
-    """Return the integral of a power from the first instant on, by a quintic spline, (n,) in [J]."""
+    """Return the time integral of a power from the first instant, by a quintic spline, (n,) in [J]."""
     from scipy.interpolate import make_interp_spline
 
     degree = min(5, len(time) - 1)

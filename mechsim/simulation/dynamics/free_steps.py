@@ -1,4 +1,4 @@
-"""Stepping a free machine until it has made its turns, its time is over, or it is plain that it will not."""
+"""Time stepping of a free mechanism until it completes its revolutions, its time ends, or it cannot go on."""
 
 import copy
 from collections.abc import Generator
@@ -24,26 +24,26 @@ from mechsim.simulation.stepping import Progress, no_progress
 
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 
-# steps between two looks at how the run goes
+# number of steps between two checks of the run's progress
 BLOCK = 2000
-# a stiff motor brings the crank to its speed in some decay times, whose steps are each cut into so many: the
+# start-up under a stiff motor: its duration in decay times, and the number of short steps per time step. The
 # energy of the start then balances to 2e-11 (measured on the four-bar under motors of 100 and 1000 N m)
 DECAYS, SUBSTEPS = 40.0, 20
-# of the expected speed: below this a crank is at rest, whatever dry friction lets creep
+# fraction of the expected speed below which the crank is at rest, unless dry friction lets it creep faster
 REST = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
 class FreeSteps:
-    """Recorded states of a free run and how it ended: time (n,), qpos (n, nq), qvel (n, nv).
+    """Recorded states of a free run, and its outcome.
 
     Attributes:
         time: (n,) in [s].
         qpos: (n, nq).
         qvel: (n, nv).
-        outcome: how it ended.
-        reason: one sentence where it did not end as it was asked to.
-        steps: taken.
+        outcome: of the run.
+        reason: one sentence if the run did not end as requested.
+        steps: number of steps taken.
         started: index of the last record of the start-up.
     """
 
@@ -58,11 +58,11 @@ class FreeSteps:
 
 @dataclass(frozen=True, slots=True)
 class StartUp:
-    """How a machine under a stiff motor starts: with shorter steps.
+    """The start-up under a stiff motor, with shorter steps.
 
     Attributes:
-        steps: whole time steps that are each cut into SUBSTEPS, a multiple of those between two records.
-        record_step: short steps from one record to the next.
+        steps: number of time steps, a multiple of those between two records; each is divided into `SUBSTEPS`.
+        record_step: number of short steps between two records.
     """
 
     steps: int
@@ -80,16 +80,16 @@ def step_freely(
     progress: Progress = no_progress,
     start_up: StartUp | None = None,
 ) -> FreeSteps:
-    """Step a model that is set up for it.
+    """Step a prepared model.
 
     Args:
-        loaded: the mechanism; says what controls act.
-        loops: of the model as it is stepped.
+        loaded: the mechanism and its forces, which determine the controls.
+        loops: of the prepared model.
         start: closed state and rates, (nq,) and (nv,).
-        total: most steps to take.
-        record_step: steps from one record to the next.
-        turns: of the crank after which to end; None takes all steps.
-        fastest: speed to be expected in [rad/s].
+        total: maximum number of steps.
+        record_step: number of steps between two records.
+        turns: revolutions of the crank after which the run ends; None takes all steps.
+        fastest: expected maximum crank speed in [rad/s].
         progress: called after every block.
         start_up: shorter steps at the start.
     """
@@ -142,7 +142,7 @@ def step_freely(
 def _start_up(
     loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float], start_up: StartUp
 ) -> list[tuple[Array, Array, Array]]:
-    """Return the records of the start-up, up to a state that is not finite."""
+    """Return the records of the start-up."""
     short = replace(loops, model=copy.copy(loops.model))
     short.model.opt.timestep /= SUBSTEPS
     advance = _advance(loaded, short, start, soft, 0.0)
@@ -154,7 +154,7 @@ def _start_up(
 def _given_up(
     loaded: LoadedModel, records: list[Any], turns: float | None, rest: float, address: int, dof: int
 ) -> tuple[Outcome, str] | None:
-    """Return how a run for turns ends that will not make them; None while it may."""
+    """Return outcome and reason of a run that cannot complete its revolutions; None while it still may."""
     if turns is None or _over_time(loaded):
         return None
     angle = np.concatenate([qpos[:, address] for _, qpos, _ in records])
@@ -181,9 +181,9 @@ def _over_time(loaded: LoadedModel) -> bool:
 
 
 def _softened(loaded: LoadedModel, start: tuple[Array, Array], timestep: float) -> tuple[list[float], float]:
-    """Return the speeds at which dry frictions that are controls soften, and the crank's creep in them.
+    """Return the speeds below which dry friction by controls is linear in speed, and the crank's creep.
 
-    A crank that they hold at rest creeps no faster than the speed they would take from it in two steps.
+    A crank at rest under friction creeps at most at the speed that friction removes in two steps.
     """
     if not loaded.dry:
         return [], 0.0
@@ -202,7 +202,7 @@ def _softened(loaded: LoadedModel, start: tuple[Array, Array], timestep: float) 
 def _advance(
     loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float], began: float
 ) -> Any:
-    """Return what takes steps and returns the records: time, qpos, qvel, and whether MuJoCo warned."""
+    """Return a function that takes steps and returns time, qpos, qvel, and whether MuJoCo warned."""
     steady = not loaded.dry and all(course.over is None for course in loaded.forces.load_profiles)
     if steady and not bends(loops):
         return _in_c(loaded, loops, start, began)
@@ -210,7 +210,7 @@ def _advance(
 
 
 def _in_c(loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], began: float) -> Any:
-    """Take steps under controls that do not change, all in C."""
+    """Return a function that steps under constant controls, entirely in C."""
     sims = batch.Batch(loops.model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
     if loops.model.nu:
@@ -227,7 +227,7 @@ def _in_c(loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], be
 def _with_callback(
     loaded: LoadedModel, loops: ModelLoops, start: tuple[Array, Array], soft: list[float], began: float
 ) -> Any:
-    """Take steps under what changes with angle, time or rates, at every stage of every step."""
+    """Return a function that steps under controls of angle, time and rates, set at every stage of a step."""
     model, data = loops.model, mujoco.MjData(loops.model)
     data.qpos[:], data.qvel[:] = start
     data.time = began
@@ -251,7 +251,7 @@ def _with_callback(
 
 @contextmanager
 def _controlled(control: Any) -> Generator[None]:
-    """Let a function set the controls, and whatever did before again afterwards."""
+    """Install a control callback, and restore the previous one afterwards."""
     before = mujoco.get_mjcb_control()
     mujoco.set_mjcb_control(control)
     try:
@@ -260,20 +260,20 @@ def _controlled(control: Any) -> Generator[None]:
         mujoco.set_mjcb_control(before)
 
 
-# a crank that nothing drives is looked at as if it made a turn in so many seconds
+# longest expected time of a revolution in [s], for a crank that nothing drives
 SLOWEST = 100.0
-# crank angles in a turn at which inertia and damping are looked up
+# number of crank angles in a revolution at which inertia and damping are evaluated
 PROBES = 24
-# part of the quickest decay that a step may take: Runge's method is stable to 2.8
+# longest step as a fraction of the shortest decay time; the Runge-Kutta method is stable up to 2.8
 PART_OF_DECAY = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedSpeed:
-    """What is expected of a free run.
+    """Expected speed and decay time of a free run.
 
     Attributes:
-        speed: about the largest crank speed, in [rad/s].
+        speed: approximate maximum crank speed, in [rad/s].
         decay: shortest time in which damping and motor slow the crank to 1/e, in [s]; may be infinite.
     """
 
@@ -288,9 +288,10 @@ class ExpectedSpeed:
 def expect_speed(
     loaded: LoadedModel, angle: float, speed: float, turns: float | None, duration: float | None
 ) -> ExpectedSpeed:
-    """Return what to expect, from the energy that motor, loads and weight can give.
+    """Return the expected speed and decay time, from the energy that motor, loads and weight can supply.
 
-    That is the energy of one turn, or of the turns requested where no speed limits the motor.
+    Motor and loads act over the requested revolutions, or over one. The motor's no-load speed and the
+    duration limit the speed.
     """
     inertia, damping = _along(loaded, angle)
     weight = float(loaded.model.body_mass.sum() * np.linalg.norm(loaded.model.opt.gravity))
@@ -317,7 +318,10 @@ def expect_speed(
 
 
 def _along(loaded: LoadedModel, angle: float) -> tuple[Array, Array]:
-    """Return generalised inertia [kg m2] and damping [N m s] at the crank over the turn, or at one angle."""
+    """Return generalised inertia [kg m2] and damping [N m s] of the crank over a revolution.
+
+    If the loops do not close over the revolution, return those at one angle.
+    """
     angles = angle + np.linspace(0.0, REVOLUTION, PROBES + 1)[:-1]
     try:
         qpos = follow.follow(loaded.loops, loaded.qpos, angles)
@@ -336,17 +340,17 @@ EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 
 def bends(loops: ModelLoops) -> bool:
-    """Say whether the loops of a model have couplings that bend."""
+    """Return whether the loops of a model have nonlinear couplings."""
     return any(coupling.nonlinear for coupling in loops.couplings)
 
 
 @contextmanager
 def bending(loops: ModelLoops) -> Generator[None]:
-    """Let couplings bend while steps are taken one by one, and whatever acted before again afterwards."""
+    """Install a callback for the velocity-product terms of couplings, and restore the previous one."""
     before = mujoco.get_mjcb_passive()
     nonlinear, rows = [coupling for coupling in loops.couplings if coupling.nonlinear], list[int]()
 
-    # MuJoCo calls it once openings are known, before it asks for accelerations by them
+    # MuJoCo calls this after it computes the constraint violations and before it computes accelerations
     def opened(_: mujoco.MjModel, data: mujoco.MjData) -> None:
         if not rows:
             constrained = np.where(data.efc_type == EQUALITY, data.efc_id, -1).tolist()

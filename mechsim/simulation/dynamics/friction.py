@@ -1,9 +1,10 @@
-"""Dry friction that MuJoCo has no model of: actuators whose controls oppose their own velocities.
+"""Dry friction that MuJoCo does not model: actuators whose controls oppose their own velocities.
 
-MuJoCo's own dry friction acts on single coordinates: on a hinge or a slide, or on a sum of hinge angles. A
-ball joint, whose friction is against its spin and not about three axes apart, and a revolute joint where
-a loop in space is cut, have controls instead. While the joint moves they are exact; near rest, below the
-speed that the friction takes away in two steps, they are softened, or the joint would shake about rest.
+MuJoCo's own dry friction acts on single coordinates: on a hinge or a slide, or on a sum of hinge angles. The
+friction of a ball joint opposes its spin and does not act about three separate axes. Ball joints, and
+revolute joints at which a spatial loop is cut, therefore have controls. These are exact while the joint
+moves. Below the speed that friction removes in two steps, they are proportional to the speed; otherwise the
+joint would oscillate about rest.
 """
 
 from collections.abc import Sequence
@@ -17,22 +18,22 @@ from mechsim.model.forces import Friction
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.force_elements import AXES, coulomb_name
 
-# steps in which a joint near rest loses its speed
+# number of steps in which friction stops a joint near rest
 STEPS = 2.0
-# a speed in [rad/s] that is none
+# smallest divisor of a speed, in [rad/s], which avoids a division by zero at rest
 TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
 class DryJoint:
-    """The dry friction of one joint: indices of its actuators, and its size in [N m]."""
+    """The dry friction of one joint: indices of its actuators, and its magnitude in [N m]."""
 
     actuators: NDArray[np.int64]
     magnitude: float
 
 
 def dry_frictions(model: mujoco.MjModel, friction: Sequence[Friction]) -> list[DryJoint]:
-    """Return the joints of a model whose dry friction is controls."""
+    """Return the joints of a model whose dry friction acts by controls."""
     indices = {model.actuator(i).name: i for i in range(model.nu)}
     joints = []
     for row in friction:
@@ -51,7 +52,7 @@ def oppose(
         dry: the frictions.
         velocity: of all actuators, in [rad/s].
         controls: of all actuators; those of dry friction are set.
-        soft: speed in [rad/s] of each friction below which it is proportional to the speed.
+        soft: speed in [rad/s] below which each friction is proportional to the speed.
     """
     for i, joint in enumerate(dry):
         rate = velocity[:, joint.actuators]
@@ -61,12 +62,12 @@ def oppose(
 
 
 def compliance(dry: Sequence[DryJoint], velocity: Array, inertia: float, timestep: float) -> list[float]:
-    """Return for each friction the speed in [rad/s] that it takes away in two steps.
+    """Return for each friction the speed in [rad/s] that it removes in two steps.
 
     Args:
         dry: the frictions.
         velocity: of all actuators at unit crank speed, (nu,).
-        inertia: generalised, of the crank in [kg m2].
+        inertia: generalised inertia of the crank, in [kg m2].
         timestep: in [s].
     """
     return [

@@ -36,7 +36,14 @@ from mechsim.simulation.stepping import Progress, no_progress, rescale_coupled_t
 
 @dataclass(frozen=True, slots=True)
 class LoadedState:
-    """States and all that acts in them but loops and drive; `plain` is what MuJoCo then makes of them."""
+    """States with applied forces, but without the forces of loops and drive.
+
+    Attributes:
+        states: the n states.
+        jacobian: of the loop constraints, (n, m, nv).
+        outer: applied forces.
+        plain: MuJoCo's fields under these forces, with open loops.
+    """
 
     states: States
     jacobian: Array
@@ -45,7 +52,7 @@ class LoadedState:
 
 
 def loaded_state(loaded: LoadedModel, states: States) -> LoadedState:
-    """Return states under loads, springs, friction and motor, with their loops open and no drive."""
+    """Return states under loads, springs, friction and motor, with open loops and without a drive."""
     angle = states.qpos[:, loaded.loops.crank_address]
     model = loaded.looking()
     applied = loaded.nothing(len(angle))
@@ -61,7 +68,7 @@ def loaded_state(loaded: LoadedModel, states: States) -> LoadedState:
 def tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
     """Return the rates per radian of the crank that keep the loops closed with the least energy, (n, nv).
 
-    A link whose spin nothing determines then has no momentum about its own line.
+    A link whose spin is undetermined then has no momentum about its own axis.
     """
     _, jacobian = loaded.loops.linearise(qpos)
     rows = _constraint_rows(loaded, jacobian)
@@ -75,7 +82,8 @@ def drive_and_constraint_forces(
 ) -> tuple[Array, Array, Array]:
     """Return accelerations (n, nv), loop multipliers (n, m) and drive torque (n,) of a prescribed crank.
 
-    M q'' + h = Q + J' multipliers + torque on the crank, J q'' + J' q' = 0, the crank's q'' given.
+    The equations are M q'' + h = Q + J^T multipliers + torque on the crank, and J q'' + (dJ/dt) q' = 0. The
+    crank's q'' is prescribed.
     """
     links = link_motions(loaded.model, loaded.track, state.plain)
     opened = closure_acceleration(loaded.loops, state.states, state.plain["qacc"], links)
@@ -87,15 +95,15 @@ def drive_and_constraint_forces(
 
 
 def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -> tuple[Array, Array]:
-    """Return the multipliers of MuJoCo's own constraint forces, and the drive torque that goes with them.
+    """Return the multipliers of MuJoCo's own constraint forces, and the corresponding drive torque.
 
     Args:
-        loaded: the mechanism.
-        state: the loaded_state.
-        fields: what the stepped model makes of it.
+        loaded: the mechanism and its forces.
+        state: result of `loaded_state`.
+        fields: MuJoCo's fields of the stepped model in this state.
     """
     forces, scale = fields["qfrc_constraint"], row_scale(loaded, state.jacobian.shape[1])
-    # MuJoCo knows no rows for what motion laws drive: forces on these coordinates stand for them
+    # MuJoCo has no constraint rows for driven coordinates: forces on these coordinates replace them
     first_driven = loaded.loops.driven_rows.start
     units = loaded.loops.units
     scaled = np.swapaxes(state.jacobian * scale[:, None] * units, 1, 2)[..., :first_driven]
@@ -116,7 +124,7 @@ def constraint_forces(loaded: LoadedModel, state: LoadedState, fields: Fields) -
 
 
 def _on_parameter(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> Array:
-    """Return the torque on the clock that does the work of all drives, (n,) in [N m]."""
+    """Return the torque on the path parameter with the power of all drives, (n,) in [N m]."""
     rows = loaded.loops.driven_rows
     return -(multipliers[:, rows] * jacobian[:, rows, loaded.loops.crank]).sum(1)
 
@@ -124,7 +132,7 @@ def _on_parameter(loaded: LoadedModel, jacobian: Array, multipliers: Array) -> A
 def force_record(
     loaded: LoadedModel, state: LoadedState, qacc: Array, multipliers: Array, torque: Array
 ) -> ForceRecord:
-    """Return everything transmitted: all forces act as wrenches, and MuJoCo carries them through the tree."""
+    """Return all transmitted forces; MuJoCo propagates applied wrenches through the tree."""
     n, crank = len(qacc), loaded.loops.crank
     drive_forces = loaded.nothing(n)
     driven = loaded.loops.drivers
@@ -139,8 +147,8 @@ def force_record(
     fields = loaded.look(loaded.looking(native=False), state.states, everything)
     lost, outer, motor = powers(loaded, state)
     rates = state.states.qvel
-    # rounding is measured by accelerations: links that all turn evenly have none, and those that creep next
-    # to none compared with what their weight would give them without the loops
+    # scale of the residual: accelerations are zero in uniform rotation and tiny in slow motion, so the square
+    # of the crank speed and the accelerations with open loops count too
     even = float(np.abs(rates[:, crank]).max()) ** 2
     kept = float(np.abs(state.plain["qacc"]).max())
     largest = max(float(np.abs(qacc).max()), kept, even, np.finfo(np.float64).tiny)
@@ -178,16 +186,16 @@ def _constraint_rows(loaded: LoadedModel, jacobian: Array) -> Array:
 
 
 def row_scale(loaded: LoadedModel, rows: int) -> Array:
-    """Return factors that make rows of lengths free of units."""
+    """Return factors that make constraint rows in units of length dimensionless."""
     scale = np.ones(rows)
     scale[: len(loaded.loops.scale)] = loaded.loops.scale
     return scale
 
 
 def _least(rows: Array, scale: Array, inertia: Array, right: Array) -> tuple[Array, Array]:
-    """Solve rows x = right, M x = rows' multipliers: x with least x'Mx, (n, nv), and multipliers, (n, m).
+    """Solve rows x = right, M x = rows^T multipliers: x with least x^T M x, (n, nv), and multipliers, (n, m).
 
-    Where rows repeat others, the multipliers are the least that do it, for rows times `scale` (m,).
+    For redundant rows the multipliers have the least norm, with rows scaled by `scale` (m,).
     """
     lower = np.linalg.cholesky(inertia)
     weighted = np.swapaxes(np.linalg.solve(lower, np.swapaxes(rows, 1, 2)), 1, 2)
@@ -206,7 +214,7 @@ def _drive_accelerations(loaded: LoadedModel, qacc: Array) -> dict[str, Array]:
 
 
 def _kinetic(loaded: LoadedModel, rates: Array, inertia: Array) -> Array:
-    """Return the energy of motion of all but a clock, (n,) in [J]."""
+    """Return the kinetic energy, without that of the path parameter, (n,) in [J]."""
     if loaded.loops.drivers is not None:
         rates = rates.copy()
         rates[:, loaded.loops.crank] = 0.0
@@ -214,13 +222,13 @@ def _kinetic(loaded: LoadedModel, rates: Array, inertia: Array) -> Array:
 
 
 def _coupled(loaded: LoadedModel, multipliers: Array, names: Sequence[str], after: int) -> dict[str, Array]:
-    """Return the forces of coupled coordinates, of so many names after the first ones."""
+    """Return the forces of coupled coordinates; `names` belong to the coupled rows from `after` on."""
     first = loaded.loops.coupled_rows.start + after
     return {name: multipliers[:, first + i] for i, name in enumerate(names)}
 
 
 def _drives(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
-    """Return the force of each driver and hold; nothing where a crank is driven."""
+    """Return the force of each driver and locked coordinate; nothing if a crank is driven."""
     drivers = loaded.loops.drivers
     if drivers is None:
         return {}
@@ -229,19 +237,19 @@ def _drives(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
 
 
 def _holds(loaded: LoadedModel, multipliers: Array) -> dict[str, Array]:
-    """Return the force of each hold."""
+    """Return the force of each locked coordinate."""
     return _coupled(loaded, multipliers, [*loaded.mechanism.locked], len(loaded.mechanism.laws))
 
 
 def _wound(loaded: LoadedModel, fields: Fields) -> Array:
-    """Return the energy of springs in revolute joints, which MuJoCo does not count, (n,) in [J]."""
+    """Return the energy of springs in revolute joints, which MuJoCo's energy omits, (n,) in [J]."""
     model = loaded.model
     stiffness = np.where(model.actuator_trntype == SITE, -model.actuator_biasprm[:, 1], 0.0)
     return 0.5 * (stiffness * fields["actuator_length"] ** 2).sum(1)
 
 
 def powers(loaded: LoadedModel, state: LoadedState) -> tuple[Array, Array, Array]:
-    """Return the power lost, of the loads, and of the motor, (n,) each in [W]."""
+    """Return the power lost, the power of the loads and the power of the motor, (n,) each in [W]."""
     model, kinds, rates = loaded.model, loaded.actuators, state.states.qvel
     power = state.plain["actuator_force"] * state.plain["actuator_velocity"]
     lost = -(state.plain["qfrc_damper"] * rates).sum(1) - power[:, kinds.friction].sum(1)
@@ -259,12 +267,12 @@ def started(loaded: LoadedModel, angle: float, speed: float) -> tuple[Array, Arr
 
 @dataclass(frozen=True, slots=True)
 class Posed:
-    """Solved poses and what they need.
+    """Solved poses and their forces.
 
     Attributes:
         qpos: closed states, (n, nq).
-        states: the same, but moved away from change points, with their rates.
-        change_points: which are close to change points.
+        states: the same states, moved away from change points, with their rates.
+        change_points: change points, and the rows close to each.
         forces: of the motion.
     """
 
@@ -282,12 +290,12 @@ def inverse_dynamics(
     acceleration: Array,
     progress: Progress = no_progress,
 ) -> Posed:
-    """Return the closed states of a crank motion, (n,) each in SI, and what it needs, by inverse dynamics.
+    """Return the closed states of a crank motion, (n,) each in SI, and its forces, by inverse dynamics.
 
-    Where two assemblies meet, torque, energies and powers are limits; forces between links have none.
+    At change points torque, energies and powers are limits; forces between links have no limit.
 
     Raises:
-        AssemblyError: where the loops do not close.
+        AssemblyError: if the loops do not close.
 
     Accuracy: rounding.
     """
@@ -329,7 +337,7 @@ def _interpolated_forces(
     speed: float,
     acceleration: float,
 ) -> ForceRecord:
-    """Return what an instant needs next to a branch point, where loops are singular: interpolated."""
+    """Return the interpolated forces of an instant close to a change point, where the loops are singular."""
     count, revolutions = len(change_point.states), angle - angle_mod_2pi
     qpos = change_point.states.copy()
     qpos[:, loaded.loops.crank_address] += revolutions
@@ -339,7 +347,7 @@ def _interpolated_forces(
         loaded, state, *drive_and_constraint_forces(loaded, state, np.full(count, acceleration))
     )
     record = weighted_sums(around, change_point.weights(np.array([angle_mod_2pi])))
-    # the direction of friction is a sign: round it
+    # the direction of sliding is -1, 0 or 1
     return replace(record, angle=np.array([angle]), sliding=np.round(record.sliding))
 
 
@@ -350,8 +358,8 @@ def _rates(loaded: LoadedModel, qpos: Array) -> Array:
     return tangent(loaded, qpos, loaded.look(loaded.looking(), rest, loaded.nothing(n))["inertia"])
 
 
-# factor on the virtual drive inertia and its torque where the speed changes: next to so large a torque
-# that of the machine would be lost in rounding
+# factor on the virtual drive inertia and its torque at variable speed: without it the mechanism's own torque
+# would be lost in rounding
 LIGHTER = 1e-6
 
 
@@ -362,17 +370,17 @@ def forces_of_states(
     states: States,
     force: Array | None = None,
 ) -> ForceRecord:
-    """Return the efforts at recorded states of a stepped model, from its own constraint forces.
+    """Return the forces at recorded states of a stepped model, from its own constraint forces.
 
-    Where a coupling bends they are those of the states with the loops closed (`_straightened`).
+    With nonlinear couplings they are the forces of the states with closed loops (`_straightened`).
 
     Args:
-        loaded: the mechanism.
-        stepped: the model as it was stepped, the drive's inertia in it.
+        loaded: the mechanism and its forces.
+        stepped: the model as stepped, with the drive's inertia.
         compliance: factor on its inverse weights.
-        states: recorded.
-        force: of the drives at each state besides what holds their speeds, (n,) or (n, drivers) in [N m]
-            or [N].
+        states: recorded states.
+        force: of the drives at each state, in addition to the forces that keep their speeds, (n,) or
+            (n, drivers) in [N m] or [N].
     """
     model = copy.copy(stepped)
     loaded.prepare(model)
@@ -401,7 +409,7 @@ def forces_of_states(
 def _looked(
     loaded: LoadedModel, model: mujoco.MjModel, states: States, acting: AppliedForces
 ) -> dict[str, Array]:
-    """Return what MuJoCo makes of states whose constraints are rigid."""
+    """Return MuJoCo's fields of states with rigid constraints."""
 
     def look(force: Array) -> Mapping[str, Array]:
         return loaded.look(model, states, replace(acting, generalised=acting.generalised + force))
@@ -410,7 +418,7 @@ def _looked(
 
 
 def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> None:
-    """Let constraints hold all that couplings bend, also what was stepped as the crank is.
+    """Enable the constraints of nonlinear couplings, including those of followers stepped as drivers.
 
     Their reference acceleration ignores the constraint violation; `_coupling_accelerations` adds the
     velocity-product term.
@@ -425,10 +433,10 @@ def _couple(loaded: LoadedModel, model: mujoco.MjModel, compliance: float) -> No
 
 
 def _straightened(loaded: LoadedModel, states: States) -> States:
-    """Return states of which those with bending couplings are closed where their drivers stand, as are rates.
+    """Return states and rates that satisfy nonlinear couplings at the same driver positions.
 
-    What a coupling bends lags behind by the square of the step: its force is constant over each, or holds it
-    by acceleration alone.
+    After stepping, a nonlinearly coupled coordinate lags by the square of the step: its force is constant
+    over each step, or its constraint acts on accelerations alone.
     """
     loops = loaded.loops
     if not any(coupling.nonlinear for coupling in loops.couplings):
@@ -436,7 +444,7 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
     if loops.drivers is not None:
         loops = replace(loops, drivers=loops.drivers.locked_at(states.qpos[:, loops.drivers.addresses].T))
     qpos = loop_jacobian.close(loops, states.qpos)
-    # the clock's share in the drivers' rates stands no more
+    # rows of locked drivers omit the rate of the path parameter, on which the drivers' rates depend
     rows = loops.linearise(qpos)[1][:, : loops.driven_rows.start]
     opened = (rows @ states.qvel[..., None])[..., 0]
     kept = np.delete(np.arange(loaded.model.nv), [loops.crank, *loops.driven_dofs])
@@ -446,10 +454,10 @@ def _straightened(loaded: LoadedModel, states: States) -> States:
 
 
 def _coupling_accelerations(loaded: LoadedModel, state: LoadedState) -> Array:
-    """Return accelerations, (n, nv), by which couplings bend: p'' times the square of the right side's rate.
+    """Return accelerations from the curvature of couplings, (n, nv): p'' times the squared right-side rate.
 
-    All else stays closed, crank and drivers at rest. MuJoCo's rows (1, -p') leave them out: what is left
-    of the accelerations obeys its rows, under the force that these take.
+    All other constraints stay satisfied, and crank and drivers do not accelerate. MuJoCo's rows (1, -p') omit
+    these accelerations. The remaining ones satisfy its rows once the forces of these are subtracted.
     """
     couplings, rows = loaded.loops.couplings, loaded.loops.coupled_rows
     if not any(coupling.nonlinear for coupling in couplings):
@@ -463,7 +471,7 @@ def _coupling_accelerations(loaded: LoadedModel, state: LoadedState) -> Array:
 
 
 def stiffen_friction(model: mujoco.MjModel, timestep: float) -> None:
-    """Let dry friction hold within two steps: MuJoCo's default of 20 ms is long compared with a turn."""
+    """Make dry friction act within two steps: MuJoCo's default of 20 ms is long relative to a revolution."""
     for name in ("dof_solref", "tendon_solref_fri"):
         getattr(model, name)[:] = 2.0 * timestep, 1.0
     for name in ("dof_solimp", "tendon_solimp_fri"):

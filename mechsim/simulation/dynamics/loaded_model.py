@@ -1,7 +1,7 @@
-"""The MuJoCo model of a mechanism and its forces, looked at in any state without stepping.
+"""The MuJoCo model of a mechanism and its forces, evaluated in any state without stepping.
 
-Dry friction is left out of the model looked at, where it would be a soft constraint, and applied as what
-it is: a given size against the joint's rate.
+The evaluated model has no dry friction, which would be a soft constraint. Friction is an applied force of a
+given magnitude, opposite to the joint's rate.
 """
 
 import copy
@@ -53,13 +53,13 @@ FIELDS = (
 )
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
 SITE = int(mujoco.mjtTrn.mjTRN_SITE)
-# below it MuJoCo refuses masses and inertias
+# value below which MuJoCo rejects masses and moments of inertia, in [kg] and [kg m2]
 LIGHTEST = float(mujoco.mjMINVAL)
 
 
 @dataclass(frozen=True, slots=True)
 class AppliedForces:
-    """What is applied to a model from outside at n states.
+    """Forces applied to a model at n states.
 
     Attributes:
         controls: of the actuators, (n, nu).
@@ -78,9 +78,9 @@ class LoadedModel(ClosedModel):
 
     Attributes:
         mechanism: with an inertia on every link.
-        forces: what acts on it.
-        actuators: which of the model's actuators are what.
-        dry: dry frictions that are controls of the model.
+        forces: applied forces.
+        actuators: the model's actuators by purpose.
+        dry: joints whose dry friction acts by controls.
     """
 
     mechanism: Mechanism
@@ -105,12 +105,12 @@ class LoadedModel(ClosedModel):
         return values
 
     def nothing(self, n: int) -> AppliedForces:
-        """Return no outer action on n states."""
+        """Return applied forces of zero at n states."""
         model = self.model
         return AppliedForces(np.zeros((n, model.nu)), np.zeros((n, model.nv)), np.zeros((n, model.nbody, 6)))
 
     def look(self, model: mujoco.MjModel, states: States, applied: AppliedForces) -> Mapping[str, Array]:
-        """Return MuJoCo's fields at states under what is applied, and "inertia", the mass matrix, dense."""
+        """Return MuJoCo's fields at states under applied forces, and "inertia", the dense mass matrix."""
         n = len(states.qpos)
         sims = batch.Batch(model, n, *([1] if n <= ONE_THREAD else []))
         sims.bind("qpos")[:], sims.bind("qvel")[:] = states.qpos, states.qvel
@@ -122,45 +122,45 @@ class LoadedModel(ClosedModel):
         sparse = np.concatenate([fields["M"], np.zeros((n, 1))], 1)
         inertia = sparse[:, self._dense_index]
         if self.loops.drivers is not None:
-            # the clock weighs as much as the rest: it turns steadily, and takes no part but in solving
+            # the path parameter advances steadily: its inertia, the mean, matters only to the solution method
             inertia[:, self.loops.crank, self.loops.crank] = np.trace(inertia[0]) / len(inertia[0])
         return {name: np.array(field) for name, field in fields.items()} | {"inertia": inertia}
 
     def body(self, link: str) -> int:
-        """Return the number of a link's body."""
+        """Return the index of a link's body."""
         return 0 if link == GROUND else int(self.model.body(link).id)
 
     def parent(self, link: str) -> str:
-        """Return the link that carries a link in the tree."""
+        """Return the parent of a link in the tree; an empty text for the ground."""
         if link == GROUND:
             return ""
         above = int(self.model.body_parentid[self.body(link)])
         return GROUND if above == 0 else str(self.model.body(above).name)
 
     def cut_pairs(self, joint: Joint) -> list[int]:
-        """Return the numbers of the pairs of points that close a loop at a joint; none in the tree."""
+        """Return the indices of the point pairs that close a loop at a joint; none for joints of the tree."""
         names = [self.model.equality(i).name for i in range(self.model.neq)]
         return [i for i, name in enumerate(names) if name in (joint.name, f"{joint.name}+")]
 
     def welded(self, joint: Joint) -> int | None:
-        """Return the number of the pair of frames that closes a loop at a joint; None where none does."""
+        """Return the index of the frame pair that closes a loop at a joint; None if there is none."""
         welds = np.flatnonzero(self.model.eq_type == int(mujoco.mjtEq.mjEQ_WELD))
         names = [self.model.equality(int(i)).name for i in welds]
         return names.index(joint.name) if joint.name in names else None
 
     def ends(self, joint: Joint) -> tuple[str, str]:
-        """Return the links that a joint of the model joins: of a split one, what stands for a link of its."""
+        """Return the links that a joint of the model connects; for a split joint, one is its virtual body."""
         stands = virtual_body(joint)
         if stands not in self.track.links:
             return joint.a.link, joint.b.link
         return (stands, GROUND) if joint.b.link == GROUND else (joint.a.link, stands)
 
     def looking(self, *, constrained: bool = False, native: bool = True) -> mujoco.MjModel:
-        """Return a model to look at.
+        """Return a model for evaluation.
 
         Args:
             constrained: whether MuJoCo closes the loops by its constraints.
-            native: whether tendons and actuators act, or are applied as wrenches from outside.
+            native: whether tendons and actuators act in the model; otherwise the caller applies wrenches.
         """
         model = copy.copy(self.model)
         self.prepare(model)
@@ -172,7 +172,7 @@ class LoadedModel(ClosedModel):
         return model
 
     def prepare(self, model: mujoco.MjModel) -> None:
-        """Make a model fit to be looked at: sensors and energy on, dry friction out."""
+        """Prepare a model for evaluation: enable sensors and energy, disable dry friction."""
         model.opt.disableflags &= ~int(OFF.mjDSBL_SENSOR)
         model.opt.enableflags |= int(ON.mjENBL_ENERGY)
         model.dof_frictionloss[:] = 0.0
@@ -180,7 +180,7 @@ class LoadedModel(ClosedModel):
 
     @cached_property
     def _dense_index(self) -> NDArray[np.intp]:
-        """Where MuJoCo's sparse mass matrix holds each element, -1 for zeros it leaves out, (nv, nv)."""
+        """Index of each element in MuJoCo's sparse mass matrix, -1 for omitted zeros, (nv, nv)."""
         model = self.model
         index = np.full((model.nv, model.nv), -1, dtype=np.intp)
         for row in range(model.nv):
@@ -197,9 +197,9 @@ def loaded_model(
 
     Args:
         mechanism: links without an inertia are rods, as in `masses.with_inertia`.
-        forces: what acts.
-        cut: joints where the loops are cut; None lets the generator choose.
-        follows_laws: whether the drivers follow motion laws; else a crank is driven.
+        forces: applied forces.
+        cut: joints at which the loops are cut; None lets the generator choose.
+        follows_laws: whether the drivers follow motion laws; otherwise a crank is driven.
 
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
@@ -222,7 +222,7 @@ def loaded_model(
 
 
 def _require_heavy(mechanism: Mechanism) -> None:
-    """Refuse links whose mass or least moment of inertia MuJoCo takes for none."""
+    """Reject links whose mass or least moment of inertia MuJoCo treats as zero."""
     for link in mechanism.links:
         assert link.inertia is not None
         least = float(np.linalg.eigvalsh(link.inertia.matrix)[0])

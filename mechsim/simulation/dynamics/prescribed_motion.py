@@ -1,4 +1,4 @@
-"""What a machine needs while its crank moves as prescribed: by solved poses, and by stepping in time."""
+"""Drive torque and reactions under a prescribed crank motion, by solved poses or by time stepping."""
 
 import copy
 import time as timer
@@ -32,11 +32,11 @@ from mechsim.simulation.stepping import Progress, interval_count, no_progress, r
 from mechsim.simulation.tolerance import ToleranceReport
 from mechsim.units import si
 
-# constraints ten thousand times harder than places need: near a dead centre the gap that carries the forces
-# showed in the torque, 1e-3 of it in an elliptic trammel (validation/robustness/torque_scale.py)
+# constraints ten thousand times stiffer than positions require: near a dead centre the constraint violation
+# caused an error of 1e-3 of the torque in an elliptic trammel (validation/robustness/torque_scale.py)
 HARD = Settings(compliance=1e-12)
-# conditioning of loops below which a note says that stepped forces err: 2e-3 left 3e-5 of the torque where a
-# third crank lies 0.1 mm off the line of pivots, 7e-3 left less than the bound
+# conditioning of the loops below which a note warns of errors in stepped forces. At 2e-3, with a third crank
+# 0.1 mm off the line of pivots, the error was 3e-5 of the torque; at 7e-3 it was less than the tolerance
 BARELY = 5e-3
 
 
@@ -56,35 +56,35 @@ def driven(
     cut: tuple[str, ...] | None = None,
     progress: Progress = no_progress,
 ) -> Driven:
-    """Return drive torque, joint reactions and energies of a machine under a prescribed crank.
+    """Return drive torque, joint reactions and energies of a mechanism under a prescribed crank motion.
 
     Args:
-        source: a Mechanism, or what has one, as `ms.load` returns; links without an inertia are rods, as in
-            `rods.with_inertia`.
-        forces: what acts; the motor is left out, for the drive is in its place. None takes the forces of the
-            source, as a file's `[forces]`, and none where it has none.
+        source: a Mechanism, or an object that has one, as `ms.load` returns; links without an inertia are
+            rods, as in `masses.with_inertia`.
+        forces: applied forces, without the motor, which the drive replaces. None takes the forces of the
+            source, as a file's `[forces]`, or no forces if it has none.
         speed: constant crank speed in [rad/s], negative backwards, or text, as "600rpm"; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.
-        motion_laws: of the drivers, in place of speed or profile. None
-            takes those of the source where neither speed nor profile is given.
-        method: "pose" solves each pose, and by inverse dynamics what it needs: no integration, to
-            rounding. "step" integrates in time; every number then belongs to the recorded instant,
-            and the drive's own inertia is not in it; where a coupling's polynomial bends, efforts are those
-            of the recorded states with their loops closed. None takes "pose", with a tolerance "step".
-        tolerance: bound on the error of drive torque and joint reactions at every recorded instant, as
-            a part of their root mean square over the run (`torque_tolerance`); the number of steps is
-            then chosen by trials and the result checked by two estimates. For method "pose" the
-            accelerations MuJoCo gets from the forces are checked against it.
-        samples: instants recorded after the first, evenly spread; None takes about 72 a turn.
-        settings: how to step, None as `HARD` has it; with a tolerance their number of steps is replaced.
+        motion_laws: of the drivers, in place of speed or profile. None takes those of the source if neither
+            speed nor profile is given.
+        method: "pose" solves each pose and its forces by inverse dynamics, without integration, to rounding.
+            "step" integrates in time; all values belong to the recorded instants and exclude the drive's own
+            inertia. With nonlinear couplings, forces are those of the recorded states with closed loops.
+            None takes "pose", or "step" with a tolerance.
+        tolerance: tolerance of drive torque and joint reactions at every recorded instant, as a fraction of
+            their root mean square over the run (`torque_tolerance`). Trials determine the number of steps,
+            and two estimates check the result. For method "pose", the tolerance applies to the residual of
+            MuJoCo's accelerations under the forces.
+        samples: instants recorded after the first, evenly spaced; None takes about 72 a turn.
+        settings: time-stepping settings; None takes `HARD`. A tolerance replaces their number of steps.
         cut: joints at which the loops are cut; None lets the generator choose.
-        progress: called with a text and the finished fraction, 0 to 1; with a
-            tolerance each trial begins anew.
+        progress: called with a text and the finished fraction, 0 to 1; restarts with each trial for a
+            tolerance.
 
     Raises:
-        InputError: for values that cannot be used, or more instants than memory holds.
-        AssemblyError: if the loops close nowhere or only over part of it.
+        InputError: for invalid values, or more instants than memory holds.
+        AssemblyError: if the loops close nowhere, or only over a fraction of the motion.
     """
     if method not in (None, "pose", "step"):
         raise InputError(f"there is no method {method!r}; choose from pose, step")
@@ -105,7 +105,7 @@ def driven(
         profile = constant(speed, turns, mechanism.start)
     if method == "pose" or (method is None and tolerance is None):
         return _kept(_solved(loaded, profile, samples, progress), tolerance)
-    # all of it, so that a crank that cannot go there is refused before anything is stepped
+    # for the whole motion, so that unreachable crank angles are rejected before stepping
     passed = passed_change_points(loaded, profile)
     require_regular_start(loaded.loops, passed, float(profile.state(np.zeros(1))[0][0]))
     settings, note = settings or HARD, undecided_note(loaded.loops, passed)
@@ -129,14 +129,14 @@ def driven(
 
 
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
-    """Return how many instants are recorded after the first and how many steps lie between two of them."""
+    """Return the number of instants recorded after the first, and the number of steps between two records."""
     total = interval_count(profile, settings.steps_per_turn)
     interval = record_interval(profile, total, samples)
     return samples or -(-total // interval), interval
 
 
 def _one_turn(profile: CrankProfile) -> CrankProfile:
-    """Return one turn of a crank at constant speed; of any other all there is."""
+    """Return one revolution of a crank at constant speed; return other profiles unchanged."""
     if not profile.steady or profile.turns <= 1.0:
         return profile
     (start,), (speed,), _ = profile.state(np.zeros(1))
@@ -144,7 +144,7 @@ def _one_turn(profile: CrankProfile) -> CrankProfile:
 
 
 def _kept(run: Driven, tolerance: float | None) -> Driven:
-    """Return a run by poses, judged by a tolerance if there is one."""
+    """Return a run by poses, checked against a tolerance if there is one."""
     if tolerance is None:
         return run
     report = ToleranceReport(tolerance=tolerance, estimates={"balance": float(run.forces.residual.max())})
@@ -219,7 +219,7 @@ def _stepped(
 
 
 def _conditioning_note(loaded: LoadedModel, states: States) -> str:
-    """Return in one sentence where the loops of a run are nearly singular; nothing where they are not."""
+    """Return one sentence on where the loops of a run are nearly singular; an empty text if they are not."""
     loops, starts = loaded.loops, range(0, len(states.time), CHUNK)
     conditioning = np.concatenate(
         [loop_jacobian.conditioning(loops, loops.linearise(states.chunk(first).qpos)[1]) for first in starts]

@@ -1,4 +1,4 @@
-"""What a joint transmits, read from what MuJoCo carries through the tree and from its loop constraints."""
+"""Joint reactions, from the forces that MuJoCo propagates through the tree and from the loop constraints."""
 
 from collections.abc import Mapping
 
@@ -15,12 +15,12 @@ from mechsim.simulation.dynamics.loaded_model import LoadedModel
 def transmitted(
     loaded: LoadedModel, joint: Joint, fields: Mapping[str, Array], multipliers: Array
 ) -> Reaction:
-    """Return what a joint transmits, without what rigid links leave undetermined.
+    """Return the reaction of a joint, without the components that rigid links leave undetermined.
 
     Args:
-        loaded: the mechanism.
+        loaded: the mechanism and its forces.
         joint: one of its joints, in the tree or cut.
-        fields: of a model on whose bodies all forces act as wrenches.
+        fields: MuJoCo's fields of a model in which all forces act as wrenches on bodies.
         multipliers: of the loop constraints, (n, m); each acts on a pair's first point, which is on link a.
     """
     axes = fields["xmat"].reshape(len(multipliers), -1, 3, 3)
@@ -51,7 +51,7 @@ def transmitted(
 
 
 def _welding(loaded: LoadedModel, joint: Joint, axes: Array, multipliers: Array) -> Array:
-    """Return the moment on link b with which frames are held parallel at a cut joint, (n, 3)."""
+    """Return the moment on link b that keeps frames parallel at a cut joint, (n, 3)."""
     number = loaded.welded(joint)
     if number is None:
         return np.zeros((len(axes), 3))
@@ -63,7 +63,7 @@ def _welding(loaded: LoadedModel, joint: Joint, axes: Array, multipliers: Array)
 def _constraint_part(
     joint: Joint, rotation_a: Array, rotation_b: Array, force: Array, moment: Array
 ) -> tuple[Array, Array]:
-    """Return force and moment without what acts along the freedoms of a joint between turned links."""
+    """Return force and moment without the components along the degrees of freedom of a joint."""
     kind = KINDS[joint.kind]
     frame_a, axis_b = rotation_a @ joint.a.frame, rotation_b @ np.asarray(joint.b.axis)
     for axis in kind.slides:
@@ -78,5 +78,5 @@ def _constraint_part(
 
 
 def _across(axis: Array, vector: Array) -> Array:
-    """Return the part of vectors across unit axes, (n, 3)."""
+    """Return the components of vectors perpendicular to unit axes, (n, 3)."""
     return vector - axis * (axis * vector).sum(1)[:, None]

@@ -24,9 +24,9 @@ from mechsim.simulation.dynamics.forward_run import (
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import quiet
 
-# central differences, in [rad] or characteristic lengths
+# step of central differences, in [rad] or characteristic lengths
 STEP = 1e-4
-# of MuJoCo's constraints, which takes no step here, in [s]
+# time step that scales MuJoCo's constraints, in [s]; the model is not stepped
 TIMESTEP = 1e-3
 NONE_LOCKED = np.zeros(0, dtype=np.int64)
 
@@ -50,16 +50,16 @@ class StaticState:
 def static_state(mechanism: Mechanism, forces: Forces, coordinates: Mapping[str, float]) -> StaticState:
     """Return MuJoCo's accelerations from rest and the eigenvalues of small motions, by finite differences.
 
-    Dry friction is left out; loads over time act as at time zero.
+    Dry friction is left out; time-dependent loads have their values at time zero.
 
     Args:
         mechanism: links without an inertia are rods.
-        forces: what acts.
-        coordinates: of all joints of one degree of freedom, in [m] or [rad], not wrapped.
+        forces: applied forces.
+        coordinates: of all joints with one degree of freedom, in [m] or [rad], not wrapped.
 
     Raises:
         InputError: for a mechanism without revolute or prismatic joint.
-        AssemblyError: where MuJoCo's loops do not close there.
+        AssemblyError: if MuJoCo's loops do not close at these coordinates.
     """
     smooth = tuple(replace(friction, coulomb=0.0, coulomb_turn=0.0) for friction in forces.friction)
     model = free_model(mechanism, replace(forces, friction=smooth), set())

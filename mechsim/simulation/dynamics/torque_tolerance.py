@@ -1,8 +1,8 @@
-"""Steps a turn that a tolerance of torque and joint forces needs, and the proof that they keep it.
+"""Steps per revolution for a tolerance of torque and joint forces, and the check that they satisfy it.
 
-Two estimates that know nothing of each other nor of a closed form: the same crank motion pose by pose,
-whose inverse dynamics has no error of time; and half the steps, whose distance from the whole number
-falls with the order observed. The worse of the two counts.
+There are two estimates, independent of each other and of closed-form solutions. One compares with the same
+crank motion solved pose by pose, whose inverse dynamics has no time-stepping error. The other compares with
+half the steps; the difference falls with the observed order. The larger estimate counts.
 """
 
 from collections.abc import Callable
@@ -27,14 +27,14 @@ from mechsim.simulation.tolerance import (
     steps_for,
 )
 
-# instants compared in a turn of a trial; halving asks for multiples of twice as many steps
+# number of instants per revolution that trials compare; halving needs multiples of twice as many steps
 TRIAL_SAMPLES = 24
-# of steps a turn multiples are taken that can be halved and recorded evenly; steps of the two trials
+# steps per revolution are multiples of EVEN, which can be halved and recorded evenly; steps of the two trials
 EVEN = 2 * TRIAL_SAMPLES
 TRIALS = (2 * EVEN, 4 * EVEN)
-# a torque that is a smaller part of the energy of motion counts as none
+# minimum scale of torque errors, as a fraction of the largest kinetic energy; a smaller torque counts as zero
 IDLE = 1e-3
-# crank accelerations of two runs that are nearer than this part of the speed squared are the same
+# difference of crank accelerations, relative to the squared speed, up to which two runs have the same motion
 SAME_TOLERANCE = 1e-8
 
 
@@ -44,19 +44,20 @@ def within(
     whole: Callable[[int], Driven],
     trial: Callable[[int], Driven],
 ) -> Driven:
-    """Return a run whose torque and reactions keep a tolerance, or the best there is; with its promise.
+    """Return a run whose torque and reactions satisfy a tolerance, or the best run, with a tolerance report.
 
-    Errors of torque are parts of its root mean square over the run; those of forces parts of the
-    largest root mean square of any joint's force; those of moments parts of that times the mechanism's
-    size. The estimates of the promise: `torque` and `reactions`, of what rigid links determine, against
-    solved poses; `halving`, the larger of both by halving the steps.
+    Errors of torque are relative to its root mean square over the run. Errors of forces are relative to the
+    largest root mean square of any joint's force. Errors of moments are relative to that force times the
+    characteristic length. The report has the estimates `torque` and `reactions`, relative to solved poses,
+    of components that rigid links determine. Its estimate `halving` is the larger of both from half the
+    steps.
 
     Args:
-        loaded: the mechanism.
+        loaded: the mechanism and its forces.
         tolerance: relative, as above.
-        whole: steps a turn -> the run asked for.
-        trial: steps a turn -> a run of the same crank motion, one turn of it where its speed is steady,
-            recorded at `TRIAL_SAMPLES` instants a turn.
+        whole: steps per revolution -> the requested run.
+        trial: steps per revolution -> a run of the same crank motion, recorded at `TRIAL_SAMPLES` instants
+            per revolution; only one revolution at constant speed.
     """
     determined = determined_components(loaded)
     runs = [trial(steps) for steps in TRIALS]
@@ -88,7 +89,7 @@ def within(
 
 
 def _reason(steps: int, estimate: float) -> str:
-    """Return why a tolerance is not kept."""
+    """Return why a tolerance is not satisfied."""
     if steps >= MAX_STEPS:
         return f"{MAX_STEPS} steps a turn, the most that are spent, leave {estimate:.2g}"
     return (
@@ -102,16 +103,16 @@ def against_poses(loaded: LoadedModel, run: Driven, determined: DeterminedCompon
     try:
         true = _posed(loaded, run)
     except AssemblyError:
-        # a pose that does not close says nothing of the forces there
+        # poses that do not close give no forces for a comparison
         return np.inf, np.inf
     return _errors(loaded, _gaps(loaded, run.forces, true, determined), true)
 
 
 def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, determined: DeterminedComponents) -> float:
-    """Return how far torque or reactions of two runs are apart at the same instants.
+    """Return the largest difference of torque or reactions between two runs at the same instants.
 
-    Where the drive is not steady its acceleration differs from run to run; that is no error of the
-    forces, and what solved poses make of it is taken off.
+    At variable speed the drive's acceleration differs from run to run, which is no error of the forces. Its
+    effect on solved poses is subtracted.
     """
     if "diverged" in (coarse.outcome, fine.outcome):
         return np.inf
@@ -126,7 +127,7 @@ def _halved(loaded: LoadedModel, coarse: Driven, fine: Driven, determined: Deter
 
 
 def _posed(loaded: LoadedModel, run: Driven) -> ForceRecord:
-    """Return what the crank motion of a run needs, by solved poses."""
+    """Return the forces of a run's crank motion, by solved poses."""
     motion = run.motion
     if run.outcome == "diverged" or motion.time is None:
         raise AssemblyError("the run diverged")
@@ -136,9 +137,9 @@ def _posed(loaded: LoadedModel, run: Driven) -> ForceRecord:
 def _gaps(
     loaded: LoadedModel, estimate: ForceRecord, true: ForceRecord, determined: DeterminedComponents
 ) -> list[tuple[str, Array]]:
-    """Return the differences of torque [N m], and of forces and moments over the size [N]; (n, k) each."""
+    """Return differences of torque [N m], of forces, and of moments per characteristic length [N], (n, k)."""
     length = loaded.mechanism.characteristic_length
-    # where a joint with dry friction turns round, forces jump from one value to another
+    # forces jump where a joint with dry friction reverses
     fair = (estimate.sliding == true.sliding).all(1)[:, None]
     gaps = [("torque", (estimate.torque - true.torque)[:, None])]
     for name, expected in true.reactions.items():

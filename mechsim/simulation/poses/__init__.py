@@ -1,1 +1,1 @@
-"""Poses without time: the loops solved at each crank angle, by continuation in one assembly."""
+"""Poses without time: the loops are solved at each crank angle, by continuation in one assembly."""

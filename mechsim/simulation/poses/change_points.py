@@ -63,7 +63,7 @@ NearRows = Sequence[tuple[ChangePoint, Rows, Array]]
 
 
 def moved_away(states: Array, near_rows: NearRows) -> Array:
-    """Return states of which those close to change points are moved away, so that they have rates."""
+    """Return states in which those close to change points are moved away, so that they have rates."""
     away = states.copy()
     for change_point, rows, _ in near_rows:
         away[rows] = change_point.states[-1]
@@ -83,7 +83,7 @@ def interpolated(
     Args:
         motion: at states from `moved_away`.
         loops: of the model.
-        track: what was recorded.
+        track: recorded points, links and coordinates.
         qpos: states of all rows, (n, nq).
         near_rows: rows close to change points.
         rates: the crank's speed and acceleration at all rows, (n,) each.
@@ -113,7 +113,7 @@ def _interpolated(
     model = loops.model
     addresses = {track.name(model.joint(i).name)[0]: int(model.jnt_qposadr[i]) for i in range(model.njnt)}
     assert motion.closure is not None
-    # with a regular pose, because singular values that are zero at all states do not count
+    # a regular pose is added, because singular values that are zero at all states do not count
     residual, jacobian = loops.linearise(np.concatenate([qpos[rows], change_point.states[-1:]]))
     closure = np.abs(residual[:-1, : 3 * len(loops.pairs)]).max(1, initial=0.0)
     assert motion.conditioning is not None

@@ -10,8 +10,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.state import BALL, FREE, SCALAR
 
-# displacement, in [rad] or characteristic lengths, after which the equations are looked at for DOFs without
-# effect; no round number, so that no effect vanishes in that pose alone
+# displacement, in [rad] or characteristic lengths, of the pose at which DOFs without effect on the equations
+# are detected; not a round number, so that no effect vanishes in that pose alone
 PROBE = 0.2137
 
 
@@ -25,11 +25,11 @@ class ModelStates:
         return len(self.qpos)
 
     def select(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> "ModelStates":
-        """Return those at some of the instants."""
+        """Return the selected states."""
         return ModelStates(self.qpos[which])
 
     def repeated(self, times: int) -> "ModelStates":
-        """Return all of them so many times, one after another."""
+        """Return all states, repeated one after another."""
         return ModelStates(np.tile(self.qpos, (times, 1)))
 
 
@@ -97,8 +97,8 @@ class ModelEquations:
     def unflat(self, rows: Array, driven: Array) -> ModelStates:
         """Return states from approximate rows of numbers, and crank angles, (1, n).
 
-        Extrapolation changes positions that the equations leave open by rounding, and no equation would
-        correct them: they are those of the start.
+        Extrapolation adds rounding errors to positions that the equations do not determine, and no equation
+        corrects them. These positions keep their values at the start.
         """
         qpos = np.where(self._determined, rows * self._position_units, self.start)
         for first, _ in self._quaternions:

@@ -1,4 +1,4 @@
-"""Motion by solving configurations: no time, no integration, every crank angle to rounding."""
+"""Motion from configurations that are solved at each crank angle to rounding, without time integration."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -21,14 +21,15 @@ from mechsim.simulation.poses.change_points import ChangePoint, closed_near
 from mechsim.simulation.poses.equations import ModelEquations, ModelStates
 from mechsim.simulation.state import hinge_entries, quaternion_entries
 
-# distance between states before and after a revolution, in [rad] or characteristic lengths, that is rounding
+# difference of states before and after a revolution, in [rad] or characteristic lengths, up to which it is
+# rounding
 RETURN_TOLERANCE = 1e-9
 # change of the residuals, in [rad], below which the pose is the same
 MAX_RESIDUAL_CHANGE = 1e-9
 
 
 def revolution_gain(loops: ModelLoops, states: Array) -> Array | None:
-    """Return the change of a state by a revolution of the crank, (nq,); None where it does not lead back."""
+    """Return the change of a state by a revolution of the crank, (nq,); None if the pose does not return."""
     ends = loop_jacobian.close(loops, states[[0, -1]])
     gain = np.where(quaternion_entries(loops.model), 0.0, ends[1] - ends[0])
     whole_turns = np.where(hinge_entries(loops.model), REVOLUTION * np.round(gain / REVOLUTION), 0.0)
@@ -51,7 +52,7 @@ def point_positions(loops: ModelLoops, states: Array) -> Array:
 def on_other_revolutions(loops: ModelLoops, state: Array, angles: Array) -> Iterator[Array]:
     """Yield a closed state (nq,) at crank angles within a revolution of the given ones, (n,).
 
-    There is none where a gear makes the pose differ after a revolution of the crank, or under motion laws.
+    There is none if a gear makes the pose differ after a revolution of the crank, or under motion laws.
     """
     for revolutions in other_revolutions(float(state[loops.crank_address]), angles):
         shifted = _shifted(loops, state, revolutions)
@@ -60,7 +61,7 @@ def on_other_revolutions(loops: ModelLoops, state: Array, angles: Array) -> Iter
 
 
 def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
-    """Return the state with revolutions added to the crank angle; None where that is another pose."""
+    """Return the state with revolutions added to the crank angle; None if that is another pose."""
     if loops.drivers is not None:
         return None
     shifted = state.copy()
@@ -75,13 +76,13 @@ def _shifted(loops: ModelLoops, state: Array, revolutions: int) -> Array | None:
     return shifted if residual_change.max() < MAX_RESIDUAL_CHANGE else None
 
 
-# poses closed at once: their arrays fit into the cache, and a long run needs little memory
+# number of poses closed at once: their arrays fit into the cache, and a long run needs little memory
 CHUNK = 2048
-# correction of an interpolated pose, in [rad] or [m], beyond which it may be in another assembly
+# correction of an interpolated pose, in [rad] or [m], above which it may be in another assembly
 MAX_CORRECTION = 1e-3
-# accuracy of a change point's angle, in [rad], measured 1.5e-11: rates within it are those of the path beyond
+# accuracy of a change point's angle, in [rad], measured 1.5e-11; rates within it are those of the path beyond
 CHANGE_POINT_TOLERANCE = 1e-10
-# paths that are kept to be followed farther
+# maximum number of cached paths, which later calls extend
 MAX_KEPT = 8
 
 
@@ -89,7 +90,7 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
     """The states of a model's assembly along its crank angle, or the path parameter of its drivers.
 
     Attributes:
-        gain: change of a state by a revolution, (nq,), where that leads back to the start; None elsewhere.
+        gain: change of a state by a revolution, (nq,), if the pose returns to the start; otherwise None.
     """
 
     # the loops hardly constrain the pose within 1.5e-2 rad
@@ -120,7 +121,7 @@ class PosePath(ContinuationPath[ModelEquations, ModelStates]):
             self.gain = revolution_gain(self.loops.closure, end)
 
     def revolutions(self, angles: Array) -> Array:
-        """Return the whole revolutions between crank angles and the one that is followed, (n,)."""
+        """Return the whole revolutions between crank angles and the traced revolution, (n,)."""
         return np.zeros(len(angles)) if self.gain is None else np.floor((angles - self.initial) / REVOLUTION)
 
     def states_at(self, angles: Array) -> Array:
@@ -174,9 +175,9 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
     """Return the states at crank angles in the assembly of a closed start state, (n, nq).
 
     Continuation keeps the assembly. Its polynomials give all states to within a Newton step or two, which are
-    solved together. Where a revolution of the crank leads back to the start, one revolution is followed for
-    any number. The angles of an oscillating crank may be offset by whole revolutions if the linkage is the
-    same there.
+    solved together. If a revolution of the crank leads back to the start, one traced revolution serves for
+    any number. The angles of an oscillating crank may be offset by whole revolutions if the pose is the same
+    there.
 
     Args:
         loops: of the model.
@@ -184,14 +185,14 @@ def follow(loops: ModelLoops, start: Array, angles: ArrayLike) -> Array:
         angles: crank angles in any order, (n,) in [rad].
 
     Raises:
-        AssemblyError: at the crank angle beyond which the loops cannot close in this assembly.
+        AssemblyError: with the crank angle beyond which the loops cannot close in this assembly.
     """
     return follow_path(loops, start, angles)[0]
 
 
 @quiet()
 def follow_path(loops: ModelLoops, start: Array, angles: ArrayLike) -> tuple[Array, PosePath]:
-    """Return what `follow` does, and the path on which the states lie."""
+    """Return the states of `follow`, and the path on which they lie."""
     angles = np.asarray(angles, dtype=np.float64)
     try:
         return _follow_path(loops, start, angles)
@@ -212,7 +213,7 @@ def _follow_path(loops: ModelLoops, start: Array, angles: Array) -> tuple[Array,
 
 @lru_cache(maxsize=MAX_KEPT)
 def _pose_path(loops: ModelLoops, start: tuple[float, ...]) -> PosePath:
-    """Return the path of a model from a start, as far as it was followed before."""
+    """Return the path of a model from a start, as far as earlier calls traced it."""
     return PosePath(loops, np.array(start))
 
 
@@ -229,10 +230,10 @@ def move_drivers(loops: ModelLoops, state: Array, target: Array, target_text: st
         loops: with drivers that follow a path parameter.
         state: closed, (nq,).
         target: values of the drivers, (k,) in [m] or [rad].
-        target_text: where that is, in words.
+        target_text: description of the target.
 
     Raises:
-        AssemblyError: where the loops do not close on the path.
+        AssemblyError: if the loops do not close on the path.
     """
     drivers = loops.drivers
     assert drivers is not None
