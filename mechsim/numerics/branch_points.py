@@ -1,4 +1,4 @@
-"""Branch points of a path: located between nodes, passed by segments, left on the other branch."""
+"""Branch points of a path: location between nodes, segments through them, and the other branch."""
 
 from dataclasses import replace
 
@@ -11,29 +11,30 @@ from mechsim.numerics.path_segments import PathStates, Segment
 
 # largest and smallest half length of a segment centred on a change point
 MAX_HALF_LENGTH, MIN_HALF_LENGTH = 0.1, 5e-4
-# pairs of assembly modes that can meet without a sign change of the determinant; and the interpolation error
-# after the sign is flipped, relative to that before, below which a change point is assumed
+# numbers of pairs of assembly modes that can meet without a sign change of the determinant; and the
+# interpolation error after the sign is flipped, relative to that before, below which a change point is
+# assumed
 PAIRS, MAX_ERROR_RATIO = (2, 4), 0.3
 # nodes of such a segment; even, so that none lies at the change point, where the Jacobian is singular
 NODES = 24
-# largest truncation error of its polynomial, in radians or relative to the characteristic length
+# largest truncation error of its polynomial, in [rad] or relative to the characteristic length
 MAX_TRUNCATION = 1e-11
-# spacing of the points at which the signed distance is sampled to locate a change point: first and last
+# first and last spacing of the points at which the signed distance is sampled to locate a change point
 FIRST_SPACING, LAST_SPACING = 1e-3, 3e-7
-# step along the null direction for second differences; smallest curvature ratio at which the other branch
-# is driven by the crank; largest deviation of that branch from its prediction, relative to the distance
-# between the branches; and halvings of the segment
+# step along the null direction for second differences; smallest curvature ratio at which the crank moves the
+# other branch; largest deviation of that branch from its prediction, relative to the distance between the
+# branches; and number of halvings of the segment
 OFFSET, MIN_CURVATURE, MAX_DEVIATION, HALVINGS = 1e-4, 1e-6, 0.3, 6
 
 
 def even_change_point(log_determinant: Array) -> int | None:
     """Return the node before a change point at which an even number of pairs of modes meet; or None.
 
-    The determinant touches zero there without a sign change. Its root of that order is smooth only if its
-    sign is flipped beyond the change point.
+    The determinant has a zero without a sign change there. Its root of that order is smooth only if its sign
+    is flipped beyond the change point.
 
     Args:
-        log_determinant: logarithm of the determinant's size at the nodes, (k,).
+        log_determinant: logarithm of the determinant's magnitude at the nodes, (k,).
     """
     signs = np.where(
         np.arange(len(log_determinant)) > np.arange(len(log_determinant) - 1)[:, None], -1.0, 1.0
@@ -50,8 +51,8 @@ def even_change_point(log_determinant: Array) -> int | None:
 def change_point_between(path: PathStates[E, Q], segment: Segment[E, Q], a: float, b: float) -> float | None:
     """Return the change point between two nodes; None if assembly modes only approach each other.
 
-    None also if only the selected equations become dependent. With equal signs at both nodes the determinant
-    touches zero: two pairs of modes meet at once.
+    The result is also None if only the selected equations become dependent. With equal signs at both nodes
+    the determinant touches zero: two pairs of modes meet at once.
     """
 
     def linearised_at(s: Array) -> Linearised | None:
@@ -109,9 +110,9 @@ def segment_through(
 
     Args:
         path: path of the poses.
-        segment: extends to both sides of the change point.
-        change_point: parameter.
-        direction: of continuation, +1 or -1.
+        segment: segment that extends to both sides of the change point.
+        change_point: its approximate parameter.
+        direction: direction of continuation, +1 or -1.
     """
     max_half_length, half_length = abs(float(segment.nodes[-1] - segment.nodes[0])), MAX_HALF_LENGTH
     while half_length > MIN_HALF_LENGTH:
@@ -147,14 +148,15 @@ def _root_near(determinants: Interpolant, guess: float) -> float:
 def branch_segment(
     path: PathStates[E, Q], segment: Segment[E, Q], change_point: float
 ) -> Segment[E, Q] | None:
-    """Return the segment of the other assembly about a change point; beyond it the determinant's sign stays.
+    """Return the segment of the other branch about a change point.
 
-    None if the crank does not move the other branch.
+    The determinant keeps its sign beyond the change point. The result is None if the crank does not move the
+    other branch.
 
     Args:
         path: path of the poses.
-        segment: centred on the change point.
-        change_point: parameter.
+        segment: segment centred on the change point.
+        change_point: its parameter.
     """
     steepness = _branch_tangent(path, segment, change_point)
     if steepness is None:
@@ -183,8 +185,9 @@ def branch_segment(
 def _branch_tangent(path: PathStates[E, Q], segment: Segment[E, Q], change_point: float) -> Array | None:
     """Return the difference of the derivatives of both branches at a change point, (w,); None if unbounded.
 
-    Projected on the null directions, the loop equations are z (a x + b z) = 0 for the distance x beyond the
-    change point and z along the null direction: z = 0 is this branch, z = -a x / b the other.
+    Projected on the null directions, the loop equations are z (a x + b z) = 0, where x is the distance beyond
+    the change point and z the displacement along the null direction. z = 0 is this branch, z = -a x / b the
+    other.
     """
     parameter = np.array([change_point])
     q = path.unflat(segment.evaluate(parameter), parameter)

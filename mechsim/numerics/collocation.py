@@ -21,7 +21,7 @@ from mechsim.numerics.inputs import numbers
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-# smallest number of rows that a quintic interpolates
+# smallest number of rows for a quintic spline
 MIN_ROWS = 6
 # bound of the rounding errors of a spline's values, relative to its largest local coefficient: sums of six
 # products by de Boor's recursion of depth five, about 60 roundings
@@ -39,7 +39,7 @@ def quintic_spline(
         value: (n,).
 
     Returns:
-        The spline; times that are balls give balls.
+        The spline; for times that are balls it returns balls.
 
     Raises:
         InputError: for columns of different length, too few rows, numbers that are not finite, or times that
@@ -144,13 +144,13 @@ class Interpolant:
         return replace(self, nodes=nodes, states=self.evaluate(nodes), weights=weights)
 
     def truncation_error(self) -> float:
-        """Return an estimate of the truncation error from the last three Chebyshev coefficients."""
+        """Return the truncation error, estimated from the last three Chebyshev coefficients."""
         middle, reach = 0.5 * (self.nodes[0] + self.nodes[-1]), 0.5 * (self.nodes[-1] - self.nodes[0])
         basis = np.polynomial.chebyshev.chebvander((self.nodes - middle) / reach, len(self.nodes) - 1)
         return float(np.abs(np.linalg.solve(basis, self.states)[-3:]).max())
 
 
-# a parameter within this distance below a junction belongs to the next polynomial
+# distance below a junction within which a parameter belongs to the next polynomial
 JUNCTION = 1e-12
 S_co = TypeVar("S_co", bound=Interpolant, covariant=True)
 
@@ -189,7 +189,7 @@ class Piecewise(Generic[S_co]):
 
 
 def nodes_between(low: float, high: float, count: int) -> tuple[Array, Array]:
-    """Return Chebyshev points of the second kind from one end to the other, and barycentric weights."""
+    """Return Chebyshev points of the second kind from one end to the other, and their barycentric weights."""
     cosines, weights = _chebyshev(count)
     nodes = 0.5 * (low + high) + 0.5 * (low - high) * cosines
     nodes[0], nodes[-1] = low, high
@@ -223,16 +223,16 @@ def through(nodes: Array, states: Array) -> Interpolant:
 
 
 def extrapolated(x: Array, values: Array, degree: int, points: Array) -> Array:
-    """Return least-squares polynomials of values (n, w) at x (n,) in [-1, 1], at points beyond: (m, w)."""
+    """Return least-squares polynomials of values (n, w) at x (n,) in [-1, 1], evaluated at points: (m, w)."""
     coefficients = np.linalg.lstsq(chebyshev.chebvander(x, degree), values)[0]
     return np.asarray(chebyshev.chebval(points, coefficients), dtype=np.float64).T
 
 
 def integral(x: Array, values: Array) -> Array:
-    """Return the integral from x[0] to each x (n,), rising, of the polynomial through values (n,) there.
+    """Return the integral from x[0] to each x (n,), increasing, of the polynomial through values (n,).
 
     Raises:
-        LinAlgError: where two x are one.
+        LinAlgError: if two x coincide.
     """
     half = 0.5 * (x[-1] - x[0])
     scaled = (x - x[0]) / half - 1.0

@@ -2,8 +2,8 @@
 
 The polynomial of a segment predicts the next one; Newton's method corrects all its nodes together. A segment
 is accepted if the correction and the interpolation error are small and the Jacobian determinant keeps its
-sign. A sign change along a smooth path indicates a change point, where two assemblies meet: it is located,
-and the path continues through it.
+sign. A sign change along a smooth path indicates a change point, where two assembly modes meet. It is
+located, and the path continues through it.
 """
 
 from collections.abc import Callable, Iterator
@@ -40,10 +40,11 @@ from mechsim.numerics.path_segments import (
     Segment,
 )
 
-# fraction of a segment about a change point in which poses are taken from its polynomial, since the Jacobian
-# is singular there; and the smallest distance of a start from a change point
+# radius of the singular neighbourhood of a change point, relative to the half length of its segment: poses in
+# it are taken from the polynomial, since the Jacobian is singular; and smallest distance of a start from a
+# change point
 SINGULAR_FRACTION, MIN_START_DISTANCE = 0.05, 1e-5
-# a path that ends within this distance of its start may end because the start is singular
+# distance of a path's end from its start below which a singular start may be the cause
 AT_START = 1e-3
 # largest residual at nodes, a hundredth of the truncation error; and signed distance from a singular pose
 # below which nodes are closed to rounding
@@ -52,19 +53,22 @@ NODE_RESIDUAL, NEARLY_SINGULAR = 1e-11, 1e-4
 SAME_PARAMETER = 1e-9
 # shortest segment in spacings of floating-point numbers at its parameter
 LEAST_SPACINGS = 16.0
-# after a segment shorter than this the tangent predicts: rounding spoils its polynomial
+# length of a step up to which the tangent is the predictor: rounding spoils the polynomial of a shorter
+# segment
 MIN_EXTRAPOLATED = 1e-5
-# length of the segment after a change point, relative to the one through it: its many nodes extrapolate badly
+# length of the segment after a change point, relative to the one through it, whose many nodes extrapolate
+# badly
 NEXT_LENGTH = 0.3
-# signed distance of a start from a singular pose above which no change point behind it affects its rates
+# signed distance of a start from a singular pose above which a change point behind it does not affect its
+# rates
 WELL_CONDITIONED = 0.05
-# distance that a path is traced beyond the requested parameter; not round, as change points are
+# distance that a path is traced beyond the requested parameter; not round, since change points often are
 OVERSHOOT = 0.2137
 
 
 @dataclass(frozen=True, slots=True)
 class PathNames:
-    """Names for messages: what moves, and the position and instant at a parameter."""
+    """Names for messages: the moving element, and the position and instant at a parameter."""
 
     mover: str
     position: Callable[[float], str]
@@ -76,13 +80,13 @@ CRANK = PathNames("the crank", lambda s: f"{s:.7g} rad", lambda s: f"crank angle
 
 @dataclass(frozen=True, slots=True)
 class Crossing(Generic[E, Q]):
-    """A change point of a path, at which two assemblies meet.
+    """A change point of a path, at which two assembly modes meet.
 
     Attributes:
-        parameter: of the change point.
-        radius: of its singular neighbourhood, in which poses are those of the segments' polynomials.
-        before: segment centred on it, of the assembly before; the same as `beyond` on a smooth path.
-        beyond: likewise of the assembly after it.
+        parameter: parameter of the change point.
+        radius: radius of its singular neighbourhood, in which poses are those of the segments' polynomials.
+        before: segment centred on it, of the assembly mode before it; equal to `beyond` on a smooth path.
+        beyond: segment centred on it, of the assembly mode after it.
     """
 
     parameter: float
@@ -92,16 +96,16 @@ class Crossing(Generic[E, Q]):
 
 
 class ContinuationPath(PathStates[E, Q]):
-    """An assembly followed along a path of its drivers, as far as was asked.
+    """An assembly traced along a path of its drivers, as far as requested.
 
     Attributes:
-        control: lengths of segments, and the errors at which one is rejected.
-        overshoot: distance that it is traced beyond a requested parameter, if possible.
-        singular_fraction: radius of the singular neighbourhood of a change point relative to its segment.
+        control: limits of segment lengths, and errors above which a segment is rejected.
+        overshoot: distance that the path is traced beyond a requested parameter, if possible.
+        singular_fraction: radius of a singular neighbourhood, relative to the half length of its segment.
         first: solver of the loops about the start.
-        start: coordinates at the start, one set; of d designs as many.
-        initial: its parameter there.
-        crossings: change points, as they were passed.
+        start: coordinates at the start: one set, or one for each of d designs.
+        initial: path parameter at the start.
+        crossings: change points, in the order in which they were passed.
         policy: policy at change points.
         words: names for messages.
     """
@@ -122,19 +126,19 @@ class ContinuationPath(PathStates[E, Q]):
         self.words = words
         self.segments: dict[int, list[Segment[E, Q]]] = {1: [], -1: []}
         self.crossings: list[Crossing[E, Q]] = []
-        # of the singular poses that the last segment lies on; 0 where it is not known
+        # sign of the signed distance on the last segment; 0 if unknown
         self.sign = np.zeros(self.count)
-        # the segment through the next change point, and that change point, once known
+        # segment through the next change point, and that change point, once known
         self._upcoming: tuple[Segment[E, Q], float] | None = None
 
     def extend(self, target: float) -> None:
         """Trace the assembly to a parameter, and a little beyond if possible.
 
-        A change point is confirmed only after the path has passed it; one behind the start affects poses near
-        the start.
+        A change point is confirmed only after the path has passed it. A change point behind the start affects
+        poses near the start.
 
         Raises:
-            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
         """
         if target == self.initial and abs(self.first.at_reference.signed_distance[0]) > WELL_CONDITIONED:
             return
@@ -148,7 +152,7 @@ class ContinuationPath(PathStates[E, Q]):
         """Trace the assembly to a parameter and no farther; the length is that of the next segment, if known.
 
         Raises:
-            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
             InputError: for a path that is too long.
         """
         segments, self._upcoming = self.segments[direction], None
@@ -169,10 +173,10 @@ class ContinuationPath(PathStates[E, Q]):
                 raise AssemblyError(_end_message(self, current) + self.remaining_text(current, target))
 
     def require_travel(self, start: float, target: float) -> None:
-        """Reject a path that is too long; there is no limit here."""
+        """Reject a path that is too long; the default has no limit."""
 
     def remaining_text(self, current: float, target: float) -> str:
-        """Return what a message adds about the way from where the path ends to its target."""
+        """Return a message's addition about the remaining distance from the end of the path to its target."""
         return ""
 
     def end(self, direction: int) -> float:
@@ -235,9 +239,9 @@ class ContinuationPath(PathStates[E, Q]):
         return self.control.growth(error, displacement, self.segments[direction][-1].length / step)
 
     def _approached_change_point(self, segment: Segment[E, Q], index: int, direction: int) -> bool:
-        """Return whether a change point lies beyond a node; the path then stops where its segment begins.
+        """Return whether a change point lies beyond a node; the path then ends where its segment begins.
 
-        If it is a sharp bend or the end of the path instead, shorter segments resolve it.
+        Otherwise there is a sharp bend or the end of the path, which shorter segments resolve.
         """
         a, b = segment.nodes[index : index + 2]
         change_point = change_point_between(self, segment, float(a), float(b))
@@ -258,7 +262,8 @@ class ContinuationPath(PathStates[E, Q]):
         """Return the segment beyond a change point, and the length to try next.
 
         Raises:
-            AssemblyError: where the path begins at the change point, or the other branch cannot be driven.
+            AssemblyError: if the path begins at the change point, or the drivers do not move the other
+                branch.
         """
         self._upcoming, self.sign = None, np.zeros(self.count)
         segment, change_point = upcoming
@@ -298,7 +303,7 @@ class ContinuationPath(PathStates[E, Q]):
         return True
 
     def _solver(self, current: float, direction: int) -> LoopSolver[E, Q]:
-        """Return by what the next segment is solved: the rows of the last one if regular at its end."""
+        """Return the solver of the next segment: that of the last segment if it is regular at its end."""
         if not self.segments[direction]:
             return self.first
         segment = self.segments[direction][-1]
@@ -310,7 +315,7 @@ class ContinuationPath(PathStates[E, Q]):
         return loop_solver(self.loops, q, segment.solver.null_space)
 
     def predicted(self, current: float, direction: int, solver: LoopSolver[E, Q], s: Array) -> Array:
-        """Return predicted states at parameters, by the previous segment or the tangent."""
+        """Return states at parameters, predicted by the previous segment or the tangent."""
         segments = self.segments[direction]
         if segments and abs(float(s[-1]) - current) > MIN_EXTRAPOLATED:
             return segments[-1].evaluate(s)
@@ -330,10 +335,10 @@ class ContinuationPath(PathStates[E, Q]):
         return self.flat(self.loops.displaced(last.repeated(k), np.repeat(advance, self.count, 1) + step))
 
     def chunks(self, s: Array) -> Iterator[tuple[LoopSolver[E, Q], NDArray[np.intp], Array]]:
-        """Yield by what poses at parameters (n,) are solved: solver, which they are, and rough states.
+        """Yield solvers, the indices of their parameters (n,), and initial guesses of the states.
 
         Raises:
-            AssemblyError: at the parameter beyond which the loops cannot close in this assembly.
+            AssemblyError: at the parameter beyond which the loops cannot close in this assembly mode.
         """
         for end in (float(s.max()), float(s.min())):
             self.extend(end)
@@ -349,12 +354,12 @@ class ContinuationPath(PathStates[E, Q]):
 
     @property
     def change_points(self) -> list[float]:
-        """Parameters at which assemblies meet, as they were passed."""
+        """Parameters at which assembly modes meet, in the order in which they were passed."""
         return [crossing.parameter for crossing in self.crossings]
 
     @property
     def traced(self) -> Piecewise[Segment[E, Q]]:
-        """All segments; of a path that is no longer than its start one of a single node."""
+        """All segments; for an untraced path one segment with the start as its only node."""
         start = Segment(
             np.array([self.initial]), self.flat(self.start), np.ones(1), self._solver(self.initial, 1)
         )
@@ -368,22 +373,22 @@ class ContinuationPath(PathStates[E, Q]):
         return mask
 
     def interpolated(self, s: Array) -> Q:
-        """Return coordinates of the polynomials at parameters (n,)."""
+        """Return coordinates from the segments' polynomials at parameters (n,)."""
         return self.unflat(self.traced.evaluate(s), s)
 
     def derivatives(self, s: Array) -> tuple[Array, Array]:
-        """Return first and second derivatives of flattened states by the parameter, off the polynomials."""
+        """Return first and second derivatives of flattened states by the parameter, from the polynomials."""
         first = self.traced.derivative()
         return first.evaluate(s), first.derivative().evaluate(s)
 
 
 def _shortest(path: ContinuationPath[E, Q], current: float) -> float:
-    """Return the length below which a segment at a parameter has no distinct nodes, or is singular."""
+    """Return the length below which a segment has no distinct nodes, or is singular."""
     return max(path.control.min_length, LEAST_SPACINGS * float(np.spacing(abs(current))))
 
 
 def _end_message(path: ContinuationPath[E, Q], parameter: float) -> str:
-    """Return the message that states why a path ends."""
+    """Return the message with the reason why a path ends."""
     text = f"{path.name}: {path.words.mover} cannot pass {path.words.position(parameter)} in this assembly"
     if abs(parameter - path.initial) < AT_START and _singular_start(path):
         return (
@@ -404,15 +409,15 @@ def _singular_start(path: ContinuationPath[E, Q]) -> bool:
 def _with_adequate_rows(
     path: PathStates[E, Q], segment: Segment[E, Q], closed: Linearised, by_determinant: NDArray[np.bool_]
 ) -> tuple[Segment[E, Q], Linearised]:
-    """Return a segment solved by rows of full rank where it is near a singular pose, and its loops.
+    """Return a segment solved by equations of full rank near a singular pose, and its loops.
 
-    Rows that repeat others elsewhere may be the ones that count there.
+    Equations that are redundant elsewhere may be independent there.
 
     Args:
-        path: whose poses they are.
-        segment: solved by rows that lose rank somewhere.
-        closed: its loops.
-        by_determinant: at which nodes they do.
+        path: path of the poses.
+        segment: segment solved by equations that lose rank at some node.
+        closed: loops at its nodes.
+        by_determinant: nodes at which the equations are adequate by their determinant.
     """
     old_solver = segment.solver
     # the nearest node may be the singular pose itself

@@ -1,8 +1,8 @@
 """Initial value problems by Gauss-Legendre collocation: all nodes of a step are evaluated in one call.
 
-The polynomial of a step satisfies the differential equation at its nodes; fixed-point iteration finds it. A
-vectorised right-hand side costs little more at all nodes than at one, and a step is ten times as long as one
-of a Runge-Kutta method of order 8.
+The polynomial of a step satisfies the differential equation at its nodes; fixed-point iteration determines
+it. A vectorised right-hand side costs little more at all nodes than at one, and a step is ten times as long
+as that of a Runge-Kutta method of order 8.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), section II.7;
 X. Bai, J. L. Junkins, Modified Chebyshev-Picard iteration methods for orbit propagation, Journal of the
@@ -19,22 +19,22 @@ from numpy.polynomial import legendre
 
 from mechsim.numerics.arrays import Array
 
-# (times (n,), states (n, size)) -> derivatives (n, size); not a number where there is none
+# (times (n,), states (n, size)) -> derivatives (n, size); NaN where they are undefined
 Derivatives = Callable[[Array, Array], Array]
 
-# nodes of a step; 16 need a fifth more time, 32 and more are limited by the iteration (four-bar, 1e-13)
+# nodes of a step; 16 need a fifth more time, and the iteration limits 32 and more (four-bar, 1e-13)
 NODES = 24
-# degree of the polynomial that extrapolates the derivative: higher ones amplify rounding
+# degree of the polynomial that extrapolates the derivative: higher degrees amplify rounding
 DEGREE = 10
-# iterations of a step at the most; more mean that a shorter step is quicker
+# largest number of iterations of a step; if more are needed, a shorter step takes less time
 ITERATIONS = 20
-# a change that no longer falls below this fraction of the one before is rounding
+# ratio of successive changes above which a change is rounding
 SHRINKING = 0.5
-# changes up to this many times the tolerance may be rounding
+# multiple of the tolerance up to which a change may be rounding
 ROUNDING = 30.0
-# coefficients of the derivative whose largest is the error of a step
+# number of last coefficients of the derivative whose largest is the error of a step
 TAIL = 3
-# next step: fraction of the longest that satisfies the tolerance; least and largest ratio to the one before
+# next step: fraction of the longest that satisfies the tolerance; smallest and largest ratio to the last step
 SAFETY, LEAST, LARGEST = 0.85, 0.2, 3.0
 # change of the state in a first step, relative to its scale
 FIRST_CHANGE = 0.1
@@ -44,15 +44,15 @@ SPACINGS = 10.0
 
 @dataclass(frozen=True, slots=True)
 class GaussRule:
-    """Nodes on [-1, 1] (n,), and matrices from the values of a derivative there, (n, size).
+    """Nodes on [-1, 1], (n,), and matrices that act on a derivative's values at the nodes, (n, size).
 
     Attributes:
-        nodes: of Gauss and Legendre.
-        to_nodes: to the integrals from -1 to each node, (n, n).
-        to_end: to the integral from -1 to 1, (n,).
-        to_series: to Legendre coefficients, (n, n).
-        to_integral: to Legendre coefficients of the integral from -1, (n + 1, n).
-        to_fit: to coefficients of the best polynomial of `DEGREE`.
+        nodes: Gauss-Legendre nodes.
+        to_nodes: matrix of the integrals from -1 to each node, (n, n).
+        to_end: vector of the integral from -1 to 1, (n,).
+        to_series: matrix of the Legendre coefficients, (n, n).
+        to_integral: matrix of the Legendre coefficients of the integral from -1, (n + 1, n).
+        to_fit: matrix of the coefficients of the least-squares polynomial of `DEGREE`.
     """
 
     nodes: Array
@@ -65,7 +65,7 @@ class GaussRule:
 
 @cache
 def rule(count: int) -> GaussRule:
-    """Return the rule of so many nodes."""
+    """Return the rule with a number of nodes."""
     nodes, weights = legendre.leggauss(count)
     # by the discrete orthogonality of Legendre polynomials
     to_series = ((np.arange(count) + 0.5) * weights[:, None] * legendre.legvander(nodes, count - 1)).T
@@ -81,10 +81,10 @@ class StepSolution:
     """The polynomial solution of one step.
 
     Attributes:
-        start: of the step in [s].
-        duration: of the step in [s].
-        state: at the start, (size,).
-        derivative: at the nodes, (n, size).
+        start: start of the step in [s].
+        duration: duration of the step in [s].
+        state: state at the start, (size,).
+        derivative: derivatives at the nodes, (n, size).
         series: Legendre coefficients of the integrated derivative on [-1, 1], (n + 1, size).
     """
 
@@ -125,21 +125,21 @@ def collocated(
     tolerance: Array,
     rounding: float = ROUNDING,
 ) -> tuple[StepSolution, float] | None:
-    """Return the solution over one step and its last change relative to the tolerance; None without one.
+    """Return the solution of one step and its last change relative to the tolerance; None without a solution.
 
     Args:
         derivatives: right-hand side.
-        start: of the step in [s].
-        state: at the start, (size,).
-        duration: of the step in [s].
+        start: start of the step in [s].
+        state: state at the start, (size,).
+        duration: duration of the step in [s].
         guess: states at the nodes, (n, size); n is the number of nodes.
         tolerance: change of the states at which the iteration has converged, (size,).
-        rounding: changes of up to this many times the tolerance may be rounding.
+        rounding: multiple of the tolerance up to which changes may be rounding.
     """
     table, half, states = rule(len(guess)), 0.5 * duration, guess
     times, before = node_times(start, duration, len(guess)), np.inf
     for _ in range(ITERATIONS):
-        # a step that is far too long diverges, and is rejected
+        # a step that is far too long diverges and is rejected
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             derivative = derivatives(times, states)
             new = state + half * (table.to_nodes @ derivative)
@@ -155,7 +155,7 @@ def collocated(
 
 
 class GaussCollocation:
-    """Steps of an initial value problem, one after another; used as `scipy.integrate.OdeSolver` is.
+    """Successive steps of an initial value problem, with the interface of `scipy.integrate.OdeSolver`.
 
     Args:
         derivatives: right-hand side.
@@ -163,12 +163,12 @@ class GaussCollocation:
         y0: state at the start, (size,).
         t_bound: latest end in [s].
         rtol: error of a step relative to the state and its scale.
-        scale: of the components of the state, (size,).
+        scale: scale of the state's components, (size,).
         max_step: longest step in [s].
 
     Attributes:
         t: time in [s].
-        y: state, (size,); may be replaced between steps by one next to it.
+        y: state, (size,); may be replaced between steps by a nearby state.
         status: "running", "finished" or "failed".
     """
 
@@ -191,11 +191,11 @@ class GaussCollocation:
         self._solution: StepSolution | None = None
 
     def step(self) -> str:
-        """Take one step; return a message where there is none."""
+        """Take one step; return a message if it fails, else an empty text."""
         tolerance = self.rtol * (self.scale + np.abs(self.y))
         while self._length > SPACINGS * np.spacing(abs(self.t)):
             remaining, self._length = self.t_bound - self.t, min(self._length, self.max_step)
-            # no last step that is much shorter than the others
+            # avoids a last step that is much shorter than the others
             length = remaining if self._length > 0.99 * remaining else min(self._length, 0.5 * remaining)
             result = collocated(self.derivatives, self.t, self.y, length, self._guess(length), tolerance)
             if result is None:
@@ -205,11 +205,11 @@ class GaussCollocation:
             error = self._error(solution, tolerance)
             ratio = SAFETY * max(error, 1e-16) ** (-1.0 / NODES)
             self._length = length * min(max(ratio, LEAST), LARGEST)
-            # what the iteration leaves is rounding, which a shorter step does not lessen
+            # the remaining change of the iteration is rounding, which a shorter step does not reduce
             if error <= max(1.0, change):
                 self._accept(solution)
                 return ""
-            # the error may fall by less than by the order of the method, as over a kink
+            # the error may decrease less than the method's order predicts, as over a kink
             self._length = min(self._length, 0.5 * length)
         self.status = "failed"
         return "the step is shorter than the spacing of floating-point numbers"
@@ -227,7 +227,7 @@ class GaussCollocation:
             self.status = "finished"
 
     def _guess(self, length: float) -> Array:
-        """Return states at the nodes of the next step: extrapolated."""
+        """Return extrapolated states at the nodes of the next step."""
         times = node_times(self.t, length)
         if self._solution is None:
             return self.y + (times - self.t)[:, None] * self._first
@@ -235,6 +235,6 @@ class GaussCollocation:
         return self.y + states[1:] - states[0]
 
     def _error(self, solution: StepSolution, tolerance: Array) -> float:
-        """Return the size of the last coefficients relative to the tolerance."""
+        """Return the magnitude of the last coefficients relative to the tolerance."""
         tail = rule(NODES).to_series[-TAIL:] @ solution.derivative
         return float((0.5 * solution.duration * np.abs(tail).max(0) / tolerance).max())

@@ -1,4 +1,4 @@
-"""Linearised loops of many instants as square systems: independent equations and a null-space basis."""
+"""Linearised loops at many instants as square systems: independent equations and a null-space basis."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,12 +12,12 @@ from mechsim.numerics.arrays import Array, Index, block
 from mechsim.numerics.newton import NewtonSettings, square_solution
 from mechsim.numerics.rank import RANK_TOLERANCE, pivot_columns, significant
 
-# entries of a Jacobian below this are rounding
+# entry of a Jacobian below which it is rounding
 NEGLIGIBLE = 1e-14
 # Newton's method about a nearby configuration: beyond this displacement the linear model is invalid
 NEARBY = NewtonSettings(max_displacement=0.3)
 # smallest singular value, and determinant, relative to the best equations, below which others are selected;
-# and the ratio to their value elsewhere below which the equations are singular, and not the pose
+# and the ratio to their value elsewhere below which the equations, not the pose, are singular
 MIN_VALUE_RATIO, MIN_DETERMINANT_RATIO, MIN_SHARE_RATIO = 0.4, 0.5, 0.2
 
 
@@ -27,16 +27,16 @@ class ConfigurationBatch(Protocol):
     def __len__(self) -> int: ...
 
     def select(self, which: NDArray[np.bool_] | NDArray[np.intp], /) -> Self:
-        """Return those at some of the instants."""
+        """Return the configurations at selected instants."""
         ...
 
     def repeated(self, times: int, /) -> Self:
-        """Return all of them so many times, one after another."""
+        """Return all configurations repeated, one copy after another."""
         ...
 
 
 class DrivenEquations(Protocol):
-    """Loop-closure equations in coordinates of which some are prescribed.
+    """Loop-closure equations in coordinates, some of which are prescribed.
 
     Coordinates have units: [rad], or a characteristic length.
     """
@@ -76,15 +76,15 @@ class DrivenEquations(Protocol):
         ...
 
     def displaced(self, q: Any, step: Array, /) -> Any:
-        """Return configurations moved by a step (count, n) in units."""
+        """Return configurations displaced by a step (count, n) in units."""
         ...
 
     def flat(self, q: Any, /) -> Array:
-        """Return configurations as rows of numbers without units, (n, w)."""
+        """Return configurations as rows of dimensionless numbers, (n, w)."""
         ...
 
     def unflat(self, rows: Array, driven: Array, /) -> Any:
-        """Return configurations from approximate rows of numbers, and prescribed values (driven, n)."""
+        """Return configurations from approximate rows of numbers and prescribed values (driven, n)."""
         ...
 
     def along(self, q: Any, reference: Any, directions: Array, /) -> tuple[Array, Array]:
@@ -98,16 +98,16 @@ Q = TypeVar("Q", bound=ConfigurationBatch)
 
 @dataclass(frozen=True)
 class Linearised:
-    """The loops about n sets of coordinates.
+    """Loops linearised about n sets of coordinates.
 
     Attributes:
-        residual: of all equations, (rows, n).
-        jacobian: by all coordinates in their units, (rows, count, n).
-        poses: of the links, as the equations return them.
-        matrix: of independent rows and null-space rows by the unknowns, (n, u, u).
-        rhs: residuals of the same rows, (n, u).
-        unknown: which coordinates these are, (u,).
-        others: indices of the rows that are not solved.
+        residual: residuals of all equations, (rows, n).
+        jacobian: derivatives by all coordinates in their units, (rows, count, n).
+        poses: poses of the links, as the equations return them.
+        matrix: derivatives of independent and null-space equations by the unknowns, (n, u, u).
+        rhs: residuals of the same equations, (n, u).
+        unknown: indices of the unknown coordinates, (u,).
+        others: indices of the equations that are not solved.
     """
 
     residual: Array
@@ -125,7 +125,7 @@ class Linearised:
 
     @cached_property
     def all_singular_values(self) -> Array:
-        """Singular values of all equations by the unknowns, (n, smaller dimension)."""
+        """Singular values of all equations' derivatives by the unknowns, (n, smaller dimension)."""
         jacobian = self.jacobian.take(self.unknown, 1)
         if len(self.others) + self.matrix.shape[1] == len(jacobian) and self._idle(jacobian):
             return self.singular_values
@@ -137,7 +137,7 @@ class Linearised:
 
     @cached_property
     def signed_distance(self) -> Array:
-        """Signed distance from a singular pose, (n,): its sign differs in two assembly modes that meet."""
+        """Signed distance from a singular pose, (n,); opposite in sign in two assembly modes that meet."""
         if not self.matrix.size:  # the drivers alone determine all coordinates
             return np.ones(len(self.matrix))
         return self._determinant[0] * self.singular_values[:, -1]
@@ -177,7 +177,7 @@ class LoopSolver(Generic[E, Q]):
         loops: the loop equations.
         rows: indices of independent equations, (r,).
         null_space: basis of the undetermined motion of the unknowns, (nullity, unknowns).
-        reference: coordinates without displacement along it, one set, or that of each design.
+        reference: coordinates without displacement along the basis: one set, or one for each design.
     """
 
     loops: E
@@ -211,9 +211,9 @@ class LoopSolver(Generic[E, Q]):
         return not self.nullity and len(self.rows) == self.loops.rows
 
     def adequate(self, linearised: Linearised) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return at which poses the selected equations are about as well conditioned as all, (n,) each.
+        """Return the poses at which the selected equations are about as well conditioned as all, (n,) each.
 
-        By the smallest singular value, and by the determinant.
+        The first mask compares the smallest singular values, the second the determinants.
         """
         if self._alone(linearised):
             everywhere = np.ones(len(linearised.matrix), dtype=np.bool_)
@@ -223,7 +223,7 @@ class LoopSolver(Generic[E, Q]):
         return by_smallest, linearised.singular_values.prod(1) > MIN_DETERMINANT_RATIO * all_poses.prod(1)
 
     def _alone(self, linearised: Linearised) -> bool:
-        """Whether the unused equations are zero, or there are none."""
+        """Whether the unused equations are zero or absent."""
         return (
             self.uses_all_rows
             or not len(self.rows)
@@ -255,7 +255,7 @@ class LoopSolver(Generic[E, Q]):
         return self.loops.displaced(q, self.whole_step(step))
 
     def whole_step(self, step: Array) -> Array:
-        """Return steps of all coordinates, (count, n), from those of the unknowns, (n, u)."""
+        """Return steps of all coordinates, (count, n), from steps of the unknowns, (n, u)."""
         out = np.zeros((self.loops.count, len(step)), step.dtype)
         out[self.loops.unknown] = step.T
         return out
@@ -272,10 +272,10 @@ def loop_solver(
 
     Args:
         loops: the loop equations.
-        reference: closed coordinates at a regular pose: one set, or those of each design, of which the first
-            is used for the selection.
+        reference: closed coordinates at a regular pose: one set, or one for each design. The first set is
+            used for the selection.
         previous: previous null-space basis, to which the new one is aligned.
-        jacobian: of all equations at the reference, (rows, count, 1), if known.
+        jacobian: Jacobian of all equations at the reference, (rows, count, 1), if known.
     """
     matrix = (loops.linearise(reference)[1] if jacobian is None else jacobian)[:, loops.unknown, 0]
     if not matrix.size:

@@ -56,10 +56,10 @@ class NewtonSettings:
             `STAGNATION`.
         last_step: a shorter step is the last one: with quadratic convergence only rounding remains.
         max_step: longer steps are shortened to this length.
-        max_displacement: limit of the sum of the steps; a configuration that would exceed it is abandoned,
-            since it may converge to another solution.
-        verify: False omits the linearisation after a last step whose square is below the tolerance, a third
-            of the time for a close guess.
+        max_displacement: limit of the sum of the steps; a configuration above it is abandoned, since it may
+            converge to another solution.
+        verify: False omits the linearisation after a last step whose square is below the tolerance. For a
+            close guess this saves a third of the time.
     """
 
     max_iterations: int = 8
@@ -73,7 +73,7 @@ class NewtonSettings:
 
 @dataclass(frozen=True, slots=True)
 class NewtonResult(Generic[Q, L]):
-    """Configurations after Newton's method. The caller checks convergence by the residual.
+    """Configurations after Newton's method. The caller checks their residuals for convergence.
 
     Attributes:
         q: configurations.

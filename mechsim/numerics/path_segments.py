@@ -1,4 +1,4 @@
-"""Segments of a path: configurations closed at Chebyshev nodes, and the polynomials through them."""
+"""Segments of a path: closed configurations at Chebyshev nodes, and the polynomials through them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,20 +16,20 @@ from mechsim.numerics.step_control import StepControl
 # path parameter (n,) -> prescribed coordinates in their units, (driven, n)
 PrescribedValues = Callable[[Array], Array]
 
-# largest residual of a closed pose, in radians and characteristic lengths
+# largest residual of a closed pose, in [rad] and characteristic lengths
 CLOSED = 1e-12
-# lengths of segments, and the errors at which one is rejected
+# limits of segment lengths, and errors above which a segment is rejected
 CONTROL = StepControl()
 
 
 @dataclass(frozen=True)
 class Segment(Interpolant, Generic[E, Q]):
-    """A segment of a path: the polynomial through coordinates closed at its nodes.
+    """A segment of a path: the polynomial through closed coordinates at its nodes.
 
     Attributes:
-        solver: of its poses.
-        adequate: whether the solver's rows are well conditioned at the last node, for each design, (d,); None
-            if unknown.
+        solver: solver of its poses.
+        adequate: whether the solver's equations are well conditioned at the last node, for each design, (d,);
+            None if unknown.
     """
 
     solver: LoopSolver[E, Q]
@@ -42,13 +42,13 @@ class Segment(Interpolant, Generic[E, Q]):
 
 @dataclass(frozen=True)
 class ClosedNodes:
-    """Nodes of a segment, each closed for d designs; d is 1 for one mechanism.
+    """Closed nodes of a segment for d designs; d is 1 for one mechanism.
 
     Attributes:
-        states: of the nodes, (k, d w).
-        linearised: the loops there; of k d instants each d in a row are those of the designs.
-        displacement: of the corrector, the largest of each design's nodes, (d,).
-        valid: which designs are closed after an admissible displacement, (d,).
+        states: states of the nodes, (k, d w).
+        linearised: the loops at k d instants; each d consecutive instants are those of the designs.
+        displacement: largest corrector displacement of each design over the nodes, (d,).
+        valid: designs that are closed after an admissible displacement, (d,).
     """
 
     states: Array
@@ -58,15 +58,15 @@ class ClosedNodes:
 
     @property
     def error(self) -> Array:
-        """Interpolation error of each design by half of the nodes, (d,)."""
+        """Interpolation error of each design, estimated from half of the nodes, (d,)."""
         return interpolation_error(self.states).reshape(len(self.valid), -1).max(1)
 
 
 class PathStates(Generic[E, Q]):
-    """Poses along a path of the drivers as state vectors, those of d designs in a row.
+    """Poses along a path of the drivers as state vectors; those of d designs are concatenated.
 
     Attributes:
-        loops: the equations, of one mechanism or of designs.
+        loops: loop equations of one mechanism or of designs.
         prescribed: values of the prescribed coordinates along the path.
         count: number of designs, d; 1 for one mechanism.
     """
@@ -94,9 +94,9 @@ class PathStates(Generic[E, Q]):
     def closed(
         self, solver: LoopSolver[E, Q], s: Array, rows: Array, tolerance: float = 0.0
     ) -> ClosedNodes | None:
-        """Return nodes at parameters (k,) closed from approximate states; None if they do for no design.
+        """Return nodes at parameters (k,) closed from approximate states; None if no design closes.
 
-        To rounding, or to a residual below the tolerance.
+        The nodes are closed to rounding, or to a residual below the tolerance.
         """
         try:
             settings = NewtonSettings(

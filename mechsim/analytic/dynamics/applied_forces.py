@@ -1,7 +1,7 @@
-"""What acts on the links: forces and moments about link origins, in the ground frame.
+"""Applied forces on the links: forces and moments about link origins, in the ground frame.
 
-All forces fall into parts by how they depend on the crank's speed w: static (gravity, springs),
-damping (times w), Coulomb friction (times the sign of w), and loads with a course of their own.
+Forces are separated by their dependence on the crank speed w: static (gravity, springs), damping (times w),
+Coulomb friction (times the sign of w), and loads that depend on crank angle or time.
 """
 
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ from mechsim.model.links import IDENTITY
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 
-# a joint that moves less than this a radian of the crank, in [rad] or sizes of the mechanism, is where it
-# turns round: the sign of its rate is rounding there, and dry friction has no direction
+# joint rate per radian of the crank, in [rad] or characteristic lengths, at or below which the joint
+# reverses: the sign of its rate is rounding, and Coulomb friction has no direction
 STILL = 1e-7
 
 
 @dataclass(frozen=True, slots=True)
 class Dry:
-    """One dry friction: a size in [N m] or [N], and the rate (n,) per radian of the crank it opposes."""
+    """Coulomb friction: its magnitude in [N m] or [N], and the opposed rate (n,) per radian of the crank."""
 
     magnitude: float
     rate: Array
@@ -36,17 +36,17 @@ class Dry:
 
     @property
     def direction(self) -> Array:
-        """Sign of the rate, 0 where the joint turns round, (n,)."""
+        """Sign of the rate, (n,); 0 where the joint reverses."""
         return np.where(self.still, 0.0, np.sign(np.real(self.rate)))
 
 
 def dry_sizes(joint: Joint, friction: Friction) -> list[float]:
-    """Return the sizes of a joint's dry frictions, those above zero, in the order of `add_friction`."""
+    """Return the nonzero magnitudes of a joint's Coulomb friction, in the order of `add_friction`."""
     return [magnitude for _, magnitude in friction.sizes(KINDS[joint.kind]) if magnitude]
 
 
 def rates(unit: UnitMotion, joint: Joint) -> list[Array]:
-    """Return the derivatives of a joint's coordinates by the crank angle; of a ball the size of its spin."""
+    """Return a joint's coordinate derivatives by crank angle; for a ball, the relative spin's magnitude."""
     kind, spin = KINDS[joint.kind], _spin(unit, joint)
     place_a, rate_a = unit.point(joint.a.link, joint.a.point)
     place_b, rate_b = unit.point(joint.b.link, joint.b.point)
@@ -60,10 +60,10 @@ def rates(unit: UnitMotion, joint: Joint) -> list[Array]:
 
 
 def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Friction) -> list[Dry]:
-    """Add a joint's friction to wrenches: viscous at unit crank speed, dry while the crank turns forwards.
+    """Add a joint's friction to wrenches: viscous at unit crank speed, Coulomb for forward crank motion.
 
     Returns:
-        Each dry friction; a spherical joint's rate is the size of its relative spin.
+        The nonzero Coulomb frictions; a spherical joint's rate is the magnitude of its relative spin.
     """
     joint = unit.mechanism.joint(friction.joint)
     kind = KINDS[joint.kind]
@@ -86,9 +86,9 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
 
 
 def add_joint_forces(unit: UnitMotion, stack: Array, joint: Joint, forces: Sequence[Array]) -> None:
-    """Add forces and torques (n,) on link b along a joint's coordinates, each doing work on its own alone.
+    """Add forces and torques (n,) on link b along a joint's coordinates; each does work on its own only.
 
-    A ball's one torque is about its relative spin.
+    The torque of a ball acts about its relative spin.
     """
     kind = KINDS[joint.kind]
     for axis, effort in zip(_slides(unit, joint), forces, strict=False):
@@ -111,7 +111,7 @@ def add_joint_forces(unit: UnitMotion, stack: Array, joint: Joint, forces: Seque
 
 
 def add_force(unit: UnitMotion, stack: Array, link: str, point: Array, force: Array) -> None:
-    """Add a force on a link at a place in the ground frame to a stack of wrenches."""
+    """Add a force on a link, applied at a point in the ground frame, to a stack of wrenches."""
     slot = unit.slot(link)
     if slot is not None:
         stack[:, slot, :3] += force
@@ -119,7 +119,7 @@ def add_force(unit: UnitMotion, stack: Array, link: str, point: Array, force: Ar
 
 
 def add_couple(unit: UnitMotion, stack: Array, joint: Joint, couple: Array) -> None:
-    """Add a couple on a joint's link b, and its reverse on link a."""
+    """Add a couple on a joint's link b, and the opposite couple on link a."""
     for link, sign in ((joint.b.link, 1.0), (joint.a.link, -1.0)):
         slot = unit.slot(link)
         if slot is not None:
@@ -127,24 +127,24 @@ def add_couple(unit: UnitMotion, stack: Array, joint: Joint, couple: Array) -> N
 
 
 def _slides(unit: UnitMotion, joint: Joint) -> list[Array]:
-    """Return the directions in which a joint slides, (n, 3) each."""
+    """Return the sliding directions of a joint, (n, 3) each."""
     return [unit.direction(joint.a, COLUMN[axis]) for axis in KINDS[joint.kind].slides]
 
 
 def _spin(unit: UnitMotion, joint: Joint) -> Array:
-    """Return the spin of a joint's link b against its link a, (n, 3)."""
+    """Return the spin of a joint's link b relative to its link a, (n, 3)."""
     return unit.spin(joint.b.link) - unit.spin(joint.a.link)
 
 
 def _axis_rates(first: Array, second: Array, spin: Array) -> tuple[Array, Array]:
-    """Return p and q of spin = p first + q second, (n,) each."""
+    """Return p and q in spin = p first + q second, (n,) each."""
     c, p, q = dot(first, second), dot(first, spin), dot(second, spin)
     s2 = 1.0 - c**2
     return (p - c * q) / s2, (q - c * p) / s2
 
 
 def _about(first: Array, second: Array, p: Array, q: Array) -> Array:
-    """Return the couple in the plane of two axes that does the work of p about one and q about the other."""
+    """Return the couple in the plane of two axes that does the work of torques p and q about them."""
     c = dot(first, second)
     s2 = 1.0 - c**2
     x, y = (p - c * q) / s2, (q - c * p) / s2
@@ -156,15 +156,15 @@ Stack = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """Wrenches on the links, (n, L, 6) in [N, N m] each, and the energy stored.
+    """Wrenches on the links, (n, L, 6) in [N, N m] each, and the stored energy.
 
     Attributes:
-        gravity: weight.
-        springs: between points and in joints.
-        damping: of viscous friction and dampers at unit crank speed.
-        coulomb: of dry friction while the crank turns forwards.
-        energy: of gravity (zero at the ground's origin) and springs, (n,) in [J].
-        dry: each dry friction on its own.
+        gravity: wrenches of weight.
+        springs: wrenches of springs between points and in joints.
+        damping: wrenches of viscous friction and dampers at unit crank speed.
+        coulomb: wrenches of Coulomb friction for forward crank motion.
+        energy: potential energy of gravity (zero at the ground's origin) and springs, (n,) in [J].
+        dry: Coulomb frictions.
     """
 
     gravity: Array
@@ -181,10 +181,10 @@ class Applied:
 
 
 def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
-    """Return what acts on the links, loads, flywheel and motor apart.
+    """Return the applied forces on the links, without loads, flywheel and motor.
 
     Raises:
-        InputError: for forces that would spin a link whose spin nothing determines.
+        InputError: for forces that do work on an undetermined spin of a link.
     """
     forces, nothing = model.forces, np.zeros_like(unit.twist)
     weight = unit.masses[:, None] * np.asarray(forces.gravity)
@@ -215,10 +215,10 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
 
 @dataclass(frozen=True, slots=True)
 class Loads:
-    """Loads with a course of their own.
+    """Loads that depend on crank angle or time.
 
     Attributes:
-        wrenches: of loads on points and couples on links, (n, L, 6) in [N, N m].
+        wrenches: wrenches of loads on points and couples on links, (n, L, 6) in [N, N m].
         crank: torque on the crank itself, (n,) in [N m].
         torque: generalised force of both on the crank, (n,) in [N m].
     """
@@ -229,7 +229,7 @@ class Loads:
 
 
 def loads(model: DynamicModel, unit: UnitMotion, time: Array | None) -> Loads:
-    """Return the loads at angles and times (n,) in [s]; None where the time is not known."""
+    """Return the loads at crank angles and times (n,) in [s]; the time is None if unknown."""
     out = np.zeros_like(unit.twist)
     for load in model.forces.loads:
         link, point, _ = unit.locate(load.location)
@@ -245,19 +245,19 @@ def loads(model: DynamicModel, unit: UnitMotion, time: Array | None) -> Loads:
 
 
 def coordinate(unit: UnitMotion, joint: Joint) -> Array:
-    """Return the one coordinate of a revolute or prismatic joint, (n,) in [rad] or [m]."""
+    """Return the coordinate of a revolute or prismatic joint, (n,) in [rad] or [m]."""
     poses = unit.poses()
     a, b = (poses.get(end.link, IDENTITY) for end in (joint.a, joint.b))
     return joint_coordinate(joint, a, b)[..., 0]
 
 
 def power(unit: UnitMotion, wrenches: Array) -> Array:
-    """Return the generalised force of wrenches on the crank: virtual power at unit speed, (n,) in [N m]."""
+    """Return the generalised force of wrenches on the crank, (n,) in [N m]: virtual power at unit speed."""
     return (wrenches * unit.twist).sum((1, 2))
 
 
 def require_idle(unit: UnitMotion, wrenches: Array, what: str) -> None:
-    """Raise InputError if wrenches do work on a spin that nothing determines."""
+    """Raise InputError if wrenches do work on an undetermined spin."""
     if not unit.idle.shape[-1]:
         return
     length = unit.mechanism.characteristic_length
@@ -272,14 +272,14 @@ def require_idle(unit: UnitMotion, wrenches: Array, what: str) -> None:
 
 
 def _spring(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
-    """Return tension of the spring, of its damper at unit crank speed, and energy, (n,) each."""
+    """Return the spring's tension, its damper's tension at unit crank speed, and its energy, (n,) each."""
     line, length, rate = _line(unit, spring)
     stretch = length - spring.rest
     return spring.stiffness * stretch, spring.damping * dot(line, rate), 0.5 * spring.stiffness * stretch**2
 
 
 def _line(unit: UnitMotion, spring: Spring) -> tuple[Array, Array, Array]:
-    """Return the direction from a to b, zero where they meet, the distance, and the gap's derivative."""
+    """Return the direction from a to b (zero if equal), the distance, and the derivative of b - a."""
     (_, a, rate_a), (_, b, rate_b) = unit.locate(spring.a), unit.locate(spring.b)
     gap = b - a
     length = np.sqrt(dot(gap, gap))

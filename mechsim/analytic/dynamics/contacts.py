@@ -147,7 +147,7 @@ class Contacts:
             loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)
             pulled = [i for i in mode.contacts if float(self._pressing(dynamics, mode, i)[0]) < 0.0]
-            # below the size at which `_reserve` ends sticking: at that instant it slides
+            # smaller than the excess at which `_reserve` ends sticking: the friction slides at that instant
             if slipping is not None and loads[slipping] > 1.0 + 0.5 * BALANCED:
                 direction = mode.sliding.copy()
                 direction[slipping] = -np.sign(float(dynamics.holding[slipping, 0]))

@@ -1,4 +1,4 @@
-"""Runs of forward dynamics: `run` integrates a mechanism from an initial state and returns its motion."""
+"""Forward dynamics: `run` integrates a mechanism's motion from an initial state."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -28,13 +28,14 @@ from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 
-# relative error of a step: a hundred periods of a pendulum then stay within 4e-12 of their amplitude
-# (validation/published/forward_dynamics.py)
+# relative error of a step; the error of a pendulum after a hundred periods is then below 4e-12 of its
+# amplitude (validation/published/forward_dynamics.py)
 TOLERANCE = 3e-13
-# smallest singular value of the loop constraints at the start, relative to their size: loops at a change
-# point close to 1e-7 only, and accelerations have no digits
+# smallest singular value of the loop constraints at the start, relative to their norm: at a change point,
+# loops close to 1e-7 only, and accelerations have no significant digits
 SINGULAR_START = 1e-6
-# distance beyond a stop, in [rad] or sizes, at which a joint still touches it: rounding of closed loops
+# distance beyond a stop, in [rad] or characteristic lengths, at which a joint is still in contact: rounding
+# of closed loops
 BEYOND_STOP = 1e-9
 
 
@@ -43,17 +44,17 @@ class DynamicRun:
     """A run of forward dynamics at n instants, in SI.
 
     Attributes:
-        motion: of all points, links and joints; its `time` holds the instants.
+        motion: motion of all points, links and joints; its `time` holds the instants.
         kinetic: kinetic energy, (n,) in [J].
-        potential: of gravity and springs, (n,) in [J].
-        work: done by motor and loads since the start, (n,) in [J].
-        lost: in friction, dampers and impacts since the start, (n,) in [J].
-        driving: prescribed coordinate -> effort that moves it, (n,) in [N m] or [N].
+        potential: potential energy of gravity and springs, (n,) in [J].
+        work: work of motor and loads since the start, (n,) in [J].
+        lost: energy lost in friction, dampers and impacts since the start, (n,) in [J].
+        driving: prescribed coordinate -> its drive force or torque, (n,) in [N] or [N m].
         outcome: "done", "stopped", "diverged", "dead centre" or "failed".
-        reason: one sentence where the outcome is not "done".
+        reason: one sentence if the outcome is not "done".
         events: instants of impacts and of changes between sticking and sliding, in [s].
-        steps: taken by the integrator.
-        drift: energy by which the steps were corrected, summed, in [J].
+        steps: number of integration steps.
+        drift: largest magnitude of the summed energy corrections, in [J].
     """
 
     motion: Motion
@@ -80,7 +81,7 @@ class DynamicRun:
         return self.motion.time
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the motion's columns, kinetic, potential, work and lost in [J], and driving efforts."""
+        """Yield the motion's columns, kinetic, potential, work and lost in [J], and drive forces."""
         yield from self.motion.columns()
         for name in ("kinetic", "potential", "work", "lost"):
             yield name, getattr(self, name)
@@ -89,7 +90,7 @@ class DynamicRun:
 
     @property
     def energy_error(self) -> float:
-        """Largest error of the energy balance, corrections included, relative to the energy exchanged."""
+        """Largest error of the energy balance, corrections included, relative to the exchanged energy."""
         total = self.kinetic + self.potential - self.work + self.lost
         exchanged = max(
             float(self.kinetic.max()), float(np.ptp(self.potential)), float(np.abs(self.work).max()), 1e-300
@@ -111,28 +112,30 @@ def run(
 ) -> DynamicRun:
     """Integrate the motion of a mechanism from an initial state under forces.
 
-    Drivers are free unless they are prescribed; motor, loads, springs, friction and weight move them. Any
-    number of degrees of freedom, with or without loops.
+    Drivers are free unless they are prescribed; motor, loads, springs, friction and weight move them. The
+    mechanism may have any number of degrees of freedom, with or without loops.
 
     Args:
-        source: a mechanism, or what has one, as `ms.load` returns; links without an inertia are rods.
-        forces: what acts; None takes the forces of the source.
-        initial: coordinates `J.q` and rates `J.v` at the start in SI, or text with a unit, as
-            {"crank.q": "10deg"}; what is left out starts where assembly puts it, at rest.
+        source: a mechanism, or an object with one, such as the result of `ms.load`; links without an inertia
+            are rods.
+        forces: applied forces; None selects the forces of the source.
+        initial: initial coordinates `J.q` and rates `J.v` in SI, or text with a unit, such as
+            {"crank.q": "10deg"}; other coordinates start at their assembled values, at rest.
         prescribed: coordinates that follow the motion laws of the source.
         duration: longest time in [s], or text.
-        until: an event that ends the run, as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm"; either direction
-            of crossing counts.
+        until: an event that ends the run, such as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm"; both
+            directions of crossing count.
         samples: instants after the first at which the result is evaluated.
         tolerance: relative error of an integration step.
-        restitution: of the stops of joints with a range: rate after an impact over that before, 0 to 1.
+        restitution: coefficient of restitution of joint stops: rate after an impact divided by that before
+            it, 0 to 1.
 
     Returns:
         The run; `motion` has the columns `t`, `P.x`, `J.q`, `J.v`, `J.a`.
 
     Raises:
-        InputError: for values that cannot be used.
-        AssemblyError: where the loops do not close at the initial values.
+        InputError: for invalid values.
+        AssemblyError: if the loops do not close at the initial values.
 
     Accuracy: about 1e-11 of the amplitude over a hundred periods at the default tolerance; residuals of the
         loops at rounding.
@@ -170,13 +173,13 @@ def run(
 
 
 def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:
-    """Return a trajectory at instants (n,) in [s], each projected onto the loops."""
+    """Return a trajectory evaluated at instants (n,) in [s], each state projected onto the loops."""
     layout = StateLayout(equations)
     results: list[Dynamics] = []
     states: list[Kinematics] = []
     energies: list[tuple[float, float]] = []
     ends = np.array([piece.last for piece in trajectory.pieces])
-    # at an instant of an impact the state after it
+    # at an instant of an impact: the state after it
     pieces = np.minimum(np.searchsorted(ends, times, side="right"), len(ends) - 1)
     for number in np.unique(pieces):
         piece, instants = trajectory.pieces[number], times[pieces == number]
@@ -211,10 +214,10 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
 
 
 def initial_values(model: DynamicModel, initial: Mapping[str, float | str]) -> InitialValues:
-    """Return initial values in SI from `J.q` and `J.v`, and those of the model's description.
+    """Return initial values in SI: those of the model, overridden by `J.q` and `J.v` of `initial`.
 
     Raises:
-        InputError: for a name that the mechanism does not have, or a value that is not a finite number.
+        InputError: for an unknown name, or a value that is not a finite number.
     """
     mechanism, stated = model.mechanism, getattr(model.solver, "initial", {})
     coordinates, rates = dict[str, float](), dict[str, float]()
@@ -246,7 +249,7 @@ def _prescribed_laws(model: DynamicModel, names: Sequence[str]) -> dict[str, Sta
 
 
 def _require_regular(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
-    """Raise InputError for a start where assembly modes meet: the motion from there is not determined."""
+    """Raise InputError for a singular initial configuration: the motion from it is undetermined."""
     state = equations.kinematics(q, rates)
     limit = SINGULAR_START * float(np.linalg.norm(state.jacobian))
     if equations.rank and conditionings(equations, state)[0] < limit:

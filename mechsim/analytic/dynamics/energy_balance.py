@@ -10,20 +10,20 @@ from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.numerics.arrays import Array
 
-# rates are not scaled where the kinetic energy is below this fraction of the largest
+# kinetic energy relative to the largest below which rates are not scaled
 SLOW = 1e-2
 
 
 class EnergyBalance:
-    """The energy of a run and how much of it its steps lost.
+    """Energy of a run and its numerical drift.
 
     Args:
-        equations: of motion.
+        equations: equations of motion.
         q: initial coordinates.
         rates: initial rates in units, (count, 1).
 
     Attributes:
-        drift: energy by which rates were corrected, summed, at its largest, in [J].
+        drift: largest magnitude of the summed energy corrections, in [J].
     """
 
     def __init__(self, equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
@@ -32,7 +32,7 @@ class EnergyBalance:
         self._initial, self._correction = self._largest + potential, 0.0
 
     def balanced(self, q: Coordinates, rates: Array, gained: float) -> Array:
-        """Return rates scaled so that the energy is the initial one and what was gained, in [J]."""
+        """Return rates scaled to the initial energy plus the energy gained, in [J]."""
         kinetic, potential = self.equations.energy(self.equations.kinematics(q, rates))
         self._largest = max(self._largest, kinetic)
         target = self._initial + gained - potential

@@ -1,4 +1,4 @@
-"""How unevenly a machine turns under a steady drive, and the flywheel that evens it out."""
+"""Speed fluctuation of a mechanism under constant driving torque, and the flywheel that limits it."""
 
 from dataclasses import replace
 
@@ -14,21 +14,21 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
 from mechsim.units import si
 
-# the smallest coefficient of fluctuation above rounding
+# smallest coefficient of fluctuation above rounding
 MIN_FLUCTUATION = 1e-9
-# crank angles over the turn; smooth coefficients are resolved to rounding by far fewer
+# crank angles per revolution; far fewer resolve smooth coefficients to rounding
 ANGLES = 1024
 
 
 def fluctuation(model: DynamicModel, mean: float | str) -> Fluctuation:
-    """Return how the crank's speed varies over the turn at a mean speed in [rad/s], or as "600rpm".
+    """Return the crank's speed fluctuation over a revolution at a mean speed in [rad/s], or as "600rpm".
 
-    J w2 / 2 = K + integral of (T + Q); the constant torque T makes up the turn's balance and K the mean
-    speed. Friction that grows with speed, and loads over time, are taken as at the mean speed.
+    J w2 / 2 = K + integral of (T + Q). The constant torque T balances the work of a revolution, and K gives
+    the mean speed. Viscous friction and loads over time are evaluated at the mean speed.
 
     Raises:
         InputError: for a mean speed of zero.
-        AssemblyError: where the crank cannot turn fully.
+        AssemblyError: if the crank cannot rotate fully.
     """
     mean = si(mean, "rad/s", "mean crank speed")
     if not 0.0 < abs(mean) < np.inf:
@@ -38,12 +38,12 @@ def fluctuation(model: DynamicModel, mean: float | str) -> Fluctuation:
 
 
 def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> Fluctuation:
-    """Return the turn with the smallest flywheel that keeps the coefficient of speed fluctuation.
+    """Return the fluctuation with the smallest flywheel that satisfies a coefficient of speed fluctuation.
 
-    The returned flywheel replaces that of the machine's forces; it is zero where none is needed.
+    The returned flywheel replaces that of the model's forces; it is zero if none is needed.
 
     Raises:
-        InputError: for a coefficient so small that rounding of the speed is larger.
+        InputError: for a coefficient below the rounding of the speed.
     """
     mean = si(mean, "rad/s", "mean crank speed")
     if not MIN_FLUCTUATION <= coefficient < np.inf:
@@ -65,8 +65,8 @@ def flywheel_for(model: DynamicModel, mean: float | str, coefficient: float) -> 
 
 
 def _revolution(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, float]:
-    """Return angles, inertia, energy gained since the first of them, and the constant torque."""
-    # one that must pass a change point to come round does so in two turns
+    """Return angles, inertia, energy gained since the first angle, and the constant torque."""
+    # a mechanism that passes a change point may have a period of two revolutions
     turns = round(model.solver.period / REVOLUTION)
     angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)
     unit = model.unit_motion(angle)
@@ -84,7 +84,7 @@ def _revolution(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, 
 def _even(
     model: DynamicModel, angle: Array, inertia: Array, gained: Array, torque: float, mean: float
 ) -> Fluctuation:
-    """Find the energy at the start of the turn that gives the mean speed."""
+    """Return the fluctuation whose initial energy gives the mean speed."""
 
     def speeds(start: float) -> Array:
         return np.sqrt(2.0 * (start + gained) / inertia)

@@ -1,9 +1,9 @@
 """Forward dynamics of any mechanism: its motion in time from an initial state under forces.
 
-Gauss-Legendre collocation integrates the equations of motion, all nodes of a step at once; Radau's method of
-order 5 does where they are stiff. After every step the state is projected onto the loop constraints, so that
-they do not drift. Coulomb friction sticks and slides; stops of joints are hit with a coefficient of
-restitution. Events end a step exactly.
+Gauss-Legendre collocation integrates the equations of motion and evaluates all nodes of a step at once.
+Radau's method of order 5 integrates stiff equations. Each state is projected onto the loop constraints after
+its step, which prevents drift. Coulomb friction sticks or slides. Joint stops have a coefficient of
+restitution. A step ends exactly at an event.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), section II.7,
 and II (1996), section IV.8; E. Eich, Convergence results for a coordinate projection method applied to
@@ -30,33 +30,35 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
 
-# steps of the integrator in one run: about ten minutes
+# largest number of integration steps in a run: about ten minutes
 MAX_STEPS = 50_000
-# steps of a run under forces over time, at least: their 24 nodes notice what lasts 1/300 of the run
+# smallest number of steps of a run under forces over time: their 24 nodes resolve forces that last 1/300 of
+# the run
 LEAST_STEPS = 20
-# events in one run before it counts as chattering
+# largest number of events in a run; more count as chattering
 MAX_EVENTS = 10_000
-# instants within a step at which events are looked for: evenly, and ever closer to its start, where a stop
-# that was just hit may be hit again
+# instants within a step at which events are searched, relative to its duration: evenly spaced, and denser
+# towards the start, where a stop may be hit again right after an impact
 INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0, 1.0, 33)[1:]])
 
-# a configuration whose constraint Jacobian has a smallest singular value below this fraction of that at the
-# start is too near a singular one for explicit steps: accelerations lose digits there
+# smallest singular value of the constraint Jacobian, relative to that at the start, below which explicit
+# steps are rejected: accelerations lose significance near a singular configuration
 SINGULAR = 2e-2
-# decays of the fastest rate during a run above which an implicit method is used: the iteration of collocation
-# needs about a step for every four
+# number of time constants of the fastest decay within a run above which an implicit method is used: the
+# iteration of collocation needs about one step for every four
 MAX_DECAYS = 1e4
 # relative error of an implicit step
 IMPLICIT_TOLERANCE = 1e-11
-# a singular configuration is crossed from within this many times that distance
+# smallest singular value, relative to the limit of explicit steps, below which a crossing of a singular
+# configuration is tried, and above which that limit is restored
 CLOSE = 4.0
-# factor on the distance where no singular configuration is crossed: the path only passes near one
+# factor on the limit of explicit steps if the path only passes near a singular configuration
 NEARER = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A smooth piece of the solution: instants, dense output, mode, and coordinates contacts by stops."""
+    """A smooth piece of the solution: instants, dense output, mode, and coordinates in contact with stops."""
 
     first: float
     last: float
@@ -76,13 +78,13 @@ class Trajectory:
     """The solution of a run.
 
     Attributes:
-        pieces: steps of the integrator with dense output, in order.
+        pieces: integration steps with dense output, in order.
         end: time of the end in [s].
-        outcome: "done", "stopped" (at rest for good), "diverged" or "dead centre".
-        reason: one sentence where the outcome is not "done".
-        steps: taken by the integrator.
+        outcome: "done", "stopped" (permanently at rest), "diverged" or "dead centre".
+        reason: one sentence if the outcome is not "done".
+        steps: number of integration steps.
         events: instants of impacts and of changes between sticking and sliding, in [s].
-        drift: energy by which steps were corrected, summed, at its largest, in [J].
+        drift: largest magnitude of the summed energy corrections, in [J].
     """
 
     pieces: tuple[Piece, ...]
@@ -95,10 +97,10 @@ class Trajectory:
 
 
 class Integration:
-    """One run as it proceeds.
+    """The state of a run during integration.
 
     Args:
-        equations: of motion.
+        equations: equations of motion.
         q: initial coordinates.
         rates: initial rates in units, (count, 1).
         tolerance: relative error of a step.
@@ -131,7 +133,7 @@ class Integration:
         self.balance = EnergyBalance(equations, q, rates)
 
     def run(self, duration: float, until: EventFunction | None = None) -> Trajectory:
-        """Integrate until a duration in [s] or an event, and return the trajectory."""
+        """Integrate up to a duration in [s] or an event, and return the trajectory."""
         outcome: Outcome = "done"
         reason = ""
         self.ends = [] if until is None else [("until", until)]
@@ -156,10 +158,10 @@ class Integration:
         )
 
     def _solver(self, duration: float) -> Any:
-        """Return the integrator of smooth motion: collocation, or Radau's method where it is stiff."""
+        """Return the integrator of smooth motion: collocation, or Radau's method for stiff equations."""
         scale = self._scale()
         if not self.implicit:
-            # forces over time may be brief
+            # forces over time may be short pulses
             longest = np.inf if self.equations.steady else self.duration / LEAST_STEPS
             return GaussCollocation(
                 self.right.derivatives, self.time, self.state, duration, self.tolerance, scale, longest
@@ -174,7 +176,7 @@ class Integration:
         return self.right.jacobian(time, state, max(self.fastest, 1.0))
 
     def _smooth_motion(self, solver: Any) -> tuple[Outcome, str] | None:
-        """Step until an event changes the mode or the run ends; None where it goes on."""
+        """Step until an event changes the mode or the run ends; None if the run continues."""
         while solver.status != "finished":
             self.right.blocked, self.right.nearest = False, self.nearest
             message = solver.step()
@@ -201,9 +203,9 @@ class Integration:
         return None
 
     def _accept(self, solution: Callable[[float], Array], after: float, state: Array) -> str | None:
-        """Continue from an instant, where the state is known, or from the first event before it.
+        """Accept a step up to its end or its first event, and project the state.
 
-        Return the kind of the event.
+        Return the kind of the event; None without an event.
         """
         event, mode = self._first_event(solution, self.time, after), self.right.mode
         last = after if event is None else event[0]
@@ -219,7 +221,7 @@ class Integration:
         return None if event is None else event[1]
 
     def _after_event(self, kind: str) -> tuple[Outcome, str] | None:
-        """Change rates and mode at an event; the outcome where the run ends."""
+        """Change rates and mode at an event; return the outcome if the run ends."""
         if kind != "mode":
             return "done", ""
         self.events.append(self.time)
@@ -236,21 +238,21 @@ class Integration:
         return self.right.kinematics(self.state[None])
 
     def _approaches_singular(self) -> bool:
-        """Return whether the last piece comes near a singular configuration."""
+        """Return whether the last piece approaches a singular configuration."""
         if not self.pieces:
             return False
         conditioning, before = self.right.conditioning(self.state), self._conditioning_before()
         return conditioning <= CLOSE * self.nearest and before > conditioning
 
     def _conditioning_before(self) -> float:
-        """Return the smallest singular value of the loop constraints where the last piece begins."""
+        """Return the smallest singular value of the loop constraints at the start of the last piece."""
         piece = self.pieces[-1]
         return self.right.conditioning(piece.solution(piece.first))
 
     def _cross(self, duration: float) -> tuple[Outcome, str] | None:
-        """Cross a singular configuration, or allow steps nearer to it where the path only passes near one.
+        """Cross a singular configuration; if the path only passes near one, permit steps closer to it.
 
-        Return the outcome where the run ends on the way, at the latest after a duration in [s].
+        Return the outcome if the run ends during the crossing; a duration in [s] limits it.
         """
         piece, conditioning = self.pieces[-1], self.right.conditioning(self.state)
         approach = (piece.last - piece.first) * conditioning / (self._conditioning_before() - conditioning)
@@ -264,12 +266,12 @@ class Integration:
         return None if kind is None else self._after_event(kind)
 
     def _scale(self) -> Array:
-        """Return the scale of a state: of coordinates 1, of rates the fastest; energies count where stiff."""
+        """Return the scale of a state: coordinates 1, rates the fastest rate; energies if implicit."""
         kinematics = self._kinematics()
         acceleration = self.contacts.accelerate(
             kinematics, np.array([self.time]), self.right.mode
         ).acceleration
-        # at rest without forces, what moves a unit during the run
+        # rate for a start at rest without forces: one unit during the run
         slow = 1.0 / self.duration
         rate = max(self.fastest, float(np.sqrt(np.abs(acceleration).max(initial=0.0))), slow)
         scale = self.layout.scale(rate)
@@ -280,7 +282,7 @@ class Integration:
     def _first_event(
         self, dense: Callable[[float], Array], before: float, after: float
     ) -> tuple[float, str] | None:
-        """Return the first event within a step: its instant and kind."""
+        """Return the instant and kind of the first event within a step."""
         functions = [*self.ends]
         functions += [("mode", function) for function in self.contacts.end_functions(self.right.mode)]
 
@@ -290,7 +292,7 @@ class Integration:
         return first_event(functions, states_at, before, after)
 
     def _impact(self) -> None:
-        """Reverse the rate of every joint that hits its stop, by an impulse on all coordinates."""
+        """Reverse the rate of every joint that hits its stop, by impulses on all coordinates."""
         q, rates, work, lost = self.layout.unpack(self.state)
         state = self.equations.kinematics(q, rates)
         after = self.contacts.rates_after_impact(state, self.right.mode, self.fastest)
@@ -300,7 +302,7 @@ class Integration:
         self.state = self.layout.pack(q, after, work, lost + float(before - new))
 
     def _at_rest(self) -> tuple[Outcome, str] | None:
-        """Return the outcome where friction holds everything for good; None where something moves."""
+        """Return the outcome if friction and stops hold the mechanism permanently at rest; else None."""
         mode = self.right.mode
         if not (mode.stuck or mode.contacts) or not self.equations.steady:
             return None
@@ -315,7 +317,7 @@ class Integration:
 
 
 def _holding(mode: ContactMode) -> str:
-    """Return what holds a mechanism at rest, with its verb."""
+    """Return the cause of rest, with its verb."""
     if mode.stuck and mode.contacts:
         return "friction and stops hold"
     return "friction holds" if mode.stuck else "stops hold"
@@ -327,9 +329,9 @@ def first_event(
     before: float,
     after: float,
 ) -> tuple[float, str] | None:
-    """Return the first event between two instants in [s]: its instant and kind; None without one.
+    """Return the instant in [s] and kind of the first event between two instants; None without an event.
 
-    Functions of kind "until" may cross zero either way, others fall through it.
+    Functions of kind "until" may cross zero in both directions, others only downwards.
     """
     if not functions:
         return None

@@ -1,4 +1,4 @@
-"""A free crank from event to event: pieces of DOP853's solution between rests, turns back and the end."""
+"""Free motion of a crank: pieces of DOP853 solutions between rests, reversals and the end."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -18,25 +18,26 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import root
 
-# a run for turns with no time limit of its own may take this many times what it seems to need
+# time limit of a run that has a number of revolutions but no duration, relative to its estimated time
 PATIENCE = 1000.0
-# times a run may come to rest and start again before it is called off
+# largest number of rests in a run
 MAX_RESTS = 10_000
-# of a torque relative to its terms: below this it is rounding of a balance
+# net torque relative to its largest term below which it is rounding
 BALANCED = 1e-12
-# a step tried this many turns past the end, or this far in [rad] where there is none, leads nowhere
+# distance from the start beyond which a trial step is rejected: revolutions past the requested ones, and
+# [rad] for a run without them
 PAST, BEYOND_RUN = 2.0, 1e9
-# times in a turn that a motor would bring the crank to its speed: beyond, an explicit method has no step
-# that is both stable and long
+# number of the motor's time constants per revolution above which the equation is stiff: stability then limits
+# the step of an explicit method
 STIFF = 2e4
-# steps of Newton's method from where an event was found to where it is
+# Newton steps from an approximate event time to the exact one
 LANDINGS = 3
-# points in time at which a machine at rest under loads over time is tried for a start
+# instants at which a crank at rest under loads over time is tested for a start
 PROBES = 512
 
 
 class Runner:
-    """One free run as it goes: pieces of solution between events."""
+    """State of a free run: pieces of solution between events."""
 
     def __init__(
         self, model: DynamicModel, angle: float, speed: float, turns: float | None, tolerance: float
@@ -66,7 +67,7 @@ class Runner:
         self.pieces: list[tuple[float, float, float, Callable[[Array], Array]]] = []
 
     def terms(self, time: float, angle: float, speed: float) -> tuple[float, ...]:
-        """Return J, J', statics, damping, dry friction, and driving torque at a state."""
+        """Return J, J', static torque, damping, Coulomb friction, and driving torque at a state."""
         row = self.chart.evaluate(angle)
         inertia, derivative, static, _, damping = row[:5].tolist()
         k = len(self.dry)
@@ -81,7 +82,7 @@ class Runner:
         return inertia, derivative, static, damping, dry, torque
 
     def rates(self, sign: float) -> Callable[[float, Array], Array]:
-        """Return the right-hand side while the crank turns one way."""
+        """Return the right-hand side for one direction of crank motion."""
 
         def rate(time: float, state: Array) -> Array:
             angle, speed = float(state[0]), float(state[1])
@@ -91,7 +92,7 @@ class Runner:
             try:
                 inertia, derivative, static, damping, dry, torque = self.terms(time, angle, speed)
             except AssemblyError as error:
-                # the integrator then shortens its step until it stands before the dead centre
+                # the integrator then shortens its step until it ends before the dead centre
                 self.barred, self.bar = angle, str(error)
                 return np.full(4, np.nan)
             force = static - damping * speed - sign * dry + torque
@@ -101,11 +102,11 @@ class Runner:
         return rate
 
     def jacobian(self, sign: float) -> Callable[[float, Array], Array]:
-        """Return the derivatives of the right-hand side by the state, for an implicit method.
+        """Return the Jacobian of the right-hand side by the state, for an implicit method.
 
-        Those by the speed, which the motor makes large, are exact; of those by the angle only the change of
-        inertia counts, which suffices for Newton's method. Nothing depends on the work done or lost, which
-        scipy's own differences increase until they overflow.
+        Derivatives by the speed, which the motor makes large, are exact. Derivatives by the angle include the
+        change of inertia only, which suffices for Newton's method. Derivatives by work and losses are zero;
+        for them scipy's own finite differences enlarge the increment until it overflows.
         """
 
         def derivatives(_: float, state: Array) -> Array:
@@ -125,7 +126,7 @@ class Runner:
         return derivatives
 
     def run(self, duration: float | None) -> tuple[Outcome, str]:
-        """Go on until an end; return which."""
+        """Run until an end; return the outcome and reason."""
         try:
             end = self._patience() if duration is None else duration
             for _ in range(MAX_RESTS):
@@ -137,7 +138,7 @@ class Runner:
         return "stopped", f"the crank came to rest {MAX_RESTS} times; give fewer turns or less time"
 
     def _piece(self, end: float) -> tuple[Outcome, str] | None:
-        """Run to the next rest or end; None where the run goes on."""
+        """Run to the next rest or end; None if the run continues."""
         sign = float(np.sign(self.state[1]))
         if sign == 0.0:
             sign = self._direction(end)
@@ -171,9 +172,9 @@ class Runner:
         return self._timed_out(end)
 
     def _land(self, solution: Any, end: float) -> None:
-        """Go to the instant at which the crank is at its end.
+        """Set the time at which the crank reaches its final angle.
 
-        Events are found to 1e-15 s, which may be a good part of a run under a motor far too strong.
+        The event time is exact to 1e-15 s, which may be a large fraction of a run under an oversized motor.
         """
         first, _, sign, _ = self.pieces[-1]
         for _ in range(LANDINGS):
@@ -183,7 +184,7 @@ class Runner:
         self.pieces[-1] = first, self.time, sign, solution
 
     def _solved(self, sign: float, end: float, floor: Array, events: list[Any], inertia: float) -> Any:
-        """Return the solution up to the next event: by DOP853, or by Radau's method where that is stiff."""
+        """Return the solution up to the next event, by DOP853, or by Radau's method if it is stiff."""
         from scipy.integrate import solve_ivp
 
         def by(method: str, **more: Any) -> Any:
@@ -200,7 +201,7 @@ class Runner:
             )
 
         if self._is_stiff(inertia):
-            # what bars its way is no number, and an implicit method then has no step to shorten
+            # an implicit method raises ValueError for NaN beyond a dead centre and does not shorten its step
             with suppress(ValueError):
                 return by("Radau", jac=self.jacobian(sign))
         return by("DOP853")
@@ -215,9 +216,9 @@ class Runner:
         )
 
     def _direction(self, end: float) -> float:
-        """Return the sign of the motion that begins from rest; 0 where dry friction or balance holds it.
+        """Return the sign of the motion from rest; 0 if Coulomb friction or equilibrium prevents motion.
 
-        Under loads over time the machine waits until they move it, or until the end.
+        Under loads over time the crank stays at rest until they move it, or until the end.
         """
         angle = float(self.state[0])
 
@@ -248,7 +249,7 @@ class Runner:
         self.time = until
 
     def _at_rest(self, end: float) -> tuple[Outcome, str]:
-        """Say how a run ends that nothing moves any more."""
+        """Return the outcome and reason of a run that ends at permanent rest."""
         angle = float(self.state[0])
         _, _, static, _, dry, torque = self.terms(self.time, angle, 0.0)
         if self.turns is None:
@@ -262,7 +263,7 @@ class Runner:
         return "stopped", reason
 
     def _turning_back(self, sign: float) -> tuple[Outcome, str] | None:
-        """Judge a change of direction: without forces over time the way on is barred for good."""
+        """Return the outcome after a reversal; without forces over time the crank never passes that angle."""
         if self.turns is None or not self.steady or sign * self.turns < 0.0:
             return None
         if not self._direction(self.time):
@@ -281,7 +282,7 @@ class Runner:
         return "time over", f"{made:.6g} of {self.turns:g} turns in {end:.6g} s"
 
     def _patience(self) -> float:
-        """Return a time that is ample for the turns requested, so that no run hangs."""
+        """Return a time limit far above the time of the requested revolutions."""
         assert self.turns is not None
         inertia, _, static, _, _, torque = self.terms(0.0, self.start, float(self.state[1]))
         speed = max(abs(float(self.state[1])), float(np.sqrt((abs(static) + abs(torque)) / inertia)))
@@ -291,11 +292,11 @@ class Runner:
         return PATIENCE * REVOLUTION * (1.0 + abs(self.turns)) / max(speed, 1e-6)
 
     def sample(self, times: Array) -> tuple[Array, Array, Array, Array]:
-        """Return what the run was at instants (n,) in [s], from 0 to its end.
+        """Return the states of the run at instants (n,) in [s], from 0 to its end.
 
         Returns:
-            Angle, speed, work done and lost, (4, n); crank acceleration, inertia and potential energy,
-            (n,) each; all in SI.
+            Angle, speed, work and losses, (4, n); crank acceleration, inertia and potential energy, (n,)
+            each; all in SI.
         """
         states = np.tile(self.state[:, None], len(times))
         signs = np.zeros(len(times))
@@ -322,8 +323,8 @@ def _event(index: int, level: float, direction: float) -> Any:
     return crossing
 
 
-# relative, of DOP853: at 1e-12 a step whose estimate of its error happens to vanish is too long, in 2 of 12
-# runs of the squeezer that differ by rounding, which costs a digit of ten; at 3e-13 in none
+# relative tolerance of DOP853. At 1e-12 the error estimate of a step happens to vanish in 2 of 12 runs of the
+# squeezer that differ by rounding; the step is then too long and costs one digit of ten. At 3e-13 none does
 TOLERANCE = 3e-13
 
 
@@ -338,26 +339,26 @@ def free_run(
     samples: int = 721,
     tolerance: float = TOLERANCE,
 ) -> FreeRun:
-    """Let a machine run by itself from a crank angle and speed; quantities in SI, or text, as "600rpm".
+    """Integrate the free motion of a crank from an angle and speed, in SI or as text, such as "600rpm".
 
-    Dry friction holds a crank at rest until what drives it is larger; every rest and change of
-    direction is an event of its own, so that no step is taken across it.
+    Coulomb friction holds a crank at rest until the driving torque exceeds it. Every rest and reversal is an
+    event that ends a step.
 
     Args:
         model: the dynamic model.
-        angle: crank angle at the start in [rad]; None takes where assembly starts.
-        speed: crank speed at the start in [rad/s].
-        turns: turns of the crank after which to end; negative backwards.
-        duration: time after which to end in [s]; give it, `turns` or `times`.
-        times: instants to record in [s], rising from 0; None records `samples` evenly spread ones.
-        samples: instants recorded where no times are given.
-        tolerance: relative, of DOP853.
+        angle: initial crank angle in [rad]; the default is that of the assembled mechanism.
+        speed: initial crank speed in [rad/s].
+        turns: number of crank revolutions at which the run ends; negative for backwards.
+        duration: time in [s] after which the run ends; give `duration`, `turns` or `times`.
+        times: instants to record in [s], increasing from 0; None records `samples` evenly spaced instants.
+        samples: number of recorded instants if no times are given.
+        tolerance: relative tolerance of DOP853.
 
     Raises:
-        InputError: where it is not said when to end.
+        InputError: if no end is given.
 
-    Accuracy: crank angle about 1e-11 rad a turn at the default tolerance; `energy_error` says how
-        well the energy balance came out.
+    Accuracy: crank angle about 1e-11 rad per revolution at the default tolerance; `energy_error` is the error
+        of the energy balance.
     """
     model.forces.require_no_controllers(model.mechanism.name)
     angle, speed = units.si(angle, "rad", "the start angle"), units.si(speed, "rad/s", "the speed")

@@ -45,11 +45,11 @@ class DynamicModel:
     ) -> UnitMotion:
         """Return poses, first and second derivatives by the path parameter, at path parameters (n,) in [rad].
 
-        Under motion laws the drivers have their positions of a run, if one is given. With `within`, poses
-        outside the ranges of joints are rejected.
+        Under motion laws, the drivers have their positions in the run `as_run`, if given. With `within`,
+        poses outside the ranges of joints are rejected.
 
         Raises:
-            AssemblyError: where the loops do not close, or a joint would leave its range.
+            AssemblyError: if the loops do not close, or a joint would leave its range.
         """
         values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
         if not isinstance(self.solver, LoopForm):

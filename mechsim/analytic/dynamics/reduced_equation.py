@@ -1,8 +1,8 @@
-"""The coefficients of the reduced equation as functions of the crank angle, to rounding and fast.
+"""Coefficients of the reduced equation as functions of the crank angle, interpolated to rounding.
 
-Each arc of the crank is represented by its exact values at Chebyshev points, solved in one vectorised
-call when the crank first comes there; between them by barycentric interpolation, on arcs so short
-that the last coefficients are rounding.
+Each arc of the crank is represented by exact values at Chebyshev points. One vectorised call solves them when
+the crank first reaches the arc. Barycentric interpolation gives the values in between. Arcs are so short that
+the last Chebyshev coefficients are rounding.
 """
 
 from dataclasses import dataclass, field
@@ -21,17 +21,18 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import size_of
 
-# points on an arc, the longest arc, and the shortest before the crank is said to be at a dead centre
+# points on an arc, arcs in a revolution, and length in [rad] below which the crank is at a dead centre
 POINTS = 20
 NODE_COUNT = 24
 ARC = REVOLUTION / NODE_COUNT
 SHORTEST = 1e-5
-# times arcs are halved when a whole turn is charted at once
+# times that arcs are halved when all arcs of a revolution are solved at once
 HALVINGS = 5
-# the last coefficients may be this part of the largest values: rounding of a closed form, and of poses
-# assembled by Newton's method; near a dead centre rounding grows as the inverse square of the conditioning,
-# and an arc this many times shorter than the longest is taken with less, one that can hardly be halved again
-# with least: a crank passes dead centres that lie a part of 1e-9 of the size from its path
+# limit of the last Chebyshev coefficients relative to the largest values: rounding of a closed form
+# (`RESOLVED`), and of poses assembled by Newton's method (`ASSEMBLED`). Near a dead centre rounding grows as
+# the inverse square of the conditioning. `NOISY` applies to arcs shorter than the longest divided by
+# `SHORTER`, and `INTERPOLATION_ERROR` to arcs shorter than `HARDLY` times the shortest. A crank then passes a
+# dead centre at a distance of 1e-9 characteristic lengths from its path
 RESOLVED, ASSEMBLED, NOISY, SHORTER = 3e-14, 1e-12, 1e-11, 16.0
 INTERPOLATION_ERROR, HARDLY = 1e-8, 16.0
 
@@ -44,7 +45,7 @@ _TRANSFORM = np.linalg.inv(np.polynomial.chebyshev.chebvander(NODES, POINTS - 1)
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """One arc from `low` to `high` in [rad] and the values at its nodes, (POINTS, columns)."""
+    """An arc from `low` to `high` in [rad] and the values at its nodes, (POINTS, columns)."""
 
     low: float
     high: float
@@ -63,13 +64,13 @@ class Arc:
 
 @dataclass(slots=True)
 class CrankTable:
-    """Columns inertia, slope, static, energy, damping, joint rates with dry friction, load leverage.
+    """Columns inertia, its derivative, static, energy, damping, rates with Coulomb friction, load leverage.
 
     Attributes:
-        model: the mechanism with its masses and forces.
-        arcs: those charted so far, by place.
-        periodic: whether an arc was found to be the same one turn on; then one turn is enough.
-        ahead: whether the arcs of a turn were tried to be charted all at once.
+        model: mechanism with masses and forces.
+        arcs: arcs solved so far, by index.
+        periodic: whether arcs repeat after one revolution; one revolution then suffices.
+        ahead: whether solving all arcs of a revolution at once was tried.
         coarse: ends of arcs that must be shorter.
     """
 
@@ -83,7 +84,7 @@ class CrankTable:
         """Return all columns at a crank angle in [rad].
 
         Raises:
-            AssemblyError: where the loops do not close, or the crank cannot pass.
+            AssemblyError: if the loops do not close, or the crank cannot pass.
         """
         if self.periodic:
             angle = angle % REVOLUTION
@@ -113,7 +114,7 @@ class CrankTable:
                 )
 
     def _compare(self, index: int) -> None:
-        """See whether a new arc repeats the one a turn away; then keep all in the first turn."""
+        """Compare a new arc with the one a revolution away; if they agree, keep one revolution of arcs."""
         new = self.arcs[index][-1]
         for other in (index - NODE_COUNT, index + NODE_COUNT):
             for old in self.arcs.get(other, ()):
@@ -125,10 +126,10 @@ class CrankTable:
                     return
 
     def _look_ahead(self, index: int) -> None:
-        """Chart the turn around a place, all arcs in few calls: loop equations cost by the call.
+        """Solve the arcs of the revolution around an index in few calls: loop equations have a cost per call.
 
-        Arcs that need be shorter than a few halvings make them are left until the crank comes there, and
-        so is everything where the crank cannot make the turn.
+        Arcs that a few halvings do not resolve are left until the crank reaches them; so are all arcs if the
+        crank cannot make the revolution.
         """
         ends = [(k * ARC, (k + 1) * ARC) for k in range(index - NODE_COUNT // 2, index + NODE_COUNT // 2)]
         for _ in range(HALVINGS):
@@ -150,7 +151,7 @@ class CrankTable:
         self._wrap(index - NODE_COUNT // 2)
 
     def _wrap(self, first: int) -> None:
-        """Keep the arcs of a turn, which begins at a place, for all turns if its first repeats after it."""
+        """Use the arcs of a revolution for all revolutions if its first arc repeats after it."""
         for old in self.arcs.get(first, ()):
             new = self._charted(old.low + REVOLUTION, old.high + REVOLUTION)
             if new is None or not _alike(old, new):
@@ -170,10 +171,10 @@ class CrankTable:
             return None
 
     def _resolved(self, low: float, high: float, values: Array) -> Arc | None:
-        """Return an arc with values at its points if they resolve every column."""
+        """Return an arc with values at its points; None if they do not resolve every column."""
         tail = np.abs(_TRANSFORM[-3:] @ values).max(0)
         largest = np.abs(values).max(0)
-        # what a slope is off by counts by what it adds up to over the arc, compared with the inertia
+        # an error of the inertia derivative counts by its integral over the arc, relative to the inertia
         largest[1] = max(largest[1], largest[0] / (high - low))
         largest[2:4] = largest[2:4].max()
         largest[2:] = np.maximum(largest[2:], _floors(self.model, len(largest) - 2))
@@ -189,9 +190,10 @@ class CrankTable:
 
 
 def _floors(model: DynamicModel, count: int) -> Array:
-    """Return below what the columns from the static torque on are rounding of zero, (count,).
+    """Return the smallest scales, (count,), of the columns from the static torque on.
 
-    As of a planar linkage's way out of its plane, or of a joint that never turns.
+    A column far below its scale is rounding of zero, such as the motion of a planar linkage out of its plane
+    or the rate of a joint that never rotates.
     """
     length, forces = model.mechanism.characteristic_length, model.forces
     lever = min(1.0, length)
@@ -205,7 +207,7 @@ def _floors(model: DynamicModel, count: int) -> Array:
 
 
 def _alike(arc: Arc, other: Arc) -> bool:
-    """Say whether two arcs a turn apart are the same."""
+    """Return whether two arcs a revolution apart agree."""
     return bool((np.abs(arc.values - other.values) <= 1e-9 * np.abs(arc.values).max(0)).all())
 
 
@@ -233,12 +235,12 @@ class Reduced:
 
     Attributes:
         angle: crank angle, (n,) in [rad].
-        inertia: J, flywheel included, (n,) in [kg m2].
+        inertia: reduced inertia J, flywheel included, (n,) in [kg m2].
         inertia_derivative: J' = dJ/dangle, (n,) in [kg m2/rad].
-        static: of gravity and springs, (n,) in [N m].
-        damping: (n,) in [N m s], 0 or more.
-        coulomb: of dry friction, (n,) in [N m], 0 or more.
-        energy: of gravity and springs, (n,) in [J]; static is minus its derivative.
+        static: torque of gravity and springs, (n,) in [N m].
+        damping: damping coefficient, (n,) in [N m s], 0 or more.
+        coulomb: torque of Coulomb friction, (n,) in [N m], 0 or more.
+        energy: potential energy of gravity and springs, (n,) in [J]; static is minus its derivative.
     """
 
     angle: Array
@@ -252,12 +254,12 @@ class Reduced:
     __repr__ = short_repr
 
     def force(self, speed: ArrayLike) -> Array:
-        """Return Q of all that depends on angle and speed alone, (n,) in [N m]."""
+        """Return Q of all forces that depend on angle and speed only, (n,) in [N m]."""
         w = np.asarray(speed, dtype=np.float64)
         return self.static - self.damping * w - self.coulomb * np.sign(w)
 
     def torque(self, speed: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
-        """Return the crank torque that a motion needs, loads left out, (n,) in [N m]."""
+        """Return the crank torque that a motion requires without loads, (n,) in [N m]."""
         w, e = np.asarray(speed, dtype=np.float64), np.asarray(acceleration, dtype=np.float64)
         return self.inertia * e + 0.5 * self.inertia_derivative * w**2 - self.force(w)
 
@@ -265,14 +267,14 @@ class Reduced:
 def reduced(model: DynamicModel, angles: ArrayLike) -> Reduced:
     """Return the coefficients of the reduced equation at crank angles (n,) in [rad].
 
-    Accuracy: a few ulp times the condition of the loop equations; no differences are taken.
+    Accuracy: a few ulp times the condition number of the loop equations; no finite differences are used.
     """
     unit = model.unit_motion(angles)
     return coefficients(unit, applied(model, unit), model.forces.flywheel)
 
 
 def coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
-    """Return the coefficients of the reduced equation for a motion per radian, a flywheel in [kg m2]."""
+    """Return the coefficients of the reduced equation from a unit motion and a flywheel in [kg m2]."""
     inertia, derivative = generalised_inertia(unit)
     friction = np.zeros(len(unit))
     for dry in acting.dry:
@@ -291,7 +293,7 @@ def coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
 def generalised_inertia(unit: UnitMotion) -> tuple[Array, Array]:
     """Return J = sum m v.v + omega.I omega at unit crank speed, and J' = 2 sum m v.a + omega.I alpha.
 
-    The turning of the inertia matrices adds nothing to J': omega.(omega x I omega) = 0.
+    The rotation of the inertia matrices adds nothing to J': omega.(omega x I omega) = 0.
 
     Returns:
         (n,) in [kg m2] and (n,) in [kg m2/rad].
@@ -303,9 +305,9 @@ def generalised_inertia(unit: UnitMotion) -> tuple[Array, Array]:
 
 
 def load_leverage(model: DynamicModel, unit: UnitMotion) -> Array:
-    """Return what loads and couples act along per radian of the crank, (n, loads, 3).
+    """Return the derivatives by crank angle along which loads and couples act, (n, loads, 3).
 
-    Of a load the derivative of its point in [m/rad], of a couple that of its link's turning.
+    For a load this is the derivative of its point in [m/rad], for a couple the spin of its link.
     """
     rates = [unit.locate(load.location)[2] for load in model.forces.loads]
     rates += [unit.spin(couple.link) for couple in model.forces.couples]
@@ -313,7 +315,7 @@ def load_leverage(model: DynamicModel, unit: UnitMotion) -> Array:
 
 
 def kinetic_energy(unit: UnitMotion, speed: Array, flywheel: float = 0.0) -> Array:
-    """Return sum m v2 / 2 + omega.I omega / 2, link by link and not by J: a second route, (n,) in [J]."""
+    """Return sum m v2 / 2 + omega.I omega / 2 over the links, an alternative to J w2 / 2, (n,) in [J]."""
     w = speed[:, None, None] * unit.twist
     centre = w[..., :3] + np.cross(w[..., 3:], unit.centres)
     turning = (unit.moments @ w[..., 3:, None])[..., 0]

@@ -21,12 +21,12 @@ class RightHandSide:
     """Derivatives of states by time; their packing is `layout`.
 
     Attributes:
-        equations: of motion.
+        equations: equations of motion.
         contacts: frictions and stops.
-        layout: of the state vectors.
-        mode: which frictions slide or stick, and which stops are in contact.
-        nearest: smallest singular value of the loop constraints below which derivatives are not a number.
-        blocked: whether a state was nearer to a singular configuration than that.
+        layout: layout of the state vectors.
+        mode: frictions that slide or stick, and stops in contact.
+        nearest: smallest singular value of the loop constraints below which derivatives are NaN.
+        blocked: whether a state had a smaller singular value.
     """
 
     equations: EquationsOfMotion
@@ -45,7 +45,7 @@ class RightHandSide:
         return float(conditionings(self.equations, self.kinematics(state[None]))[0])
 
     def derivatives(self, times: Array, states: Array) -> Array:
-        """Return the derivatives of n states; not a number where one is too near a singular configuration."""
+        """Return the derivatives of n states; NaN if one is too close to a singular configuration."""
         if not np.isfinite(states).all():
             return np.full_like(states, np.nan)
         kinematics = self.kinematics(states)
@@ -61,7 +61,7 @@ class RightHandSide:
         return self.derivatives(np.array([time]), state[None])[0]
 
     def on_loops(self, times: Array, states: Array) -> Array:
-        """Return the derivatives at the nearest states that satisfy the loops; not a number without such."""
+        """Return the derivatives at the nearest states that satisfy the loops; NaN without such states."""
         try:
             return self.derivatives(times, self.nearest_on_loops(times, states))
         except AssemblyError:
@@ -71,7 +71,7 @@ class RightHandSide:
         """Return the nearest states that satisfy the loops, (n, size).
 
         Raises:
-            AssemblyError: where Newton's method does not close the loops.
+            AssemblyError: if Newton's method does not close the loops.
         """
         return self.layout.replaced(
             states, *projected(self.equations, *self.layout.unpack_states(states), times)

@@ -1,7 +1,7 @@
 """Motion across a singular configuration by collocation.
 
-Accelerations have no digits at the singular configuration, but the motion is smooth. Gauss-Legendre nodes lie
-on both sides of it, none of them in the middle.
+At a singular configuration accelerations have no significant digits, but the motion is smooth. The
+Gauss-Legendre nodes lie on both sides of it, and none lies in the middle.
 """
 
 from collections.abc import Callable
@@ -12,15 +12,16 @@ from mechsim.analytic.dynamics.right_hand_side import RightHandSide
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import StepSolution, collocated, node_times
 
-# nodes, an even number: none lies in the middle, where the singular configuration is
+# number of nodes; even, so that none lies in the middle, at the singular configuration
 NODES = 12
-# relative change of the solution at which it has converged, and how many times that may be rounding
+# relative change of the solution at convergence, and multiple of it up to which a change may be rounding
 CONVERGED, ROUNDING = 1e-13, 1e5
-# distance of the nodes from the loops, in sizes or radians, above which the path does not cross
+# distance of the nodes from the loops, in characteristic lengths or [rad], above which the path does not
+# cross
 ON_LOOPS = 1e-9
-# smallest singular value in the middle relative to that at the ends above which the path only passes near
+# smallest singular value in the middle relative to that at the start, above which the path does not cross
 PASSING = 0.3
-# tries to find the far side of a singular configuration, each 1.5 times as far
+# largest number of trial durations for a crossing, each 1.5 times the one before
 CROSSINGS = 12
 
 
@@ -31,14 +32,14 @@ def crossing(
     approach: float,
     ahead: Callable[[Array], Array],
 ) -> StepSolution | None:
-    """Return the solution across the next singular configuration; None where the path does not cross it.
+    """Return the solution across the next singular configuration; None if the path does not cross it.
 
     Args:
-        equations: of motion.
-        time: in [s].
-        state: at the time, (size,).
-        approach: time in [s] from here to the singular configuration at the present rate of approach.
-        ahead: extrapolated states (n, size) at times (n,) in [s].
+        equations: equations of motion.
+        time: initial time in [s].
+        state: initial state, (size,).
+        approach: time in [s] to the singular configuration at the present rate of approach.
+        ahead: times (n,) in [s] -> extrapolated states (n, size).
     """
     conditioning, duration = equations.conditioning(state), 2.0 * approach
     for _ in range(CROSSINGS):

@@ -10,7 +10,7 @@ from mechsim.numerics.continuation import ContinuationPath
 
 
 class LoopPath(ContinuationPath[TreeLoops, Coordinates]):
-    """An assembly of a mechanism, or of designs of one, followed by its loop equations."""
+    """A path of one mechanism or of several designs, traced by the loop equations."""
 
     def require_travel(self, start: float, target: float) -> None:
         """Reject a path that is too long for one motion."""
@@ -19,7 +19,7 @@ class LoopPath(ContinuationPath[TreeLoops, Coordinates]):
         require_travel(who, names.position(start), names.position(target), abs(target - start))
 
     def remaining_text(self, current: float, target: float) -> str:
-        """Return how far drivers that are a point or a link are from their target; empty for joints."""
+        """Return the remaining distance of prescribed points or links to their target; empty for joints."""
         mechanism = self.loops.tree.mechanism
         before, after = (self.prescribed(np.array([s]))[:, 0] for s in (current, target))
         poses = [joint.b.link.startswith(VIRTUAL_PREFIX) for joint in mechanism.driven_joints]

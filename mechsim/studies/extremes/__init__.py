@@ -1,1 +1,1 @@
-"""Stress test: how far quantities can change before a run fails (docs/explanation/extremes.md)."""
+"""Stress test: the ranges of quantities within which runs pass (docs/explanation/extremes.md)."""

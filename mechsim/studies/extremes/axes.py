@@ -1,4 +1,4 @@
-"""The axes of a study of extremes: numbers, singular configurations, long runs."""
+"""The axes of the stress test: numerical quantities, singular configurations, long runs."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -23,18 +23,19 @@ from mechsim.units import rpm
 
 # crank speeds in [rad/s]
 SPEED, LONG_RUN_SPEED, SINGULAR_SPEED = rpm(600.0), 20.0 * np.pi, 10.0
-# values at which every mechanism must pass
+# ranges in which every mechanism must pass
 REQUIRED = {"speed": (1.0, 1e5), "size": (1e-5, 1e3), "mass ratio": (1e-6, 1e6)}
 # steps per revolution of a long run, and its largest number of records
 STEPS, RECORDS = 100, 20_000
 # ratio of the last errors to the first above which they drift
 MAX_GROWTH = 2.0
-# relative distance to a singular length at which poses still pass; distance from a change point in [rad]
+# smallest relative distance to a singular length at which poses must pass; distance from a change point in
+# [rad]
 MIN_SLACK, CHANGE_POINT_DISTANCE = 1e-10, 0.1
 
 
 def steps(solver: ClosedForm, value: float) -> Trial:
-    """Steps per revolution; a thousand and more must pass."""
+    """Steps per revolution; 1000 or more must pass."""
     count = max(4, round(value))
     expected = "passed" if count >= 1000 else None
     settings = Settings(steps_per_turn=count)
@@ -53,7 +54,7 @@ def length(solver: ClosedForm, value: float) -> Trial:
 
 
 def mass_ratio(solver: ClosedForm, value: float) -> Trial:
-    """The coupler's mass relative to that of the other links; MuJoCo rejects 0."""
+    """Mass of the coupler relative to that of the other links; MuJoCo rejects 0."""
     mechanism = solver.mechanism
     spec = assembled(mechanism, Scene())
     crank = mechanism.crank.b.link
@@ -67,7 +68,7 @@ def mass_ratio(solver: ClosedForm, value: float) -> Trial:
 
 
 def resized(solver: ClosedForm, factor: float) -> ClosedForm:
-    """Return the closed form with every length multiplied."""
+    """Return the closed form with every length scaled by a factor."""
     values: dict[str, Any] = {}
     for field in fields(solver):
         if field.metadata["unit"] == "m":
@@ -91,13 +92,13 @@ def _required(axis: str, value: float) -> Outcome | None:
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """Position errors of a long run against the closed form.
+    """Position errors of a long run relative to the closed form.
 
     Attributes:
         mechanism: name.
         turns: number of revolutions.
-        first: largest error in the first hundredth of them, in characteristic lengths.
-        last: largest error in the last hundredth.
+        first: largest error in the first hundredth of the run, in characteristic lengths.
+        last: largest error in the last hundredth of the run.
     """
 
     mechanism: str
@@ -112,7 +113,7 @@ class Drift:
 
 
 def drift(solver: ClosedForm, turns: float) -> Drift:
-    """Run many revolutions at a hundred steps each and compare the last with the first."""
+    """Run many revolutions at a hundred steps each, and compare the last errors with the first."""
     samples = min(RECORDS, round(4 * turns))
     settings = Settings(steps_per_turn=STEPS)
     run = simulate(solver.mechanism, speed=LONG_RUN_SPEED, turns=turns, settings=settings, samples=samples)
@@ -124,14 +125,14 @@ def drift(solver: ClosedForm, turns: float) -> Drift:
 
 
 def gears(solver: ClosedForm, value: float) -> Trial:
-    """A second crank geared `value` times faster, with as many times more steps."""
+    """A second crank geared `value` times faster, with `value` times the steps."""
     geared = replace(solver, **{solver.declaration.gear: float(round(value))})
     settings = Settings(steps_per_turn=500 * max(1, round(value)))
     return attempt("gear ratio", geared, value, speed=LONG_RUN_SPEED, settings=settings, samples=720)
 
 
 def dead_centre(solver: ClosedForm, value: float, method: str, beyond: bool) -> Trial:
-    """A crank that swings to `value` in [rad] before its dead centres, or beyond them."""
+    """A crank that swings to a distance `value` in [rad] before its dead centres, or beyond them."""
     swinging = replace(solver, **special_designs(solver.name).swinging)
     low, high = swinging.crank_range().arcs[0]
     middle = 0.5 * (low + high)
@@ -151,7 +152,7 @@ def dead_centre(solver: ClosedForm, value: float, method: str, beyond: bool) -> 
 
 
 def tangent(solver: ClosedForm, value: float, method: str) -> Trial:
-    """A crank that barely makes a full turn: a length is a fraction `value` from the limit."""
+    """A crank that barely makes a full revolution: a length is a fraction `value` from the limit."""
     limiting = with_limiting_length(solver, value)
     angles = np.linspace(-np.pi, np.pi, 4001)
     angle = float(angles[np.argmin(limiting.discriminant(angles))]) + np.pi
@@ -171,7 +172,7 @@ def tangent(solver: ClosedForm, value: float, method: str) -> Trial:
 def change_point(solver: ClosedForm, which: str, swing_only: bool) -> Trial:
     """A linkage with change points: a swing between two of them, or a motion through them.
 
-    Through a change point both branches are correct: any outcome that describes the run correctly passes.
+    Beyond a change point both branches are correct; any outcome that describes the run correctly passes.
     """
     solver = replace(solver, **special_designs(solver.name).change_points[which])
     motion: dict[str, Any] = {"speed": SINGULAR_SPEED}
@@ -191,9 +192,9 @@ def change_point(solver: ClosedForm, which: str, swing_only: bool) -> Trial:
 
 
 def far_start(solver: ClosedForm, value: float, seed: int) -> Trial:
-    """Assembly from a guess with an error of `value` characteristic lengths and, in [rad], of every rotation.
+    """Assembly from a guess with errors of `value` in characteristic lengths and, for rotations, in [rad].
 
-    The run must report the assembly mode in which it ends; the correct one is the nearest of all modes.
+    The run must report the assembly mode in which it ends; the correct mode is the nearest.
     """
     random = np.random.default_rng([seed, round(1e3 * value)])
     mechanism = solver.mechanism
@@ -223,7 +224,7 @@ def _assembled(trial: Trial, solver: ClosedForm, mechanism: Mechanism) -> Trial:
     motion, exact = run.motion, solver.solve(run.motion.angle[:1])
     offsets = [motion.points[name].position[0] - point.position[0] for name, point in exact.points.items()]
     distance = float(np.linalg.norm(offsets, axis=1).max()) / mechanism.characteristic_length
-    # another assembly mode of a hinge may leave every point in its position and rotate only links
+    # another assembly mode of a hinge may rotate links only, with every point in its position
     rotated = any(
         np.abs(motion.links[name].rotation[0] - link.rotation[0]).max() > 1e-6
         for name, link in exact.links.items()
@@ -241,7 +242,7 @@ def _perturbed(pose: Pose, value: float, length: float, random: np.random.Genera
 
 
 def with_limiting_length(solver: ClosedForm, slack: float) -> TwoBranchForm:
-    """Return a closed form with one length a fraction `slack` from the limit of full turning."""
+    """Return a closed form with one length at a relative distance `slack` from the limit of full rotation."""
     assert isinstance(solver, TwoBranchForm)
     name = special_designs(solver.name).limiting_length
 

@@ -10,10 +10,10 @@ class SpecialDesigns:
     """Parameters of one mechanism for the stress test.
 
     Attributes:
-        swinging: parameters for which the crank only swings; empty if there are none.
-        limiting_length: length that prevents a full revolution of the crank if it changes enough.
+        swinging: parameters for which the crank only swings; empty without such parameters.
+        limiting_length: length whose change eventually prevents a full revolution of the crank.
         change_points: name -> parameters of a design with change points.
-        long_runs: whether it is run for many revolutions.
+        long_runs: whether the mechanism is run for many revolutions.
     """
 
     swinging: Mapping[str, Any] = field(default_factory=dict[str, Any])

@@ -1,4 +1,4 @@
-"""The stability map: all axes of chosen mechanisms, and the borders between outcomes."""
+"""The stability map: all axes of selected mechanisms, and the borders between outcomes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -28,9 +28,9 @@ AXES: dict[str, str] = {
     "change point": "distance to the change point [rad]",
     "gear ratio": "gear ratio",
 }
-# bisections of a border, to a twentieth of a decade, and in a quick study
+# number of bisections of a border, which locate it to a twentieth of a decade, and that of a quick study
 HALVINGS, QUICK_HALVINGS = 5, 2
-# largest power of two of the gear ratio, and revolutions of the long run, in a quick and a full study
+# largest exponent of two of the gear ratio, and revolutions of the long run, in a quick and in a full study
 MAX_EXPONENT, TURNS = (3, 6), (200.0, 10_000.0)
 
 Push = Callable[[ClosedForm, float], Trial]
@@ -42,8 +42,8 @@ class StabilityMap:
 
     Attributes:
         trials: all runs.
-        borders: between outcomes along an axis.
-        drifts: of the long runs.
+        borders: borders between outcomes along an axis.
+        drifts: position errors of the long runs.
     """
 
     trials: list[Trial] = field(default_factory=list[Trial])
@@ -57,7 +57,7 @@ class StabilityMap:
 
     @property
     def wrong(self) -> list[Trial]:
-        """The runs that ended otherwise."""
+        """The runs with another outcome."""
         return [trial for trial in self.trials if not trial.passed]
 
     def as_dict(self) -> dict[str, Any]:
@@ -106,12 +106,12 @@ def study(
     quick: bool = False,
     progress: Progress = no_progress,
 ) -> StabilityMap:
-    """Change the quantity of each axis until runs fail.
+    """Vary the quantity of each axis until runs fail.
 
     Args:
-        names: mechanisms of the catalogue; None takes all.
+        names: mechanisms of the catalogue; None selects all.
         quick: fewer values, coarser borders, shorter runs.
-        progress: called after each axis of each mechanism.
+        progress: callback after each axis of each mechanism.
     """
     result = StabilityMap()
     solvers = {name: catalog.make(name) for name in names or catalog.DRIVES}

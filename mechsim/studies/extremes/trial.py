@@ -24,13 +24,14 @@ class Trial:
     """One run at an extreme.
 
     Attributes:
-        axis: the changed quantity.
-        mechanism: of the catalogue, with a note on the change.
-        value: in the unit of the axis.
-        outcome: reported by the simulator, without the closed form.
+        axis: the varied quantity.
+        mechanism: name in the catalogue, with a note on the change.
+        value: value in the unit of the axis.
+        outcome: outcome that the simulator reports without the closed form.
         right: outcome of the same run by the closed form.
         expected: outcome that the closed form predicts; None if it cannot.
-        error: largest position error against the closed form, in characteristic lengths; None without a run.
+        error: largest position error relative to the closed form, in characteristic lengths; None without a
+            run.
     """
 
     axis: str
@@ -43,7 +44,7 @@ class Trial:
 
     @property
     def passed(self) -> bool:
-        """Whether the run ended as the closed form requires and reported this outcome."""
+        """Whether the run has the outcome that the closed form requires, and reports it."""
         return self.outcome == self.right and self.expected in (None, self.outcome)
 
     def as_dict(self) -> dict[str, Any]:
@@ -58,9 +59,9 @@ class Border:
     """The border between two outcomes along an axis.
 
     Attributes:
-        axis, mechanism: of the trials.
+        axis, mechanism: those of the trials.
         inside, outside: neighbouring values after bisection.
-        before, after: outcomes at them.
+        before, after: outcomes at these values.
     """
 
     axis: str
@@ -89,13 +90,13 @@ def attempt(
     """Run a source in MuJoCo and check the run by the closed form.
 
     Args:
-        axis, value, expected: of the trial.
+        axis, value, expected: those of the trial.
         solver: the closed form.
         source: model for `simulate`; None for the mechanism of the closed form.
-        reachable: whether the closed form proves that the crank reaches its motion, so that an error is
+        reachable: whether the closed form proves that the crank can make its motion, so that an exception is
             wrong.
-        note: on the change.
-        options: other arguments of `simulate`; stepped by default.
+        note: note on the change.
+        options: other arguments of `simulate`; the default method is "step".
     """
     trial = Trial(
         axis=axis,
@@ -132,7 +133,7 @@ def position_errors(solver: ClosedForm, motion: Motion) -> Array:
 
 
 def _true_outcome(solver: ClosedForm, run: Run) -> tuple[Outcome, float | None]:
-    """Return the outcome by the closed form, by positions only, and the largest relative error."""
+    """Return the outcome by the closed form, from positions only, and the largest relative error."""
     if run.motion.broken:
         return "diverged", None
     try:
@@ -151,7 +152,7 @@ def _true_outcome(solver: ClosedForm, run: Run) -> tuple[Outcome, float | None]:
 def borders_along(
     attempted: Callable[[float], Trial], values: Sequence[float], halvings: int
 ) -> tuple[list[Trial], list[Border]]:
-    """Try values along an axis and locate changes of the outcome by bisection of their logarithms."""
+    """Try values along an axis, and locate changes of the outcome by bisection of logarithms."""
     trials = [attempted(value) for value in values]
     borders, refined = list[Border](), list(trials)
     for first, second in pairwise(trials):

@@ -1,3 +1,3 @@
-"""Model reduction: elements of a scene that its tracked points do not need, removed one after the other."""
+"""Model reduction: removal, one by one, of elements of a scene that its tracked points do not need."""
 
 import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]

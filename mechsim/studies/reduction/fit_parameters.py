@@ -41,10 +41,11 @@ class Parameter:
 
     Attributes:
         element: kind of the elements.
-        names: of the elements in the specification; for "freedom" and "coordinate" those of their joints.
+        names: names of the elements in the specification; for "freedom" and "coordinate" those of their
+            joints.
         fields: arrays of the model and their columns; None for one-dimensional arrays.
-        unit: added to the number per unit value; 0 multiplies it by exp(value), "gap" multiplies one minus
-            the number by exp(value).
+        unit: increment of the number per unit value. 0 multiplies the number by exp(value); "gap" multiplies
+            one minus the number by exp(value).
     """
 
     element: ElementKind
@@ -54,12 +55,12 @@ class Parameter:
 
 
 def parameters_of(spec: mujoco.MjSpec, scene: ReducedScene, limited: frozenset[str]) -> tuple[Parameter, ...]:
-    """Return the parameters of a scene: of joints, loops, reached limits and controlled actuators.
+    """Return the parameters of a scene's joints, loops, reached limits and controlled actuators.
 
     Args:
-        spec: of the scene.
-        scene: the same, compiled.
-        limited: joints that were at a limit.
+        spec: specification of the scene.
+        scene: the compiled scene.
+        limited: joints that reached a limit.
     """
     model, parameters = scene.model, list[Parameter]()
     inertia = _inertia(model, scene.start[0])
@@ -110,7 +111,7 @@ def set_in_spec(spec: mujoco.MjSpec, parameters: Sequence[Parameter], values: Ar
     """Change parameters in a specification.
 
     Raises:
-        NotApplicable: if an element is missing, as a loop that a polynomial replaces.
+        NotApplicable: if an element is missing, such as a loop that a polynomial replaces.
     """
     try:
         spec.copy_back(with_parameters(plainly_compiled(spec), parameters, values))
@@ -189,11 +190,12 @@ def _addresses(model: mujoco.MjModel, parameter: Parameter) -> list[int]:
 
 # processor time of one fit, in [s]
 SECONDS = 30.0
-# iterations between checks; relative reduction of the sum of squares that they must achieve
+# iterations between checks, and smallest relative reduction of the sum of squares by them for the fit to
+# continue
 MAX_ITERATIONS, MIN_COST_REDUCTION = 6, 0.1
-# difference step of a parameter for the Jacobian; residual of a run that diverged, in tolerances
+# difference step of a parameter for the Jacobian; residual of a diverged run, in tolerances
 DIFFERENCE_STEP, DIVERGED_RESIDUAL = 1e-6, 1e3
-# smallest effect of a unit change of a parameter that counts, in tolerances
+# effect of a unit change of a parameter, in tolerances, at or below which the parameter is dropped
 MIN_EFFECT = 0.05
 # fraction of the tolerance at which the fit stops
 GOAL = 0.3
@@ -206,8 +208,8 @@ class Refit:
 
     Attributes:
         candidate: the change of the scene.
-        error: largest over the fitted motions, in [m].
-        values: parameter -> fitted value; the start for still longer steps.
+        error: largest error over the fitted motions, in [m].
+        values: parameter -> fitted value; the initial value for still longer steps.
     """
 
     candidate: RemovalCandidate
@@ -222,16 +224,16 @@ def refit(
     times: int,
     start: Mapping[Parameter, float],
 ) -> Refit | None:
-    """Return longer steps for a scene with parameters fitted so that the motion stays the same.
+    """Return longer steps for a scene, with parameters fitted to preserve the motion.
 
     Args:
-        evaluators: of the full scene over the fitted motions.
-        observed: of the scene with its own steps.
+        evaluators: evaluators of the full scene over the fitted motions.
+        observed: observations of the scene with its own steps.
         times: ratio of the new step to the scene's own.
-        start: parameter -> initial value; 0 for parameters not named.
+        start: parameter -> initial value; 0 for other parameters.
 
     Returns:
-        None if the fit takes too long, or no parameter has an effect.
+        The fit; None if it takes too long, or no parameter has an effect.
     """
     fits: list[_Fit] = []
     for kind in INTEGRATORS:
@@ -277,7 +279,7 @@ class _Fit:
         self.start = np.array([start.get(parameter, 0.0) for parameter in self.parameters])
         began = process_time()
         self.residuals(self.start)
-        # of a round of iterations
+        # processor time of one round of iterations
         self.seconds = MAX_ITERATIONS * len(self.parameters) * (process_time() - began)
 
     def drop_ineffective(self) -> bool:
@@ -304,7 +306,7 @@ class _Fit:
             cost = float(solution.cost)
 
     def residuals(self, values: Array) -> Array:
-        """Return deviations of tracked points from the full scene's, in tolerances, flat."""
+        """Return deviations of tracked points from those of the full scene, in tolerances, flattened."""
         return np.concatenate([self._deviation(evaluator, scene, values) for evaluator, scene in self.runs])
 
     def _deviation(self, evaluator: ReducedSceneEvaluator, scene: ReducedScene, values: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Reduce a model: the smallest scene within a tolerance for what is tracked, written as MJCF."""
+"""Reduce a model to the smallest scene within a tolerance for its tracked points, written as MJCF."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -23,10 +23,10 @@ class ReducedModel:
     """A reduced model.
 
     Attributes:
-        reduction: the removed elements, with errors and cost.
+        reduction: removed elements, with errors and cost.
         tolerance: in SI.
-        text: of the reduced MJCF file.
-        notes: what was changed to read the file.
+        text: reduced MJCF file.
+        notes: changes made to read the file.
     """
 
     reduction: Reduction
@@ -83,17 +83,17 @@ def reduce(
     """Return the smallest scene that satisfies a tolerance for the tracked points.
 
     Args:
-        model: an MJCF file, or what `load` takes, which is then written as one.
-        tolerance: in [m] or text, as "10um"; by torque in [N m].
+        model: an MJCF file, or any input of `load`, which is then written as MJCF.
+        tolerance: in [m] or text, such as "10um"; by torque in [N m].
         by: "trajectory" (of tracked points) or "torque".
-        ctrl: actuator -> its control, as `tune` takes it.
+        ctrl: actuator -> its control, as for `tune`.
         track: bodies, sites, "P,Q" for two of them, or "P,BODY@x,y,z" for a new point; by default all.
         output: path of the reduced MJCF file; None writes none.
-        progress: called with a description and the finished fraction.
-        options: `drive`, `lock`, `lock_others`, `fix_base`, `key` and `duration`, as `load` takes them.
+        progress: callback with a description and the completed fraction.
+        options: `drive`, `lock`, `lock_others`, `fix_base`, `key` and `duration`, as for `load`.
 
     Raises:
-        InputError: for a model, a motion or a tolerance that cannot be used.
+        InputError: for an invalid model, motion or tolerance.
         AssemblyError: for loops that do not close.
 
     Example:
@@ -105,7 +105,7 @@ def reduce(
     limit = si(tolerance, UNITS[by], "the tolerance")
     if not 0.0 < limit < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give a value above 0, as 10um")
-    # P,Q are two points, P,BODY@x,y,z is one
+    # "P,Q" names two points, "P,BODY@x,y,z" one
     points = [name for text in track for name in ([text] if "@" in text else text.split(","))]
     with scene_file(model) as path:
         scene, notes = open_scene(path, ctrl=ctrl, track=points, **options)

@@ -1,4 +1,4 @@
-"""Reduced scenes: the full scene, scenes without some elements, other motions, and what they observe."""
+"""Reduced scenes: the full scene, scenes without some elements, other motions, and observations."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,7 +24,7 @@ from mechsim.studies.scene.scene import UserScene, with_scaled_tolerance
 
 @dataclass(frozen=True)
 class ReducedScene(UserScene):
-    """A scene from which elements may be removed; its joints are found by their names in the model."""
+    """A scene from which elements may be removed; joints are identified by their names in the model."""
 
     @cached_property
     def driven_joints(self) -> dict[str, int]:
@@ -40,16 +40,16 @@ class ReducedScene(UserScene):
 def reduced_scene(
     full: UserScene, spec: mujoco.MjSpec, tracked: Mapping[str, tuple[str, Array]], like: mujoco.MjModel
 ) -> ReducedScene:
-    """Return a reduced scene over the motion of the full one.
+    """Return a reduced scene over the motion of the full scene.
 
     Args:
-        full: the full scene; the remaining joints start as its joints do.
-        spec: of the reduced scene; not changed.
+        full: the full scene; the remaining joints start as in this scene.
+        spec: specification of the reduced scene; not changed.
         tracked: point -> name of its body, position in its frame in [m].
-        like: the full scene's model, its elements named as in `spec`.
+        like: model of the full scene, with the element names of `spec`.
 
     Raises:
-        ValueError: if MuJoCo rejects the reduced scene, or it lacks an element that the motion needs.
+        ValueError: if MuJoCo rejects the reduced scene, or an element is missing that the motion requires.
     """
     spec = spec.copy()
     plain = plainly_compiled(spec)
@@ -85,11 +85,11 @@ def reduced_scene(
 
 @dataclass(frozen=True)
 class ReducedSceneEvaluator:
-    """Makes reduced scenes and evaluates them against the full scene over one motion.
+    """Makes reduced scenes and compares them with the full scene over one motion.
 
     Attributes:
-        motion: the full scene as tune and simulate run it.
-        spec: of the full scene, normalised.
+        motion: the full scene as `tune` and `simulate` run it.
+        spec: normalised specification of the full scene.
         tracked: point -> name of its body, position in its frame in [m].
     """
 
@@ -117,7 +117,7 @@ class ReducedSceneEvaluator:
 
     @cached_property
     def run(self) -> SceneRun:
-        """The full scene's run, every step of it."""
+        """The full scene's run with a record of every step."""
         return run_scene(self.full, records=None)
 
     @property
@@ -135,11 +135,11 @@ class ReducedSceneEvaluator:
         return reduced_scene(self.motion, spec, self.tracked, self.named)
 
     def errors(self, scene: ReducedScene, *, compare_forces: bool = True) -> SceneErrors:
-        """Return the errors of a scene against the full scene.
+        """Return the errors of a scene relative to the full scene.
 
         Args:
-            scene: as `scene` returns it.
-            compare_forces: whether forces and energies are compared too; otherwise they are NaN.
+            scene: a result of `scene`.
+            compare_forces: whether forces and energies are also compared; otherwise they are NaN.
         """
         evaluator = SceneEvaluator(self.run, closure=False, forces=compare_forces, energy=compare_forces)
         return evaluator.evaluate(scene).errors
@@ -175,13 +175,13 @@ BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 
 
 def normalised(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """Return a copy in which every element has a name and connects and welds join sites.
+    """Return a copy in which every element has a name, and connects and welds join sites.
 
-    Otherwise the compiler would compute the anchors between bodies from the pose of the reduced scene. The
-    simulation of the copy is the same.
+    Otherwise the compiler computes anchors between bodies from the pose of the reduced scene. The simulation
+    of the copy is the same.
     """
     copy = spec.copy()
-    for key in list(copy.keys):  # they do not fit a scene without all joints
+    for key in list(copy.keys):  # keyframes do not fit a scene without all joints
         copy.delete(key)
     name_elements(copy)
     for elements, what in (
@@ -234,9 +234,9 @@ def _identity() -> Array:
     return np.array([1.0, 0.0, 0.0, 0.0])
 
 
-# range of the second motion relative to the user's, and the relative variation of its speed
+# range of the second motion relative to that of the user's motion, and relative variation of its speed
 RANGE_RATIO, SPEED_VARIATION = 0.9, 0.3
-# the same for the second motion to which longer steps are fitted
+# the same for the second motion used to fit longer steps
 FITTED_RANGE_RATIO, FITTED_SPEED_VARIATION = 0.6, -0.3
 
 
@@ -254,7 +254,7 @@ def other_motion(scene: UserScene, range_ratio: float, speed_variation: float) -
     """Return a scene over its motion with another range and speed, from the same start.
 
     Args:
-        scene: with its motion.
+        scene: scene with its motion.
         range_ratio: range relative to that of the motion.
         speed_variation: largest relative change of the speed.
     """
@@ -279,7 +279,7 @@ def other_motion(scene: UserScene, range_ratio: float, speed_variation: float) -
 def _warped_law(
     state: State, duration: float, number: int, range_ratio: float, speed_variation: float
 ) -> State:
-    """Return a motion law whose time runs at 1 - speed_variation sin(w t) and ends at the same value.
+    """Return a motion law whose time advances at 1 - speed_variation sin(w t) and ends at the same value.
 
     The number selects the frequency w.
     """
@@ -300,7 +300,7 @@ def _warped_law(
     return other
 
 
-# number of instants observed, evenly over the motion
+# number of observed instants, evenly spaced over the motion
 SAMPLES = 600
 LIMIT_JOINT, LIMIT_TENDON, EQUALITY = (
     int(kind)
@@ -310,7 +310,7 @@ LIMIT_JOINT, LIMIT_TENDON, EQUALITY = (
         mujoco.mjtConstraint.mjCNSTR_EQUALITY,
     )
 )
-# relative singular value of the constraint Jacobian below which it counts as zero
+# relative singular value of the constraint Jacobian below which it is zero
 RANK_TOLERANCE = 1e-6
 
 
@@ -319,14 +319,14 @@ class Evidence:
     """Observations of a scene over its motion.
 
     Attributes:
-        spec: of the scene.
-        scene: the scene, compiled.
+        spec: specification of the scene.
+        scene: the compiled scene.
         tracked: names of the bodies that carry tracked points.
-        tolerance: in [m], or in [N m] or [N] if forces are the measure.
+        tolerance: in [m]; in [N m] or [N] if forces are the measure.
         qpos: observed states, (n, nq).
-        qvel: their rates, (n, nv).
-        touched: geoms that touched another.
-        limited: joints and tendons that were at a limit.
+        qvel: observed velocities, (n, nv).
+        touched: geoms with contact.
+        limited: joints and tendons that reached a limit.
         forces: actuator -> its largest force.
         redundant: equalities that the others imply.
     """
@@ -344,7 +344,7 @@ class Evidence:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The model that was run."""
+        """The model of the run."""
         return self.scene.model
 
     @property
@@ -363,7 +363,7 @@ class Evidence:
 
 @quiet()
 def observe(spec: mujoco.MjSpec, scene: ReducedScene, tracked: frozenset[str], tolerance: float) -> Evidence:
-    """Run a scene over its motion and record what its elements do."""
+    """Run a scene over its motion and record contacts, limits, forces and redundant equalities."""
     run = run_scene(scene, records=SAMPLES)
     model, data = scene.model, mujoco.MjData(scene.model)
     touched, limited = set[int](), set[str]()

@@ -1,4 +1,4 @@
-"""Costs of the elements of a user's scene: time and motion with each one switched or removed alone."""
+"""Costs of the elements of a user's scene: time and motion with each element switched or removed alone."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,7 +24,7 @@ from mechsim.studies.scene.scene import UserScene
 OFF, ON = mujoco.mjtDisableBit, mujoco.mjtEnableBit
 INTEGRATORS = ("EULER", "IMPLICITFAST", "IMPLICIT", "RK4")
 SOLVERS = ("NEWTON", "CG", "PGS")
-# default number of rounds of timing, each of which runs every scene once
+# default number of timing rounds, each of which runs every scene once
 TIMING_ROUNDS = 11
 
 
@@ -37,8 +37,8 @@ class SceneCost:
         dofs: number of degrees of freedom of the model.
         rows: number of constraint rows at the start.
         step: processor time of a step, in [us].
-        ratio: of this time to that of the unchanged scene.
-        error: largest distance of a tracked point from the unchanged scene, in [m].
+        ratio: ratio of this time to that of the unchanged scene.
+        error: largest distance of a tracked point from its position in the unchanged scene, in [m].
     """
 
     what: str
@@ -56,13 +56,13 @@ def scene_costs(
     rounds: int = TIMING_ROUNDS,
     progress: Progress = no_progress,
 ) -> list[SceneCost]:
-    """Return the costs of all elements and options of a scene over its motion, the unchanged scene first.
+    """Return the costs of all elements and options of a scene over its motion; the unchanged scene is first.
 
     Args:
         scene: the scene and its motion.
-        spec: of its file; not changed.
-        rounds: of timing; each runs everything once.
-        progress: called after each round of timing.
+        spec: specification of its file; not changed.
+        rounds: number of timing rounds, each of which runs every scene once.
+        progress: callback after each timing round.
 
     Raises:
         InputError: for a diverging scene.

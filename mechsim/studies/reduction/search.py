@@ -27,17 +27,18 @@ from mechsim.studies.scene.errors import DIVERGED, SceneErrors
 from mechsim.studies.scene.scene import UserScene
 
 By = Literal["trajectory", "torque"]
-# fraction of the tolerance that the reduced scene may use on the user's motion
+# fraction of the tolerance available to the reduced scene on the user's motion
 SEARCH_FRACTION = 0.9
-# smallest fraction of the tolerance with which longer steps are searched after a failed verification
+# smallest such fraction in a search for longer steps after a failed verification
 MIN_SEARCH_FRACTION = 0.2
-# fraction for fitted parameters on the fitted motions: on others the error is up to half as large again
+# such a fraction for fitted parameters on the fitted motions; on other motions the error is up to half as
+# large again
 FITTED_FRACTION = 0.5
 # error relative to the tolerance below which a candidate costs no accuracy
 NEGLIGIBLE = 1e-3
 # largest ratio of times at which a candidate that costs accuracy is accepted
 MAX_TIME_RATIO = 0.97
-# number of longer steps within the tolerance that are timed, the cheapest by estimate first
+# number of longer steps within the tolerance that are timed, the least expensive by estimate first
 MAX_TIMED = 5
 
 Progress = Callable[[str, float], None]
@@ -49,9 +50,9 @@ class LeftOut:
 
     Attributes:
         candidate: the change.
-        alone_errors: errors of the full scene with only this change.
-        time_ratio: time of the full scene with only this change, relative to the full scene's.
-        error: of the scene with this change and all before it, in the unit of the tolerance.
+        alone_errors: errors of the full scene with this change only.
+        time_ratio: time of the full scene with this change only, relative to the unchanged full scene.
+        error: error of the scene with this change and all before it, in the unit of the tolerance.
     """
 
     candidate: RemovalCandidate
@@ -65,13 +66,13 @@ class Reduction:
     """A reduced scene.
 
     Attributes:
-        text: of the reduced scene, as MJCF.
+        text: MJCF of the reduced scene.
         left_out: applied candidates, in order.
-        errors: over the user's motion, and over the second.
+        errors: errors over the user's motion and over the second motion.
         speedup: time of the full scene relative to that of the reduced scene.
         time: processor time of a simulated second of the full scene, in [s].
         tried: number of candidates tried.
-        undone: candidates taken back because the result exceeded the tolerance.
+        undone: candidates reverted because the result exceeded the tolerance.
         by: the measure.
     """
 
@@ -103,11 +104,11 @@ def reduce_scene(
 
     Args:
         scene: the full scene with the user's motion, on which candidates are selected.
-        spec: of its file; not changed.
-        tolerance: in [m], or in [N m] or [N] by torque.
+        spec: specification of its file; not changed.
+        tolerance: in [m]; by torque in [N m] or [N].
         keep: names of bodies that must remain.
         by: the measure.
-        progress: called with a description and the finished fraction.
+        progress: callback with a description and the completed fraction.
 
     Raises:
         InputError: if the full scene diverges or has no tracked point.
@@ -156,7 +157,7 @@ class _Search:
         return observe(spec, self.evaluator.scene(spec), self.bodies, self.tolerance)
 
     def run(self) -> None:
-        """Try candidates without loss of accuracy, then the others and longer steps, in the better order."""
+        """Try candidates without loss of accuracy; then others and longer steps, in the faster order."""
         self.categories(0.0, costly=False)
         before = self.state
         states: list[_State] = []
@@ -195,7 +196,7 @@ class _Search:
                 self.together(candidate)
 
     def together(self, candidate: RemovalCandidate) -> None:
-        """Apply a candidate in addition to the others if the tolerance holds and it saves time."""
+        """Apply a candidate in addition to the others if the tolerance is satisfied and it saves time."""
         tried = self.trial(candidate)
         if tried is None:
             return
@@ -210,7 +211,7 @@ class _Search:
         self.take(candidate, spec, error)
 
     def trial(self, candidate: RemovalCandidate) -> tuple[mujoco.MjSpec, ReducedScene, float] | None:
-        """Return the scene with a candidate applied, and its error; None if that is too large."""
+        """Return the scene with a candidate applied, and its error; None if the error is too large."""
         self.tried += 1
         try:
             spec = with_candidate(self.spec, candidate)
@@ -225,7 +226,7 @@ class _Search:
         self.spec, self.error = spec, error
 
     def coarser(self, start: float) -> None:
-        """Take the cheapest steps within the tolerance; keep the next ones in case verification fails."""
+        """Apply the fastest longer steps within the tolerance; keep others for a failed verification."""
         kept: list[_Kept] = []
         options = longer_steps(self.observe(self.spec))
         for number, candidate in enumerate(options):
@@ -238,7 +239,7 @@ class _Search:
         self.next_steps()
 
     def timed(self, kept: "Sequence[_Kept]") -> "list[_Steps]":
-        """Return steps that save time, the cheapest first."""
+        """Return the steps that save time, the fastest first."""
         ratios = time_ratios(self.evaluator.scene(self.spec), [scene for _, scene, _ in kept]) if kept else []
         pairs = zip(ratios, kept, strict=True)
         options = [
@@ -249,7 +250,7 @@ class _Search:
         return sorted(options, key=lambda option: option[0])
 
     def refitted(self, start: float) -> None:
-        """Fit parameters to longer and longer steps while the tolerance holds."""
+        """Fit parameters to longer and longer steps while the tolerance is satisfied."""
         before, steps = (
             self.state,
             [item for item in self.left_out if item.candidate.category == LONGER_STEPS],
@@ -270,7 +271,7 @@ class _Search:
     def fitted_steps(self, longest: float, start: float) -> "list[_Kept]":
         """Return steps of at least a length that satisfy the tolerance with fitted parameters.
 
-        Each fit starts from the previous values; without them fits of long steps rarely converge.
+        Each fit starts from the previous values; otherwise fits of long steps rarely converge.
         """
         evaluator, kept = self.evaluator, list[_Kept]()
         to_fit = replace(evaluator, motion=motion_to_fit(evaluator.motion))
@@ -294,13 +295,13 @@ class _Search:
         self.error = self.error_of(self.evaluator.scene(self.spec))
 
     def next_steps(self) -> None:
-        """Take the best remaining steps, if there are any."""
+        """Apply the best remaining steps, if any."""
         if self.steps:
             _, candidate, error = self.steps.pop(0)
             self.take(candidate, with_candidate(self.spec, candidate), error)
 
     def verified(self, second: ReducedSceneEvaluator) -> Reduction:
-        """Return the reduced scene; take candidates back until both motions satisfy the tolerance."""
+        """Return the reduced scene; revert candidates until both motions satisfy the tolerance."""
         undone: list[str] = []
         while True:
             text = self.rebuilt_text()
@@ -328,7 +329,7 @@ class _Search:
         )
 
     def with_single_errors(self) -> list[LeftOut]:
-        """Return the applied candidates with error and time of each alone, where it applies alone."""
+        """Return the applied candidates with error and time of each alone, if it applies alone."""
         scenes: dict[int, ReducedScene] = {}
         for number, item in enumerate(self.left_out):
             try:
@@ -365,13 +366,13 @@ class _Search:
 
 
 def with_comment(reduction: Reduction, name: str, tolerance: float, unit: str) -> str:
-    """Return the MJCF of a reduced scene below a comment that lists what was removed and its cost.
+    """Return the MJCF of a reduced scene with a leading comment on the removed elements and their cost.
 
     Args:
         reduction: the reduced scene.
-        name: of the full scene's file.
-        tolerance: that is satisfied.
-        unit: of it.
+        name: name of the full scene's file.
+        tolerance: satisfied tolerance.
+        unit: unit of the tolerance.
     """
     first, second = (errors.by(reduction.by) for errors in reduction.errors)
     lines = [
@@ -386,7 +387,7 @@ def with_comment(reduction: Reduction, name: str, tolerance: float, unit: str) -
     ]
     lines += [f"  {candidate_line(item, reduction.by, unit)}" for item in reduction.left_out]
     lines += [f"Taken back, since the result exceeded the tolerance: {what}" for what in reduction.undone]
-    # a comment must not hold two dashes in a row
+    # an XML comment must not contain two consecutive hyphens
     text = "\n".join(f"  {item}" for item in lines).replace("--", "- -")
     return f"<!--\n{text}\n-->\n{reduction.text}"
 

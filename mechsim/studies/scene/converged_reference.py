@@ -1,7 +1,7 @@
-"""The converged motion of a scene: the limit of smaller steps and harder loops, with its own error.
+"""The converged motion of a scene: the limit of smaller steps and less compliant loops, with its own error.
 
-Contacts, limits, friction, actuators and springs are the file's own. The time constant of the loops decreases
-with the step, and so does the loop-closure error.
+Contacts, limits, friction, actuators and springs are those of the file. The time constant of the loops
+decreases with the step, and so does the loop-closure error.
 """
 
 import copy
@@ -23,11 +23,11 @@ from mechsim.studies.scene.settings import LOWEST_COMPLIANCE_SOLIMP
 
 # smallest and largest number of steps of a run; each run has twice as many as the one before
 MIN_STEPS, MAX_STEPS = 2000, 400_000
-# tried in this order; the last integrates stiffness implicitly
+# integrators in the order of trial; the last integrates stiffness implicitly
 INTEGRATORS = ("RK4", "implicitfast", "discrete")
 # solver tolerance relative to that of the scene
 SOLVER_TOLERANCE_RATIO = 1e-4
-# records of each run
+# number of records of each run
 RECORDED = 2000
 # time constant of the loops in steps
 TIME_CONSTANT_STEPS = 10.0
@@ -39,10 +39,10 @@ class ConvergedReference:
 
     Attributes:
         run: the finest run.
-        errors: its own error from three runs: of points in [m], of forces in [N m] or [N].
-        order: of convergence of the points; None if there are fewer than three runs.
+        errors: its own error, estimated from three runs: of points in [m], of forces in [N m] or [N].
+        order: order of convergence of the points; None for fewer than three runs.
         what: description of the run.
-        broken: why there is no converged motion; empty if there is one.
+        broken: reason for a missing converged motion; empty otherwise.
     """
 
     run: SceneRun
@@ -62,14 +62,14 @@ class ConvergedReference:
         return None if self.broken else self.run
 
     def error(self, measure: By) -> float:
-        """Return the own error by a measure, in its unit."""
+        """Return its own error by a measure, in the unit of the measure."""
         return {"closure": 0.0, "trajectory": self.errors[0], "torque": self.errors[1]}[measure]
 
 
 def hardened(
     model: mujoco.MjModel, timestep: float, integrator: str, tolerance: float = 1e-12
 ) -> mujoco.MjModel:
-    """Return a copy of a model with another step and the hardest loops that MuJoCo accepts."""
+    """Return a copy of a model with another step and the least compliant loops that MuJoCo accepts."""
     model = copy.copy(model)
     option = model.opt
     option.timestep = timestep
@@ -93,9 +93,9 @@ def compute_reference(
 
     Args:
         scene: the scene.
-        tolerance: error of its points in [m] at which refinement stops; 0 refines until the budget is spent.
-        budget: of each integrator, in [s]; about that long.
-        progress: called before each run.
+        tolerance: error of its points in [m] at which refinement stops; 0 refines up to the budget.
+        budget: approximate time for each integrator, in [s].
+        progress: callback before each run.
     """
     own = scene.duration / float(scene.model.opt.timestep)
     first = int(np.ceil(np.clip(2.0 * own, MIN_STEPS, MAX_STEPS / 4)))
@@ -117,7 +117,7 @@ def compute_reference(
 def _refined(
     scene: UserScene, steps: int, integrator: str, tolerance: float, budget: Budget, progress: Progress
 ) -> ConvergedReference:
-    """Return the converged motion by one integrator: with doubled steps up to the tolerance or budget."""
+    """Return the converged motion by one integrator, with doubled steps up to the tolerance or budget."""
     runs: list[SceneRun] = []
     solver_tolerance = SOLVER_TOLERANCE_RATIO * scene.solver_tolerance
     start = budget.spent
@@ -142,7 +142,7 @@ def _refined(
 
 
 def _extrapolated(runs: Sequence[SceneRun], integrator: str) -> ConvergedReference:
-    """Return the finest of three runs, each with twice the steps of the one before, with its error."""
+    """Return the finest of three runs with its error; each run has twice the steps of the one before."""
     coarse, middle, fine = runs
     changes = [_differences(coarse, middle), _differences(middle, fine)]
     orders = [plausible_order(before, last, 2.0) for before, last in zip(*changes, strict=True)]

@@ -1,4 +1,4 @@
-"""Errors and cost of a run of a scene: closure, trajectory, torque, energy, and why it diverged."""
+"""Errors and cost of a run of a scene: closure, trajectory, torque, energy, and cause of divergence."""
 
 import copy
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ STEP_RATIO = 8.0
 
 @dataclass(frozen=True, slots=True)
 class SceneErrors:
-    """Largest errors of a run over its records; infinite if it broke, NaN if not measured.
+    """Largest errors of a run over its records; infinite for a diverged run, NaN if not measured.
 
     Attributes:
         closure: distance of a tracked point from the exact closure, in [m].
@@ -68,10 +68,10 @@ def errors_of(
 
     Args:
         run: the run.
-        reference: run that gives the true points, forces and energies over time; None compares none.
+        reference: run with the true points, forces and energies over time; None without a comparison.
         closure: whether points are compared with the exact closure.
         forces: whether forces are compared, which costs an evaluation in Python for each record.
-        energy: likewise energies.
+        energy: whether energies are compared, at about `ENERGY_SAMPLES` instants.
     """
     if run.broken:
         return DIVERGED
@@ -88,7 +88,7 @@ def errors_of(
 
 
 def deviation(run: SceneRun, reference: SceneRun) -> Array:
-    """Return the displacements of a run's tracked points from those of another, (n, k, 3) in [m]."""
+    """Return the displacements of a run's tracked points relative to another run, (n, k, 3) in [m]."""
     return run.points - cubic_interpolation(reference.time, reference.points, run.time)
 
 
@@ -105,7 +105,7 @@ def drive_error(run: SceneRun) -> float:
 
 
 def cubic_interpolation(nodes: Array, values: Array, time: Array) -> Array:
-    """Return values (n, ...) at rising nodes (n,), interpolated by cubics through four neighbours."""
+    """Return values (n, ...) at increasing nodes (n,), interpolated by cubics through four neighbours."""
     if len(nodes) < 4:
         return values[np.searchsorted(nodes, time).clip(0, len(nodes) - 1)]
     first = np.clip(np.searchsorted(nodes, time) - 2, 0, len(nodes) - 4)
@@ -125,7 +125,7 @@ def start_error(scene: UserScene) -> float:
 
 
 def divergence_reason(run: SceneRun) -> str:
-    """Return in one clause the cause and location of a divergence; empty for a complete run."""
+    """Return the cause and position of a divergence as a clause; empty for a complete run."""
     if not run.broken:
         return ""
     full = run_scene(run.scene, run.model, records=None)
@@ -142,7 +142,7 @@ def divergence_reason(run: SceneRun) -> str:
 
 
 def _force_error(run: SceneRun, reference: SceneRun) -> float:
-    """Return the largest difference of the forces that both runs have, in [N m] or [N]."""
+    """Return the largest difference of the forces that exist in both runs, in [N m] or [N]."""
     references, error = reference.forces_by_name, 0.0
     for name, values in run.forces_by_name.items():
         if name in references:
@@ -173,7 +173,7 @@ class SceneTrial:
 
     Attributes:
         settings: changes of the scene's own settings.
-        errors: of the run.
+        errors: errors of the run.
         seconds: processor time of a simulated second, in [s].
     """
 
@@ -187,7 +187,7 @@ class SceneEvaluator:
     """Runs scenes and measures errors and cost; used by tune, reduce and the scene costs of tradeoff.
 
     Attributes:
-        reference: run that gives the true points, forces and energies; None compares none.
+        reference: run with the true points, forces and energies; None without a comparison.
         closure: whether points are compared with the exact closure of the scene's loops.
         forces: whether forces are compared with the reference.
         energy: whether energies are compared.
@@ -216,7 +216,7 @@ class SceneEvaluator:
             scene: the scene.
             settings: changes of its own settings.
             records: approximate number of compared instants; None for every step.
-            duration: in [s]; None for the scene's.
+            duration: in [s]; None for the duration of the scene.
         """
         run = run_scene(scene, settings.applied(scene.model), records=records, duration=duration)
         return SceneTrial(settings, self.errors(run), run.seconds_per_second)

@@ -1,6 +1,6 @@
 """Exact closure of a scene's loops by the loop equations, in the coordinates of MuJoCo's state.
 
-A recorded state serves as initial guess without change.
+A recorded state serves unchanged as initial guess.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,11 +21,11 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm
 
-# largest number of Newton steps; largest step in [rad] or characteristic lengths; residual of rounding
+# largest number of Newton steps; largest step in [rad] or characteristic lengths; residual due to rounding
 MAX_ITERATIONS, MAX_STEP, ROUNDING = 30, 0.3, 1e-14
 # largest residual of assembled loops, in characteristic lengths
 ASSEMBLED = 1e-10
-# largest displacement of a driver between two solutions on the path to a start, in [rad] or lengths
+# largest driver displacement between two solutions on the path to a start, in [rad] or characteristic lengths
 DRIVER_STEP = 0.02
 
 
@@ -33,12 +33,12 @@ DRIVER_STEP = 0.02
 class ExactClosure:
     """Loop equations whose unknowns are the coordinates of a model, with its drivers prescribed.
 
-    If the drivers leave degrees of freedom undetermined, as in a gripper whose pads swing, the nearest
-    assembled configuration is the solution.
+    If the drivers leave degrees of freedom undetermined, as in a gripper with swinging pads, the solution is
+    the nearest assembled configuration.
 
     Attributes:
-        loops: the equations; coordinates in the order of the model's joints.
-        addresses: of each joint's coordinates in qpos.
+        loops: loop equations; coordinates in the order of the model's joints.
+        addresses: address of each joint's coordinates in qpos.
     """
 
     loops: TreeLoops
@@ -82,7 +82,7 @@ class ExactClosure:
         return Coordinates(values, rotations)
 
     def states_of(self, q: Coordinates, like: Array) -> Array:
-        """Return coordinates as states of the model, (n, nq); `like` (nq,) gives all other coordinates."""
+        """Return coordinates as states of the model, (n, nq), with all other coordinates of `like`, (nq,)."""
         out = np.repeat(like[None], len(q), 0)
         for branch, address, ball in self._joints:
             slides = len(branch.kind.slides)
@@ -98,7 +98,7 @@ class ExactClosure:
     def closed(self, q: Coordinates) -> tuple[Coordinates, Array]:
         """Return the nearest assembled coordinates at the same drivers, and the largest residuals, (n,).
 
-        Residuals are in characteristic lengths; where no assembled configuration is near they are large.
+        Residuals are in characteristic lengths; they are large if no assembled configuration is near.
         """
         loops, best = self.loops, np.full(len(q), np.inf)
         for _ in range(MAX_ITERATIONS):
@@ -136,7 +136,7 @@ class ExactClosure:
             points: positions of the points at these states, (n, k, 3) in [m].
 
         Returns:
-            Infinity where no assembled configuration is near.
+            The distances; infinity if no assembled configuration is near.
         """
         if not self.loops.rows:
             return np.zeros(points.shape[:2])
@@ -146,7 +146,7 @@ class ExactClosure:
         return np.where((violation <= ASSEMBLED)[:, None] & np.isfinite(distance), distance, np.inf)
 
     def moved_to(self, qpos: Array, target: Mapping[str, float]) -> Array:
-        """Return the assembled state, (nq,), at driver values, reached on a straight path of the drivers.
+        """Return the assembled state, (nq,), at driver values, reached along a straight path of the drivers.
 
         Raises:
             AssemblyError: if the loops do not close on the path.
@@ -173,7 +173,7 @@ class ExactClosure:
 
         Args:
             qpos: assembled state, (nq,).
-            speeds: of the drivers, in [m/s] and [rad/s].
+            speeds: speeds of the drivers, in [m/s] and [rad/s].
             dofs: index of each joint's first degree of freedom.
             nv: number of degrees of freedom of the model.
         """
@@ -189,7 +189,7 @@ class ExactClosure:
             count = branch.kind.dof
             out[dof : dof + count] = rate[branch.first : branch.first + count]
             if branch.kind.ball:
-                # MuJoCo has the angular velocity of a ball joint in the frame of the body
+                # MuJoCo expresses the angular velocity of a ball joint in the frame of the body
                 to_body = branch.joint.b.frame @ q.turns[ball][..., 0].T
                 first = branch.first_angle
                 out[dof + count - 3 : dof + count] = to_body @ rate[first : first + 3]
@@ -204,9 +204,9 @@ def exact_closure(
     Redundant drivers, as of two coupled fingers, are unknowns.
 
     Args:
-        mechanism: its first joints are the model's, in order.
+        mechanism: mechanism whose first joints are the model's, in order.
         model: the model.
-        points: to track, in place of the mechanism's.
+        points: tracked points, in place of the mechanism's.
     """
     try:
         redundant = driver_determinacy(mechanism).redundant_drivers

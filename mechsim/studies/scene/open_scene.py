@@ -29,10 +29,10 @@ from mechsim.units import si
 
 @contextmanager
 def scene_file(model: Any) -> Generator[str]:
-    """Yield the path of a model's MJCF file; that of any other model is temporary.
+    """Yield the path of a model's MJCF file; for other models the file is temporary.
 
     Args:
-        model: an MJCF file, or what `mechsim.load` takes.
+        model: an MJCF file, or any input of `mechsim.load`.
     """
     if isinstance(model, str | PathLike) and fspath(model).lower().endswith(".xml"):
         yield fspath(model)
@@ -61,17 +61,17 @@ def open_scene(
     """Return the scene of an MJCF file and its prescribed motion, and notes on changes made to read it.
 
     Args:
-        path: of the file.
+        path: path of the file.
         ctrl: actuator -> its control as text, such as "255*(0.5-0.5*cos(2*pi*t))", "FILE.csv" or a number.
-        lock: as `mechsim.load` takes it.
-        track: points to record, as `mechsim.load` takes them.
-        key: keyframe to start from.
-        duration: in [s] or as text; by default that of the laws.
-        options: `drive` and further arguments of `mechsim.load`.
+        lock: as for `mechsim.load`.
+        track: recorded points, as for `mechsim.load`.
+        key: initial keyframe.
+        duration: in [s] or as text; by default that of the motion laws.
+        options: `drive` and other arguments of `mechsim.load`.
 
     Raises:
         InputError: for a joint, actuator, keyframe or point that is missing.
-        AssemblyError: where the loops do not close at the start of the motion laws.
+        AssemblyError: if the loops do not close at the start of the motion laws.
     """
     seconds = si(duration, "s", "the duration")
     # without motion laws of joints the duration is that of the controls

@@ -1,4 +1,4 @@
-"""A MJCF file run in plain MuJoCo with its own settings, and its loop-closure errors."""
+"""An MJCF file run in plain MuJoCo with its own settings, and its loop-closure errors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.studies.scene.settings import settings_of
 from mechsim.subjects.mjcf_source import MjcfForm
 
-# largest number of steps of a run; one minute for a scene of 20 bodies
+# largest number of steps of a run; these take one minute for a scene of 20 bodies
 MAX_STEPS = 2_000_000
 # approximate number of compared instants
 RECORDS = 4000
@@ -31,14 +31,14 @@ class PublishedRun:
     """The run of a file with its own settings.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
         settings: time step in [s], integrator, solver, `solref` of the loops (None if they differ).
-        driven: description of how the drivers were moved.
+        driven: description of the driver actuation.
         instants: crank angle in [rad] at each record, or time in [s] under motion laws, (n,).
         instants_unit: unit of the instants, "rad" or "s".
         gaps: largest distance between the two sides of a connect or weld, (n,) in [m].
         errors: largest distance of a tracked point from the exact closure at the run's own drivers, (n,).
-        note: why there is no run or no finite error; empty otherwise.
+        note: reason for a missing run or error; empty otherwise.
         run: whether the file was run.
     """
 
@@ -54,12 +54,12 @@ class PublishedRun:
 
     @property
     def gap(self) -> float:
-        """The largest of the gaps, in [m]; infinite for a diverged run."""
+        """The largest gap, in [m]; infinite for a diverged run."""
         return self._worst(self.gaps)
 
     @property
     def error(self) -> float:
-        """The largest of the errors, in [m]; infinite for a diverged run."""
+        """The largest error, in [m]; infinite for a diverged run."""
         return self._worst(self.errors)
 
     def _worst(self, values: Array) -> float:
@@ -107,7 +107,7 @@ def published_run(source: MjcfForm, profile: CrankProfile) -> PublishedRun:
     """Run a file with its own settings over the motion of its drivers.
 
     Args:
-        source: read from the file.
+        source: mechanism read from the file.
         profile: motion of the crank, used without motion laws.
     """
     assert source.source is not None
@@ -135,13 +135,13 @@ def published_run(source: MjcfForm, profile: CrankProfile) -> PublishedRun:
 
 
 def published_scene(source: MjcfForm, profile: CrankProfile | None = None) -> tuple[UserScene, str]:
-    """Return the scene of a file over the motion of its drivers, and a description of how they are driven.
+    """Return the scene of a file over the motion of its drivers, and a description of the actuation.
 
-    Position servos of the file are controlled; other drivers have virtual drive inertia. The run starts in
-    the state in which the file was read, as of a keyframe.
+    Position servos of the file receive controls; other drivers have virtual drive inertia. The run starts in
+    the state in which the file was read, such as a keyframe.
 
     Args:
-        source: read from the file, with motion laws or a crank.
+        source: mechanism read from the file, with motion laws or a crank.
         profile: motion of the crank, used without motion laws.
 
     Raises:
@@ -153,7 +153,7 @@ def published_scene(source: MjcfForm, profile: CrankProfile | None = None) -> tu
         assert profile is not None
         laws = {source.mechanism.crank.name: profile.state}
     joint_laws, ctrl = _servo_laws(source, laws)
-    # virtual drive inertia also keeps locked joints in place
+    # virtual drive inertia also keeps locked joints in position
     joint_laws |= {name: steady(value, 0.0) for name, value in source.mechanism.locked.items()}
     scene = scene_of(
         source.source,

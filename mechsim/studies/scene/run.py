@@ -15,7 +15,7 @@ from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.scene.scene import UserScene, actuator_names
 
-# steps in one call into C
+# number of steps in one call into C
 STEPS_PER_CALL = 4096
 TIME = int(mujoco.mjtState.mjSTATE_TIME)
 CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
@@ -23,7 +23,7 @@ CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_A
 RECORDS = 400
 # largest number of records; forces and energies are interpolated between them
 MAX_REFERENCE_RECORDS = 4000
-# processor time in [s] below which a measurement is repeated, and the largest number of repetitions
+# processor time in [s] below which a measurement is repeated, and largest number of repetitions
 MIN_MEASURED_TIME, MAX_REPETITIONS = 0.01, 8
 TIMING_ROUNDS = 5
 
@@ -35,12 +35,12 @@ class SceneRun:
     Attributes:
         scene: the scene.
         model: its model with the settings of the run.
-        time: of the records in [s], (n,); time zero is the first.
-        qpos: (n, nq).
-        qvel: (n, nv).
+        time: instants of the records in [s], (n,); the first is zero.
+        qpos: coordinates, (n, nq).
+        qvel: velocities, (n, nv).
         seconds: processor time of the steps in this thread, in [s].
         steps: number of steps.
-        broken: why the run ended early; empty for a complete run.
+        broken: reason for an early end; empty for a complete run.
     """
 
     scene: UserScene
@@ -54,7 +54,7 @@ class SceneRun:
 
     @property
     def seconds_per_second(self) -> float:
-        """Processor time of a simulated second; infinite if the run broke."""
+        """Processor time of a simulated second; infinite for a diverged run."""
         return np.inf if self.broken else self.seconds / (self.steps * float(self.model.opt.timestep))
 
     def every(self, interval: int) -> "SceneRun":
@@ -94,7 +94,7 @@ class SceneRun:
 
     @cached_property
     def forces(self) -> Array:
-        """Forces of the actuators, then of each prescribed joint's drive, (n, nu + driven) in [N m], [N]."""
+        """Forces of actuators, then drive forces of prescribed joints, (n, nu + driven) in [N m] or [N]."""
         model, scene = self.model, self.scene
         data, dofs = mujoco.MjData(model), scene.driven_dofs
         controls, applied = scene.inputs_at(self.time)
@@ -122,7 +122,7 @@ class SceneRun:
     @cached_property
     @quiet()
     def energies(self) -> Array:
-        """Energy change since the first record without virtual drive inertia, (n,) in [J]."""
+        """Energy change since the first record, without virtual drive inertia, (n,) in [J]."""
         model, data = self.model, mujoco.MjData(self.model)
         inertias = np.zeros(model.nv)
         inertias[self.scene.driven_dofs] = [inertia for inertia, _ in self.scene.drive_inertias.values()]
@@ -150,9 +150,9 @@ def run_scene(
 
     Args:
         scene: the scene.
-        model: its model with other settings; None for the scene's own.
+        model: its model with other settings; None for the scene's own model.
         records: approximate number of records after the first; None for every step.
-        duration: in [s]; None for the scene's.
+        duration: in [s]; None for the duration of the scene.
         phase: fraction of a step, 0 to 1, at which motion laws are evaluated; 0 for a loop in Python.
     """
     model = scene.model if model is None else model
@@ -180,7 +180,7 @@ def run_scene(
         number = np.arange(steps + 1, steps + count + 1)
         rows = np.flatnonzero((number % interval == 0) | (number == total))
         number, (qpos, qvel, time) = number[rows], (values[0, rows] for values in out.values())
-        # MuJoCo resets a bad state to time zero
+        # MuJoCo resets an invalid state to time zero
         valid = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
         times = np.asarray(timestep * number[valid], dtype=np.float64)
         records_of_blocks.append((times, qpos[valid], qvel[valid]))
@@ -198,17 +198,17 @@ def step_times(
 ) -> Array:
     """Return the processor time of a simulated second of each model, (models,) in [s].
 
-    Each round runs every model once in a new order, so that a slow period of the machine affects all. The
+    Each round runs every model once in a new order, so that a slow period of the computer affects all. The
     median over the rounds is returned.
 
     Args:
-        runs: scenes and the models with which they run.
+        runs: scenes and their models.
         rounds: number of rounds.
-        progress: called after each round.
+        progress: callback after each round.
     """
     random = np.random.default_rng(0)
     times = np.full((rounds + 1, len(runs)), np.nan)
-    for number in range(rounds + 1):  # the first round fills the caches and is dropped
+    for number in range(rounds + 1):  # the first round fills the caches and is discarded
         for i in random.permutation(len(runs)):
             times[number, i] = _time_of(*runs[i])
         progress("timing", (number + 1) / (rounds + 1))

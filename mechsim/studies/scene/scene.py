@@ -30,20 +30,20 @@ class UserScene:
     """A scene and its motion.
 
     Attributes:
-        path: of the file.
-        model: as plain MuJoCo compiles the file; with virtual drive inertia on prescribed joints.
-        start: state and velocities at time zero, (nq,) and (nv,).
-        duration: of the motion in [s].
+        path: path of the file.
+        model: model as plain MuJoCo compiles the file, with virtual drive inertia on prescribed joints.
+        start: initial state and velocities, (nq,) and (nv,).
+        duration: duration of the motion in [s].
         closure: exact closure of its loops.
         tracked: point -> body, and position in its frame in [m].
         joint_laws: prescribed joint -> its motion law.
-        ctrl: actuator -> motion law of its control; the others keep the initial controls.
+        ctrl: actuator -> motion law of its control; other actuators keep their initial controls.
         drive_inertias: prescribed joint -> (virtual drive inertia, own armature), in [kg m2] or [kg].
-        key: keyframe at which it starts; None for the reference configuration.
-        inertia_ratio: mean inertia without virtual drive inertia over that with it.
+        key: initial keyframe; None for the reference configuration.
+        inertia_ratio: mean inertia without virtual drive inertia divided by that with it.
         fixed_bodies: floating bases and ball joints fixed by options, not by the file; None without any.
-        allowed: kinds of elements that may be disabled, of `ALLOWABLE`.
-        assembled_start: whether it starts in an assembled configuration other than the file's own.
+        allowed: kinds of elements that may be disabled, from `ALLOWABLE`.
+        assembled_start: whether it starts in an assembled configuration that differs from the file's.
     """
 
     path: str
@@ -101,12 +101,12 @@ class UserScene:
     def controls(self, model: mujoco.MjModel, first: int, count: int, phase: float = 0.0) -> Array:
         """Return the actuator controls and applied forces of steps, (count, nu + nv).
 
-        The force on a drive inertia sets the speed for which its joint is correct at the end of the step. In
-        RK4, which averages both speeds, it gives the speed of the motion law at that time.
+        The force on a drive inertia gives the speed with which its joint is exact at the end of the step. RK4
+        averages both speeds; there the force gives the speed of the motion law at that time.
 
         Args:
-            model: with its time step and integrator.
-            first: number of steps before.
+            model: model with its time step and integrator.
+            first: number of preceding steps.
             count: number of steps.
             phase: fraction of a step, 0 to 1, at which controls are evaluated; 0 for a loop in Python.
         """
@@ -137,7 +137,7 @@ class UserScene:
 
     @cached_property
     def keyframe_values(self) -> Mapping[str, Array]:
-        """Initial activations, controls and mocap bodies, which are not part of the state."""
+        """Initial activations, controls and mocap poses, which are not part of the state."""
         data = mujoco.MjData(self.model)
         if self.key is not None:
             mujoco.mj_resetDataKeyframe(self.model, data, self.model.key(self.key).id)
@@ -175,25 +175,25 @@ def scene_of(
 ) -> UserScene:
     """Return a scene and its motion.
 
-    Without prescribed joints the motion starts as in the file, or its keyframe, at rest; with them in the
-    assembled state in which their motion laws start, with their rates.
+    Without prescribed joints, the motion starts at rest in the state of the file or its keyframe. With
+    prescribed joints, it starts in the assembled state and with the rates of their motion laws.
 
     Args:
-        read: the file's contents.
-        mechanism: the same with lengths precise enough for its loops to close (`MjcfForm.mechanism`); closure
-            is measured at its drivers.
+        read: contents of the file.
+        mechanism: the same mechanism with lengths precise enough for its loops to close
+            (`MjcfForm.mechanism`); closure is measured at its drivers.
         joint_laws: prescribed joint -> its motion law.
         ctrl: actuator -> motion law of its control.
         duration: in [s].
-        points: to track: name -> (link, position in its frame in [m]); None for body origins and the points
-            at which joints close the loops.
-        key: keyframe to start from.
-        spec: of the scene, in place of the file and without fixed bodies; not changed.
+        points: tracked points: name -> (link, position in its frame in [m]); None for body origins and the
+            points at which joints close the loops.
+        key: initial keyframe.
+        spec: specification of the scene without fixed bodies, in place of the file; not changed.
         qpos: initial coordinates, (nq,), in place of the file's or the keyframe's.
 
     Raises:
         InputError: for an unknown actuator or joint, or motion laws without a start.
-        AssemblyError: if the loops do not close where the motion laws start.
+        AssemblyError: if the loops do not close at the start of the motion laws.
     """
     joint_laws, ctrl = joint_laws or {}, ctrl or {}
     if not 0.0 < duration < np.inf:
@@ -238,7 +238,7 @@ def scene_of(
 
 
 def with_assembled_start(scene: UserScene) -> UserScene:
-    """Return a scene that starts in the assembled state nearest to its own start, its drivers unchanged.
+    """Return a scene that starts in the nearest assembled state, with unchanged drivers.
 
     Raises:
         AssemblyError: if no assembled state is near.
@@ -278,7 +278,7 @@ def _all_points(mechanism: Mechanism, model: mujoco.MjModel) -> dict[str, tuple[
 
 
 def _require_joints(model: mujoco.MjModel, drivers: Sequence[str]) -> None:
-    """Raise InputError for a driver that is a point's coordinate or a body's pose."""
+    """Raise InputError for a driver that is the coordinate of a point or the pose of a body."""
     joints = {model.joint(i).name for i in range(model.njnt)}
     for name in drivers:
         if name not in joints:
@@ -317,9 +317,9 @@ def _add_drive_inertias(
 def with_scaled_tolerance(
     plain: mujoco.MjModel, driven: mujoco.MjModel, spec: mujoco.MjSpec
 ) -> mujoco.MjModel:
-    """Return a model with virtual drive inertia whose solver is as precise as without.
+    """Return a model with virtual drive inertia whose solver is as precise as without it.
 
-    MuJoCo scales its solver tolerance with the mean inertia: with drive inertia the solver would stop early.
+    MuJoCo scales its solver tolerance with the mean inertia; drive inertia would stop the solver early.
     """
     spec.option.tolerance *= plain.stat.meaninertia / driven.stat.meaninertia
     driven.opt.tolerance = spec.option.tolerance
@@ -329,7 +329,7 @@ def with_scaled_tolerance(
 def _start_of_laws(
     closure: ExactClosure, model: mujoco.MjModel, qpos: Array, laws: Mapping[str, State]
 ) -> tuple[Array, Array]:
-    """Return the assembled state and the velocities with which motion laws start."""
+    """Return the assembled state and the velocities at the start of motion laws."""
     first = {name: [float(values[0]) for values in law(np.zeros(1))] for name, law in laws.items()}
     closed = closure.moved_to(qpos, {name: value for name, (value, _, _) in first.items()})
     speeds = {name: rate for name, (_, rate, _) in first.items()}

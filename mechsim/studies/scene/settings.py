@@ -26,7 +26,7 @@ FLAGS = {
     "actuation": (int(mujoco.mjtDisableBit.mjDSBL_ACTUATION), True),
     "spring": (int(mujoco.mjtDisableBit.mjDSBL_SPRING), True),
 }
-# kind of element that `--allow` permits to disable -> its flag
+# kind of element that `--allow` permits to disable -> flag
 ALLOWABLE = {
     "contacts": "contact",
     "limits": "limit",
@@ -41,7 +41,7 @@ _ENUMERATIONS: dict[str, tuple[str, Any, tuple[str, ...]]] = {
     "solver": ("mjSOL_", mujoco.mjtSolver, SOLVERS),
     "jacobian": ("mjJAC_", mujoco.mjtJacobian, JACOBIANS),
 }
-# MuJoCo's hardest impedance
+# highest impedance that MuJoCo accepts
 LOWEST_COMPLIANCE_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 
 
@@ -50,25 +50,26 @@ class PlainSettings:
     """Settings of a scene; None keeps the file's own.
 
     Attributes:
-        timestep: in [s].
+        timestep: time step in [s].
         integrator: one of `settings.INTEGRATORS`.
         solver: one of `SOLVERS`.
-        iterations: largest number of iterations of the solver.
-        ls_iterations: likewise of its line search.
-        tolerance: at which the solver stops.
+        iterations: largest number of solver iterations.
+        ls_iterations: largest number of line search iterations.
+        tolerance: tolerance at which the solver stops.
         jacobian: one of `JACOBIANS`.
-        solref: of all equality constraints.
-        solimp: likewise.
+        solref: `solref` of all equality constraints.
+        solimp: `solimp` of all equality constraints.
         refsafe: whether time constants are at least two steps.
         eulerdamp: whether Euler integrates joint damping implicitly.
-        island: whether constraints are solved island by island.
+        island: whether constraints are solved by islands.
         diagexact: whether the diagonal of the constraint inertia is exact.
-        contact: whether contacts act.
-        limit: whether limits of joints and tendons act.
-        frictionloss: whether Coulomb friction acts.
-        actuation: whether actuators act.
-        spring: whether springs of joints and tendons act.
-        compliance: factor on the inverse weights that scale compliance, after compiling; not part of MJCF.
+        contact: whether contacts are active.
+        limit: whether limits of joints and tendons are active.
+        frictionloss: whether Coulomb friction is active.
+        actuation: whether actuators are active.
+        spring: whether springs of joints and tendons are active.
+        compliance: factor on the inverse weights that scale compliance, applied after compilation; not part
+            of MJCF.
     """
 
     timestep: float | None = None
@@ -93,7 +94,7 @@ class PlainSettings:
 
     @property
     def in_file(self) -> bool:
-        """Whether an MJCF file can contain all of them."""
+        """Whether an MJCF file can contain all settings."""
         return self.compliance is None
 
     def applied(self, model: mujoco.MjModel) -> mujoco.MjModel:
@@ -117,7 +118,7 @@ class PlainSettings:
         """Change a specification to these settings.
 
         Raises:
-            InputError: for a compliance, which no file can state.
+            InputError: for a compliance, which no file can contain.
         """
         if self.compliance not in (None, 1.0):
             raise InputError(
@@ -134,7 +135,7 @@ class PlainSettings:
             equality.solimp = equality.solimp if self.solimp is None else self.solimp
 
     def changes_to(self, model: mujoco.MjModel) -> "PlainSettings":
-        """Return the settings in which these differ from a compiled model."""
+        """Return those settings that differ from the settings of a compiled model."""
         own = settings_of(model)
         return PlainSettings(
             **{name: value for name, value in self.as_dict().items() if value != getattr(own, name)}
@@ -150,7 +151,7 @@ UNCHANGED = PlainSettings()
 
 
 def settings_of(model: mujoco.MjModel) -> PlainSettings:
-    """Return the settings of a compiled model; those of equalities only if all agree."""
+    """Return the settings of a compiled model; those of equalities only if all equalities agree."""
     settings: dict[str, Any] = {name: _text(name, getattr(model.opt, name)) for name in OPTIONS}
     for name, (bit, off) in FLAGS.items():
         settings[name] = bool((model.opt.disableflags if off else model.opt.enableflags) & bit) != off
@@ -176,7 +177,7 @@ def _number(name: str, value: Any) -> Any:
 
 
 def python_value(name: str, value: object) -> str:
-    """Return the value of an option as Python with MuJoCo writes it."""
+    """Return the Python expression of an option's value for MuJoCo."""
     if name not in _ENUMERATIONS:
         return repr(value)
     prefix, kind, _ = _ENUMERATIONS[name]
@@ -190,7 +191,7 @@ def _text(name: str, value: Any) -> Any:
     return next(word for word in words if int(getattr(kind, prefix + word.upper())) == int(value))
 
 
-# settings of a driven run -> their names in plain MuJoCo
+# settings of a driven run -> names in plain MuJoCo
 MUJOCO_NAMES = {"residual": "tolerance"}
 
 
@@ -200,16 +201,16 @@ def plain_settings(
     file_timestep: float,
     speed: float | None = None,
 ) -> PlainSettings:
-    """Return settings of a run as plain MuJoCo needs them; the file determines the others.
+    """Return settings of a run for plain MuJoCo; the file determines the others.
 
     Args:
-        settings: by their names in `Settings`.
-        timestep: as text, instead of steps per turn.
+        settings: settings by their names in `Settings`.
+        timestep: time step in [s] or as text, instead of steps per revolution.
         file_timestep: time step of the file in [s].
-        speed: of the crank in [rad/s], which steps per turn need.
+        speed: crank speed in [rad/s], required for steps per revolution.
 
     Raises:
-        InputError: for a setting that only a driven run has, or two that exclude each other.
+        InputError: for a setting of driven runs only, or two settings that exclude each other.
     """
     Settings(**settings)  # raises for values that no run can have
     values = {MUJOCO_NAMES.get(name, name): value for name, value in settings.items()}

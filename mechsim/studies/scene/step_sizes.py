@@ -1,4 +1,4 @@
-"""Candidate time steps and settings of a scene, the cheapest first."""
+"""Candidate time steps and settings of a scene; the cheapest are first."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
@@ -14,29 +14,30 @@ from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.settings import ALLOWABLE, LOWEST_COMPLIANCE_SOLIMP, PlainSettings, settings_of
 
-# steps that tune tries, relative to the file's own
+# time steps that `tune` tries, relative to the file's own
 RATIOS = (16.0, 12.0, 8.0, 6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6, 1.25, 1.0, 0.8, 0.64, 0.5, 0.4, 0.32, 0.25, 0.2)
 SMALL_RATIOS = (0.16, 0.125, 0.1, 0.08, 0.064, 0.05, 0.04, 0.032, 0.025, 0.02, 0.016, 0.0125, 0.01)
-# steps that `finer` tries, relative to the file's own
+# time steps that `finer` tries, relative to the file's own
 FINER_RATIOS = (1.0, 0.5, 0.25, 0.1, 0.04, 0.016, 0.006, 0.0025, 0.001)
 # smallest number of steps in a motion
 MIN_STEPS = 50
 # cost of a step by integrator, relative to Euler
 COSTS = {"Euler": 1.0, "implicitfast": 1.0, "discrete": 1.2, "implicit": 1.3, "RK4": 3.5}
 SINGLE_STAGE = ("Euler", "implicitfast", "discrete")
-# integrates springs and servos implicitly: tried where another integrator diverges
+# integrator with implicit springs and servos, tried after a divergence of another integrator
 IMPLICIT = "discrete"
-# time constants of the loops in steps; below `SAFE_TIME_CONSTANT` MuJoCo lengthens them unless refsafe is off
+# time constants of the loops in steps; MuJoCo lengthens those below `SAFE_TIME_CONSTANT` unless refsafe is
+# off
 TIME_CONSTANTS = (2.0, 1.5, 3.0, 5.0, 10.0)
 SAFE_TIME_CONSTANT = 2.0
-# compliance scales, which no file can state
+# compliance scales, which no file can contain
 COMPLIANCES = (1e-2, 1e-4, 1e-8)
 
 
 def steps_of(scene: UserScene) -> list[float]:
-    """Return the candidate time steps, the longest first, in [s].
+    """Return the candidate time steps in [s]; the longest is first.
 
-    Steps for which MuJoCo would soften contacts, limits or friction are left out, unless the file's own step
+    Steps at which MuJoCo would soften contacts, limits or friction are omitted, unless the file's own step
     already does so or these elements may be disabled.
     """
     own = float(scene.model.opt.timestep)
@@ -52,7 +53,7 @@ def shortest_time_constant(model: mujoco.MjModel, allowed: Collection[str] = ())
 
     Args:
         model: the model.
-        allowed: kinds that may be disabled, which do not count.
+        allowed: kinds of elements that may be disabled; they are ignored.
     """
     touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT) or touching.sum() < 2:
@@ -76,13 +77,13 @@ def shortest_time_constant(model: mujoco.MjModel, allowed: Collection[str] = ())
 
 
 def probes(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield a few settings that show whether a step can satisfy a tolerance."""
+    """Yield a few settings that determine whether a step can satisfy a tolerance."""
     for integrator in SINGLE_STAGE:
         yield loop_settings(scene, step, integrator, SAFE_TIME_CONSTANT)
 
 
 def single_stage(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield the settings of a step with integrators that evaluate it once."""
+    """Yield the settings of a step with integrators of a single stage."""
     for integrator in SINGLE_STAGE:
         for constant in (*TIME_CONSTANTS, None):
             yield loop_settings(scene, step, integrator, constant)
@@ -92,7 +93,7 @@ def single_stage(scene: UserScene, step: float) -> Iterator[PlainSettings]:
 
 
 def fourth_order_probes(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield a few settings of RK4 that show whether a step can satisfy a tolerance."""
+    """Yield a few settings of RK4 that determine whether a step can satisfy a tolerance."""
     for constant in (3.0, 10.0):
         yield loop_settings(scene, step, "RK4", constant)
 
@@ -104,13 +105,13 @@ def fourth_order(scene: UserScene, step: float) -> Iterator[PlainSettings]:
 
 
 def low_compliance_probes(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield a few settings with the lowest compliance that show whether a step can satisfy a tolerance."""
+    """Yield a few settings of lowest compliance that determine whether a step can satisfy a tolerance."""
     for integrator, constant in (("Euler", 2.0), ("RK4", 10.0)):
         yield replace(loop_settings(scene, step, integrator, constant), compliance=COMPLIANCES[-1])
 
 
 def low_compliance(scene: UserScene, step: float) -> Iterator[PlainSettings]:
-    """Yield the settings of a step with compliances that no file can state."""
+    """Yield the settings of a step with compliances that no file can contain."""
     for compliance in COMPLIANCES:
         for integrator, constant in (("Euler", 2.0), ("implicitfast", 2.0), ("RK4", 5.0), ("RK4", 10.0)):
             yield replace(loop_settings(scene, step, integrator, constant), compliance=compliance)
@@ -145,14 +146,14 @@ def variants(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSetting
 
 
 def disabled(scene: UserScene) -> list[dict[str, Any]]:
-    """Return the changes that disable all that may be disabled, and each kind of it."""
+    """Return the changes that disable all elements that may be disabled, and each kind of them."""
     flags: list[dict[str, Any]] = [{ALLOWABLE[kind]: False} for kind in scene.allowed]
     together = {name: False for flag in flags for name in flag}
     return [together, *flags] if len(flags) > 1 else flags
 
 
 def loop_settings(scene: UserScene, step: float, integrator: str, constant: float | None) -> PlainSettings:
-    """Return hard loops with a time constant in steps; None keeps the file's."""
+    """Return settings with loops of lowest compliance and a time constant in steps; None keeps the file's."""
     solref = None if constant is None else (float(f"{constant * step:.4g}"), 1.0)
     # MuJoCo must continue to lengthen short time constants of contacts and limits
     unsafe = (
@@ -167,7 +168,7 @@ def loop_settings(scene: UserScene, step: float, integrator: str, constant: floa
         solref=solref,
         solimp=LOWEST_COMPLIANCE_SOLIMP,
         refsafe=False if unsafe else None,
-        # a solver with tolerance 0 always takes all its iterations
+        # with tolerance 0 a solver always uses all iterations
         tolerance=None if scene.model.opt.tolerance > 0.0 else scene.solver_tolerance,
     )
 
@@ -193,14 +194,14 @@ def finer(
     fixed: bool = False,
     records: int | None = None,
 ) -> FinerRun:
-    """Return a run that satisfies a tolerance by closure, or the best one.
+    """Return a run that satisfies a tolerance by closure, or the best run.
 
-    The step is refined until the tolerance holds. A run that diverges is repeated with an implicit
-    integrator, unless one was requested; finer steps follow.
+    The step is refined until the tolerance is satisfied. A diverged run is repeated with an implicit
+    integrator, unless an integrator was requested; finer steps follow.
 
     Args:
         scene: the scene.
-        settings: requested; the first run has these and nothing else.
+        settings: requested settings; the first run has only these.
         tolerance: in [m].
         fixed: whether no other settings are tried.
         records: number of records after the first.
@@ -225,7 +226,7 @@ def finer(
 
 
 def _with_hard_loops(settings: PlainSettings, step: float) -> PlainSettings:
-    """Return settings with a step and the hardest loops that it admits."""
+    """Return settings with a step and the least compliant loops that it permits."""
     return replace(
         settings,
         timestep=step,

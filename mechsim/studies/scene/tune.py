@@ -26,10 +26,10 @@ from mechsim.studies.scene.step_sizes import (
     variants,
 )
 
-# fraction of the tolerance at which the search aims: the rest is a reserve for another phase of the motion,
-# rounding of other machines and instants between records (validation/choices/tuned_scenes.py)
+# fraction of the tolerance at which the search aims; the rest is a reserve for another phase of the motion,
+# rounding of other computers, and instants between records (validation/choices/tuned_scenes.py)
 AIMED_FRACTION = 0.8
-# number of steps, each longer than the longest that satisfies the tolerance, that are tried with all settings
+# number of steps longer than the longest sufficient one that are tried with all settings
 LONGER_STEPS = 3
 # factor on the duration over which a choice by closure is verified
 LONGER_MOTION = 3
@@ -37,15 +37,15 @@ LONGER_MOTION = 3
 CLEARLY_SHORTER = 0.85
 # largest trajectory error by closure or torque, relative to the extent of the motion
 TRAJECTORY_TOLERANCE = 0.05
-# time of a search in [s]; fractions of it for the reference motion and, in total, until the trials end
+# time of a search in [s]; fraction of it for the reference motion; fraction of it at which the trials end
 SECONDS, REFERENCE_FRACTION, TRIALS_FRACTION = 50.0, 0.2, 0.75
-# best settings that are varied, number of repetitions, and settings timed again
+# number of best settings that are varied, of repetitions, and of settings that are timed again
 VARIED, REPETITIONS, TIMED = 3, 3, 12
-# rounds of timing, and after the end of the budget
+# number of timing rounds, and their number after the end of the budget
 TIMING_ROUNDS, LATE_ROUNDS = 5, 2
-# relative difference of times that counts as none: fewer changes are preferred
+# relative difference of times below which they count as equal; fewer changes are then preferred
 TIME_TOLERANCE = 0.05
-# ratio to the published trajectory error above which the report names it
+# ratio to the published trajectory error above which the report states it
 WORSE_TRAJECTORY = 1.1
 UNITS = {"closure": "m", "trajectory": "m", "torque": "N m"}
 Proposal = Callable[[UserScene, float], Iterable[PlainSettings]]
@@ -58,13 +58,13 @@ class Tuned:
     Attributes:
         scene: the scene.
         by: the measure.
-        tolerance: requested, in SI.
-        published: the file's own settings, their errors measured at every step.
+        tolerance: requested tolerance, in SI.
+        published: trial of the file's own settings, with errors measured at every step.
         satisfied: whether the file's own settings satisfy the tolerance.
-        chosen: the cheapest settings that satisfy the tolerance; the published ones if nothing is cheaper;
+        chosen: the cheapest settings that satisfy the tolerance; the published settings if none are cheaper;
             None if no settings of a file satisfy it.
         closest: the settings with the smallest error that a file can contain.
-        beyond: the cheapest sufficient settings that no file can contain; None without any.
+        beyond: the cheapest sufficient settings that no file can contain; None without such settings.
         tried: all trials, in order.
         reference: converged motion of the scene.
         seconds: duration of the search.
@@ -84,7 +84,7 @@ class Tuned:
 
     @property
     def reference_error(self) -> float:
-        """Error of the converged motion by the measure, in its unit."""
+        """Error of the converged motion by the measure, in the unit of the measure."""
         return self.reference.error(self.by)
 
     @property
@@ -94,7 +94,7 @@ class Tuned:
 
     @property
     def evaluator(self) -> SceneEvaluator:
-        """Measures the errors of other runs of the scene."""
+        """Evaluator of the errors of other runs of the scene."""
         return _evaluator(self.reference, self.by)
 
 
@@ -120,7 +120,7 @@ class _SettingSearch:
         return self.budget.spent > self.fraction * self.budget.seconds
 
     def trial(self, settings: PlainSettings) -> SceneTrial:
-        """Return the trial of settings, run once."""
+        """Return the trial of settings; each is run only once."""
         settings = settings.changes_to(self.scene.model)
         if settings not in self.tried:
             self.tried[settings] = self.evaluator.evaluate(self.scene, settings)
@@ -132,12 +132,12 @@ class _SettingSearch:
         return trial.errors.by(self.by) + self.reference.error(self.by)
 
     def satisfies(self, trial: SceneTrial) -> bool:
-        """Return whether a trial satisfies the tolerance with a reserve, and its motion is the scene's."""
+        """Return whether a trial satisfies the tolerance with a reserve and resembles the scene's motion."""
         similar = self.by == "trajectory" or not trial.errors.trajectory > self.max_trajectory_error
         return similar and self.error(trial) <= AIMED_FRACTION * self.tolerance
 
     def satisfying(self, proposals: Iterable[PlainSettings]) -> list[SceneTrial]:
-        """Return the trials that satisfy the tolerance; ends with the budget."""
+        """Return the trials that satisfy the tolerance; the end of the budget stops them."""
         trials: list[SceneTrial] = []
         for settings in proposals:
             if self.ended:
@@ -146,7 +146,7 @@ class _SettingSearch:
         return [trial for trial in trials if self.satisfies(trial)]
 
     def cheapest(self, in_file: bool = True) -> list[SceneTrial]:
-        """Return the trials that satisfy the tolerance, the cheapest first."""
+        """Return the trials that satisfy the tolerance; the cheapest is first."""
         trials = [
             trial
             for trial in self.tried.values()
@@ -172,10 +172,10 @@ def tuned(
 
     Args:
         scene: the scene and its motion.
-        tolerance: in [m], of torque in [N m] or [N].
+        tolerance: in [m]; by torque in [N m] or [N].
         by: the measure.
-        budget: of the search, in [s]; about that long.
-        progress: called after each trial.
+        budget: approximate duration of the search, in [s].
+        progress: callback after each trial.
     """
     budget = budget if isinstance(budget, Budget) else Budget(budget)
     goal = 0.1 * tolerance if by != "closure" else tolerance
@@ -211,14 +211,14 @@ def tuned(
 
 
 def _max_trajectory_error(reference: ConvergedReference, published: SceneErrors, tolerance: float) -> float:
-    """Return the trajectory error up to which the motion counts as the scene's own, in [m]."""
+    """Return the largest trajectory error at which the motion still counts as the scene's own, in [m]."""
     extent = 0.0 if reference.broken else half_extent(np.moveaxis(reference.run.points, 1, 0))
     own = published.trajectory if np.isfinite(published.trajectory) else 0.0
     return max(TRAJECTORY_TOLERANCE * extent, tolerance, own)
 
 
 def _climb(search: _SettingSearch) -> None:
-    """Try the settings of the longest steps that satisfy the tolerance, and of some longer ones."""
+    """Try the settings of the longest sufficient steps, and of some longer steps."""
     steps = steps_of(search.scene)
     best: float | None = None
     for step in _longest(search, steps, probes):
@@ -226,7 +226,7 @@ def _climb(search: _SettingSearch) -> None:
             best = step
         if best is not None and step < CLEARLY_SHORTER * best:
             break
-    # a step of RK4 is worthwhile if it is longer by the ratio of the costs
+    # a step of RK4 is worthwhile only if it is longer by the ratio of the costs
     longer = [step for step in steps if best is None or step >= CLEARLY_SHORTER * COSTS["RK4"] * best]
     for step in _longest(search, longer, fourth_order_probes):
         if search.satisfying(fourth_order(search.scene, step)):
@@ -234,9 +234,10 @@ def _climb(search: _SettingSearch) -> None:
 
 
 def _longest(search: _SettingSearch, steps: Sequence[float], proposal: Proposal) -> list[float]:
-    """Return steps, the longest first, around the longest with which some proposal satisfies the tolerance.
+    """Return steps around the longest sufficient one with some proposal; the longest is first.
 
-    The bisection assumes that errors decrease with the step; if none is short enough, the last are returned.
+    The bisection assumes that errors decrease with the step. If no step is short enough, the last are
+    returned.
     """
     low, high = 0, len(steps)
     while low < high and not search.ended:
@@ -250,7 +251,7 @@ def _longest(search: _SettingSearch, steps: Sequence[float], proposal: Proposal)
 
 
 def _refined(search: _SettingSearch) -> SceneTrial | None:
-    """Return the cheapest trial that satisfies the tolerance, after variations of the best."""
+    """Return the cheapest trial that satisfies the tolerance, after variations of the best trials."""
     varied: set[PlainSettings] = set()
     for _ in range(REPETITIONS):
         best = [trial.settings for trial in search.cheapest()[:VARIED] if trial.settings not in varied]
@@ -277,7 +278,7 @@ def _verified(search: _SettingSearch) -> list[SceneTrial]:
 def _holds_at_every_step(search: _SettingSearch, trial: SceneTrial) -> bool:
     """Return whether a trial satisfies the tolerance at every step; by closure also over a longer motion.
 
-    The longer motion shows errors that grow slowly, as with steps at the edge of stability.
+    The longer motion reveals errors that grow slowly, such as those of steps at the stability limit.
     """
     scene, evaluator, duration = search.scene, search.evaluator, search.scene.duration
     if search.by == "closure":
@@ -292,7 +293,7 @@ def _holds_at_every_step(search: _SettingSearch, trial: SceneTrial) -> bool:
 
 
 def _timed(search: _SettingSearch, trials: Sequence[SceneTrial]) -> list[SceneTrial]:
-    """Return trials with their times measured in the same rounds; in fewer after the end of the budget."""
+    """Return trials with times measured in the same rounds; fewer rounds after the end of the budget."""
     scene = search.scene
     rounds = TIMING_ROUNDS if search.budget.fraction < 1.0 else LATE_ROUNDS
     runs = [(scene, trial.settings.applied(scene.model)) for trial in trials]
@@ -301,7 +302,7 @@ def _timed(search: _SettingSearch, trials: Sequence[SceneTrial]) -> list[SceneTr
 
 
 def _beyond(search: _SettingSearch) -> SceneTrial | None:
-    """Return the cheapest trial that satisfies the tolerance with a compliance that no file can state."""
+    """Return the cheapest trial that satisfies the tolerance with a compliance that no file can contain."""
     search.fraction = 1.0
     for step in _longest(search, steps_of(search.scene), low_compliance_probes):
         search.satisfying(low_compliance(search.scene, step))
@@ -313,8 +314,8 @@ class TuningReport:
     """The result of a search, measured at every step of the written file.
 
     Attributes:
-        result: of the search.
-        errors: of the written file.
+        result: result of the search.
+        errors: errors of the written file.
     """
 
     result: Tuned
@@ -347,7 +348,7 @@ class TuningReport:
 
     @property
     def sentences(self) -> list[str]:
-        """The result in sentences: the file as published first, then what is written."""
+        """The result in sentences: first the file as published, then the written file."""
         result, published = self.result, self.result.published
         tolerance = f"{result.tolerance:g} {self.unit} by {result.by} over {result.scene.duration:g} s"
         if np.isfinite(self.published_error):
@@ -372,7 +373,7 @@ class TuningReport:
 
     @property
     def _trajectory(self) -> list[str]:
-        """State a trajectory that is worse than that of the published file."""
+        """The statement that the trajectory is worse than that of the published file; empty otherwise."""
         after, before = self.errors.trajectory, self.result.published.errors.trajectory
         worse = after > WORSE_TRAJECTORY * before and after > self.result.reference.errors[0]
         if self.result.by == "trajectory" or not worse:

@@ -1,4 +1,4 @@
-"""Tune a model or its motor: the cheapest settings of plain MuJoCo within a tolerance, in its file."""
+"""Tuning of a model or its motor: cheapest settings of plain MuJoCo within a tolerance, in its file."""
 
 import difflib
 from collections.abc import Mapping, Sequence
@@ -43,23 +43,23 @@ from mechsim.studies.scene.write_tuned import (
 from mechsim.units import parse, si
 
 MOTOR, RUN_KEY = "motor", "turning"
-# revolutions over which the search satisfies a tolerance; it verifies its choice over three times as many
+# number of revolutions of the search; the choice is verified over three times as many
 REVOLUTIONS = 2.0
-# inertia of the servo relative to that of the links: it accelerates the crank within 0.1 rad
+# inertia of the servo relative to that of the links; the servo accelerates the crank within 0.1 rad
 SERVO_INERTIA_RATIO = 10.0
 
 
 def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.MjSpec:
-    """Return a model with a motor on its crank, and an assembled keyframe in which the crank turns.
+    """Return a model with a motor on its crank, and an assembled keyframe in which the crank rotates.
 
     Args:
-        spec: of the mechanism, from the generator: the hinge of the crank is always named "crank".
-        mechanism: with one crank.
-        speed: of the crank, in [rad/s].
+        spec: specification of the mechanism from the generator, which names the hinge of the crank "crank".
+        mechanism: mechanism with one crank.
+        speed: crank speed, in [rad/s].
 
     Raises:
         InputError: for a mechanism without a crank.
-        AssemblyError: for a crank that cannot turn fully.
+        AssemblyError: for a crank that cannot rotate fully.
     """
     if not mechanism.has_crank:
         raise InputError(
@@ -81,7 +81,7 @@ def turning(spec: mujoco.MjSpec, mechanism: Mechanism, speed: float) -> mujoco.M
 
 
 def turning_scene(path: str, mechanism: Mechanism, speed: float) -> UserScene:
-    """Return the scene of a file made by `turning`, whose points are tracked over whole revolutions."""
+    """Return the scene of a file made by `turning`; its points are tracked over whole revolutions."""
     read = read_model(path, drivers=[CRANK], key=RUN_KEY)
     duration = REVOLUTIONS * REVOLUTION / abs(speed)
     points = {name: point for name, point in mechanism.points.items() if name in read.mechanism.points}
@@ -98,15 +98,15 @@ def exported_model(
     budget: float | Budget = SECONDS,
     progress: Progress = no_progress,
 ) -> tuple[str, float]:
-    """Return the text of a model that turns within a tolerance, and its error as read back.
+    """Return the text of a model whose crank rotates within a tolerance, and its error after reading it back.
 
     Args:
         spec: as for `turning`.
         mechanism: as for `turning`.
-        speed: of the crank, in [rad/s].
-        tolerance: of tracked points from the exact closure at the crank's own angle, in [m].
-        budget: of the search, in [s].
-        progress: called after each trial.
+        speed: crank speed, in [rad/s].
+        tolerance: distance of tracked points from the exact closure at the actual crank angle, in [m].
+        budget: duration of the search, in [s].
+        progress: callback after each trial.
     """
     with TemporaryDirectory() as folder:
         path = Path(folder, f"{stem_of(mechanism.name)}.xml")
@@ -133,10 +133,10 @@ class TunedModel:
 
     Attributes:
         report: errors and costs before and after.
-        text: of the tuned MJCF file.
+        text: tuned MJCF file.
         diff: changes relative to the file as published.
-        included: names of included files merged into it because they change.
-        notes: what was changed to read the file.
+        included: names of included files that were merged into it because they change.
+        notes: changes made to read the file.
     """
 
     report: TuningReport
@@ -202,20 +202,20 @@ def tune(
     """Return the cheapest settings with which plain MuJoCo satisfies a tolerance on a model and its motion.
 
     Args:
-        model: an MJCF file, or what `load` takes, which is then written as one.
-        tolerance: in [m] or text, as "10um"; by torque in [N m], or [N] of a slide.
+        model: an MJCF file, or any input of `load`, which is then written as MJCF.
+        tolerance: in [m] or text, such as "10um"; by torque in [N m], or in [N] for a slide.
         by: "closure" (points against the exact closure at the run's own drivers), "trajectory" (points
-            against the converged motion) or "torque" (forces against it).
-        ctrl: actuator -> its control: text, as "255*(0.5-0.5*cos(2*pi*t))", FILE.csv, or a number.
+            against the converged motion) or "torque" (forces against the converged motion).
+        ctrl: actuator -> its control: text such as "255*(0.5-0.5*cos(2*pi*t))", FILE.csv, or a number.
         allow: elements that may be disabled or softened: contacts, limits, friction, actuators, springs.
         budget: duration of the search, in [s] or text.
         output: path of the tuned MJCF file; None writes none.
-        python: path of a script that runs it, with settings that no file can contain if these are needed.
-        progress: called with a description and the finished fraction.
+        python: path of a script that runs the file, with settings that no file can contain if necessary.
+        progress: callback with a description and the completed fraction.
         options: `drive`, `lock`, `lock_others`, `fix_base`, `track`, `key`, `duration`, as for `load`.
 
     Raises:
-        InputError: for a model, a motion or a tolerance that cannot be used.
+        InputError: for an invalid model, motion or tolerance.
         AssemblyError: for loops that do not close.
 
     Example:
@@ -241,7 +241,7 @@ def tune(
 
 
 def _tolerance(value: float | str, by: str) -> float:
-    """Return a tolerance in SI; raise InputError for one that cannot be satisfied."""
+    """Return a tolerance in SI; raise InputError for an invalid one."""
     if by not in MEASURES:
         raise InputError(f"there is no error by {by!r}; choose from {', '.join(MEASURES)}")
     limit = value
@@ -258,7 +258,7 @@ def _tolerance(value: float | str, by: str) -> float:
 
 
 def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, tuple[str, ...]]:
-    """Return a scene whose initial pose satisfies a tolerance, and a note if that of the file does not."""
+    """Return a scene whose initial pose satisfies a tolerance, and a note if the file's pose does not."""
     error = start_error(scene)
     if error <= AIMED_FRACTION * tolerance:
         return scene, ()
@@ -272,7 +272,7 @@ def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, t
 
 
 def _require_runnable(result: Tuned) -> None:
-    """Raise InputError with the cause for a scene that diverges with all settings that were tried."""
+    """Raise InputError with the cause if the scene diverges with all tried settings."""
     if np.isfinite(result.closest.errors.by(result.by)) or result.beyond is not None:
         return
     cause = divergence_reason(run_scene(result.scene)) or "no closed pose is near its states"
@@ -320,7 +320,7 @@ def _as_dict(result: Tuned, trial: SceneTrial) -> dict[str, Any]:
 
 
 def _comment(report: TuningReport, scene: UserScene, laws: dict[str, str]) -> list[str]:
-    """Return the comment of the file: the tolerance it satisfies, and how to step it."""
+    """Return the comment of the file: the satisfied tolerance, and how to step the model."""
     start = "from mj_resetData"
     if scene.own_start or scene.key:
         start = f"from keyframe {KEY if scene.own_start else scene.key}"

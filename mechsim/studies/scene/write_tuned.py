@@ -1,4 +1,4 @@
-"""Writes tuned settings into the text of a scene, and a script that runs it; reads the file back."""
+"""Writing of tuned settings into the text of a scene, and of a script that runs it; reading the file back."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,9 +25,9 @@ from mechsim.simulation.mjcf_text.included_files import moved_to, read_text, wit
 from mechsim.studies.scene.scene import RK4, UserScene
 from mechsim.studies.scene.settings import FLAGS, OPTIONS, PlainSettings, python_value
 
-# keyframe at which a prescribed motion starts
+# keyframe at the start of a prescribed motion
 KEY = "mechsim_start"
-# largest relative difference of a number read back
+# largest relative difference of a number after reading it back
 READ_TOLERANCE = 1e-12
 MERGE_HINT = "write one file without includes (mujoco.MjSpec.from_file(...).to_xml()) and tune that"
 # fields that do not affect a run
@@ -89,7 +89,7 @@ class TunedText:
     Attributes:
         before: the original text, with the included files that change.
         after: the text to be written.
-        included: names of these files.
+        included: names of the included files that change.
     """
 
     before: str
@@ -102,12 +102,12 @@ def tuned_text(scene: UserScene, settings: PlainSettings, comment: Sequence[str]
 
     Args:
         scene: the scene.
-        settings: that a file can state.
-        comment: lines for a comment at its beginning.
-        folder: in which it will be written.
+        settings: settings that a file can contain.
+        comment: lines of a comment at the beginning.
+        folder: folder of the written file.
 
     Raises:
-        InputError: if an equality or joint to change is missing in the text, as for an attached model.
+        InputError: if the text lacks an equality or joint to change, as for an attached model.
     """
     source = Path(scene.path).resolve().parent
     values = settings.as_dict()
@@ -191,7 +191,7 @@ def _numbers(values: Sequence[float]) -> str:
 
 
 def _word(value: object) -> str:
-    """Return a value as MJCF text, numbers with full precision."""
+    """Return a value as MJCF text; numbers have full precision."""
     if isinstance(value, float):
         return repr(int(value)) if value.is_integer() and abs(value) < 1e6 else repr(value)
     return str(value)
@@ -209,14 +209,14 @@ def write_scene(
 
     Args:
         scene: the scene.
-        settings: contained in the text.
+        settings: settings contained in the text.
         text: the text to write and read back.
-        path: of the file.
-        finish: returns the final text, the same with a comment on the result of a run of the file.
+        path: path of the file.
+        finish: returns the final text: the same text with a comment on the result of a run of the file.
 
     Raises:
         InputError: if MuJoCo rejects the file, or reads other values than were written.
-        OutputError: if it cannot be written.
+        OutputError: if the file cannot be written.
     """
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
@@ -241,7 +241,7 @@ def write_scene(
 
 @quiet()
 def plain_model(path: str) -> mujoco.MjModel:
-    """Return the model of a file as plain MuJoCo compiles it; without assets whose files are missing."""
+    """Return the model of a file as plain MuJoCo compiles it, without assets whose files are missing."""
     try:
         return mujoco.MjModel.from_xml_path(path)
     except ValueError:
@@ -249,7 +249,7 @@ def plain_model(path: str) -> mujoco.MjModel:
 
 
 def differing(expected: mujoco.MjModel, actual: mujoco.MjModel) -> list[str]:
-    """Return the names of the fields and options that differ between two models and can affect a run."""
+    """Return the names of fields and options that differ between two models and can affect a run."""
     fields = [
         name
         for name in dir(expected)
@@ -275,7 +275,7 @@ def _differ(a: object, b: object) -> bool:
 
 
 def setting_changes(scene: UserScene, settings: PlainSettings) -> Mapping[str, str]:
-    """Return what settings change of a scene, setting -> value as text."""
+    """Return the settings that change a scene: setting -> value as text."""
     values = settings.changes_to(scene.model).as_dict()
     return {
         name: _numbers(value) if isinstance(value, tuple) else _word(value) for name, value in values.items()
@@ -286,7 +286,7 @@ def control_lines(scene: UserScene, expressions: Mapping[str, str]) -> list[str]
     """Return the lines of Python that set MuJoCo's inputs before each step; t is the time, h the step.
 
     Args:
-        scene: the scene, its model with the settings of the run.
+        scene: the scene; its model has the settings of the run.
         expressions: joint or actuator -> its motion law as an expression of t.
     """
     model = scene.model
@@ -317,11 +317,11 @@ def python_of(
     """Return a script that runs a tuned file in plain MuJoCo; its `steps()` yields the data after every step.
 
     Args:
-        scene: the scene of the file, its model with the settings of the run.
-        file: its path; the script is written to the same folder.
+        scene: scene of the file; its model has the settings of the run.
+        file: path of the file; the script is written to the same folder.
         expressions: joint or actuator -> its motion law as an expression of t.
         changed: settings that differ from the file's, as fields of `PlainSettings`.
-        heading: its docstring.
+        heading: docstring of the script.
     """
     tables = any("table(" in expression for expression in expressions.values())
     functions = TABLE if tables else ""

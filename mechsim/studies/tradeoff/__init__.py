@@ -1,3 +1,3 @@
-"""Speed against accuracy, measured: the settings, the trials, and the recommendations."""
+"""Measured speed against accuracy: settings, trials, and recommendations."""
 
 import mechsim.simulation  # loads MuJoCo without a back end that fails  # noqa: F401 # pyright: ignore[reportUnusedImport]

@@ -1,7 +1,8 @@
 """Stepping methods that `mechsim tradeoff` compares, each a curve over the number of steps, and their models.
 
-A method fixes everything but the step: integrator, time constant of the loops (in steps, or as a fraction of
-a revolution), compliance, impedance, refsafe, diagexact, and the model: its cuts, level, drive, reductions.
+A method determines everything except the step: integrator, time constant of the loops (in steps, or as a
+fraction of a revolution), compliance, impedance, refsafe, diagexact, and the model: its cuts, level, drive
+and reductions.
 """
 
 import copy
@@ -47,16 +48,16 @@ CrankDrive = Literal["drive_inertia", "geared", "servo"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Build:
-    """How a model is made.
+    """Options for building a model.
 
     Attributes:
-        cut: joints at which the loops are cut; None lets the generator choose.
-        level: of the scene.
+        cut: joints at which the loops are cut; None selects the generator's cuts.
+        level: level of the scene.
         crank_drive: virtual drive inertia on the crank; virtual drive inertia on a motor that an equality
             gears to the crank; or a velocity servo.
-        gain: of the servo, in units of the inertia felt at the crank over the time step.
-        rod: link made a constant length between two joints; None leaves all links bodies.
-        variant: of the mechanism, with the same motion of its tracked points; None is the mechanism itself.
+        gain: servo gain, in units of the inertia reflected to the crank over the time step.
+        rod: link replaced by a constant length between two joints; None keeps all links as bodies.
+        variant: variant of the mechanism with the same motion of its tracked points; None is the mechanism.
     """
 
     cut: tuple[str, ...] | None = None
@@ -91,7 +92,7 @@ class Build:
         return spec
 
 
-# each divides 72 instants per revolution, or is a multiple of 72
+# numbers of steps per revolution; each divides 72 instants per revolution, or is a multiple of 72
 STEPS = (24, 36, 72, 144, 288, 720, 1440, 2880, 7200)
 MUJOCO_SOLREF, MUJOCO_SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 DEFAULTS = "MuJoCo's defaults"
@@ -108,10 +109,10 @@ class SteppingMethod:
     Attributes:
         name: name in tables and plots.
         base: settings without the number of steps.
-        rank: methods of low rank are tried first.
-        turn_fraction: time constant of the loops as a fraction of a revolution; None takes that of `base`.
+        rank: priority; methods of low rank are tried first.
+        turn_fraction: time constant of the loops as a fraction of a revolution; None selects that of `base`.
         direct: whether stiffness and damping are 1/step squared and 1/step.
-        build: of the model.
+        build: options for building the model.
     """
 
     name: str
@@ -135,7 +136,7 @@ class SteppingMethod:
 def stepping_methods(
     mechanism: Mechanism | None = None, variants: Iterable[str] = ()
 ) -> list[SteppingMethod]:
-    """Return all methods; those with other models only for a mechanism.
+    """Return all methods; methods with other models require a mechanism.
 
     Args:
         mechanism: the mechanism; None for a custom model.
@@ -155,7 +156,7 @@ def stepping_methods(
     methods += [*named[:2], *_implicit_servos(), *named[2:]]
     rod = None if mechanism is None else rod_of(mechanism)
     if rod is not None:
-        # MuJoCo omits the second rate of a tendon, so only a stiff constraint keeps its length
+        # MuJoCo omits the second rate of a tendon; therefore only a stiff constraint keeps its length
         name = f"RK4, 2 steps, 1e-08, {rod} as a length"
         stiff = replace(Settings(), constant_steps=2.0)
         methods.append(SteppingMethod(name=name, base=stiff, rank=3, build=Build(rod=rod)))
@@ -219,9 +220,9 @@ def possible_cuts(mechanism: Mechanism) -> list[tuple[str, ...]]:
     return cuts
 
 
-# records of a compared run per revolution: every five degrees
+# number of records of a compared run per revolution: every five degrees
 MAX_SAMPLES_PER_TURN = 72
-# inertia of a crank without virtual drive inertia in [kg m2], negligible next to the links
+# inertia of a crank without virtual drive inertia in [kg m2], negligible relative to the links
 NO_DRIVE_INERTIA = 1e-12
 NO_VARIANTS: Mapping[str, Mechanism] = {}
 
@@ -244,12 +245,12 @@ class BuiltModel:
     """A model with one of the compared builds, and its crank motion.
 
     Attributes:
-        build: of the model.
-        closed: the model; stepped as a copy in each trial.
-        profile: of the crank.
-        start: state and rates at time zero, (nq,) and (nv,).
-        servo: on the crank; None for virtual drive inertia.
-        seconds: processor time of building it.
+        build: options with which the model was built.
+        closed: the model; each trial steps a copy.
+        profile: motion of the crank.
+        start: initial state and rates, (nq,) and (nv,).
+        servo: servo on the crank; None for virtual drive inertia.
+        seconds: processor time of building the model.
     """
 
     build: Build
@@ -282,7 +283,7 @@ class BuiltModel:
         return loops, step(loops, settings, self.profile, self.start, total, interval, controls)
 
     def motion(self, settings: Settings) -> tuple[Motion | None, float]:
-        """Return the motion, None if it diverged, and the processor time of stepping in [s]."""
+        """Return the motion (None if it diverged), and the processor time of stepping in [s]."""
         loops, steps = self.stepped(settings)
         if steps.diverged:
             return None, steps.processor
@@ -296,7 +297,7 @@ class BuiltModel:
         return motion, steps.processor
 
     def _length_errors(self, loops: ModelLoops, qpos: Array) -> Array:
-        """Return the change of length of a rod that is a distance constraint, (n,) in [m]."""
+        """Return the length change of a rod replaced by a distance constraint, (n,) in [m]."""
         ends = [i for i in range(self.closed.model.nsite) if self.closed.model.site(i).name.endswith(LENGTH)]
         first, second = np.moveaxis(
             loops.posed.site_positions(np.concatenate([self.start[0][None], qpos]))[:, ends], 1, 0
@@ -316,15 +317,15 @@ def build_model(
     """Generate or load a model and close its loops.
 
     Args:
-        source: mechanism, or a custom model.
-        profile: of the crank; None makes one turn at the speed.
-        speed: in [rad/s].
-        build: of the model.
-        variants: of the mechanism, by name.
-        require_time: called between the steps of the work; raises if the budget is spent.
+        source: a mechanism, or a custom model.
+        profile: motion of the crank; None makes one revolution at the speed.
+        speed: crank speed, in [rad/s].
+        build: options for building the model.
+        variants: name -> variant of the mechanism.
+        require_time: callback between the stages; raises InputError at the end of the budget.
 
     Raises:
-        AssemblyError: if the crank cannot make all of its motion.
+        AssemblyError: if the crank cannot make its whole motion.
     """
     start_time = time.process_time()
     build = build or Build()

@@ -20,23 +20,23 @@ from mechsim.studies.budget import MAX_EXCESS, Budget, TrialTimes
 from mechsim.studies.tradeoff.methods import BuiltModel, build_model
 from mechsim.verdict.quantities import QUANTITIES, motion_scales
 
-# steps per revolution of the reference runs; divisors of these, tried if the runs exceed a fraction of the
-# budget
+# steps per revolution of the reference runs; divisors of these numbers, used if the runs exceed a fraction of
+# the budget; and that fraction
 FINE_STEPS, DIVISORS, REFERENCE_FRACTION = (3600, 7200, 14400), (1, 2, 5, 10, 25, 50), 0.4
-# fraction of the budget below which the first trial is repeated, since it includes the time of imports
+# fraction of the budget above which the first trial is not repeated; it includes the time of imports
 TRIAL_FRACTION = 0.05
 
 
 def reference_runs(built: BuiltModel, name: str, budget: Budget | None) -> dict[int, Motion]:
-    """Return steps per revolution -> motion, in ascending order; the finest runs first.
+    """Return steps per revolution -> motion of the reference runs, in ascending order.
 
     Args:
         built: the model.
-        name: of the model.
-        budget: of all runs; None for the finest.
+        name: name of the model.
+        budget: time of all runs; None for the finest runs.
 
     Raises:
-        InputError: if a run diverges, or the budget is too short for the coarsest.
+        InputError: if a run diverges, or the budget is too short for the coarsest runs.
     """
     steps, sufficient = (FINE_STEPS, None) if budget is None else affordable_steps(built, name, budget)
     runs: dict[int, Motion] = {}
@@ -49,13 +49,13 @@ def reference_runs(built: BuiltModel, name: str, budget: Budget | None) -> dict[
 
 
 def affordable_steps(built: BuiltModel, name: str, budget: Budget) -> tuple[tuple[int, ...], float | None]:
-    """Return steps per revolution of the finest runs that a fraction of the budget affords.
+    """Return steps per revolution of the finest runs within a fraction of the budget.
 
     Returns:
-        The steps, ascending, and a budget in [s] that affords `FINE_STEPS`; None if these are they.
+        The steps, ascending, and a budget in [s] sufficient for `FINE_STEPS`; None if the steps are those.
 
     Raises:
-        InputError: if the budget is too short for the coarsest.
+        InputError: if the budget is too short for the coarsest runs.
     """
     budget.require(name)
     times, coarse = TrialTimes(budget), Settings(steps_per_turn=min(FINE_STEPS) // max(DIVISORS))
@@ -86,7 +86,7 @@ def affordable_steps(built: BuiltModel, name: str, budget: Budget) -> tuple[tupl
 
 
 def _divergence_message(name: str, count: int, stable: Sequence[int], sufficient: float | None) -> str:
-    """Return a message on a diverging run with remedies: finer runs, if there are any, or a softer model."""
+    """Return a message on a diverged run with remedies: finer runs, if any, or a softer model."""
     message = f"{name} diverges at {count:,} steps a turn with {Settings().integrator}"
     message += f", though not at {stable[-1]:,}" if stable else ""
     remedies = (
@@ -111,9 +111,9 @@ class Reference:
 
     Attributes:
         what: description.
-        exact: simulated motion -> the true motion at the same instants.
-        own_error: its error by quantity, in the units of the errors; empty for a closed form.
-        max_steps: per revolution, of runs that can be compared with it.
+        exact: simulated motion -> true motion at the same instants.
+        own_error: error of the reference by quantity, in the units of the errors; empty for a closed form.
+        max_steps: largest number of steps per revolution of runs that can be compared with it.
     """
 
     what: str
@@ -127,13 +127,13 @@ class Subject:
     """The mechanism or model on which the trade-off is measured.
 
     Attributes:
-        name: of the mechanism or file.
+        name: name of the mechanism or file.
         source: the mechanism, or a custom model.
         built: its model with the default cuts.
-        reference: what the trials are compared with.
+        reference: reference of the trials.
         stroke: half the largest extent of a point's path, in [m].
         speed: largest crank speed, in [rad/s].
-        variants: of the mechanism whose tracked points move the same way, by name.
+        variants: name -> variant of the mechanism with the same motion of its tracked points.
     """
 
     name: str
@@ -150,11 +150,11 @@ class Subject:
         return self.source if isinstance(self.source, Mechanism) else None
 
     def errors(self, motion: Motion | None) -> dict[str, float]:
-        """Return worst errors by quantity.
+        """Return the largest errors by quantity.
 
-        Position and loop residual are in units of the stroke, velocity and acceleration of stroke and
-        crank speed, angle and drive in [rad]; infinite for a motion that diverged. The drive error is the
-        distance of the crank from its profile; the others are measured at the actual crank angle.
+        Position and loop residual are in strokes, velocity and acceleration in strokes and crank speeds,
+        angle and drive in [rad]; all are infinite for a diverged motion. The drive error is the distance of
+        the crank from its profile. The other errors are measured at the actual crank angle.
         """
         if motion is None or not worst(motion.speed) <= MAX_SPEED_RATIO * self.speed:
             return dict.fromkeys(COMPARED, np.inf)
@@ -164,13 +164,13 @@ class Subject:
 
 
 def differences(motion: Motion, exact: Motion, stroke: float, speed: float) -> dict[str, float]:
-    """Return the worst differences of two motions at the same instants, as in `Subject.errors`."""
+    """Return the largest differences of two motions at the same instants, as in `Subject.errors`."""
     scales = motion_scales(stroke, speed)
     return {name: QUANTITIES[name].largest(motion, exact, scales) for name in COMPARED[:-1]}
 
 
 def subject_of(solver: KinematicSolver, speed: float, budget: Budget | None = None) -> Subject:
-    """Return a mechanism as a subject: its reference is the closed form, or else the loop equations.
+    """Return a mechanism as a subject, with the closed form or the loop equations as its reference.
 
     Raises:
         InputError: if the budget ends before the first trial.
@@ -192,7 +192,7 @@ def subject_of(solver: KinematicSolver, speed: float, budget: Budget | None = No
 
 
 def _time_check(budget: Budget | None, name: str) -> Callable[[], None]:
-    """Return a function that raises once the budget ends."""
+    """Return a function that raises InputError at the end of the budget."""
     return (lambda: None) if budget is None else lambda: budget.require(name)
 
 
@@ -209,17 +209,17 @@ def _variants(solver: KinematicSolver, angles: Array) -> dict[str, Mechanism]:
 
 
 def subject_of_model(source: Model, name: str, speed: float, budget: Budget | None = None) -> Subject:
-    """Return a custom model as a subject: its reference is a much finer run, with its own error.
+    """Return a custom model as a subject; its reference is a much finer run with an estimated error.
 
     Args:
         source: the model.
-        name: of the model.
-        speed: of the crank, in [rad/s].
-        budget: of all runs; the reference is as fine as a fraction of it allows.
+        name: name of the model.
+        speed: crank speed, in [rad/s].
+        budget: time of all runs; a fraction of it limits the reference runs.
 
     Raises:
-        AssemblyError: if the crank cannot make a whole turn.
-        InputError: if no reference can be made within the budget.
+        AssemblyError: if the crank cannot make a full revolution.
+        InputError: if no reference is possible within the budget.
     """
     built = build_model(source, None, speed, require_time=_time_check(budget, name))
     runs = reference_runs(built, name, budget)
@@ -236,12 +236,12 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
         quantity: _extrapolated_error(*(change[quantity] for change in changes))
         for quantity in ("position", "velocity", "acceleration")
     }
-    # the loop-closure error does not show in differences between runs
+    # differences between runs do not contain the loop-closure error
     bar["position"] = max(bar["position"], differences(fine, fine, stroke, abs(speed))["loop"])
     reference = Reference(f"a run of {max_steps} steps a turn", exact, bar, max_steps / 2)
     return Subject(name, source, built, reference, stroke, abs(speed))
 
 
 def _extrapolated_error(before: float, last: float) -> float:
-    """Return the error after the last halving of the step, from the changes by the two halvings."""
+    """Return the error after the last halving of the step, from the changes of both halvings."""
     return richardson(np.zeros(1), np.array([last]), 2.0, plausible_order(before, last, 2.0))[1]

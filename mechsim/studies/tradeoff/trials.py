@@ -1,6 +1,6 @@
-"""Trials of settings within a time budget; the relevant ones are timed again in rounds.
+"""Trials of settings within a time budget; the relevant settings are timed again in rounds.
 
-In each round all of them run in a new order, so that a slow period of the machine affects all.
+Each round runs all of them in a new order, so that a slow period of the computer affects all.
 """
 
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ from mechsim.studies.tradeoff.methods import (
 from mechsim.studies.tradeoff.subject import Subject
 from mechsim.studies.tradeoff.work_precision import Point, Tradeoff
 
-# rounds of timing, the first trials included, and the largest fraction of the budget reserved for the others
+# number of timing rounds including the first trials, and largest fraction of the budget for the later rounds
 TIMING_ROUNDS, TIMING_FRACTION = 5, 0.4
-# largest cost, relative to that of the front at the same error, of settings that are timed again
+# cost relative to that of the front at the same error, above which settings are not timed again
 MAX_COST_RATIO = 2.0
 
 
@@ -42,12 +42,12 @@ def measure_tradeoff(
     """Measure all settings on one subject.
 
     Args:
-        subject: to measure on.
-        budget: in [s] of wall time; trials that would exceed it are left out and reported, except the
-            shortest with hard loops.
-        seed: of the order of trials and of timing rounds.
+        subject: the subject.
+        budget: wall time in [s]; trials that would exceed it are omitted and reported, except the shortest
+            trial with low compliance.
+        seed: random seed for the order of trials and timing rounds.
         steps: numbers of steps per revolution.
-        progress: called after each trial.
+        progress: callback after each trial.
     """
     random = np.random.default_rng(seed)
     settings = [
@@ -56,7 +56,7 @@ def measure_tradeoff(
     order = sorted(range(len(settings)), key=dict(enumerate(random.permutation(len(settings)))).__getitem__)
     order.sort(key=lambda i: settings[i][0].rank)
     trials = _Trials(subject, settings, budget if isinstance(budget, Budget) else Budget(budget), progress)
-    # the shortest run of the most expensive integrator bounds the expected time of the others
+    # the shortest run of the most expensive integrator limits the expected time of the others
     first = [
         settings.index((method, min(steps)))
         for name in (LOW_COMPLIANCE, DEFAULTS)
@@ -93,15 +93,15 @@ class _Trials:
         self.times.add_build(subject.built.seconds)
 
     def named(self, name: str) -> list[SteppingMethod]:
-        """Return the methods of a name."""
+        """Return the methods with a name."""
         return list(dict.fromkeys(method for method, _ in self.settings if method.name == name))
 
     def left_out(self, i: int) -> bool:
-        """Return whether a trial was skipped for lack of time, although its model can probably be built."""
+        """Return whether lack of time prevented a trial whose model can probably be built."""
         return i not in self.points and self.models.get(self.settings[i][0].build, True) is not None
 
     def has_time(self, i: int, reserved: float = 0.0) -> bool:
-        """Return whether a trial fits the budget with some reserve, and the reference is finer."""
+        """Return whether a trial fits the budget with a reserve, and the reference is finer."""
         method, n = self.settings[i]
         if n > self.subject.reference.max_steps:
             return False
@@ -110,7 +110,7 @@ class _Trials:
         return expected <= self.budget.remaining - reserved
 
     def run(self, i: int) -> None:
-        """Run a trial, if its model can be built."""
+        """Run a trial if its model can be built."""
         method, n = self.settings[i]
         settings = method.settings(n, self.subject.speed)
         model = self._model(method)
@@ -137,7 +137,7 @@ class _Trials:
                 self.progress(f"timing, round {number + 1}", self.budget.fraction)
 
     def result(self) -> Tradeoff:
-        """Return the measured points, and the number of the others."""
+        """Return the measured points, and the numbers of the other trials."""
         left_out = [method.name for i, (method, _) in enumerate(self.settings) if self.left_out(i)]
         points = [self.points[i] for i in sorted(self.points)]
         tried = {point.method.name for point in points}
@@ -151,7 +151,7 @@ class _Trials:
         )
 
     def timing_seconds(self) -> float:
-        """Return the expected wall time of timing again in [s], limited to a fraction of the budget."""
+        """Return the expected wall time of the later timing rounds in [s], limited by the budget fraction."""
         expected = (TIMING_ROUNDS - 1) * sum(self._expected(point) for point in self._relevant())
         return min(TIMING_FRACTION * self.budget.seconds, expected)
 
@@ -170,7 +170,7 @@ class _Trials:
         return self.models[method.build]
 
     def _relevant(self) -> list[Point]:
-        """Return the points on the front, slightly above it, and of settings that serve for comparison."""
+        """Return the points on the front, those slightly above it, and those for comparison."""
         points = list(self.points.values())
         costs = np.array([point.cost for point in points])
         errors = np.array([point.errors["position"] for point in points])

@@ -1,4 +1,4 @@
-"""Work-precision results of a trade-off: points, fronts, recommendations, and how to use them."""
+"""Work-precision results of a trade-off: points, fronts, recommendations, and their use."""
 
 import csv
 from collections.abc import Sequence
@@ -28,10 +28,10 @@ class Point:
     """The cost and the errors of one setting.
 
     Attributes:
-        method: of stepping.
-        settings: with the number of steps.
-        errors: quantity -> worst error; see `Subject.errors`.
-        times: processor time of stepping one revolution in [s], one for each measurement.
+        method: stepping method.
+        settings: settings with the number of steps.
+        errors: quantity -> largest error; see `Subject.errors`.
+        times: processor time of stepping one revolution in [s], one value for each measurement.
     """
 
     method: SteppingMethod
@@ -63,11 +63,11 @@ class Tradeoff:
     """The points measured on one scene.
 
     Attributes:
-        subject: on which they were measured.
-        points: all of them, in the order of the methods.
-        left_out: number of trials without time.
-        unbuilt: number of trials of models that cannot be built or assembled.
-        untried: methods without time for a single trial.
+        subject: subject of the measurement.
+        points: all points, in the order of the methods.
+        left_out: number of trials omitted for lack of time.
+        unbuilt: number of trials whose models cannot be built or assembled.
+        untried: methods without a single trial for lack of time.
         seconds: wall time.
     """
 
@@ -88,11 +88,11 @@ class Tradeoff:
         return np.array([point.cost for point in self.points])
 
     def front(self, quantity: str = "position") -> list[Point]:
-        """Return the Pareto front: points that no other beats in both cost and error, by rising cost."""
+        """Return the Pareto front, by increasing cost: points that no other beats in both cost and error."""
         return [self.points[i] for i in pareto(self.costs, self.errors(quantity))]
 
     def choice(self, max_error: float, quantity: str = "position") -> Point | None:
-        """Return the cheapest point whose error plus that of the reference is small enough; or None."""
+        """Return the cheapest point whose error plus that of the reference is within the limit; or None."""
         bar = self.subject.reference.own_error.get(quantity, 0.0)
         best = cheapest(self.costs, self.errors(quantity) + bar, max_error)
         return None if best is None else self.points[best]
@@ -112,7 +112,7 @@ class Tradeoff:
         return observed_order(steps, errors, floor=floor, ceiling=MAX_ERROR)
 
     def best_curves(self, quantity: str = "position") -> dict[str, list[Point]]:
-        """Return the curve of each integrator with most points on its own front, and MuJoCo's defaults."""
+        """Return each integrator's curve with most points on its own front, and that of MuJoCo's defaults."""
         best: dict[str, list[Point]] = {}
         curves = self.curves()
         for integrator in dict.fromkeys(point.settings.integrator for point in self.points):
@@ -127,7 +127,7 @@ class Tradeoff:
         return best | ({DEFAULTS: curves[DEFAULTS]} if DEFAULTS in curves else {})
 
     def as_dict(self, quantity: str = "position") -> dict[str, Any]:
-        """Return what `mechsim tradeoff --json` prints."""
+        """Return the output of `mechsim tradeoff --json`."""
         orders = {name: self.order(curve, quantity) for name, curve in self.best_curves(quantity).items()}
         return {
             "mechanism": self.subject.name,
@@ -159,7 +159,7 @@ class Tradeoff:
 
 
 def write_csv(path: str | Path, result: Tradeoff, quantity: str = "position") -> None:
-    """Write every point as a row, those on the Pareto front marked.
+    """Write every point as a row with a mark for the Pareto front.
 
     Raises:
         OutputError: if the file cannot be written.
@@ -173,17 +173,17 @@ def write_csv(path: str | Path, result: Tradeoff, quantity: str = "position") ->
 
 
 def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
-    """Return how to use the settings of a point.
+    """Return the use of a point's settings.
 
     Args:
-        point: of a trade-off.
-        model: name or file that was measured.
-        speed: of the crank, in [rad/s].
+        point: point of a trade-off.
+        model: name or file of the measured model.
+        speed: crank speed, in [rad/s].
 
     Returns:
         "command": `mechsim simulate` with its options, None for another crank drive or a reduction;
         "export": `mechsim export` of a model with the settings, None if no file can contain them;
-        "xml": a fragment of MJCF, None if it cannot contain all; "python": lines that run it.
+        "xml": a fragment of MJCF, None if it cannot contain all settings; "python": lines that run the point.
     """
     return {
         "command": command(point, model, speed),
@@ -194,7 +194,7 @@ def advice(point: Point, model: str, speed: float) -> dict[str, str | None]:
 
 
 def command(point: Point, model: str, speed: float) -> str | None:
-    """Return the call of `mechsim simulate` that runs a point; None if it has no option for its model."""
+    """Return the call of `mechsim simulate` for a point; None if it has no option for the point's model."""
     build = point.method.build
     if (build.crank_drive, build.rod, build.variant) != (Build().crank_drive, None, None):
         return None
@@ -215,7 +215,7 @@ def _speed_text(speed: float) -> str:
 
 
 def exporting(point: Point, model: str, speed: float) -> str | None:
-    """Return the call of `mechsim export` that writes a point's settings; None if no file can."""
+    """Return the call of `mechsim export` with a point's settings; None if no file can contain them."""
     settings = point.settings
     if model.endswith(".xml") or fragment(point, speed) is None:
         return None
@@ -232,7 +232,7 @@ def _solref(settings: Settings, speed: float) -> tuple[float, float]:
 
 
 def fragment(point: Point, speed: float) -> str | None:
-    """Return the MJCF fragment of a point's settings; None if compliance is scaled after compiling."""
+    """Return the MJCF fragment of a point's settings; None if compliance is scaled after compilation."""
     settings = point.settings
     if settings.compliance_used != 1.0 or point.method.build != Build():
         return None
@@ -279,7 +279,7 @@ def _values(settings: Settings) -> dict[str, Any]:
 
 
 def _changed(settings: Settings) -> dict[str, Any]:
-    """Return the settings that are not the defaults, and the number of steps."""
+    """Return the settings that differ from the defaults, and the number of steps."""
     defaults = {field.name: field.default for field in fields(Settings)}
     return {
         name: _plain(value)

@@ -1,4 +1,4 @@
-"""Candidates for removal, and those among bodies: joints that hardly move, disconnected bodies."""
+"""Removal candidates, in particular for bodies: joints that hardly move, and disconnected bodies."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ class RemovalCandidate:
     """A change of a scene's specification that may reduce it.
 
     Attributes:
-        category: of the element, as "contacts".
-        what: description of what is removed.
+        category: category of the element, such as "contacts".
+        what: description of the removed element.
         edit: changes a specification in place; raises NotApplicable if it does not apply.
-        only_if_faster: whether it is applied only if it saves time, even if it costs no accuracy.
+        only_if_faster: whether the candidate is applied only if it saves time, even without loss of accuracy.
     """
 
     category: str
@@ -55,7 +55,7 @@ def with_candidate(spec: mujoco.MjSpec, candidate: RemovalCandidate) -> mujoco.M
 
 
 def set_spec_options(spec: mujoco.MjSpec, **values: int) -> None:
-    """Set options of a specification, as integrator or disableflags."""
+    """Set options of a specification, such as integrator or disableflags."""
     for name, value in values.items():
         setattr(spec.option, name, value)
 
@@ -66,14 +66,14 @@ def count_text(number: int, singular: str, plural: str | None = None) -> str:
 
 
 def name_list(names: list[str], limit: int = 4) -> str:
-    """Return the first names, comma-separated, and how many more there are."""
+    """Return the first names, comma-separated, and the number of other names."""
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(names[:limit]) + more
 
 
 LOCKED = "locked joints"
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-# largest displacement of a joint that is proposed, in [rad] or characteristic lengths
+# displacement of a joint above which it is not proposed, in [rad] or characteristic lengths
 MAX_DISPLACEMENT = 0.02
 
 
@@ -97,11 +97,11 @@ def locked_joints(observed: Evidence) -> list[RemovalCandidate]:
 
 
 def fuse(spec: mujoco.MjSpec, name: str, value: float) -> None:
-    """Remove a hinge or slide that nothing acts on; its body keeps the pose of a joint value.
+    """Remove a hinge or slide that no element uses; its body keeps the pose at a joint value.
 
     Raises:
-        NotApplicable: if there is no such joint, something acts on it, or its body has other joints, which
-            would move with the body.
+        NotApplicable: if the joint is missing or in use, or its body has other joints, which would move with
+            the body.
     """
     if spec.joint(name) is None:
         raise NotApplicable(f"joint {name} is removed already")
@@ -110,7 +110,7 @@ def fuse(spec: mujoco.MjSpec, name: str, value: float) -> None:
 
 
 def fuse_joint_at(spec: mujoco.MjSpec, name: str, value: Array) -> None:
-    """Remove a joint; its body keeps the pose of joint coordinates, (1,) or of a ball (4,).
+    """Remove a joint; its body keeps the pose at joint coordinates, (1,) or of a ball (4,).
 
     Raises:
         NotApplicable: if its body has other joints, which would move with the body.
@@ -138,7 +138,7 @@ def require_unused(spec: mujoco.MjSpec, name: str) -> None:
     """Reject a joint that an actuator, a tendon or a joint equality uses.
 
     Raises:
-        NotApplicable: naming what uses it.
+        NotApplicable: if an element uses the joint; the message names it.
     """
     for actuator in spec.actuators:
         if actuator.trntype != mujoco.mjtTrn.mjTRN_TENDON and actuator.target == name:
@@ -250,7 +250,7 @@ def _tendons(spec: mujoco.MjSpec) -> list[list[str]]:
 
 
 def _tendon_bodies(tendon: mujoco.MjsTendon) -> list[str]:
-    """Return the bodies that a tendon acts on."""
+    """Return the bodies on which a tendon acts."""
     if joints_of(tendon):
         return [body_of(wrap.target) for wrap in tendon.path]
     return [body_of(wrap.target) for wrap in tendon.path if hasattr(wrap.target, "parent")]
@@ -266,7 +266,7 @@ def _below(body: mujoco.MjsBody) -> set[str]:
 
 
 def _fixed_bodies(model: mujoco.MjModel) -> set[int]:
-    """Return the indices of the bodies that cannot move, with the world."""
+    """Return the indices of the bodies that cannot move, including the world."""
     fixed = {0}
     for body in range(1, model.nbody):
         if int(model.body_parentid[body]) in fixed and not model.body_jntnum[body]:

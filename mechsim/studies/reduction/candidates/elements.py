@@ -16,7 +16,7 @@ from mechsim.studies.reduction.candidates.bodies import (
 from mechsim.studies.reduction.reduced_scene import Evidence
 
 CONTACTS_DISABLED = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-# largest force of an idle actuator, in [N m] or [N]
+# largest force of an actuator at rest, in [N m] or [N]
 MAX_FORCE_AT_REST = 1e-12
 # field of a joint or tendon -> its value without effect, and its name in messages
 SPRING_FIELDS = {
@@ -27,7 +27,7 @@ SPRING_FIELDS = {
 
 
 def contacts(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose to disable contacts if none occurred, otherwise those of geoms that touched nothing."""
+    """Propose to disable contacts if none occurred, otherwise those of geoms without contact."""
     if observed.spec.option.disableflags & CONTACTS_DISABLED:
         return []
     if not observed.touched:
@@ -53,7 +53,7 @@ def _without_contacts(spec: mujoco.MjSpec, names: Collection[str]) -> None:
 
 
 def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose to remove each kind of element that acts on nothing: sensors, cameras, geoms, meshes."""
+    """Propose to remove each kind of element that exerts no force: sensors, cameras, geoms, meshes."""
     spec, edits = observed.spec, dict[str, Any]()
     if spec.sensors:
         edits[count_text(len(spec.sensors), "sensor")] = lambda spec: _delete(spec, spec.sensors)
@@ -72,7 +72,7 @@ def visual_elements(observed: Evidence) -> list[RemovalCandidate]:
 
 
 def _used_geoms(spec: mujoco.MjSpec) -> set[str]:
-    """Return the geoms that tendons wrap around or that contact pairs name."""
+    """Return the geoms around which tendons wrap or that contact pairs name."""
     wraps = {
         wrap.target.name
         for tendon in spec.tendons
@@ -83,7 +83,7 @@ def _used_geoms(spec: mujoco.MjSpec) -> set[str]:
 
 
 def _without_geoms(spec: mujoco.MjSpec, names: Collection[str]) -> None:
-    """Remove geoms; inertial properties of bodies stay."""
+    """Remove geoms; bodies keep their inertial properties."""
     for body in list(spec.bodies)[1:]:
         if any(geom.name in names for geom in body.geoms) and not body.explicitinertial:
             spec.adopt_inertial(body)
@@ -104,7 +104,7 @@ def _without_assets(spec: mujoco.MjSpec) -> None:
 
 
 def limits(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose to remove all limits that were never reached, and each of the others."""
+    """Propose to remove all limits that were never reached, and, one at a time, each of the others."""
     model = observed.model
     names = [model.joint(j).name for j in range(model.njnt) if model.jnt_limited[j]]
     names += [model.tendon(t).name for t in range(model.ntendon) if model.tendon_limited[t]]
@@ -166,7 +166,7 @@ def _without_equality(spec: mujoco.MjSpec, name: str) -> None:
 
 
 def springs(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose to remove Coulomb friction, springs and dampers: from all that have it, and from each."""
+    """Propose to remove Coulomb friction, springs and dampers: from all joints and tendons, and from each."""
     candidates: list[RemovalCandidate] = []
     for field, (_, what) in SPRING_FIELDS.items():
         # in a prescribed joint these only change the drive force

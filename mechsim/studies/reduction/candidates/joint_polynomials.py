@@ -1,4 +1,4 @@
-"""Loops replaced by joint equalities: each joint as a minimax polynomial of one joint.
+"""Loops replaced by joint equalities: each joint as a minimax polynomial of one leading joint.
 
 Removed bodies are compensated at that joint: reflected inertia by armature, weight and springs by a joint
 spring, dampers by joint damping.
@@ -27,14 +27,14 @@ from mechsim.studies.reduction.reduced_scene import Evidence
 from mechsim.studies.scene.settings import LOWEST_COMPLIANCE_SOLIMP
 
 POLYNOMIALS = "loops as polynomials"
-# highest degree that a joint equality of MJCF takes
+# highest degree that an MJCF joint equality accepts
 DEGREE = 4
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-# time constant in steps of the equalities that replace loops
+# time constant of the equalities that replace loops, in steps
 TIME_CONSTANT_STEPS = 2.0
-# samples by which reflected inertia and springs are fitted
+# number of samples for the fit of reflected inertia and springs
 FIT_SAMPLES = 41
-# iterations of Lawson's algorithm
+# number of iterations of Lawson's algorithm
 LAWSON_ITERATIONS = 20
 
 
@@ -46,7 +46,7 @@ class JointPolynomials:
         joint: the leading joint.
         others: joint -> polynomial of the leading coordinate, degree 0 to 4, both relative to `qpos0`.
         low: smallest coordinate of the leading joint in the motion.
-        high: largest.
+        high: largest coordinate of the leading joint in the motion.
     """
 
     joint: str
@@ -56,7 +56,7 @@ class JointPolynomials:
 
 
 def loops_as_polynomials(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose to replace all loops by polynomials of one joint, with all bodies or only those needed."""
+    """Propose to replace all loops by polynomials of one joint, with all bodies or only necessary ones."""
     if not any(relations.type != mujoco.mjtEq.mjEQ_JOINT for relations in observed.spec.equalities):
         return []
     candidates: list[RemovalCandidate] = []
@@ -92,7 +92,7 @@ def _leaders(observed: Evidence) -> list[str]:
 
 
 def joint_polynomials_of(observed: Evidence, joint: str) -> JointPolynomials | None:
-    """Return all joints as polynomials of one; None if one is no hinge or slide, or no polynomial fits."""
+    """Return all joints as polynomials of one; None if one is not a hinge or slide, or no polynomial fits."""
     spec, model = observed.spec, observed.model
     if any(other.type not in SINGLE for other in spec.joints):
         return None
@@ -118,22 +118,22 @@ def joint_polynomials_of(observed: Evidence, joint: str) -> JointPolynomials | N
 
 
 class FittedPolynomial(NamedTuple):
-    """A polynomial and its worst error over the samples."""
+    """A polynomial and its largest error over the samples."""
 
     polynomial: Polynomial
     estimate: float
 
 
 def best_polynomial(x: Array, y: Array, tolerance: float) -> Polynomial | None:
-    """Return the polynomial of least degree, 0 to 4, whose worst error over samples is near the least.
+    """Return the polynomial of lowest sufficient degree, 0 to 4, with a nearly minimal largest error.
 
     Args:
         x: samples, (n,).
         y: values, (n,).
-        tolerance: the lowest degree with a tenth of this error is returned, otherwise the best.
+        tolerance: the lowest degree with at most a tenth of this error is returned, otherwise the best.
 
     Returns:
-        None if the best error exceeds a hundred tolerances.
+        The polynomial; None if the best error exceeds a hundred tolerances.
     """
     best = refine(
         lambda degree: _minimax_polynomial(x, y, degree, 0.1 * tolerance),
@@ -145,9 +145,9 @@ def best_polynomial(x: Array, y: Array, tolerance: float) -> Polynomial | None:
 
 
 def _minimax_polynomial(x: Array, y: Array, degree: int, sufficient: float) -> FittedPolynomial:
-    """Return a polynomial whose worst error over samples is the least to a few per cent, or sufficient.
+    """Return a polynomial whose largest error over samples is sufficient, or minimal to a few per cent.
 
-    It is fitted in Chebyshev polynomials with weights that grow where the error is largest (Lawson).
+    The fit uses Chebyshev polynomials with weights that grow where the error is largest (Lawson).
     """
     fits: list[FittedPolynomial] = []
     weights = np.full(len(x), 1.0 / len(x))

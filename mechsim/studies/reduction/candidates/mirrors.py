@@ -1,4 +1,4 @@
-"""Mirrored mechanisms: a side that a joint equality couples one to one to another, as in a gripper."""
+"""Mirrored mechanisms: a side that a joint equality couples one to one to another side, as in a gripper."""
 
 from dataclasses import replace
 from functools import partial

@@ -1,4 +1,4 @@
-"""Candidates among passive chains: rods kept as lengths, chains and leaf bodies fused."""
+"""Candidates among passive chains: rods replaced by distance constraints, fused chains and leaf bodies."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -27,14 +27,14 @@ CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
 
 @dataclass(frozen=True, slots=True)
 class LooseChain:
-    """Passive bodies between a body that remains and an equality that closes a loop.
+    """Passive bodies between a remaining body and an equality that closes a loop.
 
     Attributes:
         closing: name of the equality.
-        chain_site: site at which the chain is closed, on its last body.
-        other_site: site of the equality on the body that remains.
-        bodies: names, the first attached to a body that remains.
-        joints: names, all of the bodies.
+        chain_site: site on the last body at which the chain is closed.
+        other_site: site of the equality on the remaining body.
+        bodies: names of the bodies; the first is attached to a remaining body.
+        joints: names of all joints of the bodies.
     """
 
     closing: str
@@ -45,7 +45,7 @@ class LooseChain:
 
 
 def loose_chains(observed: Evidence) -> list[LooseChain]:
-    """Return the passive chains of a scene that close loops, the shortest first."""
+    """Return the passive chains of a scene that close loops; the shortest is first."""
     spec, chains = observed.spec, list[LooseChain]()
     kept = kept_bodies(observed)
     for equality in spec.equalities:
@@ -73,7 +73,7 @@ def kept_bodies(observed: Evidence) -> set[str]:
 
 
 def _chain(spec: mujoco.MjSpec, chain_site: str, other_site: str, kept: set[str]) -> list[mujoco.MjsBody]:
-    """Return the bodies from the one that remains to the site's; none if one is needed or branches."""
+    """Return the passive bodies from a remaining body to the site, its own body last; none without joints."""
     above = set[str]()
     body = spec.site(other_site).parent
     while body is not None and body.name != "world":
@@ -84,7 +84,7 @@ def _chain(spec: mujoco.MjSpec, chain_site: str, other_site: str, kept: set[str]
     while body.name != "world" and body.name not in above:
         below = {child.name for child in body.find_all("body")} - {child.name for child in chain}
         if body.name in kept or below:
-            # its children remain, so it remains too
+            # its children remain, and so does the body
             break
         chain.insert(0, body)
         body = body.parent
@@ -92,7 +92,7 @@ def _chain(spec: mujoco.MjSpec, chain_site: str, other_site: str, kept: set[str]
 
 
 def _used(spec: mujoco.MjSpec, bodies: tuple[str, ...], joints: tuple[str, ...], closing: str) -> bool:
-    """Return whether anything but its closing equality acts on a chain."""
+    """Return whether any element except the closing equality acts on a chain."""
     sites = {site.name for site in spec.sites if site.parent.name in bodies}
     for equality in spec.equalities:
         names = {equality.name1, equality.name2}
@@ -114,7 +114,7 @@ def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, mom
         body: index of the body; nothing is added to the world.
         mass: in [kg].
         centre: centre of the mass in the body's frame, (3,) in [m].
-        moments: about this centre, in the body's frame, (3, 3) in [kg m2].
+        moments: inertia about this centre, in the body's frame, (3, 3) in [kg m2].
     """
     if body == 0 or not mass > 0.0:
         return
@@ -136,14 +136,14 @@ def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, mom
 
 RODS = "rods as lengths"
 SITE, TENDON = mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_TENDON
-# distance of joint anchors, relative to the rod length, below which they count as one point
+# distance of joint anchors, relative to the rod length, up to which they coincide
 ANCHOR_TOLERANCE = 1e-6
-# time constants in steps, tried in addition to the loop's own compliance
+# time constants in steps, tried in addition to the compliance of the loop
 TIME_CONSTANTS = (2.0, 4.0)
 
 
 def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose to replace each rod by its length, with the loop's own compliance and with smaller ones."""
+    """Propose to replace each rod by its length, with the compliance of its loop and with smaller ones."""
     candidates: list[RemovalCandidate] = []
     step = float(observed.spec.option.timestep)
     for chain in loose_chains(observed):
@@ -166,9 +166,9 @@ def rods_as_lengths(observed: Evidence) -> list[RemovalCandidate]:
 
 
 def rod_of_chain(spec: mujoco.MjSpec, chain: LooseChain) -> tuple[Array, float] | None:
-    """Return the common anchor of a chain's joints, (3,), and the distance to its end; None if there is none.
+    """Return the common anchor of a chain's joints, (3,), and the distance to its end; or None.
 
-    The hinge axes must pass through one point, so that the rod can follow the direction of the force.
+    The hinge axes must intersect in one point, so that the rod can follow the direction of the force.
     """
     model = plainly_compiled(spec)
     data = mujoco.MjData(model)
@@ -255,7 +255,7 @@ def passive_chains(observed: Evidence) -> list[RemovalCandidate]:
 
 
 def _leaves(observed: Evidence) -> list[str]:
-    """Return the leaf bodies that close no loop and that nothing else needs."""
+    """Return the leaf bodies that close no loop and that no other element needs."""
     spec, kept = observed.spec, kept_bodies(observed)
     ends = {name for equality in spec.equalities for name in (equality.name1, equality.name2) if name}
     closed = {site.parent.name for site in spec.sites if site.name in ends}

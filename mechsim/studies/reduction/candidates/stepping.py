@@ -14,7 +14,7 @@ from mechsim.studies.reduction.candidates.bodies import (
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
 
-# categories: cheaper steps; longer steps
+# names of the categories: cheaper steps, and longer steps
 CHEAPER_STEPS, LONGER_STEPS = "stepping", "steps"
 EULER, RK4, IMPLICIT, IMPLICITFAST = (
     mujoco.mjtIntegrator.mjINT_EULER,
@@ -28,7 +28,7 @@ INTEGRATOR_NAMES = {
     int(IMPLICIT): "implicit",
     int(IMPLICITFAST): "implicitfast",
 }
-# steps tried, relative to the scene's own
+# time steps tried, relative to the scene's own
 STEP_RATIOS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50, 64, 80, 100)
 # fraction of a step by which the forces of dampers and of actuators act early (+) or late (-)
 FORCE_DELAYS = {
@@ -39,14 +39,14 @@ FORCE_DELAYS = {
 }
 # cost of a step of RK4 relative to the other integrators
 RK4_COST = 3.3
-# largest stiffness of a constraint times step squared, and damping times step, that stay stable
+# largest stable stiffness of a constraint times step squared, and largest stable damping times step
 MAX_STIFFNESS, MAX_DAMPING = 1.0, 1.0
 # range of impedances that MuJoCo accepts
 IMPEDANCES = (1e-4, 0.9999)
 
 
 def cheaper_steps(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose settings that make a step cheaper and do not change its result."""
+    """Propose settings that reduce the cost of a step without changing its result."""
     option = observed.spec.option
     energy, island = (
         int(flag) for flag in (mujoco.mjtEnableBit.mjENBL_ENERGY, mujoco.mjtDisableBit.mjDSBL_ISLAND)
@@ -72,7 +72,7 @@ def cheaper_steps(observed: Evidence) -> list[RemovalCandidate]:
 
 
 def longer_steps(observed: Evidence) -> list[RemovalCandidate]:
-    """Propose longer steps and other integrators, the cheapest first."""
+    """Propose longer steps and other integrators; the least expensive is first."""
     own = int(observed.spec.option.integrator)
     candidates: list[tuple[float, RemovalCandidate]] = []
     for times in STEP_RATIOS:
@@ -88,7 +88,7 @@ def longer_steps(observed: Evidence) -> list[RemovalCandidate]:
 
 
 def set_longer_steps(spec: mujoco.MjSpec, times: int, integrator: int) -> None:
-    """Multiply the step, with compensation of dampers if there are any."""
+    """Multiply the step; compensate for dampers if there are any."""
     try:
         set_stepping(spec, times, integrator, compensated=True)
     except NotApplicable:
@@ -111,7 +111,7 @@ def set_stepping(spec: mujoco.MjSpec, times: int, integrator: int, compensated: 
     Args:
         spec: changed in place.
         times: ratio of the new step to the old.
-        integrator: of them.
+        integrator: integrator of the new steps.
         compensated: whether armature compensates for dampers that act a fraction of a step early or late.
     """
     before, after = float(spec.option.timestep), times * float(spec.option.timestep)
@@ -123,10 +123,10 @@ def set_stepping(spec: mujoco.MjSpec, times: int, integrator: int, compensated: 
 
 
 def _compensate_damping(spec: mujoco.MjSpec, old: int, new: int, before: float, after: float) -> None:
-    """Add armature that compensates for dampers acting a fraction of a step early or late.
+    """Add armature that compensates for dampers that act a fraction of a step early or late.
 
-    A force -c v taken a time s late equals -c v + c s a: the inertia appears smaller by c s. If the armature
-    is smaller than that, all of it is removed.
+    A damping force -c v with a delay s equals -c v + c s a: the inertia appears smaller by c s. Armature is
+    limited below by zero.
     """
     delay = [
         old_shift * before - new_shift * after
@@ -150,10 +150,10 @@ def _compensate_damping(spec: mujoco.MjSpec, old: int, new: int, before: float, 
 
 
 def _targets(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> dict[mujoco.MjsJoint, float]:
-    """Return the joints that an actuator acts on, and the share of a tendon's inertia of each.
+    """Return the joints on which an actuator acts, and the share of a tendon's inertia of each.
 
     A tendon's own armature acts only between joints of one branch of the tree. Joints of several branches
-    move alike, as the fingers of a gripper do.
+    move together, as the fingers of a gripper do.
     """
     if actuator.trntype == mujoco.mjtTrn.mjTRN_TENDON:
         weights = joints_of(spec.tendon(actuator.target))
@@ -167,9 +167,9 @@ def _targets(spec: mujoco.MjSpec, actuator: mujoco.MjsActuator) -> dict[mujoco.M
 def keep_stiffness(spec: mujoco.MjSpec, before: float, after: float) -> None:
     """Keep the compliance of loops and limits with another step.
 
-    MuJoCo softens constraint rows with the step. A row with stiffness s and impedance d gives
+    MuJoCo's constraints become more compliant with the step. A row with stiffness s and impedance d gives
     (1 - d) dmax^2 / (d^2 s) times the acceleration that it prevents (computation chapter of MuJoCo's
-    documentation): more impedance compensates for the smaller stiffness that a longer step allows.
+    documentation). More impedance compensates for the smaller stiffness that a longer step permits.
     """
     safe = not spec.option.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
     for equality in spec.equalities:
@@ -189,12 +189,12 @@ def _limited_reference(
     """Return `solref` as negative stiffness and damping, which MuJoCo does not scale, and `solimp`.
 
     Args:
-        solref: as the scene has it, (2,).
-        solimp: likewise, (5,).
+        solref: `solref` of the scene, (2,).
+        solimp: `solimp` of the scene, (5,).
         impedance: typical impedance of the constraint.
-        before: the step of the scene in [s].
-        after: the new step, in [s].
-        safe: whether time constants of the scene are limited to at least two steps.
+        before: time step of the scene in [s].
+        after: new time step in [s].
+        safe: whether time constants of the scene are at least two steps.
     """
     if solref[0] <= 0.0:
         stiffness, damping = -float(solref[0]), -float(solref[1])
