@@ -1,6 +1,6 @@
 PYTHON ?= .venv/bin/python
 
-.PHONY: check test test-repository test-all validate docs
+.PHONY: check test test-browser test-repository test-all validate docs
 
 check:
 	$(PYTHON) -m ruff check .
@@ -16,8 +16,11 @@ test-repository:
 	$(PYTHON) -m pytest -q -n 2 --dist worksteal tests/repository tests/validation
 
 # long physics and full grids too
+test-browser:
+	$(PYTHON) -m pytest -q -n 2 --dist worksteal -m 'browser and not slow' tests/pictures tests/report
+
 test-all:
-	$(PYTHON) -m pytest -q -n 2 --dist worksteal -m 'slow or not slow' -o 'norecursedirs=.*'
+	$(PYTHON) -m pytest -q -n 2 --dist worksteal -m '' -o 'norecursedirs=.*'
 
 validate:
 	$(PYTHON) -m mechsim validate --report out/

@@ -1,6 +1,6 @@
 """Comparison of MuJoCo's dynamics with the formulas at the states that the run reached."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +9,10 @@ from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, fre
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.errors import AssemblyError
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.forward_run import stepped_run
+from mechsim.simulation.dynamics.forward_run import SteppedRun, stepped_run
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.dynamics.static_state import static_state
 from mechsim.simulation.result import Driven
@@ -20,9 +21,10 @@ from mechsim.verdict.crosscheck import crosscheck_forces, crosscheck_free_run
 from mechsim.verdict.record_errors import lengths
 from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
-# MuJoCo steps for each step of collocation: 1500 in a period of a pendulum, for which collocation needs 5
-# (validation/published/forward_dynamics.py)
-STEPS_PER_STEP = 300
+# fewest and most MuJoCo steps for each step of collocation. A pendulum needs 1500 in a period, for which
+# collocation needs 5 (validation/published/forward_dynamics.py); a collocation step that loads over time keep
+# short needs fewer.
+MIN_STEPS_PER_STEP, STEPS_PER_STEP = 20, 300
 # largest number of steps of one run
 MAX_STEPS = 400_000
 # tolerance relative to the largest value, for rounding and the compliance of MuJoCo's constraints; MuJoCo
@@ -91,8 +93,9 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
     """Compare a run of forward dynamics with MuJoCo, stepped from the same initial values.
 
     All joints start in MuJoCo at their initial values of the run, since `initial` may leave some out.
-    MuJoCo runs twice, the second time with half the step. The largest change between both runs bounds the
-    error of the second.
+    MuJoCo runs again with half the step until that changes the motion by less than the rounding that is
+    tolerated, or the step is short enough. The largest change between the last two runs bounds the error of
+    the last.
 
     Args:
         run: of the analytic side.
@@ -100,7 +103,6 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
         initial: its initial values.
     """
     times, intervals = run.time, len(run.time) - 1
-    substeps = max(1, min(MAX_STEPS // intervals, STEPS_PER_STEP * run.steps // intervals))
     joints = run.motion.joints
     coordinates = {name: float(joint.value[0]) for name, joint in joints.items()}
     rates = {name: float(joint.rate[0]) for name, joint in joints.items()}
@@ -108,38 +110,65 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
     for controller in dynamic_model.forces.controllers:
         kept |= controller.coordinates
     laws = {name: dynamic_model.solver.motion_laws.by_name[name] for name in run.driving}
-    coarse, fine = (
-        stepped_run(
+
+    def stepped(substeps: int) -> SteppedRun:
+        return stepped_run(
             dynamic_model.mechanism,
             dynamic_model.forces,
             coordinates,
             rates,
             times,
-            count,
+            substeps,
             kept=kept,
             prescribed=laws,
         )
-        for count in (substeps, 2 * substeps)
-    )
-    if fine.diverged or coarse.diverged:
-        return Verdict("diverged", (), "MuJoCo's state became invalid; give a shorter run")
+
     floor = (
         FRICTION_TOLERANCE
         if any(friction.dry for friction in dynamic_model.forces.friction)
         else RELATIVE_TOLERANCE
     )
+    most = min(MAX_STEPS, 2 * STEPS_PER_STEP * run.steps) // intervals
+    substeps = max(1, min(most, MIN_STEPS_PER_STEP * run.steps // intervals))
+    coarse = stepped(substeps)
+    while True:
+        fine, substeps = stepped(2 * substeps), 2 * substeps
+        if fine.diverged or coarse.diverged:
+            return Verdict("diverged", (), "MuJoCo's state became invalid; give a shorter run")
+        compared = _forward_quantities(run, dynamic_model.mechanism, coarse, fine)
+        largest = _largest_values(compared)
+        changes = ((unit, _change(coarse, fine)) for _, unit, _, coarse, fine in compared)
+        if 2 * substeps > most or all(change <= floor * largest[unit] for unit, change in changes):
+            break
+        coarse = fine
+    return concluded(
+        _forward_check(name, unit, times, values, floor * largest[unit]) for name, unit, *values in compared
+    )
+
+
+def _forward_quantities(
+    run: DynamicRun, mechanism: Mechanism, coarse: SteppedRun, fine: SteppedRun
+) -> list[tuple[str, str, Array, Array, Array]]:
+    """Return name, unit and values of the quantities of a run and of two runs in MuJoCo."""
     compared = [*_compared(run.motion, coarse.motion, fine.motion)]
     for name, effort in run.driving.items():
-        unit = dynamic_model.mechanism.effort_unit(name)
+        unit = mechanism.effort_unit(name)
         compared.append((f"drive of {name}", unit, effort, coarse.driving[name], fine.driving[name]))
-    # of all points together, and of all joints: one of them may rest
+    return compared
+
+
+def _largest_values(compared: Iterable[tuple[str, str, Array, Array, Array]]) -> dict[str, float]:
+    """Return unit -> largest value of all points or joints together, since one of them may rest."""
     largest: dict[str, float] = {}
     for _, unit, exact, _, _ in compared:
         largest[unit] = max(largest.get(unit, 0.0), float(np.abs(exact).max()))
-    checks = [
-        _forward_check(name, unit, times, values, floor * largest[unit]) for name, unit, *values in compared
-    ]
-    return concluded(checks)
+    return largest
+
+
+def _change(coarse: Array, fine: Array) -> float:
+    """Return the largest distance between the values of two runs."""
+    difference = (fine - coarse).reshape(len(fine), -1)
+    return float(lengths(difference).max())
 
 
 def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Verdict:
@@ -217,7 +246,7 @@ def _compared(exact: Motion, coarse: Motion, fine: Motion) -> Iterator[tuple[str
 
 def _forward_check(name: str, unit: str, times: Array, values: list[Array], floor: float) -> Check:
     exact, coarse, fine = (value.reshape(len(times), -1) for value in values)
-    change = float(lengths(fine - coarse).max())
+    change = _change(coarse, fine)
     reason = f"change by halving MuJoCo's step, and {floor:.1e} {unit} of compliance and rounding"
     check = check_of(
         name,

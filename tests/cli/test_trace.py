@@ -108,7 +108,7 @@ def test_what_is_open_in_a_file_is_held_as_the_rejection_states(trace, file):
     words = (file(text), "--starts", "0")
     code, _, err = trace(*words)
     assert code == 2
-    assert "hold" in err
+    assert "lock or couple it" in err
     code, out, err = trace(*words, "--lock", "loose")
     assert (code, err) == (0, "")
     assert "component" in out

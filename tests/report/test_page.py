@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from browser import PROGRAM, Browser
+from browser import PROGRAM, Browser, in_browser
 
 from mechsim import catalog
 from mechsim.errors import OutputError
@@ -324,11 +324,9 @@ SURVEY = """(async () => {
   };
 })()"""
 
-browses = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it")
-
 
 @pytest.mark.slow
-@browses
+@in_browser
 def test_a_browser_shows_and_plays_everything_without_complaint(section, tmp_path):
     section = replace(section, video=film_of(tmp_path / "out"))
     page = report.write_report(tmp_path / "out", results(rssr=good(), other=bad()), [section])
@@ -351,7 +349,7 @@ def test_a_browser_shows_and_plays_everything_without_complaint(section, tmp_pat
             assert len(np.unique(seen.reshape(-1, 3), axis=0)) > 100
 
 
-@browses
+@in_browser
 def test_a_report_of_all_mechanisms_prints_on_four_pages_and_is_small(section, tmp_path):
     noise = np.random.default_rng(5).integers(0, 256, 25_000, dtype=np.uint8).tobytes()
     pictures = [PNG + noise[:-i] for i in range(1, 32)]
@@ -370,7 +368,7 @@ def test_a_report_of_all_mechanisms_prints_on_four_pages_and_is_small(section, t
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", paper.read_bytes())) <= 4
 
 
-@browses
+@in_browser
 def test_filter_sort_and_links_find_a_row(section, tmp_path):
     other = replace(section, name="other", title="other", checks=(check(7e-10, "toe"), check(1e-10, "knee")))
     page = report.write_report(tmp_path, results(rssr=good(), other=good()), [section, other])
@@ -387,7 +385,7 @@ def test_filter_sort_and_links_find_a_row(section, tmp_path):
         assert browser.complaints == []
 
 
-@browses
+@in_browser
 def test_a_browser_finds_what_is_broken(section, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "turn.mp4").write_bytes(b"not really a video")

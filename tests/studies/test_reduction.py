@@ -303,5 +303,5 @@ def test_numbers_fitted_to_a_part_that_is_not_there_do_not_apply():
 
 def test_a_tracked_point_that_stays_where_it_is_is_rejected(tmp_path):
     user, spec = scene(tmp_path, SERVO, track=("P,arm@0,0,0",))
-    with pytest.raises(InputError, match=r"move by 0 m.* track a point that moves"):
+    with pytest.raises(InputError, match=r"move by only 0 m.* track a point that moves"):
         reduce_scene(user, spec, 1e-5)

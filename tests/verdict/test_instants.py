@@ -87,7 +87,7 @@ def test_a_table_of_both_kinds_of_instants_has_units_in_its_segments():
     angle = check_of("position", "A", np.ones(1), np.array([0.5]), allowed)
     time = check_of("position", "B", np.ones(1), RecordInstants(np.array([2.0]), "s"), allowed)
     head, rows = check_table([angle, time])
-    assert (head[2], [row[2] for row in rows]) == ("at", ["0.5000 rad", "2.0000 s"])
+    assert (head[2], [row[2] for row in rows]) == ("at", ["0.5 rad", "2 s"])
     assert check_table([time])[0][2] == "at [s]"
 
 

@@ -4,7 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from browser import PROGRAM, Browser
+from browser import Browser, in_browser
 
 import mechsim as ms
 from mechsim.codegen import geometry
@@ -14,7 +14,6 @@ from mechsim.pictures.view.pose_grid import View, motion_grid
 from mechsim.report.live_page import live_page
 from mechsim.subjects.readers import open_model, parametric_model
 
-shown = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it")
 SPEED = 20.0
 # dimensions that are changed, as `set=` takes them, and values of the drivers in SI
 CHANGED = {
@@ -85,7 +84,7 @@ def change(window, name):
     )
 
 
-@shown
+@in_browser
 @pytest.mark.parametrize("name", CHANGED)
 def test_the_page_solves_changed_dimensions_as_python_does(window, pages, name):
     open_live(window, pages(name))
@@ -109,7 +108,7 @@ def test_the_page_solves_changed_dimensions_as_python_does(window, pages, name):
     assert not window.complaints
 
 
-@shown
+@in_browser
 def test_a_saved_file_reads_back_as_the_mechanism_of_the_page(window, pages, tmp_path):
     for name in ("rssr", "jansen"):
         open_live(window, pages(name))
@@ -123,7 +122,7 @@ def test_a_saved_file_reads_back_as_the_mechanism_of_the_page(window, pages, tmp
             np.testing.assert_allclose(motion.points[point].position[0], position, rtol=0.0, atol=1e-12)
 
 
-@shown
+@in_browser
 def test_a_dragged_point_follows_the_pointer_as_far_as_it_can(window, pages):
     open_live(window, pages("stewart_gough"))
     before, after, wanted = window.run(
@@ -143,7 +142,7 @@ def test_a_dragged_point_follows_the_pointer_as_far_as_it_can(window, pages):
     assert angle == pytest.approx(0.75 * np.pi, abs=1e-3)
 
 
-@shown
+@in_browser
 def test_the_address_holds_dimensions_and_limits_are_reported(window, pages):
     open_live(window, pages("four_bar"))
     window.run("setSlider(0, 0.5)")

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from browser import PROGRAM, Browser
+from browser import Browser, in_browser
 
 import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -14,7 +14,6 @@ from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 
 DRIVE = ms.catalog.make("four_bar")
-shown = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it")
 
 
 @cache
@@ -90,7 +89,7 @@ def test_no_name_of_a_mechanism_ends_the_script():
     assert text.count("</title>") == 1
 
 
-@shown
+@in_browser
 def test_the_dragged_slider_takes_points_where_the_closed_form_states(window, place_of):
     fresh(window, place_of)
     for share in (0.31, 0.64, 0.997):
@@ -105,7 +104,7 @@ def test_the_dragged_slider_takes_points_where_the_closed_form_states(window, pl
     assert [one for one in loaded if not one.startswith("data:")] == []
 
 
-@shown
+@in_browser
 def test_what_is_drawn_is_where_the_page_states(window, place_of):
     fresh(window, place_of, "#crank=123&paths=off&names=off&joints=off")
     image = window.look().astype(int)
@@ -120,7 +119,7 @@ def test_what_is_drawn_is_where_the_page_states(window, place_of):
         assert np.abs(middle + 0.5 - (x, y)).max() < 1.5
 
 
-@shown
+@in_browser
 def test_the_links_cast_a_shadow_on_the_wall_behind_them(window, place_of):
     floor = data()["floor"]
     assert (floor["normal"], floor["at"] <= -data()["radius"]) == ([0.0, 0.0, 1.0], True)
@@ -137,7 +136,7 @@ def test_the_links_cast_a_shadow_on_the_wall_behind_them(window, place_of):
     assert before > shaded() + 1000
 
 
-@shown
+@in_browser
 def test_keys_move_the_slider_and_choose_what_is_seen(window, place_of):
     fresh(window, place_of, "#crank=40")
     window.run("slider0.focus()")
@@ -161,7 +160,7 @@ def test_keys_move_the_slider_and_choose_what_is_seen(window, place_of):
 NAMES = "[...document.querySelectorAll('#labels text')].map(one => one.getBoundingClientRect().toJSON())"
 
 
-@shown
+@in_browser
 @pytest.mark.parametrize(("width", "angles"), [(400, (0, 75)), (1280, (180, 200))])
 def test_nothing_runs_over_the_edge_in_either_scheme_and_no_name_covers_another(
     window, place_of, width, angles
@@ -187,7 +186,7 @@ HORIZON = """(() => {
 })()"""
 
 
-@shown
+@in_browser
 def test_the_horizon_stays_level_while_a_spatial_mechanism_is_turned(window, tmp_path):
     path = tmp_path / "rssr.html"
     path.write_text(page(mechanism_view(ms.catalog.make("rssr"), ms.units.rpm(600))), encoding="utf-8")
@@ -204,7 +203,7 @@ def test_the_horizon_stays_level_while_a_spatial_mechanism_is_turned(window, tmp
     assert window.complaints == []
 
 
-@shown
+@in_browser
 def test_the_message_without_webgl_stays(window, tmp_path):
     blind = """<script>
       const known = HTMLCanvasElement.prototype.getContext;
@@ -235,7 +234,7 @@ NEAREST = """[...document.querySelectorAll('#labels text')].map(text => {
 })"""
 
 
-@shown
+@in_browser
 def test_the_nearest_part_of_every_label_is_its_own(window, place_of):
     wrong = count = 0
     for degrees in range(0, 360, 30):
@@ -248,7 +247,7 @@ def test_the_nearest_part_of_every_label_is_its_own(window, place_of):
     assert wrong == 0
 
 
-@shown
+@in_browser
 def test_the_address_holds_what_is_shown_and_gives_it_back(window, place_of):
     fresh(window, place_of)
     window.run("setSlider(0, 2.0)")
@@ -264,7 +263,7 @@ def test_the_address_holds_what_is_shown_and_gives_it_back(window, place_of):
     assert window.complaints == []
 
 
-@shown
+@in_browser
 def test_a_table_and_a_picture_can_be_saved(window, place_of):
     fresh(window, place_of, "#crank=30")
     rows = window.run("table()").split("\r\n")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from browser import PROGRAM, Browser
+from browser import Browser, in_browser
 from scipy.spatial.transform import Rotation
 
 import mechsim as ms
@@ -13,7 +13,6 @@ from mechsim.pictures.view.pose_grid import View, motion_grid
 from mechsim.report.driver_views import platform_of
 from mechsim.report.views import mechanism_view
 
-shown = pytest.mark.skipif(PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it")
 # platform and its coordinates; poses within its reach, in [m] and [rad] relative to the start
 PLATFORMS = {
     "stewart_gough": ("plate", "x y z rx ry rz", (0.012, -0.009, 0.02, 0.15, -0.2, 0.11)),
@@ -83,7 +82,7 @@ def python_motion(mechanism, start, drivers):
     return solver.solve(t=np.linspace(0.0, 1.0, 11))
 
 
-@shown
+@in_browser
 @pytest.mark.parametrize("name", PLATFORMS)
 def test_the_page_solves_a_platform_as_python_does(window, pages, name):
     link, coordinates, displacement = PLATFORMS[name]
@@ -120,7 +119,7 @@ def expect_pose(motion, mechanism, link, coordinates, values):
         assert found[coordinate] == pytest.approx(value, abs=1e-10)
 
 
-@shown
+@in_browser
 def test_the_reachable_range_ends_where_a_leg_reaches_its_limit(window, pages):
     legs = {f"l{i}": (0.14, 0.17) for i in range(1, 7)}
     start = open_platform(window, pages("stewart_gough", legs))
@@ -138,7 +137,7 @@ def test_the_reachable_range_ends_where_a_leg_reaches_its_limit(window, pages):
     assert window.complaints == []
 
 
-@shown
+@in_browser
 def test_the_band_of_a_slider_shows_its_reachable_range(window, pages):
     open_platform(window, pages("planar_3rrr"))
     assert window.run("new Promise(done => setTimeout(() => done(true), 3000))")
@@ -151,7 +150,7 @@ def test_the_band_of_a_slider_shows_its_reachable_range(window, pages):
     assert all(label.startswith("reachable: ") and " to " in label for label in labels)
 
 
-@shown
+@in_browser
 def test_a_pose_out_of_reach_is_reported_and_the_sliders_work_on(window, pages):
     start = open_platform(window, pages("five_bar"))
     far = [start[0] + 0.08, start[1] + 0.05]
