@@ -1,4 +1,4 @@
-"""Command line: one file for each command, loaded when the command is typed."""
+"""Command line: one module for each command, imported when the command is used."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ from mechsim._version import __version__
 from mechsim.cli.exit_codes import exit_code, print_stderr
 from mechsim.cli.help import GroupedCommands, PlainCommand
 
-# group -> command -> its file and function, and a line of the list of commands
+# group -> command -> its module and function, and its line in the list of commands
 GROUPS = {
     "Models": {
         "list": ("show.list_mechanisms", "List the mechanisms that come with mechsim."),
@@ -60,7 +60,7 @@ GROUPS = {
     },
 }
 COMMANDS = {name: entry for group in GROUPS.values() for name, entry in group.items()}
-# commands that load MuJoCo only when they run, so that their help is shown without it
+# commands that import MuJoCo only when they run, so that their help does not need it
 LATE = ("doctor", "extremes", "view")
 PLAIN: dict[str, Any] = {
     "rich_markup_mode": None,
@@ -70,24 +70,24 @@ PLAIN: dict[str, Any] = {
 
 
 class LazyCommands(GroupedCommands):
-    """Commands whose files are loaded when they are typed."""
+    """Commands whose modules are imported when they are used."""
 
     groups: ClassVar = {group: tuple(commands) for group, commands in GROUPS.items()}
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return the command that the first word names, and its arguments."""
+        """Return the command named by the first word, and its arguments."""
         name, _, rest = super().resolve_command(ctx, args)
         return name, None if name is None else load_command(name), rest
 
 
 def command_function(name: str) -> Callable[..., None]:
-    """Return the function of a command from its file."""
+    """Return the function of a command from its module."""
     file, _, function = COMMANDS[name][0].partition(".")
     return getattr(import_module(f"mechsim.cli.{file}"), function)
 
 
 def load_command(name: str) -> Any:
-    """Return a command as typer runs it."""
+    """Return the typer command of a command."""
     function = command_function(name)
     app = typer.Typer(add_completion=False, **PLAIN)
     runs_mujoco = name in LATE or "mujoco" in sys.modules
@@ -96,7 +96,7 @@ def load_command(name: str) -> Any:
 
 
 def _without_mujoco_log(function: Callable[..., None]) -> Callable[..., None]:
-    """Return a function during which MuJoCo prints and logs nothing."""
+    """Return a function that runs with MuJoCo's output and log disabled."""
 
     @wraps(function)
     def run(**values: Any) -> None:
@@ -133,6 +133,6 @@ def _top(
 
 def main() -> None:
     """Run the command line; see `exit_codes.exit_code` for its exit codes."""
-    # all matrices are small: threads of the linear algebra would slow mechsim's own down
+    # all matrices are small: threads of the linear algebra library would slow down those of mechsim
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     sys.exit(exit_code(lambda: app(standalone_mode=False)))

@@ -14,7 +14,7 @@ from mechsim.studies.sensitivity.tolerances import written_tolerances
 
 
 class CertifyJson(TypedDict):
-    """What is proven of a motion; of singular points at, width and kind."""
+    """Result of an interval proof; singular points have position, width and kind."""
 
     name: str
     certified: bool

@@ -145,7 +145,7 @@ def _print(violations: Sequence[Violation], output_format: str, data: CheckFiles
         for violation in violations:
             position = violation.file if violation.line is None else f"{violation.file}:{violation.line}"
             head = f"{position}: {violation.rule} {violation.severity}: {violation.message}"
-            # editors and grep read a finding a line
+            # editors and grep read one finding per line
             in_terminal = sys.stdout.isatty()
             lines = wrapped(head, "", "  ") if in_terminal else [head]
             colour = COLOURS[violation.severity]

@@ -18,11 +18,11 @@ JSON_OPTION = Annotated[bool, typer.Option("--json", help="Print one JSON object
 
 @dataclass(frozen=True, slots=True)
 class Result(Generic[Data]):
-    """What a command returns.
+    """Result of a command.
 
     Attributes:
         data: the object that --json prints; `mechsim schema` describes its type.
-        text: prints the result for people.
+        text: function that prints the result as text.
         passed: whether the exit code is 0; otherwise it is 1.
         files: paths of written files, listed after the text; None is skipped.
     """
@@ -45,7 +45,7 @@ class Result(Generic[Data]):
 
 
 def data_type(function: Callable[..., Any]) -> Any:
-    """Return the type of what a command prints with --json; None for a command without --json."""
+    """Return the type of a command's --json output; None for a command without --json."""
     returned = inspect.signature(inspect.unwrap(function), eval_str=True).return_annotation
     for kind in (returned, *get_args(returned)):
         if get_origin(kind) is Result:
@@ -126,7 +126,7 @@ def _parameter(field: Field[Any], kind: Any, only_set: bool) -> inspect.Paramete
 
 
 def _declared(kind: Any, default: Any, rule: Mapping[str, Any]) -> tuple[Any, Any]:
-    """Return type and default of an option as it is typed."""
+    """Return the type and default of an option on the command line."""
     if rule["many"]:
         return list[str] | None, None
     if rule["unit"] or rule["read"] or "count" in rule:
@@ -154,7 +154,7 @@ def _value(field: Field[Any], text: Any) -> Any:
 
 
 def _numbers(name: str, text: str, field: Field[Any]) -> tuple[float, ...]:
-    """Return numbers with commas; those left out at the end come from the default."""
+    """Return the numbers of a comma-separated text; missing numbers at the end come from the default."""
     values = units.parse_vector(text, "1", name)
     least, most = field.metadata["fewest"], field.metadata["count"]
     if not least <= len(values) <= most:

@@ -16,7 +16,7 @@ from mechsim.files import atomic_path
 
 
 class CompileJson(TypedDict):
-    """A solver that was written: its drivers, the crank angles between which it solves, and its test."""
+    """A written solver: its drivers, its range of crank angles, and its test."""
 
     output: str
     mechanism: str

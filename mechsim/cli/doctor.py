@@ -1,4 +1,4 @@
-"""Command `mechsim doctor`: what is installed on this machine, and what is missing."""
+"""Command `mechsim doctor`: installed and missing software on this machine."""
 
 import platform
 from importlib.util import find_spec
@@ -10,7 +10,7 @@ from mechsim.errors import MissingToolError
 
 
 class BackendJson(TypedDict):
-    """An OpenGL back end that needs no screen."""
+    """An OpenGL back end for drawing without a screen."""
 
     name: str
     works: bool
@@ -59,7 +59,7 @@ def doctor() -> Result[DoctorJson]:
 
 
 def examine() -> DoctorJson:
-    """Return what this machine has, as plain data."""
+    """Return the software of this machine, as plain data."""
     from mechsim.pictures.render import describe_backend, find_ffmpeg
     from mechsim.report.page import versions
 

@@ -57,11 +57,11 @@ from mechsim.studies.reference import driven_as, profile_of
 from mechsim.units import crank_speed, option, parse
 from mechsim.verdict.checks import Verdict
 
-# numbers of an instant besides those of its joints, and bytes of memory for each
+# numbers stored for an instant in addition to those of its joints, and bytes of memory for each number
 INSTANT_NUMBERS, NUMBER_BYTES = 40.0, 16.0
-# columns of efforts that state instant and motion of the crank -> unit
+# columns of the table for the instant and the motion of the crank -> unit
 INSTANT_UNITS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"} | {
-    # of free runs
+    # columns of free runs
     "motor": "N m",
     "work": "J",
     "lost": "J",
@@ -98,7 +98,7 @@ class ReactionJson(TypedDict):
 
 
 class CouplingJson(TypedDict):
-    """Effort of a coupling on its driven coordinate, and what carries it."""
+    """Force or torque of a coupling on its driven coordinate, and the element that carries it."""
 
     force: NotRequired[Peak]
     effort: Peak
@@ -116,7 +116,7 @@ class InertiaJson(TypedDict):
 
 
 class SteadyTurn(TypedDict):
-    """A turn under a constant torque."""
+    """A revolution under a constant torque."""
 
     mean: float
     coefficient: float
@@ -126,7 +126,7 @@ class SteadyTurn(TypedDict):
 
 
 class FreeJson(TypedDict):
-    """How a free run ended."""
+    """End of a free run."""
 
     outcome: Outcome
     reason: str
@@ -328,7 +328,7 @@ def _prescribed(
                 **driven_as(model.solver, profile),
                 method=method,
                 tolerance=options.tolerance,
-                # with a tolerance the fewest steps that satisfy it determine the instants
+                # with a tolerance, the smallest sufficient number of steps determines the instants
                 samples=options.instants if options.tolerance is None else None,
                 progress=next(steps),
             )
@@ -359,7 +359,7 @@ def _prescribed(
 
 
 def _noise_free(torque: float, study: InverseDynamics) -> float:
-    """Return a mean torque, 0 where it is rounding noise of the torque."""
+    """Return the mean torque; 0 if the mean is rounding noise of the torque."""
     return without_noise([torque, float(np.abs(study.forces.torque).max())])[0]
 
 
@@ -370,11 +370,11 @@ def _passed(verdict: Verdict | None, tolerance: dict[str, Any] | None) -> bool:
 def _steady_turns(
     model: DynamicModel, options: DynamicsOptions
 ) -> tuple[Fluctuation | None, Fluctuation | None]:
-    """Return a turn under a constant torque, and one with the flywheel; None where there is none."""
+    """Return a revolution under a constant torque, and one with the flywheel; None for a missing one."""
     if not model.solver.motion_laws.crank or not model.solver.crank_range().full:
         return None, None
     steady = None
-    # a crank that is too slow for its springs or weight has no steady turn under a constant torque
+    # a crank too slow for its springs or weight has no steady revolution under a constant torque
     with suppress(InputError):
         steady = fluctuation(model, options.speed)
     target = options.coefficient
@@ -382,7 +382,7 @@ def _steady_turns(
 
 
 def _require_memory(model: DynamicModel, instants: int) -> None:
-    """Raise InputError for more instants than memory holds for both methods and the check."""
+    """Raise InputError if memory is too small for the instants of both methods and the check."""
     mechanism = model.mechanism
     links, joints, points = len(mechanism.links), len(mechanism.joints), len(mechanism.points)
     numbers = 2.0 * (INSTANT_NUMBERS + 9.0 * joints) + 24.0 * links + 9.0 * points + 20.0 * joints
@@ -559,7 +559,7 @@ def _print_peaks(
 
 
 def _undetermined(reactions: dict[str, Any]) -> list[str]:
-    """Return which components of reactions rigid links do not determine, and of which joints."""
+    """Return the reaction components that rigid links do not determine, with their joints."""
     joints: dict[str, list[str]] = {}
     for joint, reaction in reactions.items():
         partly = reaction["partly_determined"]

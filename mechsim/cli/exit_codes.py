@@ -1,4 +1,4 @@
-"""How a command ends: exit codes, signals, closed and full output streams."""
+"""End of a command: exit codes, signals, closed and full output streams."""
 
 import errno
 import os
@@ -19,19 +19,19 @@ from mechsim.errors import MechsimError, cut
 
 # invalid input, or interrupted
 INVALID = 2
-# what the command-line library returns for Ctrl-C
+# exit code of the command-line library for Ctrl-C
 INTERRUPTED = 130
 # 128 + SIGPIPE, as if the system had ended the program
 CLOSED_PIPE = 141
-# an internal error, by sysexits.h; distinct from 1, *failed*
+# an internal error (EX_SOFTWARE in sysexits.h); distinct from 1, *failed*
 INTERNAL = 70
-# environment variable that shows the traceback of an internal error
+# environment variable that enables the traceback of an internal error
 DEBUG = "MECHSIM_DEBUG"
-# errors of a stream that cannot be written
+# error numbers of a stream that cannot be written
 UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF}
-# [s] after which a signal is sent again that a destructor swallowed
+# delay in [s] after which a signal lost in a destructor is sent again
 RESEND_AFTER = 0.05
-# start of the command by `time.perf_counter`
+# start time of the command, from `time.perf_counter`
 typed_at = time.perf_counter()
 # lines on stderr after a result; an error omits them
 notes: list[str] = []
@@ -41,7 +41,7 @@ SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if 
 
 
 class EndedError(BaseException):
-    """The system asked the program to end; unfinished files are removed on the way out."""
+    """The system terminates the program; unfinished files are removed."""
 
 
 def exit_code(command: Callable[[], Any]) -> int:
@@ -64,7 +64,7 @@ def exit_code(command: Callable[[], Any]) -> int:
 
 
 def open_streams() -> None:
-    """Open closed standard streams to the null device, so that no written file gets their number."""
+    """Open closed standard streams on the null device, so that no output file gets their file descriptor."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         os.set_inheritable(number, True)
     os.close(number)
@@ -74,7 +74,7 @@ def open_streams() -> None:
 
 
 def print_stderr(line: str) -> None:
-    """Print a line on stderr, if that takes it."""
+    """Print a line on stderr; ignore errors."""
     with suppress(OSError, ValueError):
         print(" ".join(line.split()), file=sys.stderr, flush=True)
 
@@ -83,7 +83,7 @@ def _outcome(command: Callable[[], Any], signals: list[int]) -> int:
     try:
         code = command()
     except BaseException as error:
-        # after a signal any other error is its consequence: an interrupted encoder, a broken import
+        # an error after a signal is its consequence, such as an interrupted encoder or a broken import
         return _ended_by(signals[0]) if signals else _failed(error)
     if code == INTERRUPTED:
         return _ended_by(signal.SIGINT)
@@ -98,14 +98,14 @@ def _failed(error: BaseException) -> int:
     if isinstance(error, KeyboardInterrupt | Abort):
         return _ended_by(signal.SIGINT)
     if isinstance(error, SystemExit) and error.code in (0, None):
-        # the shell's completion was answered
+        # the shell completion succeeded
         return 0
     if isinstance(error, BrokenPipeError | SystemExit):
-        # nobody reads on; the command-line library ends in the same way
+        # the reader closed the pipe; the command-line library ends with the same code
         return CLOSED_PIPE
     if isinstance(error, OSError) and error.errno in UNWRITABLE:
         return _invalid(f"cannot write: {error.strerror}; free some space, or write elsewhere")
-    # MuJoCo has its own error for it
+    # MuJoCo has its own error for missing memory
     if isinstance(error, MemoryError) or "could not allocate memory" in str(error).lower():
         return _invalid(f"not enough memory ({error or 'no figure known'}); reduce the task")
     if os.environ.get(DEBUG):
@@ -117,7 +117,7 @@ def _failed(error: BaseException) -> int:
     return INTERNAL
 
 
-# what the command-line library writes, and one clause in the words of mechsim's other errors
+# messages of the command-line library, and their text in the style of mechsim's other errors
 USAGE_TEXTS = (
     (r"\. Did you mean", "; did you mean"),
     (r" \(Possible options: (.*)\)$", r"; did you mean \1?"),
@@ -129,7 +129,7 @@ USAGE_TEXTS = (
 
 
 def _usage_text(error: Any) -> str:
-    """Return what is wrong with a command line, and which help shows its options."""
+    """Return the error in a command line, and the command that shows its help."""
     text: str = error.format_message()
     for pattern, replacement in USAGE_TEXTS:
         text = re.sub(pattern, replacement, text)
@@ -152,12 +152,12 @@ def _ended_by(number: int) -> int:
 
 
 def _flushed(code: int) -> int:
-    """Return the exit code after flushing stdout and stderr; what cannot be written is dropped."""
+    """Return the exit code after flushing stdout and stderr; output that cannot be written is dropped."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError as error:
-            # the rest of its buffer would fail again at exit
+            # flushing the rest of the buffer would fail again at exit
             with suppress(OSError, ValueError), open(os.devnull, "w") as null:
                 os.dup2(null.fileno(), stream.fileno())
             if stream is sys.stdout and code in (0, 1):
@@ -167,9 +167,9 @@ def _flushed(code: int) -> int:
 
 @contextmanager
 def _listening() -> Generator[list[int]]:
-    """Yield a list of received signals; one that a destructor swallowed is sent again."""
+    """Yield a list of received signals; a signal lost in a destructor is sent again."""
     received: list[int] = []
-    # of signals to be sent again
+    # timers of signals to be sent again
     timers: list[threading.Timer] = []
 
     def interrupt(number: int, _: object) -> None:
@@ -189,7 +189,7 @@ def _listening() -> Generator[list[int]]:
             timers[:] = [timer]
             timer.start()
 
-    # a signal that is ignored, as under nohup, stays so
+    # ignored signals remain ignored, as under nohup
     handled = [number for number in SIGNALS if signal.getsignal(number) not in (signal.SIG_IGN, None)]
     if threading.current_thread() is not threading.main_thread():
         handled = []

@@ -1,4 +1,4 @@
-"""Command `mechsim export`: the MuJoCo model of a mechanism, or of all; the mechanism as TOML."""
+"""Command `mechsim export`: MuJoCo models of one or all mechanisms, or the mechanism as TOML."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -39,7 +39,7 @@ class CouplingErrors(TypedDict):
 
 
 class VerificationJson(TypedDict):
-    """Random configurations that were compared with the loop equations, and the largest differences."""
+    """Number of random configurations compared with the loop equations, and the largest differences."""
 
     configurations: int
     position: float
@@ -48,7 +48,7 @@ class VerificationJson(TypedDict):
 
 
 class ExportJson(TypedDict):
-    """A written model, its text without -o, or all models of the catalogue."""
+    """A written model, the text of a model without -o, or all models of the catalogue."""
 
     output: str | None
     mechanism: NotRequired[str]

@@ -1,4 +1,4 @@
-"""Command `mechsim extremes`: every axis pushed until a run fails."""
+"""Command `mechsim extremes`: varies every axis until a run fails."""
 
 from typing import TYPE_CHECKING, Annotated, TypedDict, cast
 
@@ -27,7 +27,7 @@ class BorderJson(TypedDict):
 
 
 class DriftJson(TypedDict):
-    """Errors in the first and the last hundredth of a long run."""
+    """Errors in the first and the last 1 percent of a long run."""
 
     mechanism: str
     turns: float
@@ -47,7 +47,7 @@ class TrialJson(TypedDict):
 
 
 class ExtremesJson(TypedDict):
-    """All runs, and where outcomes change."""
+    """All runs, and the values at which outcomes change."""
 
     passed: bool
     borders: list[BorderJson]

@@ -23,7 +23,7 @@ from mechsim.units import crank_speed, option
 MAX_DIGITS = 9
 
 
-# relative difference of the given speed from the measured one that noise does not explain
+# relative difference between the given and the measured speed that is reported as an error
 SPEED_DIFFERENCE = 0.1
 
 
@@ -55,7 +55,7 @@ class FitOptions:
 
 
 class FittedDimension(TypedDict):
-    """A value with its standard deviation and 95 % interval; null where the data do not determine it."""
+    """A value with its standard deviation and 95 % interval; null if the data do not determine it."""
 
     value: float
     deviation: float | None
@@ -118,10 +118,10 @@ def fit(
 
 
 def _crank_speed(requested: str | None, measured: MeasuredMotion, solver: KinematicSolver) -> float:
-    """Return the crank's speed in [rad/s]: the given one, else that of the table, else the default.
+    """Return the crank's speed in [rad/s]: the given speed, else the speed of the table, else the default.
 
     Raises:
-        InputError: where the table has another speed than the given one.
+        InputError: if the table has another speed than the given speed.
     """
     rates = measured.values.get(f"{solver.mechanism.drivers[0]}.v")
     if rates is None or not solver.motion_laws.crank:
@@ -220,7 +220,7 @@ def _deviation(value: float | None) -> str:
 
 
 def _to_digit_of(value: float, deviation: float | None) -> str:
-    """Return a value to the second significant digit of its deviation."""
+    """Return a value rounded to the second significant digit of its deviation."""
     if not deviation or not value or not np.isfinite(deviation):
         return number(value)
     digits = 2 + int(np.floor(np.log10(abs(value / deviation))))

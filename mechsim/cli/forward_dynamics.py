@@ -1,4 +1,4 @@
-"""Forward dynamics, statics and vibrations of `mechsim dynamics`: from any initial state, drivers free."""
+"""Forward dynamics, statics and vibrations of `mechsim dynamics`, from any state with free drivers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ from mechsim.verdict.checks import Verdict
 
 
 class Extent(TypedDict):
-    """Least, largest and last value of a quantity over a run."""
+    """Minimum, maximum and last value of a quantity over a run."""
 
     least: float
     largest: float
@@ -54,7 +54,7 @@ class QuantityJson(Extent):
 
 
 class ForwardRunJson(TypedDict):
-    """End and energies of a run from an initial state, and the comparison with MuJoCo; None without one."""
+    """End and energies of a run from an initial state, and the comparison with MuJoCo, if there is one."""
 
     mechanism: str
     masses: list[LinkMass]
@@ -81,7 +81,7 @@ class ModeJson(TypedDict):
 
 
 class EquilibriumJson(TypedDict):
-    """A configuration at rest, its potential in [J], and the modes about it."""
+    """A configuration at rest, its potential energy in [J], and the modes about it."""
 
     q: dict[str, float]
     stable: bool
@@ -91,7 +91,7 @@ class EquilibriumJson(TypedDict):
 
 
 class StaticsJson(TypedDict):
-    """Equilibria, what holds the initial configuration, and the check of each equilibrium in MuJoCo."""
+    """Equilibria, holding forces of the initial configuration, and checks of the equilibria in MuJoCo."""
 
     mechanism: str
     masses: list[LinkMass]
@@ -130,9 +130,9 @@ class ResponseJson(TypedDict):
 ForwardJson = ForwardRunJson | StaticsJson | ModesJson | ResponseJson
 
 
-# an imaginary part of a mode shape below this fraction of its largest amplitude is rounding
+# imaginary parts of a mode shape below this fraction of its largest amplitude are rounding errors
 REAL = 1e-6
-# printed amplitudes of a mode shape, the largest first
+# maximum number of printed amplitudes of a mode shape, the largest first
 MAX_AMPLITUDES = 4
 
 
@@ -166,7 +166,7 @@ class ForwardOptions(InitialOptions):
 
     @property
     def requested(self) -> bool:
-        """Whether any of them is asked for."""
+        """Whether any of these is requested."""
         named = self.initial or self.until or self.statics or self.assemblies or self.modes or self.response
         return bool(named)
 
@@ -226,7 +226,7 @@ def forward_dynamics(
 
 
 def _verdict(release: Release, result: DynamicRun, method: str | None) -> Verdict | None:
-    """Return the comparison with MuJoCo; None where it is left out."""
+    """Return the comparison with MuJoCo; None if it is omitted."""
     if method == "none" or result.events or result.outcome not in ("done", "stopped"):
         return None
     return crosscheck_forward(result, release.model, initial_values(release.model, release.initial))
@@ -301,7 +301,7 @@ def _final(result: DynamicRun) -> dict[str, float]:
 
 
 def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output, assemblies: int) -> Result[Any]:
-    """Return the equilibria, what holds the initial configuration, and the comparison with MuJoCo."""
+    """Return the equilibria, holding forces of the initial configuration, and the comparison with MuJoCo."""
     mechanism, solutions = model.mechanism, equilibria(model, initial=initial, assemblies=assemblies)
     compared = output.method != "none"
     verdicts = {

@@ -1,4 +1,4 @@
-"""Help of the commands: options in panels, types with names, examples as they are typed."""
+"""Help of the commands: options in panels, types with names, and examples."""
 
 import inspect
 from typing import Any, ClassVar
@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 from typer.core import TyperCommand, TyperGroup
 
 EXAMPLES = "\nExamples:\n"
-# below the list of commands
+# examples below the list of commands
 FIRST_STEPS = ("mechsim validate four_bar", "mechsim show gripper.xml", "mechsim validate --help")
-# panel -> its options, by their long names; options of a command itself come first, without a panel
+# panel -> long names of its options; a command's own options come first, without a panel
 PANELS = {
     "Model": "set lock lock-others fix-base key track gravity load motor gear friction spring damper "
     "flywheel density diameter scene cut",
@@ -20,7 +20,7 @@ PANELS = {
     "Output": "output units json verbose plot report csv help",
 }
 PANEL_OF = {name: panel for panel, names in PANELS.items() for name in names.split()}
-# what an option takes, where its declaration does not name it
+# name of an option's type, if its declaration has none
 TYPES = {
     "speed": "SPEED",
     "angle": "ANGLE",
@@ -50,10 +50,10 @@ BY_CLASS = {"int": "N", "float": "NUMBER", "str": "NAME"}
 
 
 class PlainCommand(TyperCommand):
-    """A command whose help shows its options in panels and its examples."""
+    """A command with a help page of option panels and examples."""
 
     def format_help_text(self, ctx: Any, formatter: Any) -> None:
-        """Write what the command does, without its examples."""
+        """Write the description of the command without its examples."""
         formatter.write_paragraph()
         with formatter.indentation():
             formatter.write_text(inspect.cleandoc(self.help or "").partition(EXAMPLES)[0])
@@ -83,12 +83,12 @@ class PlainCommand(TyperCommand):
 
 
 def examples(doc: str | None) -> list[str]:
-    """Return the lines of a docstring that show how a command is typed."""
+    """Return the example lines of a docstring."""
     return [line.strip() for line in inspect.cleandoc(doc or "").partition(EXAMPLES)[2].splitlines()]
 
 
 class GroupedCommands(TyperGroup):
-    """Commands whose list shows them in groups."""
+    """Commands that are listed in groups."""
 
     groups: ClassVar[dict[str, tuple[str, ...]]] = {}
 

@@ -45,13 +45,13 @@ def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> "Us
     """Return the scene of an MJCF file and its prescribed motion; notes state what was changed.
 
     Args:
-        path: of the file.
-        driven: what drives it, how long, and which points are tracked.
-        controls: of its actuators.
+        path: path of the file.
+        driven: drivers, duration and tracked points.
+        controls: controls of the actuators.
 
     Raises:
-        InputError: for what is no MJCF file, or a joint, actuator, keyframe or point that is missing.
-        AssemblyError: where its loops do not close at the start of the motion laws.
+        InputError: if the file is not MJCF, or a joint, actuator, keyframe or point is missing.
+        AssemblyError: if the loops do not close at the start of the motion laws.
     """
     from mechsim.studies.scene.open_scene import open_scene, require_mjcf
 
@@ -63,7 +63,7 @@ def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> "Us
 
 
 Element = TypeVar("Element")
-# [m/s2] default gravity
+# default gravity in [m/s2]
 WEIGHT = (0.0, -9.81, 0.0)
 MOTORS = {
     "constant": "constant:TORQUE in N m",
@@ -97,13 +97,13 @@ def motor_of(text: str) -> PlainMotor:
 
 
 def friction_of(text: str) -> Friction:
-    """Return friction written as JOINT=VISCOUS or JOINT=VISCOUS,COULOMB, in SI; cylindrical joints four."""
+    """Return friction written as JOINT=VISCOUS or JOINT=VISCOUS,COULOMB, in SI; cylindrical: four numbers."""
     joint, values = _named(text, "--friction", (1, 2, 4), "JOINT=VISCOUS,COULOMB", "crank=1e-4,2e-3")
     return Friction(joint, *values)
 
 
 def spring_of(text: str) -> Spring | JointSpring:
-    """Return a spring written as A:B=STIFFNESS,REST between places, or JOINT=STIFFNESS,REST in a joint."""
+    """Return a spring written as A:B=STIFFNESS,REST between points, or JOINT=STIFFNESS,REST in a joint."""
     syntax = "A:B=STIFFNESS,REST or JOINT=STIFFNESS,REST"
     name, values = _named(text, "--spring", (1, 2), syntax, "P3:ground@0,0.1,0=500,0.05")
     if ":" in name:
@@ -120,7 +120,7 @@ def controller_of(text: str) -> Controller:
 
 
 def damper_of(text: str) -> Spring | Friction:
-    """Return a damper written as A:B=DAMPING between places, or JOINT=DAMPING in a joint."""
+    """Return a damper written as A:B=DAMPING between points, or JOINT=DAMPING in a joint."""
     syntax = "A:B=DAMPING or JOINT=DAMPING"
     name, values = _named(text, "--damper", (1,), syntax, "P3:ground@0,0.1,0=2")
     if ":" in name:
@@ -254,7 +254,7 @@ class LoadOptions:
             raise InputError("--gear needs a motor; add --motor")
 
     def forces(self, solver: KinematicSolver) -> Forces:
-        """Return all forces on a mechanism: those of its file and those of the options."""
+        """Return all forces on a mechanism, from its file and the options."""
         loads: dict[str, Any] = {} if self.load is None else loads_of(solver, self.load)
         motor = self.motor
         if motor is not None and self.gear is not None:
@@ -274,7 +274,7 @@ class LoadOptions:
         )
 
     def dynamic_model(self, solver: KinematicSolver) -> dynamics.DynamicModel:
-        """Return the dynamic model of a mechanism; note what acts in its MJCF file and not in the model."""
+        """Return the dynamic model of a mechanism; note effects of its MJCF file that the model omits."""
         read = solver.source if isinstance(solver, MjcfForm) else None
         if read is not None and read.left_out:
             notes.append(f"{solver.name}: left out of the dynamics: {', '.join(read.left_out)}")
@@ -288,17 +288,17 @@ def _of_type(kind: type[Element], elements: Sequence[object]) -> Iterator[Elemen
 
 
 def masses_in_json(masses: Sequence[LinkMass]) -> dict[str, Any]:
-    """Return the entry of a JSON object; none where no masses are used."""
+    """Return the entry of a JSON object; empty if no masses are used."""
     return {"masses": [mass.as_dict() for mass in masses]} if masses else {}
 
 
 def print_masses(masses: Sequence[LinkMass], verbose: bool | None = None, design: str = "") -> None:
-    """Print the masses and where they come from; nothing where there are none.
+    """Print the masses and their origin, if there are any.
 
     Args:
-        masses: of the links.
-        verbose: whether they are listed; None where a command has no -v.
-        design: that has these masses.
+        masses: masses of the links.
+        verbose: whether the masses are listed; None for a command without -v.
+        design: name of the design with these masses.
     """
     if verbose:
         rows = [(mass.link, mass.mass, "kg", mass.text) for mass in masses]
@@ -329,11 +329,11 @@ class InitialOptions:
 
     @property
     def requested(self) -> bool:
-        """Whether a run is asked for."""
+        """Whether a run is requested."""
         return bool(self.initial or self.until)
 
     def release(self, model: DynamicModel, source: ModelOptions) -> Release:
-        """Return the release of a model; the run lasts a second where no duration is given."""
+        """Return the release of a model; the default duration of the run is 1 s."""
         return Release(
             model=model,
             initial=dict(self.initial),
@@ -346,7 +346,7 @@ class InitialOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReleaseOptions(InitialOptions):
-    """A run from an initial state, or a mode of vibration, to be drawn."""
+    """A run from an initial state, or a mode of vibration, for drawing."""
 
     mode: int | None = option(
         None, "Draw mode of vibration N about the equilibrium; 1 is the slowest.", metavar="N"
@@ -354,29 +354,29 @@ class ReleaseOptions(InitialOptions):
 
     @property
     def requested(self) -> bool:
-        """Whether a run or a mode is asked for."""
+        """Whether a run or a mode is requested."""
         return bool(self.initial or self.until or self.mode is not None)
 
 
 def released_model(source: ModelOptions, loads: LoadOptions) -> DynamicModel:
-    """Return the dynamic model of a mechanism; --duration is that of its run."""
+    """Return the dynamic model of a mechanism; --duration sets the duration of its run."""
     return loads.dynamic_model(replace(source, duration=None).load(still=True))
 
 
 def require_release(loads: LoadOptions, options: InitialOptions, usage: str) -> None:
-    """Raise InputError for loads or a restitution without a run that they act in.
+    """Raise InputError for loads or a restitution without a run to apply them.
 
     Args:
-        loads: as given.
-        options: of the run.
-        usage: what would make them count.
+        loads: options for loads.
+        options: options of the run.
+        usage: the options that would apply them, for the message.
     """
     if loads != LoadOptions() or options.restitution:
         raise InputError(f"loads, masses and --restitution act in a run from an initial state; {usage}")
 
 
 def states_initial(source: ModelOptions) -> bool:
-    """Whether --duration is that of a run from the state that a file's [initial] gives."""
+    """Return whether --duration sets the duration of a run from the state in a file's [initial] table."""
     if source.duration is None or source.drive:
         return False
     return bool(getattr(replace(source, duration=None).load(still=True), "initial", None))

@@ -1,4 +1,4 @@
-"""Command `mechsim map`: motors to joints of a closed-loop model over a grid."""
+"""Command `mechsim map`: the map from motors to joints of a closed-loop model, over a grid."""
 
 from typing import Annotated, NotRequired, TypedDict
 
@@ -22,7 +22,7 @@ class PolynomialError(TypedDict):
 
 
 class MapJson(TypedDict):
-    """A map that was written."""
+    """A written map."""
 
     output: str
     inputs: list[str]
@@ -102,7 +102,7 @@ def map_joints(
 
 
 def _print(table: JointMap, comparison: MapComparison) -> None:
-    """Print what was reached, the ranges, and how exact map and polynomials are."""
+    """Print the reached points, the ranges, and the errors of map and polynomials."""
     polynomials, jacobian = table.polynomials, np.abs(table.jacobian)
     head = ["output", "lowest", "highest", "largest ratio"]
     rows: list[list[Value]] = [

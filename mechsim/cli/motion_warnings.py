@@ -1,4 +1,4 @@
-"""Warnings on a motion: few correct digits near a singular pose, a crank that cannot rotate fully."""
+"""Warnings on a motion: loss of significance near a singular pose, a crank that cannot rotate fully."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -17,7 +17,7 @@ from mechsim.verdict.tolerances import RATES
 
 # accelerations with this many correct digits need no warning
 ENOUGH_DIGITS = 6
-# [rad] of the crank; nearer to a change point rates are limits, which conditioning does not describe
+# crank angle in [rad] from a change point within which rates are limits that conditioning does not describe
 NEAR_CHANGE_POINT = 1e-3
 
 
@@ -26,10 +26,10 @@ class FewDigits:
     """The instant of a motion whose accelerations have the fewest correct digits.
 
     Attributes:
-        digits: correct ones, by rounding alone.
+        digits: correct digits, with rounding as the only error.
         at: crank angle in [rad], or time in [s] under motion laws.
         over: "angle" or "t".
-        conditioning: of the loop equations at that instant; 0 at a singular pose.
+        conditioning: conditioning of the loop equations at that instant; 0 at a singular pose.
     """
 
     digits: int
@@ -47,9 +47,9 @@ class FewDigits:
 
 
 def few_digits(solver: KinematicSolver, motion: Motion) -> FewDigits | None:
-    """Return where accelerations have the fewest digits; None for `ENOUGH_DIGITS`, or if undetermined.
+    """Return the instant with the fewest digits; None for `ENOUGH_DIGITS` digits or more, or if undetermined.
 
-    Digits are undetermined where the drivers leave a degree of freedom, as of a floating body.
+    Digits are undetermined if the drivers leave a degree of freedom, such as that of a floating body.
     """
     try:
         rows = _examined_rows(solver, motion)
@@ -78,10 +78,9 @@ def digits_in_json(few: FewDigits | None) -> dict[str, Any]:
 
 
 def _examined_rows(solver: KinematicSolver, motion: Motion) -> NDArray[np.intp]:
-    """Return rows away from change points; of a closed form only the fastest of each joint.
+    """Return rows away from change points; for a closed form, only the fastest row of each joint.
 
-    Digits are lost where accelerations are large, and a decomposition for every row would cost more than the
-    motion.
+    Digits are lost at large accelerations. A decomposition for every row would cost more than the motion.
     """
     distance = np.full(len(motion), np.inf)
     for angle in solver.change_points():
@@ -97,7 +96,7 @@ def _examined_rows(solver: KinematicSolver, motion: Motion) -> NDArray[np.intp]:
 
 
 def limited_swing(solver: KinematicSolver, speed: float) -> CrankProfile | None:
-    """Return the default motion of a crank that cannot rotate fully, and note its range; else None.
+    """Return the default motion of a crank that cannot rotate fully, and note its range; otherwise None.
 
     The motion is one swing within the reachable range, as `validate` uses it.
 
@@ -106,7 +105,7 @@ def limited_swing(solver: KinematicSolver, speed: float) -> CrankProfile | None:
         speed: largest crank speed of the swing in [rad/s].
 
     Raises:
-        AssemblyError: where the loops close at no crank angle.
+        AssemblyError: if the loops close at no crank angle.
     """
     if not solver.motion_laws.crank:
         return None
@@ -115,7 +114,7 @@ def limited_swing(solver: KinematicSolver, speed: float) -> CrankProfile | None:
     except MobilityError as error:
         if error.outcome != "underdetermined":
             raise
-        # a pose does not determine the range, but a run in time does
+        # poses of an underdetermined mechanism do not determine the range, but a run in time does
         return None
     if arcs.full or not arcs.arcs:
         return None

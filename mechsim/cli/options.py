@@ -1,4 +1,4 @@
-"""Options that several commands share: their values, what a shell completes, numbers without a unit."""
+"""Options that several commands share: values, shell completion, and numbers without a unit."""
 
 import os
 import sys
@@ -26,17 +26,17 @@ from mechsim.subjects.model_source import READERS
 from mechsim.subjects.readers import load, load_by_motors, parametric_model
 from mechsim.units import option, require_written
 
-# [rad] end of a range of angles without a unit above this is probably in degrees
+# end of a range of angles without a unit, in [rad], above which it is probably in degrees
 LARGEST_RANGE = 10.0 * REVOLUTION
-# a length without a unit so many times the default is probably in millimetres
+# ratio of a length without a unit to its default above which it is probably in millimetres
 LENGTH_RATIO = 100.0
 
 
 def warn_about_angle(name: str, text: str, solver: KinematicSolver | None = None) -> None:
-    """Warn where an angle without a unit was probably meant in degrees.
+    """Warn if an angle without a unit is probably in degrees.
 
     Raises:
-        InputError: for an angle without a unit where the mechanism's file declares another unit than rad.
+        InputError: if an angle has no unit and the mechanism's file declares another unit than rad.
     """
     if solver is not None:
         require_written(text, "rad", solver.written.angle, name)
@@ -48,7 +48,7 @@ def warn_about_angle(name: str, text: str, solver: KinematicSolver | None = None
 
 
 def warn_about_angles(name: str, text: str, solver: KinematicSolver | None = None) -> None:
-    """Warn, or raise InputError, likewise for start:stop:step without units."""
+    """Warn or raise InputError as `warn_about_angle`, for start:stop:step without units."""
     if solver is not None:
         require_written(text, "rad", solver.written.angle, name)
     values = [_without_unit(item) for item in text.split(":")]
@@ -82,7 +82,7 @@ def _without_unit(text: str) -> float | None:
 
 
 def complete_models(incomplete: str) -> list[str]:
-    """Return mechanisms, and folders and files that may be one."""
+    """Return the names of mechanisms, and folders and files that may contain one."""
     names = [name for name in (*catalog.DRIVES, *gallery.files()) if name.startswith(incomplete)]
     return names + _paths(incomplete, tuple(suffix for reader in READERS for suffix in reader.suffixes))
 
@@ -93,7 +93,7 @@ def complete_files(incomplete: str) -> list[str]:
 
 
 def complete_parameters(ctx: Any, incomplete: str) -> list[str]:
-    """Return the parameters of the mechanism that was named, with their equals sign."""
+    """Return the parameters of the named mechanism, each with an equals sign."""
     model = ctx.params.get("model") or next((word for word in sys.argv[2:] if not word.startswith("-")), "")
     return [f"{name}=" for name in _parameter_names(str(model)) if name.startswith(incomplete)]
 
@@ -154,7 +154,7 @@ Speed = Annotated[str, typer.Option(help="Crank speed; a bare number is rad/s.")
 
 
 def output_file(contents: str) -> Any:
-    """Declare the option that names the file to write; its help states the contents and the suffixes."""
+    """Declare the option for the output file; its help states the contents and the suffixes."""
     return typer.Option("-o", "--output", metavar="FILE", help=contents, autocompletion=complete_files)
 
 
@@ -198,13 +198,13 @@ def pair_of(example: str, *, name_alone: bool = False) -> Callable[[str], tuple[
 
 
 def pairs(example: str, doc: str, metavar: str, *, name_alone: bool = False) -> Any:
-    """Declare an option that is repeated, each time as NAME=VALUE."""
+    """Declare a repeatable option of the form NAME=VALUE."""
     return option((), doc, read=pair_of(example, name_alone=name_alone), many=True, metavar=metavar)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveOptions:
-    """How a mechanism is driven, what is locked, and which points are tracked."""
+    """Drivers, locked joints and tracked points of a mechanism."""
 
     lock: tuple[tuple[str, str | None], ...] = pairs(
         "--lock boom=30deg",
@@ -253,7 +253,7 @@ class DriveOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelOptions(DriveOptions):
-    """A mechanism, its changed parameters, and how it moves."""
+    """A mechanism, its changed parameters, and its motion."""
 
     model: Model
     sets: Sets = None
@@ -304,7 +304,7 @@ def load_parametric(
 
 
 def changed_parameters(sets: list[str] | None) -> dict[str, str]:
-    """Return the parameters that `--set` gives, as text."""
+    """Return the parameters of `--set`, as text."""
     read = pair_of("--set crank=13mm")
     return {name: value or "" for name, value in map(read, sets or ())}
 
@@ -322,14 +322,14 @@ def joint_ranges(option_name: str, text: str) -> dict[str, tuple[str, str] | Non
 
 
 def require_distinct(option_name: str, pairs: Sequence[tuple[str, str | None]]) -> None:
-    """Raise InputError where an option names something twice."""
+    """Raise InputError if an option contains a name twice."""
     names = [name for name, _ in pairs]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"{option_name} names {twice} twice; give it once")
 
 
 def _with_notes(solver: KinematicSolver) -> KinematicSolver:
-    """Return a mechanism, and note what was changed in its MJCF file."""
+    """Return a mechanism, and note the changes to its MJCF file."""
     for fact in solver.facts if isinstance(solver, MjcfForm) else ():
         notes.append(f"{solver.name}: {fact}")
     return solver
@@ -337,20 +337,20 @@ def _with_notes(solver: KinematicSolver) -> KinematicSolver:
 
 def require_motion(solver: KinematicSolver) -> KinematicSolver:
     """Return a mechanism; raise InputError if several drivers have no motion law."""
-    # a closed form has a crank, and its mechanism may be one that cannot be assembled
+    # a closed form has a crank; its mechanism may be impossible to assemble
     if not isinstance(solver, ClosedForm):
         solver.motion_laws.require_drivers(solver.mechanism)
     return solver
 
 
 def scene_of(level: str, cut: str | None = None, forces: Forces | None = None) -> Scene:
-    """Return a scene of a level, with loops cut at named joints, and forces where they are known."""
+    """Return a scene of a level, with loops cut at named joints, and with forces if they are known."""
     joints = tuple(cut.split(",")) if cut else None
     return Scene(level=level, cut=joints, forces=forces)  # pyright: ignore[reportArgumentType]
 
 
 def writable(path: str, *extensions: str) -> Path:
-    """Return an output path, checked before any work is done for it."""
+    """Return an output path, checked before any computation."""
     target = Path(path)
     if os.path.isdir(target):
         raise OutputError(f"cannot write {path!r}: it is a folder; give a file name")
@@ -365,7 +365,7 @@ def writable(path: str, *extensions: str) -> Path:
 
 
 def folder_for(path: str) -> Path:
-    """Return an output folder, checked before any work is done for it; a missing folder is created later."""
+    """Return an output folder, checked before any computation; a missing folder is created later."""
     require_extra("pictures", "jinja2", "matplotlib", "mediapy")
     folder = Path(path)
     if os.path.exists(folder) and not os.path.isdir(folder):
@@ -377,7 +377,7 @@ def folder_for(path: str) -> Path:
     if not os.path.isdir(folder):
         try:
             folder.mkdir()
-            # what is written into it creates it again
+            # the first file written to the folder creates it again
             folder.rmdir()
         except (OSError, ValueError) as error:
             raise OutputError(

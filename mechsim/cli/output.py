@@ -1,4 +1,4 @@
-"""What commands print: one JSON object, or text and tables that fit the terminal."""
+"""Output of commands: one JSON object, or text and tables that fit the terminal."""
 
 import json
 import os
@@ -33,25 +33,25 @@ class OutputUnits:
     """Units of lengths and angles in tables; all other quantities are in SI.
 
     Attributes:
-        length: as written.
-        angle: as written.
+        length: unit of lengths, as text.
+        angle: unit of angles, as text.
     """
 
     length: str
     angle: str
 
     def converted(self, unit: str) -> tuple[float, str]:
-        """Return by what values in an SI unit are divided, and the unit that they are then in."""
+        """Return the divisor of values in an SI unit, and the resulting unit."""
         unit = unit.replace("s2", "s^2").replace("m2", "m^2")
         base, slash, rest = unit.partition("/")
         own = {"m": self.length, "rad": self.angle}.get(base)
-        # a stiffness or an inertia per length is no length
+        # a quantity per length, such as a stiffness or an inertia, is not a length
         if own is None or rest not in ("", "s", "s^2"):
             return 1.0, unit
         return units.in_si(1.0, own, "m" if base == "m" else "rad"), own + slash + rest
 
     def label(self, name: str, unit: str) -> str:
-        """Return the head of a column of quantities in an SI unit."""
+        """Return the heading of a column of quantities in an SI unit."""
         return f"{name} [{self.converted(unit)[1] or '1'}]"
 
 
@@ -60,10 +60,10 @@ SI_UNITS = OutputUnits("m", "rad")
 
 @dataclass(frozen=True, slots=True)
 class Labelled:
-    """A table in other units, its columns labelled with them.
+    """A table in other units, which label its columns.
 
     Attributes:
-        table: in SI.
+        table: the table in SI.
         columns_in: column -> SI unit.
         output: units of lengths and angles.
     """
@@ -73,17 +73,17 @@ class Labelled:
     output: OutputUnits
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield heads with units, and columns in them."""
+        """Yield headings with units, and columns in these units."""
         for name, values in self.table.columns():
             unit = self.columns_in.get(name, "")
             yield self.output.label(name, unit), values / self.output.converted(unit)[0]
 
 
 def output_units(text: str | None, solver: KinematicSolver) -> OutputUnits | None:
-    """Return the units that `--units` asks for; None without it.
+    """Return the units of `--units`; None without it.
 
     Raises:
-        InputError: for text that is none of the known words and no units of length and angle.
+        InputError: if the text is none of the known words and no units of length and angle.
     """
     if text is None:
         return None
@@ -109,9 +109,9 @@ def _measures(written: str, unit: str) -> bool:
         return False
 
 
-# columns where stdout is no terminal and COLUMNS is not set, and the fewest that are used
+# text width without a terminal and without COLUMNS, and the minimum text width
 DEFAULT_WIDTH, MINIMUM_WIDTH = 80, 40
-# before each column of a table
+# space before each column of a table
 GAP = "  "
 # significant digits of a number in text
 DIGITS = 4
@@ -122,12 +122,12 @@ Value = str | float | bool | None
 
 
 def width() -> int:
-    """Return the columns of the terminal, or of COLUMNS."""
+    """Return the width of the terminal, or the value of COLUMNS."""
     return max(MINIMUM_WIDTH, shutil.get_terminal_size((DEFAULT_WIDTH, 24)).columns)
 
 
 def in_colour(text: str, colour: str | None = None) -> str:
-    """Return text in bold, and in a colour, where stdout is a terminal and NO_COLOR is not set."""
+    """Return text in bold, and in a colour, if stdout is a terminal and NO_COLOR is not set."""
     coloured = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
     return typer.style(text, fg=colour, bold=True) if coloured else text
 
@@ -138,7 +138,7 @@ def pass_or_fail(passed: bool) -> str:
 
 
 def wrapped(text: str, indent: str = "  ", hanging: str = "    ") -> list[str]:
-    """Return text in lines that fit the terminal; words are never cut."""
+    """Return text in lines that fit the terminal; words are not split."""
     return textwrap.wrap(
         text,
         width(),
@@ -150,7 +150,7 @@ def wrapped(text: str, indent: str = "  ", hanging: str = "    ") -> list[str]:
 
 
 def labelled(label: str, text: str, label_width: int) -> list[str]:
-    """Return a label and its text, whose further lines start below the first."""
+    """Return a label and its text; further lines are aligned with the first."""
     return wrapped(text, f"  {label:<{label_width}}  ", " " * (label_width + 4))
 
 
@@ -166,23 +166,23 @@ def print_json(value: Any) -> None:
 
 
 def number(value: float, digits: int = DIGITS) -> str:
-    """Return a number with so many significant digits."""
+    """Return a number with a number of significant digits, as text."""
     return f"{value + 0.0:.{digits}g}"
 
 
 def without_noise(values: Sequence[float]) -> list[float]:
-    """Return values of which those below `NOISE` of the largest are 0."""
+    """Return the values, with those below `NOISE` times the largest replaced by 0."""
     scale = max(map(abs, values), default=0.0)
     return [0.0 if abs(value) < NOISE * scale else value for value in values]
 
 
 def print_table(title: str, head: Sequence[str], rows: Iterable[Sequence[Value]]) -> None:
-    """Print a title, and rows in columns that fit the terminal; nothing where there are no rows.
+    """Print a title, and rows in columns that fit the terminal; print nothing without rows.
 
     Args:
-        title: printed in bold in a terminal, as the head is; empty for none.
-        head: of each column.
-        rows: values: text, a number, None for an empty one, True for PASS and False for FAIL.
+        title: printed in bold in a terminal, like the head; empty for none.
+        head: heading of each column.
+        rows: values: text, a number, None for an empty cell, True for PASS and False for FAIL.
     """
     texts = [[_text(value) for value in row] for row in rows]
     if not texts:
@@ -214,7 +214,7 @@ def _text(value: Value) -> str:
 
 
 def _column_widths(columns: Sequence[Sequence[str]], available: int) -> list[int]:
-    """Return widths of columns that share `available`: the widest are narrowed, no word is cut."""
+    """Return column widths whose sum is at most `available`: the widest are narrowed, no word is split."""
     widths = [max(map(len, column)) for column in columns]
     least = [max((len(word) for text in column for word in text.split()), default=0) for column in columns]
     while sum(widths) > available:

@@ -1,4 +1,4 @@
-"""Command `mechsim plot`: one of the kinds of `report.plot_table` in a file."""
+"""Command `mechsim plot`: writes a plot of a kind in `report.plot_table` to a file."""
 
 from collections.abc import Sequence
 from typing import Annotated, cast
@@ -17,7 +17,7 @@ from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_ta
 from mechsim.studies.sweep.table import drawn_sweep
 from mechsim.units import crank_speed
 
-# the kinds that show a motion over time as well
+# kinds of plots that can also show a motion over time
 TIMED = (
     "error",
     "poses",

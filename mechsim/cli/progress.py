@@ -1,4 +1,4 @@
-"""How long work goes on: estimated from the rate of its latest half."""
+"""Progress of long work, with the remaining time from the rate of its latest half."""
 
 import sys
 import time
@@ -11,18 +11,17 @@ from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.output import width
 from mechsim.errors import cut
 
-# a shorter rest, in [s], is not reported
+# remaining time in [s] below which it is not reported
 SHORT = 5.0
-# part of the time worked so far over which the rate is taken: work that speeds up or slows down is followed
+# latest fraction of the elapsed time that determines the rate, so that the estimate follows its changes
 WINDOW = 0.5
 
 
 class TimeLeft:
-    """Estimates the rest of work whose finished fraction is reported now and then.
+    """Estimates the remaining time of work from reports of its finished fraction.
 
     Args:
-        now: a time in [s] at which the work begins; None where only the first report begins it, because
-            other work comes before.
+        now: start time of the work in [s]; None if the work starts with the first report, after other work.
     """
 
     def __init__(self, now: float | None = None):
@@ -30,10 +29,10 @@ class TimeLeft:
         self._began: float | None = now
 
     def update(self, fraction: float, now: float) -> float | None:
-        """Return the rest in [s] after a report of the finished fraction, 0 to 1; None while unknown."""
+        """Return the remaining time in [s] after a report of a finished fraction, 0 to 1; None if unknown."""
         reports = self._reports
         if reports and fraction < reports[-1][1]:
-            # the work started again
+            # the work restarted
             reports.clear()
         if not reports:
             self._began = now
@@ -51,7 +50,7 @@ class TimeLeft:
 
 
 def in_words(rest: float | None) -> str:
-    """Return a rest in [s] in words; empty where it is short or unknown."""
+    """Return a remaining time in [s] in words; empty if it is short or unknown."""
     if rest is None or rest < SHORT:
         return ""
     for unit, seconds in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
@@ -60,30 +59,30 @@ def in_words(rest: float | None) -> str:
     return f"about {rest:.0f} s left"
 
 
-# [s] before the first line where there is no terminal, and between two lines
+# delay in [s] of the first line without a terminal, and interval between lines
 FIRST, INTERVAL = 3.0, 10.0
 
-# columns kept for the bar, the elapsed time and "about 59 min left"; a longer text loses its last words
+# columns reserved for the bar, the elapsed time and "about 59 min left"; longer text is truncated
 RESERVED = 34
 
 Show = Callable[[int, str, float | None, float | None], None]
 
 
 class Progress(Protocol):
-    """Called after each piece of work."""
+    """Callback after each piece of work."""
 
     def __call__(self, message: str = "", fraction: float | None = None, /) -> None:
-        """Report what was done, and the finished fraction, 0 to 1; without it one piece of the total."""
+        """Report a message and the finished fraction, 0 to 1; without a fraction, one more finished piece."""
         ...
 
 
 @contextmanager
 def progress(task: str, total: int | None, *, at_least: bool = False) -> Generator[Progress]:
-    """Show on stderr how far long work is: a bar, or a line now and then where there is no terminal.
+    """Show the progress of long work on stderr: a bar, or regular lines without a terminal.
 
     Args:
-        task: what is done.
-        total: number of pieces; None where it is unknown.
+        task: name of the work.
+        total: number of pieces; None if it is unknown.
         at_least: whether reported fractions are lower bounds, so that the time left is an upper bound.
     """
     count, by_pieces, by_fraction = 0, TimeLeft(time.monotonic()), TimeLeft()
@@ -104,14 +103,14 @@ def progress(task: str, total: int | None, *, at_least: bool = False) -> Generat
 
 @contextmanager
 def _lines(task: str, total: int | None, at_least: bool) -> Generator[Show]:
-    """Yield a function that prints a line when the last one is `INTERVAL` old."""
+    """Yield a function that prints a line at intervals of at least `INTERVAL`."""
     start = time.monotonic()
     due, silent = start + FIRST, True
 
     def show(count: int, message: str, fraction: float | None, rest: float | None) -> None:
         nonlocal due, silent
         now, remaining = time.monotonic(), in_words(rest)
-        # work that ends in a moment needs no line
+        # work that is almost finished needs no line
         if now < due or (silent and not remaining and now <= start + INTERVAL):
             return
         pieces = f"{count} of {total}" if fraction is None and total else ""
@@ -124,7 +123,7 @@ def _lines(task: str, total: int | None, at_least: bool) -> Generator[Show]:
 
 @contextmanager
 def _bar(task: str, total: int | None, at_least: bool) -> Generator[Show]:
-    """Yield a function that moves a bar in the terminal."""
+    """Yield a function that updates a bar in the terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar

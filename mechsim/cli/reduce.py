@@ -1,4 +1,4 @@
-"""Command `mechsim reduce`: the smallest scene that satisfies a tolerance for what is tracked."""
+"""Command `mechsim reduce`: the smallest scene that satisfies a tolerance at the tracked points."""
 
 from typing import Annotated, Any, TypedDict
 
@@ -16,7 +16,7 @@ from mechsim.studies.scene.open_scene import require_mjcf
 
 
 class RemovedJson(TypedDict):
-    """A removed element: its error alone, and of the scene once it was removed with those before it."""
+    """A removed element: the error of its removal alone, and of all removals so far."""
 
     what: str
     category: str
@@ -43,7 +43,7 @@ class Cost(TypedDict):
 
 
 class ReduceJson(TypedDict):
-    """What was removed, and errors and cost of the rest."""
+    """Removed elements, and errors and cost of the reduced scene."""
 
     left_out: list[RemovedJson]
     error: float

@@ -34,13 +34,13 @@ from mechsim.studies.reference import MAX_SAMPLES, drawn_motion, joint_loads, pr
 from mechsim.studies.release import Release
 from mechsim.units import crank_speed, option, parse_angle
 
-# [s] that one cycle of a mode is shown
+# duration of the animation of one cycle of a mode in [s]
 CYCLE = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnimationOptions:
-    """Which motion is drawn, and how fast it is shown."""
+    """The motion to draw, and its playback speed."""
 
     method: str = option(
         "closed",
@@ -63,7 +63,7 @@ class AnimationOptions:
     )
 
     def samples(self, duration: float, picture: bool, positions: int, *, timed: bool) -> float:
-        """Return the number of samples of a motion of some seconds; a timed one is shown in its own time."""
+        """Return the number of samples of a motion of `duration` [s]; a timed motion keeps its own time."""
         if self.slow is not None:
             return self._slowed(duration, self.slow)
         if timed and not picture:
@@ -72,7 +72,7 @@ class AnimationOptions:
                     "--turns and --frames-per-turn apply to a crank without a motion law; leave them out"
                 )
             return max(1.0, self._slowed(duration, 1.0))
-        # samples of a still only shape the paths; with positions each sample is a position
+        # samples of a picture only define the paths; with several positions, each sample is a position
         if positions > 1:
             return abs(self.turns) * positions
         usual = 360 if picture else 72
@@ -196,12 +196,12 @@ def _released(
 
 
 def released_motion(release: Release, fps: float, slow: float | None) -> Motion:
-    """Return the motion of a run with the instants of the frames that show it."""
+    """Return the motion of a run at the instants of its frames."""
     slow = 1.0 if slow is None else slow
     run = release.shown_run(frame_count(release.duration * slow, fps))
     duration = float(run.time[-1])
     if duration < release.duration:
-        # it ended at an event or at rest: once more with the frames of its own duration
+        # the run ended at an event or at rest: repeat it with the frames for its actual duration
         run = release.shown_run(frame_count(duration * slow, fps))
     return run.motion
 
@@ -247,7 +247,7 @@ def _assembly_curve(
     path: Path, solver: KinematicSolver, animation: AnimationOptions, look: Look, picture: bool
 ) -> int | None:
     """Draw the curve of assemblies once; return the number of frames of an animation, None of a picture."""
-    # imported where it is used: other pictures do not need it
+    # a local import, since other pictures do not need it
     from mechsim.theory.continuation.assembly_curve import crank_path_length, even_motion
     from mechsim.theory.continuation.mechanism_trace import trace
 
@@ -308,7 +308,7 @@ def _check(output: str, animation: AnimationOptions, look: Look) -> None:
 def _write_animation(
     path: Path, solver: KinematicSolver, motion: Motion, periodic: bool, look: Look, extra: dict[str, Any]
 ) -> int:
-    """Write an animation, with progress on stderr; a periodic one without its last frame, the first again."""
+    """Write an animation, with progress on stderr; a periodic one omits its last frame, a repeated first."""
     shown = motion.angle[:-1] if periodic else motion.angle
     with progress("draw", len(shown)) as report:
         return write_video(path, solver.mechanism, motion, look, angles=shown, progress=report, **extra)

@@ -1,4 +1,4 @@
-"""Command `mechsim sample`: closed configurations of a MuJoCo model, drawn at random."""
+"""Command `mechsim sample`: random closed configurations of a MuJoCo model."""
 
 from typing import Annotated, TypedDict
 
@@ -13,7 +13,7 @@ from mechsim.subjects.mjcf_source import with_loops
 
 
 class SampleJson(TypedDict):
-    """The states that were written."""
+    """The written states."""
 
     n: int
     accepted: float

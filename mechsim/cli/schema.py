@@ -1,7 +1,7 @@
 """Command `mechsim schema`: JSON Schemas of TOML files, and of --json outputs by their types.
 
-A command's output is a TypedDict or a dataclass, in the command's file; those that several share are below.
-Numbers that JSON does not have are null.
+The output of a command is a TypedDict or a dataclass in its module; shared types are below. Numbers that
+JSON does not have are null.
 """
 
 from collections.abc import Callable
@@ -40,7 +40,7 @@ SCALARS: dict[Any, Schema] = {
     Any: {},
     type(None): {"type": "null"},
 }
-# of settings by name; values are numbers, words or lists of numbers
+# setting -> value: a number, a word or a list of numbers
 Settings = dict[str, Any]
 
 
@@ -60,13 +60,13 @@ class CheckJson(TypedDict):
 
 
 class WithMasses(TypedDict):
-    """Masses of the links, where a command uses them."""
+    """Masses of the links, if a command uses them."""
 
     masses: NotRequired[list[LinkMass]]
 
 
 class Written(WithMasses):
-    """A file that a command wrote of a mechanism."""
+    """A written file about a mechanism."""
 
     mechanism: str
     output: str
@@ -129,7 +129,7 @@ def schema_of(kind: Any) -> Schema:
 
 
 def output_types() -> dict[str, Any]:
-    """Return the type of what each command prints with --json."""
+    """Return the type of the --json output of each command."""
     from mechsim.cli import COMMANDS, command_function
 
     functions: dict[str, Callable[..., None]] = {name: command_function(name) for name in COMMANDS}
@@ -138,7 +138,7 @@ def output_types() -> dict[str, Any]:
 
 
 def output_schema(name: str) -> Schema:
-    """Return the JSON Schema of what a command prints with --json; KeyError where it has none."""
+    """Return the JSON Schema of a command's --json output; raise KeyError if it has none."""
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": f"What `mechsim {name} --json` prints",

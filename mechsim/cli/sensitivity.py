@@ -1,4 +1,4 @@
-"""Command `mechsim sensitivity`: exact derivatives by dimensions, and tolerances propagated to a motion."""
+"""Command `mechsim sensitivity`: exact derivatives by dimensions, and propagation of tolerances."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -35,7 +35,7 @@ from mechsim.units import crank_speed, option
 
 # limit on the number of random samples of a tolerance analysis
 MAX_SAMPLES = 10_000_000
-# contributions to a tolerance that are printed
+# maximum number of printed contributions to a tolerance
 MAX_SHARES = 3
 
 
@@ -234,7 +234,7 @@ def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]
 
 
 def _deviations(study: ToleranceStudy, quantity: str) -> dict[str, Any]:
-    """Return the largest deviation of a quantity over the motion, where it is, and the contributions."""
+    """Return the largest deviation of a quantity over the motion, its position, and the contributions."""
     worst, (_, instants) = study.worst(quantity), study.table.moved.over
     data: dict[str, Any] = {
         "unit": study.table.units[quantity],
@@ -267,7 +267,7 @@ def _print_derivatives(table: Sensitivity) -> None:
 
 
 def _print_tolerances(study: ToleranceStudy) -> None:
-    """Print the deviation of each quantity and path, and what it comes from."""
+    """Print the deviation of each quantity and path, and its contributions."""
     rows: list[tuple[Value, ...]] = []
     for quantity in study.table.values:
         largest = _deviations(study, quantity)

@@ -1,4 +1,4 @@
-"""Commands `mechsim list` and `mechsim show`: the mechanisms, and what is known of one without a run."""
+"""Commands `mechsim list` and `mechsim show`: the mechanisms, and the properties of one without a run."""
 
 import math
 from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
@@ -33,7 +33,7 @@ INPUT_DIGITS = 6
 
 
 class ListJson(TypedDict):
-    """Name -> what it is."""
+    """Name -> description."""
 
     mechanisms: dict[str, str]
     gallery: dict[str, str]
@@ -56,7 +56,7 @@ class JointJson(TypedDict):
 
 
 class CouplingLawJson(TypedDict):
-    """A polynomial of the driver's side; sides are coordinate -> weight."""
+    """A polynomial in the driver's side; each side maps coordinates to weights."""
 
     name: str
     driven: dict[str, float]
@@ -65,7 +65,7 @@ class CouplingLawJson(TypedDict):
 
 
 class MobilityJson(TypedDict):
-    """Degrees of freedom, and which the drivers leave open or drive twice."""
+    """Degrees of freedom, and those that the drivers leave undetermined or drive redundantly."""
 
     dofs: int
     drivers: list[str]
@@ -75,7 +75,7 @@ class MobilityJson(TypedDict):
 
 
 class Transmission(TypedDict):
-    """The least transmission angle over the crank's range."""
+    """The smallest transmission angle over the crank's range."""
 
     least: float
     at_angle: float
@@ -92,7 +92,7 @@ AssurGroup = TypedDict("AssurGroup", {"class": int, "order": int, "links": list[
 
 
 class ShowJson(TypedDict):
-    """What `show` prints; entries of the crank are there if a crank alone determines the motion."""
+    """Output of `show`; it contains entries of the crank if a crank alone determines the motion."""
 
     name: str
     about: str
@@ -263,7 +263,7 @@ def _sum(terms: dict[str, float]) -> str:
 
 
 def _polynomial(coupling: dict[str, Any]) -> str:
-    """Return p(x) in words, x being the driver's side."""
+    """Return p(x) as text; x is the driver's side."""
     x = _sum(coupling["driver"])
     x = x if list(coupling["driver"].values()) == [1.0] else f"({x})"
     powers = ["", x, *(f"{x}^{k}" for k in range(2, 6))]
@@ -272,7 +272,7 @@ def _polynomial(coupling: dict[str, Any]) -> str:
 
 
 def _term(value: float, factor: str) -> str:
-    """Return a product; a factor of one is not written."""
+    """Return a product as text, without a factor of one."""
     sign = {1.0: "", -1.0: "-"}.get(value) if factor else None
     return f"{_text(value)} {factor}".rstrip() if sign is None else f"{sign}{factor}"
 

@@ -51,14 +51,14 @@ from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.units import crank_speed, option, parse_angle, parse_length, parse_time
 
 RunSettings = Annotated[Mapping[str, Any], Settings]
-# options of a crank alone, and why they are invalid with motion laws
+# options that apply to a crank only and are invalid with motion laws
 CRANK_OPTIONS = ("speed", "turns", "profile", "every")
 HAS_LAW = "applies to a crank without a motion law; leave it out, and give --duration"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """What is run, how long and how accurately."""
+    """Motion, duration and accuracy of a run."""
 
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
     turns: float | None = option(None, "Turns of the crank. [default: 1, or one swing within its range]")
@@ -158,7 +158,7 @@ def simulate(
         else solver.motion_laws,
     )
     few = None if motion is None or run.motion.broken else few_digits(solver, run.motion)
-    # written last, so that invalid input writes nothing
+    # the file is written last, so that invalid input writes nothing
     if path is not None:
         joints = with_all_joints(solver.mechanism, run.motion)
         table = joints if motion else Poses(joints)
@@ -250,13 +250,13 @@ def _poses(solver: KinematicSolver, options: RunOptions, settings: Mapping[str, 
 
 
 def _constant_speed(solver: KinematicSolver, speed: float, turns: float) -> CrankProfile:
-    """Return the crank's motion at constant speed; raise AssemblyError where it leaves the crank's range."""
+    """Return the crank's motion at constant speed; raise AssemblyError if it leaves the crank's range."""
     try:
         arcs = solver.crank_range()
     except MobilityError as error:
         if error.outcome != "underdetermined":
             raise
-        # a pose does not determine the range, but a run in time does
+        # poses of an underdetermined mechanism do not determine the range, but a run in time does
         return simulation.constant(speed, turns, solver.mechanism.start)
     if arcs.full or not arcs.arcs:
         return simulation.constant(speed, turns)
@@ -288,7 +288,7 @@ def _controlled(
     settings: Mapping[str, Any],
     path: Path | None,
 ) -> Result[RunJson]:
-    """Step a user's MJCF scene as it is under its controls, and compare it with its exact closure."""
+    """Step a user's MJCF scene unchanged under its controls, and compare it with its exact closure."""
     options.exclude(*CRANK_OPTIONS, "method", because=HAS_LAW)
     if options.poses is not None:
         raise InputError("--at prescribes joints; leave it out with --ctrl")
@@ -336,7 +336,7 @@ def _controlled(
 
 
 def _start_violation(scene: UserScene, tolerance: float) -> str:
-    """Return how far the loops are open at the start, where no step can correct that; otherwise nothing."""
+    """Return the loop-closure error at the start, as text, if no step can correct it; otherwise empty."""
     error = start_error(scene)
     if error <= tolerance:
         return ""
@@ -347,7 +347,7 @@ def _start_violation(scene: UserScene, tolerance: float) -> str:
 
 
 def table_of(run: SceneRun) -> dict[str, Array]:
-    """Return the columns of a run: time, points with velocities, joints, actuators' efforts."""
+    """Return the columns of a run: time, points with velocities, joints, actuator forces."""
     scene, model = run.scene, run.model
     table = {"time": run.time}
     velocities = run.velocities

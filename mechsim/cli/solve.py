@@ -42,16 +42,16 @@ from mechsim.numerics.resources import require_memory
 from mechsim.subjects.driver_positions import Poses, poses_of_table
 from mechsim.units import crank_speed, option, parse_angles
 
-# times or crank angles -> the motion there
+# times or crank angles -> the motion at these instants
 MotionAt = Callable[[Array], Motion]
-# rows that are solved at once where the result is written in chunks
+# rows of a chunk of the result
 CHUNK = 1 << 17
-# bytes of memory for each number that is written as .npz, and as JSON
+# bytes of memory per number for output as .npz, and as JSON
 NPZ_BYTES, JSON_BYTES = 40.0, 160.0
 ANGLES, SAMPLES, MAX_SAMPLES = "0:360:5deg", 73, 10_000_000
 # rows and columns of the table in a terminal
 SHOWN_ROWS, SHOWN_COLUMNS = 25, 6
-# ends of the names of columns of velocities and accelerations
+# suffixes of the columns of velocities and accelerations
 RATE_SUFFIXES = {"v", "a", *(f"{rate}{axis}" for rate in "va" for axis in "xyz")}
 
 
@@ -92,13 +92,13 @@ class SolveOptions:
 
 @dataclass(frozen=True, slots=True)
 class SolveTask:
-    """Instants to solve, and what solves there.
+    """Instants to solve, and their solver.
 
     Attributes:
-        solver: of the mechanism, assembled for the first instant.
+        solver: solver of the mechanism, assembled for the first instant.
         instants: times under motion laws or in a swing, otherwise crank angles.
-        motion_at: instants -> the motion there.
-        name: of the instants, for messages.
+        motion_at: instants -> the motion at these instants.
+        name: name of the instants in messages.
     """
 
     solver: KinematicSolver
@@ -108,7 +108,7 @@ class SolveTask:
 
     @property
     def numbers(self) -> float:
-        """Numbers of a row in the result."""
+        """Number of values in a row of the result."""
         mechanism = self.solver.mechanism
         return 1.0 + 9.0 * len(mechanism.points) + 3.0 * len(mechanism.joints)
 
@@ -156,7 +156,7 @@ def solve(
 
 
 def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
-    """Return what is to be solved: a motion under motion laws, a swing, or crank angles."""
+    """Return the task: a motion under motion laws, a swing, or crank angles."""
     laws, samples = solver.motion_laws, options.samples or SAMPLES
     if not laws.crank:
         times = np.linspace(0.0, laws.duration, samples)
@@ -207,7 +207,7 @@ def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) ->
     """Write or print a motion as .csv chunk by chunk, in constant memory."""
     instants, fewest = task.instants, list[FewDigits]()
     if not isinstance(task.solver, ClosedForm):
-        # loop equations that cannot be followed over the whole motion fail before a row is written
+        # loop equations that have no solution over the whole motion fail before a row is written
         task.motion_at(np.array([instants.min(), instants.max()]))
 
     def chunks() -> Iterator[files.Tabled]:
@@ -239,7 +239,7 @@ def _print_csv(tables: Iterator[files.Tabled]) -> None:
 
 
 def _print_table(name: str, table: files.Tabled) -> None:
-    """Print a readable selection: columns of positions that are not all 0, rows evenly spread."""
+    """Print a readable selection: nonzero columns of positions, and evenly spaced rows."""
     columns = dict(table.columns())
     values = {
         head: without_noise(column.tolist())

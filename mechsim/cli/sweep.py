@@ -1,4 +1,4 @@
-"""Command `mechsim sweep`: many designs of one mechanism, measured."""
+"""Command `mechsim sweep`: measures of many designs of one mechanism."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -36,7 +36,7 @@ from mechsim.units import crank_speed
 if TYPE_CHECKING:
     from xarray import Dataset
 
-# printed reasons of designs that are not built
+# maximum number of printed reasons for failed designs
 MAX_REASONS = 5
 
 Vary = Annotated[
@@ -91,7 +91,7 @@ Scheduler = Annotated[
 
 
 class SweepJson(WithMasses):
-    """Size and duration of a sweep; designs checked by the other method."""
+    """Size and duration of a sweep, and designs that the other method checked."""
 
     model: str
     output: str
@@ -130,7 +130,7 @@ def sweep(
     require_libraries(output)
     arguments = source.as_arguments()
     released = any(text.partition(":")[0] in RELEASED for text in measure or ())
-    # --duration is that of the runs
+    # --duration sets the duration of the runs
     duration = arguments.pop("duration") if released else None
     subject, dimensions = swept_designs(source.model, changed_parameters(source.sets), **arguments)
     if method not in (None, "step"):
@@ -182,11 +182,11 @@ def _ranges(
 
 
 def _require_writable(output: str) -> None:
-    """Raise an error for an output that cannot be written, before any computation.
+    """Raise an error before any computation if the output cannot be written.
 
     Raises:
-        InputError: for an unknown extension.
-        OutputError: for a missing folder.
+        InputError: if the extension is unknown.
+        OutputError: if the folder does not exist.
     """
     suffix_of(output)
     if not output.lower().endswith(".zarr"):
@@ -206,7 +206,7 @@ def _print_checked(checked: CheckedDesigns) -> None:
 
 
 def _print(result: "Dataset", title: str) -> None:
-    """Print the least and the largest value of each measure with their designs, and why designs fail."""
+    """Print minimum and maximum of each measure with their designs, and the reasons for failures."""
     table = design_columns(result)
     valid = np.isin(table["outcome"].astype(str), BUILT)
     parameters = [str(name) for name in result.coords]

@@ -14,7 +14,7 @@ from mechsim.cli.output import number, print_table
 from mechsim.errors import InputError
 from mechsim.theory.coupler_line import Synthesis, synthesize_looper
 
-# significant digits of dimensions, which are to be built
+# significant digits of printed dimensions, enough for manufacture
 DIMENSION_DIGITS = 6
 
 
@@ -28,7 +28,7 @@ class LineDesign(TypedDict):
 
 
 class SynthesisJson(LineDesign):
-    """The design whose rocker keeps its circle best, and the straightest one."""
+    """The design whose rocker follows its circle best, and the design with the straightest path."""
 
     straightest: LineDesign
 

@@ -28,14 +28,14 @@ from mechsim.theory.continuation.mechanism_trace import SEED, STARTS, AssemblyTr
 from mechsim.theory.continuation.mechanism_trace import trace as trace_assemblies
 from mechsim.units import parse_names
 
-# rows of a table for each curve
+# number of rows of the table for each curve
 MAX_SAMPLES = 100_000
 # significant digits of angles and lengths that describe a curve
 CURVE_DIGITS = 4
 
 
 class TurningPointJson(TypedDict):
-    """Where a coordinate has an extreme value along a curve."""
+    """Position of an extreme value of a coordinate along a curve."""
 
     coordinate: str
     which: str
@@ -57,7 +57,7 @@ class Component(TypedDict):
 
 
 class TraceJson(TypedDict):
-    """All curves, and where they meet."""
+    """All curves, and the points at which they meet."""
 
     mechanism: str
     starts: int
@@ -130,7 +130,7 @@ def trace(
 def _labelled(
     trace: AssemblyTrace, table: Mapping[str, Array], shown: OutputUnits | None
 ) -> Mapping[str, Array]:
-    """Return a table of curves in other units, where `--units` gives them."""
+    """Return a table of curves in the units of `--units`, if any."""
     if shown is None:
         return table
     units = dict.fromkeys(table, "m") | {"component": "", "arc": "", "angle": "rad"}

@@ -1,4 +1,4 @@
-"""Command `mechsim tradeoff`: speed against accuracy of MuJoCo's settings, measured."""
+"""Command `mechsim tradeoff`: measured speed and accuracy of MuJoCo's settings."""
 
 import textwrap
 from pathlib import Path
@@ -27,16 +27,16 @@ from mechsim.studies.tradeoff.trials import measure_tradeoff
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, advice, write_csv
 from mechsim.units import crank_speed
 
-# [s] of the budget that are reserved for the table, and for a plot
+# time in [s] of the budget reserved for the table, and for a plot
 TABLE_TIME, PLOT_TIME = 0.1, 0.7
-# printed families that were not tried
+# maximum number of printed families of settings without a trial
 MAX_FAMILIES = 3
-# steps per turn at which MuJoCo's defaults are printed
+# steps per revolution at which MuJoCo's defaults are printed
 DEFAULTS_STEPS = (72, 720, 7200)
 
 
 class Advice(TypedDict):
-    """How to use a setting: as typed, in a file, in Python."""
+    """Use of a setting on the command line, in a file and in Python."""
 
     command: str | None
     export: str | None
@@ -69,7 +69,7 @@ class Recommendation(TypedDict):
 
 
 class OrderJson(TypedDict):
-    """Order of convergence with its interval."""
+    """Order of convergence with its confidence interval."""
 
     order: float
     low: float
@@ -166,7 +166,7 @@ def tradeoff(
 
 
 def _timed_budget(budget: str, *, drawn: bool) -> Budget:
-    """Return the clock of a budget, of which some time is reserved for the table and the plot."""
+    """Return the timer of a budget, less the time reserved for the table and the plot."""
     seconds = units.parse_time(budget, "the budget")
     if not 0.0 < seconds < float("inf"):
         raise InputError(f"the budget is {budget}; give a time above 0, as in 60s")
@@ -218,7 +218,7 @@ def _print(result: Tradeoff, by: str) -> None:
 
 
 def _print_advice(result: Tradeoff, by: str, model: str) -> None:
-    """Print how to use each recommendation, once for those that are alike."""
+    """Print the use of each recommendation; identical recommendations are printed once."""
     bounds_of: dict[str, list[str]] = {}
     for limit in BOUNDS:
         point = result.choice(limit, by)
@@ -233,7 +233,7 @@ def _print_advice(result: Tradeoff, by: str, model: str) -> None:
 
 
 def _shell_lines(line: str) -> list[str]:
-    """Return a command in lines that fit the terminal and can be copied, ended by a backslash."""
+    """Return a command in lines that fit the terminal and can be copied, joined by backslashes."""
     lines = textwrap.wrap(line, width() - 6, break_long_words=False, break_on_hyphens=False)
     return [
         f"  {'  ' if i else ''}{text}{' ' + chr(92) if i < len(lines) - 1 else ''}"
@@ -242,7 +242,7 @@ def _shell_lines(line: str) -> list[str]:
 
 
 def _count(result: Tradeoff) -> str:
-    """Return how many settings were measured, and which were not and why."""
+    """Return the number of measured settings, and the settings without a measurement with the reason."""
     items = [f"{len(result.points)} settings measured in {number(result.seconds, 3)} s"]
     if result.unbuilt:
         items.append(f"{result.unbuilt} do not assemble")
@@ -256,7 +256,7 @@ def _count(result: Tradeoff) -> str:
 
 
 def _costs(source: ModelOptions, controls: ControlOptions) -> Result[Any]:
-    """Measure what each element of a scene costs."""
+    """Measure the cost of each element of a scene."""
     scene = user_scene(source.model, source, controls)
     with progress("costs", None) as report:
         costs = scene_costs(scene, spec_of(scene), progress=report)

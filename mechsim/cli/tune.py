@@ -19,7 +19,7 @@ from mechsim.studies.scene.tune import SECONDS, Tuned, TuningReport
 from mechsim.studies.scene.tune_model import tune as tune_model
 from mechsim.studies.scene.write_tuned import setting_changes
 
-# rows of the table of tried settings
+# maximum number of rows in the table of tried settings
 MAX_ROWS = 14
 
 
@@ -39,13 +39,13 @@ class Published(TriedSettings):
 
 
 class TunedSettings(TriedSettings):
-    """The settings that were written; the error is that of the written file."""
+    """The written settings; the error is that of the written file."""
 
     estimate: float
 
 
 class LimitJson(TypedDict):
-    """The converged reference of errors, and its own errors."""
+    """The converged reference for errors, and its own errors."""
 
     what: str
     error: float
@@ -166,7 +166,7 @@ def _print(report: TuningReport, data: dict[str, Any]) -> None:
             error = number(result.beyond.errors.by(result.by), 2)
             print_text(f"lines of Python reach {error} {unit}, {script}")
     head = ["settings changed", f"{result.by} [{unit}]", "trajectory [m]", "ms/s"]
-    # the measure that decides is not printed twice
+    # the deciding measure is printed once only
     keep = [i for i in range(4) if not (i == 2 and result.by == "trajectory")]
     title = f"{result.scene.path}: {result.by} within {result.tolerance:g} {unit}; ms per simulated second"
     print_table(title, [head[i] for i in keep], [[row[i] for i in keep] for row in rows])

@@ -1,4 +1,4 @@
-"""Command `mechsim validate`: formulas, loop equations, MuJoCo and a user's own model against each other."""
+"""Command `mechsim validate`: compares formulas, loop equations, MuJoCo and a user's own model."""
 
 import math
 from collections import Counter
@@ -54,7 +54,7 @@ from mechsim.verdict.checks import Verdict
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgainstOptions:
-    """What one model is compared with."""
+    """Reference with which a model is compared."""
 
     against: str | None = option(
         None,
@@ -71,7 +71,7 @@ class AgainstOptions:
 
     @property
     def tolerance_in_metres(self) -> float | None:
-        """The tolerance in [m]; None where none is given."""
+        """The tolerance in [m]; None if there is none."""
         if self.tolerance is None:
             return None
         tolerance = units.parse_length(self.tolerance, "the tolerance")
@@ -126,7 +126,7 @@ class PublishedJson(TypedDict):
 
 
 class CaseJson(TypedDict):
-    """What was checked of a mechanism."""
+    """Checks of a mechanism."""
 
     passed: bool
     outcome: Outcome
@@ -146,7 +146,7 @@ class CaseJson(TypedDict):
 
 
 class ValidateJson(TypedDict):
-    """What `validate` prints."""
+    """Output of `validate`."""
 
     passed: bool
     mechanisms: dict[str, CaseJson]
@@ -232,14 +232,14 @@ def validate(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValidationTask:
-    """How mechanisms are validated.
+    """Options for the validation of mechanisms.
 
     Attributes:
-        speed: of a crank in [rad/s].
+        speed: speed of the crank in [rad/s].
         quick: names of mechanisms that are not stepped.
-        tolerance: on positions in [m]; None for the default.
-        budget: processor time for the stepped runs of each mechanism in [s].
-        certify: whether interval proofs are attempted; one that fails is reported and is no failure.
+        tolerance: tolerance on positions in [m]; None for the default.
+        budget: processor time in [s] for the stepped runs of each mechanism.
+        certify: whether interval proofs are attempted; a failed proof is reported and is no failure.
     """
 
     speed: float
@@ -250,7 +250,7 @@ class ValidationTask:
 
 
 def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
-    """Return mechanisms by their names, or by the argument where several have one name."""
+    """Return mechanisms by name, or by argument if several have the same name."""
     names = {model: design.make({}).name for model, design in designs.items()}
     count = Counter(names.values())
     return {names[model] if count[names[model]] == 1 else model: design for model, design in designs.items()}
@@ -264,7 +264,7 @@ def _validated(
     verbose: bool,
     as_json: bool,
 ) -> Result[ValidateJson]:
-    """Validate mechanisms; JSON reports one that cannot be assembled before the error does."""
+    """Validate mechanisms; if one cannot be assembled, JSON reports it before the error is raised."""
     try:
         with progress("validate", None) as report:
             cases = validate_all(
@@ -342,7 +342,7 @@ def _against(
 
 
 def report_code(solvers: Iterable[KinematicSolver]) -> None:
-    """State on stderr which of the user's own code is run for the formulas that files name."""
+    """Print on stderr the user's own code that runs for the formulas in files."""
     files = [solver.formula.rpartition(":")[0] for solver in solvers]
     own = [file for file in dict.fromkeys(files) if file and Path(file).resolve().parent != gallery.folder()]
     if own:
@@ -350,10 +350,10 @@ def report_code(solvers: Iterable[KinematicSolver]) -> None:
 
 
 def _by_reference(models: Sequence[str], verbose: bool) -> Result[ValidateJson]:
-    """Compare mechanisms with the reference data; all that there are data of where none is named.
+    """Compare mechanisms with the reference data; without names, all mechanisms with reference data.
 
     Raises:
-        InputError: for a name without data, or data that differ from their checksum.
+        InputError: if a name has no data, or data differ from their checksum.
     """
     folder = reference_data.folder()
     tables = [reference_data.read(folder, name) for name in models or reference_data.names(folder)]

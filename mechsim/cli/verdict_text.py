@@ -1,4 +1,4 @@
-"""Verdicts and findings for people: a line a method, the failed checks and their cause, or tables."""
+"""Verdicts and findings as text: a line per method, the failed checks with their cause, or tables."""
 
 import math
 import re
@@ -30,12 +30,12 @@ def motion_law_of_crank(solver: KinematicSolver, motion: CrankProfile) -> Motion
 
 
 def findings_in_json(findings: Sequence[Finding] | None) -> dict[str, list[dict[str, Any]]]:
-    """Return the entry of a JSON object; none where there is no MJCF file."""
+    """Return the entry of a JSON object; empty without an MJCF file."""
     return {} if findings is None else {"findings": [finding.as_dict() for finding in findings]}
 
 
 def print_findings(findings: Sequence[Finding] | None) -> None:
-    """Print findings as a table, or that there are none; nothing where there is no MJCF file."""
+    """Print findings as a table, or that there are none; print nothing without an MJCF file."""
     if findings is not None and not findings:
         typer.echo("findings: none")
     rows = [
@@ -51,7 +51,7 @@ def print_finding_lines(findings: Sequence[Finding] | None) -> None:
             typer.echo(line)
 
 
-# what each method of a verdict compares
+# method of a verdict -> description of its comparison
 METHODS = {
     "closed form": "analytic formula vs loop equations",
     "formula": "known solution vs loop equations",
@@ -59,11 +59,11 @@ METHODS = {
     "step": "MuJoCo, stepped",
     "as published": "MuJoCo, the file's own settings",
 }
-# failed checks that are listed without -v
+# maximum number of failed checks in the output without -v
 MAX_FAILED = 3
-# units whose first letter is no prefix, and which take none
+# units that take no prefix
 WITHOUT_PREFIX = ("kg", "1")
-# columns kept for the time that a validation took
+# columns reserved for the duration of a validation
 DURATION_WIDTH = 6
 # as in "rod is 0.199 m instead of 0.2 m (-0.5 %)"
 RELATIVE_CHANGE = re.compile(r" \([-+]\S+ %\)")
@@ -79,7 +79,7 @@ def print_verdict(title: str, verdict: "Verdict") -> None:
 
 
 def print_verdicts(verdicts: "Mapping[str, Verdict]", *, verbose: bool) -> None:
-    """Print a line for each verdict, failures with what is off first; all checks if verbose."""
+    """Print a line for each verdict, failures with their errors first; print all checks if verbose."""
     for name, verdict in verdicts.items():
         if verbose:
             print_verdict(name, verdict)
@@ -94,7 +94,7 @@ def _echo(lines: Sequence[str]) -> None:
 
 
 def summary_lines(verdicts: "Mapping[str, Verdict]") -> list[str]:
-    """Return a line for each verdict: how many checks, PASS or FAIL, the largest error."""
+    """Return a line for each verdict: the number of checks, PASS or FAIL, and the largest error."""
     longest = max(map(len, verdicts), default=0)
     return [
         f"  {name:<{longest}}  {len(verdict.checks):>4} checks   {pass_or_fail(verdict.passed)}  "
@@ -104,7 +104,7 @@ def summary_lines(verdicts: "Mapping[str, Verdict]") -> list[str]:
 
 
 def headline(title: str, passed: bool, seconds: float | None = None) -> str:
-    """Return a title with PASS or FAIL, and the time taken, at the right edge."""
+    """Return a title with PASS or FAIL and the duration at the right edge."""
     duration = "" if seconds is None else f"{seconds:.1f} s"
     columns = width() - len("PASS") - DURATION_WIDTH - 4
     if len(title) > columns:
@@ -113,7 +113,7 @@ def headline(title: str, passed: bool, seconds: float | None = None) -> str:
 
 
 def method_lines(checks: "Sequence[Check]", labels: Mapping[str, str]) -> list[str]:
-    """Return a line for each method: how many checks, and the one nearest to its tolerance."""
+    """Return a line for each method: the number of checks, and the check nearest to its tolerance."""
     groups: dict[str, list[Check]] = {}
     for check in checks:
         label = labels.get(check.method, check.method)
@@ -126,7 +126,7 @@ def method_lines(checks: "Sequence[Check]", labels: Mapping[str, str]) -> list[s
     errors = [f"{check.worst:.1e} {check.unit}" for check in worst.values()]
     rows = list(zip(names, numbers, fractions, quantities, errors, strict=True))
     lines: list[str] = []
-    # the first layout that fits
+    # select the first layout that fits
     for layout in (
         "  {}  {} checks  worst {}  {}  {}",
         "  {}  {} checks  {}  {}  {}",
@@ -145,7 +145,7 @@ def _aligned(texts: Sequence[str], *, right: bool = False) -> list[str]:
 
 
 def failure_lines(checks: "Sequence[Check]", findings: Sequence[Finding], reason: str = "") -> list[str]:
-    """Return what is off and by how much, and the likely cause."""
+    """Return the failed checks with their errors, and the likely cause."""
     failed = sorted((check for check in checks if not check.passed), key=_severity, reverse=True)
     shown = failed[:MAX_FAILED]
     explanations = causes(findings)
@@ -161,7 +161,7 @@ def failure_lines(checks: "Sequence[Check]", findings: Sequence[Finding], reason
 
 
 def causes(findings: Sequence[Finding]) -> list[tuple[str, str]]:
-    """Return what explains a difference: labels and sentences."""
+    """Return the causes of a difference: labels and sentences."""
     named = [finding for finding in findings if finding.kind != "none"]
     if not named:
         return [("cause", finding.message) for finding in findings]
@@ -189,7 +189,7 @@ def _name(check: "Check") -> str:
 
 
 def _severity(check: "Check") -> float:
-    """Return by which fraction of its tolerance a check errs; NaN counts as the largest."""
+    """Return the error of a check as a fraction of its tolerance; NaN counts as the largest."""
     if math.isnan(check.worst):
         return math.inf
     return (
@@ -233,7 +233,7 @@ def readable(value: float, unit: str) -> str:
 
 
 def print_agreement(name: str, agreement: "Agreement", *, verbose: bool) -> None:
-    """Print the result for one model: PASS or FAIL, what is off, and the likely cause."""
+    """Print the result for one model: PASS or FAIL, the failed checks, and the likely cause."""
     lines = [headline(f"{name} vs {agreement.source}", agreement.passed)]
     if agreement.passed:
         lines += method_lines(agreement.checks, {"": "compared"})
@@ -248,7 +248,7 @@ def print_agreement(name: str, agreement: "Agreement", *, verbose: bool) -> None
 
 
 def attribution_lines(agreement: "Agreement") -> list[str]:
-    """Return which part of the error of a stepped run comes from where."""
+    """Return the contributions to the error of a stepped run."""
     if "says" in agreement.attribution:
         return wrapped(str(agreement.attribution["says"]))
     if "note" in agreement.attribution:
@@ -261,7 +261,7 @@ def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool)
 
     Args:
         cases: results by name.
-        speed: of the crank, as text.
+        speed: speed of the crank, as text.
         verbose: whether all checks are listed.
     """
     single = len(cases) == 1
@@ -284,7 +284,7 @@ def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool)
 
 
 def _print_block(name: str, case: "Validation", speed: str, verbose: bool) -> None:
-    """Print what was compared of a mechanism, and what failed."""
+    """Print the comparisons of a mechanism, and the failures."""
     lines = [headline(f"{name}  {kind(case.solver)}", case.passed, case.seconds)]
     if not case.passed:
         findings = () if case.formula is None else case.formula.findings
@@ -299,7 +299,7 @@ def _print_block(name: str, case: "Validation", speed: str, verbose: bool) -> No
 
 
 def _print_summary(cases: Mapping[str, "Validation"]) -> None:
-    """Print a line for each mechanism, and how many passed."""
+    """Print a line for each mechanism, and the number that passed."""
     _echo(summary_lines({name: case.verdict for name, case in cases.items()}))
     passed = sum(case.passed for case in cases.values())
     seconds = sum(case.seconds for case in cases.values())
@@ -307,7 +307,7 @@ def _print_summary(cases: Mapping[str, "Validation"]) -> None:
 
 
 def _stepped(case: "Validation", speed: str) -> str:
-    """Return how a stepped run was made."""
+    """Return a description of a stepped run."""
     if not case.solver.motion_laws.crank:
         speed = "motion laws"
     settings = case.run.settings
@@ -316,7 +316,7 @@ def _stepped(case: "Validation", speed: str) -> str:
 
 
 def _notes(case: "Validation") -> list[str]:
-    """Return what else is known of a stepped run."""
+    """Return further remarks on a stepped run."""
     from mechsim.simulation.settings import COMPLIANCE
 
     notes: list[str] = []

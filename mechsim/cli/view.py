@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class ViewJson(Written):
-    """A written page, and whether a browser showed it."""
+    """A written page, and whether a browser opened it."""
 
     opened: bool
 
@@ -90,7 +90,7 @@ def view(
 
 
 def _contents(source: ModelOptions, loads: LoadOptions, release: ReleaseOptions, speed: str) -> "View":
-    """Return what the page shows: the poses of a mechanism, a run from an initial state, or a mode."""
+    """Return the contents of the page: poses of a mechanism, a run from an initial state, or a mode."""
     from mechsim.report.driver_views import release_view
     from mechsim.report.views import model_view
 
@@ -102,7 +102,7 @@ def _contents(source: ModelOptions, loads: LoadOptions, release: ReleaseOptions,
 
 
 def _live(contents: "View", source: ModelOptions, release: ReleaseOptions, speed: str) -> "View":
-    """Return what the page shows with a solver of its own."""
+    """Return the contents of a page with its own solver."""
     from mechsim.report.views import live_view
     from mechsim.subjects.readers import open_model
 
@@ -113,7 +113,7 @@ def _live(contents: "View", source: ModelOptions, release: ReleaseOptions, speed
 
 
 def _browser() -> webbrowser.BaseBrowser | None:
-    """Return the browser of this machine; None where there is no screen for it."""
+    """Return the browser of this machine; None without a screen."""
     no_screen = sys.platform.startswith("linux") and not {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
     if no_screen and "BROWSER" not in os.environ:
         return None

@@ -1,23 +1,24 @@
-"""What every generated solver does, in the common subset of C and JavaScript that `printing` translates.
+"""The algorithm of generated solvers, in the common subset of C and JavaScript that `printing` translates.
 
-`@` stands for the prefix of all names. Lines between `#if FLAG` or `#if !FLAG` and `#endif` are for
-mechanisms with or without the property.
+`@` is a placeholder for the prefix of all names. Lines between `#if FLAG` or `#if !FLAG` and `#endif` apply
+to mechanisms with or without the property.
 """
 
-# largest step of a driver, in [rad] or sizes of the mechanism; a longer way is gone in several
+# largest step of a driver, in [rad] or characteristic lengths; longer distances are divided into steps
 STEP = 0.1
-# attempts to go a step before a call gives up
+# maximum number of attempted steps of a call
 ATTEMPTS = 4096
-# a step that fails is halved down to this fraction
+# failed steps are halved down to this fraction of the first step
 HALVED = 1.0 / 256.0
-# largest predicted displacement of an unknown in a step, in [rad] or sizes: next to a singular configuration
-# a prediction that spins a link may end close to a solution of another assembly by chance
+# largest predicted displacement of an unknown in a step, in [rad] or characteristic lengths: near a singular
+# configuration a prediction that spins a link may end near a solution of another assembly by chance
 DISPLACEMENT = 0.5
-# Newton's method after a step: largest first correction, in [rad] or sizes; largest ratio of corrections
+# Newton's method after a step: largest first correction, in [rad] or characteristic lengths, and largest
+# ratio of successive corrections
 CORRECTION, CONTRACTION = 0.02, 0.25
 ITERATIONS = 10
-# smallest pivot of the loop Jacobian free of units: nearer to a singular configuration, accelerations lose
-# more than twelve of sixteen digits
+# smallest pivot of the dimensionless loop Jacobian: closer to a singular configuration, accelerations lose
+# more than 12 of 16 digits
 PIVOT = 1e-6
 
 SOLVER = """

@@ -1,7 +1,8 @@
-"""What code is generated from: the loops of one assembly, the rows that are solved, and its range.
+"""Input of the code generator: the loops of one assembly, the solved rows, and its range.
 
-A link whose spin nothing determines, as a rod between two balls, is held by a universal joint: positions,
-rates of everything else and drive torques are the same, for such a link is round about its line.
+A universal joint replaces a ball joint of a link with an undetermined spin, such as a rod between two balls.
+Positions, rates of all other links and drive torques do not change if the link is axisymmetric about its
+line.
 """
 
 from dataclasses import dataclass, replace
@@ -31,13 +32,13 @@ from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rank import significant
 from mechsim.studies.certify.certificate import Certificate, certified_motion
 
-# configurations over the range at which rows are compared
+# number of configurations over the range at which the conditioning of rows is compared
 SAMPLES = 49
-# distance of samples from a singular end of the range, as a fraction of it
+# distance of samples from a singular end of the range, as a fraction of the range
 INSET = 1e-3
-# angular velocity along a null-space vector, relative to the largest, below which a link does not spin
+# angular velocity along a null-space vector, relative to the largest one, below which a link does not spin
 STILL = 1e-6
-# directions among which the first axis of a universal joint is chosen
+# candidate directions of the first axis of a universal joint
 DIRECTIONS = np.array(
     [[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (0, 1) if x or y or z], float
 )
@@ -45,15 +46,15 @@ DIRECTIONS = np.array(
 
 @dataclass(frozen=True)
 class SolvedAssembly:
-    """One assembly of a mechanism, as code solves it.
+    """One assembly of a mechanism, in the form that generated code solves.
 
     Attributes:
-        source: the mechanism as it was given.
-        mechanism: the same with directions and lengths rounded, and links that would spin held from spinning.
-        solver: its loops about the start, and which rows are solved.
-        interval: crank angles in [rad] between which the loops close and no assemblies meet; None where the
-            crank turns fully, or no crank drives.
-        spinning: links whose spin nothing determines -> its axis in the link's frame, (3,).
+        source: the original mechanism.
+        mechanism: the mechanism with rounded directions and lengths, and without undetermined spins.
+        solver: loop solver about the start, with the solved rows.
+        interval: range of the crank angle in [rad] in which the loops close and no two assemblies coincide;
+            None if the crank rotates fully or there is no crank.
+        spinning: link with an undetermined spin -> spin axis in the link's frame, (3,).
         samples: configurations over the range.
         certificate: proof of one regular configuration over the range; None if none was requested.
     """
@@ -68,12 +69,12 @@ class SolvedAssembly:
 
     @property
     def loops(self) -> TreeLoops:
-        """Its loop equations."""
+        """The loop equations."""
         return self.solver.loops
 
     @property
     def start(self) -> Coordinates:
-        """The configuration from which it is followed."""
+        """The configuration from which the code traces the motion."""
         return self.solver.reference
 
     @property
@@ -93,17 +94,17 @@ class SolvedAssembly:
 
 
 def assembly(source: KinematicSolver, certify: bool = False) -> SolvedAssembly:
-    """Return the assembly of a mechanism that its guess selects.
+    """Return the assembly of a mechanism, selected by its guess.
 
     Args:
         source: the mechanism.
-        certify: whether the range is the one over which one regular configuration is proven to exist.
+        certify: whether to prove that one regular configuration exists over the range.
 
     Raises:
-        AssemblyError: where the loops do not close at the start.
-        MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
-        InputError: where a link is left to spin by joints for which no code is generated, and where the range
-            cannot be certified.
+        AssemblyError: if the loops do not close at the start.
+        MobilityError: if the drivers leave joints or tracked points undetermined, or are redundant.
+        InputError: if a link can spin in joints for which no code is generated, or the range cannot be
+            certified.
     """
     mechanism = _rounded(with_closed_guess(source.mechanism))
     solver = LoopForm(mechanism, motion_laws=source.motion_laws, ranges=source.ranges)
@@ -120,10 +121,10 @@ def assembly(source: KinematicSolver, certify: bool = False) -> SolvedAssembly:
 
 
 def _certified(assembly: SolvedAssembly) -> SolvedAssembly:
-    """Return an assembly whose range is proven.
+    """Return the assembly with a certificate over its range.
 
     Raises:
-        InputError: where it cannot be proven.
+        InputError: if the proof fails.
     """
     interval = assembly.interval
     if interval is not None:
@@ -139,7 +140,7 @@ def _certified(assembly: SolvedAssembly) -> SolvedAssembly:
 
 
 def _rounded(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism in which components of directions and points that are rounding are zero."""
+    """Return a mechanism with rounding errors in components of directions and points replaced by zero."""
     length = ROUNDING * mechanism.characteristic_length
 
     def end(side: End) -> End:
@@ -157,7 +158,7 @@ def _rounded_vector(vector: Vector, tolerance: float) -> Vector:
 
 
 def _range(solver: LoopForm) -> tuple[tuple[float, float] | None, Array]:
-    """Return the interval of the crank in one assembly, and path parameters over the range."""
+    """Return the interval of the crank angle in one assembly, and path parameters over the range."""
     start = solver.mechanism.start
     if not solver.motion_laws.crank:
         return None, np.linspace(0.0, solver.motion_laws.length, SAMPLES)
@@ -178,7 +179,7 @@ def _range(solver: LoopForm) -> tuple[tuple[float, float] | None, Array]:
 
 
 def _sampled(solver: LoopForm, parameters: Array) -> Coordinates:
-    """Return the coordinates of the tree at path parameters, in order of the chunks that solve them."""
+    """Return the coordinates of the tree at path parameters, in the order of the solved chunks."""
     if not len(parameters):
         return checked_start(solver.mechanism).reference
     path = driven_path(solver.mechanism, solver.motion_laws)
@@ -188,7 +189,7 @@ def _sampled(solver: LoopForm, parameters: Array) -> Coordinates:
 
 
 def _with_best_rows(first: TreeSolver, q: Coordinates) -> TreeSolver:
-    """Return the solver with those independent rows that are best conditioned over the range."""
+    """Return the solver with the independent rows of best conditioning over the range."""
     loops = first.loops
     if not len(loops.unknown) or first.uses_all_rows:
         return first
@@ -208,17 +209,17 @@ def _with_best_rows(first: TreeSolver, q: Coordinates) -> TreeSolver:
 
 
 def without_passive_spin(solver: TreeSolver, poses: LinkPoses) -> tuple[Mechanism, dict[str, Array]]:
-    """Return a mechanism in which universal joints replace balls that leave links to spin.
+    """Return a mechanism with universal joints in place of ball joints that allow links to spin.
 
     Args:
-        solver: of the loops at the start, with a null space.
-        poses: of the links over the range of the motion.
+        solver: solver of the loops at the start, with a null space.
+        poses: poses of the links over the range of the motion.
 
     Returns:
-        The mechanism, and spinning link -> axis in its frame, (3,).
+        The mechanism, and spinning link -> spin axis in its frame, (3,).
 
     Raises:
-        InputError: where no ball leads from a link that does not spin to one that does.
+        InputError: if no ball joint connects a spinning link with a link that does not spin.
     """
     mechanism, spinning = solver.loops.tree.mechanism, dict[str, Array]()
     index = solver.loops.tree.index
@@ -241,7 +242,7 @@ def without_passive_spin(solver: TreeSolver, poses: LinkPoses) -> tuple[Mechanis
 
 
 def _spin_axes(solver: TreeSolver) -> dict[str, Array]:
-    """Return the links that move along the null space -> the direction of their angular velocity, (3,)."""
+    """Return link that moves along the null space -> direction of its angular velocity, (3,)."""
     loops, count = solver.loops, solver.nullity
     rates = np.zeros((loops.tree.count, count, 1))
     rates[loops.unknown, :, 0] = solver.null_space.T
@@ -270,7 +271,7 @@ def _holds_spin(joint: Joint, axes: dict[str, Array]) -> bool:
 def _as_universal(
     joint: Joint, axes: dict[str, Array], solver: TreeSolver, poses: LinkPoses, spinning: dict[str, Array]
 ) -> Joint:
-    """Return a universal joint in place of a ball, its first axis far from the line of the spinning link."""
+    """Return a universal joint in place of a ball joint; its first axis is far from the link's spin axis."""
     index = solver.loops.tree.index
     other, spinner = (joint.a, joint.b) if joint.b.link in axes else (joint.b, joint.a)
     line = np.einsum("ijn,j->in", poses.rotation[index[spinner.link]], spinning[spinner.link])

@@ -1,4 +1,4 @@
-"""Generated C compiled by the system's compiler into a cache, and called through ctypes."""
+"""Compiles generated C with the system's compiler into a cache, and calls it through ctypes."""
 
 import ctypes
 import hashlib
@@ -21,7 +21,7 @@ from mechsim.numerics.arrays import Array
 
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared")
-# numbers of a link's motion
+# number of values of a link's motion
 LINK_NUMBERS = sum(LINK.values())
 WRAPPER = """
 int solve_all(int n, const double *drivers, const double *rates, const double *accelerations, double *motion,
@@ -53,15 +53,15 @@ TORQUES = "    @solve_torques(&s, inertias, gravity, torques + d);"
 
 @dataclass(frozen=True, slots=True)
 class Configurations:
-    """Configurations that generated text solved.
+    """Configurations solved by generated code.
 
     Attributes:
-        count: how many were solved before one failed.
-        status: of the last call, an index of `solver_code.STATUSES`.
+        count: number of configurations solved before a failure.
+        status: status of the last call, an index of `solver_code.STATUSES`.
         motion: coordinates, rates and accelerations, (n, 3, coordinates).
-        links: numbers of `kinematics.LINK` of each link, (n, links, 24).
+        links: values of `kinematics.LINK` for each link, (n, links, 24).
         map: derivatives of the coordinates by the drivers, (n, coordinates, drivers).
-        torques: of the drivers, (n, drivers) in [N m] or [N]; empty where they are undetermined.
+        torques: torques or forces of the drivers, (n, drivers) in [N m] or [N]; empty if undetermined.
     """
 
     count: int
@@ -73,10 +73,10 @@ class Configurations:
 
 
 def compiler() -> str:
-    """Return the C compiler: that of the variable CC, else the first that is installed.
+    """Return the C compiler: that of the variable CC, otherwise the first installed compiler.
 
     Raises:
-        MissingToolError: where there is none.
+        MissingToolError: if there is no compiler.
     """
     named = os.environ.get("CC")
     path = next(filter(None, map(shutil.which, [named] if named else COMPILERS)), None)
@@ -89,7 +89,7 @@ def compiler() -> str:
 
 
 def cache_folder() -> Path:
-    """Return the folder of compiled solvers: mechsim in the user's cache."""
+    """Return the folder of compiled solvers: mechsim in the user's cache folder."""
     base = os.environ.get("XDG_CACHE_HOME") or (
         "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
     )
@@ -97,10 +97,10 @@ def cache_folder() -> Path:
 
 
 def library(code: SolverCode) -> Path:
-    """Return the shared library of a solver, compiled unless the cache has it.
+    """Return the shared library of a solver, from the cache or newly compiled.
 
     Raises:
-        MissingToolError: without a C compiler, or where it fails.
+        MissingToolError: if there is no C compiler, or it fails.
     """
     torques = code.inertias is not None
     wrapper = WRAPPER.replace("TORQUES", TORQUES if torques else "")
@@ -131,8 +131,8 @@ def compile_library(command: str, text: str, path: Path) -> None:
     """Compile C code into a shared library.
 
     Raises:
-        MissingToolError: where the compiler fails.
-        OutputError: where the folder cannot be written.
+        MissingToolError: if the compiler fails.
+        OutputError: if the folder is not writable.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -152,7 +152,7 @@ def compile_library(command: str, text: str, path: Path) -> None:
             raise MissingToolError(
                 f"the C compiler {command} fails: {first}; set CC to one that compiles C99"
             )
-        # others that compile the same at once write the same
+        # concurrent processes with the same code write identical files
         built.replace(path)
 
 
@@ -161,15 +161,15 @@ class Library:
     """A compiled solver.
 
     Attributes:
-        code: what is compiled.
-        path: of the shared library.
+        code: the solver's code.
+        path: path of the shared library.
     """
 
     code: SolverCode
     path: Path
 
     def solve(self, drivers: Array, rates: Array, accelerations: Array) -> Configurations:
-        """Return configurations at drivers and their rates, (n, drivers) each, in order from the start."""
+        """Return configurations at driver values, rates and accelerations, (n, drivers) each, in sequence."""
         sizes, n = self.code.sizes, len(drivers)
         motion = np.empty((n, 3, sizes["COORDINATES"]))
         links = np.empty((n, sizes["LINKS"], LINK_NUMBERS))

@@ -23,17 +23,17 @@ from mechsim.numerics.inputs import numbers
 from mechsim.numerics.resources import require_memory
 from mechsim.subjects.readers import load
 
-# bytes of a configuration for each coordinate and link: 24 numbers a link, held twice
+# bytes of a configuration for each coordinate and link: 24 numbers per link, stored twice; remedy in messages
 BYTES, FEWER = 400.0, "give {most} at the most"
 
 
 @dataclass(frozen=True)
 class CompiledSolver:
-    """A mechanism whose motion generated C code solves; made by `mechsim.compile`.
+    """A mechanism solved by generated C code, from `mechsim.compile`.
 
     Attributes:
         code: the code.
-        library: the same compiled.
+        library: the compiled code.
     """
 
     code: SolverCode
@@ -46,12 +46,12 @@ class CompiledSolver:
 
     @cached_property
     def header(self) -> str:
-        """The C99 header, as `mechsim compile MODEL -o solver.h` writes it."""
+        """The C99 header of `mechsim compile MODEL -o solver.h`."""
         return c_header(self.code)
 
     @cached_property
     def javascript(self) -> str:
-        """The JavaScript file, as `mechsim compile MODEL -o solver.js` writes it."""
+        """The JavaScript file of `mechsim compile MODEL -o solver.js`."""
         return javascript(self.code)
 
     @property
@@ -61,7 +61,7 @@ class CompiledSolver:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates of the tree; those of a ball joint are its three rotations."""
+        """Names of the coordinates of the tree; a ball joint has three rotations."""
         return tuple(self.code.formulas.coordinates)
 
     def solve(
@@ -75,16 +75,16 @@ class CompiledSolver:
         """Return the motion at crank angles, or at times of motion laws.
 
         Args:
-            angles: crank angles, (n,) in [rad] or text, as "0:360:5deg"; where motion laws drive, give `t`.
-            speed: of the crank, scalar or (n,) in [rad/s] or text; None is 1 at crank angles.
-            acceleration: of the crank, scalar or (n,) in [rad/s2].
+            angles: crank angles, (n,) in [rad] or text such as "0:360:5deg"; with motion laws, use `t`.
+            speed: crank speed, scalar or (n,) in [rad/s] or text; None means 1 rad/s at crank angles.
+            acceleration: crank acceleration, scalar or (n,) in [rad/s2].
             t: times, (n,) in [s].
 
         Raises:
-            AssemblyError: at the first instant that cannot be reached in this assembly.
-            InputError: for several drivers without motion laws, and for more instants than memory holds.
+            AssemblyError: if an instant cannot be reached in this assembly; it names the first one.
+            InputError: if several drivers have no motion laws, or memory is too small for the instants.
 
-        Accuracy: that of `LoopForm.solve`, whose equations the code has.
+        Accuracy: as `LoopForm.solve`, which has the same equations.
         """
         source = self.code.assembly.source
         laws = source.motion_laws
@@ -106,12 +106,12 @@ class CompiledSolver:
     ) -> Configurations:
         """Return configurations, maps and torques at values of the drivers, (n, drivers) each, in SI.
 
-        The first is reached from the start of the mechanism, each other from the one before.
+        The path to the first configuration begins at the start of the mechanism, the path to each other
+        configuration at its predecessor.
 
         Raises:
-            AssemblyError: at the first configuration that cannot be reached in this assembly.
-            InputError: for another number of drivers, rates that are not finite, and more configurations than
-                memory holds.
+            AssemblyError: if a configuration cannot be reached in this assembly; it names the first one.
+            InputError: if the number of drivers is wrong, rates are not finite, or memory is too small.
         """
         drivers = np.atleast_2d(np.asarray(values, dtype=np.float64))
         if drivers.shape[1] != len(self.drivers):
@@ -186,21 +186,21 @@ def compile(
     certify: bool = False,
     **options: Any,
 ) -> CompiledSolver:
-    """Return a mechanism whose motion generated C code solves, compiled by the system's C compiler.
+    """Return a mechanism solved by generated C code, compiled by the system's C compiler.
 
-    The library is kept in the user's cache, so that the same mechanism is compiled once.
+    The user's cache keeps the library, so that each mechanism is compiled only once.
 
     Args:
-        model: what `load` takes.
+        model: as `load` takes it.
         set: parameter -> its value, as `load` takes it.
-        certify: whether interval arithmetic must prove that one regular configuration exists over the range.
-        options: of `load`, as drive= and lock=.
+        certify: whether to prove by interval arithmetic that one regular configuration exists over the range.
+        options: further arguments of `load`, such as drive= and lock=.
 
     Raises:
-        MissingToolError: without a C compiler.
-        AssemblyError: where the loops do not close at the start.
-        MobilityError: where the drivers leave joints or tracked points undetermined, or are too many.
-        InputError: for what is no mechanism, has no driver, or cannot be certified.
+        MissingToolError: if there is no C compiler.
+        AssemblyError: if the loops do not close at the start.
+        MobilityError: if the drivers leave joints or tracked points undetermined, or are redundant.
+        InputError: if the model is no mechanism, has no driver, or cannot be certified.
     """
     code = solver_code(assembly(load(model, set=set, **options), certify))
     return CompiledSolver(code, Library(code, library(code)))

@@ -1,13 +1,14 @@
-"""Symbolic expressions of sums and products, folded as they are made, and straight-line code for them."""
+"""Symbolic sums and products, simplified on construction, and straight-line code for them."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Union
 
-# numbers nearer to 0, 1 or -1 are rounding of directions; lengths are rounded before they come here
+# distance from 0, 1 or -1 within which numbers are rounded to these: rounding errors of directions; lengths
+# are already rounded
 ROUNDING = 1e-15
-# characters of an expression beyond which its value gets a name
+# number of characters of an expression above which its value gets a name
 MAX_TEXT = 60
 
 Operand = Union["SymbolicExpression", float, int]
@@ -16,8 +17,8 @@ Operand = Union["SymbolicExpression", float, int]
 class SymbolicExpression:
     """A number, a symbol, or a sum, difference, product or negative of expressions.
 
-    Equal expressions of one table are one object. numpy arrays of dtype object hold them, so that functions
-    on arrays yield their formulas.
+    Equal expressions of a table are the same object. numpy arrays of dtype object contain expressions, so
+    that functions on arrays return formulas.
     """
 
     __slots__ = ("args", "index", "op", "table")
@@ -33,12 +34,12 @@ class SymbolicExpression:
 
     @property
     def number(self) -> float | None:
-        """Its value; None where it is not a number."""
+        """The value of a number; None for other expressions."""
         return float(self.args[0]) if self.op == "number" else None  # type: ignore[arg-type]
 
     @property
     def operands(self) -> tuple["SymbolicExpression", ...]:
-        """The expressions that it is made of."""
+        """The operands of the expression."""
         return tuple(arg for arg in self.args if isinstance(arg, SymbolicExpression))
 
     def __add__(self, other: Operand) -> "SymbolicExpression":
@@ -65,17 +66,17 @@ class SymbolicExpression:
     __radd__, __rmul__ = __add__, __mul__
 
     def cos(self) -> "SymbolicExpression":
-        """Return the cosine of an angle that is a symbol: a symbol too."""
+        """Return the cosine of a symbol, as a symbol."""
         return self.table.symbol(f"cos({self.args[0]})")
 
     def sin(self) -> "SymbolicExpression":
-        """Return the sine of an angle that is a symbol: a symbol too."""
+        """Return the sine of a symbol, as a symbol."""
         return self.table.symbol(f"sin({self.args[0]})")
 
 
 @dataclass
 class ExpressionTable:
-    """All expressions of a piece of code, each once.
+    """All expressions of a code section, without duplicates.
 
     Attributes:
         entries: operation and operands -> expression.
@@ -90,11 +91,11 @@ class ExpressionTable:
         return self.entries[key]
 
     def symbol(self, name: str) -> SymbolicExpression:
-        """Return a symbol, which code must define by this name."""
+        """Return a symbol; the code must define its name."""
         return self._entry("symbol", name)
 
     def expression(self, value: Operand) -> SymbolicExpression:
-        """Return a number as an expression, rounded to 0, 1 or -1 where it is one of them."""
+        """Return a number as an expression, rounded to 0, 1 or -1 within `ROUNDING`."""
         if isinstance(value, SymbolicExpression):
             return value
         number = float(value)
@@ -142,7 +143,7 @@ class ExpressionTable:
         return self._entry("neg", a)
 
     def product(self, a: SymbolicExpression, b: SymbolicExpression) -> SymbolicExpression:
-        """Return a b, a number first."""
+        """Return a b; a number becomes the first factor."""
         if b.number is not None:
             a, b = b, a
         if a.number is not None:
@@ -175,8 +176,8 @@ class Block:
 
     Attributes:
         comment: one line.
-        assignments: target, as `residual[0]` -> its expression.
-        names: whether the targets are names of values that other blocks use, and not results.
+        assignments: target, such as `residual[0]` -> its expression.
+        names: whether the targets are intermediate values that other blocks use, not results.
     """
 
     comment: str
@@ -185,27 +186,27 @@ class Block:
 
 
 def comment_text(text: str) -> str:
-    """Return text that neither ends nor nests a comment."""
+    """Return the text without markers that end or nest a comment."""
     return text.replace("*/", "* /").replace("/*", "/ *")
 
 
 def number_text(value: float) -> str:
-    """Return a number in C and JavaScript that is read as the same double; `R` makes it the code's type."""
+    """Return a number in C and JavaScript that parses to the same double; `R` converts it to `real`."""
     return str(int(value)) if value == int(value) and abs(value) < 1e9 else f"R({value!r})"
 
 
 def statements(blocks: Sequence[Block], symbols: Mapping[str, str]) -> list[str]:
-    """Return straight-line code for blocks: what several expressions share is computed once.
+    """Return straight-line code for blocks; common subexpressions are computed once.
 
     Args:
-        blocks: in order.
-        symbols: symbol -> the code that reads it, which follows under `const real`.
+        blocks: blocks in order.
+        symbols: symbol -> the code that reads it, for its definition as `const real`.
     """
     return [*Emission(blocks, symbols).lines()]
 
 
 class Emission:
-    """The state of printing blocks: which expressions have names already."""
+    """State of code emission: the names of expressions so far."""
 
     def __init__(self, blocks: Sequence[Block], symbols: Mapping[str, str]):
         self.blocks, self.symbols = blocks, symbols
@@ -237,7 +238,7 @@ class Emission:
                 yield from self._defined(root, target)
 
     def _defined(self, root: SymbolicExpression, name: str = "") -> Iterator[str]:
-        """Yield definitions of all that an expression needs, operands first; its own value gets a name."""
+        """Yield definitions of all operands of an expression, innermost first; its own value gets a name."""
         for expression in _new(root, self.texts, ""):
             text = self._text(expression)
             shared = self.uses[expression.index] > 1 or len(text) > MAX_TEXT
@@ -268,7 +269,7 @@ class Emission:
 def _new(
     root: SymbolicExpression, visited: dict[int, int] | dict[int, str], initial: int | str = 0
 ) -> Iterable[SymbolicExpression]:
-    """Return an expression and what it is made of that is not visited yet, operands first."""
+    """Return an expression and its operands that are not visited yet, operands first."""
     order: list[SymbolicExpression] = []
     waiting = [root]
     while waiting:
@@ -285,7 +286,7 @@ def _new(
 
 
 def _bare(text: str) -> str:
-    """Return an expression without parentheses around all of it."""
+    """Return an expression without outer parentheses."""
     if not text.startswith("("):
         return text
     depth = 0

@@ -1,8 +1,8 @@
-"""Points and axes of joints as formulas of a mechanism's dimensions, for code in which dimensions vary.
+"""Points and axes of joints as formulas of a mechanism's dimensions, for code with variable dimensions.
 
 The expressions of a TOML file are translated. The numbers of any other mechanism are sums of products of
-lengths, sines and cosines of angles; their coefficients are entries on a grid of designs. Both are compared
-with designs that Python makes; a dimension whose formulas do not hold is left out.
+lengths, sines and cosines of angles, with coefficients fitted on a grid of designs. Both are compared with
+designs in Python; dimensions with wrong formulas are omitted.
 """
 
 import ast
@@ -24,13 +24,14 @@ from mechsim.subjects.toml_reader import TomlModel, values_of
 from mechsim.subjects.toml_values import is_quantity
 from mechsim.units import Unit, parse
 
-# what a side of a joint and a tracked point have
+# vectors of a joint side; a tracked point has only "at"
 QUANTITIES = ("at", "axis", "reference")
-# of numbers relative to the mechanism's length: rounding of a formula
+# rounding error of a formula, for numbers relative to the mechanism's length
 ROUNDING = 1e-12
-# dimensions that one number may depend on: the grid of designs has up to 3 to this power
+# maximum number of dimensions in one number: the grid has up to 3 to this power designs
 MAX_SHARED = 4
-# changes of a dimension at which formulas are compared with designs, relative, or in [rad] or sizes from zero
+# changes of a dimension at which formulas are compared with designs: relative, or for a dimension of zero in
+# [rad] or characteristic lengths
 CHANGES = (0.013, -0.017)
 
 
@@ -40,7 +41,7 @@ class Formula:
 
     Attributes:
         javascript: expression of `d["NAME"]` in SI and `p["NAME"]` in units of the file.
-        value: the same in Python, of dimensions in SI.
+        value: the formula as a Python function of dimensions in SI.
     """
 
     javascript: str
@@ -52,12 +53,12 @@ Vectors = Mapping[tuple[str, str], tuple[Formula, Formula, Formula]]
 
 @dataclass(frozen=True)
 class ParametricGeometry:
-    """How the geometry of a mechanism follows from its dimensions.
+    """The geometry of a mechanism as a function of its dimensions.
 
     Attributes:
-        dimensions: those that may vary.
+        dimensions: the variable dimensions.
         statements: JavaScript that computes the parameters `p` of a file from dimensions `d`.
-        vectors: (JOINT.a, JOINT.b or point, quantity) -> components; only of what varies.
+        vectors: (JOINT.a, JOINT.b or point, quantity) -> components, for variable vectors only.
     """
 
     dimensions: tuple[Dimension, ...]
@@ -66,11 +67,11 @@ class ParametricGeometry:
 
 
 def parametric_geometry(model: Any, designs: DesignFamily) -> ParametricGeometry:
-    """Return how points and axes follow from the dimensions that are not computed from others.
+    """Return points and axes as functions of the independent dimensions.
 
     Args:
-        model: as `load` takes it, opened.
-        designs: its designs.
+        model: the opened model.
+        designs: its parametric model.
     """
     names = [*(designs.usual or designs.dimensions)]
     nominal = designs.describe({})
@@ -89,7 +90,7 @@ def parametric_geometry(model: Any, designs: DesignFamily) -> ParametricGeometry
 
 
 def _from_parameters(model: TomlModel, designs: DesignFamily) -> bool:
-    """Whether the designs of a file are made from its parameters."""
+    """Return whether the dimensions of the designs are the parameters of the file."""
     return {*designs.dimensions} == {*model.source.document.get("parameters", {})}
 
 
@@ -110,7 +111,7 @@ def _changed(dimension: Dimension, change: float, designs: DesignFamily) -> floa
 
 
 def _holds(designs: DesignFamily, nominal: Mechanism, vectors: Vectors, name: str) -> bool:
-    """Whether formulas give the designs that a dimension makes, which change points and axes alone."""
+    """Return whether formulas reproduce the designs of a dimension, which changes only points and axes."""
     for change in CHANGES:
         value = _changed(designs.dimensions[name], change, designs)
         try:
@@ -130,7 +131,7 @@ def _holds(designs: DesignFamily, nominal: Mechanism, vectors: Vectors, name: st
 
 
 def _formed(nominal: Mechanism, vectors: Vectors, values: Mapping[str, float]) -> dict[str, Array]:
-    """Return points, axes and references by formulas, as `_scaled` has them."""
+    """Return points, axes and references from formulas, in the form of `_scaled`."""
     length, out = nominal.characteristic_length, dict[str, Array]()
     for joint in nominal.joints:
         for side, end in (("a", joint.a), ("b", joint.b)):
@@ -157,7 +158,7 @@ def _evaluated(vectors: Vectors, key: str, quantity: str, values: Mapping[str, f
 
 
 def _scaled(mechanism: Mechanism, length: float) -> dict[str, Array]:
-    """Return the numbers of all sides of joints and of the points, lengths relative to one."""
+    """Return the numbers of all joint sides and points, with lengths relative to `length`."""
     sides = {
         f"{joint.name}.{side}": _numbers(end, length)
         for joint in mechanism.joints
@@ -172,7 +173,7 @@ def _numbers(end: End, length: float) -> Array:
 
 
 def _without_places(mechanism: Mechanism) -> object:
-    """Return what of a mechanism formulas of points and axes do not change."""
+    """Return the properties of a mechanism that formulas of points and axes do not change."""
     joints = [(joint.name, joint.kind, joint.cross_angle, joint.lead) for joint in mechanism.joints]
     return joints, mechanism.laws, dict(mechanism.locked), mechanism.drivers, mechanism.links
 
@@ -181,7 +182,7 @@ def _without_places(mechanism: Mechanism) -> object:
 
 
 def _scales(model: TomlModel, designs: DesignFamily) -> dict[str, float]:
-    """Return what one unit of each parameter of a file is in SI."""
+    """Return the SI value of one unit of each parameter of a file."""
     values = values_of(model.source)
     return {
         name: values.in_si(1.0, "m" if dimension.unit == "m" else "rad" if dimension.unit == "rad" else "1")
@@ -190,7 +191,7 @@ def _scales(model: TomlModel, designs: DesignFamily) -> dict[str, float]:
 
 
 def _statements(model: TomlModel, designs: DesignFamily, varying: Sequence[str]) -> tuple[str, ...]:
-    """Return JavaScript that computes the parameters of a file from the dimensions that vary."""
+    """Return JavaScript that computes the parameters of a file from the variable dimensions."""
     scales, angle = _scales(model, designs), values_of(model.source).in_si(1.0, "rad")
     lines: list[str] = []
     for name, text in model.source.document["parameters"].items():
@@ -233,7 +234,7 @@ def _translated(model: TomlModel, designs: DesignFamily, names: Sequence[str]) -
 
 
 def _entries(document: Mapping[str, Any]) -> list[tuple[tuple[str, str], Any, Unit]]:
-    """Return the vectors that a file states: (owner, quantity), components, unit."""
+    """Return the vectors in a file: (owner, quantity), components, unit."""
     entries: list[tuple[tuple[str, str], Any, Unit]] = []
     for joint, entry in document["joints"].items():
         for side in "ab":
@@ -278,7 +279,7 @@ def _javascript(node: ast.AST, angle: float) -> str:
             raise ValueError(ast.dump(node))
 
 
-# --- coefficients entries on a grid of designs
+# --- coefficients fitted on a grid of designs
 
 
 def fitted_vectors(designs: DesignFamily, names: Sequence[str], nominal: Mechanism) -> Vectors:
@@ -375,5 +376,5 @@ def _sum_of_products(
 
 
 def _clean(factor: float) -> float:
-    """Return a coefficient, whole where it is to rounding."""
+    """Return a coefficient, rounded to an integer within rounding errors."""
     return float(round(factor)) if abs(factor - round(factor)) < 1e-14 else factor

@@ -1,6 +1,6 @@
 """Straight-line code of a mechanism: its loop equations, motion and drive torques, traced symbolically.
 
-The functions of `analytic.loops` run on arrays of expressions, so that the code is their formula.
+The functions of `analytic.loops` run on arrays of expressions and thereby return the formulas of the code.
 """
 
 import itertools
@@ -30,7 +30,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
 
-# quantities of a point, of a link, and of a link's inertia, with the number of each
+# quantities of a point, of a link, and of a link's inertia -> number of values
 POINT = {"position": 3, "velocity": 3, "acceleration": 3}
 LINK = {
     "position": 3,
@@ -44,12 +44,12 @@ LINK = {
 JOINT = {"motion": 3}
 # mass, centre of mass, and moments xx, yy, zz, xy, xz, yz about it, in the link's frame
 INERTIA_NUMBERS = 10
-# where each element of an inertia matrix lies among the moments
+# index in the moments of each element of an inertia matrix
 MOMENTS = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 
 
 def identifiers(names: Iterable[str]) -> dict[str, str]:
-    """Return for each name one that C and JavaScript accept as the end of a name, all different."""
+    """Return for each name a unique suffix of an identifier in C and JavaScript."""
     out: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
@@ -61,11 +61,11 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class VaryingNumbers:
-    """Numbers of a mechanism that code reads from an array instead of holding them.
+    """Numbers of a mechanism that the code reads from an array instead of constants.
 
     Attributes:
-        sides: (joint, "a" or "b") -> index of the first of the point's three numbers, and of the frame's nine
-            row by row; None where they do not vary.
+        sides: (joint, "a" or "b") -> index of the first of the point's three numbers, and of the first of the
+            frame's nine numbers row by row; None for constants.
         points: tracked point -> index of the first of its three numbers.
     """
 
@@ -74,7 +74,7 @@ class VaryingNumbers:
 
     @property
     def count(self) -> int:
-        """How many numbers there are."""
+        """Count of the numbers."""
         ends = [0, *(first + 3 for first in self.points.values())]
         for point, frame in self.sides.values():
             ends += [0 if point is None else point + 3, 0 if frame is None else frame + 9]
@@ -82,7 +82,7 @@ class VaryingNumbers:
 
 
 def _joint_numbers(assembly: SolvedAssembly, varying: VaryingNumbers, table: ExpressionTable) -> DesignArrays:
-    """Return points and frames of an assembly's joints as arrays of one design, symbols where they vary."""
+    """Return points and frames of an assembly's joints as arrays of one design; variables are symbols."""
     mechanism = assembly.loops.tree.mechanism
     numbers = design_arrays(mechanism, [mechanism])
 
@@ -118,11 +118,11 @@ class SolverFormulas:
     """The formulas of an assembly in its coordinates.
 
     Attributes:
-        assembly: it.
-        names: coordinate of the tree, by index, ready for identifiers.
+        assembly: the assembly.
+        names: identifiers of the coordinates of the tree, by index.
         symbols: symbol of an expression -> the code that reads it.
-        loops: its loop equations, symbols where numbers vary.
-        numbers: of its joints and points, likewise.
+        loops: loop equations of the assembly, with symbols for variable numbers.
+        numbers: numbers of its joints and points, with symbols for variable numbers.
     """
 
     def __init__(self, assembly: SolvedAssembly, varying: VaryingNumbers | None = None):
@@ -139,7 +139,7 @@ class SolverFormulas:
         self.names = [plain[name] for name in self.coordinates]
         self.links = [link.name for link in self.tree.original.links if link.is_body]
         self.points = [name for name, (link, _) in self.tree.original.points.items() if link != GROUND]
-        # those whose coordinates follow from where their sides are
+        # joints whose coordinates follow from the poses of their sides
         self.closing_joints = [
             joint
             for joint in self.tree.original.joints
@@ -185,12 +185,12 @@ class SolverFormulas:
 
     @cached_property
     def linearised(self) -> tuple[Array, Array, LinkPoses]:
-        """Residuals of all rows (rows, 1), their Jacobian (rows, count, 1), and the links."""
+        """Residuals of all rows (rows, 1), their Jacobian (rows, count, 1), and the link poses."""
         return self.loops.linearise(self.q)
 
     @cached_property
     def poses(self) -> LinkPoses:
-        """Where the links are."""
+        """The poses of the links."""
         return link_poses(self.tree, self.q)
 
     @cached_property
@@ -202,7 +202,7 @@ class SolverFormulas:
         return twist, product + twists(self.tree, self.poses, self._symbols("_acceleration"))
 
     def equations(self) -> list[str]:
-        """Return the code of residuals and Jacobians by unknowns and by drivers."""
+        """Return the code for residuals and Jacobians by unknowns and by drivers."""
         loops, rows = self.loops, self.assembly.solver.rows.tolist()
         residual, jacobian, _ = self.linearised
         unknown, driven = loops.unknown.tolist(), self.assembly.driven
@@ -224,7 +224,7 @@ class SolverFormulas:
         return statements(blocks, self.symbols)
 
     def velocity_products(self) -> list[str]:
-        """Return the code of the residuals' second rate at coordinate rates that do not change."""
+        """Return the code for the second time derivative of the residuals at constant coordinate rates."""
         rates = self._symbols("_rate")
         twist = twists(self.tree, self.poses, rates)
         product = velocity_products(self.tree, self.poses, twist, rates)
@@ -239,7 +239,7 @@ class SolverFormulas:
         return statements(blocks, self.symbols)
 
     def link_motions(self) -> list[str]:
-        """Return the code of the links' positions, rotations and rates."""
+        """Return the code for positions, rotations and rates of the links."""
         blocks = self._link_blocks()
         for k, name in enumerate(self.links):
             i = self.tree.links[name]
@@ -258,7 +258,7 @@ class SolverFormulas:
         return statements(blocks, self.symbols)
 
     def point_motions(self) -> list[str]:
-        """Return the code of the tracked points' positions and rates."""
+        """Return the code for positions and rates of the tracked points."""
         blocks = self._link_blocks()
         for k, name in enumerate(self.points):
             link = self.tree.original.points[name][0]
@@ -272,7 +272,7 @@ class SolverFormulas:
         return statements(blocks, self.symbols)
 
     def joint_motions(self) -> list[str]:
-        """Return the code of value, rate and acceleration of the joints that close loops."""
+        """Return the code for value, rate and acceleration of the joints that close loops."""
         blocks = self._link_blocks()
         k = 0
         for joint in self.closing_joints:
@@ -293,7 +293,7 @@ class SolverFormulas:
         )
         rates_a, rates_b = point_rates(twist_a, spatial_a, point_a), point_rates(twist_b, spatial_b, point_b)
         gap, spin = point_b - point_a, twist_a[3:]
-        # as seen from side a
+        # relative to side a
         relative = rates_b[0] - rates_a[0] - cross(spin, gap)
         second = (
             rates_b[1]
@@ -321,7 +321,7 @@ class SolverFormulas:
         return self._point(i, point), self.poses.rotation[i, ..., 0] @ frame, twist, spatial
 
     def torques(self) -> list[str]:
-        """Return the code of the generalised forces on all coordinates that inertia and weight require."""
+        """Return the code for the generalised forces on all coordinates due to inertia and gravity."""
         symbol = self.table.symbol
         gravity = np.array([symbol(f"gravity{i}") for i in range(3)], dtype=object)
         wrench = np.full((len(self.tree.branches), 6), self.table.expression(0.0), dtype=object)
@@ -366,7 +366,7 @@ class SolverFormulas:
         )
 
     def _link_blocks(self) -> list[Block]:
-        """Return blocks that name rotations and origins of the links."""
+        """Return blocks that define names for rotations and origins of the links."""
         blocks: list[Block] = []
         plain = identifiers(self.tree.index)
         for branch in self.tree.branches:
@@ -400,7 +400,7 @@ class SolverFormulas:
         ]
 
     def _row_groups(self) -> list[tuple[str, range]]:
-        """Return a comment and the rows of each joint that closes a loop, and of each coupling."""
+        """Return a comment and the rows for each joint that closes a loop, and for each coupling."""
         groups: list[tuple[str, range]] = []
         first = 0
         for cut in self.loops.cuts:
@@ -419,8 +419,8 @@ def point_rates(twist: Array, spatial: Array, position: Array) -> tuple[Array, A
 
     Args:
         twist: velocity at the ground's origin and angular velocity of the link, (6,).
-        spatial: its spatial acceleration in the same order, (6,).
-        position: of the point, (3,).
+        spatial: spatial acceleration of the link in the same order, (6,).
+        position: position of the point, (3,).
     """
     velocity = twist[:3] + cross(twist[3:], position)
     return velocity, spatial[:3] + cross(spatial[3:], position) + cross(twist[3:], velocity)

@@ -10,7 +10,7 @@ from mechsim.codegen.kinematics import INERTIA_NUMBERS, identifiers
 from mechsim.codegen.solver_code import STATUSES, SolverCode
 from mechsim.numerics.arrays import Array
 
-# numbers of a line in a constant array
+# numbers per line in a constant array
 PER_LINE = 5
 C_HEAD = """
 #include <float.h>
@@ -72,7 +72,7 @@ def c_header(code: SolverCode) -> str:
 
 
 def javascript(code: SolverCode) -> str:
-    """Return the solver as a JavaScript file: a module of node, or a global name in a browser."""
+    """Return the solver as a JavaScript file: a module in Node.js, or a global name in a browser."""
     prefix = code.prefix
     lines = [*_comment(code), f"const {prefix}_solver = (() => {{", '"use strict";']
     lines += [f"const @{name} = {value};" for name, value in code.sizes.items()]
@@ -103,7 +103,7 @@ def javascript(code: SolverCode) -> str:
 
 
 def _comment(code: SolverCode) -> Iterator[str]:
-    """Yield what the head of a file says."""
+    """Yield the lines of the header comment."""
     assembly = code.assembly
     limits = assembly.interval
     range_text = "any value" if limits is None else f"{limits[0]:.9g} to {limits[1]:.9g} rad"

@@ -1,4 +1,4 @@
-"""A test of a generated solver in its own language: reference configurations, range, speed."""
+"""A test of a generated solver in the same language: reference configurations, range, speed."""
 
 import json
 import re
@@ -13,16 +13,17 @@ from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 
-# configurations of a test: steps of 5 degrees over a turn
+# number of test configurations: steps of 5 degrees over a revolution
 CONFIGURATIONS = 72
-# fraction of a limited range that is left out at either end
+# fraction of a limited range that is omitted at either end
 INSET = 0.02
 # speed and acceleration of the crank, in [rad/s] and [rad/s2]
 SPEED, ACCELERATION = 1.0, 0.5
-# allowed error relative to the largest value, where configurations are well conditioned; rounding of
-# accelerations grows with the square of the inverse distance from a singular configuration
+# allowed error relative to the largest value for well-conditioned configurations, and their least
+# conditioning; the rounding error of accelerations grows with the inverse square of the distance from a
+# singular configuration
 TOLERANCE, WELL_CONDITIONED = 1e-12, 0.1
-# numbers of a point: position, velocity, acceleration
+# number of values of a point: position, velocity, acceleration
 NUMBERS = 9
 
 C_TEST = """
@@ -121,15 +122,15 @@ process.exitCode = worst <= TOLERANCE ? 0 : 1;
 
 @dataclass(frozen=True)
 class ReferenceConfigurations:
-    """What a test compares with.
+    """Reference values of a test.
 
     Attributes:
-        kind: "point" or "link": whose motion it is.
-        index: of these among those of the solver.
+        kind: "point" or "link": the kind of the moving objects.
+        index: indices of these objects in the solver.
         drivers: values, rates and accelerations of the drivers, (3, n, drivers).
         values: positions, velocities and accelerations, (n, points, 9).
         scales: largest value of each, [m], [m/s], [m/s2].
-        tolerance: allowed error relative to these.
+        tolerance: allowed error relative to the scales.
     """
 
     kind: str
@@ -141,10 +142,10 @@ class ReferenceConfigurations:
 
 
 def reference_configurations(code: SolverCode) -> ReferenceConfigurations:
-    """Return configurations over the range by the analytic solution.
+    """Return configurations over the range from the analytic solution.
 
     Raises:
-        InputError: for several drivers without motion laws.
+        InputError: if there are several drivers without motion laws.
     """
     assembly = code.assembly
     source, laws, start = assembly.source, assembly.source.motion_laws, assembly.mechanism.start
@@ -193,12 +194,12 @@ def _tolerance(code: SolverCode) -> float:
 
 
 def c_test(code: SolverCode, header: str) -> str:
-    """Return a C99 program that checks and times a solver whose header has this file name."""
+    """Return a C99 program that checks and times a solver; `header` is the file name of its header."""
     return _test(code, header, C_TEST, _c_array).replace("@", code.prefix + "_")
 
 
 def javascript_test(code: SolverCode, file: str) -> str:
-    """Return a script for node that checks and times a solver whose file has this name."""
+    """Return a script for Node.js that checks and times a solver; `file` is the name of its file."""
 
     def array(name: str, values: Array) -> Iterator[str]:
         yield f"const {name} = {json.dumps(values.ravel().tolist())};"

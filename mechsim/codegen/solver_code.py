@@ -1,4 +1,4 @@
-"""A generated solver before it is printed: names, sizes, constants, records and functions."""
+"""A generated solver before printing: names, sizes, constants, records and functions."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -25,25 +25,25 @@ from mechsim.model.masses import with_inertia
 from mechsim.numerics.arrays import Array
 
 STATUSES = ("SOLVED", "OUT_OF_RANGE", "SINGULAR", "TOO_FAR")
-# misfit of the inertia of a spinning link, relative, within which it is round about its line
+# relative deviation of a spinning link's inertia within which the link is axisymmetric about its line
 ROUND = 1e-6
 
 
 @dataclass(frozen=True)
 class SolverCode:
-    """All that is printed of a solver.
+    """Contents of a printed solver.
 
     Attributes:
-        assembly: of which it is.
-        formulas: its straight-line code.
-        prefix: of all names.
+        assembly: the solved assembly.
+        formulas: formulas for its straight-line code.
+        prefix: prefix of all names.
         sizes: name of an integer constant -> value.
         reals: name of an array of numbers -> values, and a comment.
-        integers: likewise, of indices.
+        integers: name of an array of indices -> values, and a comment.
         records: name of a record -> its fields: name, number of values as code, comment.
         functions: code in the common subset of C and JavaScript, `@` for the prefix.
-        inertias: of the links, (links, 10); None where their torques are undetermined.
-        gravity: of the model, (3,) in [m/s2].
+        inertias: inertias of the links, (links, 10); None if torques are undetermined.
+        gravity: acceleration of gravity, (3,) in [m/s2].
     """
 
     assembly: SolvedAssembly
@@ -59,7 +59,7 @@ class SolverCode:
 
     @property
     def names(self) -> dict[str, tuple[str, Sequence[str]]]:
-        """Kind -> a comment, and the names of what arrays hold, by index."""
+        """Kind of array entries -> a comment, and the names of the entries by index."""
         return {
             "DRIVER": ("index of each driver", self.assembly.drivers),
             "COORDINATE": ("index of each coordinate of the spanning tree", self.formulas.coordinates),
@@ -76,11 +76,11 @@ def solver_code(
 
     Args:
         assembly: the assembly.
-        varying: its numbers that the code reads from the array GEOMETRY, which a program may change.
-        geometry: their values.
+        varying: numbers that the code reads from the array GEOMETRY, which a program may change.
+        geometry: values of these numbers.
 
     Raises:
-        InputError: for a mechanism without drivers.
+        InputError: if the mechanism has no drivers.
     """
     if not assembly.drivers:
         raise InputError(f"{assembly.mechanism.name}: nothing is driven; name a driver, as by drive=")
@@ -166,7 +166,7 @@ def _reals(assembly: SolvedAssembly) -> dict[str, tuple[Array, str]]:
 
 
 def _inertias(assembly: SolvedAssembly, links: Sequence[str]) -> Array | None:
-    """Return the numbers of the links' inertias; None where a link that spins is not round about its line."""
+    """Return the inertia values of the links; None if a spinning link is not axisymmetric about its line."""
     out: list[Array] = []
     for link in with_inertia(assembly.mechanism).links:
         if link.name not in links:
@@ -186,7 +186,7 @@ def _inertias(assembly: SolvedAssembly, links: Sequence[str]) -> Array | None:
                 < ROUND
             ):
                 return None
-            # without spin there is no momentum about the line
+            # the spin is zero, so that the axial moment has no effect
             moments = mean * across
         x, y, z = moments
         out.append(np.array([inertia.mass, *centre, x[0], y[1], z[2], x[1], x[2], y[2]]))
@@ -250,7 +250,7 @@ def _functions(formulas: SolverFormulas, flags: Mapping[str, bool]) -> str:
 
 
 def chosen(text: str, flags: Mapping[str, bool]) -> str:
-    """Return a text with those of its sections whose flags are set."""
+    """Return a text with only the sections whose flags are set."""
     lines: list[str] = []
     active = [True]
     for line in text.splitlines():

@@ -1,4 +1,4 @@
-"""Running models in MuJoCo: time stepping under a driven crank, and pose solving without time."""
+"""Runs of models in MuJoCo: time stepping under a driven crank, and pose solving without time."""
 
 import mechsim.simulation.mujoco_loading  # before all else that imports it  # noqa: F401 # pyright: ignore[reportUnusedImport]
 from mechsim.model.motion_laws import CrankProfile, constant, swing, table

@@ -1,4 +1,4 @@
-"""Closed configurations of a user's own MuJoCo model, in its order of qpos: prescribed or drawn at random."""
+"""Closed configurations of a user's own MuJoCo model, in its order of qpos: prescribed or random."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
 # largest step of a driver on the path from the reference, in [rad] or characteristic lengths
 DRIVER_STEP = 0.1
-# largest distance of a driver from the reference in the same units: 16 turns, a thousand steps
+# largest distance of a driver from the reference in the same units: 16 revolutions, a thousand steps
 FARTHEST = 100.0
 # largest component of a Newton step, in [rad] or [m]
 MAX_STEP = 0.5
-# Newton's steps at the end of the path
+# number of Newton steps at the end of the path
 LAST_ITERATIONS = 8
-# closure error in characteristic lengths or [rad]: above the first a configuration on the path is lost (ten
-# times the error of the extrapolation for a curvature of 2); below the second the last one is closed
+# closure errors in characteristic lengths or [rad]: above the first, the path is lost (ten times the error of
+# the extrapolation for a curvature of 2); below the second, the last configuration is closed
 LOST_ERROR, CLOSED_ERROR = 0.1, 1e-12
-# number of configurations that are tried to find the joints of each group of loops
+# number of trial configurations for the joints of each group of loops
 PROBES = 3
 # rounding of joint limits, in [rad] or [m]
 LIMIT_TOLERANCE = 1e-9
@@ -51,7 +51,7 @@ class Sample:
         qpos: configurations in MuJoCo's order, (n, nq).
         qvel: velocities in [m/s] or [rad/s] that keep the loops closed, (n, nv).
         residual: closure error of each configuration in characteristic lengths or [rad], (n,).
-        accepted: fraction of the drawn configurations that closed within the joint limits.
+        accepted: fraction of the drawn configurations that close within the joint limits.
     """
 
     qpos: Array
@@ -64,7 +64,7 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class StraightPath:
-    """Straight paths of drivers from a closed reference, on which loops determine the passive DOFs."""
+    """Straight paths of drivers from a closed reference; the loops determine the passive DOFs."""
 
     loops: ModelLoops
     reference: Array
@@ -78,7 +78,7 @@ class StraightPath:
         return model.jnt_qposadr[model.dof_jntid[self.drivers]].astype(np.int64)
 
     def newton(self, qpos: Array, iterations: int) -> NewtonResult[Array, LinearisedClosure]:
-        """Return configurations after Newton's steps in the passive DOFs."""
+        """Return configurations after Newton steps in the passive DOFs."""
         settings = NewtonSettings(max_iterations=iterations, max_step=MAX_STEP)
         return newton(LoopEquations(self.loops), qpos, settings, self._passive_step)
 
@@ -91,7 +91,7 @@ class StraightPath:
     def follow(self, targets: Array) -> tuple[Array, Array]:
         """Return configurations with drivers at targets, (n, k), and their closure errors; inf if lost.
 
-        Each step extrapolates the previous one and is corrected once; the last step is iterated.
+        Each step extrapolates the previous step and is corrected once; the last step is iterated.
         """
         displacements = targets - self.reference[self.addresses]
         scaled = np.abs(displacements / self.loops.units[self.drivers]).max(1, initial=0.0)
@@ -123,10 +123,10 @@ class StraightPath:
         return result.q, np.where(lost, np.inf, result.residual)
 
     def _turned_over(self, before: Array, after: Array) -> NDArray[np.bool_]:
-        """Return which states, (n,), passed a singularity between two Jacobians, (n, m, k) each.
+        """Return a mask of states, (n,), that passed a singularity between two Jacobians, (n, m, k) each.
 
-        Between assemblies the determinant of a group of loops changes its sign. For redundant constraints the
-        sign is that of the product with the previous Jacobian, whose range differs little.
+        Between assemblies the determinant of a group of loops changes its sign. With redundant constraints it
+        is the determinant of the product with the previous Jacobian, whose range is similar.
         """
         products = np.swapaxes(before, 1, 2) @ after
         signs = [np.linalg.slogdet(products[:, group[:, None], group])[0] for group in self.groups]
@@ -134,10 +134,10 @@ class StraightPath:
 
     @cached_property
     def groups(self) -> list[NDArray[np.intp]]:
-        """Passive DOFs by groups of loops that share none, as columns of `passive`."""
+        """Disjoint groups of passive DOFs that belong to common loops, as columns of `passive`."""
         from scipy.sparse.csgraph import connected_components
 
-        # in a special reference some joints do not affect a loop to first order
+        # in a singular reference some joints do not affect a loop to first order
         model = self.loops.model
         steps = np.random.default_rng(0).normal(size=(PROBES, model.nv)) * DRIVER_STEP * self.loops.units
         qpos = self.loops.displaced(np.repeat(self.reference[None], PROBES, 0), steps)
@@ -156,12 +156,12 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
 
     Args:
         model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
-        values: hinge or slide -> positions in [rad] or [m], scalar or (n,). Joints that neither these nor
-            the loops determine stay at the reference.
+        values: hinge or slide -> positions in [rad] or [m], scalar or (n,). Undetermined joints keep their
+            reference values.
 
     Raises:
-        InputError: for an unknown joint, positions of different lengths, or a joint outside its limits.
-        AssemblyError: for a loop that does not close on the path.
+        InputError: if a joint is unknown or outside its limits, or positions have different lengths.
+        AssemblyError: if a loop does not close on the path.
     """
     compiled = compiled_model(model)
     dofs = [scalar_dof(compiled, name) for name in values]
@@ -186,18 +186,19 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
 def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
     """Return n closed states of a model, drawn at random within joint limits in one assembly.
 
-    Drivers are drawn uniformly within their limits (without limits within a turn or a characteristic length),
-    and approached on a straight path from the reference; other drawn configurations are rejected. Velocities
-    of drivers have a normal distribution of 1 rad/s or 1 characteristic length per second.
+    Drivers are drawn uniformly within their limits, or within a revolution or a characteristic length if they
+    have none. The states lie on straight paths from the reference; drawn configurations without such a path
+    are rejected. Velocities of drivers have a normal distribution with a standard deviation of 1 rad/s or
+    1 characteristic length per second.
 
     Args:
         model: as in `closed_qpos`.
         n: number of states.
-        seed: of the random numbers; the same seed gives the same states.
+        seed: seed of the random numbers; the same seed gives the same states.
 
     Raises:
-        InputError: for n below 1 or a model without loops.
-        AssemblyError: for a reference that does not close, or if too few draws are accepted.
+        InputError: if n is below 1 or the model has no loops.
+        AssemblyError: if the reference does not close, or too few draws are accepted.
     """
     if n < 1:
         raise InputError(f"the number of states is {n}; give 1 or more")
@@ -220,19 +221,19 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
     residual, jacobian = path.loops.linearise(qpos)
     qvel = np.zeros((n, path.loops.model.nv))
     qvel[:, path.drivers] = random.normal(size=(n, len(low))) * path.loops.units[path.drivers]
-    for _ in range(2):  # the second solution removes the rounding of the first
+    for _ in range(2):  # the second iteration removes rounding errors
         rates = (jacobian @ qvel[..., None])[..., 0]
         qvel[:, path.passive] -= least_squares(jacobian[:, :, path.passive], rates)
     return Sample(qpos, qvel, path.loops.closure_error(residual), count / drawn)
 
 
 def compiled_model(model: "MujocoInput") -> mujoco.MjModel:
-    """Return a model as MuJoCo compiles it; missing meshes are left out."""
+    """Return the compiled model without missing meshes."""
     return model if isinstance(model, mujoco.MjModel) else parse_file(model)[1]
 
 
 def _bounded(step: Array) -> Array:
-    """Return Newton's steps, (n, k), shortened to MAX_STEP."""
+    """Return Newton steps, (n, k), shortened to MAX_STEP."""
     largest = np.abs(step).max(1, keepdims=True, initial=0.0)
     return step * np.minimum(1.0, MAX_STEP / np.maximum(largest, MAX_STEP))
 
@@ -249,7 +250,7 @@ def least_squares(matrix: Array, right: Array) -> Array:
 def straight_path(
     model: mujoco.MjModel, drivers: list[int] | None, start: Array | None = None
 ) -> StraightPath:
-    """Return the paths from a start; by default the reference or keyframe with the least closure error."""
+    """Return the paths from a start, by default the reference or keyframe with the smallest closure error."""
     loops = loops_with_crank(model, 0)
     if not (loops.pairs or loops.frames or loops.couplings):
         raise InputError("the model has no loops; add equality constraints that close them")
@@ -278,7 +279,7 @@ def straight_path(
 
 
 def _closed_reference(loops: ModelLoops, reference: Array, dofs: NDArray[np.int64], weights: Array) -> Array:
-    """Return the closed configuration next to a reference, (nq,); DOFs of small weight move least."""
+    """Return the closed configuration near a reference, (nq,); DOFs with small weights move least."""
 
     def step(jacobian: Array, scaled_residual: Array) -> Array:
         result = np.zeros((len(jacobian), loops.model.nv))
@@ -294,7 +295,7 @@ def _closed_reference(loops: ModelLoops, reference: Array, dofs: NDArray[np.int6
 
 
 def _starts(model: mujoco.MjModel) -> Array:
-    """Return reference and keyframes, (n, nq); those outside joint limits only if all are outside."""
+    """Return reference and keyframes within joint limits, (n, nq), or all if none is within limits."""
     starts = np.concatenate([model.qpos0[None], model.key_qpos.reshape(-1, model.nq)])
     inside = ~outside_limits(model, starts).any(1)
     return starts[inside] if inside.any() else starts
@@ -308,9 +309,9 @@ def outside_limits(model: mujoco.MjModel, qpos: Array) -> NDArray[np.bool_]:
 
 
 def driver_ranges(path: StraightPath) -> tuple[Array, Array]:
-    """Return the limits of the drivers, (k,) each; by default a turn or a characteristic length around.
+    """Return the limits of the drivers, (k,) each; by default for a revolution or a characteristic length.
 
-    Both are at most FARTHEST from the reference.
+    Both limits are at most FARTHEST from the reference.
     """
     model, dofs = path.loops.model, path.drivers
     joints, start = model.dof_jntid[dofs], path.reference[path.addresses]

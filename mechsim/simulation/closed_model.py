@@ -21,12 +21,12 @@ BITS = 31
 def exclude_contacts(model: mujoco.MjModel, determined: NDArray[np.bool_]) -> None:
     """Exclude the contacts between some bodies of a compiled model; none if no free mask bit remains.
 
-    Contacts with other bodies remain: every mask pair of the geoms gets a bit of its own, which the other
-    geoms' masks contain.
+    Contacts with other bodies remain: each mask pair of these geoms gets its own bit, which the masks of the
+    other geoms contain.
 
     Args:
-        model: changed in place.
-        determined: bodies without motion, (nbody,).
+        model: model, changed in place.
+        determined: mask of the bodies without motion, (nbody,).
     """
     if determined.all():
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -43,7 +43,7 @@ def exclude_contacts(model: mujoco.MjModel, determined: NDArray[np.bool_]) -> No
         meets = ~excluded & (((kind & finds) | (affinity & mine)) != 0)
         model.geom_contype[same], model.geom_conaffinity[same] = 0, bit
         model.geom_contype[meets] |= bit
-    # MuJoCo checks the masks of whole bodies first
+    # MuJoCo first checks the masks of bodies
     for whole, each in (
         (model.body_contype, model.geom_contype),
         (model.body_conaffinity, model.geom_conaffinity),
@@ -61,11 +61,11 @@ class ClosedModel:
     """A compiled model, its loops, its recorded quantities, and a state in which its loops are closed.
 
     Attributes:
-        loops: of the model.
+        loops: loops of the model.
         track: recorded points, links and coordinates.
-        qpos: state with closed loops, (nq,), the drivers as in the model's reference configuration or at the
+        qpos: state with closed loops, (nq,); the drivers are in the model's reference configuration or at the
             start of their motion laws.
-        custom: whether it is a user's model, with its own settings.
+        custom: whether it is a user's model with its own settings.
         note: changes of the model as a sentence; empty without changes.
     """
 
@@ -77,7 +77,7 @@ class ClosedModel:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The compiled model; it is stepped as a copy."""
+        """The compiled model; runs step a copy."""
         return self.loops.model
 
     @property
@@ -109,12 +109,12 @@ class ClosedModel:
 
     @cached_property
     def undetermined_points(self) -> NDArray[np.bool_]:
-        """Which tracked points can move with the drivers locked, (k,); poses do not determine them."""
+        """Mask of tracked points that can move with the drivers locked, (k,); poses do not determine them."""
         loops = self.loops
         moves = NUDGE * loop_jacobian.null_space(loops, loops.linearise(self.qpos[None])[1])
         nudged = loops.displaced(np.repeat(self.qpos[None], len(moves), 0), moves)
         positions = self.point_positions(np.concatenate([self.qpos[None], nudged]))
-        # a closed loop lets a point move by the second order of the displacement
+        # a closed loop allows motion of a point in second order of the displacement
         return (
             np.abs(positions[1:] - positions[0]).max((0, 2), initial=0.0)
             > NUDGE**1.5 * loops.characteristic_length

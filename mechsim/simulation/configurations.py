@@ -20,26 +20,27 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import initial_guess, link_poses
 
-# A state is in another assembly if its distance from the nearest pose is below this fraction of its distance
-# from the expected pose, and the latter is above this fraction of the half stroke. Then: number of pairs of
-# records that are tested; rounding of positions relative to the characteristic length, for a tiny stroke
+# A state is in another assembly if its distance from the nearest pose is below MAX_DISTANCE_RATIO times its
+# distance from the expected pose, and the latter is above MIN_SEPARATION times the half stroke. MAX_PAIRS:
+# number of tested pairs of records. ROUNDING: error of positions relative to the characteristic length, for a
+# tiny stroke
 MAX_DISTANCE_RATIO, MIN_SEPARATION, MAX_PAIRS, ROUNDING = 0.5, 0.02, 100, 1e-12
 
 
 def pose_errors(closed: ClosedModel, motion: Motion, states: Array) -> tuple[Array, Array]:
     """Return the largest distance of a tracked point from its position in the solved pose, and the positions.
 
-    The reference of a point that the crank does not determine is the closed pose nearest to the recorded
+    The reference for a point that the crank does not determine is the closed pose nearest to the recorded
     state.
 
     Args:
         closed: the model.
-        motion: at n instants.
-        states: at the same instants, (n, nq).
+        motion: motion at n instants.
+        states: states at the same instants, (n, nq).
 
     Returns:
-        Distances in [m], (n,), infinite from the first crank angle on that has no pose; and the positions
-        before that, (solved, k, 3) in [m].
+        Distances in [m], (n,), infinite from the first crank angle without a pose; and the positions before
+        that angle, (solved, k, 3) in [m].
     """
     positions = closed.point_positions(_solved_poses(closed, states))
     if closed.undetermined_points.any():
@@ -58,8 +59,8 @@ def lag_distance(closed: ClosedModel, motion: Motion, angles: Array) -> float:
 
     Args:
         closed: the model.
-        motion: at n instants.
-        angles: prescribed for the crank or the path parameter at these instants, (n,) in [rad].
+        motion: motion at n instants.
+        angles: prescribed values of the crank or the path parameter at these instants, (n,) in [rad].
     """
     target, driven = (
         closed.point_positions(follow.follow(closed.loops, closed.qpos, angles)),
@@ -75,10 +76,10 @@ def in_another_assembly(
 
     Args:
         closed: the model.
-        motion: at n instants.
-        states: at the same instants, (n, nq).
-        error: as from `pose_errors`.
-        positions: as from `pose_errors`.
+        motion: motion at n instants.
+        states: states at the same instants, (n, nq).
+        error: distances from `pose_errors`.
+        positions: positions from `pose_errors`.
     """
     count, recorded = len(positions), _recorded(motion)
     stroke = float(np.ptp(positions[:, _is_driven(closed)], axis=0).max())
@@ -101,10 +102,10 @@ def in_another_assembly(
 
 
 def _solved_poses(closed: ClosedModel, states: Array) -> Array:
-    """Return the poses solved at the crank angles of states, up to the last that has one.
+    """Return the poses solved at the crank angles of states, up to the last angle with a pose.
 
-    A crank that the linkage drives beyond a dead centre has no pose there. Under motion laws the drivers take
-    their recorded values.
+    Beyond a dead centre of the crank there is no pose. Under motion laws the drivers have their recorded
+    values.
     """
     loops = closed.loops
     angles = states[:, loops.crank_address]
@@ -141,19 +142,19 @@ def _recorded(motion: Motion) -> Array:
     return np.stack([point.position for point in motion.points.values()], 1)
 
 
-# crank angles at which a profile is probed
+# number of crank angles at which a profile is probed
 PROBES = 64
-# distance from a change point, in [rad], below which the start counts as at it, because of rounding
+# distance from a change point, in [rad], below which the start is at the change point within rounding
 AT_START = 1e-6
 # distance in [rad] by which a path is followed beyond the first crank angle
 BEYOND = 0.05
 
 
 def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[float]:
-    """Return the angles of the crank, or values of the path parameter, of the change points passed, in [rad].
+    """Return the crank angles, or values of the path parameter, of the passed change points, in [rad].
 
     Raises:
-        AssemblyError: where the loops do not close on it.
+        AssemblyError: if the loops do not close on the path.
     """
     angle = profile.state(np.linspace(0.0, profile.duration, PROBES))[0]
     path = _path(closed, angle)
@@ -162,7 +163,7 @@ def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[flo
     first = float(path.revolutions(angle[:1])[0]) * REVOLUTION
     change_points = path.change_points
     if path.gain is not None:
-        # what is followed extends beyond one revolution
+        # the followed path extends beyond one revolution
         end = path.initial + REVOLUTION - AT_START
         change_points = [point for point in change_points if path.initial - AT_START <= point < end]
     change_point_angles = [point + first + whole for point in change_points for whole in revolutions]
@@ -170,7 +171,7 @@ def passed_change_points(closed: ClosedModel, profile: CrankProfile) -> list[flo
 
 
 def _path(closed: ClosedModel, angles: Array) -> follow.PosePath:
-    """Return the path over crank angles (n,), extended a little beyond the first of them where possible.
+    """Return the path over crank angles (n,), extended slightly beyond the first of them if possible.
 
     A branch point is confirmed only after the path has passed it, and the model may start on either side.
     """
@@ -231,7 +232,7 @@ def swept(mechanism: Mechanism) -> dict[str, Pose]:
 
 
 def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:
-    """Return closed states from an initial guess, in steps of the crank, as far as it can move."""
+    """Return closed states from an initial guess, in steps of the crank over its reachable range."""
     states: list[Array] = []
     guess = start
     for _ in range(STEPS):

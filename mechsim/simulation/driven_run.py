@@ -50,9 +50,9 @@ from mechsim.simulation.stepping import (
     step,
 )
 
-# number of last states that are examined
+# number of last states to examine
 LAST_STATES = 20
-# distance from a singular pose, as by `ModelLoops.conditioning`, that counts as near
+# distance from a singular pose, as from `ModelLoops.conditioning`, below which a state is nearly singular
 NEAR_SINGULAR = 1e-2
 STIFFNESS_MESSAGE = "stiffness, as no other cause was found; take smaller steps, or softer loops"
 
@@ -62,8 +62,8 @@ def limit_or_contact(model: mujoco.MjModel, time: Array, qpos: Array, qvel: Arra
     """Return the limit or the contact that was active in the last states, as text; empty without one.
 
     Args:
-        model: of the run.
-        time: of the states in [s], (n,).
+        model: model of the run.
+        time: instants of the states in [s], (n,).
         qpos: (n, nq).
         qvel: (n, nv).
     """
@@ -83,8 +83,8 @@ def near_singular(time: Array, distance: Array) -> str:
     """Return the nearby singular pose, as text; empty without one.
 
     Args:
-        time: of the states in [s], (n,).
-        distance: of each from a singular pose, (n,), 0 to about 1.
+        time: instants of the states in [s], (n,).
+        distance: distance of each state from a singular pose, (n,), 0 to about 1.
     """
     nearest = int(np.argmin(distance)) if len(distance) else 0
     if not len(distance) or not distance[nearest] < NEAR_SINGULAR:
@@ -93,7 +93,7 @@ def near_singular(time: Array, distance: Array) -> str:
 
 
 def _limited(model: mujoco.MjModel, data: mujoco.MjData) -> str:
-    """Return the name of the joint that is farthest beyond its range."""
+    """Return the name of the joint farthest beyond its range."""
     beyond = [
         max(model.jnt_range[j, 0] - data.qpos[p], data.qpos[p] - model.jnt_range[j, 1])
         if model.jnt_limited[j]
@@ -166,9 +166,9 @@ TOUCHING = ", and so are contacts of bodies that the drivers do not determine"
 UNTOUCHED = ", and contacts do not act, because the drivers determine all poses"
 # bytes per recorded number, with intermediate arrays
 BYTES_PER_NUMBER = 32.0
-# crank angles at which a profile is probed for closure
+# number of crank angles at which a profile is probed for closure
 PROBES = 64
-# distance of the crank from its prescribed angle, in [rad], at which the drive has failed
+# distance of the crank from its prescribed angle, in [rad], above which the drive fails
 MAX_DRIVE_ERROR = np.pi
 # distance from a singular pose at which six significant digits of rates remain
 MIN_CONDITIONING = 1e-7
@@ -180,13 +180,13 @@ class DrivenRun:
 
     Attributes:
         closed: the model.
-        profile: of the crank.
+        profile: profile of the crank.
         start: closed state and rates at time zero, (nq,) and (nv,).
         samples: instants recorded after the first; None takes about `SAMPLES` per revolution.
         progress: callback with the progress of a run as text and as a fraction.
-        total: steps of the whole motion; None takes the settings' number.
+        total: steps of the whole motion; None for the number in the settings.
         ending: note on the end of the run, if it differs from the requested one.
-        budget: of processor time; a run that exceeds it ends in a BudgetError. None is no limit.
+        budget: budget of processor time; a run that exceeds it ends in a BudgetError. None means no limit.
     """
 
     closed: ClosedModel
@@ -210,7 +210,7 @@ class DrivenRun:
         return int(np.ceil(least * self.cycle / self.profile.turns - 1e-9))
 
     def stepped(self, settings: Settings, tolerance: float | None = None) -> Run:
-        """Return the motion stepped in time, and its outcome by a tolerance in [m]; None is the default."""
+        """Return the motion stepped in time, and its outcome for a tolerance in [m]; None for the default."""
         steps, motion = self._stepped(settings)
         outcome: Outcome = "passed"
         broken, estimate, elsewhere = self._failure(steps, motion), np.inf, False
@@ -252,9 +252,9 @@ class DrivenRun:
         return np.array([errors[index == revolution].max() for revolution in range(turns)])
 
     def over_first_turns(self, turns: float) -> "DrivenRun":
-        """Return the run over the first revolutions, if it has more and its speed is constant.
+        """Return the run over the first revolutions, if it has more of them and constant speed.
 
-        Under motion laws it is the whole run, because no fraction represents the rest.
+        Under motion laws the result is the whole run, because no fraction of it represents the rest.
         """
         if not self.profile.steady or self.profile.turns <= turns or self.closed.loops.drivers is not None:
             return self
@@ -272,8 +272,8 @@ class DrivenRun:
         """Reject a motion whose start or continuation dynamics do not determine.
 
         Raises:
-            InputError: if the motion must stay on the branch at a change point, since speeds would jump.
-            AssemblyError: for a start at a change point.
+            InputError: if the motion must stay on the branch at a change point, where speeds would jump.
+            AssemblyError: if the start is a change point.
         """
         loops, change_points = self.closed.loops, passed_change_points(self.closed, self.profile)
         require_regular_start(loops, change_points, float(self.profile.state(np.zeros(1))[0][0]))
@@ -346,7 +346,7 @@ def first_state(closed: ClosedModel, profile: CrankProfile) -> tuple[Array, Arra
     """Return the closed state and the rates at time zero of a crank motion, (nq,) and (nv,).
 
     Raises:
-        AssemblyError: for loops that do not close over the whole motion.
+        AssemblyError: if the loops do not close over the whole motion.
     """
     angle, speed, _ = profile.state(np.linspace(0.0, profile.duration, PROBES))
     qpos = follow.follow(closed.loops, closed.qpos, angle)[:1]
@@ -366,10 +366,10 @@ def solved_run(
     tolerance: float | None = None,
     progress: Progress = no_progress,
 ) -> Run:
-    """Return a crank motion with separately solved poses; a tolerance of None is `POSITION_TOLERANCE`.
+    """Return a crank motion with separately solved poses; the default tolerance is `POSITION_TOLERANCE`.
 
     Raises:
-        AssemblyError: for a crank that cannot make the whole motion.
+        AssemblyError: if the crank cannot make the whole motion.
     """
     samples = samples or interval_count(profile)
     time = np.linspace(0.0, profile.duration, samples + 1)
@@ -419,7 +419,7 @@ def _require_regular(loops: ModelLoops, jacobian: Array, angle: Array) -> None:
 
 
 def check_records(closed: ClosedModel, profile: CrankProfile, samples: int | None) -> None:
-    """Raise InputError for more recorded instants than memory holds."""
+    """Raise InputError if memory is too small for the recorded instants."""
     records = samples or SAMPLES * profile.turns
     model, track = closed.model, closed.track
     numbers = 24 * len(track.links) + 9 * len(track.points) + 3 * model.njnt + model.nq + model.nv

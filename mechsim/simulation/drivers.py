@@ -25,8 +25,8 @@ class Drivers:
     """The driven coordinates of a model as functions of the path parameter.
 
     Attributes:
-        names: of the model's joints.
-        addresses: of their coordinates in qpos, (k,).
+        names: names of the model's joints.
+        addresses: addresses of their coordinates in qpos, (k,).
         dofs: indices of their DOFs, (k,).
         slides: whether each is a displacement, (k,).
         law: values and derivatives by the path parameter.
@@ -78,7 +78,7 @@ def find_drivers(model: mujoco.MjModel, names: tuple[str, ...]) -> Drivers:
     """Return the drivers of given names, locked in the model's reference configuration.
 
     Raises:
-        InputError: for a name that is no hinge or slide of the model.
+        InputError: if a name is no hinge or slide of the model.
     """
     single = scalar_joints(model)
     for name in names:

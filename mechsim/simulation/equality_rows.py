@@ -18,14 +18,14 @@ HALF_TURN = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class PointPair:
-    """Two body-fixed points that coincide: of a `connect` or a `weld`."""
+    """Two body-fixed points that a `connect` or a `weld` makes coincident."""
 
     bodies: tuple[int, int]
     local: tuple[Array, Array]
 
     @property
     def ends(self) -> tuple[tuple[int, Array], tuple[int, Array]]:
-        """Body and point, twice."""
+        """The two pairs of body and point."""
         return (self.bodies[0], self.local[0]), (self.bodies[1], self.local[1])
 
 
@@ -34,22 +34,22 @@ class FramePair:
     """Two frames, each fixed in a body, that a `weld` keeps parallel.
 
     Attributes:
-        bodies: the two.
-        local: rotation matrices of the frames in their bodies, (3, 3).
+        bodies: the two bodies.
+        local: rotation matrices of the frames in their bodies, (3, 3) each.
     """
 
     bodies: tuple[int, int]
     local: tuple[Array, Array]
 
     def rotation_error(self, first: Array, second: Array) -> tuple[Array, Array]:
-        """Return the rotation of the first frame relative to the second, at rotations of both bodies.
+        """Return the rotation of the first frame relative to the second, for rotations of both bodies.
 
         Args:
-            first: of the first body, (n, 3, 3).
-            second: of the second.
+            first: rotations of the first body, (n, 3, 3).
+            second: rotations of the second body, (n, 3, 3).
 
         Returns:
-            Twice the vector part of the quaternion, in the second frame, (n, 3) in [rad] where small; and
+            Twice the vector part of the quaternion in the second frame, (n, 3), in [rad] if small; and
             its derivative with respect to the rotation of the first body relative to the second, (n, 3, 3).
         """
         frame = second @ self.local[1]
@@ -77,12 +77,12 @@ class Sum:
 
 @dataclass(frozen=True, slots=True)
 class CouplingConstraint:
-    """A sum of coordinates that is a polynomial of another: a `joint` constraint, or one of fixed tendons.
+    """A sum of coordinates that is a polynomial in another sum: a `joint` or fixed-tendon constraint.
 
     Attributes:
         left: the dependent sum.
-        right: the independent sum; None if the left one is constant.
-        coefficients: of the polynomial, from the constant up.
+        right: the independent sum; None if the left sum is constant.
+        coefficients: coefficients of the polynomial, from the constant up.
         equality: index of the equality in the model.
     """
 
@@ -139,7 +139,7 @@ def constraints(
     """Return the coincident points, the parallel frames and the coupled coordinates of a model.
 
     Raises:
-        InputError: for an equality of another kind, as of a flex or of a tendon around bodies.
+        InputError: if an equality has another kind, such as that of a flex or a tendon around bodies.
     """
     pairs: list[PointPair] = []
     frames: list[FramePair] = []
@@ -171,7 +171,7 @@ def constraints(
 def coincident_frames(
     model: mujoco.MjModel, i: int
 ) -> tuple[tuple[int, int], tuple[Array, Array], tuple[Array, Array]]:
-    """Return two bodies of a `connect` or `weld`, and the frames in them that coincide: points, rotations."""
+    """Return the bodies of a `connect` or `weld`, and their coincident frames as points and rotations."""
     first, second, data = int(model.eq_obj1id[i]), int(model.eq_obj2id[i]), model.eq_data[i]
     if model.eq_objtype[i] == SITE:
         bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
@@ -180,7 +180,7 @@ def coincident_frames(
     bodies = first, max(second, 0)
     if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_CONNECT):
         return bodies, (data[0:3].copy(), data[3:6].copy()), (np.eye(3), np.eye(3))
-    # the data of a weld begin with the second body's point, followed by its pose in the first body
+    # data of a weld: the point in the second body, then its pose in the first body
     return bodies, (data[3:6].copy(), data[0:3].copy()), (rotation_matrix(data[6:10]), np.eye(3))
 
 
@@ -199,7 +199,7 @@ def tendon_joints(model: mujoco.MjModel, tendon: int) -> tuple[NDArray[np.int32]
     """Return the joints of a fixed tendon and their weights in its length, (k,) each.
 
     Raises:
-        InputError: for a tendon through sites.
+        InputError: if the tendon runs through sites.
     """
     rows = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
     if (model.wrap_type[rows] != int(mujoco.mjtWrap.mjWRAP_JOINT)).any():
@@ -226,7 +226,7 @@ def chained(couplings: Sequence[CouplingConstraint], driven: Sequence[int]) -> l
         row = next((row for row in waiting if _follows(row, known_dofs)), None)
         if row is None:
             return chain
-        waiting = [other for other in waiting if other is not row]  # arrays have no plain equality
+        waiting = [other for other in waiting if other is not row]  # comparison of arrays is elementwise
         chain.append(row)
         known_dofs.add(int(row.left.dofs[0]))
 
@@ -243,9 +243,9 @@ def rates(
     """Return the rates of all coordinates of a chain, DOF -> (n,).
 
     Args:
-        chain: from `coupling_chain`.
-        values: of driven coordinates: address in qpos -> (n,) in [m] or [rad].
-        speeds: of driven coordinates: DOF -> (n,) in [m/s] or [rad/s].
+        chain: couplings from `chained`.
+        values: driven coordinates: address in qpos -> (n,) in [m] or [rad].
+        speeds: rates of driven coordinates: DOF -> (n,) in [m/s] or [rad/s].
     """
     values, speeds = dict(values), dict(speeds)
     for row in chain:

@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 # largest step h of a joint in central differences of fourth order, in [rad] or characteristic lengths:
 # truncation h^4/30 and rounding 1e-15/h are both about 1e-12
 STEP = 1e-3
-# largest number of grid points, and of terms of a polynomial
+# maximum number of grid points, and of terms of a polynomial
 MAX_POINTS, MAX_TERMS = 1_000_000, 1000
-# grid points that must be reached for each term of a polynomial
+# required number of reached grid points per term of a polynomial
 POINTS_PER_TERM = 2
-# number of draws between the grid points, at which the error of a polynomial is measured
+# number of random points between the grid points that measure the error of a polynomial
 CHECK_SAMPLES = 2000
 # names of the arrays in the output file
 ARRAYS = (
@@ -56,11 +56,11 @@ class Polynomials:
 
     Attributes:
         exponents: powers of the inputs in each term, (t, k).
-        coefficients: of the terms of each output, (m, t) in [m] or [rad].
-        centre, half_range: of the inputs, (k,) in [m] or [rad].
+        coefficients: coefficients of the terms of each output, (m, t) in [m] or [rad].
+        centre, half_range: centres and half ranges of the inputs, (k,) in [m] or [rad].
         position_error: largest error of each output between grid points, (m,) in [m] or [rad].
-        torque_error: largest error of the Jacobian of each output there, (m,): motor torque or force per
-            torque or force at the output.
+        torque_error: largest error of the Jacobian of each output between grid points, (m,): motor torque or
+            force per torque or force at the output.
     """
 
     exponents: NDArray[np.int64]
@@ -96,23 +96,23 @@ class JointMap:
     """The outputs of a closed-loop model over a grid of its inputs.
 
     Attributes:
-        inputs, outputs: names, k and m of them.
-        input: positions of the inputs at the n grid points that were reached, (n, k) in [m] or [rad].
+        inputs, outputs: names of the k inputs and m outputs.
+        input: positions of the inputs at the n reached grid points, (n, k) in [m] or [rad].
         output: positions of the outputs, (n, m) in [m] or [rad].
         jacobian: derivatives of the outputs by the inputs, (n, m, k). A motor torque or force of
             `jacobian.T @ t` balances torques t at the outputs.
         jacobian_derivative: derivatives of the Jacobian by the inputs, (n, m, k, k); its rate is
             `jacobian_derivative @ input_rate`.
-        torque_map: least-norm torque or force at the outputs that balances a unit one of each input,
-            (n, m, k): the pseudo-inverse of the transposed Jacobian.
+        torque_map: least-norm torque or force at the outputs that balances a unit torque or force of each
+            input, (n, m, k): the pseudo-inverse of the transposed Jacobian.
         reflected_inertia: inertia of the whole model at the inputs, (n, k, k) in [kg m2] or [kg].
         holding_torque: torque or force of the inputs that holds the model at rest against gravity and the
             springs of the file, (n, k) in [N m] or [N].
         qpos: configurations in MuJoCo's order, (n, nq).
         reached: fraction of the grid points at which the loops close within the joint limits.
-        reference: positions of the inputs from which the grid is approached, (k,).
+        reference: positions of the inputs at the start of the paths to the grid, (k,).
         locked: hinges and slides that neither inputs nor loops determine, and their positions in the map.
-        polynomials: approximation of the outputs; None where none was requested.
+        polynomials: approximation of the outputs; None if it was not requested.
     """
 
     inputs: tuple[str, ...]
@@ -204,7 +204,7 @@ class _Outputs:
 
 
 def rotation_vector_rates(vector: Array) -> Array:
-    """Return the matrices (n, 3, 3) that turn angular velocities into rates of rotation vectors (n, 3).
+    """Return the matrices (n, 3, 3) that convert angular velocities to rates of rotation vectors (n, 3).
 
     Source: Solà, Deray & Atchuthan 2018, "A micro Lie theory", eq. (146), inverse left Jacobian of SO(3).
     """
@@ -224,7 +224,7 @@ def input_rates(path: StraightPath, qpos: Array) -> Array:
     rates = np.zeros((len(qpos), path.loops.model.nv, len(path.drivers)))
     for i, dof in enumerate(path.drivers.tolist()):
         rates[:, dof, i] = 1.0
-        for _ in range(2):  # the second solution removes the rounding of the first
+        for _ in range(2):  # the second iteration removes rounding errors
             error = (jacobian @ rates[:, :, i, None])[..., 0]
             rates[:, path.passive, i] -= least_squares(jacobian[:, :, path.passive], error)
     return rates
@@ -242,8 +242,8 @@ def map_over_grid(
 
     Args:
         model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
-        inputs: hinges or slides, such as those with motors, with their ranges in [rad] or [m]; without a
-            range the joint limits. Other joints that the loops do not determine stay at the reference.
+        inputs: hinges or slides, such as those with motors, with their ranges in [rad] or [m]; the default
+            range is the joint limits. Other joints that the loops do not determine stay at the reference.
         outputs: hinges or slides, and sites or bodies as NAME.x, NAME.y, NAME.z in [m] in the world frame, or
             NAME.rx, NAME.ry, NAME.rz, the rotation vector from the reference in [rad].
         points: grid points along each input.
@@ -251,11 +251,11 @@ def map_over_grid(
 
     Returns:
         The map at the grid points that are reached on straight paths from the reference. Configurations
-        close to 1e-12 and Jacobians are exact to rounding; derivatives of Jacobians to about 1e-12 times the
-        condition of the loops.
+        close to 1e-12, and Jacobians are exact to rounding. Derivatives of Jacobians are exact to about 1e-12
+        times the condition number of the loops.
 
     Raises:
-        InputError: for an unknown name, an input without range or limits, or a grid that is too large.
+        InputError: if a name is unknown, an input has no range or limits, or the grid is too large.
         AssemblyError: if no grid point is reached, or too few for the polynomials.
 
     Example:
@@ -305,7 +305,7 @@ def map_over_grid(
 def _range(
     path: StraightPath, index: int, name: str, ends: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """Return the range of an input: the requested one, otherwise the limits of the joint."""
+    """Return the requested range of an input, or the limits of the joint."""
     model, joint = path.loops.model, int(path.loops.model.dof_jntid[path.drivers[index]])
     if ends is None:
         if not model.jnt_limited[joint]:
@@ -321,7 +321,7 @@ def _range(
 
 
 def _locked(path: StraightPath) -> dict[str, float]:
-    """Return the hinges and slides that stay at the reference, and their positions there."""
+    """Return the hinges and slides that stay at the reference, and their reference positions."""
     model = path.loops.model
     moving = np.isin(np.arange(model.nv), [*path.drivers, *path.passive])
     return {
@@ -341,8 +341,8 @@ def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> Array:
     """Return the derivatives of the Jacobian by the inputs, (n, m, k, k).
 
     G r_j = 0 holds for the constraint Jacobian G and the rates r_j of all DOFs at a unit rate of input j.
-    Along input i, dG/du_i r_j + G dr_j/du_i = 0. Only G and the gradients of the outputs are differenced:
-    they vary slowly, also near a singular configuration, where r_j does not.
+    Along input i, dG/du_i r_j + G dr_j/du_i = 0. Differences are taken of G and the gradients of the outputs
+    only, which vary slowly even near a singular configuration; r_j varies fast there.
     """
     path, rates = evaluator.path, input_rates(evaluator.path, qpos)
     constraint, gradients = path.loops.linearise(qpos)[1], evaluator.gradients(qpos)[1]
@@ -380,7 +380,7 @@ def inertia_and_holding(path: StraightPath, qpos: Array) -> tuple[Array, Array]:
 
 
 def _with_polynomials(table: JointMap, evaluator: _Outputs, degree: int, low: Array, high: Array) -> JointMap:
-    """Return a map with polynomials fitted to its grid and checked at points drawn between."""
+    """Return a map with polynomials fitted to its grid and checked at random points between."""
     count = len(table.inputs)
     terms = [
         np.bincount(chosen, minlength=count)

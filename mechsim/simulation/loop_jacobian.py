@@ -52,12 +52,12 @@ def close(loops: ModelLoops, qpos: Array, locked: NDArray[np.int64] | None = Non
     """Return n states with closed loops and unchanged crank angles, by Newton's method.
 
     Args:
-        loops: of the model.
+        loops: loops of the model.
         qpos: initial guesses, (n, nq).
         locked: as in `close_each`.
 
     Raises:
-        AssemblyError: for a loop that does not close.
+        AssemblyError: if a loop does not close.
     """
     states, error = close_each(loops, qpos, locked)
     worst = int(np.argmax(error))
@@ -88,9 +88,9 @@ def close_each(
     `NEWTON.rounding`; the error is that of the returned state, not of the iteration.
 
     Args:
-        loops: of the model.
+        loops: loops of the model.
         qpos: initial guesses, (n, nq).
-        locked: indices of the DOFs that keep their values instead of the crank; the others move least.
+        locked: indices of the DOFs that keep their values in place of the crank; the others move least.
     """
     if locked is None:
         step = partial(_crank_locked_step, loops)
@@ -116,12 +116,12 @@ def _least_step(loops: ModelLoops, free: NDArray[np.int64], jacobian: Array, sca
 
 
 def rounding(loops: ModelLoops) -> float:
-    """Return the largest Jacobian entry, in [m] or [rad] per [m] or [rad], that is rounding."""
+    """Return the largest Jacobian entry that counts as rounding, in [m] or [rad] per [m] or [rad]."""
     return FLOOR * max(1.0, float(loops.characteristic_lengths.max()))
 
 
 def constrained_jacobian(loops: ModelLoops, jacobian: Array) -> Array:
-    """Return the Jacobian without the crank's column, (n, m, nv - 1); zero if all is rounding."""
+    """Return the Jacobian without the crank's column, (n, m, nv - 1); zero if all entries are rounding."""
     matrix = jacobian[:, :, loops.free]
     if np.abs(matrix).max(initial=0.0) <= rounding(loops):
         matrix[:] = 0.0
@@ -148,7 +148,7 @@ def solve(loops: ModelLoops, jacobian: Array, right: Array) -> Array:
 
 
 def has_undetermined_dofs(loops: ModelLoops) -> bool:
-    """Return whether the loops leave DOFs other than the crank undetermined, as of the last solution."""
+    """Return whether the loops leave DOFs other than the crank undetermined, from the last solution."""
     return loops.independent.basis is not None and len(loops.independent.row_space) < len(loops.free)
 
 

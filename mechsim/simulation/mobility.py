@@ -15,7 +15,7 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.state import FREE, HINGE, SCALAR, SLIDE, limited_joints
 
-# residual, relative to the largest Jacobian entry, above which the other DOFs cannot follow a driver
+# residual, relative to the largest Jacobian entry, above which a driver is immobile
 LOCKED_FRACTION = 1e-6
 
 
@@ -23,8 +23,8 @@ def immobile_drivers(loops: ModelLoops, jacobian: Array) -> tuple[str, ...]:
     """Return the crank, or the drivers, that cannot move while the other drivers are locked.
 
     Args:
-        loops: of the model.
-        jacobian: at one state, (m, nv).
+        loops: loops of the model.
+        jacobian: Jacobian at one state, (m, nv).
     """
     names, driver_columns = ("crank",), -jacobian[:, [loops.crank]]
     if loops.drivers is not None:
@@ -48,10 +48,10 @@ def overdetermined_error(loops: ModelLoops, locked: tuple[str, ...], angle: floa
     return MobilityError(f"{loops.name}: overdetermined: {problem}; {remedy}", "overdetermined")
 
 
-# displacement, in [rad] and in characteristic lengths, by which a null-space direction is probed; fraction of
-# it that remains after closing the loops if the DOF is real; displacement of a moving joint or point
+# displacement of the probe along a null-space direction, in [rad] and in characteristic lengths; its least
+# fraction after closure of the loops for a finite DOF; least displacement of a moving joint or point
 PROBE_DISPLACEMENT, MIN_REMAINING, MIN_DISPLACEMENT = 1e-3, 0.5, 1e-5
-# maximum number of bodies that a note lists
+# maximum number of bodies in a note
 MAX_LISTED = 6
 
 
@@ -98,7 +98,7 @@ def require_determined(closed: ClosedModel, mobility: ResidualMobility) -> None:
     """Reject a model with poses that the drivers do not determine.
 
     Raises:
-        MobilityError: with the undetermined joints and points.
+        MobilityError: if joints or points are undetermined; it names them.
     """
     if mobility.undetermined:
         raise MobilityError(
@@ -113,8 +113,8 @@ def require_movable(closed: ClosedModel, mobility: ResidualMobility) -> None:
     """Reject immobile drivers, and a start at a change point, where two motions begin.
 
     Raises:
-        MobilityError: for immobile drivers.
-        AssemblyError: for a start at a change point.
+        MobilityError: if drivers are immobile.
+        AssemblyError: if the start is a change point.
     """
     if mobility.immobile_drivers:
         raise overdetermined_error(closed.loops, mobility.immobile_drivers, closed.angle)
@@ -149,7 +149,7 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
 
     Args:
         closed: the model.
-        angles: of the crank, or values of the path parameter, (n,) in [rad].
+        angles: crank angles, or values of the path parameter, (n,) in [rad].
 
     Raises:
         AssemblyError: as `require_within_limits`.
@@ -206,7 +206,7 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
         scale = loops.characteristic_length if kind == SLIDE else 1.0
         if kind not in SCALAR or abs(moved[address] - state[address]) <= MIN_DISPLACEMENT * scale:
             continue
-        # a link that spins about its own axis has not moved
+        # a link that spins about its own axis does not count as moved
         if moved_bodies[model.jnt_bodyid[i]]:
             names.append(f"joint {model.joint(i).name or i!r}")
     positions = closed.point_positions(np.stack([state, moved]))
@@ -219,7 +219,7 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
 
 
 def _moved_bodies(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.bool_]:
-    """Return which bodies' centres of mass differ between two states, (nbody,)."""
+    """Return a mask of the bodies whose centres of mass differ between two states, (nbody,)."""
     displacements = np.diff(loops.posed.centres(np.stack([state, moved])), axis=0)[0]
     return np.linalg.norm(displacements, axis=1) > MIN_DISPLACEMENT * loops.characteristic_length
 
@@ -238,7 +238,7 @@ def _floating_bodies(loops: ModelLoops) -> list[int]:
 
 
 def floating_bodies_note(closed: ClosedModel) -> str:
-    """Return a note about floating bodies, which poses leave at their initial poses; empty without any."""
+    """Return a note about floating bodies, which keep their initial poses; empty without any."""
     model, bodies = closed.model, _floating_bodies(closed.loops)
     if not bodies:
         return ""

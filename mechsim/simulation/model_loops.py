@@ -28,8 +28,8 @@ class IndependentRows:
     Bennett's, the set of redundant equations changes from pose to pose.
 
     Attributes:
-        basis: of the independent constraints (m, rank), of the redundant ones, and of the row space without
-            unconstrained DOFs, (rank, nv - 1); None before the first Jacobian.
+        basis: bases of the independent constraints (m, rank), of the redundant constraints, and of the row
+            space without unconstrained DOFs, (rank, nv - 1); None before the first Jacobian.
     """
 
     def __init__(self, basis: tuple[Array, Array, Array] | None = None):
@@ -68,7 +68,7 @@ class ModelLoops:
         model: the compiled model.
         crank: index of the crank among the degrees of freedom.
         drivers: the drivers that follow motion laws; None for a single crank.
-        pairs, frames, couplings: of the constraints.
+        pairs, frames, couplings: coincident points, parallel frames and coupled coordinates.
         posed: the kinematics of the model, and the fields that differ between states.
         independent: the independent constraints, shared by all copies.
         change_point: policy of a path of poses at change points.
@@ -119,7 +119,7 @@ class ModelLoops:
 
     @cached_property
     def scale(self) -> Array:
-        """Factors that make residuals dimensionless, (m,); (n, m) if states have own fields."""
+        """Factors that make residuals dimensionless, (m,); (n, m) if states have their own fields."""
         if self.posed.fields:
             return np.repeat(1.0 / self.characteristic_lengths[:, None], 3 * len(self.pairs), 1)
         factor = 1.0 / self.characteristic_length
@@ -240,10 +240,10 @@ def read_loops(
 ) -> ModelLoops:
     """Return the loops of a compiled model with a crank, or with drivers under motion laws.
 
-    With `any_joint` the crank may be a slide too: a model that moves freely has no crank of its own.
+    With `any_joint` the crank may also be a slide: a model that moves freely has no crank of its own.
 
     Raises:
-        InputError: for a model without a hinge of the crank's name.
+        InputError: if the model has no hinge with the crank's name.
     """
     crank = crank if drivers is None else PARAMETER_JOINT
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, crank)

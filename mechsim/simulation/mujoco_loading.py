@@ -1,4 +1,4 @@
-"""Import of MuJoCo with any MUJOCO_GL: a rendering back end that fails must not stop other functions."""
+"""Imports MuJoCo for any MUJOCO_GL: failure of a rendering back end does not affect other functions."""
 
 import os
 import sys

@@ -30,7 +30,7 @@ from mechsim.simulation.tolerance import (
 TRIAL_STEPS, MIN_STEPS = 100, 24
 # order of convergence of the default settings (measured in validation/choices/constraint_settings.py)
 ORDER = 4.0
-# a trial with fewer steps than the first covers this fraction of the revolutions, within these limits
+# fraction of the revolutions in a trial with fewer steps than the first, and limits of their number
 TRIAL_FRACTION, TRIAL_TURNS = 0.2, (2.0, 20.0)
 # ratio of the errors of successive revolutions above which errors grow instead of levelling off;
 # in the study's trials of two revolutions: levelling off up to 2.7, growing from 4.4
@@ -39,7 +39,7 @@ MAX_GROWTH = 3.5
 # which a second estimate saves less than a failed run would cost
 CONVERGED_FRACTION, WORTHWHILE_FRACTION = 0.75, 0.6
 # steps of a whole motion up to which the maximum per revolution may be exceeded: a linkage that passes a
-# nearly singular pose 450 times as fast as its crank needs a million (verdicts.py --case 235)
+# nearly singular pose 450 times as fast as its crank requires a million (verdicts.py --case 235)
 MAX_STEPS_OF_MOTION = 2_000_000
 # error in [m] that avoids a division by zero
 TINY = 1e-300
@@ -125,7 +125,7 @@ def _with_report(run: Run, report: ToleranceReport, *notes: str) -> Run:
 def _run_to_tolerance(
     driven: DrivenRun, settings: Settings, tolerance: float, first: int, spent: int
 ) -> tuple[Run, ToleranceReport]:
-    """Return the run that satisfies a tolerance, or has the least error, and its tolerance report."""
+    """Return the run that satisfies a tolerance, or has the smallest error, and its tolerance report."""
 
     def attempt(steps: int) -> Attempt[Run]:
         run = driven.stepped(_with_steps(driven, settings, steps), tolerance)
@@ -156,7 +156,7 @@ def _run_to_tolerance(
 
 
 def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tuple[int, int]:
-    """Return the steps per cycle that a tolerance requires, by trials over revolutions; and steps spent."""
+    """Return the steps per cycle that a tolerance requires, from trial revolutions; and the trial steps."""
     short, trial = driven.over_first_turns(1.0), _trial_steps(driven)
     error = float(short.errors_by_turn(_with_steps(driven, settings, trial)).max())
     spent = round(trial * short.profile.turns / driven.cycle)
@@ -168,12 +168,12 @@ def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tup
     )
     if steps >= CONVERGED_FRACTION * trial or trial_run.profile.turns > 0.5 * driven.profile.turns:
         return steps, spent
-    # no trial with so few steps showed convergence, or errors that do not grow
+    # trials with so few steps do not show convergence or bounded errors
     previous, last = trial_run.errors_by_turn(_with_steps(driven, settings, steps))[-2:]
     spent += round(steps * trial_run.profile.turns)
     if not last <= MAX_GROWTH * previous:
         return trial, spent
-    # an error that grew over the last revolution continues to grow
+    # assume that an error with growth over the last revolution continues to grow
     predicted_error = last * max(1.0, last / max(previous, TINY)) ** 2
     if predicted_error > tolerance:
         order = plausible_order(last, error, trial / steps)
@@ -185,7 +185,7 @@ def steps_needed(driven: DrivenRun, settings: Settings, tolerance: float) -> tup
 def _after_diverging(
     driven: DrivenRun, short: DrivenRun, settings: Settings, tolerance: float, spent: int
 ) -> tuple[int, int]:
-    """Return the steps per cycle by finer trials after the first trial diverged; and steps spent.
+    """Return the steps per cycle from finer trials after divergence of the first trial; and the trial steps.
 
     For a custom model the file's own time step is one of the trials.
     """

@@ -1,4 +1,4 @@
-"""Results of runs in MuJoCo: a driven run, one with its forces, a free one."""
+"""Results of runs in MuJoCo: a driven run, a driven run with forces, a free run."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -20,13 +20,13 @@ class RunRecord:
     """Data that every run in MuJoCo records.
 
     Attributes:
-        motion: at the recorded instants; its rates and accelerations belong to the same instants.
-        steps: time steps taken, trials not counted; poses solved for method "pose".
-        seconds: time spent stepping or solving, trials and the evaluation of records not counted.
-        settings: of the stepping; None for method "pose".
-        timestep: in [s]; None for method "pose".
-        tolerance_report: whether a requested tolerance is satisfied; None for method "pose" and without one.
-        note: changes of a custom model, and what dynamics do not determine; may be empty.
+        motion: motion at the recorded instants; its rates and accelerations belong to the same instants.
+        steps: number of time steps without trials; number of solved poses for method "pose".
+        seconds: time for stepping or solving in [s], without trials and the evaluation of records.
+        settings: settings of the stepping; None for method "pose".
+        timestep: time step in [s]; None for method "pose".
+        tolerance_report: report on a requested tolerance; None without a tolerance and for method "pose".
+        note: changes of a custom model, and remarks on motion that dynamics do not determine; may be empty.
     """
 
     motion: Motion
@@ -46,10 +46,9 @@ class Run(RunRecord):
 
     Attributes:
         outcome: "passed", "failed", "diverged" or "changed assembly".
-        tolerance: of the positions of tracked points, in [m]: as requested, or a ten-thousandth of the
-            stroke.
-        estimate: largest position error as estimated by the simulator: distance from the pose solved at
-            the same crank angle, in [m].
+        tolerance: tolerance on the positions of tracked points, in [m]: as requested, or 1e-4 of the stroke.
+        estimate: the simulator's estimate of the largest position error: distance from the pose solved at the
+            same crank angle, in [m].
         method: "step" or "pose".
     """
 
@@ -74,13 +73,13 @@ class Run(RunRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Driven(RunRecord):
-    """A dynamic model under a prescribed crank, by MuJoCo.
+    """Result of a dynamic model with a prescribed crank motion in MuJoCo.
 
     Attributes:
-        forces: at the recorded instants.
+        forces: forces at the recorded instants.
         outcome: "done" or "diverged"; with a tolerance "passed" or "failed".
         method: "pose" or "step".
-        masses: of the links, with their sources.
+        masses: masses of the links, with their sources.
     """
 
     forces: ForceRecord
@@ -91,13 +90,13 @@ class Driven(RunRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SteppedFreeRun(RunRecord):
-    """A free run by MuJoCo.
+    """Result of a free run in MuJoCo.
 
     Attributes:
-        forces: at the recorded instants; no drive acts, so its torque is the residual of MuJoCo's equation
-            of motion.
+        forces: forces at the recorded instants; no drive acts, so that its torque is the residual of MuJoCo's
+            equation of motion.
         free: crank motion, energies and outcome, at the same instants.
-        masses: of the links, with their sources.
+        masses: masses of the links, with their sources.
     """
 
     forces: ForceRecord

@@ -1,4 +1,4 @@
-"""Reads a mechanism or a custom model and assembles it: source to closed model."""
+"""Reads a mechanism or a custom model and returns the assembled model."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -72,20 +72,20 @@ def from_source(
     lock: Mapping[str, float | None] | None = None,
     key: str | None = None,
 ) -> ClosedModel:
-    """Return a mechanism, or a custom model, ready to be run.
+    """Return the closed model of a mechanism or a custom model, for a run.
 
     Args:
         source: the mechanism or model.
-        scene: contents of the model of a mechanism; without forces it takes those of the source.
-        drivers: of a custom model: the hinge that is the crank, or a sequence of the joints that follow
-            motion laws; None for the hinge "crank". Of a mechanism: a sequence if its crank
-            follows a motion law; several drivers always do.
+        scene: contents of the model of a mechanism; a scene without forces gets the forces of the source.
+        drivers: for a custom model, the hinge that is the crank, or a sequence of joints that follow motion
+            laws; None for the hinge "crank". For a mechanism, a sequence if its crank follows a motion law;
+            several drivers always do.
         lock: joint of a custom model -> value at which it is locked, in [m] or [rad]; None for its initial
             value, the only choice for a ball or a free joint.
         key: initial keyframe of a custom model; None for its reference configuration.
 
     Raises:
-        InputError: for a model that cannot be read, or without a point to track.
+        InputError: if the model cannot be read or has no point to track.
         AssemblyError: if its loops do not close at the drivers' initial values.
     """
     closed = _from_source(source, scene, drivers, lock, key)
@@ -115,7 +115,7 @@ def _from_source(
 
 
 def read_model(source: Source) -> MjcfModel | None:
-    """Return the MJCF file that a source is or contains; else None."""
+    """Return the MJCF model that a source is or contains; otherwise None."""
     candidates = (source, getattr(source, "source", None))
     return next((candidate for candidate in candidates if isinstance(candidate, MjcfModel)), None)
 
@@ -123,7 +123,7 @@ def read_model(source: Source) -> MjcfModel | None:
 def _from_read_model(source: Source, read: MjcfModel, drivers: Sequence[str] | str | None) -> ClosedModel:
     """Return the model of an MJCF file, or of the corrected mechanism if its loops do not close.
 
-    The joints of the corrected mechanism were moved until the loops close.
+    The corrected mechanism has displaced joints with which the loops close.
     """
     mechanism, drivers_ = read.mechanism, drivers if drivers is not None else read.mechanism.driver
     try:
@@ -185,7 +185,7 @@ def description(source: Source) -> Model:
     """Return the mechanism of an object that has one, or the model itself.
 
     Raises:
-        InputError: for an object that is no model.
+        InputError: if the object is no model.
     """
     model = getattr(source, "mechanism", source)
     if not isinstance(model, Mechanism | mujoco.MjSpec | str | os.PathLike):
@@ -207,7 +207,7 @@ def from_spec(
     """Return the model of a specification with sensors for the tracked points.
 
     Args:
-        spec: of the model.
+        spec: specification of the model.
         points: sites to track.
         drivers: the hinge that is the crank, or the joints that follow motion laws.
         coordinates: joint of the model -> name of its coordinate, as in `Track`.
@@ -246,7 +246,7 @@ def _closed(loops: ModelLoops, guess: Array) -> Array:
 
 
 def _start_qpos(loops: ModelLoops, start: Array | None) -> Array:
-    """Return an initial state of the model with the path parameter, if any; without one, the reference."""
+    """Return an initial state of the model, with the path parameter if any; by default the reference."""
     if start is None:
         return loops.model.qpos0.copy()
     return start.copy() if loops.drivers is None else np.insert(start, loops.crank_address, 0.0)
@@ -350,7 +350,7 @@ Closed = TypeVar("Closed", bound=ClosedModel)
 
 
 def parameter_profile(motion_laws: MotionLaws) -> CrankProfile:
-    """Return the profile of the path parameter; its cycles count the steps and records of a run.
+    """Return the profile of the path parameter; its cycles define the steps and records of a run.
 
     Its `fastest` rate is that of the motion laws, which may reverse more or less often than the parameter.
     """
@@ -358,12 +358,12 @@ def parameter_profile(motion_laws: MotionLaws) -> CrankProfile:
 
 
 def at_initial_state(closed: Closed, motion_laws: MotionLaws) -> Closed:
-    """Return a model under motion laws, in the state at which these start.
+    """Return a model under motion laws, in their initial state.
 
-    All drivers move there together along a straight path in joint space; the assembly does not change.
+    All drivers move to this state together along a straight path in joint space, in the same assembly.
 
     Raises:
-        AssemblyError: for loops that do not close on that path.
+        AssemblyError: if the loops do not close on that path.
     """
     loops, drivers = closed.loops, closed.loops.drivers
     assert drivers is not None

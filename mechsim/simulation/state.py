@@ -27,7 +27,7 @@ SCALAR = (HINGE, SLIDE)
 # body and points on it, (n, 3) -> the Jacobians of the points and of the body's rotation, (n, 3, nv) each
 PointJacobians = Callable[[int, Array], tuple[Array, Array]]
 
-# number of states up to which one thread is as fast as two: below a few milliseconds of work
+# number of states up to which one thread is as fast as two: a few milliseconds of work
 ONE_THREAD = 4096
 
 
@@ -35,7 +35,7 @@ class PosedBodies:
     """MuJoCo's kinematics of a model.
 
     Attributes:
-        kinematic_model: a copy of the model reduced to its kinematics; it must not be changed.
+        kinematic_model: a copy of the model reduced to its kinematics; do not change it.
         fields: model fields that differ between states, such as those of designs: name -> (n, ...).
     """
 
@@ -125,7 +125,7 @@ def limited_joints(model: mujoco.MjModel) -> NDArray[np.intp]:
 
 
 def is_disabled(model: mujoco.MjModel, flag: mujoco.mjtDisableBit) -> bool:
-    """Return whether an option of a model disables something."""
+    """Return whether a model has a disable flag set."""
     return bool(model.opt.disableflags & int(flag))
 
 
@@ -183,12 +183,12 @@ def displaced(model: mujoco.MjModel, qpos: Array, step: Array) -> Array:
 def matching_state(
     model: mujoco.MjModel, other: mujoco.MjModel, state: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Return position (nq,) and velocity (nv,) of a model, taken from joints of the same names in another.
+    """Return position (nq,) and velocity (nv,) of a model, copied from joints of the same names in another.
 
     Args:
-        model: all its joints exist in the other model.
+        model: a model whose joints all exist in the other model.
         other: the other model.
-        state: position and velocity of the other.
+        state: position and velocity of the other model.
     """
     result = model.qpos0.copy(), np.zeros(model.nv)
     for j in range(model.njnt):

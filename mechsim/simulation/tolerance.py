@@ -12,9 +12,9 @@ from mechsim.numerics.resources import ProcessorBudget
 
 R = TypeVar("R")
 
-# fraction of the tolerance that attempts aim at, as a margin for errors that trials do not show
+# target of attempts as a fraction of the tolerance, as a margin for errors that trials do not show
 TARGET_FRACTION = 0.5
-# factor between the steps of successive attempts, at least and at most; and the maximum per revolution, which
+# minimum and maximum ratio of the steps of successive attempts; maximum number of steps per revolution, which
 # a short motion may exceed if its predicted number of steps is larger
 MIN_STEP_FACTOR, MAX_STEP_FACTOR, MAX_STEPS = 1.5, 4.0, 100_000
 # steps per revolution up to which a finer run follows one that diverges
@@ -28,7 +28,7 @@ class ToleranceReport:
     """Whether a run satisfies its tolerance, with the error estimates.
 
     Attributes:
-        tolerance: requested, in the unit of the estimates.
+        tolerance: requested tolerance, in the unit of the estimates.
         estimates: method of estimation -> largest error at any recorded instant.
         order: observed order of convergence in the number of steps; None without stepping.
         trials: steps of all other runs.
@@ -59,14 +59,14 @@ class ToleranceReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attempt(Generic[R]):
-    """A run with some number of steps and its error estimates.
+    """A run with a number of steps, and its error estimates.
 
     Attributes:
         run: the run.
-        steps: of the run.
+        steps: number of steps of the run.
         estimates: as in `ToleranceReport`.
-        order: of convergence in the number of steps.
-        trials: steps of other runs that the estimates needed.
+        order: order of convergence in the number of steps.
+        trials: steps of other runs for the estimates.
         change: difference from which the estimate is computed, a better indicator of convergence; or NaN.
         final: whether more steps cannot help.
         diverged: whether the run diverged, so that its convergence is unknown.
@@ -88,7 +88,7 @@ class Attempt(Generic[R]):
 
     @property
     def remaining(self) -> float:
-        """The error that should decrease from one attempt to the next."""
+        """The error whose decrease from one attempt to the next shows convergence."""
         return self.estimate if np.isnan(self.change) else self.change
 
 
@@ -132,22 +132,22 @@ def run_within_tolerance(
     max_steps: int = 0,
     budget: ProcessorBudget | None = None,
 ) -> tuple[R, ToleranceReport]:
-    """Return a run that satisfies a tolerance, or the best one, and its tolerance report.
+    """Return a run that satisfies a tolerance, or the best run, and its tolerance report.
 
     Args:
         attempt: steps per revolution -> a run.
-        tolerance: of the estimates.
+        tolerance: tolerance on the estimates.
         first: steps per revolution of the first attempt.
         reason_text: steps of the last attempt and its estimate -> reason why the tolerance is not satisfied.
         trials: steps taken so far.
-        trial_steps: steps per revolution of the finest trial: an attempt with fewer may not converge yet, and
-            is followed by one with as many, whatever its estimate predicts.
+        trial_steps: steps per revolution of the finest trial. An attempt with fewer steps may not converge
+            yet; an attempt with this number of steps follows it for any predicted error.
         multiple: a divisor of all numbers of steps.
         max_steps: limit on the steps per revolution if the prediction lies between `MAX_STEPS` and it.
-        budget: of processor time; an attempt that would exceed it is not started. None is no limit.
+        budget: budget of processor time; an attempt that would exceed it does not start. None means no limit.
 
     Raises:
-        BudgetError: if the budget ends before the first attempt does.
+        BudgetError: if the budget ends before the first attempt.
     """
     spent = trials
 
@@ -174,7 +174,7 @@ def run_within_tolerance(
 
 
 def steps_for(steps: int, error: float, goal: float, order: float) -> float:
-    """Return the number of steps, not rounded, at which an error equals a goal."""
+    """Return the unrounded number of steps at which an error equals a goal."""
     return steps * ((error / goal) ** (1.0 / order) if np.isfinite(error) else MAX_STEP_FACTOR)
 
 
@@ -192,7 +192,7 @@ MIN_FACTOR = 100.0
 def improving_compliance(
     error: Callable[[float], float], compliance: float, initial_error: float, tolerance: float
 ) -> tuple[float, float] | None:
-    """Return a compliance with a much smaller error, and that error; None if none was found.
+    """Return a compliance with a much smaller error, and that error; None without such a compliance.
 
     Args:
         error: compliance -> largest error of a run with it, in [m].

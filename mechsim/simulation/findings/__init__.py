@@ -1,4 +1,4 @@
-"""What is wrong with a scene before it runs, each thing with its size, its line in the file and a remedy."""
+"""Checks a scene before it runs; each finding has a size, a line in the file and a remedy."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -24,7 +24,7 @@ from mechsim.simulation.mjcf_reader import MjcfModel
 __all__ = ["findings", "findings_in"]
 
 
-# checks in the order of their findings: what breaks a run, what distorts it, what the user should know
+# checks in the order of their findings: errors that break a run, effects that distort it, and notes
 CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
     timestep,
     gaps,
@@ -42,21 +42,21 @@ CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
 
 
 def findings(read: MjcfModel, motion_laws: MotionLaws = CRANK) -> tuple[Finding, ...]:
-    """Return what is wrong with a scene, the gravest first.
+    """Return the findings of a scene, most severe first.
 
     Args:
-        read: what was read of its file.
-        motion_laws: of its drivers; `CRANK` looks at a swing of them where a motion is needed.
+        read: the file as read.
+        motion_laws: motion laws of the drivers; with `CRANK`, checks of a motion use a swing of the drivers.
     """
     return findings_in(Inspected(read, motion_laws))
 
 
 def findings_in(scene: Inspected) -> tuple[Finding, ...]:
-    """Return what is wrong with a scene, the gravest first."""
+    """Return the findings of a scene, most severe first."""
     result: list[Finding] = []
     for check in CHECKS:
-        # a state so wrong that it overflows is what other looks have found
+        # another check reports the cause of an overflow or a singular matrix
         with suppress(FloatingPointError, np.linalg.LinAlgError):
             result += check(scene)
-    # chains that pose drivers add are no part of the file
+    # virtual bodies and joints of pose drivers are not in the file
     return tuple(finding for finding in result if not finding.what.startswith(VIRTUAL_PREFIX))

@@ -1,4 +1,4 @@
-"""Actuators that fight: each other, the loops, or what the drivers are asked to do."""
+"""Actuators that act against each other, the loops or the motion laws of the drivers."""
 
 from collections.abc import Iterator
 
@@ -11,15 +11,15 @@ from mechsim.simulation.findings.inspected import Inspected, Swing, rank, swing
 from mechsim.simulation.findings.predicted_gap import moment_arms
 from mechsim.simulation.mjcf.compiling import quiet
 
-# a servo whose target is farther from where its joint starts, in [rad] or parts of the size, kicks
+# initial deviation of a servo from its control target that is reported above this value, in [rad] or [m]
 KICK = 1e-2
-# an effort below this part of the largest that moves the drivers is none
+# actuator forces below this fraction of the largest one are ignored
 SLIGHT = 1e-3
 JOINTED = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 
 def fighting(scene: Inspected) -> Iterator[Finding]:
-    """Yield actuators that work against what moves."""
+    """Yield actuators that act against each other or the motion."""
     if not scene.model.nu or scene.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION):
         return
     yield from _too_many(scene)
@@ -28,7 +28,7 @@ def fighting(scene: Inspected) -> Iterator[Finding]:
 
 
 def _too_many(scene: Inspected) -> Iterator[Finding]:
-    """Yield servos that move what other servos move already, as the loops have it in every pose."""
+    """Yield servos that add no rank to the loops and the other servos, in every sample state."""
     model, lines = scene.model, _lines(scene)
     servos = [a for a in range(model.nu) if _stiffness(scene, a) > 0.0]
     jacobians = [jacobian for jacobian, _ in scene.sample_jacobians]
@@ -51,15 +51,15 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
 
 
 def _directions(scene: Inspected, qpos: Array) -> Array:
-    """Return the arms of the actuators, each of length one, (nu, nv)."""
+    """Return the moment arms of the actuators as unit vectors, (nu, nv)."""
     arms = moment_arms(scene, qpos)
     return arms / np.maximum(np.linalg.norm(arms, axis=1, keepdims=True), 1e-300)
 
 
 def _off_at_start(scene: Inspected) -> Iterator[Finding]:
-    """Yield servos that stand elsewhere than their control asks for; of the reference start only.
+    """Yield servos that start away from their target at control 0.
 
-    Keyframes bring controls of their own.
+    Only the reference configuration is checked: keyframes have their own controls.
     """
     model = scene.model
     if not np.array_equal(scene.read.qpos, model.qpos0):
@@ -82,7 +82,7 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
 
 
 def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
-    """Yield servos whose control stands at 0 while the drivers are asked to move."""
+    """Yield servos with control 0 that act against the motion laws of the drivers."""
     motion = None if scene.motion_laws.crank else swing(scene)
     if motion is None:
         return
@@ -105,7 +105,7 @@ def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
 
 @quiet()
 def _actuator_forces(scene: Inspected, motion: Swing) -> Array:
-    """Return what the actuators do with controls at rest over a motion, (n, nu)."""
+    """Return the actuator forces over a motion with all controls zero, (n, nu)."""
     data, forces = mujoco.MjData(scene.model), list[Array]()
     for qpos, qvel in zip(motion.qpos, motion.qvel, strict=True):
         data.qpos[:], data.qvel[:] = qpos, qvel
@@ -117,7 +117,7 @@ def _actuator_forces(scene: Inspected, motion: Swing) -> Array:
 
 
 def _stiffness(scene: Inspected, actuator: int) -> float:
-    """Return by how much an actuator's effort falls with its own length; 0 for a motor."""
+    """Return the stiffness of an actuator, the decrease of force per unit of length; 0 for a motor."""
     if int(scene.model.actuator_biastype[actuator]) != int(mujoco.mjtBias.mjBIAS_AFFINE):
         return 0.0
     return -float(scene.model.actuator_biasprm[actuator, 1])

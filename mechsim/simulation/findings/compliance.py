@@ -13,16 +13,16 @@ from mechsim.simulation.findings.predicted_gap import MAX_IMPEDANCE, gaps_at_res
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.settings import dense_rows
 
-# a gap that shows, in parts of the size or in [rad]
+# smallest visible gap, as a fraction of the characteristic length or in [rad]
 VISIBLE_GAP = 1e-4
-# a step that takes a gap to the other side by more than this part of it rings
+# a gap rings if a time step reverses its sign and leaves more than this fraction of it
 RINGING = 0.25
-# steps in a time constant below which `refsafe` clamps
+# smallest time constant that `refsafe` allows, in time steps
 MIN_STEPS = 2.0
 
 
 def compliant_loops(scene: Inspected) -> Iterator[Finding]:
-    """Yield the loops that will open by what shows, under a motion where the drivers settle one."""
+    """Yield the loops that open visibly in a motion of the drivers, or at rest if there is no such motion."""
     if not scene.loops:
         return
     motion = swing(scene)
@@ -59,7 +59,7 @@ def _gaps(scene: Inspected, motion: Swing | None) -> dict[int, float]:
 
 
 def _stiffened(scene: Inspected, loops: Sequence[Loop]) -> tuple[Inspected, str]:
-    """Return a scene with loops as hard as its step allows, and the time constant in words."""
+    """Return a scene with loops as stiff as its time step allows, and their `solref` as text."""
     spec, hardest = scene.read.spec.copy(), MIN_STEPS * float(scene.model.opt.timestep)
     equalities = list(spec.equalities)
     for loop in loops:
@@ -69,14 +69,14 @@ def _stiffened(scene: Inspected, loops: Sequence[Loop]) -> tuple[Inspected, str]
 
 
 def _time_constant(scene: Inspected, loop: Loop) -> float:
-    """Return the time constant of a loop in [s]; 0 where its stiffness is given directly."""
+    """Return the time constant of a loop in [s]; 0 if the file gives its stiffness directly."""
     model = scene.model
     solref = model.opt.o_solref if overridden(model) else model.eq_solref[loop.number]
     return max(float(solref[0]), 0.0)
 
 
 def refsafe(scene: Inspected) -> Iterator[Finding]:
-    """Yield the loops whose time constant MuJoCo raises to two steps."""
+    """Yield the loops whose time constant MuJoCo raises to two time steps."""
     model = scene.model
     if model.opt.disableflags & int(OFF.mjDSBL_REFSAFE):
         return
@@ -100,7 +100,7 @@ def refsafe(scene: Inspected) -> Iterator[Finding]:
 
 
 def timestep(scene: Inspected) -> Iterator[Finding]:
-    """Yield the step if the stiffest loop rings or diverges with it."""
+    """Yield a finding if the stiffest loop rings or diverges with the time step."""
     model = scene.model
     amplification = AMPLIFICATION.get(int(model.opt.integrator))
     if not scene.loops or amplification is None:
@@ -132,14 +132,14 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
 
 @dataclass(frozen=True, slots=True)
 class _GapDynamics:
-    """Gap's rate and acceleration of loops, linear in both: r'' = -damping r' - stiffness r, (m, m) each."""
+    """Linear dynamics of the gaps r of loops: r'' = -damping r' - stiffness r, with (m, m) matrices."""
 
     damping: Array
     stiffness: Array
 
 
 def _stiffest(scene: Inspected) -> tuple[_GapDynamics, Loop] | None:
-    """Return what the loops' gaps do by themselves at the start, and the stiffest loop; None if nothing."""
+    """Return the gap dynamics at the start, and the stiffest loop; None if no joint changes the loops."""
     model = scene.loops_only
     data = mujoco.MjData(model)
     data.qpos[:] = scene.read.qpos if scene.closed is None else scene.closed
@@ -157,7 +157,7 @@ def _stiffest(scene: Inspected) -> tuple[_GapDynamics, Loop] | None:
     k, b, d, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
     number = int(data.efc_id[rows][int(np.argmax(np.maximum(b, np.sqrt(k * d))))])
     loop = next(loop_ for loop_ in scene.loops if loop_.number == number)
-    # rows that repeat others open with them
+    # redundant rows have the gaps of the rows on which they depend
     range_ = np.linalg.svd(jacobian)[0][:, : rank(jacobian)]
     return _GapDynamics(
         range_.T @ (transmitted * b) @ range_, range_.T @ (transmitted * (k * d)) @ range_
@@ -165,14 +165,14 @@ def _stiffest(scene: Inspected) -> tuple[_GapDynamics, Loop] | None:
 
 
 def _euler_step(matrix: _GapDynamics, step: float) -> Array:
-    """Return what a step does to gaps and their rates by MuJoCo's Euler: rates first, then gaps."""
+    """Return the amplification matrix of MuJoCo's semi-implicit Euler step: rates first, then gaps."""
     identity = np.eye(len(matrix.damping))
     rate, gap = identity - step * matrix.damping, -step * matrix.stiffness
     return np.block([[rate, gap], [step * rate, identity + step * gap]])
 
 
 def _runge_kutta_step(matrix: _GapDynamics, step: float) -> Array:
-    """Return what a step of Runge and Kutta does to gaps and their rates."""
+    """Return the amplification matrix of a Runge-Kutta step of order 4 for rates and gaps."""
     identity = np.eye(len(matrix.damping))
     whole = step * np.block([[-matrix.damping, -matrix.stiffness], [identity, 0.0 * identity]])
     total = term = np.eye(len(whole))
@@ -183,7 +183,7 @@ def _runge_kutta_step(matrix: _GapDynamics, step: float) -> Array:
 
 
 Amplification = Callable[[_GapDynamics, float], Array]
-# integrators under which the forces of loops are those at the beginning of a step
+# integrators that evaluate loop forces explicitly -> amplification matrix
 AMPLIFICATION: dict[int, Amplification] = {
     int(mujoco.mjtIntegrator.mjINT_EULER): _euler_step,
     int(mujoco.mjtIntegrator.mjINT_IMPLICIT): _euler_step,
@@ -193,7 +193,7 @@ AMPLIFICATION: dict[int, Amplification] = {
 
 
 def _stable_step(amplification: Amplification, matrix: _GapDynamics, step: float) -> float:
-    """Return a step that neither rings nor diverges, found by going down in parts of a tenth."""
+    """Return a time step that neither rings nor diverges, by repeated reduction by 10 percent."""
     for _ in range(200):
         values = np.linalg.eigvals(amplification(matrix, step))
         if np.abs(values).max() <= 1.0 + 1e-9 and values.real.min() >= -RINGING:

@@ -1,4 +1,4 @@
-"""Masses and inertias that no body can have."""
+"""Impossible masses and inertias, and numbers in a wrong unit."""
 
 from collections.abc import Iterator
 
@@ -10,19 +10,19 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected
 from mechsim.simulation.state import SCALAR, SLIDE
 
-# rounding of the triangle inequality, in parts of the largest moment
+# relative tolerance of the triangle inequality of principal moments
 ROUNDING = 1e-9
-# a body whose mass is spread wider than this many sizes of the whole scene, or whose centre lies so far off
+# largest plausible radius of gyration, in characteristic lengths; 10 times this for the centre of mass
 MAX_SPREAD = 3.0
-# far beyond any solid, in [kg/m3]: osmium has 22,600, masses made up for a scene without weight up to 2e7,
-# and a mass in g with an inertia in kg m2 makes 1e3**2.5 of any
+# largest plausible density in [kg/m3]: osmium has 22,600, invented masses of weightless scenes reach 2e7,
+# and a mass in g with an inertia in kg m2 multiplies the density by 1e3**2.5
 MAX_DENSITY = 1e8
-# part of the heaviest moving body's mass below which one is weightless
+# fraction of the heaviest moving body's mass at or below which a body counts as massless
 MASSLESS = 1e-7
 
 
 def impossible(scene: Inspected) -> Iterator[Finding]:
-    """Yield the moving bodies whose mass or inertia cannot be."""
+    """Yield the moving bodies with an impossible mass or inertia."""
     model = scene.model
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
     heaviest = max((float(model.body_mass[b]) for b in moving), default=0.0)
@@ -57,7 +57,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
 
 
 def carried_masses(scene: Inspected) -> Array:
-    """Return the masses of bodies with all they carry, (nbody,) in [kg], the file's own where it says."""
+    """Return the masses of the bodies with their subtrees, (nbody,) in [kg]; masses in the file precede."""
     model = scene.model
     bodies = {body.name: body for body in scene.read.spec.bodies}
     elements = [bodies.get(str(model.body(b).name)) for b in range(model.nbody)]
@@ -67,14 +67,14 @@ def carried_masses(scene: Inspected) -> Array:
             for element, mass in zip(elements, model.body_mass.tolist(), strict=True)
         ]
     )
-    # a body stands behind the one it hangs on
+    # MuJoCo numbers a body after its parent
     for b in range(model.nbody - 1, 0, -1):
         total[model.body_parentid[b]] += total[b]
     return total
 
 
 def _moments(body: mujoco.MjsBody) -> Array:
-    """Return the principal moments that a file writes of a body, rising, (3,) in [kg m2]."""
+    """Return the principal moments of a body in the file, ascending, (3,) in [kg m2]."""
     full = np.array(body.fullinertia)
     if not np.isfinite(full).all():
         return np.sort(body.inertia)
@@ -83,7 +83,7 @@ def _moments(body: mujoco.MjsBody) -> Array:
 
 
 def _triangle_violation(moments: Array) -> tuple[float, str, str] | None:
-    """Return by how much three moments break the triangle inequality, in words; None where they keep it."""
+    """Return size, problem and remedy if ascending moments violate the triangle inequality, else None."""
     low, middle, high = (float(value) for value in moments)
     listed = ", ".join(f"{value:.4g}" for value in (low, middle, high))
     if not low >= 0.0:
@@ -100,7 +100,7 @@ def _triangle_violation(moments: Array) -> tuple[float, str, str] | None:
 def _implausible_size(
     scene: Inspected, mass: float, moments: Array, offset: float
 ) -> tuple[float, str, str] | None:
-    """Say what of a body's mass and moments fits no body of the scene's size; None where all does."""
+    """Return size, problem and remedy of a mass and moments implausible for the scene's size, else None."""
     radius = float(np.sqrt(moments[2] / mass))
     length = max(scene.length, offset)
     if radius > MAX_SPREAD * length:
@@ -115,7 +115,7 @@ def _implausible_size(
             f"has its centre of mass {offset:.3g} m from its origin, in a scene of {scene.length:.3g} m",
             "its position looks like mm: write m",
         )
-    # the ball as wide as the widest moment allows: rods are thin, and none is wider
+    # volume of the solid sphere with the largest moment; rods have less
     volume = 4.0 / 3.0 * np.pi * (2.5**0.5 * radius) ** 3
     if volume > 0.0 and mass / volume > MAX_DENSITY:
         return (
@@ -126,15 +126,16 @@ def _implausible_size(
     return None
 
 
-# a scene this large in [m], or a part so many times farther off than the middle one, is in mm
+# characteristic length in [m], and ratio of a body's distance from its parent to the median distance, above
+# which lengths look like mm
 MAX_LENGTH, MAX_RATIO = 10.0, 100.0
-# a hinge of a loop with a range this wide in [rad] has it in degrees; hinges with a range as narrow as this
-# in degrees have it in rad
+# range of a hinge of a loop in [rad] above which it looks like degrees; ranges of all hinges in degrees up to
+# which they look like rad
 WIDE_RANGE, NARROW_RANGE = 10.0, 2.0 * np.pi
 
 
 def mistaken_units(scene: Inspected) -> Iterator[Finding]:
-    """Yield what looks like another unit."""
+    """Yield lengths and angles that look like values in another unit."""
     yield from _lengths(scene)
     yield from _angles(scene)
 
@@ -177,7 +178,7 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
     ]
     widths = {j: float(np.abs(model.jnt_range[j]).max()) for j in hinges}
     wide = [j for j, width in widths.items() if width > WIDE_RANGE and _in_loop(scene, j)]
-    # a range of several turns that a file has in degrees is meant so
+    # a range of several revolutions in degrees is intended
     if wide and not scene.read.spec.compiler.degree:
         names = ", ".join(str(model.joint(j).name) for j in wide)
         low, high = model.jnt_range[max(wide, key=lambda j: widths[j])]
@@ -204,6 +205,6 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
 
 
 def _in_loop(scene: Inspected, j: int) -> bool:
-    """Say whether the loops feel a joint."""
+    """Return whether a joint changes the loops."""
     jacobian, _ = scene.generic
     return bool(np.abs(jacobian[:, int(scene.model.jnt_dofadr[j])]).max(initial=0.0) > 0.0)

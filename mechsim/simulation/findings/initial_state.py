@@ -1,4 +1,4 @@
-"""Joints and tendons that stand beyond their limits where a scene starts."""
+"""Joints and tendons outside their limits at the start, and links that collide."""
 
 from collections.abc import Iterator
 
@@ -11,14 +11,14 @@ from mechsim.simulation.findings.inspected import Inspected, null_space, swing
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.state import SCALAR, SLIDE
 
-# what digits of a file leave, in parts of the range
+# rounding error of values in a file, as a fraction of the range
 ROUNDING = 1e-6
-# part of a freedom that is a motion of a joint, and no rounding
+# component of a unit free direction above which a joint moves
 SIGNIFICANT = 1e-6
 
 
 def outside_limits(scene: Inspected) -> Iterator[Finding]:
-    """Yield the joints, balls and tendons that start beyond their range, or can never leave one place."""
+    """Yield joints and tendons that start outside their range, and joints whose range is a single value."""
     model = scene.model
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
         return
@@ -27,7 +27,7 @@ def outside_limits(scene: Inspected) -> Iterator[Finding]:
     for j in np.flatnonzero(model.jnt_limited):
         kind, name, address = int(model.jnt_type[j]), str(model.joint(j).name), int(model.jnt_qposadr[j])
         value = float(scene.read.qpos[address])
-        if kind not in SCALAR:  # a ball's limit is on how far it is turned
+        if kind not in SCALAR:  # the limit of a ball joint applies to its rotation angle
             value = 2.0 * float(np.arccos(min(1.0, abs(value))))
         unit = "m" if kind == SLIDE else "rad"
         location, (low, high) = scene.location(joints[name]), model.jnt_range[j]
@@ -73,14 +73,14 @@ def _outside(
         )
 
 
-# links this far in each other collide, in parts of the size
+# smallest penetration depth of a collision, as a fraction of the characteristic length
 MIN_DEPTH = 1e-6
-# every so many states of a motion are looked at
+# number of states from one collision check of a motion to the next
 STATE_INTERVAL = 10
 
 
 def collisions(scene: Inspected) -> Iterator[Finding]:
-    """Yield the pairs of links that touch though they are joined, or stand in each other at the start."""
+    """Yield pairs of joined links that collide, and pairs of other moving links that overlap at the start."""
     model = contact_model(scene)
     joined, motion = _joined(scene), swing(scene)
     states = [scene.read.qpos, *([] if motion is None else motion.qpos[::STATE_INTERVAL])]
@@ -95,7 +95,7 @@ def collisions(scene: Inspected) -> Iterator[Finding]:
 
 
 def contact_model(scene: Inspected) -> mujoco.MjModel:
-    """Return the model with the shapes of the file."""
+    """Return the model with the geometry of the file."""
     return scene.model if scene.read.with_meshes is None else scene.read.with_meshes
 
 
@@ -115,7 +115,7 @@ def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined
 
 
 def _joined(scene: Inspected) -> set[tuple[int, int]]:
-    """Return the pairs of bodies that a joint or a loop joins, by the bodies that carry them."""
+    """Return the pairs of bodies that a joint or a loop connects; each body stands for its rigid group."""
     model = scene.model
     carrier = model.body_weldid
     pairs = [(b, int(model.body_parentid[b])) for b in range(1, model.nbody) if carrier[b] == b]
@@ -128,7 +128,7 @@ def _pair(a: int, b: int) -> tuple[int, int]:
 
 
 def _contacts(model: mujoco.MjModel, qpos: Array) -> Iterator[tuple[tuple[int, int], tuple[int, int], float]]:
-    """Yield carriers, geoms and depth in [m] of the contacts at coordinates (nq,)."""
+    """Yield bodies, geoms and penetration depth in [m] of the contacts at coordinates (nq,)."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     with quiet():

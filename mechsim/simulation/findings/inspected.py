@@ -1,4 +1,4 @@
-"""A scene that is looked over: the compiled model at its start, its loops, and closed states about it."""
+"""A scene under inspection: the compiled model at its start, its loops, and assembled states nearby."""
 
 import re
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.settings import dense_rows
 from mechsim.simulation.source import at_initial_state, from_source, parameter_profile
 
-# what a finding may be about
+# elements of a file that a finding can refer to
 Element = (
     mujoco.MjsBody
     | mujoco.MjsJoint
@@ -38,11 +38,11 @@ Element = (
 )
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 OFF = mujoco.mjtDisableBit
-# singular values below this part of the largest count as zero: files are rounded to a millionth
+# singular values below this fraction of the largest count as zero: files are rounded to 1e-6
 RANK_TOLERANCE = 1e-5
-# how far to either side of the start a scene is moved, in [rad] or parts of its size
+# largest displacement of a joint from the start in sample states, in [rad] or [m]
 PERTURBATION = 0.1
-# Newton steps that close a scene, and the opening at which it counts as closed, in parts of its size
+# limit of Newton steps, and residual of an assembled state as a fraction of the characteristic length
 MAX_NEWTON_STEPS, CLOSED_TOLERANCE = 30, 1e-10
 
 
@@ -52,10 +52,10 @@ class Loop:
 
     Attributes:
         name: of the constraint.
-        number: in the model.
-        kind: of the constraint, as MuJoCo numbers it.
-        bodies: that it joins, for connect and weld; else none.
-        location: in the file.
+        number: index in the model.
+        kind: MuJoCo's number for the type of the constraint.
+        bodies: bodies that a connect or weld joins; empty for other types.
+        location: position in the file.
     """
 
     name: str
@@ -66,17 +66,17 @@ class Loop:
 
     @property
     def closes(self) -> bool:
-        """Whether it holds points together, not coordinates."""
+        """Whether the constraint joins points of bodies (connect or weld) and does not couple coordinates."""
         return self.kind in (CONNECT, WELD)
 
 
 @dataclass(frozen=True, eq=False)
 class Inspected:
-    """A scene and what its drivers are asked to do.
+    """A scene and the motion laws of its drivers.
 
     Attributes:
-        read: what was read of the file.
-        motion_laws: of its drivers; `CRANK` where there are none.
+        read: the file as read.
+        motion_laws: motion laws of the drivers; `CRANK` if there are none.
     """
 
     read: MjcfModel
@@ -90,7 +90,7 @@ class Inspected:
 
     @cached_property
     def loops_only(self) -> mujoco.MjModel:
-        """The model with no constraints but its loops and dry friction."""
+        """The model with its loops and Coulomb friction as the only constraints."""
         with quiet():
             model = compiled(self.read.spec.copy())
         model.opt.disableflags |= int(OFF.mjDSBL_CONTACT) | int(OFF.mjDSBL_LIMIT)
@@ -99,7 +99,7 @@ class Inspected:
 
     @cached_property
     def started(self) -> mujoco.MjData:
-        """MuJoCo's account of the model at rest where it starts; not to be changed."""
+        """MuJoCo's data of the model at rest at its start; do not change it."""
         data = mujoco.MjData(self.model)
         data.qpos[:] = self.read.qpos
         with quiet():
@@ -131,12 +131,12 @@ class Inspected:
 
     @cached_property
     def included(self) -> Mapping[tuple[str, ...], FilePosition]:
-        """Where the parts of included files stand, by kind and name."""
-        # an object is in no file
+        """Positions of the elements of included files, by kind and name."""
+        # a model object has no file
         return included_lines(self.read.path) if Path(self.read.path).is_file() else {}
 
     def in_metres(self, loop: Loop) -> bool:
-        """Whether the gap of a loop is a length: of points, slides or tendons through sites."""
+        """Whether the gap of a loop is a length: that of points, slides or tendons through sites."""
         if loop.closes:
             return True
         law = next((law_ for law_ in self.read.mechanism.laws if law_.name == loop.name), None)
@@ -144,10 +144,10 @@ class Inspected:
         return self.read.mechanism.unit(joints[0]) == "m" if joints else loop.kind == TENDON
 
     def location(self, element: Element) -> FilePosition:
-        """Return where a part stands in the file, or in one that it includes."""
+        """Return the position of an element in the file, or in a file that it includes."""
         match = re.search(r"line (\d+)", str(element.info))
         number = int(match[1]) if match else None
-        # MuJoCo knows no line of what an included file holds
+        # MuJoCo reports no line for elements of included files
         if number != 0:
             return {"file": "", "line": number}
         kind = type(element).__name__.removeprefix("Mjs").lower()
@@ -157,7 +157,7 @@ class Inspected:
         return NO_POSITION if line is None else line
 
     def loop_residuals(self, qpos: Array) -> tuple[Array, Array, Array]:
-        """Return how far the loops stand open, (m,), the Jacobian (m, nv), and the loop of each row, (m,)."""
+        """Return the residuals (m,) of the loops, their Jacobian (m, nv), and the loop of each row, (m,)."""
         data = mujoco.MjData(self.loops_only)
         data.qpos[:] = qpos
         with quiet():
@@ -170,21 +170,21 @@ class Inspected:
         )
 
     def loop_rows(self, data: mujoco.MjData) -> NDArray[np.bool_]:
-        """Return which of MuJoCo's constraint rows are those of the loops, (m,)."""
+        """Return a mask of MuJoCo's constraint rows that belong to the loops, (m,)."""
         numbers = [loop.number for loop in self.loops]
         return (data.efc_type == EQUALITY) & np.isin(data.efc_id, numbers)
 
     def without_rounding(self, jacobian: Array) -> Array:
-        """Return the Jacobian of the loops, (m, nv), zero where all of it is rounding of the file."""
+        """Return the Jacobian of the loops, (m, nv), or zeros if all its entries are rounding errors."""
         return jacobian * (np.abs(jacobian).max(initial=0.0) > RANK_TOLERANCE * min(1.0, self.length))
 
     @cached_property
     def closed(self) -> Array | None:
-        """The closed state nearest to the start, (nq,); None where the loops do not close."""
+        """The assembled state nearest to the start, (nq,); None if the loops do not close."""
         return self.assembled_from(self.read.qpos)
 
     def assembled_from(self, qpos: Array) -> Array | None:
-        """Return the closed state nearest to another, (nq,), by Newton's method; None where there is none."""
+        """Return the assembled state nearest to qpos, (nq,); None if Newton's method does not converge."""
         qpos = qpos.copy()
         for _ in range(MAX_NEWTON_STEPS):
             gap, jacobian, _ = self.loop_residuals(qpos)
@@ -198,13 +198,13 @@ class Inspected:
 
     @cached_property
     def sample_states(self) -> tuple[Array, ...]:
-        """States about the start, closed if they can be, (nq,) each: a special pose is not the rule."""
+        """States near the start, (nq,) each, assembled if possible, since the start may be singular."""
         start = self.read.qpos if self.closed is None else self.closed
         _, jacobian, _ = self.loop_residuals(start)
         free = null_space(jacobian)
         if not len(free):
             return (start,)
-        # no freedom is left out, and none counts as much as another
+        # every DOF has its own nonzero weight
         order = 1.0 + 0.3 * np.arange(len(free))
         states = [start]
         for weights in (order, -order, np.cos(order), -np.cos(order)):
@@ -218,12 +218,12 @@ class Inspected:
 
     @cached_property
     def sample_jacobians(self) -> tuple[tuple[Array, Array], ...]:
-        """The Jacobian of the loops in each of `stands`, (m, nv), and the loop of each row, (m,)."""
+        """The Jacobian of the loops in each of `sample_states`, (m, nv), and the loop of each row, (m,)."""
         return tuple(self.loop_residuals(qpos)[1:] for qpos in self.sample_states)
 
     @cached_property
     def generic(self) -> tuple[Array, Array]:
-        """The Jacobian of the loops where its rank is highest, (m, nv), and the loop of each row, (m,)."""
+        """The sample Jacobian of the loops with the highest rank, (m, nv), and the loop of each row, (m,)."""
         return max(self.sample_jacobians, key=lambda item: rank(item[0]))
 
 
@@ -242,28 +242,29 @@ def rank(matrix: Array) -> int:
 
 
 def null_space(matrix: Array) -> Array:
-    """Return the directions that a Jacobian (m, n) does not see, (k, n)."""
+    """Return a null-space basis of a Jacobian (m, n), (k, n)."""
     return numerical_rank.null_spaces(matrix, RANK_TOLERANCE, 0.0)[1]
 
 
-# of a swing that nobody asked for: reach in [rad] or parts of the size, duration in [s], tries at half of it
+# default swing: amplitude in [rad], or as a fraction of the characteristic length; duration in [s]; and the
+# number of attempts, each with half the amplitude of the previous attempt
 REACH, STROKE, DURATION, TRIES = 0.3, 0.1, 1.0, 4
-# states of a motion
+# number of states of a motion
 SAMPLES = 101
-# drivers whose reach is listed
+# maximum number of drivers in a description
 MAX_LISTED = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Swing:
-    """States of a scene with its loops closed, evenly spaced in time.
+    """Assembled states of a scene, evenly spaced in time.
 
     Attributes:
         time: (n,) in [s].
         qpos: (n, nq).
         qvel: (n, nv).
         qacc: (n, nv).
-        description: what moves, in words.
+        description: the moving drivers, as text.
     """
 
     time: Array
@@ -275,9 +276,9 @@ class Swing:
 
 @lru_cache(maxsize=1)
 def swing(scene: Inspected) -> Swing | None:
-    """Return the motion of a scene under its motion laws, else a swing of its drivers.
+    """Return the motion of a scene under its motion laws, or a swing of its drivers if it has none.
 
-    None where the drivers do not settle one, or the loops let none be.
+    None if the drivers do not determine the motion, or the loops cannot be closed along it.
     """
     if not scene.motion_laws.crank:
         with suppress(MechsimError, np.linalg.LinAlgError, FloatingPointError):
@@ -303,7 +304,7 @@ def swing(scene: Inspected) -> Swing | None:
 
 
 def wave(start: float, reach: float) -> State:
-    """Return the motion law of one swing from a start by a reach and back."""
+    """Return the motion law of a swing from the start by `reach` and back."""
     w = 2.0 * np.pi / DURATION
 
     def state(time: Array) -> tuple[Array, Array, Array]:
@@ -317,7 +318,7 @@ def wave(start: float, reach: float) -> State:
 
 
 def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
-    """Return by how much each driver swings, within its limits."""
+    """Return the swing of each driver within its limits: joint -> displacement in [rad] or [m]."""
     mechanism, result = scene.read.mechanism, dict[str, float]()
     for name in mechanism.drivers:
         reach = fraction * (REACH if mechanism.unit(name) == "rad" else STROKE * scene.length)
@@ -329,7 +330,7 @@ def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
 
 @quiet()
 def _moved(scene: Inspected, laws: MotionLaws, description: str, *, returns: bool = False) -> Swing:
-    """Return the motion under laws; with `returns` its second half is the first one backwards."""
+    """Return the motion under motion laws; with `returns` the second half is the first half reversed."""
     closed = from_source(scene.read, drivers=laws.drivers)
     require_determined(closed, residual_mobility(closed))
     closed = at_initial_state(closed, laws)
@@ -346,7 +347,7 @@ def _moved(scene: Inspected, laws: MotionLaws, description: str, *, returns: boo
 def _without_parameter(
     model: mujoco.MjModel, with_parameter: mujoco.MjModel, states: Array, rates: Array
 ) -> tuple[Array, Array]:
-    """Return states and rates of a model with a clock as those of the model without."""
+    """Return states and rates without the entries of the path parameter."""
     parameter = with_parameter.joint(PARAMETER_JOINT)
     qpos = np.delete(states, int(parameter.qposadr[0]), axis=1)
     qvel = np.delete(rates, int(parameter.dofadr[0]), axis=1)

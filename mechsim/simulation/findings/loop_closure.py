@@ -1,4 +1,4 @@
-"""Loops that do not meet where a scene starts, and loops that say what others say."""
+"""Loops that are open at the start of a scene, and redundant loop constraints."""
 
 from collections.abc import Iterator
 
@@ -17,13 +17,13 @@ from mechsim.simulation.mobility import residual_mobility
 from mechsim.simulation.source import from_source
 from mechsim.simulation.state import BALL
 
-# a loop that stands open by more, in parts of the size or in [rad], was not meant to: digits of CAD exports
-# leave 2e-6
+# largest gap that is not reported, as a fraction of the characteristic length or in [rad]; rounding in CAD
+# exports leaves 2e-6
 MAX_GAP = 1e-5
 
 
 def gaps(scene: Inspected) -> Iterator[Finding]:
-    """Yield the loops that stand open where the scene starts."""
+    """Yield the loops that are open at the start of the scene."""
     gap, _, loop_of = scene.loop_residuals(scene.read.qpos)
     for loop in scene.loops:
         rows = gap[loop_of == loop.number]
@@ -33,7 +33,7 @@ def gaps(scene: Inspected) -> Iterator[Finding]:
         if distance > MAX_GAP * (scene.length if metres else 1.0):
             yield _gap(loop, distance, "m" if metres else "rad", "its two sides")
         if rotation > MAX_GAP:
-            # the rows of a weld are half the angle times its torque scale
+            # the rotation rows of a weld are half the angle times its torque scale
             yield _gap(loop, rotation, "rad", "the orientations of its two frames")
 
 
@@ -50,10 +50,10 @@ def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
 
 
 def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
-    """Yield the loops that another one closes already."""
+    """Yield the loops that repeat another loop."""
     jacobian, loop_of = scene.generic
     rows = {loop.number: jacobian[loop_of == loop.number] for loop in scene.loops}
-    # MuJoCo leaves out the rows of bodies that cannot move
+    # MuJoCo omits the rows of bodies that cannot move
     loops = [loop for loop in scene.loops if len(rows[loop.number])]
     reported: set[int] = set()
     for i, loop in enumerate(loops):
@@ -76,13 +76,13 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
 
 
 def _apart(scene: Inspected, loop: Loop, other: Loop) -> float:
-    """Return how far apart two loops are closed, in [m]; zero for couplings."""
+    """Return the distance between the anchors of two loops, in [m]; zero for couplings."""
     first, second = (_anchor(scene, loop_) for loop_ in (loop, other))
     return float(np.linalg.norm(first - second))
 
 
 def _anchor(scene: Inspected, loop: Loop) -> Array:
-    """Return where the first side of a loop is held at the start, in the world, (3,)."""
+    """Return the world position of a loop's anchor at the start, (3,) in [m]; zero for couplings."""
     if not loop.closes:
         return np.zeros(3)
     model, data, i = scene.model, scene.started, loop.number
@@ -90,12 +90,12 @@ def _anchor(scene: Inspected, loop: Loop) -> Array:
         return data.site_xpos[int(model.eq_obj1id[i])]
     weld = loop.kind == WELD
     body = loop.bodies[1] if weld else loop.bodies[0]
-    # of a weld the anchor is in its second body
+    # the anchor of a weld is in the frame of its second body
     return data.xpos[body] + data.xmat[body].reshape(3, 3) @ model.eq_data[i, :3]
 
 
 def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
-    """Yield how many rows of the loops repeat others or say nothing, doubled loops left out."""
+    """Yield the number of redundant constraint rows of the loops; duplicate loops do not count."""
     jacobian, loop_of = scene.generic
     duplicates = {finding.what for finding in duplicate_loops(scene)}
     kept = [loop for loop in scene.loops if loop.name not in duplicates]
@@ -104,7 +104,7 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     extra = len(jacobian) - rank(jacobian)
     if not extra:
         return
-    # rows of one loop repeat each other if it moves in a plane
+    # constraint rows of a planar loop depend on each other
     loop_rows = [jacobian[loop_of == loop.number] for loop in kept]
     across = sum(len(rows) - rank(rows) for rows in loop_rows)
     redundant = [
@@ -138,7 +138,7 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
 
 
 def _constrains(scene: Inspected, loop_of: Array) -> NDArray[np.bool_]:
-    """Return which rows constrain anything, (m,): with torquescale 0 the last three of a weld do not."""
+    """Return a mask of rows that constrain, (m,): with torquescale 0 the last three of a weld do not."""
     result = np.ones(len(loop_of), dtype=np.bool_)
     for loop in scene.loops:
         if loop.kind == WELD and scene.model.eq_data[loop.number, 10] == 0.0:
@@ -153,15 +153,15 @@ def _adds_nothing(scene: Inspected, loop: Loop, others: list[Loop]) -> bool:
     return rank(rest) == rank(both)
 
 
-# part of a freedom that is a motion of a joint, and no rounding
+# component of a unit free direction above which a joint moves
 SIGNIFICANT = 1e-6
-# names that are listed
+# maximum number of names in a message
 MAX_LISTED = 6
 
 
 def undetermined(scene: Inspected) -> Iterator[Finding]:
-    """Yield what the drivers leave open, where something is."""
-    # where nothing is driven, all is open, and nothing is wrong with that
+    """Yield the degrees of freedom that the drivers leave undetermined, if there are any."""
+    # a model without drivers is passive, and its free DOFs are not an error
     if not (scene.drivers and _has_undetermined(scene)):
         return
     model, (jacobian, _) = scene.model, scene.generic
@@ -184,9 +184,9 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
 
 
 def _representative_joints(scene: Inspected, free: Array) -> tuple[int, list[str]]:
-    """Return how many freedoms of (k, nv) are open, and a joint that moves by each.
+    """Return the number of undetermined DOFs in a null-space basis (k, nv), and a moving joint for each.
 
-    Balls are left out: what they alone let turn is a rod about its own line.
+    Ball joints are omitted: a motion of ball joints alone is the spin of a rod about its axis.
     """
     model, chosen, names = scene.model, list[int](), list[str]()
     for dof in range(model.nv):
@@ -200,7 +200,7 @@ def _representative_joints(scene: Inspected, free: Array) -> tuple[int, list[str
 
 
 def _has_undetermined(scene: Inspected) -> bool:
-    """Say whether anything that matters can move with the drivers held; not where the loops never close."""
+    """Return whether DOFs are undetermined with the drivers locked; False if the loops do not close."""
     try:
         with quiet():
             return residual_mobility(from_source(scene.read, drivers=scene.drivers)).undetermined != ()

@@ -1,10 +1,10 @@
-"""Predicts loop-closure errors: the gap at which a constraint's own stiffness carries its force.
+"""Predicts loop-closure errors: the gap at which the stiffness of a constraint balances its force.
 
-A constraint requests the acceleration -b v - k d r of its gap r and gets it but for R f, its force f times
-its regularisation R. It is at rest where r = -R f / (k d): b and k come from `solref`, the impedance d and R
-from `solimp`. The forces are those of a motion with closed loops; dampers that the integrator treats
-implicitly withhold a fraction of the acceleration. Motions must be slow compared with the time constant of
-the loops.
+MuJoCo requests the acceleration -b v - k d r of a gap r. The actual acceleration differs from it by R f, the
+force f times the regularisation R. The gap is at rest at r = -R f / (k d). The factors b and k come from
+`solref`, the impedance d and R from `solimp`. The forces are those of a motion with closed loops. Dampers
+that the integrator treats implicitly withhold a fraction of the acceleration. The prediction is valid for
+motions that are slow compared with the time constant of the loops.
 """
 
 from collections.abc import Mapping
@@ -25,11 +25,11 @@ OFF = mujoco.mjtDisableBit
 
 
 def damping(model: mujoco.MjModel, moment_arms: Array) -> Array:
-    """Return the dampers that a model's integrator takes implicitly, (nv, nv).
+    """Return the damping matrix that the integrator of a model treats implicitly, (nv, nv).
 
     Args:
         model: the model.
-        moment_arms: of its actuators by the freedoms, (nu, nv).
+        moment_arms: moment arms of the actuators in the DOFs, (nu, nv).
     """
     integrator, none = int(model.opt.integrator), np.zeros((model.nv, model.nv))
     if integrator != EULER and integrator not in IMPLICIT:
@@ -39,7 +39,7 @@ def damping(model: mujoco.MjModel, moment_arms: Array) -> Array:
     ):
         result = none
     else:
-        # a damper may be a polynomial, whose first coefficient counts at low speed
+        # damping may be a polynomial, whose first coefficient dominates at low speed
         result = np.diag(np.reshape(model.dof_damping, (model.nv, -1))[:, 0])
     if integrator in IMPLICIT and not _off(model, int(OFF.mjDSBL_ACTUATION)):
         affine = model.actuator_biastype == int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -53,18 +53,18 @@ def _off(model: mujoco.MjModel, bit: int) -> bool:
 
 
 DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON))
-# of the interval in which a gap lies
+# number of bisections of the interval that contains a gap
 BISECTIONS = 30
-# the hardest impedance that MuJoCo takes
+# MuJoCo's largest impedance
 MAX_IMPEDANCE = 0.9999
-# singular values below this part of the largest carry no force
+# singular values below this fraction of the largest count as zero
 RANK_TOLERANCE = 1e-9
 
 
 def gaps_at_rest(scene: Inspected) -> dict[int, float]:
-    """Return by how much each loop will stand open under what acts at the start, in [m] or [rad].
+    """Return the static gap of each loop under the forces at the start: loop number -> [m] or [rad].
 
-    Actuators are off: a servo away from its target only begins with a large force.
+    Actuators are disabled: the large force of a servo away from its target is transient.
     """
     model = copy(scene.loops_only)
     model.opt.disableflags |= int(OFF.mjDSBL_ACTUATION)
@@ -77,7 +77,7 @@ def gaps_at_rest(scene: Inspected) -> dict[int, float]:
 
 
 def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
-    """Return the widest gap of each loop over a motion, loop's number -> [m] or [rad]."""
+    """Return the largest gap of each loop over a motion: loop number -> [m] or [rad]."""
     model, widest = scene.loops_only, dict[int, float]()
     data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     inputs = drive_directions(scene)
@@ -87,7 +87,7 @@ def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
         with quiet():
             mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, inertia)
-        # what the constraints must ask for so that the integrator leaves the acceleration meant
+        # acceleration before implicit damping, which the integrator reduces to qacc
         commanded = qacc + np.linalg.solve(inertia, implicit_damping @ qacc)
         rows = data.efc_type == EQUALITY
         jacobian = dense_rows(data)[rows]
@@ -97,7 +97,10 @@ def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
 
 
 def drive_directions(scene: Inspected) -> Array:
-    """Return in which directions efforts move the drivers, (k, nv): by an actuator's tendon or joint."""
+    """Return the force directions of the drivers and locked joints, (k, nv).
+
+    The direction is the moment arm of the joint's first actuator, or the joint itself if it has none.
+    """
     model, arms = scene.loops_only, moment_arms(scene, scene.read.qpos)
     rows: list[Array] = []
     for name in (*scene.drivers, *scene.read.mechanism.locked):
@@ -109,7 +112,7 @@ def drive_directions(scene: Inspected) -> Array:
 
 
 def moment_arms(scene: Inspected, qpos: Array) -> Array:
-    """Return the arms of the actuators by the freedoms at coordinates (nq,), (nu, nv)."""
+    """Return the moment arms of the actuators in the DOFs at coordinates (nq,), (nu, nv)."""
     model = scene.loops_only
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
@@ -123,10 +126,10 @@ def moment_arms(scene: Inspected, qpos: Array) -> Array:
 
 
 def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Array) -> Array:
-    """Return the forces in the rows of the loops that a motion takes, (m,), at a state in `data`.
+    """Return the forces in the constraint rows of the loops for a motion, (m,), at the state in `data`.
 
-    Drivers move by what efforts along `inputs` (k, nv) it takes. Redundant rows share a force in proportion
-    to their regularisation.
+    The forces along `inputs` (k, nv), which move the drivers, are unrestricted. Redundant rows share a force
+    such that the sum of the regularisation times the squared force is smallest.
     """
     model = scene.loops_only
     inertia = np.zeros((model.nv, model.nv))
@@ -142,7 +145,7 @@ def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Arra
 
 
 def _friction(data: mujoco.MjData, jacobian: Array, qacc: Array) -> Array:
-    """Return the dry friction in its rows, (m,), 0 in others: soft at low speed, as MuJoCo has it."""
+    """Return the Coulomb friction in its rows, (m,), 0 in others; regularised at low speed as in MuJoCo."""
     rate = data.efc_KBIP.reshape(-1, 4)[:, 1]
     stopping = -(rate * data.efc_vel + jacobian @ qacc) / data.efc_R
     dry = np.isin(data.efc_type, DRY)
@@ -152,22 +155,22 @@ def _friction(data: mujoco.MjData, jacobian: Array, qacc: Array) -> Array:
 def _gaps(
     scene: Inspected, data: mujoco.MjData, force: Array, deficit: Array, least: Mapping[int, float]
 ) -> dict[int, float]:
-    """Return where loops come to rest, their impedance following the gap, loop's number -> [m] or [rad].
+    """Return the equilibrium gaps of loops, whose impedance depends on the gap: loop number -> [m] or [rad].
 
     Args:
-        scene: of the loops.
-        data: a state of it.
-        force: in the rows of the loops, (m,).
-        deficit: accelerations that the integrator holds back in them, (m,).
-        least: loop's number -> gap that is returned if the loop's own is smaller.
+        scene: scene with the loops.
+        data: a state of the scene.
+        force: forces in the constraint rows of the loops, (m,).
+        deficit: accelerations in these rows that the integrator withholds, (m,).
+        least: loop number -> lower bound of the returned gap.
     """
     model, rows = scene.loops_only, data.efc_type == EQUALITY
     stiffness, _, now, _ = data.efc_KBIP.reshape(-1, 4)[rows].T
-    # a gap is free_gap (1 - d) / d^2 + deficit / d at the impedance d
+    # the gap at the impedance d is free_gap (1 - d) / d^2 + deficit / d
     free_gap = force * data.efc_R[rows] * now / (1.0 - now) / stiffness
     gaps: dict[int, float] = {}
     for loop in np.unique(data.efc_id[rows]):
-        # of a weld the place
+        # the first three rows of a weld are its position
         own = np.flatnonzero(data.efc_id[rows] == loop)[:3]
         solimp = model.opt.o_solimp if overridden(model) else model.eq_solimp[loop]
         floor = least.get(int(loop), 0.0)
@@ -177,18 +180,18 @@ def _gaps(
 
 
 def overridden(model: mujoco.MjModel) -> bool:
-    """Return whether one compliance replaces those of all constraints."""
+    """Return whether MuJoCo's global override replaces the compliance of all constraints."""
     return bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE))
 
 
 def _equilibrium_gap(free_gap: Array, deficit: Array, solimp: Array, least: float) -> float:
-    """Return the gap that is consistent with its own impedance; a bound if that is below `least`."""
+    """Return the gap that is consistent with its impedance; an upper bound if that is at most `least`."""
 
     def gap_at(gap: float) -> float:
         d = impedance(solimp, gap)
         return float(np.linalg.norm(free_gap * (1.0 - d) / d**2 + deficit / d))
 
-    # impedance rises with the gap, so that the first value is a bound
+    # impedance rises with the gap, so that the gap at zero is an upper bound
     low, high = 0.0, gap_at(0.0)
     if high <= least or solimp[0] == solimp[1]:
         return high
@@ -199,7 +202,7 @@ def _equilibrium_gap(free_gap: Array, deficit: Array, solimp: Array, least: floa
 
 
 def impedance(solimp: Array, gap: float) -> float:
-    """Return MuJoCo's impedance of a constraint at a gap, by its five numbers of `solimp`."""
+    """Return MuJoCo's impedance of a constraint at a gap, from the five numbers of `solimp`."""
     low, high, width, middle, power = (float(value) for value in solimp)
     low, high = min(max(low, 1e-4), MAX_IMPEDANCE), min(max(high, 1e-4), MAX_IMPEDANCE)
     if low == high or width <= 1e-15:

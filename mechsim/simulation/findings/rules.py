@@ -22,7 +22,7 @@ from mechsim.simulation.state import limited_joints
 
 Severity = Literal["error", "warning", "note"]
 Target = Literal["urdf"]
-# configurations drawn to see which limits of passive joints stop the drivers, and the seed
+# number of random configurations that test the limits of passive joints, and the seed
 DRAWN, SEED = 200, 0
 # fraction of closed configurations that a passive joint's limits may reject without a finding
 REJECTED = 0.01
@@ -34,12 +34,11 @@ class Rule:
     """A rule of the linter.
 
     Attributes:
-        code: identifier, as MS101.
-        kind: of the findings it reports.
-        severity: "error" for what makes a run wrong, "warning" for what distorts it, "note" for what users
-            should know.
-        title: in a few words.
-        reason: the cause, in a sentence or two.
+        code: identifier, such as MS101.
+        kind: kind of the findings that the rule reports.
+        severity: "error" if a run becomes wrong, "warning" if it is distorted, "note" for information.
+        title: a few words.
+        reason: the cause, in one or two sentences.
     """
 
     code: str
@@ -179,14 +178,14 @@ class Violation:
     """A finding of a rule in a file.
 
     Attributes:
-        rule: its code.
-        severity: of the rule, or "note" where the finding is harmless.
-        file: that was checked, or the included file that holds the line.
-        line: 1 is the first; None where the finding is in no single line.
-        object: the element.
+        rule: code of the rule.
+        severity: severity of the rule, or "note" if the finding is harmless.
+        file: the checked file, or the included file that contains the line.
+        line: line number, counted from 1; None if the finding has no single line.
+        object: name of the element.
         value: size of the finding, in the unit that the message names.
         message: one sentence.
-        fix: the remedy; empty where nothing needs repair.
+        fix: the remedy; empty if the finding is harmless.
     """
 
     rule: str
@@ -200,11 +199,11 @@ class Violation:
 
 
 def violations(read: MjcfModel, target: Target | None = None) -> list[Violation]:
-    """Return what the rules find in a model, errors first.
+    """Return the violations of all rules in a model, errors first.
 
     Args:
-        read: of the file.
-        target: format to which the model is to be converted; None for none.
+        read: the file as read.
+        target: target format of a conversion; None for no conversion.
     """
     with quiet():
         scene = Inspected(read)
@@ -236,7 +235,7 @@ def _violation(read: MjcfModel, finding: Finding) -> Violation:
 
 
 def _closed_path(scene: Inspected) -> StraightPath | None:
-    """Return the straight paths of the actuated joints; None for a model without loops that close."""
+    """Return the straight paths of the actuated joints; None if the model has no loops that close."""
     try:
         return straight_path(scene.model, None, scene.read.qpos)
     except (MechsimError, FloatingPointError, np.linalg.LinAlgError):
@@ -244,7 +243,7 @@ def _closed_path(scene: Inspected) -> StraightPath | None:
 
 
 def _actuated(path: StraightPath) -> bool:
-    """Whether there are drivers, and an actuator acts on each of them."""
+    """Return whether there are drivers, and an actuator acts on each of them."""
     model = path.loops.model
     on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     joints = model.dof_jntid[path.drivers]
@@ -274,7 +273,7 @@ def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding
 
 
 def _determined(scene: Inspected, dof: int, actuated: set[int]) -> bool:
-    """Whether the loops determine a DOF from the other actuated ones, wherever the model may stand."""
+    """Return whether the loops and the other actuated DOFs determine a DOF in every sample state."""
     unit = np.eye(scene.model.nv)
     others = unit[sorted(actuated - {dof})]
     return all(
@@ -310,7 +309,7 @@ def _passive_limits(path: StraightPath) -> Iterator[Finding]:
 
 
 def _loop_joints(path: StraightPath) -> Iterator[Finding]:
-    """Yield closing constraints in models whose other passive joints have limits, damping or friction."""
+    """Yield a finding on the closing constraints if other passive joints have limits, damping or friction."""
     model = path.loops.model
     closing = [
         model.equality(i).name or f"equality{i + 1}"
@@ -354,7 +353,7 @@ def _unchecked(scene: Inspected) -> Iterator[Finding]:
 
 
 def _lost_in_urdf(read: MjcfModel) -> list[Finding]:
-    """Return what URDF has no element for."""
+    """Return findings on the features of a model for which URDF has no element."""
     model = plainly_compiled(read.spec.copy())
     ball, free = mujoco.mjtJoint.mjJNT_BALL, mujoco.mjtJoint.mjJNT_FREE
     eq = mujoco.mjtEq
@@ -387,13 +386,13 @@ def _lost_in_urdf(read: MjcfModel) -> list[Finding]:
 
 @dataclass(frozen=True, slots=True)
 class EqualityStiffness:
-    """An equality constraint as a spring and damper at the start; the least stiff of its rows.
+    """An equality constraint as a spring and damper at the start; values of its least stiff row.
 
     Attributes:
-        name: of the equality.
-        stiffness: in [N/m], or [N m/rad] for couplings of angles.
-        damping: in [N s/m], or [N m s/rad].
-        time_constant_steps: time constant of the gap in time steps; 0 where stiffness is given directly.
+        name: name of the equality.
+        stiffness: stiffness in [N/m], or [N m/rad] for couplings of angles.
+        damping: damping in [N s/m], or [N m s/rad].
+        time_constant_steps: time constant of the gap in time steps; 0 if the file gives the stiffness.
         gap_per_newton: static gap per unit of force, in [m/N] or [rad/(N m)].
     """
 
@@ -405,9 +404,9 @@ class EqualityStiffness:
 
 
 def equality_stiffness(read: MjcfModel) -> list[EqualityStiffness]:
-    """Return the stiffness of each active equality where the model starts.
+    """Return the stiffness of each active equality at the start of the model.
 
-    A row of MuJoCo's soft constraints with the regularisation R has, at rest, the force k d r / R for a gap r
+    At rest, a row of MuJoCo's soft constraints with gap r and regularisation R has the force k d r / R
     (MuJoCo documentation, Computation, constraint model).
     """
     model = plainly_compiled(read.spec.copy())
@@ -432,10 +431,10 @@ def equality_stiffness(read: MjcfModel) -> list[EqualityStiffness]:
 
 
 def fixed_text(text: str, read: MjcfModel, violated: Sequence[Violation]) -> tuple[str, list[str]]:
-    """Return the text of a file with soft and too fast loops repaired, and the codes of the repaired rules.
+    """Return the text of a file with repaired loops and time step, and the codes of the repaired rules.
 
-    Time constants become two steps and impedances MuJoCo's highest; a step that is too long is shortened to
-    the one that the finding names.
+    Time constants become two time steps, and impedances MuJoCo's maximum. A time step that is too long
+    becomes the step in the finding.
     """
     edited, repaired = EditedText(text), list[str]()
     codes = {violation.rule for violation in violated}

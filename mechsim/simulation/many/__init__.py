@@ -1,1 +1,1 @@
-"""Many designs of one mechanism stepped together: one compiled model with the fields of each design."""
+"""Batch stepping of many designs of one mechanism: one compiled model with the fields of each design."""

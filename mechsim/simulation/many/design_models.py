@@ -50,7 +50,7 @@ def assembled_fields(
     """Return the body and joint frames of designs in given link poses, and their configurations.
 
     Args:
-        model: of one of the designs; it gives the indices of bodies and joints.
+        model: model of one of the designs; it defines the indices of bodies and joints.
         tree: spanning tree of its loops, with cut joints.
         arrays: the designs.
         poses: link -> positions (d, 3) and rotations (d, 3, 3).
@@ -188,7 +188,7 @@ class SharedModel:
     Attributes:
         closed: the model.
         tree: spanning tree of its loops, with cut joints.
-        gravity: in [m/s2], if inertias are real; None for placeholders.
+        gravity: acceleration of gravity in [m/s2] with real inertias; None for placeholder inertias.
     """
 
     closed: ClosedModel
@@ -197,7 +197,7 @@ class SharedModel:
 
     @property
     def joints(self) -> dict[str, int]:
-        """The coordinates in a state, those of tree joints -> index of the model's joint."""
+        """Coordinate of a tree joint -> index of the model's joint."""
         model = self.closed.model
         joint_ids = {model.joint(i).name: i for i in range(model.njnt)}
         return {
@@ -213,7 +213,7 @@ class DesignModels:
 
     Attributes:
         shared: common properties.
-        fields: of the compiled models, (d, ...) each.
+        fields: fields of the compiled models, (d, ...) each.
         qpos: closed states, (d, nq).
         valid: whether the loops of each design close, (d,).
     """
@@ -231,10 +231,10 @@ def shared_model(mechanism: Mechanism, gravity: Vector | None = None) -> SharedM
 
     Args:
         mechanism: one of the designs.
-        gravity: in [m/s2], for links with real inertias; None gives them placeholders.
+        gravity: acceleration of gravity in [m/s2] with real inertias; None for placeholder inertias.
 
     Raises:
-        AssemblyError: for loops of the mechanism that do not close.
+        AssemblyError: if the loops of the mechanism do not close.
     """
     if not mechanism.has_crank or mechanism.laws or mechanism.locked:
         return None
@@ -293,7 +293,7 @@ def design_models(
 
 
 def _simple_inertia(model: mujoco.MjModel, fields: Fields) -> Bools:
-    """Return for which designs MuJoCo may use the same simplified inertias of bodies as compiled, (d,)."""
+    """Return a mask of designs for which the compiled simplification of body inertias is valid, (d,)."""
     bodies = np.flatnonzero(model.body_simple)
     joints = np.flatnonzero(np.isin(model.jnt_bodyid, bodies))
     valid = (fields["body_ipos"][:, bodies] == model.body_ipos[bodies]).all((1, 2))

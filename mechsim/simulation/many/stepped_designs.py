@@ -44,16 +44,16 @@ MAX_SECOND_STEP = 0.01
 
 @dataclass(frozen=True)
 class SteppedDesigns:
-    """Designs that were stepped.
+    """Result of stepping designs.
 
     Attributes:
-        models: of them.
-        fields: of the stepped models, (d, ...) each.
-        loops: of one of the stepped models.
-        time: of the records, (p,) in [s].
-        qpos: at the records, (d, p, nq).
-        qvel: (d, p, nv).
-        valid: whether the states of each design stayed finite and its crank followed, (d,).
+        models: models of the designs.
+        fields: fields of the stepped models, (d, ...) each.
+        loops: loops of one of the stepped models.
+        time: instants of the records, (p,) in [s].
+        qpos: positions at the records, (d, p, nq).
+        qvel: velocities at the records, (d, p, nv).
+        valid: whether the states of each design are finite and its crank follows its motion, (d,).
     """
 
     models: DesignModels
@@ -87,9 +87,9 @@ def stepped_designs(
     Designs are stepped as in `stepping.step`, all on the calling thread.
 
     Args:
-        models: of the designs.
-        settings: of the stepping.
-        speed: of the cranks in [rad/s].
+        models: models of the designs.
+        settings: settings of the stepping.
+        speed: speed of the cranks in [rad/s].
         total: steps per revolution.
         interval: steps from one record to the next; it divides the total.
     """
@@ -141,8 +141,8 @@ class ComparedDesigns:
 
     Attributes:
         estimate: largest distance of a tracked point at the compared instants, (d,) in [m].
-        tolerance: of the estimate, (d,) in [m]: a ten-thousandth of the stroke.
-        same_assembly: whether each design certainly stayed in its initial assembly, (d,).
+        tolerance: tolerance on the estimate, (d,) in [m]: 1e-4 of the stroke.
+        same_assembly: whether each design certainly stays in its initial assembly, (d,).
     """
 
     estimate: Array
@@ -153,8 +153,8 @@ class ComparedDesigns:
 def check_designs(stepped: SteppedDesigns) -> ComparedDesigns:
     """Compare stepped designs with poses solved at their own crank angles, at some instants.
 
-    A design left its assembly if the sign of its loops' determinant changed. If one Newton step does not lead
-    to the solved pose, the state is too distant for a certain result.
+    A design leaves its assembly if the sign of its loop determinant changes. The result is uncertain for a
+    state from which one Newton step does not reach the solved pose.
     """
     d, p = stepped.qpos.shape[:2]
     indices = np.unique(np.round(np.linspace(0, p - 1, CHECKED_POSITIONS + 1)).astype(int))
@@ -189,8 +189,8 @@ def check_designs(stepped: SteppedDesigns) -> ComparedDesigns:
 def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
     """Return the first crank angle at which the loops of designs do not close, (k,) in [rad]; else NaN.
 
-    Each is traced over a revolution in equal steps: a prediction along the tangent, closed by Newton's
-    method.
+    Each design is traced over a revolution in equal steps: a prediction along the tangent, corrected by
+    Newton's method.
     """
     loops = stepped.position_loops(rows, 1)
     address = loops.crank_address
@@ -212,7 +212,8 @@ def first_open_angle(stepped: SteppedDesigns, rows: Rows) -> Array:
     return first + angles
 
 
-# joints only, which the states contain; also positions of points; or also all rates and accelerations
+# contents of a motion: joints only, which the states contain; also positions of points; or also all rates and
+# accelerations
 Content = Literal["joints", "positions", "rates"]
 
 
@@ -264,8 +265,8 @@ OFF = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 def design_torque(stepped: SteppedDesigns, rows: Rows, records: Rows, compliance: float) -> Array:
     """Return the drive torque of some designs at some records, (designs, records) in [N m].
 
-    It is the inertial force at the crank less gravity, gyroscopic and constraint forces, without virtual
-    drive inertia, as for a single model.
+    The torque is the inertial force at the crank less gravity, gyroscopic and constraint forces, without
+    virtual drive inertia, as for a single model.
 
     Args:
         stepped: designs with real inertias.

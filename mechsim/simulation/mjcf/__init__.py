@@ -1,4 +1,4 @@
-"""MuJoCo models of mechanisms, generated from dimensions alone; compiled, and written as exact text."""
+"""Generates MuJoCo models of mechanisms from dimensions only, compiles them, and writes exact text."""
 
 from mechsim.simulation.mjcf.compiling import compiled, quiet, to_xml
 from mechsim.simulation.mjcf.generator import generate

@@ -1,6 +1,7 @@
 """Alternative models for comparisons: other drives of the crank, a rod as a constant distance.
 
-The generator uses none of them: validation/choices/crank_actuation.py and scene_costs.py measure why.
+The generator does not use them, because of measurements in validation/choices/crank_actuation.py and
+scene_costs.py.
 """
 
 import mujoco
@@ -100,7 +101,7 @@ def rod_as_length(spec: mujoco.MjSpec, mechanism: Mechanism, rod: str) -> None:
     The equality is inactive as compiled, because `ModelLoops` does not support its kind.
 
     Args:
-        spec: of the mechanism, assembled, with the generator's choice of cuts.
+        spec: assembled specification of the mechanism, with the generator's choice of cuts.
         mechanism: the mechanism of the model.
         rod: name from `rod_of`.
     """

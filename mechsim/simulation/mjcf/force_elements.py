@@ -25,7 +25,7 @@ from mechsim.simulation.mjcf.joints import part_names
 from mechsim.simulation.mjcf.loop_cuts import Tree, turning_with
 from mechsim.simulation.state import quaternion
 
-# mass of a link times size of its mechanism in models without real inertias, in [kg m]
+# placeholder mass of a link times size of its mechanism, in [kg m], in models without real inertias
 PLACEHOLDER = 0.1
 
 
@@ -67,8 +67,8 @@ def placeholder(points: Array, length: float | Array) -> tuple[Any, Array, Any]:
     """Return mass, centre and moment of a placeholder.
 
     Args:
-        points: of the joints on a link, (k, 3) in [m], or (k, 3, d) of d designs.
-        length: of the mechanism, in [m], or (d,).
+        points: points of the joints on a link, (k, 3) in [m], or (k, 3, d) for d designs.
+        length: characteristic length of the mechanism in [m], or (d,).
     """
     centre = (points.min(0) + points.max(0)) / 2.0
     radius = np.maximum(np.linalg.norm(points - centre, axis=1).max(0), 0.1 * length)
@@ -236,7 +236,7 @@ def _add_joint_spring(builder: Builder, spring: JointSpring) -> None:
         model_joint.stiffness = _linear(spring.stiffness + float(model_joint.stiffness[0]))
         model_joint.springref = spring.rest
         return
-    # the rest angle is part of the frame, so that the angle counts from it and wraps opposite to it
+    # the frame contains the rest angle: the angle is relative to it and wraps opposite to it
     rotated = End(joint.a.link, joint.a.point, joint.a.axis, _rotated_reference(joint.a, spring.rest))
     name = f"spring in {joint.name}"
     a = builder.site(f"{name}.a", rotated)

@@ -1,4 +1,4 @@
-"""Mechanism and scene to a MuJoCo model specification."""
+"""Generates a MuJoCo model specification from a mechanism and a scene."""
 
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
@@ -33,17 +33,18 @@ from mechsim.simulation.mjcf.joints import (
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 from mechsim.simulation.state import SCALAR, quaternion
 
-# tolerance of the solver: with a virtual drive inertia the relative gradient is always small, and at 0 the
-# solver would never stop (validation/choices/exported_solver.py)
+# tolerance of the constraint solver: with a virtual drive inertia the relative gradient is always small, and
+# with a tolerance of 0 the solver does not stop (validation/choices/exported_solver.py)
 SOLVER_TOLERANCE = 1e-24
 # time constant of the loops in steps
 TIME_CONSTANT_STEPS = 20.0
-# ratio of the virtual drive inertia to that of the links: reactions change the speed by 1e-12 per revolution
+# ratio of the virtual drive inertia to the inertia of the links: reactions change the speed by 1e-12 per
+# revolution
 DRIVE_INERTIA_RATIO = 1e12
 
 
 def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | None = None) -> mujoco.MjSpec:
-    """Return the model of a mechanism, from its dimensions alone.
+    """Return the model of a mechanism, from its dimensions only.
 
     Args:
         mechanism: the mechanism.
@@ -170,7 +171,7 @@ def _close(
         if heights is None:
             _weld(spec, joint, bodies)
             continue
-        # in a plane one point is enough: nothing can leave the plane
+        # in a planar mechanism one point is sufficient: no link can leave the plane
         for suffix, height in zip(("", "+"), heights[:1] if planar else heights, strict=False):
             names = []
             for end in (joint.a, joint.b):
@@ -266,7 +267,7 @@ def lock_joints(spec: mujoco.MjSpec, locks: Mapping[str, float]) -> None:
     """Lock hinges and slides at values in [m] or [rad].
 
     Raises:
-        InputError: for an unknown joint or one of another kind.
+        InputError: if a joint is unknown or has another kind.
     """
     require_single(spec, locks)
     model = compiled(spec)
@@ -278,7 +279,7 @@ def require_single(spec: mujoco.MjSpec, joint_names: Iterable[str]) -> None:
     """Reject names of joints that are no hinge or slide of a model.
 
     Raises:
-        InputError: with the names of hinges and slides.
+        InputError: if a name is no hinge or slide; it lists the hinges and slides.
     """
     single = [joint.name for joint in spec.joints if joint.name and joint.type in SCALAR]
     for name in joint_names:
@@ -291,7 +292,7 @@ def set_drive_inertia(spec: mujoco.MjSpec, inertia: float) -> None:
     """Set the armature of the crank of a generated model, in [kg m2].
 
     Raises:
-        InputError: for a model without a joint called crank.
+        InputError: if the model has no joint named crank.
     """
     crank = next((joint for joint in spec.joints if joint.name == CRANK), None)
     if crank is None:

@@ -1,6 +1,6 @@
 """Joints in a MuJoCo model: their hinges and slides, and the points that coincide in a cut joint.
 
-Each coordinate of a joint is a separate hinge or slide; only a ball is a joint without coordinates.
+Each coordinate of a joint is a separate hinge or slide; only a ball joint has no coordinates.
 """
 
 from collections.abc import Sequence
@@ -56,8 +56,8 @@ class ModelJoint:
     Attributes:
         name: name in the model.
         type: MuJoCo's joint type.
-        position: in the child's frame, (..., 3) in [m].
-        axis: in the child's frame, (..., 3).
+        position: position in the child's frame, (..., 3) in [m].
+        axis: axis in the child's frame, (..., 3).
         value: coordinate in the reference configuration, in [m] or [rad]; None for a ball.
     """
 
@@ -80,7 +80,7 @@ def part_names(mechanism: Mechanism, joint: Joint) -> list[str]:
 
 
 def model_names(mechanism: Mechanism) -> dict[str, str]:
-    """Return coordinate of a mechanism -> the name of its hinge or slide in the model."""
+    """Return a map: coordinate of a mechanism -> name of its hinge or slide in the model."""
     return {
         coordinate: name
         for joint in mechanism.joints
@@ -91,7 +91,7 @@ def model_names(mechanism: Mechanism) -> dict[str, str]:
 def coincident_points(kind: Kind) -> list[float] | None:
     """Return heights along the axis at which coincident points of both links are equivalent to a joint.
 
-    Such a joint can be cut: a MuJoCo equality closes it exactly, point on point. None for other kinds.
+    A joint with such points can be cut: MuJoCo equalities of points close it exactly. None for other kinds.
     """
     if kind.floating:
         return []
@@ -109,8 +109,8 @@ def zero_pose(branch: Branch) -> tuple[Pose, tuple[float, ...]]:
 def seated_pose(branch: Branch, parent: Pose, child: Pose) -> tuple[Pose, tuple[float, ...]]:
     """Return the child's pose in the parent's frame nearest to an initial guess, and its joint coordinates.
 
-    The joint is satisfied exactly: only its free coordinates come from the approximate poses. Poses and ends
-    may be of d designs, (d, 3) and (d, 3, 3); coordinates are then (d,) each.
+    The pose satisfies the joint exactly: only its free coordinates come from the approximate poses. Poses and
+    ends may belong to d designs, (d, 3) and (d, 3, 3); coordinates are then (d,) each.
     """
     kind = KINDS[branch.joint.kind]
     if kind.ball:
@@ -160,7 +160,7 @@ def model_joints(
         mechanism: the mechanism that has the joint.
         branch: the joint.
         local: the child's pose in the parent's frame, in the model's reference configuration.
-        values: the joint's coordinates there.
+        values: the joint's coordinates in the reference configuration.
     """
     joint, position = branch.joint, np.asarray(branch.child.point)
     kind, names = KINDS[joint.kind], part_names(mechanism, joint)

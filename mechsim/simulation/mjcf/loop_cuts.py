@@ -23,7 +23,7 @@ class Tree:
     """A mechanism with its loops cut.
 
     Attributes:
-        mechanism: the cut mechanism; joints that no constraint closes are split in it.
+        mechanism: the cut mechanism, in which joints that no constraint closes are split.
         branches: tree joints, parents first.
         cuts: the cut joints.
     """
@@ -44,13 +44,13 @@ def cut_loops(
 
     Args:
         mechanism: the mechanism.
-        cut: names of the joints to cut; None cuts those that need the fewest constraint rows, and among
-            equals those farthest from the crank.
-        keep: names of joints to cut only if no other can be cut.
-        splits: whether joints that no point closes may be split and welded, if no other can be cut.
+        cut: names of the joints to cut; None for the joints that require the fewest constraint rows, and
+            among equal joints those farthest from the crank.
+        keep: names of joints to cut only if no other joint can be cut.
+        splits: whether joints that no point closes may be split and welded, if no other joint can be cut.
 
     Raises:
-        InputError: for cuts that leave a loop or divide the chain, or a loop without a joint that can be cut.
+        InputError: if cuts leave a loop or divide the chain, or a loop has no joint that can be cut.
     """
     import networkx as nx
 
@@ -122,7 +122,7 @@ def _weighed(
         dof = cuttable and kind.dof
         return name not in requested, name in needed, not cuttable, name in keep, -dof, -steps
 
-    # among equals the first stays
+    # among joints with equal priority the first stays
     for order, joint in enumerate(sorted(mechanism.joints, key=priority, reverse=True)):
         graph.add_edge(joint.a.link, joint.b.link, key=joint.name, weight=-order)
     return graph
@@ -142,7 +142,7 @@ def _rejection_reason(joint: Joint, needed: set[str]) -> str:
 
 
 def joints_of(mechanism: Mechanism, coordinates: Collection[str]) -> set[str]:
-    """Return the names of the joints that have some of these coordinates."""
+    """Return the names of the joints with at least one of these coordinates."""
     return {joint.name for joint in mechanism.joints if set(joint.coordinates) & set(coordinates)}
 
 
@@ -178,7 +178,7 @@ def _ordered(mechanism: Mechanism, kept: set[str]) -> tuple[Branch, ...]:
 
 
 def turning_with(mechanism: Mechanism, tree: Tree, cut: Joint) -> dict[str, float]:
-    """Return hinge of the tree -> +1 or -1, its weight in the angle of a cut hinge, in a plane."""
+    """Return hinge of the tree -> its weight, +1 or -1, in the angle of a cut hinge of a planar mechanism."""
     normals = plane_normals(mechanism)
     assert normals is not None
 

@@ -1,4 +1,4 @@
-"""Reads MJCF files into mechanisms: positions, axes, anchors and couplings copied as data, nothing solved."""
+"""Reads MJCF files as mechanisms: copies positions, axes, anchors and couplings, and solves nothing."""
 
 from mechsim.simulation.mjcf_reader.parsed_file import MujocoInput, model_label
 from mechsim.simulation.mjcf_reader.reading import MjcfModel, read_model, states_of

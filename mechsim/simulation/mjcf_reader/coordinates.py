@@ -67,12 +67,12 @@ def driven(
 
     Args:
         model: the model.
-        requested: named by the user; empty leaves them to the model.
-        locked: joints that are held, of which no actuator makes drivers.
-        describe_only: whether none need be driven.
+        requested: joints that the user names; if empty, the model selects them.
+        locked: locked joints, which are no drivers even if an actuator acts on them.
+        describe_only: whether a model without drivers is allowed.
 
     Raises:
-        InputError: for a name that is no hinge or slide, or a model that says of none that it is driven.
+        InputError: if a name is no hinge or slide, or the model has no driver.
     """
     for name in requested:
         require_coordinate(model, name, "--drive")
@@ -121,11 +121,11 @@ def tracked(
     Args:
         model: the model.
         carriers: the link of every body.
-        requested: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty takes the named sites on moving
-            bodies, or the origins of moving bodies where there are none.
+        requested: NAME of a site or body, or NAME,BODY@x,y,z in [m]; if empty, the named sites on moving
+            bodies, or the origins of moving bodies if there are no such sites.
 
     Raises:
-        InputError: for a name that is no site and no body, or a position that is not three numbers.
+        InputError: if a name is no site or body, or a position is not three numbers.
     """
     sites = {
         model.site(s).name: (model.body(model.site_bodyid[s]).name, model.site_pos[s].copy())

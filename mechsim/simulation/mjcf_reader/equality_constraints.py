@@ -29,9 +29,9 @@ class Equalities:
     """The equality constraints of a model.
 
     Attributes:
-        joints: of connect and weld constraints.
-        couplings: of joint and tendon constraints.
-        remarks: sentences on those that are inactive or redundant.
+        joints: joints from connect and weld constraints.
+        couplings: couplings from joint and tendon constraints.
+        remarks: sentences on inactive or redundant constraints.
     """
 
     joints: list[Joint] = field(default_factory=list[Joint])
@@ -46,11 +46,11 @@ def equalities(
 
     Args:
         model: the compiled model.
-        carriers: of its bodies.
-        skip_others: whether constraints of another kind get a remark.
+        carriers: carriers of its bodies.
+        skip_others: whether constraints of other kinds become remarks.
 
     Raises:
-        InputError: for a constraint of another kind, or of a tendon through sites, unless skipped.
+        InputError: if a constraint has another kind, or its tendon runs through sites, and is not skipped.
     """
     result = Equalities()
     off = is_disabled(model, mujoco.mjtDisableBit.mjDSBL_EQUALITY)
@@ -88,7 +88,7 @@ def is_readable(model: mujoco.MjModel, i: int) -> bool:
 
 
 def _closing_joint(model: mujoco.MjModel, i: int, carried: Sequence[Carrier], name: str) -> Joint | None:
-    """Return the joint of a connect or weld; None where both its bodies are one link."""
+    """Return the joint of a connect or weld; None if both its bodies belong to one link."""
     bodies, points, rotations = coincident_frames(model, i)
     carriers = [carried[body] for body in bodies]
     if carriers[0].link == carriers[1].link:
@@ -136,7 +136,11 @@ def _tendon(model: mujoco.MjModel, t: int) -> tuple[dict[str, float], float]:
 
 
 def tendon_weights(model: mujoco.MjModel, t: int) -> dict[str, float]:
-    """Return the joints of a fixed tendon and their weights in its length; InputError for another one."""
+    """Return the joints of a fixed tendon and their weights in its length.
+
+    Raises:
+        InputError: if the tendon runs through sites.
+    """
     weights: dict[str, float] = {}
     for j, weight in zip(*tendon_joints(model, t), strict=True):
         name = model.joint(int(j)).name

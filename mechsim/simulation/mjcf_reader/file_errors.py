@@ -6,7 +6,7 @@ from xml.parsers import expat
 
 from mechsim.errors import InputError, cut
 
-# characters of MuJoCo's message that are repeated
+# maximum number of characters quoted from a message of MuJoCo
 MAX_SHOWN = 300
 
 _LINE = re.compile(r",?\s*line(?: number)?[ =:]+(\d+)", re.IGNORECASE)
@@ -16,7 +16,7 @@ _NOISE = re.compile(
 )
 _PLUGIN = re.compile(r"plugin \S+ not found")
 _NOT_INCLUDED = re.compile(r"Error opening file '(.+?)' Element 'include'")
-# elements that MuJoCo's XML reader takes one in the other, and what it says of more
+# maximum nesting depth of MuJoCo's XML reader, and its error beyond that depth
 MAX_DEPTH, _TOO_DEEP = 499, "XML_ELEMENT_DEPTH_EXCEEDED"
 _ELEMENT = re.compile(r" Element (?:name )?('[^']*')")
 
@@ -46,7 +46,7 @@ def readable_error(path: str, error: Exception) -> InputError:
 
 
 def _ill_formed(path: str) -> InputError | None:
-    """Return where and why a file is no well-formed XML; None where it is."""
+    """Return the position and cause of an XML error; None if the file is well-formed."""
     try:
         with open(path, "rb") as file:
             expat.ParserCreate().ParseFile(file)

@@ -12,7 +12,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.state import BALL, FREE, rotation_matrix
 
-# kind of joint -> numbers of its coordinates and DOFs
+# kind of joint -> number of coordinates and number of DOFs
 ROTATIONAL = {FREE: (7, 6), BALL: (4, 3)}
 
 
@@ -40,8 +40,8 @@ class FixedBodies:
         poses: body -> its pose in the parent body: position in [m] and quaternion, (7,).
         order: body -> number of its joints before the removed one.
         moved: bodies whose initial pose differs from the file's reference configuration.
-        qpos: which coordinates remain, (nq,).
-        qvel: which DOFs remain, (nv,).
+        qpos: mask of the remaining coordinates, (nq,).
+        qvel: mask of the remaining DOFs, (nv,).
     """
 
     joints: tuple[int, ...]
@@ -58,13 +58,13 @@ def fix_bodies_in_scene(
     """Remove ball and free joints of a scene and their entries in keyframes.
 
     Args:
-        spec: changed in place.
-        model: compiled from it.
+        spec: specification of the scene, changed in place.
+        model: model compiled from it.
         joints: indices of the joints.
         key: keyframe with the poses of the bodies; None for the reference configuration.
 
     Raises:
-        InputError: for a body without a name.
+        InputError: if a body has no name.
     """
     start = model.qpos0 if key is None else model.key(key).qpos
     poses = {model.body(body).name: pose for body, pose in _body_poses(model, joints, start).items()}
@@ -102,11 +102,11 @@ def fix_bodies_in_scene(
 
 
 def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> Array:
-    """Remove ball and free joints; their bodies keep the poses that they have at qpos, (nq,).
+    """Remove ball and free joints; their bodies keep their poses at qpos, (nq,).
 
     Args:
-        spec: changed in place; it has no keyframes.
-        model: compiled from it.
+        spec: specification without keyframes, changed in place.
+        model: model compiled from it.
         joints: indices of the joints.
         qpos: state with the poses of the bodies.
 
@@ -125,7 +125,7 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
                 _undo_rotation(inner, in_order[j], rotation_matrix(quaternion))
             _set_pose(bodies[body], np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         spec.delete(in_order[j])
-    # a <frame> element around a body displaces it: the compiled pose shows by how much
+    # a <frame> element around a body displaces it; the compiled pose contains the displacement
     base_model = compiled(spec)
     for body, pose in poses.items():
         frame = base_model.body(body)
@@ -199,7 +199,7 @@ def _product(first: Array, then: Array) -> Array:
 
 
 def _remaining(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which coordinates, (nq,), and DOFs, (nv,), remain without some joints."""
+    """Return masks of the coordinates, (nq,), and DOFs, (nv,), that remain without some joints."""
     qpos, qvel = np.ones(model.nq, dtype=np.bool_), np.ones(model.nv, dtype=np.bool_)
     for j in joints:
         address, dof = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])

@@ -1,4 +1,4 @@
-"""Inertias of links, gravity, and springs, dampers and dry friction of joints."""
+"""Inertias of links, gravity, and springs, dampers and Coulomb friction of joints."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +12,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier
 from mechsim.simulation.state import SCALAR, gravity, rotation_matrix
 
-# fraction of the heaviest link's mass that a massless link gets: negligible, but not zero
+# mass of a massless link, as a fraction of the heaviest link's mass: negligible, but not zero
 MASSLESS = 1e-12
 # relative rounding of a sum of masses
 ROUNDING = 1e-9
@@ -28,11 +28,11 @@ def with_inertias(
     """Return links with the inertias of all their bodies.
 
     Args:
-        model: compiled.
+        model: the compiled model.
         links: the moving links.
-        carriers: of each body, the world first.
-        length: of the mechanism in [m], for the moments of inertia of massless links.
-        raised: mass in [kg] that massless bodies were given; 0 if none was.
+        carriers: carrier of each body, the world first.
+        length: length of the mechanism in [m], for the moments of inertia of massless links.
+        raised: mass in [kg] assigned to massless bodies; 0 if there are none.
     """
     bodies = {link.name: list[int]() for link in links}
     for i, carrier in enumerate(carriers):
@@ -79,7 +79,7 @@ def _combined(
 
 
 def forces_of_model(model: mujoco.MjModel) -> Forces:
-    """Return gravity, and the dampers, springs and dry friction of hinges and slides."""
+    """Return gravity, and the dampers, springs and Coulomb friction of hinges and slides."""
     friction: list[Friction] = []
     springs: list[JointSpring] = []
     for j in range(model.njnt):
@@ -96,7 +96,7 @@ def forces_of_model(model: mujoco.MjModel) -> Forces:
 
 
 def left_out_of_dynamics(model: mujoco.MjModel) -> list[str]:
-    """Return what acts in MuJoCo's own run of a model and in no dynamics of this package, in a few words."""
+    """Return the effects that MuJoCo simulates and the dynamics of this package omit, in a few words each."""
     tendons = bool(model.tendon_stiffness.any() or model.tendon_damping.any())
     present = {
         "armature": bool(model.dof_armature.any()),

@@ -46,7 +46,7 @@ def carriers(model: mujoco.MjModel) -> list[Carrier]:
 
 
 def link_name(model: mujoco.MjModel, body: int) -> str:
-    """Return the name of a body's link: that of the body, unless it is the ground's."""
+    """Return the name of a body's link: the name of the body, unless the link is the ground."""
     name = model.body(body).name
     return f"{name}_body" if name == GROUND else name
 
@@ -72,9 +72,9 @@ class KinematicTree:
     """The moving links of a model and the joints of its tree, in the order of the model.
 
     Attributes:
-        carriers: of all bodies.
-        links: the moving links with the virtual ones.
-        joints: one for each joint of the model.
+        carriers: carriers of all bodies.
+        links: the moving links, including virtual links.
+        joints: one joint for each joint of the model.
     """
 
     carriers: list[Carrier]
@@ -83,7 +83,7 @@ class KinematicTree:
 
 
 def kinematic_tree(model: mujoco.MjModel) -> KinematicTree:
-    """Return the links and joints of a model's tree; a hinge's angle is counted as in qpos."""
+    """Return the links and joints of a model's tree; the angle of a hinge is that of qpos."""
     body_carriers = carriers(model)
     links: list[Link] = []
     joints: list[Joint] = []
@@ -140,7 +140,7 @@ def poses(model: mujoco.MjModel, tree: KinematicTree, qpos: Array) -> dict[str, 
 
 
 def _displaced(joint: Joint, qpos: Array) -> tuple[Vector, Array]:
-    """Return the position and rotation of side b of a joint in side a at its own entries of qpos."""
+    """Return the position and rotation of side b of a joint in side a, at the joint's entries of qpos."""
     kind = KINDS[joint.kind]
     if kind.floating:
         return vector(qpos[:3]), rotation_matrix(qpos[3:7])

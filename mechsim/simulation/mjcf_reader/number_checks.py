@@ -18,9 +18,9 @@ def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start
     """Reject a model with numbers that are not finite or too large, invalid quaternions, or no time step.
 
     Args:
-        path: of the file.
-        spec: of the model.
-        model: compiled from it.
+        path: path of the file.
+        spec: specification of the model.
+        model: model compiled from it.
         start: initial state, (nq,).
 
     Raises:

@@ -20,9 +20,9 @@ from mechsim.simulation.mjcf_reader.repairs import with_possible_inertias, witho
 from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
 from mechsim.simulation.mjcf_reader.without_meshes import copy_shapes, has_replaceable_meshes, remove_meshes
 
-# path of a file in MJCF or URDF, or an object
+# path of an MJCF or URDF file, or an object of MuJoCo
 MujocoInput: TypeAlias = str | mujoco.MjSpec | mujoco.MjModel
-# largest file in bytes
+# maximum size of a file in bytes
 MAX_BYTES = 50_000_000
 _COMMENT = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>", re.DOTALL | re.IGNORECASE)
 _ROOT = re.compile(r"\s*<([A-Za-z_][\w.:-]*)")
@@ -33,17 +33,17 @@ SLEEP, IPC = int(mujoco.mjtEnableBit.mjENBL_SLEEP), int(mujoco.mjtEnableBit.mjEN
 
 @quiet()
 def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
-    """Return the specification of an MJCF or URDF file or an object, its model, and what was left out.
+    """Return the specification and model of an MJCF or URDF file or an object, and remarks on omissions.
 
-    Meshes, textures and height fields whose files are missing are left out, and impossible masses are
-    repaired: no joint needs them.
+    Meshes, textures and height fields with missing files are omitted, and impossible masses are repaired:
+    no joint depends on them.
 
     Raises:
-        InputError: for a file that cannot be read or that MuJoCo rejects, with file and line.
+        InputError: if a file cannot be read or MuJoCo rejects it, with file and line.
     """
     path, spec = model_label(source), _specification(source)
     remarks = _disable_sleep(path, spec)
-    # compiling fills them up
+    # compilation extends qpos of keyframes
     coordinate_counts = {key.name: len(key.qpos) for key in spec.keys}
     model, left_out = compile_repaired(path, spec)
     short = [
@@ -58,8 +58,8 @@ def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list
 def parse_without_meshes(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel | None]:
     """Return the specification of a file or an object with boxes in place of meshes, and the model with them.
 
-    The second is None where the specification is that of the file, because there are no meshes, because
-    their files are missing, or because the compiler merges bodies.
+    The model is None if the specification is that of the file: if it has no meshes, if their files are
+    missing, or if the compiler merges bodies.
 
     Raises:
         InputError: as `parse_file`.
@@ -78,7 +78,7 @@ def parse_without_meshes(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjM
 
 
 def _specification(source: MujocoInput) -> mujoco.MjSpec:
-    """Return the specification of a file or an object, which stays unchanged."""
+    """Return the specification of a file or an object; the object remains unchanged."""
     if isinstance(source, str):
         _require_mjcf(source)
         return _spec_of_file(source)
@@ -86,7 +86,7 @@ def _specification(source: MujocoInput) -> mujoco.MjSpec:
 
 
 def _require_mjcf(path: str) -> None:
-    """Reject a path that is no text file, and text that is no MJCF or URDF."""
+    """Reject files that are not text, and text that is neither MJCF nor URDF."""
     try:
         status = os.stat(path)
         if not stat.S_ISREG(status.st_mode):
@@ -138,7 +138,7 @@ def _spec_of_file(path: str) -> mujoco.MjSpec:
 def _spec_of_model(model: mujoco.MjModel) -> mujoco.MjSpec:
     """Return the specification that compiles to a model, from the XML that MuJoCo loaded last.
 
-    The saved XML has six digits; the exact numbers are then copied from the model.
+    The saved XML has six digits; the exact numbers come from the model.
     """
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -171,7 +171,7 @@ def _disable_sleep(path: str, spec: mujoco.MjSpec) -> list[str]:
 
 @quiet()
 def compile_repaired(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list[str]]:
-    """Return the model of a specification, and sentences on what was left out or repaired."""
+    """Return the model of a specification, and sentences on omissions and repairs."""
     left_out: list[str] = []
     while True:
         try:
@@ -196,7 +196,7 @@ def initial_qpos(path: str, model: mujoco.MjModel, key: str | None) -> Array:
 
 
 def name_elements(spec: mujoco.MjSpec) -> None:
-    """Name the bodies, joints and equalities that have no name; a body called as the frame is renamed."""
+    """Name unnamed bodies, joints and equalities; rename a body that has the name of the frame."""
     bodies = list(spec.bodies)[1:]
     names = {GROUND, "world", *(body.name for body in bodies)}
     for number, body in enumerate(bodies, 1):
@@ -218,7 +218,7 @@ def _name(elements: Iterable[Any], proposed: Iterable[str]) -> None:
 
 
 def _free(name: str, names: set[str]) -> str:
-    """Return a name that is not taken yet, and take it."""
+    """Return an unused name and add it to the names."""
     free, count = name, 1
     while free in names:
         count += 1

@@ -1,7 +1,7 @@
-"""Slides and hinges that have a point's coordinates or a link's position and rotation as their own.
+"""Chains of slides and hinges whose coordinates are the position of a point or the pose of a link.
 
-A body on three slides, connected to a site or body, adds as many freedoms as its connection removes; with
-three hinges and a weld it has the rotation too. Names are POINT.x, LINK.rz and so on.
+A virtual body on three slides, connected to a site or body, adds as many DOFs as the connection removes.
+With three hinges and a weld the chain also has the rotation. Names are POINT.x, LINK.rz and so on.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
 
 POSITIONS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
-# mass in [kg] and moment of inertia in [kg m2] of a body of a chain: runs of g1_ankle.xml in time steps leave
-# the tolerance with a thousandth of these
+# mass in [kg] and moment of inertia in [kg m2] of a body of a chain: time-stepped runs of g1_ankle.xml exceed
+# the tolerance with a thousandth of these values
 MASS, INERTIA = 1e-6, 1e-9
-# rz and rx are not distinct nearer than this to ry = 90 deg, in [rad]
+# distance from ry = 90 deg, in [rad], within which rz and rx are not distinct
 GIMBAL_LOCK = 1e-3
 
 
@@ -28,16 +28,16 @@ def with_pose_chains(
     """Add a chain for each point or body whose coordinates are among the drivers.
 
     Args:
-        spec: changed in place.
-        model: compiled from it.
-        start: configuration, (nq,).
-        drivers: names of coordinates; those of joints are left alone.
+        spec: specification, changed in place.
+        model: model compiled from it.
+        start: initial configuration, (nq,).
+        drivers: names of coordinates; names of joints need no chain.
 
     Returns:
-        The model with the chains, and its start.
+        The model with the chains, and its initial configuration.
 
     Raises:
-        InputError: for the rotation of a site, or a body that starts at ry = 90 deg.
+        InputError: if a driver is the rotation of a site, or a body starts at ry = 90 deg.
     """
     joints = {model.joint(i).name for i in range(model.njnt)}
     subjects: dict[str, bool] = {}
@@ -56,7 +56,7 @@ def with_pose_chains(
 
 
 def _find(model: mujoco.MjModel, name: str) -> tuple[int, Array] | None:
-    """Return the body of a site or body of this name, and the point on it; None for neither."""
+    """Return the body and point of a site or body with this name; None if there is neither."""
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
     if site >= 0:
         return int(model.site_bodyid[site]), model.site_pos[site].copy()
@@ -67,7 +67,7 @@ def _find(model: mujoco.MjModel, name: str) -> tuple[int, Array] | None:
 def _add_chain(
     spec: mujoco.MjSpec, model: mujoco.MjModel, data: mujoco.MjData, subject: str, rotates: bool
 ) -> Array:
-    """Add the chain of a site or body where it stands, and return its coordinates, (3,) or (6,)."""
+    """Add the chain of a site or body at its current pose, and return its coordinates, (3,) or (6,)."""
     from scipy.spatial.transform import Rotation
 
     located = _find(model, subject)
@@ -105,7 +105,7 @@ def _add_joint(body: mujoco.MjsBody, name: str, kind: mujoco.mjtJoint, axis: Arr
     body.explicitinertial = True
     body.mass, body.inertia = MASS, np.full(3, INERTIA)
     joint = body.add_joint(name=name, type=kind, axis=axis, ref=ref)
-    # the file's default class is not meant for it
+    # override the limits of the file's default class
     joint.limited = joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
     joint.pos, joint.range = np.zeros(3), np.zeros(2)
     joint.armature = joint.frictionloss = 0.0

@@ -1,4 +1,4 @@
-"""Reads an MJCF file as a mechanism and as the model that MuJoCo runs."""
+"""Reads an MJCF file as a mechanism and as a MuJoCo model."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -73,7 +73,7 @@ def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
 
 
 def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ...]:
-    """Return the moving links; with points of their geoms where the joints of each coincide in one point."""
+    """Return the moving links, with points of their geoms if the joints of each link share one point."""
     joint_points = {link.name: set[Vector]() for link in chain.links}
     for joint in chain.joints:
         for end in (joint.a, joint.b):
@@ -90,7 +90,7 @@ def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ..
 
 
 def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
-    """Return two opposite corners of the box about each geom of a body, in the body's frame."""
+    """Return two opposite corners of the bounding box of each geom of a body, in the body's frame."""
     corners: list[Array] = []
     for geom in np.flatnonzero(model.geom_bodyid == body):
         rotation = rotation_matrix(model.geom_quat[geom])
@@ -100,7 +100,7 @@ def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
 
 
 def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
-    """Return the ranges of the limited hinges and slides, in [rad] or [m]; none where limits are off."""
+    """Return the ranges of limited hinges and slides, in [rad] or [m]; empty if limits are disabled."""
     return {
         model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
         for j in limited_joints(model).tolist()
@@ -137,7 +137,7 @@ def actuators(model: mujoco.MjModel) -> dict[str, Sequence[str]]:
 
 
 def largest_gap(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> float:
-    """Return the largest distance of the points that loop-closing joints make coincide, in [m]."""
+    """Return the largest distance in [m] between the points that loop-closing joints make coincident."""
     frames = {GROUND: IDENTITY, **poses}
     offsets = [
         frames[joint.b.link].point(joint.b.point) - frames[joint.a.link].point(joint.a.point)
@@ -151,22 +151,22 @@ LockedAt = float | None | Callable[[Literal["m", "rad"]], float]
 
 @dataclass(frozen=True)
 class MjcfModel:
-    """An MJCF file as a mechanism and as a model.
+    """An MJCF file as a mechanism and as a MuJoCo model.
 
     Attributes:
-        path: of the file, or the label of the object in messages.
-        mechanism: its links, joints, couplings, drivers and points; the guess is the initial state.
-        spec: the file for MuJoCo: all bodies, joints and equalities have names, all tracked points sites,
-            and the joints of fixed bodies are removed. Copy it before changing it.
+        path: path of the file, or the label of the object in messages.
+        mechanism: links, joints, couplings, drivers and points; the guess is the initial state.
+        spec: the specification of the file: all bodies, joints and equalities have names, all tracked points
+            have sites, and the joints of fixed bodies are removed. Copy it before changing it.
         qpos: initial state, (nq,).
         gap: largest loop-closure error in the initial state, in [m].
         limits: joint -> range in [m] or [rad].
         actuators: actuator -> the joints on which it acts.
-        remarks: sentences on what was left out or changed.
-        forces: gravity, and springs, dampers and dry friction of hinges and slides.
+        remarks: sentences on omissions and changes.
+        forces: gravity, and springs, dampers and Coulomb friction of hinges and slides.
         fixed: indices of the file's ball and free joints that were removed because they are locked.
-        left_out: what acts in MuJoCo's own run of the file and in no dynamics of this package.
-        with_meshes: the model with meshes where `spec` has boxes instead; else None.
+        left_out: effects that MuJoCo simulates and the dynamics of this package omit.
+        with_meshes: the model with meshes if `spec` has boxes in their place; otherwise None.
     """
 
     path: str
@@ -198,19 +198,19 @@ def read_model(
     """Read an MJCF or URDF file, or an object of MuJoCo, as a mechanism.
 
     Args:
-        source: path of a file that MuJoCo loads, or an object, which stays unchanged.
-        drivers: joints that are driven; empty takes those of actuators, else a hinge called crank.
-        lock: joint -> value at which it is locked, in [m] or [rad], or a function of the unit that returns
-            it; None for the initial value, the only choice for a ball or a free joint.
+        source: path of a file that MuJoCo loads, or an object, which remains unchanged.
+        drivers: driven joints; if empty, the joints with actuators, or a hinge named crank.
+        lock: joint -> locked value in [m] or [rad], or a function from the unit to this value. None locks a
+            joint at its initial value, the only choice for a ball or a free joint.
         fix_base: whether bodies with free joints are fixed at their initial poses.
-        key: keyframe to start from; None takes the reference configuration.
+        key: keyframe of the initial state; None for the reference configuration.
         track: points, as `tracked` reads them.
         describe_only: whether a model without drivers is allowed.
-        lint: whether to read what MuJoCo loads for the linter: from the first keyframe, if there is one;
+        lint: whether to read the file for the linter: the first keyframe, if any, is the initial state,
             meshes become boxes, and equalities that are no joint or coupling remain, with a remark.
 
     Raises:
-        InputError: for a file, joint, keyframe or point that cannot be read, with its name.
+        InputError: if a file, joint, keyframe or point cannot be read, with its name.
     """
     compiled_file = _compiled(source, key, lock or {}, drivers, fix_base=fix_base, lint=lint)
     spec, model, start = compiled_file.spec, compiled_file.model, compiled_file.start
@@ -259,11 +259,11 @@ class _CompiledFile:
     """A specification with names and fixed bodies, its model and its initial state.
 
     Attributes:
-        path: of the file, or the label of the object in messages.
-        spec: without keyframes.
-        model: compiled from it.
+        path: path of the file, or the label of the object in messages.
+        spec: specification without keyframes.
+        model: model compiled from it.
         start: initial state, (nq,).
-        remarks: on what was changed.
+        remarks: sentences on changes.
         fixed: indices of the file's ball and free joints that were removed.
         lock: the other locked joints and their values.
         with_meshes: as in `MjcfModel`.
@@ -296,12 +296,12 @@ def _compiled(
         spec, _, remarks = parse_file(source)
     try:
         name_elements(spec)
-    except ValueError as error:  # of URDF, MuJoCo reports a repeated name no earlier
+    except ValueError as error:  # MuJoCo reports a repeated name in a URDF file only here
         raise readable_error(path, error) from None
     model, _ = compile_repaired(path, spec)
     remarks += ignored_ranges(spec)
     start = model.key_qpos[0].copy() if lint and model.nkey else initial_qpos(path, model, key)
-    for key_ in list(spec.keys):  # they fit no model to which anything is added
+    for key_ in list(spec.keys):  # keyframes do not fit a model with added elements
         spec.delete(key_)
     if fix_base and not free_bodies(model):
         raise InputError(f"{path}: no body has a free joint; leave out --fix-base")
@@ -371,11 +371,11 @@ def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, BodyPoint]) -> None:
 def states_of(model: mujoco.MjModel, motion: Motion) -> Array:
     """Return the coordinates of a model in a motion of the mechanism read from it, (n, nq).
 
-    Hinges and slides have the values of the motion; balls and free joints follow from the poses of links.
+    Hinges and slides have the values of the motion. Balls and free joints follow from the poses of links.
 
     Args:
-        model: compiled from `MjcfModel.spec`.
-        motion: of its mechanism.
+        model: model compiled from `MjcfModel.spec`.
+        motion: motion of its mechanism.
     """
     tree = kinematic_tree(model)
     out = np.repeat(model.qpos0[None], len(motion), 0)

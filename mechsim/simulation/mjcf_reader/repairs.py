@@ -7,23 +7,23 @@ from typing import Any
 import mujoco
 import numpy as np
 
-# message about a mesh that bounds no volume
+# MuJoCo's message about a mesh that encloses no volume
 _FLAT = re.compile(r"mesh volume is too small: (\S+)")
 # minimum mass and moment of inertia of a moving body, in [kg] and [kg m2]
 MIN_MASS, MIN_INERTIA = 1e-6, 1e-12
 
 
 def with_possible_inertias(spec: mujoco.MjSpec, message: str) -> str:
-    """Change the compiler settings for inertias that are zero or break the triangle inequality.
+    """Change the compiler settings for inertias that are zero or violate the triangle inequality.
 
-    Meshes that bound no volume become shells.
+    Meshes that enclose no volume become shells.
 
     Args:
-        spec: changed in place.
-        message: of MuJoCo.
+        spec: specification, changed in place.
+        message: error message of MuJoCo.
 
     Returns:
-        The change, as text; empty where the error has another cause.
+        The change, as text; empty if the error has another cause.
     """
     text = " ".join(message.split())
     if "A + B >= C" in text and not spec.compiler.balanceinertia:
@@ -46,7 +46,7 @@ def with_possible_inertias(spec: mujoco.MjSpec, message: str) -> str:
 
 
 def minimum_mass(remarks: Iterable[str]) -> float:
-    """Return the mass in [kg] that massless bodies were given, according to the remarks; 0 if none was."""
+    """Return the mass in [kg] assigned to massless bodies, according to the remarks; 0 if there are none."""
     return MIN_MASS if any("boundmass" in remark for remark in remarks) else 0.0
 
 
@@ -58,14 +58,14 @@ ASSETS = {"meshes": "meshes", "textures": "textures", "height fields": "hfields"
 
 
 def without_missing(spec: mujoco.MjSpec, message: str) -> str:
-    """Leave out the assets of the kind whose file MuJoCo did not find.
+    """Omit the assets of the kind whose file MuJoCo does not find.
 
     Args:
-        spec: changed in place.
-        message: of MuJoCo.
+        spec: specification, changed in place.
+        message: error message of MuJoCo.
 
     Returns:
-        What was left out, as text; empty where the error names no file of an asset.
+        The omitted assets, as text; empty if the error names no file of an asset.
     """
     match = _FILE.search(message)
     if not match:
@@ -86,7 +86,7 @@ def _files(asset: Any) -> list[str]:
 
 
 def _same_file(missing: str, name: str) -> bool:
-    # MuJoCo writes package:///part.stl of URDF files with one slash
+    # MuJoCo shortens package:///part.stl in URDF files to one slash
     path, asset = (re.sub(r"[\\/]+", "/", text) for text in (missing, name))
     return path.endswith(asset.lstrip("./"))
 
@@ -103,7 +103,7 @@ def _detach(spec: mujoco.MjSpec, kind: str) -> None:
 
 
 def _no_shapes(spec: mujoco.MjSpec, geoms: Sequence[Any]) -> None:
-    """Replace geoms by points without contacts; bodies whose mass they gave get a placeholder inertia."""
+    """Replace geoms by points without contacts; bodies with mass from geoms get a placeholder inertia."""
     for geom in geoms:
         body = geom.parent
         geom.type = mujoco.mjtGeom.mjGEOM_SPHERE

@@ -1,8 +1,8 @@
-"""Loops of URDF files, which URDF itself lacks: read from the dialects in use, closed by equalities of sites.
+"""Loops of URDF files: read from dialects of URDF, which has no loops, and closed by equalities of sites.
 
 Dialects in the file: a link with two parents, `<loop>` of URDF+, `<loop_joint>` of Isaac Sim,
 `<drake:ball_constraint>` and `<drake:linear_bushing_rpy>` of Drake, and `<gazebo><joint>` of Gazebo. A
-sidecar file in YAML has the form of Gepetto's collection of parallel robots, or of scikit-robot.
+YAML sidecar file has the form of Gepetto's collection of parallel robots, or of scikit-robot.
 """
 
 import os
@@ -21,7 +21,7 @@ from mechsim.simulation.mjcf_reader.coordinates import did_you_mean
 
 Element = ElementTree.Element
 Kind = Literal["point", "hinge", "weld"]
-# joint types of all dialects -> what the closure holds together
+# joint types of all dialects -> kind of the closure
 KINDS: dict[str, Kind] = {
     "spherical": "point",
     "ball": "point",
@@ -32,7 +32,7 @@ KINDS: dict[str, Kind] = {
     "fixed": "weld",
     "6d": "weld",
 }
-# distance of the two points of a hinge closure along its axis, in [m]
+# distance in [m] between the two points of a hinge closure along its axis
 HINGE_LENGTH = 0.1
 ROOT = "world"
 
@@ -52,13 +52,13 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class LoopClosure:
-    """Two frames that a loop joint holds together.
+    """Two frames that a loop joint connects.
 
     Attributes:
-        name: of the joint.
+        name: name of the joint.
         kind: "point" (spherical), "hinge" (revolute about `axis`) or "weld".
         a, b: the frames.
-        axis: of a hinge, in both frames.
+        axis: axis of a hinge, in both frames.
     """
 
     name: str
@@ -73,10 +73,10 @@ class UrdfTree:
     """The tree of a URDF file.
 
     Attributes:
-        path: of the file.
-        root: its element.
-        parents: link -> joint element, parent link, and pose in it; of the first joint that names the link.
-        second: joints to links that have a parent already.
+        path: path of the file.
+        root: root element of the file.
+        parents: link -> joint element, parent link and pose in it, for the first joint that names the link.
+        second: joints to links that already have a parent.
     """
 
     path: str
@@ -88,7 +88,7 @@ class UrdfTree:
         return InputError(f"{self.path}: {message}")
 
     def require_link(self, name: str, joint: str) -> str:
-        """Return a link's name; raise InputError where the file has no such link."""
+        """Return the name of a link; raise InputError if the file has no such link."""
         links = [link.get("name", "") for link in self.root.findall("link")]
         if name not in links:
             raise self.error(
@@ -97,7 +97,7 @@ class UrdfTree:
         return name
 
     def moving(self, frame: Frame) -> Frame:
-        """Return a frame on the link that a chain of fixed joints fixes it to; the root is the world."""
+        """Return a frame on the link to which fixed joints attach it; the root is the world."""
         while frame.link in self.parents:
             joint, pose = self.parents[frame.link]
             if joint.get("type") != "fixed":
@@ -106,28 +106,28 @@ class UrdfTree:
         return Frame(ROOT, frame.position, frame.rotation)
 
     def fixed_to(self, link: str, placed: Frame) -> Frame:
-        """Return the frame on a link that stands at a frame in the root link where all joints are at zero."""
+        """Return the frame on a link that coincides with a frame in the root link at zero joint values."""
         own = self.in_root(Frame(link))
         return Frame(
             link, own.rotation.T @ (placed.position - own.position), own.rotation.T @ placed.rotation
         )
 
     def in_root(self, frame: Frame) -> Frame:
-        """Return a frame in the root link where all joints stand at zero."""
+        """Return a frame in the root link at zero joint values."""
         while frame.link in self.parents:
             frame = self.parents[frame.link][1].then(frame.position, frame.rotation)
         return frame
 
 
 def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | None:
-    """Return the specification of a URDF file with its loops closed; None for a file without loops, or MJCF.
+    """Return the specification of a URDF file with closed loops; None for MJCF or a file without loops.
 
     Args:
-        path: of the file.
+        path: path of the file.
         loops: path of a sidecar file with loop closures.
 
     Raises:
-        InputError: for a loop joint that cannot be read, with file, joint and remedy.
+        InputError: if a loop joint cannot be read, with file, joint and remedy.
     """
     tree = _read(path)
     if tree is None:
@@ -153,7 +153,7 @@ def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | N
 
 
 def _read(path: str) -> UrdfTree | None:
-    """Return the tree of a URDF file; None for other files, whose errors MuJoCo reports."""
+    """Return the tree of a URDF file; None for other files, for which MuJoCo reports errors."""
     try:
         with open(path, encoding="utf-8-sig") as file:
             text = file.read()
@@ -161,7 +161,7 @@ def _read(path: str) -> UrdfTree | None:
         return None
     if "<robot" not in text:
         return None
-    # Drake's elements have a prefix that few files declare
+    # few files declare the prefix of Drake's elements
     text = re.sub(r"(</?)drake:", r"\1drake_", text)
     try:
         root = ElementTree.fromstring(re.sub(r"\bxmlns(:\w+)?=\"[^\"]*\"", "", text))
@@ -224,7 +224,7 @@ def _drake_balls(tree: UrdfTree) -> Iterator[LoopClosure]:
 
 
 def _drake_bushings(tree: UrdfTree) -> Iterator[LoopClosure]:
-    """Yield the joints that bushings stand for: stiff against displacement, and about stiff axes."""
+    """Yield the joints equivalent to bushings: stiff against displacement and about their stiff axes."""
     for number, bushing in enumerate(tree.root.findall("drake_linear_bushing_rpy"), 1):
         name = f"bushing{number}"
         frames = [
@@ -242,7 +242,7 @@ def _drake_bushings(tree: UrdfTree) -> Iterator[LoopClosure]:
 
 
 def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
-    """Yield the joints of SDFormat in URDF: their pose is in the child's frame, where the file starts."""
+    """Yield the SDFormat joints in URDF; their pose is in the child's frame at the initial configuration."""
     for joint in tree.root.findall("gazebo/joint"):
         name = joint.get("name", "")
         parent, child = (
@@ -271,7 +271,7 @@ DIALECTS: tuple[Callable[[UrdfTree], Iterator[LoopClosure]], ...] = (
 
 @dataclass(frozen=True)
 class JointChanges:
-    """Joints that a sidecar file makes spherical, universal or fixed, and those with a motor."""
+    """Joints that a sidecar file changes to spherical, universal or fixed, and joints with a motor."""
 
     kinds: Mapping[str, str] = field(default_factory=dict[str, str])
     motors: tuple[str, ...] = ()
@@ -304,7 +304,7 @@ class JointChanges:
 
 
 def _sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges]:
-    """Read a sidecar file by its first list: `closed_loop` of Gepetto, `closures` of scikit-robot."""
+    """Read a sidecar file with the list `closed_loop` of Gepetto or `closures` of scikit-robot."""
     with needs("robots"):
         import yaml
     try:
@@ -326,7 +326,7 @@ def _sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges
 def _scikit_robot(
     tree: UrdfTree, path: str, content: Mapping[str, Any]
 ) -> tuple[list[LoopClosure], JointChanges]:
-    """Read hinges between two links, whose point and axis are in the root frame with all joints at zero."""
+    """Read hinges between two links; their point and axis are in the root frame at zero joint values."""
     closures: list[LoopClosure] = []
     for number, entry in enumerate(content["closures"], 1):
         name = f"closure{number}"
@@ -342,14 +342,14 @@ def _scikit_robot(
             tree.fixed_to(tree.require_link(str(entry[key]), name), Frame("", point))
             for key in ("link_a", "link_b")
         ]
-        # both frames are parallel to the root frame at zero
+        # both frames are parallel to the root frame at zero joint values
         closures.append(LoopClosure(name, "hinge", sides[0], sides[1], axis / length))
     motors = tuple(map(str, _list_of(content, "independent", path)))
     return closures, JointChanges(motors=motors)
 
 
 def _gepetto(tree: UrdfTree, path: str, content: Mapping[str, Any]) -> tuple[list[LoopClosure], JointChanges]:
-    """Read pairs of frames in `closed_loop`, with a `type` each of 3d or 6d."""
+    """Read pairs of frames in `closed_loop`, each with a `type` of 3d or 6d."""
     pairs: list[Any] = content["closed_loop"]
     types = _list_of(content, "type", path) or ["6d"] * len(pairs)
     if len(types) != len(pairs) or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
@@ -373,7 +373,7 @@ def _gepetto(tree: UrdfTree, path: str, content: Mapping[str, Any]) -> tuple[lis
 
 
 def _list_of(content: Mapping[str, Any], key: str, path: str) -> list[Any]:
-    """Return a list of a sidecar file; empty where it has none."""
+    """Return a list of a sidecar file; empty if it has none."""
     value = content.get(key) or []
     if not isinstance(value, list):
         raise InputError(f"{path}: {key} is {value!r}; write a list, as {key}: [NAME]")
@@ -388,7 +388,7 @@ SIDECARS: dict[str, Callable[..., tuple[list[LoopClosure], JointChanges]]] = {
 
 
 def _named_frame(tree: UrdfTree, name: str, joint: str) -> Frame:
-    """Return a frame by its name: a `<frame>` of Drake, a link, or the fixed joint that places one."""
+    """Return a frame by its name: a `<frame>` of Drake, a link, or the fixed joint that places a link."""
     for frame in tree.root.findall("frame"):
         if frame.get("name") == name:
             return _pose(tree, tree.require_link(frame.get("link", ""), joint), frame)
@@ -426,7 +426,7 @@ def _child(element: Element, tag: str) -> Element:
 
 
 def _pose(tree: UrdfTree, link: str, origin: Element | None) -> Frame:
-    """Return the frame that the attributes xyz and rpy of an element place on a link."""
+    """Return the frame on a link at the attributes xyz and rpy of an element."""
     if origin is None:
         return Frame(link)
     position, angles = (_numbers(tree, link, origin.get(key) or "0 0 0") for key in ("xyz", "rpy"))

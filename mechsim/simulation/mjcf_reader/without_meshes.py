@@ -1,26 +1,26 @@
-"""Specifications without meshes, which compile in milliseconds, for work that needs no shape."""
+"""Specifications without meshes, which compile in milliseconds, for computations without geometry."""
 
 import mujoco
 import numpy as np
 
 from mechsim.simulation.mjcf_reader.repairs import PLACEHOLDER_INERTIA, PLACEHOLDER_MASS
 
-# smallest half-length of a box in place of a mesh, in [m]
+# minimum half-length in [m] of a box in place of a mesh
 MIN_HALF_LENGTH = 1e-6
 FROM_GEOMS = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE)
 FROM_FILE = int(mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO)
 
 
 def has_replaceable_meshes(spec: mujoco.MjSpec) -> bool:
-    """Whether a specification has meshes, and compiling keeps all its bodies."""
+    """Return whether a specification has meshes, and compilation keeps all its bodies."""
     return bool(spec.meshes) and not spec.compiler.fusestatic
 
 
 def remove_meshes(spec: mujoco.MjSpec) -> list[int]:
-    """Delete the meshes of a specification that was not compiled yet, and return their geoms' indices.
+    """Delete the meshes of a specification before it is compiled, and return the indices of their geoms.
 
-    A geom becomes a point; a body whose inertia came from its geoms has a placeholder until
-    `copy_shapes` gives it the one of the compiled model.
+    Each geom becomes a point. A body with inertia from its geoms gets a placeholder inertia, which
+    `copy_shapes` replaces by that of the compiled model.
     """
     geoms = [number for number, geom in enumerate(spec.geoms) if geom.meshname]
     elements = list(spec.geoms)
@@ -39,9 +39,9 @@ def remove_meshes(spec: mujoco.MjSpec) -> list[int]:
 
 
 def copy_shapes(spec: mujoco.MjSpec, model: mujoco.MjModel, geoms: list[int]) -> None:
-    """Give a specification without meshes the inertias of the model with meshes, and boxes as large.
+    """Copy the inertias of a model with meshes to a specification without, and add boxes of equal size.
 
-    Where the compiler discarded visual geoms there are no boxes.
+    There are no boxes if the compiler discards visual geoms.
     """
     elements, bodies = list(spec.geoms), list(spec.bodies)
     changed = {elements[number].parent.id for number in geoms if not elements[number].parent.explicitinertial}

@@ -1,4 +1,4 @@
-"""Certificate of a motion: its segments proven, joined, and what could not be proven, with the reason."""
+"""Certificate of a motion: proven segments, their joins, and intervals without a proof, with the reason."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -27,36 +27,37 @@ from mechsim.subjects.readers import load, open_model, parametric_model
 if TYPE_CHECKING:
     from mechsim.subjects.readers import Model
 
-# segments at first of a radian of the path parameter; the shortest, relative to the range; and the most
+# initial segments per radian of the path parameter; minimum half-length of a segment relative to the range;
+# maximum number of segments
 FIRST_PER_UNIT, SHORTEST, MAX_SEGMENTS = 20, 1e-9, 200_000
-# tests in a row that fail at a single driver position: shorter segments do not help
+# successive tests that fail even at a single driver position, after which a segment is not halved again
 MAX_MISSES = 4
-# half length of segments, relative to the range, from which on they are tested so
+# half-length relative to the range below which failed segments are also tested at a single driver position
 COARSE = 1e-3
-# accuracy of interpolated configurations, in radians and parts of the characteristic length
+# accuracy of interpolated configurations, in [rad] or characteristic lengths
 COMPUTED = 1e-9
-# intervals without proof in which singular points are sought
+# maximum number of intervals without proof that are searched for singular points
 MAX_SINGULAR = 20
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What interval arithmetic proves of a motion.
+    """Result of an interval proof of a motion.
 
     Attributes:
-        name: of the mechanism.
-        certified: whether over the whole range exactly one configuration lies in the tube, the Jacobian is
+        name: name of the mechanism.
+        certified: whether, over the whole range, exactly one configuration lies in the tube, the Jacobian is
             regular there, and neighbouring segments join.
-        reason: why it is not certified; empty if it is.
-        range: of the crank angle in [rad], or of the time in [s] under motion laws, from and to.
-        segments: number of segments proven.
-        proven: part of the range that they cover.
+        reason: reason why the motion is not certified; empty if it is.
+        range: lower and upper end of the crank angle in [rad], or of the time in [s] under motion laws.
+        segments: number of proven segments.
+        proven: fraction of the range that they cover.
         singular: singular points of the motion.
         min_singular_value: lower bound of the smallest singular value of the Jacobian on the proven segments,
-            in radians and parts of the characteristic length.
-        tube: largest half-width of the tube in which the configuration lies, in the same units.
-        equations: number of equations that are solved; others hold identically.
-        unit: of range and singular points, "rad" or "s".
+            in radians and characteristic lengths.
+        tube: largest half-width of the tube that contains the configuration, in the same units.
+        equations: number of solved equations; the others hold identically.
+        unit: unit of range and singular points, "rad" or "s".
     """
 
     name: str
@@ -76,7 +77,7 @@ class Certificate:
 
     @property
     def summary(self) -> str:
-        """What is proven, or why nothing is, in one sentence."""
+        """The proven statement, or the reason for a failure, in one sentence."""
         low, high = self.range
         if not self.certified:
             return f"not certified from {low:.4g} to {high:.4g} {self.unit}: {self.reason}"
@@ -96,9 +97,9 @@ def certified_motion(
     """Return the certificate of a motion.
 
     Args:
-        solver: of the mechanism.
-        between: range of the path parameter; None for all of it.
-        radii: half-widths of the mechanism's dimensions, as in `ClosureEquations`; None for none.
+        solver: solver of the mechanism.
+        between: range of the path parameter; None for the whole range.
+        radii: half-widths of the mechanism's dimensions, as in `ClosureEquations`; None for exact dimensions.
     """
     if between is not None and not between[0] < between[1]:
         raise InputError(f"the range {between[0]:g} to {between[1]:g} rad is empty; give from < to")
@@ -134,7 +135,7 @@ def certified_motion(
 
 
 def _in_time(proof: Certificate, motion: ComputedMotion) -> Certificate:
-    """Return a certificate whose range is in [s] if motion laws drive."""
+    """Return the certificate with its range in [s] if the drivers follow motion laws."""
     laws = motion.motion_laws
     return replace(
         proof,
@@ -152,7 +153,7 @@ def _uncertified(name: str, between: tuple[float, float], reason: str, equations
 
 
 def proven_segments(motion: ComputedMotion) -> tuple[Segments, list[tuple[float, float]]]:
-    """Return the segments that are proven, and the intervals on which none is, in ascending order."""
+    """Return the proven segments, and the intervals without a proof, in ascending order."""
     count = max(2, int(np.ceil(FIRST_PER_UNIT * (motion.high - motion.low))))
     edges = np.linspace(motion.low, motion.high, count + 1)
     guess = motion.configurations(0.5 * (edges[:-1] + edges[1:]))
@@ -180,7 +181,7 @@ def proven_segments(motion: ComputedMotion) -> tuple[Segments, list[tuple[float,
 
 
 def _merged(intervals: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return intervals in ascending order, those that touch as one."""
+    """Return intervals in ascending order; adjacent intervals are merged."""
     merged: list[tuple[float, float]] = []
     for low, high in sorted(intervals):
         if merged and low <= merged[-1][1]:
@@ -217,7 +218,7 @@ def _certificate(
 def _singular_points(
     motion: ComputedMotion, rest: list[tuple[float, float]], ends: list[float]
 ) -> tuple[SingularPoint, ...]:
-    """Return singular points in the intervals that are not proven and where the motion ends."""
+    """Return the singular points in the intervals without a proof and at the ends of the motion."""
     if len(rest) > MAX_SINGULAR:
         return ()
     approximate = [
@@ -240,7 +241,7 @@ def _reason(
     joins: Bools,
     singular: tuple[SingularPoint, ...],
 ) -> str:
-    """Return why a motion is not certified; empty if it is."""
+    """Return the reason why a motion is not certified; empty if it is."""
     enclosed = [point for point in singular if np.isfinite(point.width)]
     if singular and len(enclosed) == len(singular):
         labels = ", ".join(f"{point.parameter:.9g} ({point.kind})" for point in singular)
@@ -259,7 +260,7 @@ def _reason(
 
 
 def _about_computed_motion(motion: ComputedMotion, segments: Segments) -> bool:
-    """Return whether the computed configurations lie in the tubes, to `COMPUTED`."""
+    """Return whether the computed configurations lie in the tubes within `COMPUTED`."""
     unknown = np.setdiff1d(motion.equations.unknown, motion.equations.tree.ball_indices)
     computed = motion.configurations(segments.centre).values[:, unknown]
     gaps = np.abs(computed - segments.values[:, unknown]) / motion.equations.tree.units[unknown]
@@ -283,17 +284,17 @@ def certify(
 
     Args:
         model: as `load` takes it.
-        angles: range of the crank angle, as "10:350deg", or its ends as text or in [rad]; None for all
-            that it reaches. Under motion laws the range is all of them.
+        angles: range of the crank angle, as "10:350deg", or its ends as text or in [rad]; None for the whole
+            reachable range. Under motion laws the range is their whole duration.
         within: dimension -> tolerance, as "0.02mm" or in SI; the proof then covers all mechanisms within.
         set: parameter -> its value, as `load` takes it.
-        options: what else `load` takes.
+        options: further arguments of `load`.
 
     Returns:
-        The certificate; what is not proven is not certified, with the reason and the singular points.
+        The certificate; without a complete proof it states the reason and the singular points.
 
     Raises:
-        InputError: for an empty range, an unknown dimension, and as `load`.
+        InputError: if the range is empty or a dimension is unknown, and as in `load`.
 
     Source: Krawczyk (1969); Neumaier, Interval Methods for Systems of Equations (1990), section 5.1.
 

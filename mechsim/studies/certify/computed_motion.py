@@ -1,4 +1,4 @@
-"""The motion that a certificate is about, as coordinates of the loop equations at any path parameter."""
+"""The motion to be certified, in coordinates of the loop equations at any path parameter."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -23,7 +23,7 @@ from mechsim.numerics.balls import OUTWARD, Ball, ball
 from mechsim.numerics.rank import pivot_columns
 from mechsim.studies.certify.loop_equations import ClosureEquations, loop_equations
 
-# configurations at which independent equations are selected
+# number of configurations that determine the independent equations
 SAMPLES = 9
 
 
@@ -32,8 +32,8 @@ class CentreConfigurations:
     """Approximate configurations at n path parameters.
 
     Attributes:
-        values: coordinates in [m] and [rad], ball joints zero, (n, count).
-        quaternions: of each ball joint, frame of side b in that of side a, real part first, (n, balls, 4).
+        values: coordinates in [m] and [rad], zero for ball joints, (n, count).
+        quaternions: rotation of side b relative to side a of each ball joint, real part first, (n, balls, 4).
     """
 
     values: Array
@@ -49,11 +49,11 @@ class ComputedMotion:
     """A motion traced by continuation, in the coordinates of the equations to be certified.
 
     Attributes:
-        path: as traced.
-        motion_laws: of the drivers.
-        equations: to be certified.
-        low, high: path parameters between which it was traced.
-        end_message: why it was not traced over all of the requested range; empty if it was.
+        path: the traced path.
+        motion_laws: motion laws of the drivers.
+        equations: the equations to be certified.
+        low, high: ends of the traced range of the path parameter.
+        end_message: reason why the path does not cover the whole requested range; empty if it does.
     """
 
     path: LoopPath
@@ -75,7 +75,7 @@ class ComputedMotion:
         return rows[0].T, rows[1].T, rows[2].T
 
     def driver_spread(self, centre: Array, half: Array) -> Array:
-        """Return by how much drivers may leave value and tangent of `driven` on segments, (n, driven)."""
+        """Return bounds of the drivers' deviation from the tangents of `driven` on segments, (n, driven)."""
         spread = np.zeros((len(centre), len(self.equations.driven)))
         laws = self.motion_laws
         if laws.crank:
@@ -117,7 +117,7 @@ class ComputedMotion:
         return CentreConfigurations(values.T, quaternions)
 
     def with_independent_rows(self) -> "ComputedMotion":
-        """Return the motion with as many equations as unknowns: those best conditioned at samples of it."""
+        """Return the motion with as many equations as unknowns, selected for best conditioning at samples."""
         equations, unknown = self.equations, self.equations.unknown
         s = np.linspace(self.low, self.high, SAMPLES)
         samples = self.configurations(s)
@@ -134,7 +134,7 @@ def state_in_balls(state: State, time: Ball) -> tuple[Ball, Ball, Ball]:
     """Return value, rate and acceleration of a driver over balls of time, (n,) in [s].
 
     Raises:
-        TypeError, ValueError: for a motion law that cannot be enclosed.
+        TypeError, ValueError: if a motion law cannot be enclosed.
     """
     law: Callable[[Any], tuple[Any, Any, Any]] = state
     value, rate, acceleration = (ball(entry) for entry in law(time))
@@ -170,11 +170,11 @@ def _quaternions(rotation: Array) -> Array:
 def computed_motion(
     solver: KinematicSolver, between: tuple[float, float] | None, radii: Mapping[str, Array]
 ) -> ComputedMotion:
-    """Return the motion of a mechanism over a range of its path parameter, as far as it can be traced.
+    """Return the motion of a mechanism over the traceable part of a range of its path parameter.
 
     Args:
-        solver: of the mechanism.
-        between: path parameters; None for all of its range.
+        solver: solver of the mechanism.
+        between: range of the path parameter; None for the whole range.
         radii: as in `ClosureEquations`.
     """
     if between is not None:
@@ -197,7 +197,7 @@ def computed_motion(
 
 
 def _whole_range(solver: KinematicSolver, path: LoopPath) -> tuple[float, float]:
-    """Return the range of a motion: a period, or as far as the crank reaches from its start."""
+    """Return the range of a motion: a period, or the reachable interval of the crank about its start."""
     start, period = path.initial, solver.period
     if not solver.motion_laws.crank:
         return 0.0, period

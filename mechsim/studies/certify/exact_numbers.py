@@ -1,7 +1,7 @@
 """Exact numbers for proofs that an equation holds identically: rational constants and unknown values.
 
-An array of these is a numpy array of objects. A product with an exact zero is an exact zero whatever the
-other factor is, so that an equation of a planar linkage across its plane evaluates to zero exactly.
+Arrays of these numbers are numpy arrays of objects. A product with an exact zero is an exact zero for any
+other factor, so that the equations of a planar linkage normal to its plane evaluate to zero exactly.
 """
 
 from fractions import Fraction
@@ -14,7 +14,7 @@ ExactArray = NDArray[np.object_]
 
 
 class Unknown:
-    """A number of which nothing is known."""
+    """A number with an unknown value."""
 
     def _combined(self, _: object) -> "Unknown":
         return self
@@ -34,7 +34,7 @@ UNKNOWN = Unknown()
 
 
 def rational(values: ArrayLike, radius: ArrayLike = 0.0) -> ExactArray:
-    """Return floating-point numbers as fractions; those with a radius above zero are unknown."""
+    """Return floating-point numbers as fractions; numbers with a radius above zero are unknown."""
     numbers, radii = np.broadcast_arrays(np.asarray(values, dtype=np.float64), radius)
     entries: list[Any] = [
         UNKNOWN if rad > 0.0 else Fraction(float(number))
@@ -53,7 +53,7 @@ def unknown(*shape: int) -> ExactArray:
 
 
 def unit_vector(vector: ExactArray) -> ExactArray:
-    """Return a column (3, 1) divided by its length: exact if it lies along an axis of coordinates."""
+    """Return a column (3, 1) divided by its length; it is exact along a coordinate axis."""
     nonzero = [value for value in vector.ravel() if value != 0]
     alone = len(nonzero) == 1 and nonzero[0] is not UNKNOWN
     entries = [

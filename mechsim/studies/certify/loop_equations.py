@@ -1,8 +1,8 @@
-"""Loop equations of a mechanism on any kind of number: balls, balls with derivatives, exact numbers.
+"""Loop equations of a mechanism for several number types: balls, balls with derivatives, exact numbers.
 
-The equations are those of `analytic.loops.constraints`, written once more for interval arithmetic. Vectors
-are columns (..., 3, 1), frames (..., 3, 3). A rod between two ball joints, which spins freely, is left out:
-what remains of it is the distance between its ends.
+The equations are those of `analytic.loops.constraints`, in a second version for interval arithmetic. Vectors
+are columns (..., 3, 1), frames (..., 3, 3). A rod between two ball joints, which spins freely, is replaced by
+the distance between its ends.
 """
 
 from collections.abc import Mapping
@@ -25,24 +25,24 @@ from mechsim.studies.certify.exact_numbers import rational, unit_vector, unknown
 
 # a ball, a ball with derivatives, or an array of exact numbers
 Number = Any
-# matrices of which a rotation about z is the sum: constant, times cosine, times sine
+# a rotation about z is CONSTANT plus cosine and sine times matrices
 CONSTANT = np.diag([0, 0, 1])
 COSINE = np.diag([1, 1, 0])
 SINE = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]])
 NEXT, BEFORE = [1, 2, 0], [2, 0, 1]
 RIGHT_ANGLE = np.pi / 2
-# largest distance of axes from the centre of a spherical linkage, in parts of its size: rounding
+# largest distance of axes from the centre of a spherical linkage, relative to its size, due to rounding
 CONCENTRIC = 1e-15
 
 
 @dataclass(frozen=True)
 class Rod:
-    """A link between two ball joints, of which only the distance between their points counts.
+    """A link between two ball joints, represented by the distance between their points.
 
     Attributes:
-        ends: the points on the links that it joins, as JOINT.a or JOINT.b.
-        own: the points on the rod, likewise.
-        sides: index of those links in the tree; -1 is the ground.
+        ends: points on the connected links, as JOINT.a or JOINT.b.
+        own: points on the rod, as JOINT.a or JOINT.b.
+        sides: indices of the connected links in the tree; -1 is the ground.
     """
 
     ends: tuple[str, str]
@@ -52,10 +52,10 @@ class Rod:
 
 @dataclass(frozen=True)
 class Placed:
-    """Links at some coordinates, and the unit twists of these.
+    """Link poses at given coordinates, and the unit twists of the coordinates.
 
     Attributes:
-        rotation, position: of each link, the ground last; (..., 3, 3) and (..., 3, 1).
+        rotation, position: pose of each link, the ground last, (..., 3, 3) and (..., 3, 1).
         linear, angular: velocity at the ground's origin and angular velocity, (..., 3, count).
     """
 
@@ -70,11 +70,11 @@ class ClosureEquations:
     """Loop equations of a mechanism without its rods.
 
     Attributes:
-        tree: of the mechanism without its rods.
-        rods: what was left out.
-        rod_joints: ball joints of these.
-        turn_offsets: of each coupling, the whole turns between its sides, in revolutions.
-        radii: JOINT.a or JOINT.b -> radii of point, axis and mark, (3, 3), for mechanisms within tolerances.
+        tree: spanning tree of the mechanism without its rods.
+        rods: the omitted rods.
+        rod_joints: ball joints of the rods.
+        turn_offsets: whole revolutions between the two sides of each coupling.
+        radii: JOINT.a or JOINT.b -> radii of point, axis and reference direction, (3, 3), for tolerances.
         selected: indices of the equations to solve; None for all that do not hold identically.
     """
 
@@ -97,7 +97,7 @@ class ClosureEquations:
 
     @cached_property
     def driven(self) -> list[int]:
-        """Indices of the prescribed coordinates: drivers, then locked ones."""
+        """Indices of the prescribed coordinates: drivers, then locked coordinates."""
         mechanism = self.tree.mechanism
         return [self.tree.index_of[name] for name in (*mechanism.drivers, *mechanism.locked)]
 
@@ -132,8 +132,8 @@ class ClosureEquations:
         """Return residuals (..., kept, 1) and Jacobians by the coordinates in their units (..., kept, count).
 
         Args:
-            q: coordinates in [m] and [rad], those of ball joints as Cayley vectors, (..., count, 1).
-            turns: frame of side b in that of side a of each ball joint at the vector zero, (..., 3, 3).
+            q: coordinates in [m] and [rad], Cayley vectors for ball joints, (..., count, 1).
+            turns: rotation of side b relative to side a of each ball joint at the zero vector, (..., 3, 3).
         """
         constants = self.balls
         placed = placed_links(self.tree, constants, q, turns)
@@ -145,7 +145,7 @@ class ClosureEquations:
         return residual[..., self.kept, :], jacobian[..., self.kept, :]
 
     def _rod_equation(self, rod: Rod, placed: Placed) -> tuple[Number, Number]:
-        """Return half the difference of squared distances, divided by length and size."""
+        """Return half the difference of squared distances, divided by the rod's length and the size."""
         points = [
             placed.position[side] + placed.rotation[side] @ self.balls.point(end)
             for side, end in zip(rod.sides, rod.ends, strict=True)
@@ -170,7 +170,7 @@ class Constants:
     Attributes:
         sides: joint -> points (3, 1) and frames (3, 3) of its sides a and b.
         angles: joint -> cosine and sine of the angle between crossed axes, (1, 1) each.
-        equations: whose they are.
+        equations: the equations with these constants.
     """
 
     sides: dict[str, tuple[Number, Number, Number, Number]]
@@ -218,14 +218,14 @@ def _unit_ball(vector: Ball) -> Ball:
 
 
 def joint_frame(axis: Number, reference: Number, unit: Any) -> Number:
-    """Return the frame (3, 3) of a joint side: mark, axis x mark, axis."""
+    """Return the frame (3, 3) of a joint side: reference direction, axis x reference direction, axis."""
     z = unit(axis)
     x = unit(reference - z * (z.T @ reference))
     return joined([x, cross(z, x), z], -1)
 
 
 def joined(matrices: list[Number], axis: int) -> Number:
-    """Return arrays of any kind of number joined along an axis."""
+    """Return arrays of any number type concatenated along an axis."""
     if isinstance(matrices[0], np.ndarray):
         return np.concatenate(matrices, axis)
     dual = any(isinstance(matrix, DualBall) for matrix in matrices)
@@ -238,7 +238,7 @@ def cross(a: Number, b: Number) -> Number:
 
 
 def relative_motion(tree: SpanningTree, sides: tuple[int, int]) -> Array:
-    """Return what makes of unit twists the motion of side b relative to a, in units, (count, count)."""
+    """Return the matrix from unit twists to the motion of side b relative to side a, (count, count)."""
     zero = np.zeros(tree.count)
     a, b = (zero if side < 0 else tree.moved_by[side] for side in sides)
     return np.diag((b - a) * tree.units)
@@ -256,7 +256,7 @@ def _about_z(angle: Number) -> Number:
 def _cayley(vector: Number, start: Number) -> tuple[Number, Number]:
     """Return the rotation of a ball joint, and the angular velocities of the vector's components.
 
-    The rotation is (I - A)^-1 (I + A) times the start, A being the cross-product matrix of half the vector.
+    The rotation is (I - A)^-1 (I + A) times the start; A is the cross-product matrix of half the vector.
     """
     half = vector * 0.5
     skew = joined([cross(half, np.eye(3)[:, i : i + 1]) for i in range(3)], -1)
@@ -267,7 +267,7 @@ def _cayley(vector: Number, start: Number) -> tuple[Number, Number]:
 def _relative_rotation(
     branch: TreeJoint, constants: Constants, q: Number, initial: Number
 ) -> tuple[Number, Number | None]:
-    """Return the frame of side b in that of side a; and of a ball joint what its components rotate by."""
+    """Return the frame of side b in side a, and for a ball joint the angular velocities of its components."""
     name, first = branch.joint.name, branch.first_angle
     if branch.kind.ball:
         if isinstance(initial, np.ndarray):
@@ -288,7 +288,7 @@ def _relative_rotation(
 def placed_links(
     tree: SpanningTree, constants: Constants, q: Number, turns: list[Number], with_twists: bool = True
 ) -> Placed:
-    """Return links and unit twists at coordinates; see `ClosureEquations.evaluate`."""
+    """Return link poses and unit twists at coordinates; see `ClosureEquations.evaluate`."""
     count = len(tree.branches)
     start = np.eye(3, dtype=np.int64)
     rotation: list[Number] = [start] * (count + 1)
@@ -317,7 +317,7 @@ def placed_links(
         rotation[child] = joint_at_child @ child_frame.T
         position[child] = centre - rotation[child] @ child_point
         if with_twists:
-            # axes pass through side b's point
+            # the axes pass through the point of side b
             through = centre if branch.forward else position[parent] + rotation[parent] @ parent_point
             _add_twists(branch, side_a, side_b, through, components, linear, angular)
     if not with_twists or not linear:
@@ -334,7 +334,7 @@ def _add_twists(
     linear: list[Number],
     angular: list[Number],
 ) -> None:
-    """Fill in the unit twists of a joint's coordinates, as its far link moves."""
+    """Fill in the unit twists of a joint's coordinates, for the motion of its outer link."""
     k = branch.first
     for axis in branch.kind.slides:
         column = COLUMN[axis]
@@ -364,7 +364,7 @@ def _cut_frames(cut: Cut, constants: Constants, placed: Placed) -> tuple[Number,
 
 
 def cut_residual(cut: Cut, constants: Constants, placed: Placed) -> Number:
-    """Return the residuals of a joint that closes a loop, (..., rows, 1) in parts of the size and radians."""
+    """Return the residuals of a loop-closing joint, (..., rows, 1) in characteristic lengths or [rad]."""
     point_a, side_a, point_b, side_b = _cut_frames(cut, constants, placed)
     rows: list[Number] = []
     if cut.lengths:
@@ -415,10 +415,10 @@ TWO_PI = Ball(np.array([[2.0 * np.pi]]), np.array([[3e-16]]))
 def loop_equations(
     mechanism: Mechanism, turn_offsets: tuple[float, ...], radii: Mapping[str, Array]
 ) -> ClosureEquations:
-    """Return the loop equations of a mechanism, its freely spinning rods replaced by distances.
+    """Return the loop equations of a mechanism, with distances in place of freely spinning rods.
 
     Raises:
-        AssemblyError: for links that no chain of joints leads to without the rods.
+        AssemblyError: if a link is disconnected from the ground without the rods.
     """
     rods = {
         link.name: [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]
@@ -438,7 +438,7 @@ def loop_equations(
             points={name: location for name, location in mechanism.points.items() if location[0] not in rods},
             guess={name: pose for name, pose in mechanism.guess.items() if name not in rods},
         )
-    # axes that change move the points of a spherical linkage
+    # with tolerances, the points of a spherical linkage depend on its axes
     mechanism = mechanism if radii else concentric(mechanism)
     tree = spanning_tree(mechanism)
     index = {**tree.index, GROUND: -1}
@@ -452,9 +452,10 @@ def loop_equations(
 
 
 def concentric(mechanism: Mechanism) -> Mechanism:
-    """Return a spherical linkage with all joints in one point, moved along their axes; others as they are.
+    """Return a spherical linkage with all joint points moved along their axes to one point.
 
-    It is one if all joints are revolute and their axes pass the origins of their links within `CONCENTRIC`.
+    A linkage is spherical if all joints are revolute and their axes pass the origins of their links within
+    `CONCENTRIC`. Other mechanisms are returned unchanged.
     """
     moved: list[Joint] = []
     for joint in mechanism.joints:

@@ -1,9 +1,9 @@
 """Krawczyk tests over segments of a motion.
 
-On a segment the tube is the line q0 + q' (s - s0) with a half-width. The test proves that for each parameter
-s of the segment, each driver position and each mechanism in their intervals exactly one solution lies in the
-tube, and that the Jacobian is regular in all of it (Krawczyk 1969; Neumaier, Interval Methods for Systems of
-Equations, 1990, section 5.1).
+On a segment the tube is the line q0 + q' (s - s0) with a half-width. The test covers each parameter s of the
+segment, and each driver position and each mechanism in their intervals. It proves that exactly one solution
+lies in the tube, and that the Jacobian is regular in the whole tube (Krawczyk 1969; Neumaier, Interval
+Methods for Systems of Equations, 1990, section 5.1).
 """
 
 from dataclasses import dataclass, fields, replace
@@ -18,16 +18,17 @@ from mechsim.studies.certify.computed_motion import CentreConfigurations, Comput
 from mechsim.studies.certify.loop_equations import ClosureEquations, Number, joined
 
 Bools = NDArray[np.bool_]
-# half-width of a tube relative to the way of the coordinates over the segment, and to the effect of residual
-# and tolerances on each coordinate, with a part of the largest effect
+# the half-width of a tube is the sum of: a fraction of the displacement of the coordinates over the segment;
+# a multiple of the effect of residual and tolerances on each coordinate, to which a fraction of the largest
+# effect is added; and a minimum
 WIDTH_BY_RATE, WIDTH_BY_RESIDUAL, OF_LARGEST, MIN_WIDTH = 0.3, 3.0, 0.1, 1e-14
-# times that a proven enclosure is contracted by the test
+# number of times that the test contracts a proven enclosure
 CONTRACTIONS = 20
-# most Newton iterations that correct a segment's centre
+# maximum number of Newton iterations for the centre of a segment
 CORRECTIONS = 4
-# correction in radians or parts of the characteristic length below which a centre stays,
+# corrections of a centre below this limit in [rad] or characteristic lengths,
 CORRECTED = 1e-13
-# and relative to the way of the coordinates over the segment
+# plus this fraction of the displacement of the coordinates over the segment, are not applied
 CORRECTED_SHARE = 3e-3
 
 
@@ -40,13 +41,13 @@ class Segments:
         centre: parameter about which the tube is a line, (n,).
         half: largest distance from the centre, rounded up, (n,).
         values: coordinates at the centre in [m] and [rad], (n, count).
-        quaternions: of ball joints at the centre, (n, balls, 4).
-        rate: of the unknown coordinates by the parameter, (n, u).
-        width: half-width in which the solution is unique, (n, u).
-        enclosure: half-width in which it is proven to lie, (n, u).
+        quaternions: quaternions of ball joints at the centre, (n, balls, 4).
+        rate: derivatives of the unknown coordinates by the parameter, (n, u).
+        width: half-width of the tube in which the solution is unique, (n, u).
+        enclosure: half-width of the tube that is proven to contain the solution, (n, u).
         singular_value: lower bound of the Jacobian's smallest singular value, (n,).
         proven: whether the test succeeded, (n,).
-        misses: tests in a row that failed at the centre alone too, of it and what it was halved from, (n,).
+        misses: successive tests of the segment and its predecessors that failed even at the centre, (n,).
     """
 
     low: Array
@@ -82,11 +83,11 @@ class Tubes:
     Attributes:
         half: largest distance of the parameter from the centre, (n,).
         start: configurations at the centres.
-        driven_rate: of the prescribed coordinates, (n, driven, 1), as balls.
-        spread: by how much these may leave their tangents in [m] and [rad], (n, driven).
+        driven_rate: rates of the prescribed coordinates, (n, driven, 1), as balls.
+        spread: bounds of their deviation from the tangents in [m] and [rad], (n, driven).
         inverse: approximate inverse of the Jacobian at the centre, (n, u, u).
         correction: the inverse times the residual at the centre, (n, u, 1), as balls.
-        rate: of the unknown coordinates, (n, u, 1).
+        rate: rates of the unknown coordinates, (n, u, 1).
         width: half-width, (n, u, 1).
     """
 
@@ -102,14 +103,14 @@ class Tubes:
 
 @dataclass(frozen=True)
 class Centres:
-    """Corrected centres of tubes, and the equations linearised there.
+    """Corrected centres of tubes, with the linearised equations.
 
     Attributes:
         start: configurations.
-        residual: of the equations, (n, u, 1), as balls.
+        residual: residuals of the equations, (n, u, 1), as balls.
         inverse: approximate inverse of the Jacobian, (n, u, u).
         by_driven: the inverse times the Jacobian by the prescribed coordinates, (n, u, driven).
-        rate: of the unknown coordinates, (n, u, 1).
+        rate: rates of the unknown coordinates, (n, u, 1).
     """
 
     start: CentreConfigurations
@@ -125,10 +126,10 @@ def _centres(
     """Return centres corrected by Newton's method until the correction is small compared with the tube.
 
     Args:
-        equations: to be solved.
+        equations: equations to be solved.
         driven: prescribed coordinates, (n, driven).
-        rate: of these in their units, (n, driven, 1).
-        half: of the segments, (n,).
+        rate: rates of the prescribed coordinates in their units, (n, driven, 1).
+        half: half-lengths of the segments, (n,).
         guess: approximate configurations.
     """
     values = guess.values.copy()
@@ -203,7 +204,7 @@ def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: Cent
     """Return segments between parameters (n,) with the results of their tests.
 
     Args:
-        motion: whose drivers and equations they are.
+        motion: motion with the drivers and equations.
         low, high: ends of the segments; equal for a test at one parameter.
         guess: approximate configurations at the middles.
     """
@@ -215,7 +216,7 @@ def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: Cent
         enclosure = (offset + contraction @ tubes.width * OUTWARD) * OUTWARD
         proven = (enclosure < tubes.width).all((1, 2)) & (low <= high)
         for _ in range(CONTRACTIONS):
-            # the solution lies in the enclosure, which the test maps into a smaller one
+            # the solution lies in the enclosure, which the test maps into a smaller enclosure
             enclosure = np.minimum(enclosure, (offset + contraction @ enclosure * OUTWARD) * OUTWARD)
         singular_value = _singular_value_bound(tubes.inverse, contraction)
     return Segments(
@@ -235,7 +236,7 @@ def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: Cent
 
 
 def with_misses(motion: ComputedMotion, failed: Segments) -> Segments:
-    """Return failed segments that count whether the test fails at their centres alone too."""
+    """Return failed segments with their counts of tests that also fail at the centre."""
     if not len(failed):
         return failed
     at_centre = displaced(motion.equations, failed, np.zeros(len(failed)))
@@ -244,7 +245,7 @@ def with_misses(motion: ComputedMotion, failed: Segments) -> Segments:
 
 
 def rotations(equations: ClosureEquations, configurations: CentreConfigurations) -> list[Number]:
-    """Return rotations (n, 3, 3) that are exactly those of the quaternions of each ball joint."""
+    """Return enclosures of the rotations (n, 3, 3) of each ball joint from its quaternions."""
     return [_rotation(ball(configurations.quaternions[:, i])) for i in range(len(equations.tree.balls))]
 
 
@@ -294,7 +295,7 @@ def quaternion_product(a: Number, b: Number) -> Number:
 
 
 def _inverse(matrix: Array) -> Array:
-    """Return inverses (n, u, u), NaN where there are none."""
+    """Return inverses (n, u, u); NaN for singular matrices."""
     finite = np.isfinite(matrix).all((1, 2), keepdims=True)
     safe = np.where(finite, matrix, np.nan)
     try:
@@ -323,9 +324,9 @@ def _singular_value_bound(inverse: Array, contraction: Array) -> Array:
 
 
 def segments_that_join(motion: ComputedMotion, segments: Segments) -> Bools:
-    """Return for each two neighbours whether both prove the same solution at their common end, (n - 1,).
+    """Return whether neighbouring segments contain the same solution at their common end, (n - 1,).
 
-    A configuration proven to be a solution there must lie where the solution of either segment is unique.
+    A proven solution at the common end must lie in the tubes of both segments.
     """
     n = len(segments)
     before, after = segments.select(np.arange(n - 1)), segments.select(np.arange(1, n))
@@ -336,7 +337,7 @@ def segments_that_join(motion: ComputedMotion, segments: Segments) -> Bools:
 
 
 def _inside(equations: ClosureEquations, first: Segments, second: Segments) -> Bools:
-    """Return whether the first segments' solutions at their centres lie in the second's tubes, (n,)."""
+    """Return whether the solutions of the first segments at their centres lie in the second tubes, (n,)."""
     unknown, units = equations.unknown, equations.tree.units[equations.unknown]
     y = Ball(np.zeros(first.rate.shape), first.enclosure)
     distance = y + (ball(first.values[:, unknown]) - second.values[:, unknown]) * (
@@ -354,7 +355,7 @@ def _inside(equations: ClosureEquations, first: Segments, second: Segments) -> B
 
 
 def displaced(equations: ClosureEquations, segments: Segments, by: Array) -> CentreConfigurations:
-    """Return approximate configurations of segments at distances (n,) from their centres, by the tangents."""
+    """Return approximate configurations of segments at distances (n,) from their centres, along tangents."""
     values = segments.values.copy()
     step = np.nan_to_num(segments.rate * by[:, None], posinf=0.0, neginf=0.0)
     values[:, equations.unknown] += step * equations.tree.units[equations.unknown]

@@ -3,7 +3,8 @@
 At a dead centre the loop equations F(q, s) = 0 have a fold: F = 0, A v = 0, l v = 1 with the Jacobian A is a
 regular system for q, s and the null vector v (Moore and Spence, SIAM J. Numer. Anal. 17, 1980). At a change
 point two solution curves cross: F + m w = 0, A' w = 0, w F_s = 0, w w = 1 is regular for q, s, w and m
-(Moore, Numer. Funct. Anal. Optim. 2, 1980); m bounds by how much the equations miss an exact crossing.
+(Moore, Numer. Funct. Anal. Optim. 2, 1980). The unfolding parameter m bounds the deviation of the equations
+from an exact crossing.
 """
 
 from collections.abc import Callable
@@ -18,27 +19,27 @@ from mechsim.studies.certify.computed_motion import CentreConfigurations, Comput
 from mechsim.studies.certify.loop_equations import joined
 from mechsim.studies.certify.segments import rotations
 
-# Newton iterations on an augmented system; the half-width of the box tested first, its growth, and the widest
+# Newton iterations on an augmented system; half-width of the first tested box, its growth factor, its limit
 ITERATIONS, FIRST_WIDTH, GROWTH, MAX_WIDTH = 30, 1e-14, 8.0, 1e-3
-# largest half-width of an enclosed parameter in [rad]; and largest |m| of a change point
+# largest half-width of an enclosed parameter in [rad]; largest |m| of a change point
 PARAMETER_WIDTH, MAX_UNFOLDING = 1e-9, 1e-12
-# largest distance in [rad] between a singular point and the middle of an interval on which tests fail
+# largest distance in [rad] between a singular point and the middle of an interval with failed tests
 MAX_DISTANCE = 1e-5
-# half-width, in their units, of coordinates on which the equations do not depend; entries of a Jacobian below
-# this do not show a dependence
+# half-width of coordinates on which the equations do not depend, in their units; largest entry of a Jacobian
+# that counts as zero
 OTHERS, DEPENDENT = 10.0, 1e-13
-# configurations whose Jacobians show which unknowns each equation depends on
+# number of configurations whose Jacobians determine the unknowns in each equation
 SAMPLES = 5
 
 
 @dataclass(frozen=True)
 class SingularPoint:
-    """A singular configuration on the path, enclosed.
+    """An enclosure of a singular configuration on the path.
 
     Attributes:
         parameter: path parameter.
         width: half-width of the interval that contains it.
-        kind: "dead centre", "change point", or "not enclosed" where no test succeeded.
+        kind: "dead centre", "change point", or "not enclosed" if no test succeeds.
     """
 
     parameter: float
@@ -53,13 +54,13 @@ System = Callable[[DualBall], DualBall]
 
 @dataclass(frozen=True)
 class AugmentedSystems:
-    """The augmented systems about one configuration of equations that determine some of the unknowns alone.
+    """The augmented systems at one configuration, for equations that determine a subset of the unknowns.
 
     Attributes:
-        motion: of a crank.
-        centre: configuration about which ball joints are counted; one.
-        rows: the equations, (u,).
-        columns: the coordinates that they determine, (u,).
+        motion: motion of a crank.
+        centre: the single configuration to which ball joint coordinates are relative.
+        rows: indices of the equations, (u,).
+        columns: indices of the coordinates that they determine, (u,).
         normal: row l that fixes the length of the null vector, (1, u).
     """
 
@@ -70,7 +71,7 @@ class AugmentedSystems:
     normal: Array
 
     def _evaluated(self, variables: DualBall) -> tuple[DualBall, DualBall, DualBall]:
-        """Return F, A and F_s where the variables begin with the unknown coordinates and the crank angle."""
+        """Return F, A and F_s; the first variables are the unknown coordinates and the crank angle."""
         equations = self.motion.equations
         tree, crank = equations.tree, equations.driven[0]
         selection = np.zeros((tree.count, variables.value.shape[-2]))
@@ -100,10 +101,10 @@ class AugmentedSystems:
 
 
 def determined_subsets(jacobians: Array) -> list[tuple[Indices, Indices]]:
-    """Return rows and columns of equations that determine as many unknowns alone, smallest first.
+    """Return rows and columns of equations that determine an equal number of unknowns, smallest sets first.
 
-    They follow from the common zeros of square Jacobians (n, u, u). Where several loops are singular at once,
-    as in an inversor, the first of them is.
+    The sets follow from the common zeros of square Jacobians (n, u, u). If several loops are singular at
+    once, as in an inversor, the first of them is also singular by itself.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching
@@ -112,7 +113,7 @@ def determined_subsets(jacobians: Array) -> list[tuple[Indices, Indices]]:
     matched = maximum_bipartite_matching(csr_array(pattern), perm_type="column")
     if (matched < 0).any():
         return []
-    # equation i needs the unknowns that the others determine
+    # equation i depends on unknowns that other equations determine
     reach = pattern[:, matched] | np.eye(len(pattern), dtype=np.bool_)
     for _ in range(len(pattern)):
         reach = reach @ reach
@@ -121,7 +122,7 @@ def determined_subsets(jacobians: Array) -> list[tuple[Indices, Indices]]:
 
 
 def enclosed_singular_point(motion: ComputedMotion, approximate: float) -> SingularPoint:
-    """Return the singular point next to a path parameter, as an enclosure or as not enclosed."""
+    """Return the singular point nearest to a path parameter, as an enclosure or as not enclosed."""
     missing = SingularPoint(approximate, np.inf, "not enclosed")
     equations = motion.equations
     if not motion.motion_laws.crank or equations.radii:
@@ -151,7 +152,7 @@ def enclosed_singular_point(motion: ComputedMotion, approximate: float) -> Singu
 
 
 def _accepted(kind: str, enclosure: Ball | None, index: int, approximate: float) -> SingularPoint | None:
-    """Return the singular point of an enclosure whose parameter has an index; None where it is another."""
+    """Return the singular point of an enclosure; `index` is that of the parameter; None for another point."""
     if enclosure is None:
         return None
     parameter, width = float(enclosure.mid[index]), float(enclosure.rad[index])
@@ -166,7 +167,7 @@ def _variables(x: Ball) -> DualBall:
 
 
 def _enclosure(system: System, x: Array) -> Ball | None:
-    """Return balls in which a solution of the system is proven to lie, from a guess (d,); None for none."""
+    """Return balls that are proven to contain a solution of the system, from a guess (d,); else None."""
     inverse: Array = np.eye(len(x))
     for _ in range(ITERATIONS):
         result = system(_variables(ball(x)))

@@ -13,31 +13,31 @@ from mechsim.numerics.arrays import Array
 from mechsim.studies.certify.toml_intervals import toml_joint_radii
 from mechsim.subjects.toml_reader import TomlModel
 
-# fractions of a tolerance at which a quadratic through its ends and middle is checked
+# fractions of a tolerance at which the quadratic through its ends and middle is checked
 FRACTIONS = (-0.81, -0.62, -0.43, -0.24, 0.19, 0.38, 0.57, 0.76)
-# largest departure from the quadratic, in parts of the largest change
+# largest deviation from the quadratic, relative to the largest change
 DEPARTURE = 0.1
-# factor of departures and of what two dimensions change together, which are sampled
+# safety factor of sampled quantities: deviations from the quadratic and joint effects of several dimensions
 SAFETY = 2.0
-# corners of the tolerances at which all dimensions are moved
+# maximum number of corners of the tolerances at which all dimensions change
 MAX_CORNERS = 64
-# rounding of points and axes relative to the largest
+# rounding error of points and axes relative to the largest value
 ROUNDING = 1e-13
 
 
 def radii_within(
     model: object, changed: Mapping[str, str | float], designs: DesignFamily, bounds: Mapping[str, float]
 ) -> dict[str, Array]:
-    """Return the radii of `joint_radii`, by interval arithmetic where the designs are those of a TOML file.
+    """Return the radii of `joint_radii`; for designs of a TOML file they come from interval arithmetic.
 
     Args:
-        model: opened, of which these are the designs.
+        model: the opened model of these designs.
         changed: parameter -> its value, as `load` takes it.
-        designs: the mechanism.
+        designs: the parametric model of the mechanism.
         bounds: dimension -> bound in SI.
 
     Raises:
-        InputError: as `joint_radii` and `toml_joint_radii`.
+        InputError: as in `joint_radii` and `toml_joint_radii`.
     """
     if isinstance(model, TomlModel) and {*designs.dimensions} == {*model.values({}).parameters}:
         return toml_joint_radii(model, changed, designs.describe({}), bounds)
@@ -45,15 +45,16 @@ def radii_within(
 
 
 def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str, Array]:
-    """Return JOINT.a and JOINT.b -> radii of point, axis and mark, (3, 3), within bounds of dimensions.
+    """Return JOINT.a and JOINT.b -> radii of point, axis and reference, (3, 3), within bounds of dimensions.
 
-    Each dimension is moved by its bound to either side; the radius adds the larger deviation, the difference
-    of both, which bounds the curvature, the departure from a quadratic between, what each two dimensions
-    change together, and what all do. The certificate holds for the joints in these radii.
+    Each dimension changes by its bound to either side. The radius is the sum of the larger deviation; of
+    the difference of both, which bounds the curvature; of the deviation from a quadratic in between; of the
+    joint effect of each two dimensions; and of the joint effect of all. The certificate holds for joints
+    within these radii.
 
     Raises:
-        InputError: for a dimension that changes more than points and axes of joints, and for one that changes
-            them far from smoothly within its tolerance.
+        InputError: if a dimension changes more than points and axes of joints, or changes them far from
+            smoothly within its tolerance.
     """
     nominal = designs.describe({})
     keys, start = [*_joint_numbers(nominal)], _stacked(nominal)
@@ -99,14 +100,14 @@ def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str,
 
 
 def _corners(count: int) -> NDArray[np.int_]:
-    """Return signs of the dimensions at the corners of their tolerances, or at random ones of many."""
+    """Return signs of the dimensions at the corners of their tolerances, or at random corners of many."""
     if 2**count <= MAX_CORNERS:
         return np.array([*product((-1, 1), repeat=count)])
     return np.random.default_rng(0).choice([-1, 1], (MAX_CORNERS, count))
 
 
 def _stacked(mechanism: Mechanism) -> Array:
-    """Return points, axes and marks of all sides of joints, (sides, 3, 3)."""
+    """Return points, axes and reference directions of all sides of joints, (sides, 3, 3)."""
     return np.array([*_joint_numbers(mechanism).values()])
 
 
@@ -119,6 +120,6 @@ def _joint_numbers(mechanism: Mechanism) -> dict[str, Array]:
 
 
 def _without_joints(mechanism: Mechanism) -> object:
-    """Return what of a mechanism tolerances may not change."""
+    """Return the properties of a mechanism that tolerances must not change."""
     joints = [(joint.name, joint.kind, joint.cross_angle, joint.lead) for joint in mechanism.joints]
     return joints, mechanism.laws, dict(mechanism.locked), mechanism.drivers

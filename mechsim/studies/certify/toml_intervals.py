@@ -26,7 +26,7 @@ from mechsim.subjects.toml_reader import TomlModel
 from mechsim.subjects.toml_values import Values, is_quantity
 from mechsim.units import Unit
 
-# part of its length that a link's x axis may have along a joint's axis and still be its reference
+# largest component of a link's x axis along a joint's axis at which it is the joint's reference direction
 # (`model.joints.End`)
 ALONG_AXIS = 0.9
 
@@ -34,7 +34,7 @@ ALONG_AXIS = 0.9
 def toml_joint_radii(
     model: TomlModel, changed: Mapping[str, str | float], nominal: Mechanism, bounds: Mapping[str, float]
 ) -> dict[str, Array]:
-    """Return JOINT.a and JOINT.b -> radii of point, axis and mark, (3, 3), within bounds of parameters.
+    """Return JOINT.a and JOINT.b -> radii of point, axis and reference, (3, 3), within bounds of parameters.
 
     Args:
         model: the file.
@@ -43,7 +43,7 @@ def toml_joint_radii(
         bounds: parameter -> bound in SI.
 
     Raises:
-        InputError: for a parameter that changes more than points and axes of joints, or by a function that
+        InputError: if a parameter changes more than points and axes of joints, or appears in a function that
             interval arithmetic does not enclose.
     """
     at_centre = ParameterIntervals.within(model, changed, dict.fromkeys(bounds, 0.0), "")
@@ -73,8 +73,8 @@ class FileNumber:
     """A component of a vector in a file.
 
     Attributes:
-        jet: its values, (1,).
-        moves: whether it is an expression of parameters that change.
+        jet: values of the component, (1,).
+        moves: whether the component is an expression of parameters that change.
     """
 
     jet: Jet
@@ -87,7 +87,7 @@ class FileNumber:
 
     @property
     def zero(self) -> bool:
-        """Whether it is zero and stays so."""
+        """Whether the component is zero and constant."""
         return not self.moves and not self.jet.value.mid.any()
 
 
@@ -95,12 +95,12 @@ class FileNumber:
 class ParameterIntervals:
     """The parameters of a file within tolerances.
 
-    Values are jets over all mechanisms within: what a number changes by is at most the sum, over the
-    parameters, of its rate along each from the centre to the bound.
+    Values are jets over all mechanisms within the tolerances. The change of a number is at most the sum over
+    the parameters of its rate along each parameter, from the centre to the bound.
 
     Attributes:
-        values: the file's, with parameters as they stand.
-        jets: parameter -> its values in the file's unit, (1,); those that cannot be enclosed are left out.
+        values: values of the file at the nominal parameters.
+        jets: parameter -> its values in the file's unit, (1,), without parameters that cannot be enclosed.
         moving: parameters that change within the tolerances.
     """
 
@@ -112,7 +112,7 @@ class ParameterIntervals:
     def within(
         cls, model: TomlModel, changed: Mapping[str, str | float], bounds: Mapping[str, float], along: str
     ) -> "ParameterIntervals":
-        """Return the parameters of a file within bounds in SI, with rates along one of them."""
+        """Return the parameters of a file within bounds in SI, with rates along the parameter `along`."""
         result = cls(model.values(changed), {}, frozenset())
         dimensions = model.parameters(changed).dimensions
         for name, written in model.source.document["parameters"].items():
@@ -128,12 +128,12 @@ class ParameterIntervals:
         return result
 
     def factor(self, unit: Unit) -> Ball:
-        """Return what a number without a unit is multiplied by to be in SI."""
+        """Return the factor to SI of a number without a unit."""
         value = self.values.in_si(1.0, unit)
         return Ball(np.array([value]), np.array([2.0 * ROUNDOFF * abs(value) if value != 1.0 else 0.0]))
 
     def depends(self, written: object) -> bool:
-        """Whether an entry of the file is an expression of parameters that change, or holds one."""
+        """Return whether an entry of the file is or contains an expression of parameters that change."""
         if isinstance(written, dict):
             return any(self.depends(entry) for key, entry in written.items() if key != "link")
         if isinstance(written, list):
@@ -141,7 +141,7 @@ class ParameterIntervals:
         return isinstance(written, str) and not is_quantity(written) and bool(_words(written) & self.moving)
 
     def evaluated(self, text: str) -> Jet | None:
-        """Return an expression's values, (1,), in the file's unit; None where they cannot be enclosed."""
+        """Return the values of an expression, (1,), in the file's unit; None if they cannot be enclosed."""
         angle: Any = 1.0 if self.values.in_si(1.0, "rad") == 1.0 else self.factor("rad")
         evaluator = Evaluator(lambda name: Term(self.jets[name]), angle)
         try:
@@ -151,7 +151,7 @@ class ParameterIntervals:
         return value if isinstance(value, Jet) else _still(value)
 
     def vector(self, entry: Mapping[str, Any], keys: Sequence[str], unit: Unit) -> list[FileNumber] | None:
-        """Return a vector of a side of a joint in SI; None if it is not given."""
+        """Return a vector of a side of a joint in SI; None if the file has none."""
         key = next((key for key in keys if key in entry), None)
         return None if key is None else [self._component(written, unit) for written in entry[key]]
 
@@ -168,7 +168,7 @@ class ParameterIntervals:
         return FileNumber(jet * factor, True)
 
     def side(self, joint: Joint, entry: Mapping[str, Any]) -> list[Jet | None]:
-        """Return the numbers of point, axis and mark of a side of a joint, nine; None for those that stay."""
+        """Return the nine numbers of point, axis and reference of a joint side; None for constant numbers."""
         point = self.vector(entry, ("at",), "m") or [FileNumber.fixed(0.0)] * 3
         numbers: list[Jet | None] = [x.jet if x.moves else None for x in point]
         axis = self.vector(entry, ("axis",), "1") or [*map(FileNumber.fixed, EZ)]
@@ -203,7 +203,7 @@ def _unit(vector: Sequence[Jet]) -> list[Jet]:
 
 
 def _own_reference(joint: Joint, axis: Sequence[Jet]) -> Vector:
-    """Return the reference that a side of a joint has by itself, from its unit axis: that of `End`."""
+    """Return the default reference direction of a joint side from its unit axis, as in `End`."""
     share = axis[0].value
     small, large = share.magnitude[0] < ALONG_AXIS, abs(share.mid[0]) - share.rad[0] > ALONG_AXIS
     if 0 in KINDS[joint.kind].aligned_columns or not (small or large):
@@ -212,7 +212,7 @@ def _own_reference(joint: Joint, axis: Sequence[Jet]) -> Vector:
 
 
 def _radius(at_centre: Jet | None, nominal: float, moved: Sequence[Jet | None]) -> float:
-    """Return how far a number goes from its nominal value; zero of one that stays."""
+    """Return the largest deviation of a number from its nominal value; zero for a constant number."""
     if at_centre is None:
         return 0.0
     rates = sum(float(jet.rate.magnitude[0]) for jet in moved if jet is not None)
@@ -224,7 +224,7 @@ def _words(text: object) -> frozenset[str]:
 
 
 def _fixed_entries(document: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the entries of a file that may not change within tolerances, and where they are."""
+    """Yield the entries of a file that must not change within tolerances, with their paths."""
     for name, joint in document["joints"].items():
         yield from ((("joints", name, key), joint[key]) for key in ("cross_angle", "lead") if key in joint)
     for name, coupling in document.get("couplings", {}).items():

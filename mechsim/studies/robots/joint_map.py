@@ -22,10 +22,10 @@ from mechsim.units import Unit, si
 if TYPE_CHECKING:
     from mechsim.model.motion import Motion
 
-# grid points at which a map is compared with the loop equations
+# number of grid points at which a map is compared with the loop equations
 COMPARED_POINTS = 9
-# largest difference between the methods, in [rad] or [m] and in the Jacobian: both close to 1e-12, and a
-# Jacobian multiplies that by the inverse of its condition
+# largest difference between the methods, in [rad] or [m] and in the Jacobian: both methods close to 1e-12,
+# and the Jacobian multiplies this error by its inverse conditioning
 TOLERANCE = 1e-9
 
 
@@ -35,9 +35,10 @@ class MapComparison:
 
     Attributes:
         points: number of points compared.
-        output: in the outputs that are joints, in [rad] or [m].
-        jacobian: in their Jacobian.
-        jacobian_derivative: in the diagonal of its derivative, relative to the largest entry or 1.
+        output: largest difference of the outputs that are joints, in [rad] or [m].
+        jacobian: largest difference of their Jacobian.
+        jacobian_derivative: largest difference of the diagonal of its derivative, relative to the largest
+            entry or 1.
     """
 
     points: int
@@ -65,16 +66,16 @@ def joint_map(
 
     Args:
         model: as in `load`. A mechanism that is no MuJoCo model is exported to one.
-        inputs: joints, with their ranges as text or in SI; without a range the joint limits.
-        outputs: joints, and positions or rotations of links and points, as plate.x or plate.rz.
+        inputs: joints, with their ranges as text or in SI; the default range is the joint limits.
+        outputs: joints, and positions or rotations of links and points, such as plate.x or plate.rz.
         points: grid points along each input.
         degree: total degree of polynomials that approximate the outputs; None for none.
         set: parameter -> value.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
-        InputError: for an unknown name, an input without range or limits, or a grid that is too large.
-        AssemblyError: where no grid point is reached, or too few for the polynomials.
+        InputError: if a name is unknown, an input has no range or limits, or the grid is too large.
+        AssemblyError: if no grid point is reached, or too few for the polynomials.
 
     Example:
         >>> table = ms.joint_map("four_bar", {"crank": ("20deg", "80deg")}, ["rocker"], degree=4)
@@ -89,7 +90,7 @@ def joint_map(
 def mujoco_model(
     model: Any, set: Mapping[str, str | float] | None = None, loops: str | PathLike[str] | None = None
 ) -> mujoco.MjModel:
-    """Return a model as MuJoCo compiles it; a mechanism is exported as `mechsim export` does."""
+    """Return the compiled MuJoCo model; a mechanism is exported as by `mechsim export`."""
     is_compiled = isinstance(model, mujoco.MjModel) and loops is None
     return model if is_compiled else compiled(mujoco_spec(model, set, loops))
 
@@ -97,12 +98,12 @@ def mujoco_model(
 def mujoco_spec(
     model: Any, set: Mapping[str, str | float] | None = None, loops: str | PathLike[str] | None = None
 ) -> mujoco.MjSpec:
-    """Return the specification of a model; missing meshes are left out."""
+    """Return the specification of a model without missing meshes."""
     own = mujoco_input(model, loops)
     if own is not None:
         return parse_file(own)[0]
     solver = load(model, set, still=True)
-    # a mechanism is exported with the renderer's scenery, whose import MuJoCo models do not need
+    # a local import: only the export of a mechanism needs the renderer's scenery
     from mechsim.pictures.render.scenery import exported
 
     return exported(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
@@ -111,7 +112,7 @@ def mujoco_spec(
 def joint_ranges(
     model: mujoco.MjModel, ranges: Mapping[str, tuple[float | str, float | str] | None]
 ) -> dict[str, tuple[float, float] | None]:
-    """Return ranges of joints in [rad] or [m] from numbers in SI or text; None for the joint limits."""
+    """Return ranges of joints in [rad] or [m] from numbers in SI or text; None means the joint limits."""
     return {name: None if ends is None else _ends(model, name, ends) for name, ends in ranges.items()}
 
 
@@ -130,10 +131,10 @@ def quantity_of_joint(model: mujoco.MjModel, name: str, value: float | str) -> f
 def compare_with_loop_equations(
     table: JointMap, model: Any, set: Mapping[str, str | float] | None = None
 ) -> MapComparison:
-    """Compare a map with the loop equations of its model, at points spread over it.
+    """Compare a map with the loop equations of its model at points spread over the map.
 
     Raises:
-        AssemblyError: where the loop equations cannot be followed to a point of the map.
+        AssemblyError: if the solution of the loop equations does not reach a point of the map.
     """
     joints = [i for i, name in enumerate(table.outputs) if "." not in name]
     rows = np.unique(np.linspace(0, len(table.input) - 1, COMPARED_POINTS).astype(int))
@@ -167,12 +168,12 @@ def compare_with_loop_equations(
 
 
 def _slow_motion(start: float) -> Callable[[Array], tuple[Array, Array, Array]]:
-    """Return a motion law that only states where a driver starts; the map's own points replace it."""
+    """Return a motion law that defines only the start of a driver; the points of the map replace it."""
     return lambda time: (start + 1e-3 * time, np.full_like(time, 1e-3), np.zeros_like(time))
 
 
 def _with_rate(still: "Motion", names: Sequence[str], moving: int) -> "Motion":
-    """Return a motion whose drivers stand still, but for one at unit rate."""
+    """Return a motion with one driver at unit rate and the others at rest."""
     rates = {
         name: replace(still.joints[name], rate=np.full(len(still.angle), float(i == moving)))
         for i, name in enumerate(names)

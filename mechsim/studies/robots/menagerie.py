@@ -1,4 +1,4 @@
-"""Models in the style of MuJoCo Menagerie: position actuators, a closed home keyframe, verified numbers."""
+"""Models in the style of MuJoCo Menagerie: position actuators, a closed home keyframe, a verification."""
 
 from dataclasses import dataclass
 
@@ -22,9 +22,9 @@ from mechsim.subjects.driver_positions import driver_path
 HOME = "home"
 # time step in [s] of a model with servos
 SERVO_TIMESTEP = 1e-3
-# natural frequency in [Hz] of a position actuator, critically damped, against the inertia of the mechanism
+# natural frequency in [Hz] of a critically damped position actuator with the inertia of the mechanism
 SERVO_FREQUENCY = 10.0
-# largest deflection of an actuator under the weight at home, in [rad] or characteristic lengths
+# largest deflection of an actuator under gravity at home, in [rad] or characteristic lengths
 DEFLECTION = 0.01
 # number of random configurations, largest distance of a driver from home in [rad] or characteristic lengths,
 # and the seed
@@ -33,14 +33,14 @@ DRAWN, RADIUS, SEED = 100, 0.25, 0
 
 @dataclass(frozen=True)
 class Verification:
-    """How far a written model is from the loop equations of its mechanism.
+    """Differences between a written model and the loop equations of its mechanism.
 
     Attributes:
         configurations: number of random closed configurations that were compared.
         position: largest difference of the tracked points, in [m].
         gravity_torque: largest difference of the torque or force of the drivers that holds the mechanism at
-            rest, in [N m] or [N]; None where the loop equations compute none.
-        no_torque: the reason for that; empty otherwise.
+            rest, in [N m] or [N]; None if the loop equations do not determine it.
+        no_torque: the reason for None; otherwise empty.
     """
 
     configurations: int
@@ -70,13 +70,13 @@ def with_servos(
     """Return a model with a position actuator on each driver and a closed keyframe at its start.
 
     Args:
-        spec: of the mechanism, with masses and forces.
-        mechanism: with drivers.
-        forces: of the mechanism.
-        ranges: joint limits in [rad] or [m]; those of joints at which the model cuts a loop are left out.
+        spec: specification of the mechanism, with masses and forces.
+        mechanism: mechanism with drivers.
+        forces: forces on the mechanism.
+        ranges: joint limits in [rad] or [m]; limits of cut joints are omitted.
 
     Raises:
-        InputError: for a mechanism without drivers.
+        InputError: if the mechanism has no drivers.
     """
     spec = spec.copy()
     for key in list(spec.keys):
@@ -116,7 +116,7 @@ def _driver_joints(mechanism: Mechanism) -> list[str]:
 
 
 def _rename_joint(spec: mujoco.MjSpec, name: str, new: str) -> None:
-    """Give a joint another name, also in the couplings that refer to it."""
+    """Rename a joint, also in the couplings that refer to it."""
     spec.joint(name).name = new
     for equality in spec.equalities:
         if equality.type == mujoco.mjtEq.mjEQ_JOINT:
@@ -126,7 +126,7 @@ def _rename_joint(spec: mujoco.MjSpec, name: str, new: str) -> None:
 
 
 def _use_joint_spring(spec: mujoco.MjSpec, spring: JointSpring) -> None:
-    """Replace the actuator of a spring, which would be a control, by the spring of its joint."""
+    """Replace the actuator of a spring, which would add a control, by the spring of its joint."""
     joint, actuator = spec.joint(spring.joint), spec.actuator(f"spring in {spring.joint}")
     if joint is not None and actuator is not None:
         spec.delete(actuator)
@@ -141,11 +141,11 @@ def verification(text: str, solver: KinematicSolver) -> Verification:
     """Compare a written model with the loop equations at random closed configurations.
 
     Args:
-        text: of the file.
-        solver: of the mechanism that it models.
+        text: text of the file.
+        solver: solver of the modelled mechanism.
 
     Raises:
-        AssemblyError: where a configuration cannot be reached by the loop equations.
+        AssemblyError: if the solution of the loop equations does not reach a configuration.
     """
     mechanism = solver.mechanism
     path = _path(mujoco.MjModel.from_xml_string(text), _driver_joints(mechanism))
@@ -200,7 +200,7 @@ def _site_positions(path: StraightPath, qpos: Array) -> dict[str, Array]:
 
 
 def _nearest_first(values: Array, start: Array) -> list[int]:
-    """Return an order in which each row, (n, k), is the nearest to the one before that is left."""
+    """Return an order of rows, (n, k): each is the nearest remaining row to its predecessor."""
     order, remaining, current = list[int](), np.ones(len(values), dtype=np.bool_), start
     for _ in range(len(values)):
         distance = np.where(remaining, np.abs(values - current).max(1), np.inf)

@@ -1,7 +1,7 @@
 """The serial twin of a closed-loop model: the tree without its loops, passive joints coupled by polynomials.
 
-Simulators without loop constraints run the twin. It is written as MJCF, with couplings of fourth degree, or
-as URDF, whose mimic joints are linear.
+Simulators without loop constraints can run the twin. The format is MJCF, with couplings of fourth degree, or
+URDF, with linear mimic joints.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,22 +25,22 @@ from mechsim.studies.robots.joint_map import joint_ranges, mujoco_spec
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 # degree of MuJoCo's couplings, and of URDF's mimic joints
 MJCF_DEGREE, URDF_DEGREE = 4, 1
-# position error in [rad] or [m] from which a smaller range is recommended: half a degree
+# position error in [rad] or [m] above which a smaller range is recommended: half a degree
 COARSE = 0.01
-# grid points along each independent joint
+# number of grid points along each independent joint
 POINTS = 21
 
 
 @dataclass(frozen=True)
 class Coupled:
-    """A passive joint as a polynomial of one independent joint, and linear in the others.
+    """A passive joint as a function of the independent joints: a polynomial in one, linear in the others.
 
     Attributes:
         joint: the passive joint.
         leading: index of the independent joint of the polynomial.
-        coefficients: of the powers of the leading joint's displacement from the reference, from the constant
-            on, in the displacement of the passive joint.
-        linear: of the displacements of the independent joints, (k,); 0 for the leading one.
+        coefficients: coefficients of the passive joint's displacement in powers of the leading joint's
+            displacement from the reference, from the constant up.
+        linear: coefficients of the displacements of the independent joints, (k,); 0 for the leading joint.
         position_error: largest error over the grid, in [rad] or [m].
         torque_error: largest error of the derivatives by the independent joints.
     """
@@ -64,7 +64,7 @@ class SerialTwin:
     left_out: tuple[str, ...]
 
     def summary(self) -> str:
-        """Return how far the couplings are from the loops, a line for each passive joint."""
+        """Return the errors of the couplings relative to the loops, one line for each passive joint."""
         lines = [f"left out: {', '.join(self.left_out)}"]
         lines += [
             f"{joint.joint}: position off by {joint.position_error:.2g}, "
@@ -92,14 +92,14 @@ def serial_twin(
     Args:
         model: as `load` takes it.
         format: "mjcf-tree" or "urdf".
-        independent: joints of the twin that move freely, with their ranges as text or in SI; without ranges
-            the joint limits; without joints those of the actuators.
+        independent: joints of the twin that move freely, with their ranges as text or in SI. The default
+            ranges are the joint limits; the default joints are those with actuators.
         set: parameter -> value.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:
-        InputError: for a model without loops, with passive ball joints, or an unknown joint.
-        AssemblyError: where no configuration of the range closes.
+        InputError: if the model has no loops or has passive ball joints, or a joint is unknown.
+        AssemblyError: if no configuration in the range closes.
     """
     spec = mujoco_spec(model, set, loops)
     name_elements(spec)
@@ -131,7 +131,7 @@ def _actuated(model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 def _passive_joints(model: mujoco.MjModel, names: Sequence[str]) -> list[str]:
-    """Return the joints that the loops determine from the independent ones."""
+    """Return the joints that the loops determine from the independent joints."""
     path = straight_path(model, [scalar_dof(model, name) for name in names])
     joints = sorted({int(model.dof_jntid[dof]) for dof in path.passive})
     for joint in joints:
@@ -144,9 +144,9 @@ def _passive_joints(model: mujoco.MjModel, names: Sequence[str]) -> list[str]:
 
 
 def _coupled(table: JointMap, output: int, degree: int, start: Array) -> Coupled:
-    """Return the coupling of one output: a polynomial in the independent joint that leaves the least error.
+    """Return the coupling of one output: a polynomial in the independent joint with the smallest error.
 
-    Displacements count from the reference `start` of independent, then passive joints.
+    Displacements are relative to the reference `start`, of the independent joints, then the passive joints.
     """
     count = len(table.inputs)
     inputs, jacobian = table.input - start[:count], table.jacobian[:, output]
@@ -184,7 +184,7 @@ def _tree_mjcf(spec: mujoco.MjSpec, names: Sequence[str], coupled: Sequence[Coup
             equality.type, equality.objtype = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
             equality.name1, equality.name2 = joint.joint, names[joint.leading]
             continue
-        # tendons are sums of joints: passive joint - linear terms = polynomial of the leading joint
+        # tendons are sums of joints: passive joint - linear terms = polynomial in the leading joint
         combined, right = (
             tree.add_tendon(name=f"{joint.joint} rest"),
             tree.add_tendon(name=f"{joint.joint} leading"),
@@ -202,7 +202,7 @@ def _tree_mjcf(spec: mujoco.MjSpec, names: Sequence[str], coupled: Sequence[Coup
 def _urdf(
     spec: mujoco.MjSpec, model: mujoco.MjModel, names: Sequence[str], coupled: Sequence[Coupled]
 ) -> str:
-    """Return the tree as URDF, each passive joint a mimic of its leading independent joint."""
+    """Return the tree as URDF, in which each passive joint mimics its leading independent joint."""
     data = mujoco.MjData(model)
     data.qpos[np.isin(np.arange(model.nq), model.jnt_qposadr)] = 0.0
     mujoco.mj_kinematics(model, data)
@@ -225,7 +225,7 @@ def _urdf_body(
     names: Sequence[str],
     mimics: Mapping[str, Coupled],
 ) -> tuple[str, Array, Array]:
-    """Add a body with its joints, and return the name and frame of its link, which lies at its last joint."""
+    """Add a body with its joints, and return the name and frame of its link, which is at its last joint."""
     parent, position, rotation = frames[int(model.body_parentid[body])]
     rotated, label = data.xmat[body].reshape(3, 3).copy(), model.body(body).name or f"body{body}"
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
@@ -263,7 +263,7 @@ def _limits(element: ET.Element, model: mujoco.MjModel, joint: int) -> None:
 
 
 def _mimic(element: ET.Element, coupling: Coupled, names: Sequence[str], model: mujoco.MjModel) -> None:
-    """Add a mimic, whose offset counts from zero, not from the reference."""
+    """Add a mimic element, whose offset is relative to zero, not to the reference."""
     constant, multiplier = coupling.coefficients.tolist()
     passive, leading = (
         float(model.qpos0[model.joint(name).qposadr[0]]) for name in (coupling.joint, names[coupling.leading])
@@ -274,7 +274,7 @@ def _mimic(element: ET.Element, coupling: Coupled, names: Sequence[str], model: 
 
 
 def _inertial(link: ET.Element, model: mujoco.MjModel, body: int, origin: Array) -> None:
-    """Add mass, centre and moments of a body; `origin` is where its frame is in the link's."""
+    """Add mass, centre and moments of a body; `origin` is the position of its frame in the link's frame."""
     if not model.body_mass[body] > 0.0:
         return
     inertial, rotation = ET.SubElement(link, "inertial"), np.empty(9)
@@ -288,7 +288,7 @@ def _inertial(link: ET.Element, model: mujoco.MjModel, body: int, origin: Array)
 
 
 def _origin(element: ET.Element, position: Array, rotation: Array) -> None:
-    """Add an origin; URDF's angles are about fixed x, y and z."""
+    """Add an origin; URDF's angles are about the fixed axes x, y and z."""
     from scipy.spatial.transform import Rotation
 
     angles = Rotation.from_matrix(rotation).as_euler("xyz")
