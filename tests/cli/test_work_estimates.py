@@ -126,7 +126,7 @@ def test_memory_that_mujoco_cannot_get_is_no_internal_error(
     assert "not enough memory" in one_line("solve four_bar", monkeypatch, capsys)
 
 
-@pytest.mark.parametrize("motor", ["line:1e6,600rpm", "dc:1,2,3"])
+@pytest.mark.parametrize("motor", [pytest.param("line:1e6,600rpm", marks=pytest.mark.slow), "dc:1,2,3"])
 def test_a_motor_too_stiff_for_explicit_steps_is_rejected_before_any_is_taken(
     motor: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

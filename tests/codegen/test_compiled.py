@@ -9,16 +9,14 @@ from mechsim.codegen import build
 from mechsim.errors import AssemblyError, InputError, MissingToolError, OutputError
 from mechsim.subjects import reference_data
 
-# a spinning coupler, dyads, a ball in the tree, six drivers, redundant equations, gears, a limited range
+# a spinning coupler, dyads, a ball in the tree, redundant equations, gears, a limited range
 QUICK = (
     "rssr",
     "jansen",
     "looper",
-    "stewart_gough",
     "humanoid_ankle",
     "bennett",
     "parallel_gripper",
-    "bricard",
 )
 ALL = reference_data.names(reference_data.folder())
 # relative to the largest value; measured 7e-13 or less (`validation/speed/compiled_solver.py`)

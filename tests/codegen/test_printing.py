@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from grids import grid
 
 import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -22,6 +23,8 @@ WARNINGS = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
 # README's tests compile a planar, a spatial and an overconstrained mechanism
 LARGEST = pytest.param("stewart_gough", marks=pytest.mark.slow)
 NAMES = ("rssr", "jansen", LARGEST, "bricard", "planetary_gear")
+# README's tests run JavaScript of one
+IN_JAVASCRIPT = grid(("rssr", "jansen", "stewart_gough", "bricard", "planetary_gear"), ("rssr",))
 
 
 def written(solver, folder, name="solver.h"):
@@ -52,7 +55,7 @@ def test_gcc_and_clang_report_nothing_and_the_test_passes(compiled, tmp_path, na
         assert "us a configuration" in result.stdout
 
 
-@pytest.mark.parametrize("name", ["rssr", "bricard", LARGEST])
+@pytest.mark.parametrize("name", ["rssr", pytest.param("bricard", marks=pytest.mark.slow), LARGEST])
 def test_sanitizers_find_no_undefined_behaviour(compiled, tmp_path, name):
     source = written(compiled(name), tmp_path)
     result = run(
@@ -206,7 +209,7 @@ def node(*arguments):
     return run(path, *arguments)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", IN_JAVASCRIPT)
 def test_javascript_passes_its_test(compiled, tmp_path, name):
     solver = compiled(name)
     (tmp_path / "solver.js").write_text(solver.javascript)

@@ -103,6 +103,7 @@ def test_closed_configurations_take_units():
     assert by_text == pytest.approx(ms.closed_qpos("four_bar", {"crank": np.pi / 6}), abs=0)
 
 
+@pytest.mark.slow
 def test_a_model_is_tuned_as_by_the_command(mechsim_json, tmp_path):
     tuned = ms.tune("four_bar", "1mm", drive={"crank": "60rpm"}, duration="0.2s", budget="2s")
     assert tuned.reached

@@ -46,7 +46,9 @@ def test_modes_under_a_controller_are_those_of_spring_and_damper():
         assert controlled.damping_ratio == pytest.approx(sprung.damping_ratio, rel=1e-7)
 
 
-@pytest.mark.parametrize("more", [{}, {"drive": {"left": "2rad+0.3rad*sin(2*pi*t)"}}])
+@pytest.mark.parametrize(
+    "more", [{}, pytest.param({"drive": {"left": "2rad+0.3rad*sin(2*pi*t)"}}, marks=pytest.mark.slow)]
+)
 def test_mujoco_steps_under_the_same_controllers_and_notices_another_gain(more):
     def model(gain):
         forces = ms.Forces(

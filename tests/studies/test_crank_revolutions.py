@@ -45,7 +45,7 @@ def swings(draw, name):
     return drive, swing(middle + REVOLUTION * draw(st.sampled_from([-2, -1, 1])), reach, 20.0)
 
 
-@pytest.mark.parametrize("name", grid(SWINGING, ("rssr",)))
+@pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
 @given(data=st.data())
 @settings(max_examples=2, phases=[Phase.generate])
 def test_no_method_rejects_a_swing_inside_the_range_on_any_revolution(name, data):

@@ -90,6 +90,7 @@ def test_a_driver_that_is_not_called_crank_turns_too(scene):
     assert sun == pytest.approx(60.0 / 24.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_tolerance_of_such_a_model_is_kept():
     mechanism = load("planetary_gear").mechanism
     text, error = tune_model.exported_model(exported(mechanism, Scene()), mechanism, SPEED, 1e-5, budget=1.0)

@@ -66,7 +66,7 @@ def test_a_bead_on_a_turning_hoop_keeps_the_jacobi_integral_and_needs_the_torque
     assert "drive hoop" in dict(run.columns())
 
 
-@pytest.mark.parametrize("law", ["60rpm", "30deg*sin(2*pi*3*t)"])
+@pytest.mark.parametrize("law", ["60rpm", pytest.param("30deg*sin(2*pi*3*t)", marks=pytest.mark.slow)])
 def test_mujoco_follows_the_same_law_and_a_wrong_driving_torque_is_noticed(path, law):
     acting = model(path, law)
     run = ms.dynamics.run(acting, initial=START, prescribed=["hoop"], duration=0.5, samples=60)

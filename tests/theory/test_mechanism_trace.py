@@ -124,6 +124,7 @@ def test_curves_meet_at_the_change_points_of_the_closed_form_and_nowhere_else(na
             assert np.abs(place - here[1][point]).max() <= 1e-8 * FORMS[name].mechanism.characteristic_length
 
 
+@pytest.mark.slow
 def test_assemblies_that_come_near_each_other_and_do_not_meet_are_stated_not_to():
     near = FourBar(ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
     assert trace(replace(near, coupler=0.1), starts=0).branch_points
