@@ -86,8 +86,7 @@ def solve(
     """Return the motion of any mechanism from its loop equations alone.
 
     At change points, such as the flat pose of a parallelogram, the motion continues by the policy: smoothly,
-        with
-    rates that are limits, or in the branch with the same sign of the loops' determinant, with one-sided
+    with rates that are limits, or in the branch with the same sign of the loops' determinant, with one-sided
     limits of the rates.
 
     Args:
