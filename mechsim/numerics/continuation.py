@@ -62,6 +62,8 @@ NEXT_LENGTH = 0.3
 # signed distance of a start from a singular pose above which a change point behind it does not affect its
 # rates
 WELL_CONDITIONED = 0.05
+# shift of an end, relative to the interval, for a second search of a change point
+END_SHIFT = 0.05
 # distance that a path is traced beyond the requested parameter; not round, since change points often are
 OVERSHOOT = 0.2137
 
@@ -220,7 +222,7 @@ class ContinuationPath(PathStates[E, Q]):
                 segment, int(sign_changes[0]), direction
             ) else self.control.shrink * step
         if (index := even_change_point(loops.log_determinant)) is not None and self._approached_change_point(
-            segment, index, direction
+            segment, index, direction, even=True
         ):
             return None, step
         middle_sign, segments = float(signs[CONTROL.nodes // 2]), self.segments[direction]
@@ -238,13 +240,18 @@ class ContinuationPath(PathStates[E, Q]):
             return self.control.growth(error)  # predicted by the tangent
         return self.control.growth(error, displacement, self.segments[direction][-1].length / step)
 
-    def _approached_change_point(self, segment: Segment[E, Q], index: int, direction: int) -> bool:
+    def _approached_change_point(
+        self, segment: Segment[E, Q], index: int, direction: int, *, even: bool = False
+    ) -> bool:
         """Return whether a change point lies beyond a node; the path then ends where its segment begins.
 
         Otherwise there is a sharp bend or the end of the path, which shorter segments resolve.
         """
         a, b = segment.nodes[index : index + 2]
         change_point = change_point_between(self, segment, float(a), float(b))
+        if change_point is None and even:
+            # rounding can hide a zero without a sign change from one pair of ends
+            change_point = change_point_between(self, segment, float(a + END_SHIFT * (b - a)), float(b))
         if change_point is not None:
             self._upcoming = segment_through(self, segment, change_point, direction)
         if change_point is None or self._upcoming is None:

@@ -59,8 +59,10 @@ def test_a_looser_tolerance_takes_fewer_steps():
 
 def test_a_kink_in_time_is_resolved():
     """y' = |t - 0.3|: the integral has a kink in its second derivative."""
-    solver, _ = integrated(lambda times, _: np.abs(times - 0.3)[:, None], [0.0], 1.0)
-    assert solver.y == pytest.approx([0.5 * (0.3**2 + 0.7**2)], abs=1e-12)
+    rtol = 3e-13
+    solver, _ = integrated(lambda times, _: np.abs(times - 0.3)[:, None], [0.0], 1.0, rtol)
+    # the estimate of a step's error presumes smoothness: over a kink measured up to 31 rtol
+    assert solver.y == pytest.approx([0.5 * (0.3**2 + 0.7**2)], abs=100.0 * rtol)
 
 
 def test_steps_end_before_states_that_have_no_derivative():

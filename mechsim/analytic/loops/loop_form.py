@@ -110,6 +110,10 @@ class JointRanges:
 
 # crank angles nearer than this are equal
 SAME_ANGLE = 1e-9
+# change points nearer than this in [rad] are one; those of several pairs at once are located to 5e-10
+SAME_CHANGE_POINT = 1e-7
+# crank angle in [rad] by which a revolution is traced beyond its end to find a change point there
+OVERLAP = 1e-2
 # largest displacement of links after a revolution, in characteristic lengths and axis components, that counts
 # as periodic; another assembly mode is farther
 SAME_POSE = 1e-6
@@ -295,13 +299,23 @@ class LoopForm:
         if not self.motion_laws.crank:
             return tuple(sorted(point for point in self._path.change_points if 0.0 <= point <= self.period))
         start, full = self.mechanism.start, self._range.full
-        within = [
-            point for point in self._path.change_points if start <= point < start + REVOLUTION or not full
-        ]
+        end = start + REVOLUTION + OVERLAP
+        if full:
+            # by rounding, a change point at the start lies before or after the end of the revolution
+            with suppress(AssemblyError):
+                self._path.extend(end)
+        within = [point for point in self._path.change_points if start <= point < end or not full]
         around = None if full else interval_around(self._range, start)
         if around is not None:
             within = [point for point in within if around[0] <= point <= around[1]]
-        return tuple(sorted({float((point + np.pi) % REVOLUTION - np.pi) for point in within}))
+        distinct: list[float] = []
+        for point in within:
+            angle = float((point + np.pi) % REVOLUTION - np.pi)
+            if all(
+                abs((angle - other + np.pi) % REVOLUTION - np.pi) > SAME_CHANGE_POINT for other in distinct
+            ):
+                distinct.append(angle)
+        return tuple(sorted(distinct))
 
     def assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
         """Return the known assembly mode: tracked points, (3,) in [m]; empty where it cannot be assembled."""
