@@ -22,7 +22,7 @@ def found(tmp_path, text):
 
 
 @pytest.mark.parametrize(
-    ("kind", "fault", "mended"),
+    ("kind", "fault", "repaired"),
     [
         ("redundant", ("  </equality>", AGAIN + "  </equality>"), lambda text, one: text.replace(AGAIN, "")),
         (
@@ -57,10 +57,10 @@ def found(tmp_path, text):
         ),
     ],
 )  # fmt: skip
-def test_a_remedy_done_as_it_is_reported_takes_the_finding_away(kind, fault, mended, tmp_path):
+def test_a_remedy_done_as_it_is_reported_takes_the_finding_away(kind, fault, repaired, tmp_path):
     wrong = changed(fault)
     (one,) = [one for one in found(tmp_path, wrong) if one.kind == kind]
-    right = mended(wrong, one)
+    right = repaired(wrong, one)
     assert right != wrong
     assert found(tmp_path, right) == ()
 
