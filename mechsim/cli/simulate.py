@@ -40,11 +40,11 @@ from mechsim.model.motion_laws import interval_around
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings
+from mechsim.simulation.settings import plain_settings
 from mechsim.studies.reference import driven_as
 from mechsim.studies.scene.errors import divergence_reason, start_error
 from mechsim.studies.scene.run import SceneRun
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.settings import plain_settings
 from mechsim.studies.scene.step_sizes import finer
 from mechsim.subjects.driver_positions import Poses, driver_path
 from mechsim.subjects.mjcf_source import scene_findings

@@ -12,9 +12,9 @@ from mechsim.cli.load_options import ControlOptions
 from mechsim.cli.options import DriveOptions, require_distinct, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
+from mechsim.simulation.plain_settings import ALLOWABLE, PlainSettings
 from mechsim.studies.scene.errors import SceneTrial
 from mechsim.studies.scene.open_scene import require_mjcf
-from mechsim.studies.scene.settings import ALLOWABLE, PlainSettings
 from mechsim.studies.scene.tune import SECONDS, Tuned, TuningReport
 from mechsim.studies.scene.tune_model import tune as tune_model
 from mechsim.studies.scene.write_tuned import setting_changes

@@ -228,7 +228,7 @@ def swept(mechanism: Mechanism) -> dict[str, Pose]:
     forward = _states(loops, start, 2.0 * np.pi / STEPS)
     states = forward if len(forward) >= STEPS else forward + _states(loops, start, -2.0 * np.pi / STEPS)
     states_array = np.array(states or [loops.model.qpos0])
-    return {GROUND: IDENTITY, **link_poses(mechanism, loops.model, states_array)}
+    return {GROUND: IDENTITY, **link_poses(mechanism, loops, states_array)}
 
 
 def _states(loops: ModelLoops, start: Array, step: float) -> list[Array]:

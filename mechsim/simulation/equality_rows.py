@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.state import rotation_matrix
+from mechsim.simulation.state import cross_matrices, rotation_matrix
 
 SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 # 4 cos²(angle/2) below which two frames count as rotated by half a revolution
@@ -57,7 +57,7 @@ class FramePair:
         half = np.sqrt(np.maximum(1.0 + np.trace(relative, axis1=1, axis2=2), HALF_TURN)) / 2.0
         difference = relative[:, [2, 0, 1], [1, 2, 0]] - relative[:, [1, 2, 0], [2, 0, 1]]
         vector = difference / (2.0 * half[:, None])
-        rate = half[:, None, None] * np.eye(3) - _cross_matrix(vector) / 2.0
+        rate = half[:, None, None] * np.eye(3) - cross_matrices(vector) / 2.0
         return vector, rate @ np.swapaxes(frame, 1, 2)
 
 
@@ -208,15 +208,6 @@ def tendon_joints(model: mujoco.MjModel, tendon: int) -> tuple[NDArray[np.int32]
             "length cannot close a loop; make it a fixed tendon, a sum of joints, or the equality inactive"
         )
     return model.wrap_objid[rows], model.wrap_prm[rows].astype(np.float64)
-
-
-def _cross_matrix(vector: Array) -> Array:
-    """Return the cross-product matrices of vectors (n, 3), (n, 3, 3)."""
-    out = np.zeros((len(vector), 3, 3))
-    x, y, z = vector.T
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -z, y, -x
-    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = z, -y, x
-    return out
 
 
 def chained(couplings: Sequence[CouplingConstraint], driven: Sequence[int]) -> list[CouplingConstraint]:

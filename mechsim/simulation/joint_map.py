@@ -21,7 +21,8 @@ from mechsim.simulation.closed_configurations import (
     scalar_dof,
     straight_path,
 )
-from mechsim.simulation.state import HINGE, SLIDE
+from mechsim.simulation.mjcf_reader.pose_chains import site_or_body
+from mechsim.simulation.state import HINGE, SLIDE, cross_matrices, mass_matrix
 
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MujocoInput
@@ -169,14 +170,12 @@ class _Outputs:
             row = np.eye(model.nv)[dof]
             return lambda qpos, *_: (qpos[:, address], np.broadcast_to(row, (len(qpos), model.nv)))
         subject, _, suffix = name.rpartition(".")
-        site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, subject)
-        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, subject)
-        if suffix not in (*AXES, *ROTATION_SUFFIXES) or (site < 0 and body < 0):
+        located = site_or_body(model, subject)
+        if suffix not in (*AXES, *ROTATION_SUFFIXES) or located is None:
             raise InputError(
                 f"there is no output {name!r}; give a hinge or slide, or a site's or body's NAME.x to NAME.rz"
             )
-        local = model.site_pos[site] if site >= 0 else np.zeros(3)
-        body = int(model.site_bodyid[site]) if site >= 0 else body
+        body, local = located
         return self._rotation(body, suffix) if suffix[0] == "r" else self._position(body, local, suffix)
 
     def _position(self, body: int, local: Array, axis: str) -> Callable[..., tuple[Array, Array]]:
@@ -212,9 +211,7 @@ def rotation_vector_rates(vector: Array) -> Array:
     safe = np.where(angle > 1e-4, angle, 1.0)
     # the series 1/12 + angle^2/720 is exact to 1e-18 below 1e-4 rad
     factor = np.where(angle > 1e-4, 1 / safe**2 - 0.5 / (safe * np.tan(0.5 * safe)), 1 / 12 + angle**2 / 720)
-    cross = np.zeros((len(vector), 3, 3))
-    cross[:, (2, 0, 1), (1, 2, 0)] = vector
-    cross[:, (1, 2, 0), (2, 0, 1)] = -vector
+    cross = cross_matrices(vector)
     return np.eye(3) - 0.5 * cross + factor[:, None, None] * (cross @ cross)
 
 
@@ -367,14 +364,13 @@ def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> Array:
 def inertia_and_holding(path: StraightPath, qpos: Array) -> tuple[Array, Array]:
     """Return inertia and holding torque at the inputs, (n, k, k) and (n, k), by virtual work."""
     model, rates = path.loops.model, input_rates(path, qpos)
-    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    data = mujoco.MjData(model)
     inertia, forces = np.empty((len(qpos), model.nv, model.nv)), np.empty((len(qpos), model.nv))
     for i, state in enumerate(qpos):
         data.qpos[:], data.qvel[:] = state, 0.0
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
-        mujoco.mj_fullM(model, data, full)
-        inertia[i], forces[i] = full, data.qfrc_bias - data.qfrc_passive
+        inertia[i], forces[i] = mass_matrix(data), data.qfrc_bias - data.qfrc_passive
     transposed = np.swapaxes(rates, 1, 2)
     return transposed @ inertia @ rates, (transposed @ forces[..., None])[..., 0]
 

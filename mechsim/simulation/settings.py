@@ -14,7 +14,9 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.state import is_disabled
+from mechsim.simulation.plain_settings import INTEGRATORS, SOLVERS, PlainSettings
+from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
+from mechsim.units import si
 
 Jacobian = Literal["dense", "sparse"]
 KINDS: dict[Jacobian, int] = {
@@ -47,25 +49,13 @@ def faster_matrices(model: mujoco.MjModel) -> Jacobian:
 def accelerations_and_fill(model: mujoco.MjModel, kind: Jacobian) -> tuple[Array, float]:
     """Return the accelerations, (nv,), at distinct rates, and the fraction of nonzero matrix entries."""
     model.opt.jacobian = KINDS[kind]
-    data = mujoco.MjData(model)
-    data.qvel[:] = np.sin(np.arange(model.nv) + 1.0)
-    mujoco.mj_forward(model, data)
+    data = data_at(model, model.qpos0, np.sin(np.arange(model.nv) + 1.0))
     filled = np.nan
     if kind == "dense":
-        inertia = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, inertia)
+        inertia = mass_matrix(data)
         touched = (dense_rows(data) != 0.0).astype(np.float64)
         filled = float(((inertia != 0.0) | (touched.T @ touched > 0.0)).mean())
     return data.qacc.copy(), filled
-
-
-def dense_rows(data: mujoco.MjData) -> Array:
-    """Return the Jacobian of the constraints of a model that keeps it dense, (nefc, nv).
-
-    MuJoCo's array is longer if constraints without effect were left out.
-    """
-    nv = data.model.nv
-    return data.efc_J[: data.nefc * nv].reshape(data.nefc, nv)
 
 
 def number(
@@ -107,9 +97,7 @@ def check(name: str, value: Any, rule: Mapping[str, Any]) -> None:
             raise InputError(f"{name} is {value}; give {rule['count']} finite numbers")
 
 
-INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
 JACOBIANS = ("auto", *KINDS)
-SOLVERS = ("PGS", "CG", "Newton")
 # time constant of the constraints, in steps, below which stepping oscillates
 LEAST_CONSTANT = 10.0
 
@@ -261,33 +249,28 @@ class Settings:
             The settings with all automatic choices made.
         """
         model = loops.model
-        option = model.opt
-        option.timestep = timestep
-        option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{self.integrator.upper()}"))
-        option.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
         equalities = _only_equalities(model)
-        # relative to the virtual inertia a remaining gradient is always small
-        option.iterations, option.tolerance = max(option.iterations, ITERATIONS), 0.0
-        if equalities and not (self.integrator == "discrete" and _springy(model)):
-            # the cost is then quadratic: one step of Newton's method is exact
-            option.iterations = 1
-        disable, enable = mujoco.mjtDisableBit, mujoco.mjtEnableBit
-        if self.solver is not None:
-            option.solver = int(getattr(mujoco.mjtSolver, f"mjSOL_{self.solver.upper()}"))
-        option.iterations = option.iterations if self.iterations is None else int(self.iterations)
-        option.ls_iterations = option.ls_iterations if self.ls_iterations is None else int(self.ls_iterations)
+        # the cost is then quadratic: one step of Newton's method is exact
+        exact = equalities and not (self.integrator == "discrete" and _springy(model))
+        PlainSettings(
+            timestep=timestep,
+            integrator=self.integrator,
+            solver=self.solver or "Newton",
+            iterations=self.iterations or (1 if exact else max(model.opt.iterations, ITERATIONS)),
+            ls_iterations=self.ls_iterations,
+            # relative to the virtual inertia a remaining gradient is always small
+            tolerance=self.residual or 0.0,
+            solref=self.solref or self._solref(timestep, self.constant),
+            solimp=self.solimp,
+            refsafe=self.refsafe,
+            eulerdamp=self.eulerdamp,
+            island=self.island,
+            diagexact=self.diagexact,
+            sensor=False,
+            compliance=self.compliance_used,
+        ).set_in(model)
         # noslip recomputes accelerations from forces, whose rounding is divided by the small compliance
-        option.noslip_iterations = 0
-        option.tolerance = option.tolerance if self.residual is None else self.residual
-        _set(option, "disableflags", int(disable.mjDSBL_SENSOR), True)
-        _set(option, "disableflags", int(disable.mjDSBL_ISLAND), not self.island)
-        _set(option, "disableflags", int(disable.mjDSBL_EULERDAMP), not self.eulerdamp)
-        _set(option, "disableflags", int(disable.mjDSBL_REFSAFE), not self.refsafe)
-        _set(option, "enableflags", int(enable.mjENBL_DIAGEXACT), self.diagexact)
-        model.eq_solref[:] = self.solref or self._solref(timestep, self.constant)
-        model.eq_solimp[:] = self.solimp
-        model.body_invweight0[:] *= self.compliance_used
-        model.dof_invweight0[:] *= self.compliance_used
+        model.opt.noslip_iterations = 0
         model.tendon_invweight0[_coupled_tendons(model, loops)] *= self.compliance_used
         if not velocity_products:
             # a constraint omits the velocity-product term of a polynomial; a short time constant corrects it
@@ -304,7 +287,7 @@ class Settings:
         used = replace(self, compliance=self.compliance_used)
         if self.jacobian == "auto":
             used = replace(used, jacobian=faster_matrices(model) if equalities else "dense")
-        option.jacobian = KINDS["sparse" if used.jacobian == "sparse" else "dense"]
+        model.opt.jacobian = KINDS["sparse" if used.jacobian == "sparse" else "dense"]
         return used
 
     def _solref(self, timestep: float, steps: float) -> tuple[float, float]:
@@ -322,6 +305,46 @@ class Settings:
         """Return the settings of a report, by name."""
         options = ((setting_.metadata.get("row"), getattr(self, setting_.name)) for setting_ in fields(self))
         return {row[0]: row[1](value) for row, value in options if row}
+
+
+# settings of a driven run -> names in plain MuJoCo
+MUJOCO_NAMES = {"residual": "tolerance"}
+
+
+def plain_settings(
+    settings: Mapping[str, Any],
+    timestep: float | str | None,
+    file_timestep: float,
+    speed: float | None = None,
+) -> PlainSettings:
+    """Return settings of a run for plain MuJoCo; the file determines the others.
+
+    Args:
+        settings: settings by their names in `Settings`.
+        timestep: time step in [s] or as text, instead of steps per revolution.
+        file_timestep: time step of the file in [s].
+        speed: crank speed in [rad/s], required for steps per revolution.
+
+    Raises:
+        InputError: for a setting of driven runs only, or two settings that exclude each other.
+    """
+    Settings(**settings)  # raises for values that no run can have
+    values = {MUJOCO_NAMES.get(name, name): value for name, value in settings.items()}
+    step = si(timestep, "s", "the time step")
+    if step is not None and not 0.0 < step < np.inf:
+        raise InputError(f"time step is {timestep}; give a finite time above 0")
+    if "steps_per_turn" in values:
+        if speed is None:
+            raise InputError("--steps-per-turn applies to a crank; give --timestep instead")
+        if step is not None:
+            raise InputError("both --timestep and --steps-per-turn were given; give only one")
+        step = REVOLUTION / abs(speed) / values["steps_per_turn"]
+    if "constant_steps" in values:
+        if "solref" in values:
+            raise InputError("both --constant-steps and --solref were given; give only one")
+        values["solref"] = values["constant_steps"] * (step or file_timestep), 1.0
+    names = {field.name for field in fields(PlainSettings)} & {*values}
+    return PlainSettings(timestep=step, **{name: values[name] for name in names})
 
 
 def set_armature(model: mujoco.MjModel, dofs: NDArray[np.int64], armature: float | Array) -> None:
@@ -358,11 +381,6 @@ def _coupled_tendons(model: mujoco.MjModel, loops: ModelLoops) -> list[int]:
     numbers = [setting_.equality for setting_ in loops.couplings]
     ends = [i for i in numbers if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON)]
     return sorted({int(end) for i in ends for end in (model.eq_obj1id[i], model.eq_obj2id[i]) if end >= 0})
-
-
-def _set(option: Any, field: str, bits: int, on: bool) -> None:
-    value = getattr(option, field)
-    setattr(option, field, value | bits if on else value & ~bits)
 
 
 def _only_equalities(model: mujoco.MjModel) -> bool:

@@ -307,24 +307,17 @@ def assembled(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
         AssemblyError: if the loops do not close.
     """
     loops, guess = initial_guess(mechanism, scene)
-    many = link_poses(mechanism, loops.model, _closed(loops, guess)[None])
+    many = link_poses(mechanism, loops, _closed(loops, guess)[None])
     poses = {name: pose.select(0) for name, pose in many.items()}
     require_aligned(mechanism, poses)
     return generate(mechanism, scene, poses)
 
 
-def link_poses(mechanism: Mechanism, model: mujoco.MjModel, states: Array) -> dict[str, Pose]:
+def link_poses(mechanism: Mechanism, loops: ModelLoops, states: Array) -> dict[str, Pose]:
     """Return n poses of each link at states (n, nq) of a model whose bodies have the links' names."""
-    data = mujoco.MjData(model)
-    positions = {link.name: np.empty((len(states), 3)) for link in mechanism.links}
-    turns = {link.name: np.empty((len(states), 3, 3)) for link in mechanism.links}
-    for i, state in enumerate(states):
-        data.qpos[:] = state
-        mujoco.mj_kinematics(model, data)
-        for name in positions:
-            body = data.body(name)
-            positions[name][i], turns[name][i] = body.xpos, body.xmat.reshape(3, 3)
-    return {name: Pose(positions[name], turns[name]) for name in positions}
+    position, rotation = loops.posed.body_poses(states)
+    bodies = {link.name: loops.model.body(link.name).id for link in mechanism.links}
+    return {name: Pose(position[:, body], rotation[:, body]) for name, body in bodies.items()}
 
 
 def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array]:

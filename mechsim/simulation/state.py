@@ -113,6 +113,36 @@ class PosedBodies:
         return self._batches[n]
 
 
+def data_at(model: mujoco.MjModel, qpos: Array, qvel: Array | None = None) -> mujoco.MjData:
+    """Return MuJoCo's data at a state, evaluated by `mj_forward`.
+
+    Args:
+        model: the model.
+        qpos: coordinates, (nq,).
+        qvel: velocities, (nv,); by default at rest.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = qpos, 0.0 if qvel is None else qvel
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def mass_matrix(data: mujoco.MjData) -> Array:
+    """Return the mass matrix at the state of MuJoCo's data, (nv, nv)."""
+    matrix = np.zeros((data.model.nv, data.model.nv))
+    mujoco.mj_fullM(data.model, data, matrix)
+    return matrix
+
+
+def dense_rows(data: mujoco.MjData) -> Array:
+    """Return the Jacobian of the constraints of a model that keeps it dense, (nefc, nv).
+
+    MuJoCo's array is longer if constraints without effect were left out.
+    """
+    nv = data.model.nv
+    return data.efc_J[: data.nefc * nv].reshape(data.nefc, nv)
+
+
 def scalar_joints(model: mujoco.MjModel) -> dict[str, int]:
     """Return the hinges and slides of a model: name -> index."""
     return {model.joint(j).name: j for j in range(model.njnt) if model.jnt_type[j] in SCALAR}
@@ -205,6 +235,13 @@ def matching_state(
 def rotated(rotation: Array, local: Array) -> Array:
     """Return body-fixed vectors, (3,) or (n, 3), in the world frame; rotations are (n, 3, 3)."""
     return rotation @ local if local.ndim == 1 else (rotation @ local[..., None])[..., 0]
+
+
+def cross_matrices(vectors: Array) -> Array:
+    """Return the matrices (n, 3, 3) of the cross products with vectors (n, 3)."""
+    matrices = np.zeros((len(vectors), 3, 3))
+    matrices[:, [2, 0, 1], [1, 2, 0]] = vectors
+    return matrices - np.swapaxes(matrices, 1, 2)
 
 
 def rotated_quaternions(quaternions: Array, vector: Array) -> Array:

@@ -7,6 +7,7 @@ from time import perf_counter, thread_time
 import mujoco
 import numpy as np
 from mujoco import batch
+from numpy.typing import NDArray
 
 from mechsim.errors import InputError
 from mechsim.model.limits import MAX_STEPS
@@ -121,34 +122,96 @@ def step(
     model = loops.model
     if driven:
         _add_drive_inertia(loops)
-    sims = batch.Batch(model, 1, 1)
+    torque = _torque(loops, profile, timestep, total) if driven else None
+    run = rollout(
+        batch.Batch(model, 1, 1),
+        timestep,
+        start,
+        total,
+        interval,
+        lambda steps: _controls(loops, steps, controls, torque),
+        progress,
+    )
+    force = None if torque is None else torque[np.minimum(run.numbers, total - 1)]
+    if force is not None and driven and force.shape[1] == 1 and loops.drivers is None:
+        force = force[:, 0]
+    states = States(run.time, run.qpos, run.qvel)
+    return Steps(states, force, run.count, run.seconds, timestep, run.diverged, used, run.processor)
+
+
+@dataclass(frozen=True, slots=True)
+class Rollout:
+    """The recorded states of one simulation.
+
+    Attributes:
+        timestep: in [s].
+        numbers: numbers of steps before each record, (n,); the first is zero.
+        qpos: (n, nq).
+        qvel: (n, nv).
+        count: steps taken.
+        seconds: time of the steps, in [s].
+        processor: processor time of the steps in this thread, in [s].
+        diverged: whether MuJoCo warned of a bad state or a number was not finite; the records precede it.
+    """
+
+    timestep: float
+    numbers: NDArray[np.int64]
+    qpos: Array
+    qvel: Array
+    count: int
+    seconds: float
+    processor: float
+    diverged: bool
+
+    @property
+    def time(self) -> Array:
+        """Instants of the records in [s], (n,)."""
+        return self.timestep * self.numbers.astype(np.float64)
+
+
+def rollout(
+    sims: batch.Batch,
+    timestep: float,
+    start: tuple[Array, Array],
+    total: int,
+    interval: int,
+    controls: Callable[[slice], Array | None],
+    progress: Progress = no_progress,
+) -> Rollout:
+    """Step one simulation in blocks, until it diverges.
+
+    Args:
+        sims: the simulation.
+        timestep: its time step in [s].
+        start: state and rates at time zero, (nq,) and (nv,).
+        total: steps.
+        interval: number of steps between two records; the last step is recorded too.
+        controls: steps of a block -> controls of actuators and applied forces, (1, steps, nu + nv).
+        progress: callback after every block.
+    """
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
     records = [(np.zeros(1, dtype=np.int64), start[0][None], start[1][None])]
-    torque = _torque(loops, profile, timestep, total) if driven else None
-    count_done, spent, processor, diverged = 0, 0.0, 0.0, False
-    while count_done < total and not diverged:
-        count = min(STEPS_PER_CALL, total - count_done)
-        control = _controls(loops, slice(count_done, count_done + count), controls, torque)
+    done, seconds, processor, diverged = 0, 0.0, 0.0, False
+    while done < total and not diverged:
+        steps = slice(done, min(done + STEPS_PER_CALL, total))
+        control = controls(steps)
         begin, busy = perf_counter(), thread_time()
-        out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
-        spent += perf_counter() - begin
+        out = sims.rollout(
+            steps.stop - done, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME)
+        )
+        seconds += perf_counter() - begin
         processor += thread_time() - busy
-        number = np.arange(count_done + 1, count_done + count + 1)
+        number = np.arange(done + 1, steps.stop + 1)
         kept = np.flatnonzero((number % interval == 0) | (number == total))
         number, (qpos, qvel, time) = number[kept], (values[0, kept] for values in out.values())
         # MuJoCo resets a bad state to time zero
         valid = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
         records.append((number[valid], qpos[valid], qvel[valid]))
         diverged = bool(not valid.all() or sims.warning[..., 1].any())
-        count_done += count
-        progress(f"{count_done:,} of {total:,} steps", count_done / total)
-    indices, qpos, qvel = (np.concatenate(columns) for columns in zip(*records, strict=True))
-    force = None if torque is None else torque[np.minimum(indices, total - 1)]
-    if force is not None and driven and force.shape[1] == 1 and loops.drivers is None:
-        force = force[:, 0]
-    return Steps(
-        States(timestep * indices, qpos, qvel), force, count_done, spent, timestep, diverged, used, processor
-    )
+        done = steps.stop
+        progress(f"{done:,} of {total:,} steps", done / total)
+    numbers, qpos, qvel = (np.concatenate(columns) for columns in zip(*records, strict=True))
+    return Rollout(timestep, numbers, qpos, qvel, done, seconds, processor, diverged)
 
 
 def _add_drive_inertia(loops: ModelLoops) -> None:

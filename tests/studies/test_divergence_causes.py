@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 from scene_texts import FINGER, scene
 
+from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.errors import divergence_reason
 from mechsim.studies.scene.run import run_scene
-from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.step_sizes import finer
 
 FED = {"servo": "0.5*sin(2*pi*t)"}

@@ -14,7 +14,8 @@ from mechsim.cli import main
 from mechsim.errors import InputError
 from mechsim.model.scene import LEVELS, Scene
 from mechsim.simulation.mjcf.alternatives import rod_of
-from mechsim.simulation.settings import INTEGRATORS, Settings
+from mechsim.simulation.plain_settings import INTEGRATORS
+from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import from_spec
 from mechsim.studies.budget import Budget, TrialTimes
 from mechsim.studies.tradeoff import trials

@@ -7,9 +7,9 @@ import pytest
 from scene_texts import FINGER, scene
 
 from mechsim.errors import InputError
+from mechsim.simulation.plain_settings import PlainSettings, settings_of
 from mechsim.studies.scene.errors import errors_of
 from mechsim.studies.scene.run import run_scene
-from mechsim.studies.scene.settings import PlainSettings, settings_of
 from mechsim.studies.scene.step_sizes import disabled, shortest_time_constant, steps_of
 from mechsim.studies.scene.tune import AIMED_FRACTION, tuned
 from mechsim.studies.scene.write_tuned import KEY, differing, python_of, tuned_text, write_scene

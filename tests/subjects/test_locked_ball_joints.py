@@ -10,8 +10,8 @@ from mechsim import simulate
 from mechsim.cli.load_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions
 from mechsim.errors import InputError
+from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.scene import spec_of
-from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.write_tuned import tuned_text
 from mechsim.subjects.readers import load
 

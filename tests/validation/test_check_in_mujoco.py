@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from scene_texts import scene
 
+from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.converged_reference import LOWEST_COMPLIANCE_SOLIMP, compute_reference
 from mechsim.studies.scene.errors import errors_of
 from mechsim.studies.scene.run import run_scene
-from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.write_tuned import python_of, tuned_text, write_scene
 
 MOTION = "0.5*sin(2*pi*t)"

@@ -26,9 +26,9 @@ from mechsim.model.scene import Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.errors import errors_of
 from mechsim.studies.scene.run import run_scene, step_times
-from mechsim.studies.scene.settings import PlainSettings
 from mechsim.subjects.readers import load
 
 SETTINGS = {

@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.converged_reference import LOWEST_COMPLIANCE_SOLIMP
 from mechsim.studies.scene.errors import errors_of
 from mechsim.studies.scene.run import SceneRun, run_scene, step_times
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.settings import PlainSettings
 from mechsim.studies.scene.step_sizes import shortest_time_constant
 
 # steps in those of the file's own, each so many times shorter than the one before

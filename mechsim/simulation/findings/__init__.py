@@ -19,6 +19,7 @@ from mechsim.simulation.findings.loop_closure import (
     redundant_constraints,
     undetermined,
 )
+from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 
 __all__ = ["findings", "findings_in"]
@@ -51,6 +52,7 @@ def findings(read: MjcfModel, motion_laws: MotionLaws = CRANK) -> tuple[Finding,
     return findings_in(Inspected(read, motion_laws))
 
 
+@quiet()
 def findings_in(scene: Inspected) -> tuple[Finding, ...]:
     """Return the findings of a scene, most severe first."""
     result: list[Finding] = []

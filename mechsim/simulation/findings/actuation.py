@@ -9,7 +9,7 @@ from mechsim.model.finding import FilePosition, Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, Swing, rank, swing
 from mechsim.simulation.findings.predicted_gap import moment_arms
-from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.state import is_disabled
 
 # initial deviation of a servo from its control target that is reported above this value, in [rad] or [m]
 KICK = 1e-2
@@ -20,7 +20,7 @@ JOINTED = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT
 
 def fighting(scene: Inspected) -> Iterator[Finding]:
     """Yield actuators that act against each other or the motion."""
-    if not scene.model.nu or scene.model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION):
+    if not scene.model.nu or is_disabled(scene.model, mujoco.mjtDisableBit.mjDSBL_ACTUATION):
         return
     yield from _too_many(scene)
     yield from _off_at_start(scene)
@@ -103,7 +103,6 @@ def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
         )
 
 
-@quiet()
 def _actuator_forces(scene: Inspected, motion: Swing) -> Array:
     """Return the actuator forces over a motion with all controls zero, (n, nu)."""
     data, forces = mujoco.MjData(scene.model), list[Array]()

@@ -10,8 +10,7 @@ from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import OFF, Inspected, Loop, Swing, rank, swing
 from mechsim.simulation.findings.predicted_gap import MAX_IMPEDANCE, gaps_at_rest, gaps_in, overridden
-from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.settings import dense_rows
+from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
 
 # smallest visible gap, as a fraction of the characteristic length or in [rad]
 VISIBLE_GAP = 1e-4
@@ -78,7 +77,7 @@ def _time_constant(scene: Inspected, loop: Loop) -> float:
 def refsafe(scene: Inspected) -> Iterator[Finding]:
     """Yield the loops whose time constant MuJoCo raises to two time steps."""
     model = scene.model
-    if model.opt.disableflags & int(OFF.mjDSBL_REFSAFE):
+    if is_disabled(model, OFF.mjDSBL_REFSAFE):
         return
     least = MIN_STEPS * float(model.opt.timestep)
     groups: dict[float, list[Loop]] = {}
@@ -141,17 +140,12 @@ class _GapDynamics:
 def _stiffest(scene: Inspected) -> tuple[_GapDynamics, Loop] | None:
     """Return the gap dynamics at the start, and the stiffest loop; None if no joint changes the loops."""
     model = scene.loops_only
-    data = mujoco.MjData(model)
-    data.qpos[:] = scene.read.qpos if scene.closed is None else scene.closed
-    with quiet():
-        mujoco.mj_forward(model, data)
+    data = data_at(model, scene.read.qpos if scene.closed is None else scene.closed)
     rows = scene.loop_rows(data)
     jacobian = scene.without_rounding(dense_rows(data)[rows])
     if not jacobian.any():
         return None
-    inertia = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, inertia)
-    mobility = jacobian @ np.linalg.solve(inertia, jacobian.T)
+    mobility = jacobian @ np.linalg.solve(mass_matrix(data), jacobian.T)
     # fraction of a requested acceleration that the compliance of the loops transmits
     transmitted = mobility @ np.linalg.inv(mobility + np.diag(data.efc_R[rows]))
     k, b, d, _ = data.efc_KBIP.reshape(-1, 4)[rows].T

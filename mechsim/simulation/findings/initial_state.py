@@ -8,8 +8,7 @@ import numpy as np
 from mechsim.model.finding import NO_POSITION, FilePosition, Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, null_space, swing
-from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.state import SCALAR, SLIDE
+from mechsim.simulation.state import SCALAR, SLIDE, is_disabled
 
 # rounding error of values in a file, as a fraction of the range
 ROUNDING = 1e-6
@@ -20,7 +19,7 @@ SIGNIFICANT = 1e-6
 def outside_limits(scene: Inspected) -> Iterator[Finding]:
     """Yield joints and tendons that start outside their range, and joints whose range is a single value."""
     model = scene.model
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_LIMIT):
+    if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_LIMIT):
         return
     joints = {joint.name: joint for joint in scene.read.spec.joints}
     free = np.abs(np.vstack([null_space(jacobian) for jacobian, _ in scene.sample_jacobians]))
@@ -131,8 +130,7 @@ def _contacts(model: mujoco.MjModel, qpos: Array) -> Iterator[tuple[tuple[int, i
     """Yield bodies, geoms and penetration depth in [m] of the contacts at coordinates (nq,)."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
-    with quiet():
-        mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdPosition(model, data)
     for contact in data.contact:
         geoms = int(contact.geom[0]), int(contact.geom[1])
         if min(geoms) < 0 or not np.isfinite(contact.dist):

@@ -18,14 +18,15 @@ from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
+from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, TENDON, WELD, is_readable
 from mechsim.simulation.mjcf_text.included_files import included_lines
 from mechsim.simulation.mobility import require_determined, residual_mobility
 from mechsim.simulation.poses.follow import follow
-from mechsim.simulation.settings import dense_rows
 from mechsim.simulation.source import at_initial_state, from_source, parameter_profile
+from mechsim.simulation.state import data_at, dense_rows, is_disabled
 
 # elements of a file that a finding can refer to
 Element = (
@@ -85,14 +86,12 @@ class Inspected:
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model."""
-        with quiet():
-            return compiled(self.read.spec.copy())
+        return compiled(self.read.spec.copy())
 
     @cached_property
     def loops_only(self) -> mujoco.MjModel:
         """The model with its loops and Coulomb friction as the only constraints."""
-        with quiet():
-            model = compiled(self.read.spec.copy())
+        model = compiled(self.read.spec.copy())
         model.opt.disableflags |= int(OFF.mjDSBL_CONTACT) | int(OFF.mjDSBL_LIMIT)
         model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
         return model
@@ -100,11 +99,7 @@ class Inspected:
     @cached_property
     def started(self) -> mujoco.MjData:
         """MuJoCo's data of the model at rest at its start; do not change it."""
-        data = mujoco.MjData(self.model)
-        data.qpos[:] = self.read.qpos
-        with quiet():
-            mujoco.mj_forward(self.model, data)
-        return data
+        return data_at(self.model, self.read.qpos)
 
     @cached_property
     def length(self) -> float:
@@ -120,7 +115,7 @@ class Inspected:
     def loops(self) -> tuple[Loop, ...]:
         """The active equality constraints that are joints or couplings."""
         model = self.model
-        if model.opt.disableflags & int(OFF.mjDSBL_EQUALITY):
+        if is_disabled(model, OFF.mjDSBL_EQUALITY):
             return ()
         lines = [self.location(equality) for equality in self.read.spec.equalities]
         return tuple(
@@ -160,8 +155,7 @@ class Inspected:
         """Return the residuals (m,) of the loops, their Jacobian (m, nv), and the loop of each row, (m,)."""
         data = mujoco.MjData(self.loops_only)
         data.qpos[:] = qpos
-        with quiet():
-            mujoco.mj_fwdPosition(self.loops_only, data)
+        mujoco.mj_fwdPosition(self.loops_only, data)
         rows = self.loop_rows(data)
         return (
             data.efc_pos[rows].copy(),
@@ -228,12 +222,7 @@ class Inspected:
 
 
 def _bodies(model: mujoco.MjModel, i: int) -> tuple[int, ...]:
-    if int(model.eq_type[i]) not in (CONNECT, WELD):
-        return ()
-    ends = int(model.eq_obj1id[i]), max(int(model.eq_obj2id[i]), 0)
-    if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):
-        return tuple(int(model.site_bodyid[end]) for end in ends)
-    return ends
+    return coincident_frames(model, i)[0] if int(model.eq_type[i]) in (CONNECT, WELD) else ()
 
 
 def rank(matrix: Array) -> int:

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.equality_rows import SITE
+from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.findings.inspected import Inspected, Loop, null_space, rank
-from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
 from mechsim.simulation.mobility import residual_mobility
@@ -85,13 +84,8 @@ def _anchor(scene: Inspected, loop: Loop) -> Array:
     """Return the world position of a loop's anchor at the start, (3,) in [m]; zero for couplings."""
     if not loop.closes:
         return np.zeros(3)
-    model, data, i = scene.model, scene.started, loop.number
-    if int(model.eq_objtype[i]) == SITE:
-        return data.site_xpos[int(model.eq_obj1id[i])]
-    weld = loop.kind == WELD
-    body = loop.bodies[1] if weld else loop.bodies[0]
-    # the anchor of a weld is in the frame of its second body
-    return data.xpos[body] + data.xmat[body].reshape(3, 3) @ model.eq_data[i, :3]
+    (body, _), (local, _), _ = coincident_frames(scene.model, loop.number)
+    return scene.started.xpos[body] + scene.started.xmat[body].reshape(3, 3) @ local
 
 
 def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
@@ -202,7 +196,6 @@ def _representative_joints(scene: Inspected, free: Array) -> tuple[int, list[str
 def _has_undetermined(scene: Inspected) -> bool:
     """Return whether DOFs are undetermined with the drivers locked; False if the loops do not close."""
     try:
-        with quiet():
-            return residual_mobility(from_source(scene.read, drivers=scene.drivers)).undetermined != ()
+        return residual_mobility(from_source(scene.read, drivers=scene.drivers)).undetermined != ()
     except (MechsimError, np.linalg.LinAlgError):
         return False

@@ -15,9 +15,8 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, Swing
-from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import actuated_joints
-from mechsim.simulation.settings import dense_rows
+from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
 
 EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 IMPLICIT = (int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST))
@@ -34,22 +33,18 @@ def damping(model: mujoco.MjModel, moment_arms: Array) -> Array:
     integrator, none = int(model.opt.integrator), np.zeros((model.nv, model.nv))
     if integrator != EULER and integrator not in IMPLICIT:
         return none
-    if _off(model, int(OFF.mjDSBL_DAMPER)) or (
-        integrator == EULER and _off(model, int(OFF.mjDSBL_EULERDAMP))
+    if is_disabled(model, OFF.mjDSBL_DAMPER) or (
+        integrator == EULER and is_disabled(model, OFF.mjDSBL_EULERDAMP)
     ):
         result = none
     else:
         # damping may be a polynomial, whose first coefficient dominates at low speed
         result = np.diag(np.reshape(model.dof_damping, (model.nv, -1))[:, 0])
-    if integrator in IMPLICIT and not _off(model, int(OFF.mjDSBL_ACTUATION)):
+    if integrator in IMPLICIT and not is_disabled(model, OFF.mjDSBL_ACTUATION):
         affine = model.actuator_biastype == int(mujoco.mjtBias.mjBIAS_AFFINE)
         rates = np.where(affine, -model.actuator_biasprm[:, 2], 0.0)
         result = result + moment_arms.T @ (np.maximum(rates, 0.0)[:, None] * moment_arms)
     return result
-
-
-def _off(model: mujoco.MjModel, bit: int) -> bool:
-    return bool(int(model.opt.disableflags) & bit)
 
 
 DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON))
@@ -68,10 +63,7 @@ def gaps_at_rest(scene: Inspected) -> dict[int, float]:
     """
     model = copy(scene.loops_only)
     model.opt.disableflags |= int(OFF.mjDSBL_ACTUATION)
-    data = mujoco.MjData(model)
-    data.qpos[:] = scene.read.qpos if scene.closed is None else scene.closed
-    with quiet():
-        mujoco.mj_forward(model, data)
+    data = data_at(model, scene.read.qpos if scene.closed is None else scene.closed)
     force = data.efc_force[data.efc_type == EQUALITY]
     return _gaps(scene, data, force, np.zeros(len(force)), {})
 
@@ -79,16 +71,12 @@ def gaps_at_rest(scene: Inspected) -> dict[int, float]:
 def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
     """Return the largest gap of each loop over a motion: loop number -> [m] or [rad]."""
     model, widest = scene.loops_only, dict[int, float]()
-    data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     inputs = drive_directions(scene)
     implicit_damping = damping(model, moment_arms(scene, scene.read.qpos)) * float(model.opt.timestep)
     for qpos, qvel, qacc in zip(motion.qpos, motion.qvel, motion.qacc, strict=True):
-        data.qpos[:], data.qvel[:] = qpos, qvel
-        with quiet():
-            mujoco.mj_forward(model, data)
-        mujoco.mj_fullM(model, data, inertia)
+        data = data_at(model, qpos, qvel)
         # acceleration before implicit damping, which the integrator reduces to qacc
-        commanded = qacc + np.linalg.solve(inertia, implicit_damping @ qacc)
+        commanded = qacc + np.linalg.solve(mass_matrix(data), implicit_damping @ qacc)
         rows = data.efc_type == EQUALITY
         jacobian = dense_rows(data)[rows]
         force = loop_forces(scene, data, commanded, inputs)
@@ -118,8 +106,7 @@ def moment_arms(scene: Inspected, qpos: Array) -> Array:
     data.qpos[:] = qpos
     dense = np.zeros((model.nu, model.nv))
     if model.nu:
-        with quiet():
-            mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdPosition(model, data)
         arms = data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
         mujoco.mju_sparse2dense(dense, *arms)
     return dense
@@ -132,9 +119,7 @@ def loop_forces(scene: Inspected, data: mujoco.MjData, qacc: Array, inputs: Arra
     such that the sum of the regularisation times the squared force is smallest.
     """
     model = scene.loops_only
-    inertia = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, inertia)
-    needed = inertia @ qacc + data.qfrc_bias - data.qfrc_passive - data.qfrc_applied
+    needed = mass_matrix(data) @ qacc + data.qfrc_bias - data.qfrc_passive - data.qfrc_applied
     rows, jacobian = data.efc_type == EQUALITY, dense_rows(data)
     needed -= jacobian.T @ _friction(data, jacobian, qacc)
     jacobian = jacobian[rows]

@@ -1,7 +1,9 @@
 """The rules of `mechsim check`: identifier, severity, title and explanation of each kind of finding."""
 
+import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import mujoco
@@ -17,8 +19,7 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD, is_readable
 from mechsim.simulation.mjcf_text.edited_text import EditedText, equality_elements, set_options
-from mechsim.simulation.settings import dense_rows
-from mechsim.simulation.state import limited_joints
+from mechsim.simulation.state import data_at, dense_rows, limited_joints
 
 Severity = Literal["error", "warning", "note"]
 Target = Literal["urdf"]
@@ -48,127 +49,9 @@ class Rule:
     reason: str
 
 
-RULES = (
-    Rule(
-        "MS101",
-        "timestep",
-        "error",
-        "Time step too long for the stiffest loop",
-        "The gap of a loop obeys a stiff differential equation. With a step beyond the stability "
-        "limit of the integrator it grows or rings.",
-    ),
-    Rule(
-        "MS102",
-        "gap",
-        "error",
-        "Loop open at the start",
-        "The two sides of an equality are apart in the reference configuration. MuJoCo closes the "
-        "gap in the first steps with large forces.",
-    ),
-    Rule(
-        "MS103",
-        "units",
-        "error",
-        "Value in a wrong unit",
-        "A joint range, mass or length is plausible only in another unit, such as degrees in a "
-        "file of radians.",
-    ),
-    Rule(
-        "MS104",
-        "inertia",
-        "error",
-        "Impossible inertia",
-        "No rigid body has these moments of inertia, or a moving body has no mass.",
-    ),
-    Rule(
-        "MS105",
-        "limit",
-        "warning",
-        "Start outside joint limits",
-        "A joint is outside its range where the model starts, so that the limit pushes it back.",
-    ),
-    Rule(
-        "MS106",
-        "collision",
-        "warning",
-        "Bodies of a loop collide",
-        "Geoms of links that a loop joins overlap and push each other apart.",
-    ),
-    Rule(
-        "MS107",
-        "redundant",
-        "warning",
-        "Redundant loop constraints",
-        "Constraint equations depend on each other. Reactions are not unique, and inexact equations "
-        "contradict each other.",
-    ),
-    Rule(
-        "MS108",
-        "actuator",
-        "warning",
-        "Actuators work against each other",
-        "An actuator acts against other actuators, the loops or the motion of the drivers.",
-    ),
-    Rule(
-        "MS109",
-        "refsafe",
-        "warning",
-        "Time constant raised by refsafe",
-        "MuJoCo raises time constants below two steps, so that loops are softer than the file states.",
-    ),
-    Rule(
-        "MS110",
-        "soft",
-        "warning",
-        "Soft loop",
-        "Equality constraints are springs. The forces in the loop open it by a visible gap.",
-    ),
-    Rule(
-        "MS111",
-        "open",
-        "note",
-        "Degrees of freedom left open",
-        "With the drivers locked the mechanism still moves; springs, weight or contacts determine its "
-        "motion.",
-    ),
-    Rule(
-        "MS112",
-        "unchecked",
-        "note",
-        "Equality not checked",
-        "The equality holds a flex, or a tendon through sites. The rules on loops do not cover it.",
-    ),
-    Rule(
-        "MS201",
-        "passive-actuator",
-        "warning",
-        "Actuator on a passive joint",
-        "The loops determine the joint from the other actuated joints, so that both act on one "
-        "degree of freedom.",
-    ),
-    Rule(
-        "MS202",
-        "passive-limit",
-        "note",
-        "Limits of a passive joint stop the drivers",
-        "The range of a passive joint rejects driver positions that their own limits allow. A "
-        "tree without the loop would not stop there.",
-    ),
-    Rule(
-        "MS203",
-        "loop-joint",
-        "note",
-        "A closing constraint carries less than a joint",
-        "A connect or weld that closes a loop has no limits, drive or friction. Those of the "
-        "real joint must be added to another joint.",
-    ),
-    Rule(
-        "MS301",
-        "target",
-        "warning",
-        "Lost in the target format",
-        "The target format has no element for a part of the model.",
-    ),
+RULES = tuple(
+    Rule(code, **row)
+    for code, row in tomllib.loads(Path(__file__).with_name("rules.toml").read_text(encoding="utf-8")).items()
 )
 BY_KIND = {rule.kind: rule for rule in RULES}
 
@@ -403,6 +286,7 @@ class EqualityStiffness:
     gap_per_newton: float
 
 
+@quiet()
 def equality_stiffness(read: MjcfModel) -> list[EqualityStiffness]:
     """Return the stiffness of each active equality at the start of the model.
 
@@ -410,10 +294,7 @@ def equality_stiffness(read: MjcfModel) -> list[EqualityStiffness]:
     (MuJoCo documentation, Computation, constraint model).
     """
     model = plainly_compiled(read.spec.copy())
-    data = mujoco.MjData(model)
-    data.qpos[:] = read.qpos
-    with quiet():
-        mujoco.mj_forward(model, data)
+    data = data_at(model, read.qpos)
     rows = np.flatnonzero(data.efc_type == EQUALITY)
     active = np.flatnonzero(np.abs(dense_rows(data)).max(1, initial=0.0) > 0.0) if model.nv else rows
     rows = np.intersect1d(rows, active)

@@ -33,8 +33,7 @@ from mechsim.simulation.mjcf.joints import (
     seated_pose,
 )
 from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
-from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.source import from_source
+from mechsim.simulation.source import from_source, link_poses
 
 Fields = dict[str, Array]
 BODY = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODY)
@@ -276,7 +275,7 @@ def design_models(
     loops = shared.closed.loops.with_fields(fields)
     qpos, first_error = loop_jacobian.close_each(loops, qpos)
     # in the reference configuration the links have the poses of the closed loops
-    seated, rest = assembled_fields(model, tree, arrays, _poses(loops, tree, qpos))
+    seated, rest = assembled_fields(model, tree, arrays, link_poses(tree.mechanism, loops, qpos))
     rest[:, address] += REVOLUTION * np.round((start - rest[:, address]) / REVOLUTION)
     real = [with_inertia(design) for design in designs]
     weights = inertia_fields(model, real) if shared.gravity is not None else placeholder_fields(model, arrays)
@@ -300,10 +299,3 @@ def _simple_inertia(model: mujoco.MjModel, fields: Fields) -> Bools:
     for name in ("jnt_pos", "jnt_axis"):
         valid &= (fields[name][:, joints] == getattr(model, name)[joints]).all((1, 2))
     return valid
-
-
-def _poses(loops: ModelLoops, tree: Tree, qpos: Array) -> dict[str, Pose]:
-    """Return the poses of links at states: link -> (d, 3) and (d, 3, 3)."""
-    position, rotation = loops.posed.body_poses(qpos)
-    number = {link.name: loops.model.body(link.name).id for link in tree.mechanism.links}
-    return {name: Pose(position[:, i], rotation[:, i]) for name, i in number.items()}

@@ -14,6 +14,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_of
+from mechsim.simulation.state import data_at, mass_matrix
 
 MOTOR = "crank@motor"
 # suffix of the sites at the ends of a rod that is a constant distance
@@ -56,11 +57,8 @@ def inertia_at_crank(model: mujoco.MjModel, qpos: Array, tangent: Array) -> floa
         qpos: closed state, (nq,).
         tangent: rates of all DOFs per radian of the crank, (nv,).
     """
-    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-    data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    mujoco.mj_fullM(model, data, full)
-    return float(tangent @ (full - np.diag(model.dof_armature)) @ tangent)
+    inertia = mass_matrix(data_at(model, qpos)) - np.diag(model.dof_armature)
+    return float(tangent @ inertia @ tangent)
 
 
 def rod_of(mechanism: Mechanism) -> str | None:

@@ -203,13 +203,14 @@ def name_elements(spec: mujoco.MjSpec) -> None:
         if not body.name:
             body.name = _free(f"body{number}", names)
     joints = [joint for body in bodies for joint in body.joints]
-    _name(joints, [f"{joint.parent.name}_joint" for joint in joints])
+    name_unnamed(joints, [f"{joint.parent.name}_joint" for joint in joints])
     equalities = list(spec.equalities)
     kinds = [str(mujoco.mjtEq(equality.type).name).removeprefix("mjEQ_").lower() for equality in equalities]
-    _name(equalities, [f"{kind}{number}" for number, kind in enumerate(kinds, 1)])
+    name_unnamed(equalities, [f"{kind}{number}" for number, kind in enumerate(kinds, 1)])
 
 
-def _name(elements: Iterable[Any], proposed: Iterable[str]) -> None:
+def name_unnamed(elements: Iterable[Any], proposed: Iterable[str]) -> None:
+    """Give unnamed elements the proposed names, numbered where these are in use."""
     elements = list(elements)
     names = {element.name for element in elements}
     for element, name in zip(elements, proposed, strict=True):

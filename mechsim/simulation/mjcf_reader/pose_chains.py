@@ -43,7 +43,11 @@ def with_pose_chains(
     subjects: dict[str, bool] = {}
     for name in drivers:
         subject, _, suffix = name.rpartition(".")
-        if name not in joints and suffix in (*POSITIONS, *ROTATIONS) and _find(model, subject) is not None:
+        if (
+            name not in joints
+            and suffix in (*POSITIONS, *ROTATIONS)
+            and site_or_body(model, subject) is not None
+        ):
             subjects[subject] = subjects.get(subject, False) or suffix in ROTATIONS
     if not subjects:
         return model, start
@@ -55,7 +59,7 @@ def with_pose_chains(
     return compiled(spec), start
 
 
-def _find(model: mujoco.MjModel, name: str) -> tuple[int, Array] | None:
+def site_or_body(model: mujoco.MjModel, name: str) -> tuple[int, Array] | None:
     """Return the body and point of a site or body with this name; None if there is neither."""
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
     if site >= 0:
@@ -70,7 +74,7 @@ def _add_chain(
     """Add the chain of a site or body at its current pose, and return its coordinates, (3,) or (6,)."""
     from scipy.spatial.transform import Rotation
 
-    located = _find(model, subject)
+    located = site_or_body(model, subject)
     assert located is not None
     body, local = located
     name = model.body(body).name

@@ -445,14 +445,9 @@ def _numbers(tree: UrdfTree, name: str, text: str, count: int = 3) -> Array:
 
 def _rotation(angles: Array) -> Array:
     """Return the rotation matrix of roll, pitch and yaw in [rad] about fixed axes x, y, z."""
-    (a, b, c), (sa, sb, sc) = np.cos(angles), np.sin(angles)
-    return np.array(
-        [
-            [c * b, c * sb * sa - sc * a, c * sb * a + sc * sa],
-            [sc * b, sc * sb * sa + c * a, sc * sb * a - c * sa],
-            [-sb, b * sa, b * a],
-        ]
-    )
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_euler("xyz", angles).as_matrix(), dtype=np.float64)
 
 
 def _specification(tree: UrdfTree) -> mujoco.MjSpec:

@@ -7,6 +7,8 @@ from xml.parsers import expat
 
 from mechsim.errors import InputError
 
+# a start tag; a `>` in a value does not end it
+_TAG = re.compile(r"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
 _ATTRIBUTE = re.compile(r"""([\w:.-]+)\s*=\s*("[^"]*"|'[^']*')""")
 
 
@@ -68,10 +70,10 @@ def elements_of(text: str, where: str = "the text") -> Element:
     parser = expat.ParserCreate("utf-8")
 
     def started(tag: str, attributes: dict[str, str]) -> None:
-        start = index_of(parser.CurrentByteIndex)
-        element = Element(
-            tag, attributes, start, opened=_tag_end(text, start), parent=stack[-1] if stack else None
-        )
+        start, parent = index_of(parser.CurrentByteIndex), stack[-1] if stack else None
+        whole = _TAG.match(text, start)
+        assert whole is not None
+        element = Element(tag, attributes, start, opened=whole.end(), parent=parent)
         (stack[-1].children if stack else roots).append(element)
         stack.append(element)
 
@@ -95,20 +97,6 @@ def _indices(text: str, data: bytes) -> Callable[[int], int]:
     """Return a function from the index of a byte to the index of its character."""
     plain = len(data) == len(text)
     return lambda byte: byte if plain else len(data[:byte].decode())
-
-
-def _tag_end(text: str, start: int) -> int:
-    """Return the index after the `>` that ends a tag; a `>` in a value does not end it."""
-    quote, i = "", start
-    while True:
-        character = text[i]
-        if quote:
-            quote = "" if character == quote else quote
-        elif character in "\"'":
-            quote = character
-        elif character == ">":
-            return i + 1
-        i += 1
 
 
 def value_span(text: str, element: Element, name: str) -> tuple[int, int] | None:
@@ -155,6 +143,11 @@ class EditedText:
         while self.text[position - 1].isspace():
             position -= 1
         self.edits.append((position, position, f' {name}="{value}"'))
+
+    def set_all(self, element: Element, values: Mapping[str, str]) -> None:
+        """Set attributes of an element."""
+        for name, value in values.items():
+            self.set(element, name, value)
 
     def put_first(self, element: Element, new: str) -> None:
         """Add lines at the beginning of an element that is not empty."""
@@ -211,40 +204,44 @@ MAX_REPEATED = 2
 def set_options(edited: EditedText, options: Mapping[str, str], flags: Mapping[str, bool]) -> None:
     """Set options and flags in the elements that have them, else in the last `option` or a new one."""
     sections = [element for element in edited.root.children if element.tag == "option"]
-    remaining = dict(options)
-    for name, value in options.items():
-        holders = [element for element in sections if name in element.attributes]
+    flag_elements = [element for section in sections for element in section.children if element.tag == "flag"]
+    words = {name: "enable" if on else "disable" for name, on in flags.items()}
+    options = _set_where_present(edited, sections, options)
+    words = _set_where_present(edited, flag_elements, words)
+    if words and flag_elements:
+        edited.set_all(flag_elements[-1], words)
+        words = {}
+    flag = f"<flag{_attributes(words)}/>" if words else ""
+    if sections and not (flag and sections[-1].empty):
+        edited.set_all(sections[-1], options)
+        if flag:
+            edited.put_first(sections[-1], flag)
+    elif options or flag:
+        head = f"<option{_attributes(options)}"
+        _put_section(edited, f"{head}>{flag}</option>" if flag else f"{head}/>", ("compiler", "option"))
+
+
+def _set_where_present(
+    edited: EditedText, elements: Sequence[Element], values: Mapping[str, str]
+) -> dict[str, str]:
+    """Set each attribute in the last element that has it; return those that no element has."""
+    remaining: dict[str, str] = {}
+    for name, value in values.items():
+        holders = [element for element in elements if name in element.attributes]
         if holders:
             edited.set(holders[-1], name, value)
-            del remaining[name]
-    states = {name: "enable" if on else "disable" for name, on in flags.items()}
-    flag_elements = [element for section in sections for element in section.children if element.tag == "flag"]
-    for name in list(states):
-        holders = [element for element in flag_elements if name in element.attributes]
-        if holders:
-            edited.set(holders[-1], name, states.pop(name))
-    if states and flag_elements:
-        for name, word in states.items():
-            edited.set(flag_elements[-1], name, word)
-        states = {}
-    if remaining and sections and not states:
-        for name, value in remaining.items():
-            edited.set(sections[-1], name, value)
-        return
-    if not remaining and not states:
-        return
-    flag = f"<flag{_attributes(states)}/>" if states else ""
-    if sections and not sections[-1].empty:
-        for name, value in remaining.items():
-            edited.set(sections[-1], name, value)
-        edited.put_first(sections[-1], flag)
-        return
-    new = f"<option{_attributes(remaining)}>{flag}</option>" if flag else f"<option{_attributes(remaining)}/>"
-    heads = [element for element in edited.root.children if element.tag in ("compiler", "option")]
-    if heads:
-        edited.put_after(heads[-1], new)
+        else:
+            remaining[name] = value
+    return remaining
+
+
+def _put_section(edited: EditedText, text: str, after: Sequence[str]) -> None:
+    """Add a section after the last one with one of these tags, or as the first."""
+    before = [element for element in edited.root.children if element.tag in after]
+    if before:
+        edited.put_after(before[-1], text)
     else:
-        edited.put_first(edited.root, new)
+        edited.put_first(edited.root, text)
 
 
 def _attributes(values: Mapping[str, str]) -> str:
@@ -301,23 +298,13 @@ def _default(root: Element) -> Element | None:
 
 def _set_default(edited: EditedText, values: Mapping[str, str]) -> None:
     default, sections = _default(edited.root), _main_defaults(edited.root)
-    if default is not None:
-        for name, value in values.items():
-            edited.set(default, name, value)
-        return
     new = f"<equality{_attributes(values)}/>"
-    if sections and not sections[-1].empty:
+    if default is not None:
+        edited.set_all(default, values)
+    elif sections and not sections[-1].empty:
         edited.put_first(sections[-1], new)
-        return
-    heads = [
-        element
-        for element in edited.root.children
-        if element.tag in ("compiler", "option", "size", "statistic")
-    ]
-    if heads:
-        edited.put_after(heads[-1], f"<default>{new}</default>")
     else:
-        edited.put_first(edited.root, f"<default>{new}</default>")
+        _put_section(edited, f"<default>{new}</default>", ("compiler", "option", "size", "statistic"))
 
 
 def put_comment(edited: EditedText, lines: Sequence[str]) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.state import BALL, FREE, SCALAR
+from mechsim.simulation.state import BALL, FREE, SCALAR, cross_matrices
 
 # displacement, in [rad] or characteristic lengths, of the pose at which DOFs without effect on the equations
 # are detected; not a round number, so that no effect vanishes in that pose alone
@@ -121,7 +121,7 @@ class ModelEquations:
             rotation = whole[:, dof : dof + 3]
             # twice the vector part of a relative rotation: the angle to third order
             offsets += 2.0 * v @ rotation.T
-            derivative[..., dof : dof + 3] = rotation @ (w[:, None, None] * np.eye(3) + _skew(v))
+            derivative[..., dof : dof + 3] = rotation @ (w[:, None, None] * np.eye(3) + cross_matrices(v))
         return offsets, derivative[..., self.unknown]
 
     @cached_property
@@ -170,13 +170,6 @@ class ModelEquations:
 def _relative(a: Array, b: Array) -> tuple[Array, Array]:
     """Return the scalars (n,) and vectors (n, 3) of the rotations from a to b, quaternions (n, 4), in a."""
     w, u, v = (a * b).sum(1), a[:, 1:], b[:, 1:]
-    vector = a[:, :1] * v - b[:, :1] * u - (_skew(u) @ v[..., None])[..., 0]
+    vector = a[:, :1] * v - b[:, :1] * u - (cross_matrices(u) @ v[..., None])[..., 0]
     sign = np.where(w < 0.0, -1.0, 1.0)
     return sign * w, sign[:, None] * vector
-
-
-def _skew(vectors: Array) -> Array:
-    """Return the matrices (n, 3, 3) of the cross products with vectors (n, 3)."""
-    matrices = np.zeros((len(vectors), 3, 3))
-    matrices[:, [2, 0, 1], [1, 2, 0]] = vectors
-    return matrices - matrices.transpose(0, 2, 1)

@@ -17,18 +17,20 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
+from mechsim.simulation.state import data_at, mass_matrix
 from mechsim.studies.reduction.candidates.bodies import NotApplicable, RemovalCandidate
 from mechsim.studies.reduction.candidates.stepping import (
     EULER,
     IMPEDANCES,
     IMPLICITFAST,
-    INTEGRATOR_NAMES,
     LONGER_STEPS,
     set_longer_steps,
+    stepping_text,
 )
-from mechsim.studies.reduction.reduced_scene import Evidence, ReducedScene, ReducedSceneEvaluator
+from mechsim.studies.reduction.reduced_scene import Evidence, ReducedSceneEvaluator
 from mechsim.studies.scene.errors import deviation
 from mechsim.studies.scene.run import run_scene
+from mechsim.studies.scene.scene import UserScene
 
 SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -54,7 +56,7 @@ class Parameter:
     unit: float | Literal["gap"] = dataclasses.field(default=0.0, compare=False)
 
 
-def parameters_of(spec: mujoco.MjSpec, scene: ReducedScene, limited: frozenset[str]) -> tuple[Parameter, ...]:
+def parameters_of(spec: mujoco.MjSpec, scene: UserScene, limited: frozenset[str]) -> tuple[Parameter, ...]:
     """Return the parameters of a scene's joints, loops, reached limits and controlled actuators.
 
     Args:
@@ -63,7 +65,7 @@ def parameters_of(spec: mujoco.MjSpec, scene: ReducedScene, limited: frozenset[s
         limited: joints that reached a limit.
     """
     model, parameters = scene.model, list[Parameter]()
-    inertia = _inertia(model, scene.start[0])
+    inertia = np.diag(mass_matrix(data_at(model, scene.start[0])))
     free = [
         model.joint(j).name
         for j in range(model.njnt)
@@ -117,15 +119,6 @@ def set_in_spec(spec: mujoco.MjSpec, parameters: Sequence[Parameter], values: Ar
         spec.copy_back(with_parameters(plainly_compiled(spec), parameters, values))
     except KeyError as error:
         raise NotApplicable(str(error.args[0])) from None
-
-
-def _inertia(model: mujoco.MjModel, qpos: Array) -> Array:
-    """Return the diagonal of the mass matrix, (nv,)."""
-    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-    data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    mujoco.mj_fullM(model, data, full)
-    return np.diag(full).copy()
 
 
 def _groups(names: Sequence[str], signature: Callable[[str], tuple[str, ...]]) -> list[tuple[str, ...]]:
@@ -245,11 +238,10 @@ def refit(
     if best.seconds > SECONDS or not best.drop_ineffective():
         return None
     values, worst = best.fitted()
-    step, own = float(observed.spec.option.timestep), INTEGRATOR_NAMES[int(observed.spec.option.integrator)]
     kind = int(best.spec.option.integrator)
     what = (
-        f"steps of {step:g} s, {own}: {step * times:g} s, {INTEGRATOR_NAMES[kind]}, and "
-        f"{len(best.parameters)} fitted parameters of inertia, dampers, springs, constraints and servos"
+        f"{stepping_text(observed.spec, times, kind)}, and {len(best.parameters)} fitted parameters of "
+        "inertia, dampers, springs, constraints and servos"
     )
     edit = partial(_refitted, times=times, integrator=kind, parameters=best.parameters, values=values)
     values_of = dict(zip(best.parameters, values.tolist(), strict=True))
@@ -309,7 +301,7 @@ class _Fit:
         """Return deviations of tracked points from those of the full scene, in tolerances, flattened."""
         return np.concatenate([self._deviation(evaluator, scene, values) for evaluator, scene in self.runs])
 
-    def _deviation(self, evaluator: ReducedSceneEvaluator, scene: ReducedScene, values: Array) -> Array:
+    def _deviation(self, evaluator: ReducedSceneEvaluator, scene: UserScene, values: Array) -> Array:
         run = run_scene(
             replace(scene, model=with_parameters(scene.model, self.parameters, values)), records=None
         )

@@ -1,45 +1,28 @@
 """Reduced scenes: the full scene, scenes without some elements, other motions, and observations."""
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import count
-from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.rank import rank
+from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
-from mechsim.simulation.mjcf_reader.parsed_file import name_elements
-from mechsim.simulation.settings import dense_rows
-from mechsim.simulation.state import matching_state
+from mechsim.simulation.mjcf_reader.parsed_file import name_elements, name_unnamed
+from mechsim.simulation.state import dense_rows, matching_state, quaternion
 from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
 from mechsim.studies.scene.run import SceneRun, run_scene, step_times
 from mechsim.studies.scene.scene import UserScene, with_scaled_tolerance
 
 
-@dataclass(frozen=True)
-class ReducedScene(UserScene):
-    """A scene from which elements may be removed; joints are identified by their names in the model."""
-
-    @cached_property
-    def driven_joints(self) -> dict[str, int]:
-        """Prescribed joint -> its index in the model."""
-        return {name: int(self.model.joint(name).id) for name in self.joint_laws}
-
-    @cached_property
-    def driven_dofs(self) -> NDArray[np.intp]:
-        """Degrees of freedom of the prescribed joints, in the order of `drive`."""
-        return self.model.jnt_dofadr[[*self.driven_joints.values()]].astype(np.intp)
-
-
 def reduced_scene(
     full: UserScene, spec: mujoco.MjSpec, tracked: Mapping[str, tuple[str, Array]], like: mujoco.MjModel
-) -> ReducedScene:
+) -> UserScene:
     """Return a reduced scene over the motion of the full scene.
 
     Args:
@@ -69,13 +52,14 @@ def reduced_scene(
     if full.key is not None:
         add_start(spec, full, like, start, full.key)
         model = plainly_compiled(spec)
-    return ReducedScene(
+    return UserScene(
         full.path,
         model,
         start,
         full.duration,
         full.closure,
         positions,
+        {name: int(model.joint(name).id) for name in full.joint_laws},
         full.joint_laws,
         full.ctrl,
         inertias,
@@ -106,7 +90,7 @@ class ReducedSceneEvaluator:
         return cls(scene, full, tracked)
 
     @cached_property
-    def full(self) -> ReducedScene:
+    def full(self) -> UserScene:
         """The full scene."""
         return self.scene(self.spec)
 
@@ -130,11 +114,11 @@ class ReducedSceneEvaluator:
         """Largest distance of a tracked point from its initial position, in [m]."""
         return worst(np.linalg.norm(self.run.points - self.run.points[0], axis=2))
 
-    def scene(self, spec: mujoco.MjSpec) -> ReducedScene:
+    def scene(self, spec: mujoco.MjSpec) -> UserScene:
         """Return the scene of a specification over the same motion, with the full scene's initial state."""
         return reduced_scene(self.motion, spec, self.tracked, self.named)
 
-    def errors(self, scene: ReducedScene, *, compare_forces: bool = True) -> SceneErrors:
+    def errors(self, scene: UserScene, *, compare_forces: bool = True) -> SceneErrors:
         """Return the errors of a scene relative to the full scene.
 
         Args:
@@ -145,7 +129,7 @@ class ReducedSceneEvaluator:
         return evaluator.evaluate(scene).errors
 
 
-def time_ratios(full: ReducedScene, others: Sequence[ReducedScene], rounds: int = 3) -> Array:
+def time_ratios(full: UserScene, others: Sequence[UserScene], rounds: int = 3) -> Array:
     """Return the processor times of scenes relative to the full scene's, (others,)."""
     times = step_times([(scene, scene.model) for scene in (full, *others)], rounds)
     return times[1:] / times[0]
@@ -155,11 +139,9 @@ def add_start(
     spec: mujoco.MjSpec, full: UserScene, like: mujoco.MjModel, start: tuple[Array, Array], name: str
 ) -> None:
     """Add the initial keyframe of a scene, with the controls of the full scene's keyframe."""
-    data = mujoco.MjData(full.model)
-    if full.key is not None:
-        mujoco.mj_resetDataKeyframe(full.model, data, full.model.key(full.key).id)
-    controls = [data.ctrl[like.actuator(actuator.name).id] for actuator in spec.actuators]
-    act = {"act": data.act} if len(spec.actuators) == full.model.nu and full.model.na else {}
+    values = full.keyframe_values
+    controls = [values["ctrl"][like.actuator(actuator.name).id] for actuator in spec.actuators]
+    act = {"act": values["act"]} if len(spec.actuators) == full.model.nu and full.model.na else {}
     spec.add_key(name=name, qpos=start[0], qvel=start[1], ctrl=controls, **act)
 
 
@@ -180,30 +162,20 @@ def normalised(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     Otherwise the compiler computes anchors between bodies from the pose of the reduced scene. The simulation
     of the copy is the same.
     """
-    copy = spec.copy()
-    for key in list(copy.keys):  # keyframes do not fit a scene without all joints
-        copy.delete(key)
-    name_elements(copy)
+    full = spec.copy()
+    for key in list(full.keys):  # keyframes do not fit a scene without all joints
+        full.delete(key)
+    name_elements(full)
     for elements, what in (
-        (copy.geoms, "geom"),
-        (copy.sites, "site"),
-        (copy.actuators, "actuator"),
-        (copy.tendons, "tendon"),
-        (copy.sensors, "sensor"),
+        (full.geoms, "geom"),
+        (full.sites, "site"),
+        (full.actuators, "actuator"),
+        (full.tendons, "tendon"),
+        (full.sensors, "sensor"),
     ):
-        _name_elements(elements, what)
-    _close_between_sites(copy)
-    return copy
-
-
-def _name_elements(elements: Sequence[Any], what: str) -> None:
-    """Name unnamed elements by their numbers, as MuJoCo's own programs do."""
-    used = {element.name for element in elements}
-    for number, element in enumerate(elements, 1):
-        if not element.name:
-            names = (f"{what}{number}" if i == 1 else f"{what}{number}_{i}" for i in count(1))
-            element.name = next(name for name in names if name not in used)
-            used.add(element.name)
+        name_unnamed(elements, [f"{what}{number}" for number in range(1, len(elements) + 1)])
+    _close_between_sites(full)
+    return full
 
 
 def _close_between_sites(spec: mujoco.MjSpec) -> None:
@@ -212,26 +184,20 @@ def _close_between_sites(spec: mujoco.MjSpec) -> None:
     for number, equality in enumerate(list(spec.equalities)):
         if equality.type not in (CONNECT, WELD) or equality.objtype != BODY:
             continue
-        data, weld = model.eq_data[number], equality.type == WELD
-        # the data of a weld begin with the anchor in body 2, followed by the position of body 2 in body 1
-        positions = (data[3:6], data[0:3]) if weld else (data[0:3], data[3:6])
-        rotations = (data[6:10] if weld else _identity(), _identity())
-        ends = (model.eq_obj1id[number], max(int(model.eq_obj2id[number]), 0))
         names: list[str] = []
-        for end, position, rotation in zip(ends, positions, rotations, strict=True):
-            body = bodies[model.body(int(end)).name]
+        for end, position, rotation in zip(*coincident_frames(model, number), strict=True):
+            body = bodies[model.body(end).name]
             name = f"{equality.name}@{body.name}"
             while spec.site(name) is not None:
                 name += "'"
-            body.add_site(name=name, pos=position, quat=rotation, group=5)
+            body.add_site(name=name, pos=position, quat=quaternion(rotation), group=5)
             names.append(name)
         equality.name1, equality.name2 = names
         equality.objtype = SITE
-        equality.data = np.concatenate([np.zeros(10), data[10:]]) if weld else np.zeros(len(data))
-
-
-def _identity() -> Array:
-    return np.array([1.0, 0.0, 0.0, 0.0])
+        data = np.zeros_like(model.eq_data[number])
+        if equality.type == WELD:
+            data[10:] = model.eq_data[number, 10:]
+        equality.data = data
 
 
 # range of the second motion relative to that of the user's motion, and relative variation of its speed
@@ -332,7 +298,7 @@ class Evidence:
     """
 
     spec: mujoco.MjSpec
-    scene: ReducedScene
+    scene: UserScene
     tracked: frozenset[str]
     tolerance: float
     qpos: Array
@@ -362,10 +328,12 @@ class Evidence:
 
 
 @quiet()
-def observe(spec: mujoco.MjSpec, scene: ReducedScene, tracked: frozenset[str], tolerance: float) -> Evidence:
+def observe(spec: mujoco.MjSpec, scene: UserScene, tracked: frozenset[str], tolerance: float) -> Evidence:
     """Run a scene over its motion and record contacts, limits, forces and redundant equalities."""
     run = run_scene(scene, records=SAMPLES)
-    model, data = scene.model, mujoco.MjData(scene.model)
+    model = copy.copy(scene.model)
+    model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
+    data = mujoco.MjData(model)
     touched, limited = set[int](), set[str]()
     forces = np.zeros(model.nu)
     needed: set[int] = set()
@@ -408,21 +376,9 @@ def _at_limits(model: mujoco.MjModel, data: mujoco.MjData) -> set[str]:
 def _independent_equalities(model: mujoco.MjModel, data: mujoco.MjData) -> set[int]:
     """Return the equalities that the others do not imply."""
     owner = np.asarray(data.efc_id)[np.asarray(data.efc_type) == EQUALITY]
-    jacobian = _equality_jacobian(model, data)
+    jacobian = dense_rows(data)[np.asarray(data.efc_type) == EQUALITY]
     full_rank, needed = rank(jacobian, RANK_TOLERANCE, floor=0.0), set[int]()
     for equality in set(owner.tolist()):
         if rank(jacobian[owner != equality], RANK_TOLERANCE, floor=0.0) < full_rank:
             needed.add(int(equality))
     return needed
-
-
-def _equality_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Return the constraint Jacobian of the equalities, (m, nv)."""
-    chosen = np.flatnonzero(np.asarray(data.efc_type) == EQUALITY)
-    if not mujoco.mj_isSparse(model):
-        return dense_rows(data)[chosen].copy()
-    jacobian = np.zeros((len(chosen), model.nv))
-    for row, i in zip(jacobian, chosen, strict=True):
-        address, count = int(data.efc_J_rowadr[i]), int(data.efc_J_rownnz[i])
-        row[data.efc_J_colind[address : address + count]] = data.efc_J[address : address + count]
-    return jacobian

@@ -16,7 +16,6 @@ from mechsim.studies.reduction.candidates.stepping import LONGER_STEPS, STEP_RAT
 from mechsim.studies.reduction.fit_parameters import Parameter, refit
 from mechsim.studies.reduction.reduced_scene import (
     Evidence,
-    ReducedScene,
     ReducedSceneEvaluator,
     motion_to_fit,
     observe,
@@ -136,7 +135,7 @@ def reduce_scene(
 
 
 _Steps = tuple[float, RemovalCandidate, float]
-_Kept = tuple[RemovalCandidate, ReducedScene, float]
+_Kept = tuple[RemovalCandidate, UserScene, float]
 _State = tuple[mujoco.MjSpec, float, tuple[LeftOut, ...], tuple[_Steps, ...]]
 
 
@@ -210,7 +209,7 @@ class _Search:
                 return
         self.take(candidate, spec, error)
 
-    def trial(self, candidate: RemovalCandidate) -> tuple[mujoco.MjSpec, ReducedScene, float] | None:
+    def trial(self, candidate: RemovalCandidate) -> tuple[mujoco.MjSpec, UserScene, float] | None:
         """Return the scene with a candidate applied, and its error; None if the error is too large."""
         self.tried += 1
         try:
@@ -330,7 +329,7 @@ class _Search:
 
     def with_single_errors(self) -> list[LeftOut]:
         """Return the applied candidates with error and time of each alone, if it applies alone."""
-        scenes: dict[int, ReducedScene] = {}
+        scenes: dict[int, UserScene] = {}
         for number, item in enumerate(self.left_out):
             try:
                 scenes[number] = self.evaluator.scene(with_candidate(self.evaluator.spec, item.candidate))
@@ -355,7 +354,7 @@ class _Search:
         self.left_out = kept
         return to_xml(spec.copy())
 
-    def error_of(self, scene: ReducedScene) -> float:
+    def error_of(self, scene: UserScene) -> float:
         return self.evaluator.errors(scene, compare_forces=self.by == "torque").by(self.by)
 
     def errors(self, evaluator: ReducedSceneEvaluator, spec: mujoco.MjSpec) -> SceneErrors:

@@ -20,6 +20,7 @@ from mechsim.simulation.joint_map import JointMap, map_over_grid
 from mechsim.simulation.mjcf import quiet, to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
 from mechsim.simulation.model_loops import HINGE, SLIDE
+from mechsim.simulation.state import rotation_matrix
 from mechsim.studies.robots.joint_map import joint_ranges, mujoco_spec
 
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
@@ -277,9 +278,7 @@ def _inertial(link: ET.Element, model: mujoco.MjModel, body: int, origin: Array)
     """Add mass, centre and moments of a body; `origin` is the position of its frame in the link's frame."""
     if not model.body_mass[body] > 0.0:
         return
-    inertial, rotation = ET.SubElement(link, "inertial"), np.empty(9)
-    mujoco.mju_quat2Mat(rotation, model.body_iquat[body])
-    axes = rotation.reshape(3, 3)
+    inertial, axes = ET.SubElement(link, "inertial"), rotation_matrix(model.body_iquat[body])
     moments = axes @ np.diag(model.body_inertia[body]) @ axes.T
     _origin(inertial, origin + model.body_ipos[body], np.eye(3))
     ET.SubElement(inertial, "mass", value=repr(float(model.body_mass[body])))

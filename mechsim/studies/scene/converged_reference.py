@@ -4,7 +4,6 @@ Contacts, limits, friction, actuators and springs are those of the file. The tim
 decreases with the step, and so does the loop-closure error.
 """
 
-import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,12 +13,12 @@ import numpy as np
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import plausible_order, refine
 from mechsim.simulation.driven_run import stiffness_cause
+from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP, PlainSettings
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
 from mechsim.studies.scene.errors import By, cubic_interpolation, deviation
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.settings import LOWEST_COMPLIANCE_SOLIMP
 
 # smallest and largest number of steps of a run; each run has twice as many as the one before
 MIN_STEPS, MAX_STEPS = 2000, 400_000
@@ -70,16 +69,17 @@ def hardened(
     model: mujoco.MjModel, timestep: float, integrator: str, tolerance: float = 1e-12
 ) -> mujoco.MjModel:
     """Return a copy of a model with another step and the least compliant loops that MuJoCo accepts."""
-    model = copy.copy(model)
     option = model.opt
-    option.timestep = timestep
-    option.integrator = int(getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}"))
-    option.solver = int(mujoco.mjtSolver.mjSOL_NEWTON)
-    option.iterations, option.ls_iterations = max(option.iterations, 100), max(option.ls_iterations, 50)
-    option.tolerance = min(option.tolerance, tolerance) or tolerance
-    model.eq_solref[:] = TIME_CONSTANT_STEPS * timestep, 1.0
-    model.eq_solimp[:] = LOWEST_COMPLIANCE_SOLIMP
-    return model
+    return PlainSettings(
+        timestep=timestep,
+        integrator=integrator,
+        solver="Newton",
+        iterations=max(option.iterations, 100),
+        ls_iterations=max(option.ls_iterations, 50),
+        tolerance=min(option.tolerance, tolerance) or tolerance,
+        solref=(TIME_CONSTANT_STEPS * timestep, 1.0),
+        solimp=LOWEST_COMPLIANCE_SOLIMP,
+    ).applied(model)
 
 
 def compute_reference(

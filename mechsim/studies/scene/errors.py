@@ -9,9 +9,9 @@ import numpy as np
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.rank import significant
 from mechsim.simulation.driven_run import limit_or_contact, near_singular, stiffness_cause
+from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
 from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.settings import UNCHANGED, PlainSettings
 
 By = Literal["closure", "trajectory", "torque"]
 MEASURES: dict[By, str] = {

@@ -11,18 +11,17 @@ from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
 from mechsim.model.motion_laws import CrankProfile, State, steady
 from mechsim.numerics.arrays import Array, worst
-from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
+from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.simulation.model_loops import loops_with_crank
+from mechsim.simulation.plain_settings import settings_of
 from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene, scene_of
-from mechsim.studies.scene.settings import settings_of
 from mechsim.subjects.mjcf_source import MjcfForm
 
 # largest number of steps of a run; these take one minute for a scene of 20 bodies
 MAX_STEPS = 2_000_000
 # approximate number of compared instants
 RECORDS = 4000
-CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
-EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 SHOWN = ("integrator", "solver", "iterations", "tolerance", "solref")
 
 
@@ -169,20 +168,9 @@ def published_scene(source: MjcfForm, profile: CrankProfile | None = None) -> tu
 
 def loop_gaps(run: SceneRun) -> Array:
     """Return the largest distance between the two sides of a connect or weld at each record, (n,) in [m]."""
-    model, widest = run.model, np.zeros(len(run.qpos))
-    data = mujoco.MjData(model)
-    with quiet():
-        for i, qpos in enumerate(run.qpos):
-            data.qpos[:] = qpos
-            mujoco.mj_fwdPosition(model, data)
-            rows = np.flatnonzero(data.efc_type == EQUALITY)
-            loops = data.efc_id[rows]
-            for loop in np.unique(loops):
-                if int(model.eq_type[loop]) in CLOSING:
-                    # the first three rows of a weld are the displacement
-                    own = data.efc_pos[rows[loops == loop][:3]]
-                    widest[i] = max(widest[i], float(np.linalg.norm(own)))
-    return widest
+    loops = loops_with_crank(run.model, 0)
+    gaps = loops.residual(run.qpos)[:, : 3 * len(loops.pairs)].reshape(len(run.qpos), -1, 3)
+    return np.linalg.norm(gaps, axis=2).max(1, initial=0.0)
 
 
 def _duration(source: MjcfForm, profile: CrankProfile | None) -> float:

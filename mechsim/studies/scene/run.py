@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from time import thread_time
 
 import mujoco
 import numpy as np
@@ -12,13 +11,9 @@ from mujoco import batch
 from mechsim.model.limits import MAX_SCENE_STEPS, require_steps
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
-from mechsim.simulation.stepping import Progress, no_progress
+from mechsim.simulation.stepping import Progress, no_progress, rollout
 from mechsim.studies.scene.scene import UserScene, actuator_names
 
-# number of steps in one call into C
-STEPS_PER_CALL = 4096
-TIME = int(mujoco.mjtState.mjSTATE_TIME)
-CONTROL = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 # default number of records after the first
 RECORDS = 400
 # largest number of records; forces and energies are interpolated between them
@@ -168,27 +163,16 @@ def run_scene(
         mujoco.mj_resetDataKeyframe(model, start, model.key(scene.key).id)
         for name in ("act", "mocap_pos", "mocap_quat"):
             sims.bind(name)[:] = getattr(start, name)
-    sims.bind("qpos")[:], sims.bind("qvel")[:] = scene.start
-    records_of_blocks = [(np.zeros(1), scene.start[0][None], scene.start[1][None])]
-    steps, spent, broken = 0, 0.0, ""
-    while steps < total and not broken:
-        count = min(STEPS_PER_CALL, total - steps)
-        control = scene.controls(model, steps, count, phase)[None]
-        begin = thread_time()
-        out = sims.rollout(count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME))
-        spent += thread_time() - begin
-        number = np.arange(steps + 1, steps + count + 1)
-        rows = np.flatnonzero((number % interval == 0) | (number == total))
-        number, (qpos, qvel, time) = number[rows], (values[0, rows] for values in out.values())
-        # MuJoCo resets an invalid state to time zero
-        valid = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
-        times = np.asarray(timestep * number[valid], dtype=np.float64)
-        records_of_blocks.append((times, qpos[valid], qvel[valid]))
-        if not valid.all() or sims.warning[..., 1].any():
-            broken = f"MuJoCo's state became invalid after {times[-1:].max(initial=timestep * steps):.6g} s"
-        steps += count
-    time, qpos, qvel = (np.concatenate(blocks) for blocks in zip(*records_of_blocks, strict=True))
-    return SceneRun(scene, model, time, qpos, qvel, spent, steps, broken)
+    run = rollout(
+        sims,
+        timestep,
+        scene.start,
+        total,
+        interval,
+        lambda steps: scene.controls(model, steps.start, steps.stop - steps.start, phase)[None],
+    )
+    broken = f"MuJoCo's state became invalid after {run.time[-1]:.6g} s" if run.diverged else ""
+    return SceneRun(scene, model, run.time, run.qpos, run.qvel, run.processor, run.count, broken)
 
 
 def step_times(

@@ -36,6 +36,7 @@ class UserScene:
         duration: duration of the motion in [s].
         closure: exact closure of its loops.
         tracked: point -> body, and position in its frame in [m].
+        driven_joints: prescribed joint -> its index in the model.
         joint_laws: prescribed joint -> its motion law.
         ctrl: actuator -> motion law of its control; other actuators keep their initial controls.
         drive_inertias: prescribed joint -> (virtual drive inertia, own armature), in [kg m2] or [kg].
@@ -52,6 +53,7 @@ class UserScene:
     duration: float
     closure: ExactClosure
     tracked: Mapping[str, tuple[int, Array]]
+    driven_joints: Mapping[str, int] = field(default_factory=dict[str, int])
     joint_laws: Mapping[str, State] = field(default_factory=dict[str, State])
     ctrl: Mapping[str, State] = field(default_factory=dict[str, State])
     drive_inertias: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
@@ -70,12 +72,6 @@ class UserScene:
     def mechanism(self) -> Mechanism:
         """The mechanism read from the file."""
         return self.closure.mechanism
-
-    @cached_property
-    def driven_joints(self) -> dict[str, int]:
-        """Prescribed joint -> its index in the model."""
-        names = [joint.name for joint in self.mechanism.joints[: self.model.njnt]]
-        return {name: names.index(name) for name in self.joint_laws}
 
     @cached_property
     def driven_dofs(self) -> NDArray[np.intp]:
@@ -182,6 +178,7 @@ def scene_of(
         read: contents of the file.
         mechanism: the same mechanism with lengths precise enough for its loops to close
             (`MjcfForm.mechanism`); closure is measured at its drivers.
+        driven_joints: prescribed joint -> its index in the model.
         joint_laws: prescribed joint -> its motion law.
         ctrl: actuator -> motion law of its control.
         duration: in [s].
@@ -213,6 +210,7 @@ def scene_of(
     if points is None:
         points = _all_points(mechanism, named)
     closure = exact_closure(mechanism, plain, points)
+    joint_names = [joint.name for joint in mechanism.joints[: plain.njnt]]
     inertias = _add_drive_inertias(spec, plain, mechanism, tuple(joint_laws))
     model = with_scaled_tolerance(plain, plainly_compiled(spec), spec) if inertias else plain
     data = mujoco.MjData(model)
@@ -228,6 +226,7 @@ def scene_of(
         float(duration),
         closure,
         {name: (bodies[link], np.array(local)) for name, (link, local) in points.items()},
+        {name: joint_names.index(name) for name in joint_laws},
         dict(joint_laws),
         dict(ctrl),
         inertias,

@@ -9,10 +9,10 @@ import numpy as np
 
 from mechsim.model.limits import MAX_SCENE_STEPS
 from mechsim.numerics.convergence import refine
+from mechsim.simulation.plain_settings import ALLOWABLE, LOWEST_COMPLIANCE_SOLIMP, PlainSettings, settings_of
 from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
 from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.settings import ALLOWABLE, LOWEST_COMPLIANCE_SOLIMP, PlainSettings, settings_of
 
 # time steps that `tune` tries, relative to the file's own
 RATIOS = (16.0, 12.0, 8.0, 6.0, 5.0, 4.0, 3.2, 2.5, 2.0, 1.6, 1.25, 1.0, 0.8, 0.64, 0.5, 0.4, 0.32, 0.25, 0.2)

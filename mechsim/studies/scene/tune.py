@@ -7,13 +7,13 @@ import numpy as np
 
 from mechsim.numerics.convergence import half_extent
 from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
 from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference
 from mechsim.studies.scene.errors import By, SceneErrors, SceneEvaluator, SceneTrial
 from mechsim.studies.scene.run import step_times
 from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.settings import UNCHANGED, PlainSettings
 from mechsim.studies.scene.step_sizes import (
     COSTS,
     fourth_order,

@@ -21,6 +21,7 @@ from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet, to_xml
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader import read_model
 from mechsim.simulation.mjcf_text.edited_text import EditedText, put_comment
+from mechsim.simulation.plain_settings import ALLOWABLE, settings_of
 from mechsim.simulation.source import from_mechanism
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
@@ -28,7 +29,6 @@ from mechsim.studies.scene.errors import MEASURES, By, SceneTrial, divergence_re
 from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.scene import UserScene, scene_of, with_assembled_start
-from mechsim.studies.scene.settings import ALLOWABLE, settings_of
 from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, Tuned, TuningReport, tuned
 from mechsim.studies.scene.write_tuned import (
     KEY,

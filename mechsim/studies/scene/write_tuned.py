@@ -22,8 +22,8 @@ from mechsim.simulation.mjcf_text.edited_text import (
     set_options,
 )
 from mechsim.simulation.mjcf_text.included_files import moved_to, read_text, with_included
+from mechsim.simulation.plain_settings import FLAGS, OPTIONS, PlainSettings, python_value
 from mechsim.studies.scene.scene import RK4, UserScene
-from mechsim.studies.scene.settings import FLAGS, OPTIONS, PlainSettings, python_value
 
 # keyframe at the start of a prescribed motion
 KEY = "mechsim_start"

@@ -37,8 +37,9 @@ from mechsim.simulation.mjcf.alternatives import (
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.mjcf_reader.coordinates import driven
 from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.plain_settings import INTEGRATORS
 from mechsim.simulation.recording import evaluate
-from mechsim.simulation.settings import INTEGRATORS, LEAST_CONSTANT, Settings
+from mechsim.simulation.settings import LEAST_CONSTANT, Settings
 from mechsim.simulation.source import CRANK, Model, from_spec, load, tracked_points
 from mechsim.simulation.state import matching_state
 from mechsim.simulation.stepping import Steps, step

@@ -54,12 +54,6 @@ def with_candidate(spec: mujoco.MjSpec, candidate: RemovalCandidate) -> mujoco.M
     return copy
 
 
-def set_spec_options(spec: mujoco.MjSpec, **values: int) -> None:
-    """Set options of a specification, such as integrator or disableflags."""
-    for name, value in values.items():
-        setattr(spec.option, name, value)
-
-
 def count_text(number: int, singular: str, plural: str | None = None) -> str:
     """Return a count with its noun."""
     return f"{number} {singular if number == 1 else plural or singular + 's'}"

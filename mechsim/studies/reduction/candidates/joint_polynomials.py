@@ -15,6 +15,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import refine
 from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
     RemovalCandidate,
@@ -24,7 +25,6 @@ from mechsim.studies.reduction.candidates.bodies import (
 )
 from mechsim.studies.reduction.candidates.rods import kept_bodies
 from mechsim.studies.reduction.reduced_scene import Evidence
-from mechsim.studies.scene.settings import LOWEST_COMPLIANCE_SOLIMP
 
 POLYNOMIALS = "loops as polynomials"
 # highest degree that an MJCF joint equality accepts

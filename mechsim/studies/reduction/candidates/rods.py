@@ -8,6 +8,8 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP
+from mechsim.simulation.state import quaternion, rotation_matrix
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
     RemovalCandidate,
@@ -20,7 +22,6 @@ from mechsim.studies.reduction.candidates.bodies import (
     require_unused,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
-from mechsim.studies.scene.settings import LOWEST_COMPLIANCE_SOLIMP
 
 CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
 
@@ -118,9 +119,7 @@ def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, mom
     """
     if body == 0 or not mass > 0.0:
         return
-    rotation = np.empty(9)
-    mujoco.mju_quat2Mat(rotation, model.body_iquat[body])
-    axes = rotation.reshape(3, 3)
+    axes = rotation_matrix(model.body_iquat[body])
     own_mass, total_mass = float(model.body_mass[body]), float(model.body_mass[body]) + mass
     total_centre = (own_mass * model.body_ipos[body] + mass * centre) / total_mass
     inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T + moments
@@ -131,7 +130,7 @@ def add_weight(model: mujoco.MjModel, body: int, mass: float, centre: Array, mom
     if np.linalg.det(vectors) < 0.0:
         vectors[:, 0] *= -1.0
     model.body_mass[body], model.body_ipos[body], model.body_inertia[body] = total_mass, total_centre, values
-    mujoco.mju_mat2Quat(model.body_iquat[body], vectors.ravel())
+    model.body_iquat[body] = quaternion(vectors)
 
 
 RODS = "rods as lengths"

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.plain_settings import PlainSettings, option_value, settings_of
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
     RemovalCandidate,
     joints_of,
-    set_spec_options,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
 
@@ -22,12 +22,6 @@ EULER, RK4, IMPLICIT, IMPLICITFAST = (
     mujoco.mjtIntegrator.mjINT_IMPLICIT,
     mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
 )
-INTEGRATOR_NAMES = {
-    int(EULER): "Euler",
-    int(RK4): "RK4",
-    int(IMPLICIT): "implicit",
-    int(IMPLICITFAST): "implicitfast",
-}
 # time steps tried, relative to the scene's own
 STEP_RATIOS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50, 64, 80, 100)
 # fraction of a step by which the forces of dampers and of actuators act early (+) or late (-)
@@ -47,26 +41,20 @@ IMPEDANCES = (1e-4, 0.9999)
 
 def cheaper_steps(observed: Evidence) -> list[RemovalCandidate]:
     """Propose settings that reduce the cost of a step without changing its result."""
-    option = observed.spec.option
-    energy, island = (
-        int(flag) for flag in (mujoco.mjtEnableBit.mjENBL_ENERGY, mujoco.mjtDisableBit.mjDSBL_ISLAND)
-    )
-    newton, dense = int(mujoco.mjtSolver.mjSOL_NEWTON), int(mujoco.mjtJacobian.mjJAC_DENSE)
-    candidates: list[RemovalCandidate] = []
-    for applies, what, change in (
-        (option.solver != newton, "the solver: Newton", {"solver": newton}),
-        (mujoco.mj_isSparse(observed.model), "sparse matrices: dense", {"jacobian": dense}),
-        (option.enableflags & energy, "the energy flag", {"enableflags": option.enableflags & ~energy}),
-        (
-            not option.disableflags & island,
-            "island detection",
-            {"disableflags": option.disableflags | island},
-        ),
-    ):
-        if applies:
-            candidates.append(RemovalCandidate(CHEAPER_STEPS, what, partial(set_spec_options, **change)))
-    if option.iterations > 1:
-        what, edit = "iterations of the solver after the first", partial(set_spec_options, iterations=1)
+    own = settings_of(observed.model)
+    changes = {
+        "the solver: Newton": (own.solver != "Newton", PlainSettings(solver="Newton")),
+        "sparse matrices: dense": (mujoco.mj_isSparse(observed.model), PlainSettings(jacobian="dense")),
+        "the energy flag": (own.energy, PlainSettings(energy=False)),
+        "island detection": (own.island, PlainSettings(island=False)),
+    }
+    candidates = [
+        RemovalCandidate(CHEAPER_STEPS, what, settings.put_into)
+        for what, (applies, settings) in changes.items()
+        if applies
+    ]
+    if observed.spec.option.iterations > 1:
+        what, edit = "iterations of the solver after the first", PlainSettings(iterations=1).put_into
         candidates.append(RemovalCandidate(CHEAPER_STEPS, what, edit, only_if_faster=True))
     return candidates
 
@@ -96,13 +84,15 @@ def set_longer_steps(spec: mujoco.MjSpec, times: int, integrator: int) -> None:
 
 
 def _step_text(observed: Evidence, times: int, integrator: int, compensated: bool) -> str:
-    step = float(observed.spec.option.timestep)
-    text = (
-        f"steps of {step:g} s, {INTEGRATOR_NAMES[int(observed.spec.option.integrator)]}: {step * times:g} s, "
-    )
-    return (
-        text + INTEGRATOR_NAMES[integrator] + (", its damping compensated by armature" if compensated else "")
-    )
+    text = stepping_text(observed.spec, times, integrator)
+    return text + (", its damping compensated by armature" if compensated else "")
+
+
+def stepping_text(spec: mujoco.MjSpec, times: int, integrator: int) -> str:
+    """Return the time steps and integrators before and after a change, as text."""
+    step = float(spec.option.timestep)
+    own, new = (option_value("integrator", value) for value in (spec.option.integrator, integrator))
+    return f"steps of {step:g} s, {own}: {step * times:g} s, {new}"
 
 
 def set_stepping(spec: mujoco.MjSpec, times: int, integrator: int, compensated: bool) -> None:

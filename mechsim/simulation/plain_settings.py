@@ -1,7 +1,6 @@
 """Settings of plain MuJoCo for a scene: step, integrator, solver, flags, compliance of the loops."""
 
 import copy
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -9,10 +8,9 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
-from mechsim.numerics.angles import REVOLUTION
-from mechsim.simulation.settings import INTEGRATORS, SOLVERS, Settings
-from mechsim.units import si
 
+INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
+SOLVERS = ("PGS", "CG", "Newton")
 JACOBIANS = ("dense", "sparse", "auto")
 # flag of MJCF -> its bit, and whether the bit disables
 FLAGS = {
@@ -25,6 +23,8 @@ FLAGS = {
     "frictionloss": (int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS), True),
     "actuation": (int(mujoco.mjtDisableBit.mjDSBL_ACTUATION), True),
     "spring": (int(mujoco.mjtDisableBit.mjDSBL_SPRING), True),
+    "sensor": (int(mujoco.mjtDisableBit.mjDSBL_SENSOR), True),
+    "energy": (int(mujoco.mjtEnableBit.mjENBL_ENERGY), False),
 }
 # kind of element that `--allow` permits to disable -> flag
 ALLOWABLE = {
@@ -51,7 +51,7 @@ class PlainSettings:
 
     Attributes:
         timestep: time step in [s].
-        integrator: one of `settings.INTEGRATORS`.
+        integrator: one of `INTEGRATORS`.
         solver: one of `SOLVERS`.
         iterations: largest number of solver iterations.
         ls_iterations: largest number of line search iterations.
@@ -68,6 +68,8 @@ class PlainSettings:
         frictionloss: whether Coulomb friction is active.
         actuation: whether actuators are active.
         spring: whether springs of joints and tendons are active.
+        sensor: whether sensors are computed.
+        energy: whether energies are computed in every step.
         compliance: factor on the inverse weights that scale compliance, applied after compilation; not part
             of MJCF.
     """
@@ -90,6 +92,8 @@ class PlainSettings:
     frictionloss: bool | None = None
     actuation: bool | None = None
     spring: bool | None = None
+    sensor: bool | None = None
+    energy: bool | None = None
     compliance: float | None = None
 
     @property
@@ -100,11 +104,12 @@ class PlainSettings:
     def applied(self, model: mujoco.MjModel) -> mujoco.MjModel:
         """Return a copy of a compiled model with these settings."""
         model = copy.copy(model)
-        for name in OPTIONS:
-            value = getattr(self, name)
-            if value is not None:
-                setattr(model.opt, name, _number(name, value))
-        _set_flags(model.opt, self)
+        self.set_in(model)
+        return model
+
+    def set_in(self, model: mujoco.MjModel) -> None:
+        """Change a compiled model to these settings."""
+        self._set_options(model.opt)
         if self.solref is not None:
             model.eq_solref[:] = self.solref
         if self.solimp is not None:
@@ -112,7 +117,6 @@ class PlainSettings:
         if self.compliance is not None:
             model.body_invweight0[:] *= self.compliance
             model.dof_invweight0[:] *= self.compliance
-        return model
 
     def put_into(self, spec: mujoco.MjSpec) -> None:
         """Change a specification to these settings.
@@ -125,14 +129,22 @@ class PlainSettings:
                 f"compliance is {self.compliance:g}, but an MJCF file can only contain 1; leave it out, or "
                 "let `mechsim tune --python` write a script"
             )
-        for name in OPTIONS:
-            value = getattr(self, name)
-            if value is not None:
-                setattr(spec.option, name, _number(name, value))
-        _set_flags(spec.option, self)
+        self._set_options(spec.option)
         for equality in spec.equalities:
             equality.solref = equality.solref if self.solref is None else self.solref
             equality.solimp = equality.solimp if self.solimp is None else self.solimp
+
+    def _set_options(self, option: Any) -> None:
+        for name in OPTIONS:
+            value = getattr(self, name)
+            if value is not None:
+                setattr(option, name, type(getattr(option, name))(_number(name, value)))
+        for name, (bit, off) in FLAGS.items():
+            on = getattr(self, name)
+            if on is not None:
+                field = "disableflags" if off else "enableflags"
+                bits = getattr(option, field)
+                setattr(option, field, bits | bit if on != off else bits & ~bit)
 
     def changes_to(self, model: mujoco.MjModel) -> "PlainSettings":
         """Return those settings that differ from the settings of a compiled model."""
@@ -152,21 +164,12 @@ UNCHANGED = PlainSettings()
 
 def settings_of(model: mujoco.MjModel) -> PlainSettings:
     """Return the settings of a compiled model; those of equalities only if all equalities agree."""
-    settings: dict[str, Any] = {name: _text(name, getattr(model.opt, name)) for name in OPTIONS}
+    settings: dict[str, Any] = {name: option_value(name, getattr(model.opt, name)) for name in OPTIONS}
     for name, (bit, off) in FLAGS.items():
         settings[name] = bool((model.opt.disableflags if off else model.opt.enableflags) & bit) != off
     for name, values in (("solref", model.eq_solref), ("solimp", model.eq_solimp)):
         settings[name] = tuple(values[0].tolist()) if len(values) and (values == values[0]).all() else None
     return PlainSettings(**settings)
-
-
-def _set_flags(option: Any, settings: PlainSettings) -> None:
-    for name, (bit, off) in FLAGS.items():
-        on = getattr(settings, name)
-        if on is not None:
-            field = "disableflags" if off else "enableflags"
-            bits = getattr(option, field)
-            setattr(option, field, bits | bit if on != off else bits & ~bit)
 
 
 def _number(name: str, value: Any) -> Any:
@@ -184,48 +187,9 @@ def python_value(name: str, value: object) -> str:
     return f"mujoco.{kind.__name__}.{prefix}{str(value).upper()}"
 
 
-def _text(name: str, value: Any) -> Any:
+def option_value(name: str, value: Any) -> Any:
+    """Return the value of an option in MuJoCo as that of a setting: a name or a number."""
     if name not in _ENUMERATIONS:
         return int(value) if isinstance(value, int | np.integer) else float(value)
     prefix, kind, words = _ENUMERATIONS[name]
     return next(word for word in words if int(getattr(kind, prefix + word.upper())) == int(value))
-
-
-# settings of a driven run -> names in plain MuJoCo
-MUJOCO_NAMES = {"residual": "tolerance"}
-
-
-def plain_settings(
-    settings: Mapping[str, Any],
-    timestep: float | str | None,
-    file_timestep: float,
-    speed: float | None = None,
-) -> PlainSettings:
-    """Return settings of a run for plain MuJoCo; the file determines the others.
-
-    Args:
-        settings: settings by their names in `Settings`.
-        timestep: time step in [s] or as text, instead of steps per revolution.
-        file_timestep: time step of the file in [s].
-        speed: crank speed in [rad/s], required for steps per revolution.
-
-    Raises:
-        InputError: for a setting of driven runs only, or two settings that exclude each other.
-    """
-    Settings(**settings)  # raises for values that no run can have
-    values = {MUJOCO_NAMES.get(name, name): value for name, value in settings.items()}
-    step = si(timestep, "s", "the time step")
-    if step is not None and not 0.0 < step < np.inf:
-        raise InputError(f"time step is {timestep}; give a finite time above 0")
-    if "steps_per_turn" in values:
-        if speed is None:
-            raise InputError("--steps-per-turn applies to a crank; give --timestep instead")
-        if step is not None:
-            raise InputError("both --timestep and --steps-per-turn were given; give only one")
-        step = REVOLUTION / abs(speed) / values["steps_per_turn"]
-    if "constant_steps" in values:
-        if "solref" in values:
-            raise InputError("both --constant-steps and --solref were given; give only one")
-        values["solref"] = values["constant_steps"] * (step or file_timestep), 1.0
-    names = {field.name for field in fields(PlainSettings)} & {*values}
-    return PlainSettings(timestep=step, **{name: values[name] for name in names})
