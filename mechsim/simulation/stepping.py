@@ -191,27 +191,27 @@ def rollout(
     """
     sims.bind("qpos")[:], sims.bind("qvel")[:] = start
     records = [(np.zeros(1, dtype=np.int64), start[0][None], start[1][None])]
-    done, seconds, processor, diverged = 0, 0.0, 0.0, False
-    while done < total and not diverged:
-        steps = slice(done, min(done + STEPS_PER_CALL, total))
+    count, seconds, processor, diverged = 0, 0.0, 0.0, False
+    while count < total and not diverged:
+        steps = slice(count, min(count + STEPS_PER_CALL, total))
         control = controls(steps)
         begin, busy = perf_counter(), thread_time()
         out = sims.rollout(
-            steps.stop - done, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME)
+            steps.stop - count, control=control, control_spec=CONTROL, record=("qpos", "qvel", TIME)
         )
         seconds += perf_counter() - begin
         processor += thread_time() - busy
-        number = np.arange(done + 1, steps.stop + 1)
+        number = np.arange(count + 1, steps.stop + 1)
         kept = np.flatnonzero((number % interval == 0) | (number == total))
         number, (qpos, qvel, time) = number[kept], (values[0, kept] for values in out.values())
         # MuJoCo resets a bad state to time zero
         valid = np.isfinite(qpos).all(1) & np.isfinite(qvel).all(1) & (time[:, 0] > timestep * (number - 0.5))
         records.append((number[valid], qpos[valid], qvel[valid]))
         diverged = bool(not valid.all() or sims.warning[..., 1].any())
-        done = steps.stop
-        progress(f"{done:,} of {total:,} steps", done / total)
+        count = steps.stop
+        progress(f"{count:,} of {total:,} steps", count / total)
     numbers, qpos, qvel = (np.concatenate(columns) for columns in zip(*records, strict=True))
-    return Rollout(timestep, numbers, qpos, qvel, done, seconds, processor, diverged)
+    return Rollout(timestep, numbers, qpos, qvel, count, seconds, processor, diverged)
 
 
 def _add_drive_inertia(loops: ModelLoops) -> None:

@@ -178,7 +178,6 @@ def scene_of(
         read: contents of the file.
         mechanism: the same mechanism with lengths precise enough for its loops to close
             (`MjcfForm.mechanism`); closure is measured at its drivers.
-        driven_joints: prescribed joint -> its index in the model.
         joint_laws: prescribed joint -> its motion law.
         ctrl: actuator -> motion law of its control.
         duration: in [s].
