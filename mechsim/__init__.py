@@ -7,49 +7,74 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from mechsim._version import __version__
+from mechsim._version import __version__ as __version__
 
+# a name that is imported as itself is public for type checkers
 if TYPE_CHECKING:
-    from mechsim import simulation, testing, units
-    from mechsim.analytic import catalog, loops
-    from mechsim.codegen.compiled import compile
-    from mechsim.errors import AssemblyError, InputError, MechsimError
-    from mechsim.model import load_profile, masses, motors
-    from mechsim.model.controllers import Controller
-    from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
-    from mechsim.model.joints import Coupling, End, Gear, Joint
-    from mechsim.model.links import Inertia, Link, Pose
-    from mechsim.model.mechanism import Mechanism
-    from mechsim.model.motion import Motion
-    from mechsim.model.motion_laws import MotionLaws
-    from mechsim.model.scene import Scene
-    from mechsim.pictures import plots, render
-    from mechsim.report.notebook import show, view
-    from mechsim.simulation import Run, Settings
-    from mechsim.studies.agreement.agreement import Agreement
-    from mechsim.studies.calibration import fit
-    from mechsim.studies.certify import Certificate, certify
-    from mechsim.studies.check import check
-    from mechsim.studies.closed_configurations import closed_qpos, sample
-    from mechsim.studies.export import export
-    from mechsim.studies.optimise.search import optimise
-    from mechsim.studies.reduction.reduce_model import reduce
-    from mechsim.studies.robots.joint_map import joint_map
-    from mechsim.studies.scene.tune_model import tune
-    from mechsim.studies.sensitivity.sensitivity import moved, sensitivity
-    from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study
-    from mechsim.studies.sweep.sweeping import sweep
-    from mechsim.studies.validate import Validation, validate
-    from mechsim.subjects import dynamics
-    from mechsim.subjects.listing import list
-    from mechsim.subjects.readers import load
-    from mechsim.subjects.simulate_by_name import simulate
-    from mechsim.theory.continuation.mechanism_trace import trace
-    from mechsim.verdict.checks import Check, Verdict
-    from mechsim.verdict.crosscheck import crosscheck
-    from mechsim.verdict.tolerances import Tolerance
+    from mechsim import simulation as simulation
+    from mechsim import testing as testing
+    from mechsim import units as units
+    from mechsim.analytic import catalog as catalog
+    from mechsim.analytic import loops as loops
+    from mechsim.codegen.compiled import compile as compile
+    from mechsim.errors import AssemblyError as AssemblyError
+    from mechsim.errors import InputError as InputError
+    from mechsim.errors import MechsimError as MechsimError
+    from mechsim.model import load_profile as load_profile
+    from mechsim.model import masses as masses
+    from mechsim.model import motors as motors
+    from mechsim.model.controllers import Controller as Controller
+    from mechsim.model.forces import Forces as Forces
+    from mechsim.model.forces import Friction as Friction
+    from mechsim.model.forces import JointSpring as JointSpring
+    from mechsim.model.forces import Load as Load
+    from mechsim.model.forces import Spring as Spring
+    from mechsim.model.joints import Coupling as Coupling
+    from mechsim.model.joints import End as End
+    from mechsim.model.joints import Gear as Gear
+    from mechsim.model.joints import Joint as Joint
+    from mechsim.model.links import Inertia as Inertia
+    from mechsim.model.links import Link as Link
+    from mechsim.model.links import Pose as Pose
+    from mechsim.model.mechanism import Mechanism as Mechanism
+    from mechsim.model.motion import Motion as Motion
+    from mechsim.model.motion_laws import MotionLaws as MotionLaws
+    from mechsim.model.scene import Scene as Scene
+    from mechsim.pictures import plots as plots
+    from mechsim.pictures import render as render
+    from mechsim.report.notebook import show as show
+    from mechsim.report.notebook import view as view
+    from mechsim.simulation import Run as Run
+    from mechsim.simulation import Settings as Settings
+    from mechsim.studies.agreement.agreement import Agreement as Agreement
+    from mechsim.studies.calibration import fit as fit
+    from mechsim.studies.certify import Certificate as Certificate
+    from mechsim.studies.certify import certify as certify
+    from mechsim.studies.check import check as check
+    from mechsim.studies.closed_configurations import closed_qpos as closed_qpos
+    from mechsim.studies.closed_configurations import sample as sample
+    from mechsim.studies.export import export as export
+    from mechsim.studies.optimise.search import optimise as optimise
+    from mechsim.studies.reduction.reduce_model import reduce as reduce
+    from mechsim.studies.robots.joint_map import joint_map as joint_map
+    from mechsim.studies.scene.tune_model import tune as tune
+    from mechsim.studies.sensitivity.sensitivity import moved as moved
+    from mechsim.studies.sensitivity.sensitivity import sensitivity as sensitivity
+    from mechsim.studies.sensitivity.tolerance_analysis import tolerance_study as tolerance_study
+    from mechsim.studies.sweep.sweeping import sweep as sweep
+    from mechsim.studies.validate import Validation as Validation
+    from mechsim.studies.validate import validate as validate
+    from mechsim.subjects import dynamics as dynamics
+    from mechsim.subjects.listing import list as list
+    from mechsim.subjects.readers import load as load
+    from mechsim.subjects.simulate_by_name import simulate as simulate
+    from mechsim.theory.continuation.mechanism_trace import trace as trace
+    from mechsim.verdict.checks import Check as Check
+    from mechsim.verdict.checks import Verdict as Verdict
+    from mechsim.verdict.crosscheck import crosscheck as crosscheck
+    from mechsim.verdict.tolerances import Tolerance as Tolerance
 
-# public name -> module that defines it; modules first
+# public modules, and public names by the module that defines them; they are also imported above
 _MODULES = {
     "catalog": "analytic.catalog",
     "dynamics": "subjects.dynamics",
@@ -63,125 +88,44 @@ _MODULES = {
     "testing": "testing",
     "units": "units",
 }
-_LOCATIONS = _MODULES | {
-    "Agreement": "studies.agreement.agreement",
-    "AssemblyError": "errors",
-    "Certificate": "studies.certify",
-    "Check": "verdict.checks",
-    "Controller": "model.controllers",
-    "End": "model.joints",
-    "Forces": "model.forces",
-    "Friction": "model.forces",
-    "Coupling": "model.joints",
-    "Gear": "model.joints",
-    "Inertia": "model.links",
-    "InputError": "errors",
-    "Joint": "model.joints",
-    "JointSpring": "model.forces",
-    "Link": "model.links",
-    "Load": "model.forces",
-    "Mechanism": "model.mechanism",
-    "MechsimError": "errors",
-    "Motion": "model.motion",
-    "Pose": "model.links",
-    "MotionLaws": "model.motion_laws",
-    "Run": "simulation",
-    "Scene": "model.scene",
-    "Settings": "simulation",
-    "Spring": "model.forces",
-    "Tolerance": "verdict.tolerances",
-    "Validation": "studies.validate",
-    "Verdict": "verdict.checks",
-    "certify": "studies.certify",
-    "check": "studies.check",
-    "compile": "codegen.compiled",
-    "closed_qpos": "studies.closed_configurations",
-    "crosscheck": "verdict.crosscheck",
-    "export": "studies.export",
-    "fit": "studies.calibration",
-    "joint_map": "studies.robots.joint_map",
-    "list": "subjects.listing",
-    "load": "subjects.readers",
-    "moved": "studies.sensitivity.sensitivity",
-    "optimise": "studies.optimise.search",
-    "reduce": "studies.reduction.reduce_model",
-    "sample": "studies.closed_configurations",
-    "sensitivity": "studies.sensitivity.sensitivity",
-    "show": "report.notebook",
-    "simulate": "subjects.simulate_by_name",
-    "sweep": "studies.sweep.sweeping",
-    "tolerance_study": "studies.sensitivity.tolerance_analysis",
-    "trace": "theory.continuation.mechanism_trace",
-    "tune": "studies.scene.tune_model",
-    "validate": "studies.validate",
-    "view": "report.notebook",
+_NAMES = {
+    "_version": "__version__",
+    "codegen.compiled": "compile",
+    "errors": "AssemblyError InputError MechsimError",
+    "model.controllers": "Controller",
+    "model.forces": "Forces Friction JointSpring Load Spring",
+    "model.joints": "Coupling End Gear Joint",
+    "model.links": "Inertia Link Pose",
+    "model.mechanism": "Mechanism",
+    "model.motion": "Motion",
+    "model.motion_laws": "MotionLaws",
+    "model.scene": "Scene",
+    "report.notebook": "show view",
+    "simulation": "Run Settings",
+    "studies.agreement.agreement": "Agreement",
+    "studies.calibration": "fit",
+    "studies.certify": "Certificate certify",
+    "studies.check": "check",
+    "studies.closed_configurations": "closed_qpos sample",
+    "studies.export": "export",
+    "studies.optimise.search": "optimise",
+    "studies.reduction.reduce_model": "reduce",
+    "studies.robots.joint_map": "joint_map",
+    "studies.scene.tune_model": "tune",
+    "studies.sensitivity.sensitivity": "moved sensitivity",
+    "studies.sensitivity.tolerance_analysis": "tolerance_study",
+    "studies.sweep.sweeping": "sweep",
+    "studies.validate": "Validation validate",
+    "subjects.listing": "list",
+    "subjects.readers": "load",
+    "subjects.simulate_by_name": "simulate",
+    "theory.continuation.mechanism_trace": "trace",
+    "verdict.checks": "Check Verdict",
+    "verdict.crosscheck": "crosscheck",
+    "verdict.tolerances": "Tolerance",
 }
-
-__all__ = [
-    "Agreement",
-    "AssemblyError",
-    "Certificate",
-    "Check",
-    "Controller",
-    "Coupling",
-    "End",
-    "Forces",
-    "Friction",
-    "Gear",
-    "Inertia",
-    "InputError",
-    "Joint",
-    "JointSpring",
-    "Link",
-    "Load",
-    "Mechanism",
-    "MechsimError",
-    "Motion",
-    "MotionLaws",
-    "Pose",
-    "Run",
-    "Scene",
-    "Settings",
-    "Spring",
-    "Tolerance",
-    "Validation",
-    "Verdict",
-    "__version__",
-    "catalog",
-    "certify",
-    "check",
-    "closed_qpos",
-    "compile",
-    "crosscheck",
-    "dynamics",
-    "export",
-    "fit",
-    "joint_map",
-    "list",
-    "load",
-    "load_profile",
-    "loops",
-    "masses",
-    "motors",
-    "moved",
-    "optimise",
-    "plots",
-    "reduce",
-    "render",
-    "sample",
-    "sensitivity",
-    "show",
-    "simulate",
-    "simulation",
-    "sweep",
-    "testing",
-    "tolerance_study",
-    "trace",
-    "tune",
-    "units",
-    "validate",
-    "view",
-]
+_LOCATIONS = _MODULES | {name: module for module, names in _NAMES.items() for name in names.split()}
+__all__ = tuple(_LOCATIONS)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 if not TYPE_CHECKING:  # a type checker must report names that are not imported above

@@ -13,6 +13,7 @@ import tempfile
 import zipfile
 from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -143,7 +144,9 @@ def atomic_path(path: str | Path) -> Generator[Path]:
 
 
 def plain(value: Any) -> Any:
-    """Return a value for JSON: arrays as lists, NaN and infinity as None."""
+    """Return a value for JSON: records and mappings as objects, arrays as lists, NaN and infinity as None."""
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -3,15 +3,14 @@
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
+from typing import Annotated, Any, NotRequired, TypedDict
 
 import typer
 
 from mechsim._version import __version__
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Loops, writable
-from mechsim.cli.output import in_colour, print_table, wrapped
+from mechsim.cli.output import in_colour, print_json, print_table, wrapped
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.simulation.findings.rules import RULES, EqualityStiffness, Violation
@@ -24,37 +23,14 @@ SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 PAGE = "docs/reference/check.md"
 
 
-class ViolationJson(TypedDict):
-    """A finding of a rule."""
-
-    rule: str
-    severity: Literal["error", "warning", "note"]
-    file: str
-    line: int | None
-    object: str
-    value: float
-    message: str
-    fix: str
-
-
-class StiffnessJson(TypedDict):
-    """An equality as a spring and damper."""
-
-    name: str
-    stiffness: float
-    damping: float
-    time_constant_steps: float
-    gap_per_newton: float
-
-
 class CheckFilesJson(TypedDict):
     """The findings in all files, errors first in each."""
 
     files: int
     errors: int
-    findings: list[ViolationJson]
+    findings: list[Violation]
     fixed: NotRequired[str | None]
-    equalities: NotRequired[dict[str, list[StiffnessJson]]]
+    equalities: NotRequired[dict[str, list[EqualityStiffness]]]
 
 
 @command
@@ -108,7 +84,7 @@ def check_files(
     data: CheckFilesJson = {
         "files": len(models),
         "errors": errors,
-        "findings": [cast(ViolationJson, asdict(violation)) for violation in violations],
+        "findings": violations,
     }
     repaired: list[str] = []
     if path is not None:
@@ -117,9 +93,7 @@ def check_files(
             unfinished.write_text(copy)
         data["fixed"] = fix
     if explain_equalities:
-        data["equalities"] = {
-            model: [cast(StiffnessJson, asdict(row)) for row in rows] for model, rows in equalities.items()
-        }
+        data["equalities"] = equalities
 
     def text() -> None:
         _print(violations, output_format, data)
@@ -135,7 +109,7 @@ def check_files(
 
 def _print(violations: Sequence[Violation], output_format: str, data: CheckFilesJson) -> None:
     if output_format == "json":
-        typer.echo(json.dumps(data, indent=2))
+        print_json(data)
     elif output_format == "sarif":
         typer.echo(json.dumps(_sarif(violations), indent=2))
     elif output_format == "github":

@@ -1,7 +1,6 @@
 """Command `mechsim export`: MuJoCo models of one or all mechanisms, or the mechanism as TOML."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import typer
@@ -28,6 +27,7 @@ from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import Settings, mjcf
 from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible
 from mechsim.studies.export import export as export_model
+from mechsim.studies.robots.menagerie import Verification
 
 
 class CouplingErrors(TypedDict):
@@ -38,15 +38,6 @@ class CouplingErrors(TypedDict):
     torque_error: float
 
 
-class VerificationJson(TypedDict):
-    """Number of random configurations compared with the loop equations, and the largest differences."""
-
-    configurations: int
-    position: float
-    gravity_torque: float | None
-    no_torque: str
-
-
 class ExportJson(TypedDict):
     """A written model, the text of a model without -o, or all models of the catalogue."""
 
@@ -55,7 +46,7 @@ class ExportJson(TypedDict):
     format: NotRequired[Literal["xml", "toml", "mjcf-tree", "urdf"]]
     text: NotRequired[str | None]
     shortfall: NotRequired[str]
-    verification: NotRequired[VerificationJson | None]
+    verification: NotRequired[Verification | None]
     couplings: NotRequired[list[CouplingErrors]]
     mechanisms: NotRequired[list[str]]
 
@@ -187,7 +178,7 @@ def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
 
     data: Any = {"mechanism": result.name, "format": result.format, "output": output}
     data |= {"text": result.text if output is None else None, "shortfall": result.shortfall}
-    data["verification"] = None if result.verification is None else asdict(result.verification)
+    data["verification"] = result.verification
     data["couplings"] = [
         {"joint": c.joint, "position_error": c.position_error, "torque_error": c.torque_error}
         for c in (result.twin.coupled if result.twin else ())

@@ -289,7 +289,7 @@ def _of_type(kind: type[Element], elements: Sequence[object]) -> Iterator[Elemen
 
 def masses_in_json(masses: Sequence[LinkMass]) -> dict[str, Any]:
     """Return the entry of a JSON object; empty if no masses are used."""
-    return {"masses": [mass.as_dict() for mass in masses]} if masses else {}
+    return {"masses": masses} if masses else {}
 
 
 def print_masses(masses: Sequence[LinkMass], verbose: bool | None = None, design: str = "") -> None:

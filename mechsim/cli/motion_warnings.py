@@ -1,7 +1,7 @@
 """Warnings on a motion: loss of significance near a singular pose, a crank that cannot rotate fully."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ class FewDigits:
 
     digits: int
     at: float
-    over: str
+    over: Literal["angle", "t"]
     conditioning: float
 
     def warn(self) -> None:
@@ -70,11 +70,6 @@ def few_digits(solver: KinematicSolver, motion: Motion) -> FewDigits | None:
 def fewest_digits(*candidates: FewDigits | None) -> FewDigits | None:
     """Return the candidate with the fewest digits."""
     return min(filter(None, candidates), key=lambda few: few.conditioning, default=None)
-
-
-def digits_in_json(few: FewDigits | None) -> dict[str, Any]:
-    """Return the entry of a JSON object."""
-    return {"few_digits": None if few is None else asdict(few)}
 
 
 def _examined_rows(solver: KinematicSolver, motion: Motion) -> NDArray[np.intp]:

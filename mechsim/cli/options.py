@@ -239,16 +239,8 @@ class DriveOptions:
         """Return the options as arguments of `load`."""
         require_distinct("--drive", self.drive)
         require_distinct("--lock", self.lock)
-        return {
-            "drive": dict(self.drive),
-            "lock": dict(self.lock),
-            "fix_base": self.fix_base,
-            "lock_others": self.lock_others,
-            "key": self.key,
-            "loops": self.loops,
-            "track": self.track,
-            "duration": self.duration,
-        }
+        options = {field.name: getattr(self, field.name) for field in fields(DriveOptions)}
+        return options | {"drive": dict(self.drive), "lock": dict(self.lock)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

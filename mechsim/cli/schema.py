@@ -24,6 +24,7 @@ import typer
 
 from mechsim import files
 from mechsim.cli.command import Result, command, data_type
+from mechsim.cli.motion_warnings import FewDigits
 from mechsim.cli.options import output_file, writable
 from mechsim.cli.output import print_json
 from mechsim.errors import InputError
@@ -72,15 +73,6 @@ class Written(WithMasses):
     output: str
 
 
-class FewDigitsJson(TypedDict):
-    """The instant with the fewest correct digits; see `motion_warnings.FewDigits`."""
-
-    digits: int
-    at: float
-    over: Literal["angle", "t"]
-    conditioning: float
-
-
 class RunJson(TypedDict):
     """A run of MuJoCo, as `simulate` prints it."""
 
@@ -95,7 +87,7 @@ class RunJson(TypedDict):
     settings: Settings
     output: str | None
     rows: int
-    few_digits: NotRequired[FewDigitsJson | None]
+    few_digits: NotRequired[FewDigits | None]
     findings: NotRequired[list[Finding]]
 
 

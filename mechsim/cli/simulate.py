@@ -13,7 +13,7 @@ from mechsim.analytic.loops.record import with_all_joints
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import ControlOptions, user_scene
-from mechsim.cli.motion_warnings import digits_in_json, few_digits, limited_swing
+from mechsim.cli.motion_warnings import few_digits, limited_swing
 from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
@@ -183,7 +183,7 @@ def simulate(
         _print_written(output, len(run.motion))
 
     data = run.summary() | {"mechanism": solver.name, "output": output, "rows": len(run.motion)}
-    data |= digits_in_json(few) | findings_in_json(findings)
+    data |= {"few_digits": few} | findings_in_json(findings)
     return Result(cast("RunJson", data), text, run.outcome == "passed")
 
 

@@ -13,7 +13,7 @@ from mechsim import files
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, command
-from mechsim.cli.motion_warnings import FewDigits, digits_in_json, few_digits, fewest_digits, limited_swing
+from mechsim.cli.motion_warnings import FewDigits, few_digits, fewest_digits, limited_swing
 from mechsim.cli.options import (
     SPEED,
     ChangePointOption,
@@ -34,7 +34,6 @@ from mechsim.cli.output import (
     without_noise,
 )
 from mechsim.cli.progress import progress
-from mechsim.cli.schema import FewDigitsJson
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -120,7 +119,7 @@ class SolveJson(TypedDict):
     rows: int
     output: str | None
     columns: dict[str, list[float]]
-    few_digits: FewDigitsJson | None
+    few_digits: FewDigits | None
 
 
 @command
@@ -199,7 +198,7 @@ def _whole(
             _print_csv(iter([_labelled(motion, shown)]))
 
     data = {"mechanism": solver.name, "rows": len(motion), "output": None if path is None else str(path)}
-    data |= {"columns": dict(motion.columns())} | digits_in_json(few)
+    data |= {"columns": dict(motion.columns()), "few_digits": few}
     return Result(cast("SolveJson", data), text)
 
 

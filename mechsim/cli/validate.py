@@ -220,33 +220,13 @@ def validate(
         raise InputError(f"{options} one mechanism; name it")
     designs = _by_name({model: load_parametric(model, sets, driven) for model in names})
     report_code([design.make({}) for design in designs.values()])
-    task = ValidationTask(
-        speed=crank_speed(speed),
-        quick=() if models or whole_gallery else list(gallery.files()),
-        tolerance=comparison.tolerance_in_metres,
-        budget=units.parse_time(budget, "the budget"),
-        certify=certify,
-    )
-    return _validated(designs, task, folder, verbose=verbose, as_json=as_json)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ValidationTask:
-    """Options for the validation of mechanisms.
-
-    Attributes:
-        speed: speed of the crank in [rad/s].
-        quick: names of mechanisms that are not stepped.
-        tolerance: tolerance on positions in [m]; None for the default.
-        budget: processor time in [s] for the stepped runs of each mechanism.
-        certify: whether interval proofs are attempted; a failed proof is reported and is no failure.
-    """
-
-    speed: float
-    quick: Sequence[str]
-    tolerance: float | None
-    budget: float
-    certify: bool = False
+    options = {
+        "speed": crank_speed(speed),
+        "quick": () if models or whole_gallery else list(gallery.files()),
+        "tolerance": comparison.tolerance_in_metres,
+        "budget": units.parse_time(budget, "the budget"),
+    }
+    return _validated(designs, options, folder, certify=certify, verbose=verbose, as_json=as_json)
 
 
 def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
@@ -258,23 +238,26 @@ def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
 
 def _validated(
     designs: Mapping[str, DesignFamily],
-    task: ValidationTask,
+    options: Mapping[str, Any],
     folder: Path | None,
     *,
+    certify: bool,
     verbose: bool,
     as_json: bool,
 ) -> Result[ValidateJson]:
-    """Validate mechanisms; if one cannot be assembled, JSON reports it before the error is raised."""
+    """Validate mechanisms; if one cannot be assembled, JSON reports it before the error is raised.
+
+    Args:
+        designs: name -> mechanism.
+        options: of `validate_all`.
+        folder: folder of a report; None writes none.
+        certify: whether interval proofs are attempted; a failed proof is reported and is no failure.
+        verbose: whether all checks are listed.
+        as_json: whether the result is printed as JSON.
+    """
     try:
         with progress("validate", None) as report:
-            cases = validate_all(
-                designs,
-                speed=task.speed,
-                quick=task.quick,
-                tolerance=task.tolerance,
-                budget=task.budget,
-                progress=report,
-            )
+            cases = validate_all(designs, **options, progress=report)
     except (AssemblyError, MobilityError) as error:
         if as_json:
             outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
@@ -285,7 +268,7 @@ def _validated(
             }
             print_json({"passed": False, "mechanisms": entries})
         raise
-    proofs = {name: certified_motion(case.solver) for name, case in cases.items() if task.certify}
+    proofs = {name: certified_motion(case.solver) for name, case in cases.items() if certify}
     passed = all(case.passed for case in cases.values())
     data: Any = {
         "passed": passed,
@@ -300,7 +283,7 @@ def _validated(
                 print_stderr(note)
 
     def text() -> None:
-        print_cases(cases, f"{task.speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
+        print_cases(cases, f"{options['speed'] * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
         for name, proof in proofs.items():
             print_text(f"{name}: {proof.summary}")
         _print_report(folder)

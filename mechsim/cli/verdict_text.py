@@ -3,7 +3,8 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -29,9 +30,9 @@ def motion_law_of_crank(solver: KinematicSolver, motion: CrankProfile) -> Motion
     return make_motion_laws(solver.mechanism, {solver.mechanism.drivers[0]: motion.state}, motion.duration)
 
 
-def findings_in_json(findings: Sequence[Finding] | None) -> dict[str, list[dict[str, Any]]]:
+def findings_in_json(findings: Sequence[Finding] | None) -> dict[str, Sequence[Finding]]:
     """Return the entry of a JSON object; empty without an MJCF file."""
-    return {} if findings is None else {"findings": [finding.as_dict() for finding in findings]}
+    return {} if findings is None else {"findings": findings}
 
 
 def print_findings(findings: Sequence[Finding] | None) -> None:
@@ -118,7 +119,7 @@ def method_lines(checks: "Sequence[Check]", labels: Mapping[str, str]) -> list[s
     for check in checks:
         label = labels.get(check.method, check.method)
         groups.setdefault(f"{check.variant}: {label}" if check.variant else label, []).append(check)
-    worst = {label: max(group, key=_severity) for label, group in groups.items()}
+    worst = {label: max(group, key=attrgetter("severity")) for label, group in groups.items()}
     names = _aligned([*groups])
     numbers = _aligned([str(len(group)) for group in groups.values()], right=True)
     fractions = _aligned([_fraction(check) for check in worst.values()], right=True)
@@ -146,7 +147,7 @@ def _aligned(texts: Sequence[str], *, right: bool = False) -> list[str]:
 
 def failure_lines(checks: "Sequence[Check]", findings: Sequence[Finding], reason: str = "") -> list[str]:
     """Return the failed checks with their errors, and the likely cause."""
-    failed = sorted((check for check in checks if not check.passed), key=_severity, reverse=True)
+    failed = sorted((check for check in checks if not check.passed), key=attrgetter("severity"), reverse=True)
     shown = failed[:MAX_FAILED]
     explanations = causes(findings)
     label_width = max(map(len, [*map(_name, shown), *(label for label, _ in explanations)]), default=0)
@@ -173,7 +174,7 @@ def causes(findings: Sequence[Finding]) -> list[tuple[str, str]]:
 
 def percentage(checks: "Sequence[Check]") -> str:
     """Return the largest error as a percentage of its tolerance."""
-    return _fraction(max(checks, key=_severity)) if checks else ""
+    return _fraction(max(checks, key=attrgetter("severity"))) if checks else ""
 
 
 def _explained(finding: Finding) -> str:
@@ -188,21 +189,8 @@ def _name(check: "Check") -> str:
     return "loop closure" if quantity == "loop residual" else quantity
 
 
-def _severity(check: "Check") -> float:
-    """Return the error of a check as a fraction of its tolerance; NaN counts as the largest."""
-    if math.isnan(check.worst):
-        return math.inf
-    return (
-        check.fraction_of_tolerance
-        if check.fraction_of_tolerance is not None
-        else 0.0
-        if check.passed
-        else math.inf
-    )
-
-
 def _fraction(check: "Check") -> str:
-    fraction = _severity(check)
+    fraction = check.severity
     if not math.isfinite(fraction):
         return "inf"
     if fraction > 10.0:

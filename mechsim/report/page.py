@@ -14,11 +14,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mechsim._version import __version__
 from mechsim.errors import OutputError, needs
-from mechsim.files import atomic_path, write_json
+from mechsim.files import atomic_path, plain, write_json
 from mechsim.pictures.number_text import number
 from mechsim.verdict.checks import Check
 
@@ -128,7 +126,7 @@ def write_report(
     Raises:
         OutputError: where a file cannot be written.
     """
-    directory = Path(directory)
+    directory, results = Path(directory), plain(results)
     try:
         directory.mkdir(exist_ok=True)
     except OSError as error:
@@ -193,7 +191,7 @@ def method_rows(cases: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     used = dict.fromkeys(check.method for case in cases for check in case["checks"])
     for method in sorted(used, key=[*METHODS, *used].index):
         checks = [(case, check) for case in cases for check in case["checks"] if check.method == method]
-        worst_case, worst = max(checks, key=lambda pair: _severity(pair[1]))
+        worst_case, worst = max(checks, key=lambda pair: pair[1].severity)
         compared, against = METHODS.get(method, (method, "the analytic solution"))
         rows.append(
             {
@@ -334,7 +332,7 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
         "rows": list(enumerate(section.checks)),
         "tightest": _tightest(section.checks),
         "checks_passed": sum(check.passed for check in section.checks),
-        "worst": max(section.checks, key=_severity, default=None),
+        "worst": max(section.checks, key=lambda check: check.severity, default=None),
         "spark": _sparkline(section.checks),
         "seconds": seconds,
         "settings": {**section.settings, **{k: v for k, v in costs.items() if v is not None}},
@@ -351,24 +349,17 @@ def _tightest(checks: Sequence[Check]) -> list[tuple[int, Check]]:
         kind = (check.variant, check.method, check.kind)
         if not check.passed:
             worst[*kind, check.subject] = row, check
-        elif kind not in worst or _severity(check) > _severity(worst[kind][1]):
+        elif kind not in worst or check.severity > worst[kind][1].severity:
             worst[kind] = row, check
     selected = list(worst.values())
-    return [pair for pair in selected if not pair[1].passed or _severity(pair[1]) >= UNUSED] or selected
-
-
-def _severity(check: Check) -> float:
-    """Return error / tolerance; infinite if the error is not a number."""
-    if not np.isfinite(check.worst):
-        return math.inf
-    return check.fraction_of_tolerance or 0.0
+    return [pair for pair in selected if not pair[1].passed or pair[1].severity >= UNUSED] or selected
 
 
 def _sparkline(checks: Sequence[Check]) -> str:
     """Return the path of an SVG, 60 wide and 12 high: a bar per check, the logarithm of error / tolerance."""
     bars: list[str] = []
     for i, check in enumerate(checks):
-        share = min(max(_severity(check), SPARK_FLOOR), 1.0)
+        share = min(max(check.severity, SPARK_FLOOR), 1.0)
         height = 12.0 * (1.0 - math.log10(share) / math.log10(SPARK_FLOOR))
         bars.append(f"M{60.0 * (i + 0.5) / len(checks):.1f} 12v{-max(height, 0.5):.1f}")
     return "".join(bars)

@@ -252,8 +252,8 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
 
 def worst_first(agreement: Agreement) -> list[TwoCurves]:
     """Return the curves of all quantities, largest error / tolerance first."""
-    shares = [check.fraction_of_tolerance or 0.0 for check in agreement.checks[: len(agreement.candidates)]]
-    return [_curves(agreement, i) for i in sorted(range(len(agreement.candidates)), key=lambda i: -shares[i])]
+    count = len(agreement.candidates)
+    return [_curves(agreement, i) for i in sorted(range(count), key=lambda i: -agreement.checks[i].severity)]
 
 
 def _curves(agreement: Agreement, i: int) -> TwoCurves:

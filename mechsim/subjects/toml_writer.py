@@ -2,8 +2,9 @@
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,128 +13,44 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Location
 from mechsim.model.joints import Coupling, End, Gear, Joint
-from mechsim.model.links import Link, Pose
+from mechsim.model.links import Link
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws
-from mechsim.model.motors import ConstantTorque, Geared, Motor, PlainMotor, TorqueSpeedLine
+from mechsim.model.motors import ConstantTorque, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.law_text import MotionLaw, WrittenLoad
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
-def listed(values: Iterable[float]) -> str:
-    """Return numbers as a list."""
-    return f"[{', '.join(number(value) for value in values)}]"
-
-
-def number(value: float) -> str:
-    """Return a number that reads back to the last bit."""
+def _value(value: Any) -> str:
+    """Return text, a truth value, a number to the last bit, a list or an inline table in TOML."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(_lines(value))} }}"
+    if not isinstance(value, int | float):
+        return f"[{', '.join(map(_value, value))}]"
     text = f"{float(value):.17g}"
     return text if any(character in text for character in ".e") else f"{text}.0"
 
 
-def quoted(value: str) -> str:
-    """Return text in quotes."""
-    text = json.dumps(value, ensure_ascii=False)
-    return text.replace("\x7f", "\\u007f")
+def _key(*names: str) -> str:
+    """Return names as a dotted key."""
+    return ".".join(name if _BARE.fullmatch(name) else _value(name) for name in names)
 
 
-def key(name: str) -> str:
-    """Return a name as a key."""
-    return name if _BARE.fullmatch(name) else quoted(name)
+def _lines(entries: Mapping[Any, Any]) -> Iterator[str]:
+    """Yield the entries of a table; a key is a name, or the names of a dotted key."""
+    for name, value in entries.items():
+        yield f"{_key(name) if isinstance(name, str) else _key(*name)} = {_value(value)}"
 
 
-def driving_lines(solver: LoopForm) -> Iterator[str]:
-    """Yield the lines of motion laws, forces and formula.
-
-    Raises:
-        InputError: for a motion law or load without text.
-    """
-    if not solver.motion_laws.crank:
-        yield from _motion_law_lines(solver.motion_laws)
-    if solver.formula:
-        yield from ("", "[formula]", f"python = {quoted(solver.formula)}")
-    if solver.forces is not None:
-        yield from _force_lines(solver.forces)
-
-
-def _motion_law_lines(laws: MotionLaws) -> Iterator[str]:
-    yield f"duration = {number(laws.duration)}"
-    yield from ("", "[motion_laws]")
-    for name, state in laws.by_name.items():
-        if not isinstance(state, MotionLaw):
-            raise InputError(f"the motion law of {name} is a function without text; give it as text")
-        yield f"{key(name)} = {quoted(_absolute(state.text))}"
-
-
-def _force_lines(forces: Forces) -> Iterator[str]:
-    yield from ("", "[forces]", f"gravity = {listed(forces.gravity)}")
-    if forces.crank_torque is not None:
-        yield f"crank_torque = {_components(forces.crank_torque, 'the load on the crank')[0]}"
-    if forces.flywheel:
-        yield f"flywheel = {number(forces.flywheel)}"
-    for controller in forces.controllers:
-        coordinate = ".".join(key(name) for name in controller.coordinate.split("."))
-        yield f"controllers.{coordinate} = {quoted(controller.text)}"
-    if forces.motor is not None:
-        yield f"motor = {_table(_motor(forces.motor))}"
-    for friction in forces.friction:
-        fields = ("viscous", "coulomb", "viscous_turn", "coulomb_turn")
-        nonzero = {field: number(getattr(friction, field)) for field in fields if getattr(friction, field)}
-        yield f"friction.{key(friction.joint)} = {_table(nonzero)}"
-    for i, spring in enumerate(forces.springs, 1):
-        numbers = {field: number(getattr(spring, field)) for field in ("stiffness", "rest", "damping")}
-        yield f"springs.spring{i} = {_table({'a': _point(spring.a), 'b': _point(spring.b), **numbers})}"
-    for spring in forces.joint_springs:
-        numbers = {field: number(getattr(spring, field)) for field in ("stiffness", "rest")}
-        yield f"joint_springs.{key(spring.joint)} = {_table(numbers)}"
-    for i, load in enumerate(forces.loads, 1):
-        force = ", ".join(_components(load.force, f"the load on {load.location}"))
-        yield f"loads.load{i} = {_table({'at': _point(load.location), 'force': f'[{force}]'})}"
-    for couple in forces.couples:
-        moment = ", ".join(_components(couple.moment, f"the couple on {couple.link}"))
-        yield f"couples.{key(couple.link)} = [{moment}]"
-
-
-def _motor(motor: Motor) -> dict[str, str]:
-    if isinstance(motor, Geared):
-        return {**_plain_motor(motor.motor), "gear": number(motor.ratio)}
-    return _plain_motor(motor)
-
-
-def _plain_motor(motor: PlainMotor) -> dict[str, str]:
-    if isinstance(motor, ConstantTorque):
-        return {"kind": quoted("constant"), "torque": number(motor.value)}
-    if isinstance(motor, TorqueSpeedLine):
-        return {"kind": quoted("line"), "stall": number(motor.stall), "no_load": number(motor.no_load)}
-    fields = {field: number(getattr(motor, field)) for field in ("voltage", "resistance", "constant")}
-    return {"kind": quoted("dc"), **fields}
-
-
-def _components(profile: LoadProfile, what: str) -> list[str]:
-    """Return the text of a load along each axis."""
-    if isinstance(profile.value, WrittenLoad):
-        texts = [component.text for component in profile.value.components]
-        return [quoted(_absolute(text)) if isinstance(text, str) else number(text) for text in texts]
-    if profile.over is not None:
-        raise InputError(f"{what} is a function of {profile.over} without text; give it as text")
-    return [number(text) for text in profile.evaluate(np.zeros(1)).ravel()]
-
-
-def _absolute(text: str) -> str:
-    """Return the text of a motion law or a load with an absolute path if it is a file."""
-    return str(Path(text).resolve()) if text.lower().endswith(files.EXTENSIONS) else text
-
-
-def _point(point: Location) -> str:
-    if isinstance(point, str):
-        return quoted(point)
-    return f"{{ link = {quoted(point[0])}, at = {listed(point[1])} }}"
-
-
-def _table(fields: Mapping[str, str]) -> str:
-    return f"{{ {', '.join(f'{name} = {value}' for name, value in fields.items())} }}"
+def _table(entries: Mapping[Any, Any], *names: str) -> Iterator[str]:
+    """Yield a table with its header."""
+    yield from ("", f"[{_key(*names)}]", *_lines(entries))
 
 
 def to_toml(source: Mechanism | LoopForm) -> str:
@@ -146,93 +63,145 @@ def to_toml(source: Mechanism | LoopForm) -> str:
         InputError: for a motion law or load that is neither text nor constant.
     """
     mechanism = source if isinstance(source, Mechanism) else source.mechanism
-    lines = [f"name = {quoted(mechanism.name)}", f"drivers = [{', '.join(map(quoted, mechanism.drivers))}]"]
-    lines += _start(mechanism)
+    lines = [*_lines({"name": mechanism.name, "drivers": mechanism.drivers}), *_lines(_start(mechanism))]
     if isinstance(source, LoopForm):
-        lines += driving_lines(source)
-        if source.initial:
-            lines += ["", "[initial]", *_initial(source.initial)]
+        lines += _solver_lines(source)
     if mechanism.up is not None:
-        lines += ["", "[display]", f"up = {quoted(mechanism.up)}"]
+        lines += _table({"up": mechanism.up}, "display")
     for link in mechanism.links:
-        lines += ["", f"[links.{key(link.name)}]", *_link(link)]
+        lines += _table(_link(link), "links", link.name)
     for joint in mechanism.joints:
-        lines += ["", f"[joints.{key(joint.name)}]", *_joint(joint)]
+        lines += _table(_joint(joint), "joints", joint.name)
     names = [coupling.name for coupling in mechanism.couplings]
     for i, gear in enumerate(mechanism.gears):
-        lines += ["", f"[couplings.{key(_gear_name(mechanism, i, names))}]", *_gear(gear)]
+        lines += _table(_gear(gear), "couplings", _gear_name(mechanism, i, names))
     for coupling in mechanism.couplings:
-        lines += ["", f"[couplings.{key(coupling.name)}]", *_coupling(coupling)]
-    if mechanism.locked:
-        lines += ["", "[locked]", *_values(mechanism.locked)]
-    if mechanism.points:
-        lines += ["", "[points]"]
-    for name, (link, position) in mechanism.points.items():
-        lines.append(f"{key(name)} = {{ link = {quoted(link)}, at = {listed(position)} }}")
-    if mechanism.guess:
-        lines += ["", "[guess]"]
-    for link, pose in mechanism.guess.items():
-        lines.append(f"{key(link)} = {_pose(pose)}")
+        lines += _table(_coupling(coupling), "couplings", coupling.name)
+    points = {name: {"link": link, "at": position} for name, (link, position) in mechanism.points.items()}
+    guess = {
+        link: {"at": np.asarray(pose.position).tolist(), "rotation": np.asarray(pose.rotation).tolist()}
+        for link, pose in mechanism.guess.items()
+    }
+    for name, entries in (("locked", mechanism.locked), ("points", points), ("guess", guess)):
+        lines += _table(entries, name) if entries else ()
     return "\n".join(lines) + "\n"
 
 
-def _initial(initial: Mapping[str, float]) -> Iterator[str]:
-    """Yield the coordinates and rates of the initial state."""
-    for quantity, value in initial.items():
-        coordinate, _, component = quantity.rpartition(".")
-        names = ".".join(key(name) for name in coordinate.split("."))
-        yield f"{names}.{component} = {number(value)}"
+def _solver_lines(solver: LoopForm) -> Iterator[str]:
+    """Yield the lines of motion laws, formula, forces and initial state."""
+    if not solver.motion_laws.crank:
+        yield from _lines({"duration": solver.motion_laws.duration})
+        yield from _table(_motion_laws(solver.motion_laws), "motion_laws")
+    if solver.formula:
+        yield from _table({"python": solver.formula}, "formula")
+    if solver.forces is not None:
+        yield from _table(_forces(solver.forces), "forces")
+    if solver.initial:
+        yield from _table({tuple(name.split(".")): x for name, x in solver.initial.items()}, "initial")
 
 
-def _start(mechanism: Mechanism) -> Iterator[str]:
-    """Yield the driver positions at the guess: the crank angle, or a table."""
-    guess_coordinates = dict(mechanism.guess_coordinates)
+def _motion_laws(laws: MotionLaws) -> dict[str, str]:
+    texts: dict[str, str] = {}
+    for name, state in laws.by_name.items():
+        if not isinstance(state, MotionLaw):
+            raise InputError(f"the motion law of {name} is a function without text; give it as text")
+        texts[name] = _absolute(state.text)
+    return texts
+
+
+def _forces(forces: Forces) -> dict[Any, Any]:
+    """Return the table of forces; keys of inner tables are dotted."""
+    table: dict[Any, Any] = {"gravity": forces.gravity}
+    if forces.crank_torque is not None:
+        table["crank_torque"] = _components(forces.crank_torque, "the load on the crank")[0]
+    if forces.flywheel:
+        table["flywheel"] = forces.flywheel
+    for controller in forces.controllers:
+        table["controllers", *controller.coordinate.split(".")] = controller.text
+    if forces.motor is not None:
+        table["motor"] = _motor(forces.motor)
+    for friction in forces.friction:
+        values = _fields(friction, "viscous", "coulomb", "viscous_turn", "coulomb_turn")
+        table["friction", friction.joint] = {name: value for name, value in values.items() if value}
+    for i, spring in enumerate(forces.springs, 1):
+        ends = {"a": _point(spring.a), "b": _point(spring.b)}
+        table["springs", f"spring{i}"] = ends | _fields(spring, "stiffness", "rest", "damping")
+    for spring in forces.joint_springs:
+        table["joint_springs", spring.joint] = _fields(spring, "stiffness", "rest")
+    for i, load in enumerate(forces.loads, 1):
+        force = _components(load.force, f"the load on {load.location}")
+        table["loads", f"load{i}"] = {"at": _point(load.location), "force": force}
+    for couple in forces.couples:
+        table["couples", couple.link] = _components(couple.moment, f"the couple on {couple.link}")
+    return table
+
+
+def _fields(element: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(element, name) for name in names}
+
+
+def _motor(motor: Motor) -> dict[str, Any]:
+    if isinstance(motor, Geared):
+        return _motor(motor.motor) | {"gear": motor.ratio}
+    if isinstance(motor, ConstantTorque):
+        return {"kind": "constant", "torque": motor.value}
+    if isinstance(motor, TorqueSpeedLine):
+        return {"kind": "line", **_fields(motor, "stall", "no_load")}
+    return {"kind": "dc", **_fields(motor, "voltage", "resistance", "constant")}
+
+
+def _components(profile: LoadProfile, what: str) -> Sequence[float | str]:
+    """Return a load along each axis, as a number or as text."""
+    if isinstance(profile.value, WrittenLoad):
+        texts = [component.text for component in profile.value.components]
+        return [_absolute(text) if isinstance(text, str) else text for text in texts]
+    if profile.over is not None:
+        raise InputError(f"{what} is a function of {profile.over} without text; give it as text")
+    return profile.evaluate(np.zeros(1)).ravel().tolist()
+
+
+def _absolute(text: str) -> str:
+    """Return the text of a motion law or a load with an absolute path if it is a file."""
+    return str(Path(text).resolve()) if text.lower().endswith(files.EXTENSIONS) else text
+
+
+def _point(point: Location) -> str | dict[str, Any]:
+    return point if isinstance(point, str) else {"link": point[0], "at": point[1]}
+
+
+def _start(mechanism: Mechanism) -> dict[str, Any]:
+    """Return the driver positions at the guess: the crank angle, or a table."""
+    positions = dict(mechanism.guess_coordinates)
     if mechanism.has_crank:
-        if not guess_coordinates:
-            yield f"start = {number(mechanism.start)}"
-            return
-        guess_coordinates = {mechanism.crank.name: mechanism.start, **guess_coordinates}
-    if guess_coordinates:
-        yield f"start = {{ {', '.join(_values(guess_coordinates))} }}"
+        if not positions:
+            return {"start": mechanism.start}
+        positions = {mechanism.crank.name: mechanism.start, **positions}
+    return {"start": positions} if positions else {}
 
 
-def _values(values: Mapping[str, float]) -> Iterator[str]:
-    for name, value in values.items():
-        yield f"{key(name)} = {number(value)}"
+def _stated(entries: dict[str, Any], **defaults: Any) -> dict[str, Any]:
+    """Return entries without those that have the value which a reader assumes."""
+    return {name: value for name, value in entries.items() if name not in defaults or value != defaults[name]}
 
 
-def _link(link: Link) -> Iterator[str]:
-    if link.outline:
-        yield f"outline = [{', '.join(listed(point) for point in link.outline)}]"
-    if link.inertia is not None:
-        moments = ", ".join(listed(row) for row in link.inertia.moments)
-        mass, centre = number(link.inertia.mass), listed(link.inertia.centre)
-        yield f"inertia = {{ mass = {mass}, centre = {centre}, moments = [{moments}] }}"
+def _link(link: Link) -> dict[str, Any]:
+    inertia = None if link.inertia is None else _fields(link.inertia, "mass", "centre", "moments")
+    return _stated({"outline": link.outline, "inertia": inertia}, outline=(), inertia=None)
 
 
-def _joint(joint: Joint) -> Iterator[str]:
-    yield f"kind = {quoted(joint.kind)}"
-    yield f"a = {_end(joint.a)}"
-    yield f"b = {_end(joint.b)}"
-    if joint.cross_angle != np.pi / 2:
-        yield f"cross_angle = {number(joint.cross_angle)}"
-    if joint.lead:
-        yield f"lead = {number(joint.lead)}"
+def _joint(joint: Joint) -> dict[str, Any]:
+    ends = {"a": _end(joint.a), "b": _end(joint.b)}
+    table = {"kind": joint.kind, **ends, **_fields(joint, "cross_angle", "lead")}
+    return _stated(table, cross_angle=np.pi / 2, lead=0.0)
 
 
-def _end(end: End) -> str:
-    assert end.reference is not None
-    fields = f"at = {listed(end.point)}, axis = {listed(end.axis)}, reference = {listed(end.reference)}"
-    return f"{{ link = {quoted(end.link)}, {fields} }}"
+def _end(end: End) -> dict[str, Any]:
+    return {"link": end.link, "at": end.point, "axis": end.axis, "reference": end.reference}
 
 
-def _gear(gear: Gear) -> Iterator[str]:
-    yield f"driver = {quoted(gear.driver)}"
-    yield f"driven = {quoted(gear.driven)}"
-    yield f"ratio = {number(gear.ratio)}"
-    yield f"phase = {number(gear.phase)}"
-    if gear.pressure_angle:
-        yield f"pressure_angle = {number(gear.pressure_angle)}"
+def _gear(gear: Gear) -> dict[str, Any]:
+    table = _fields(gear, "driver", "driven", "ratio", "phase", "pressure_angle")
+    return _stated(table, pressure_angle=0.0)
 
 
 def _gear_name(mechanism: Mechanism, index: int, names: list[str]) -> str:
@@ -242,23 +211,7 @@ def _gear_name(mechanism: Mechanism, index: int, names: list[str]) -> str:
     return name
 
 
-def _coupling(coupling: Coupling) -> Iterator[str]:
-    yield f"driven = {_side(coupling.left)}"
-    if coupling.right:
-        yield f"driver = {_side(coupling.right)}"
-    yield f"coefficients = {listed(coupling.coefficients)}"
-    if coupling.zeros != (0.0, 0.0):
-        yield f"zeros = {listed(coupling.zeros)}"
-    if coupling.turns:
-        yield "turns = true"
-    if coupling.pressure_angle is not None:
-        yield f"pressure_angle = {number(coupling.pressure_angle)}"
-
-
-def _side(side: str | Mapping[str, float]) -> str:
-    return quoted(side) if isinstance(side, str) else f"{{ {', '.join(_values(side))} }}"
-
-
-def _pose(pose: Pose) -> str:
-    rows = ", ".join(listed(row) for row in np.asarray(pose.rotation).tolist())
-    return f"{{ at = {listed(np.asarray(pose.position).tolist())}, rotation = [{rows}] }}"
+def _coupling(coupling: Coupling) -> dict[str, Any]:
+    sides = {"driven": coupling.left, "driver": coupling.right}
+    table = sides | _fields(coupling, "coefficients", "zeros", "turns", "pressure_angle")
+    return _stated(table, driver={}, zeros=(0.0, 0.0), turns=False, pressure_angle=None)

@@ -69,7 +69,7 @@ def _record(running: RunningTest, agreement: Agreement) -> None:
     running.record("mechsim.against", agreement.source)
     running.record("mechsim.outcome", agreement.outcome)
     if agreement.checks:
-        worst = max(agreement.checks, key=lambda check: check.fraction_of_tolerance or 0.0)
+        worst = max(agreement.checks, key=lambda check: check.severity)
         running.record("mechsim.worst", worst.title)
         running.record("mechsim.worst.value", f"{worst.worst:.6g} {worst.unit}")
         running.record("mechsim.worst.tolerance", f"{worst.tolerance:.6g} {worst.unit}")

@@ -27,8 +27,7 @@ def failure(agreement: Agreement, command: str, page: Path | None) -> str:
         page: path of the report; None if it was not written.
     """
     failed = sorted(
-        (check for check in agreement.checks if not check.passed),
-        key=lambda check: -(check.fraction_of_tolerance or 0.0),
+        (check for check in agreement.checks if not check.passed), key=lambda check: -check.severity
     )
     lines = [f"{agreement.solver.name} does not agree with {agreement.source}"]
     lines += [_failed_check(check) for check in failed[:MAX_LISTED]]
@@ -114,7 +113,7 @@ def page(agreement: Agreement, command: str) -> str:
 
 def _curve(agreement: Agreement) -> str:
     """Return a plot of the quantity with the largest relative difference, over the compared instants."""
-    used = [check.fraction_of_tolerance or 0.0 for check in agreement.checks]
+    used = [check.severity for check in agreement.checks]
     if not used or len(used) != len(agreement.candidates):
         return ""
     i = int(np.argmax(used))

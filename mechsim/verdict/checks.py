@@ -81,6 +81,12 @@ class Check:
         return self.worst / self.tolerance if np.isfinite(self.worst) and self.tolerance > 0.0 else None
 
     @property
+    def severity(self) -> float:
+        """The same as a rank: infinite for an error that is not a number, or above a tolerance of 0."""
+        fraction = self.fraction_of_tolerance
+        return fraction if fraction is not None else 0.0 if self.passed else np.inf
+
+    @property
     def columns(self) -> tuple[str, str, str, str, str, str, str]:
         """The check as a row of `check_table`."""
         worst = f"{self.worst:.2e}" if self.worst else "0"

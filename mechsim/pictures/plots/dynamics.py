@@ -15,6 +15,7 @@ from mechsim.pictures.plots.figure import (
     along_axis,
     angle_axis,
     blank,
+    draw_curves,
     flattened,
     label_of,
     styled,
@@ -118,19 +119,45 @@ def free_plot(run: FreeRun) -> "Figure":
     axes[1, 0].plot(time, run.motor / torque, color=COLOURS[1])
     axes[1, 0].set_ylabel(f"motor torque [{newton}]")
     flattened(axes[1, 0], float(np.abs(run.motor).max(initial=0.0)) / torque, newton)
+    draw_energies(axes[2, 0], time, run)
+    axes[2, 0].set_xlabel(f"time [{unit}]")
+    return figure
+
+
+class WithEnergies(Protocol):
+    """A run with its energies, (n,) each in [J]."""
+
+    @property
+    def kinetic(self) -> Array:
+        """Kinetic energy."""
+        ...
+
+    @property
+    def potential(self) -> Array:
+        """Of gravity and springs."""
+        ...
+
+    @property
+    def work(self) -> Array:
+        """Done by motor and loads."""
+        ...
+
+    @property
+    def lost(self) -> Array:
+        """In friction, dampers and impacts."""
+        ...
+
+
+def draw_energies(ax: "Axes", time: Array, run: WithEnergies) -> None:
+    """Draw the energies of a run; the potential energy starts at zero."""
     energies = {
         "kinetic": run.kinetic,
         "potential": run.potential - run.potential[0],
         "work of motor and loads": run.work,
         "lost": run.lost,
     }
-    joule, name = readable(np.concatenate(list(energies.values())), "J")
-    for i, (label, values) in enumerate(energies.items()):
-        axes[2, 0].plot(time, values / joule, color=COLOURS[i], ls=STYLES[i % 3], label=label)
-    axes[2, 0].set_ylabel(f"energy [{name}]")
-    axes[2, 0].set_xlabel(f"time [{unit}]")
-    axes[2, 0].legend(loc="best")
-    return figure
+    draw_curves(ax, time, energies, "energy", "J")
+    ax.legend(**LEGEND_RIGHT)
 
 
 @styled()
@@ -224,17 +251,14 @@ def _polar(ax: "Axes", study: Prescribed) -> None:
 def _powers(ax: "Axes", study: Prescribed) -> None:
     result = study.forces
     along = result.time if result.drives and result.time is not None else np.rad2deg(result.angle)
-    powers: dict[str, Any] = {
+    powers: dict[str, Array] = {
         "drive": result.power_in,
         "loads": result.power_loads,
         "less lost": -result.power_lost,
         "less stored": -study.power_stored,
     }
-    factor, unit = readable(np.concatenate(list(powers.values())), "W")
-    for i, (name, values) in enumerate(powers.items()):
-        ax.plot(along, values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=name)
-    ax.plot(along, sum(powers.values()) / factor, color=RINGS, lw=1.0, label="sum")
-    ax.set_ylabel(f"power into the machine [{unit}]")
+    factor, _ = draw_curves(ax, along, powers, "power into the machine", "W")
+    ax.plot(along, np.sum([*powers.values()], axis=0) / factor, color=RINGS, lw=1.0, label="sum")
     along_axis(ax, bool(result.drives))
     ax.legend(**LEGEND_RIGHT)
 

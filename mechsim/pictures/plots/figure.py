@@ -2,7 +2,7 @@
 
 import io
 import warnings
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -14,7 +14,7 @@ from mechsim.errors import InputError, needs
 from mechsim.files import atomic_path
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.number_text import power_of_ten
+from mechsim.pictures.number_text import power_of_ten, readable
 from mechsim.shapes.shape import PALETTE
 
 if TYPE_CHECKING:
@@ -143,6 +143,30 @@ def label_of(name: str) -> str:
     """Return a name as text of a legend: shortened if long, and visible if it starts with _."""
     short = name if len(name) <= MAX_LABEL else f"{name[: MAX_LABEL - 1]}…"
     return f" {short}" if short.startswith("_") else short
+
+
+def draw_curves(
+    ax: "Axes", x: Array, curves: Mapping[str, Array], quantity: str, unit: str
+) -> tuple[float, str]:
+    """Draw named curves, in degrees or in a readable unit; return the factor and the name of that unit."""
+    every = np.concatenate([*curves.values()])
+    factor, shown = (np.pi / 180.0, "°") if unit == "rad" else readable(every, unit)
+    for i, (name, values) in enumerate(curves.items()):
+        style = STYLES[(i + i // len(COLOURS)) % len(STYLES)]
+        ax.plot(x, values / factor, color=COLOURS[i % len(COLOURS)], ls=style, label=label_of(name))
+    ax.set_ylabel(f"{quantity} [{shown}]")
+    return factor, shown
+
+
+def in_perspective(ax: Any, zoom: float) -> None:
+    """Set the look of axes in three dimensions; `zoom` is the size of their cube."""
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.set_pane_color("#f5f6f8")
+    # by default this label rotates with the axis and may be upside down
+    ax.zaxis.set_rotate_label(False)
+    ax.zaxis.label.set_rotation(90.0)
+    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
+    ax.view_init(elev=22.0, azim=35.0)
 
 
 def chosen(motion: Motion, points: Sequence[str] | None) -> list[str]:

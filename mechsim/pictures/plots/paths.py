@@ -24,6 +24,7 @@ from mechsim.pictures.plots.figure import (
     STYLES,
     blank,
     chosen,
+    in_perspective,
     label_of,
     locator,
     styled,
@@ -236,16 +237,11 @@ def space_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | No
     for axis, i in zip("xyz", order, strict=True):
         getattr(ax, f"set_{axis}lim")(middle[i] - half, middle[i] + half)
         getattr(ax, f"set_{axis}label")(f"{'xyz'[i]} [{unit}]")
-        getattr(ax, f"{axis}axis").set_pane_color("#f5f6f8")
         # more ticks than these overlap on an axis that points away from the viewer
         ax.locator_params(axis, nbins=5)
     if up[vertical] < 0.0:
         ax.invert_zaxis()
-    # by default this label rotates with the axis and may be upside down
-    ax.zaxis.set_rotate_label(False)
-    ax.zaxis.label.set_rotation(90.0)
-    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.82)
-    ax.view_init(elev=22.0, azim=35.0)
+    in_perspective(ax, 0.82)
     ax.legend(loc="upper left")
     return figure
 
@@ -410,9 +406,4 @@ def _in_space(ax: Any, alike: Sequence[_Scale] | None) -> None:
         half = 0.55 * max(float(np.ptp(scale.every)) for scale in alike)
         for axis, middle in zip("xyz", middles, strict=True):
             getattr(ax, f"set_{axis}lim")(middle - half, middle + half)
-    for axis in "xyz":
-        getattr(ax, f"{axis}axis").set_pane_color("#f5f6f8")
-    ax.zaxis.set_rotate_label(False)
-    ax.zaxis.label.set_rotation(90.0)
-    ax.set_box_aspect((1.0, 1.0, 1.0), zoom=0.92)
-    ax.view_init(elev=22.0, azim=35.0)
+    in_perspective(ax, 0.92)

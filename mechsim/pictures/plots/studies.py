@@ -20,6 +20,7 @@ from mechsim.pictures.plots.figure import (
     label_of,
     styled,
 )
+from mechsim.shapes.camera import nice
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -357,7 +358,7 @@ def _draw_path(ax: "Axes", path: PathBand) -> None:
     flat, normal = in_plane(path.positions)
     extent = float(np.ptp(flat, axis=0).max())
     widest = float(path.worst.max(initial=0.0))
-    times = 1.0 if widest == 0.0 else _round_number(MAX_BAND_WIDTH * extent / widest)
+    times = 1.0 if widest == 0.0 else max(1.0, nice(MAX_BAND_WIDTH * extent / widest))
     for width, colour, label in (
         (path.worst, COLOURS[1], "worst case"),
         (path.squares, COLOURS[0], "root of squares"),
@@ -415,12 +416,6 @@ def _draw_shares(ax: "Axes", band: Band) -> None:
 
 def _axis(over: str, instants: Array) -> Array:
     return np.rad2deg(instants) if over == "angle" else instants
-
-
-def _round_number(value: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, at most a value, and 1 at least."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return max(1.0, float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value)))
 
 
 def _require_few(quantities: Mapping[str, object]) -> None:

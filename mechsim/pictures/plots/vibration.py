@@ -12,6 +12,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
+from mechsim.pictures.plots.dynamics import WithEnergies, draw_energies
 from mechsim.pictures.plots.figure import (
     COLOURS,
     LEGEND_RIGHT,
@@ -20,6 +21,7 @@ from mechsim.pictures.plots.figure import (
     along_axis,
     blank,
     decades,
+    draw_curves,
     flattened,
     label_of,
     round_numbers,
@@ -37,32 +39,12 @@ REST = "#9aa3ad"
 ACROSS = 3
 
 
-class Released(Protocol):
+class Released(WithEnergies, Protocol):
     """A run from an initial state."""
 
     @property
     def motion(self) -> Motion:
         """Of points, links and joints."""
-        ...
-
-    @property
-    def kinetic(self) -> Array:
-        """Kinetic energy, (n,) in [J]."""
-        ...
-
-    @property
-    def potential(self) -> Array:
-        """Of gravity and springs, (n,) in [J]."""
-        ...
-
-    @property
-    def work(self) -> Array:
-        """Done by motor and loads, (n,) in [J]."""
-        ...
-
-    @property
-    def lost(self) -> Array:
-        """In friction, dampers and impacts, (n,) in [J]."""
         ...
 
 
@@ -85,7 +67,7 @@ def history_plot(run: Released, quantities: Mapping[str, Array] | None = None) -
     for i, (ax, (label, values)) in enumerate(zip(axes[len(units) : -1, 0], more.items(), strict=True)):
         ax.plot(time, values, color=COLOURS[i % 6])
         ax.set_ylabel(label_of(label))
-    _energies(axes[-1, 0], time, run)
+    draw_energies(axes[-1, 0], time, run)
     axes[-1, 0].set_xlabel("time [s]")
     return figure
 
@@ -120,27 +102,9 @@ def _coordinates(ax: "Axes", time: Array, motion: Motion, unit: str) -> None:
         values = joint.value.reshape(len(time), -1)
         for k in range(values.shape[1]):
             curves[f"{name}.q{k if values.shape[1] > 1 else ''}"] = values[:, k]
-    factor, text = (np.pi / 180.0, "°") if unit == "rad" else readable(np.stack([*curves.values()]), unit)
-    for i, (name, values) in enumerate(curves.items()):
-        style = STYLES[i // 6 % 3]
-        ax.plot(time, values / factor, color=COLOURS[i % 6], ls=style, label=label_of(name))
-    ax.set_ylabel(f"{'angle' if unit == 'rad' else 'displacement'} [{text}]")
+    factor, text = draw_curves(ax, time, curves, "angle" if unit == "rad" else "displacement", unit)
     scale = max(float(np.abs(values).max(initial=0.0)) for values in curves.values())
     flattened(ax, scale / factor, text)
-    ax.legend(**LEGEND_RIGHT)
-
-
-def _energies(ax: "Axes", time: Array, run: Released) -> None:
-    energies = {
-        "kinetic": run.kinetic,
-        "potential": run.potential - run.potential[0],
-        "work of motor and loads": run.work,
-        "lost": run.lost,
-    }
-    factor, unit = readable(np.concatenate(list(energies.values())), "J")
-    for i, (label, values) in enumerate(energies.items()):
-        ax.plot(time, values / factor, color=COLOURS[i], ls=STYLES[i % 3], label=label)
-    ax.set_ylabel(f"energy [{unit}]")
     ax.legend(**LEGEND_RIGHT)
 
 

@@ -98,8 +98,7 @@ def _likely(misfit: Misfit, hypotheses: list[Hypothesis], count: int) -> list[Hy
         values = _first_order(hypothesis)
         if values is None:
             continue
-        scaled = [(value / weight).ravel() for value, weight in zip(values, misfit.bounds, strict=True)]
-        derivative = np.concatenate(scaled)
+        derivative = misfit.scaled(values)
         if derivative.any() and np.isfinite(derivative).all():
             ranked.append((linearly_explains(misfit, derivative[:, None]), hypothesis))
     ranked.sort(key=lambda pair: -pair[0])

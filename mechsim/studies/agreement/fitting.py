@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.numerics.arrays import Array, rms
-from mechsim.studies.agreement.evaluation_points import Hypothesis
+from mechsim.studies.agreement.evaluation_points import Hypothesis, Values
 from mechsim.studies.agreement.misfit import Misfit
 
 # twice the log-likelihood ratio above which a worse-fitting cause is dropped
@@ -44,107 +44,101 @@ class Fitted:
     count: int
 
 
+@dataclass(frozen=True, slots=True)
+class _FitTrial:
+    """Predicted values of a hypothesis for some sizes, and the remaining errors."""
+
+    sizes: Array
+    predicted: Values
+    errors: Array
+
+    @property
+    def remaining(self) -> float:
+        return rms(self.errors)
+
+
 def fitted(misfit: Misfit, hypothesis: Hypothesis) -> Fitted | None:
     """Return a hypothesis with the best-fitting sizes; None if it cannot be assembled at any start."""
     before = rms(misfit.errors(misfit.exact, hypothesis.rows))
     if not before > 0.0:
         return None
-    starts = [
-        (np.array(start, dtype=float), _errors(misfit, hypothesis, np.array(start, dtype=float)))
-        for start in hypothesis.starts
-    ]
-    assembled = [(start, errors) for start, errors in starts if errors is not None]
-    if not assembled:
+    starts = [_trial(misfit, hypothesis, np.array(start, dtype=float)) for start in hypothesis.starts]
+    nearest = min(filter(None, starts), key=lambda trial: trial.remaining, default=None)
+    if nearest is None:
         return None
-    remaining, sizes = _minimised(misfit, hypothesis, *min(assembled, key=lambda pair: rms(pair[1])), before)
-    predicted = hypothesis.predict(sizes)
-    count = len(misfit.errors(predicted, hypothesis.rows))
-    worst = misfit.worst(predicted, hypothesis.rows)
-    return Fitted(hypothesis, sizes, remaining, worst, misfit.explained(remaining, before, worst), count)
+    best = _minimised(misfit, hypothesis, nearest, before) if len(nearest.sizes) else nearest
+    worst = misfit.worst(best.predicted, hypothesis.rows)
+    explains = misfit.explained(best.remaining, before, worst)
+    return Fitted(hypothesis, best.sizes, best.remaining, worst, explains, len(best.errors))
 
 
-def _errors(misfit: Misfit, hypothesis: Hypothesis, sizes: Array) -> Array | None:
-    """Return the remaining errors at sizes; None if the mechanism cannot be assembled there."""
+def _trial(misfit: Misfit, hypothesis: Hypothesis, sizes: Array) -> _FitTrial | None:
+    """Return the trial of some sizes; None if the mechanism cannot be assembled there."""
     try:
         with np.errstate(all="ignore"):
-            errors = misfit.errors(hypothesis.predict(sizes), hypothesis.rows)
+            predicted = hypothesis.predict(sizes)
+            errors = misfit.errors(predicted, hypothesis.rows)
     except (MechsimError, ValueError, ArithmeticError, np.linalg.LinAlgError):
         return None
-    return errors if np.isfinite(errors).all() else None
+    return _FitTrial(sizes, predicted, errors) if np.isfinite(errors).all() else None
 
 
-def _minimised(
-    misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array, before: float
-) -> tuple[float, Array]:
-    """Return the remaining error and the fitted sizes, starting from sizes and their errors."""
-    if not len(sizes):
-        return rms(current), sizes
-    jacobian, is_exact = _jacobian(misfit, hypothesis, sizes, current), True
+def _minimised(misfit: Misfit, hypothesis: Hypothesis, current: _FitTrial, before: float) -> _FitTrial:
+    """Return the trial with the smallest errors, from a trial to start with."""
+    jacobian, is_exact = _jacobian(misfit, hypothesis, current), True
     for number in range(MAX_STEPS):
-        if number == TRIAL_STEPS and rms(current) > MAX_TRIAL_REMAINING * before:
+        if number == TRIAL_STEPS and current.remaining > MAX_TRIAL_REMAINING * before:
             break
-        if jacobian is None or rms(current) <= max(ZERO_ERROR, RELATIVE_ROUNDING * before):
+        if jacobian is None or current.remaining <= max(ZERO_ERROR, RELATIVE_ROUNDING * before):
             break
-        step: Array = -np.linalg.lstsq(jacobian, current, rcond=1e-10)[0].astype(np.float64)
-        step_taken = _shortened(misfit, hypothesis, sizes, current, step)
-        if step_taken is None:
+        step: Array = -np.linalg.lstsq(jacobian, current.errors, rcond=1e-10)[0].astype(np.float64)
+        moved = _shortened(misfit, hypothesis, current, step)
+        if moved is None:
             if is_exact:
                 break
-            jacobian, is_exact = _jacobian(misfit, hypothesis, sizes, current), True
+            jacobian, is_exact = _jacobian(misfit, hypothesis, current), True
             continue
-        moved, next_errors = step_taken
-        displacement, change = moved - sizes, next_errors - current
-        ratio = rms(next_errors) / rms(current)
-        sizes, current = moved, next_errors
+        displacement, change = moved.sizes - current.sizes, moved.errors - current.errors
+        ratio = moved.remaining / current.remaining
+        current = moved
         if ratio > STALE_JACOBIAN and not is_exact:
-            jacobian, is_exact = _jacobian(misfit, hypothesis, sizes, current), True
+            jacobian, is_exact = _jacobian(misfit, hypothesis, current), True
         elif ratio > 1.0 - MIN_DECREASE:
             break
         else:
             # Broyden's update: the derivative along the step just taken
-            jacobian = jacobian + np.outer(change - jacobian @ displacement, displacement) / max(
-                float(displacement @ displacement), 1e-300
-            )
+            square = max(float(displacement @ displacement), 1e-300)
+            jacobian = jacobian + np.outer(change - jacobian @ displacement, displacement) / square
             is_exact = False
-    return rms(current), sizes
+    return current
 
 
-def _shortened(
-    misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array, step: Array
-) -> tuple[Array, Array] | None:
-    """Return shortened-step sizes with smaller errors, and those errors; None if there are none."""
+def _shortened(misfit: Misfit, hypothesis: Hypothesis, current: _FitTrial, step: Array) -> _FitTrial | None:
+    """Return the trial of a shortened step with smaller errors; None if there is none."""
     for halving in range(MAX_HALVINGS):
-        moved = sizes + step * 0.5**halving
-        next_errors = _errors(misfit, hypothesis, moved)
-        if next_errors is not None and rms(next_errors) < rms(current):
-            return moved, next_errors
-        if next_errors is not None and rms(step) < 1e-12:
+        moved = _trial(misfit, hypothesis, current.sizes + step * 0.5**halving)
+        if moved is not None and moved.remaining < current.remaining:
+            return moved
+        if moved is not None and rms(step) < 1e-12:
             return None
     return None
 
 
-def _jacobian(misfit: Misfit, hypothesis: Hypothesis, sizes: Array, current: Array) -> Array | None:
+def _jacobian(misfit: Misfit, hypothesis: Hypothesis, current: _FitTrial) -> Array | None:
     """Return the derivatives of the errors by the sizes, (m, p)."""
-    if hypothesis.derivative is not None and not sizes.any() and len(sizes) == 1:
+    if hypothesis.derivative is not None and not current.sizes.any():
         # forces, and dimensions that open the loops, have no exact derivatives
         with suppress(MechsimError, KeyError):
-            derivatives = hypothesis.derivative()
-            rows = [
-                -(values / tolerance).ravel()
-                for values, tolerance in zip(derivatives, misfit.bounds, strict=True)
-            ]
-            return np.concatenate(rows)[:, None]
+            return -misfit.scaled(hypothesis.derivative())[:, None]
     columns: list[Array] = []
-    for i, step in enumerate(hypothesis.steps):
-        perturbed = sizes.copy()
-        perturbed[i] += step
-        next_errors = _errors(misfit, hypothesis, perturbed)
-        if next_errors is None:
-            perturbed[i] -= 2.0 * step
-            next_errors, step = _errors(misfit, hypothesis, perturbed), -step
-        if next_errors is None:
+    for step, direction in zip(hypothesis.steps, np.eye(len(hypothesis.steps)), strict=True):
+        ahead = _trial(misfit, hypothesis, current.sizes + step * direction)
+        if ahead is None:
+            step = -step
+            ahead = _trial(misfit, hypothesis, current.sizes + step * direction)
+        if ahead is None:
             return None
-        columns.append((next_errors - current) / step)
+        columns.append((ahead.errors - current.errors) / step)
     return np.stack(columns, 1)
 
 

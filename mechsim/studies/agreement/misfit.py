@@ -1,14 +1,12 @@
 """The difference between candidate data and the exact motion, relative to its tolerance."""
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
-from mechsim.errors import MechsimError
 from mechsim.model.expressions import unit_powers
 from mechsim.model.motion import Motion
 from mechsim.model.quantities import Quantity
@@ -256,9 +254,6 @@ class Misfit:
     _by_dimension: dict[tuple[bool, str], Motion] = field(
         default_factory=dict[tuple[bool, str], Motion], init=False, compare=False, repr=False
     )
-    _variants: dict[str, EvaluationPoints | None] = field(
-        default_factory=dict[str, "EvaluationPoints | None"], init=False, compare=False, repr=False
-    )
 
     @cached_property
     def bounds(self) -> tuple[Array, ...]:
@@ -303,12 +298,15 @@ class Misfit:
             predicted: values in the order of the candidates, (n, k) each.
             rows: instants that are compared; None takes all.
         """
+        pairs = zip(self.candidates, predicted, strict=True)
+        differences = [candidate_errors(own.quantity, own.values, values) for own, values in pairs]
+        return self.scaled(differences, rows)
+
+    def scaled(self, values: Values, rows: Rows | None = None) -> Array:
+        """Return values in the order of the candidates, (n, k) each, relative to their scales as one row."""
         kept = slice(None) if rows is None else rows
-        scaled = [
-            (candidate_errors(candidate.quantity, candidate.values, values) / scale)[kept].ravel()
-            for candidate, values, scale in zip(self.candidates, predicted, self.bounds, strict=True)
-        ]
-        return np.concatenate(scaled)
+        pairs = zip(values, self.bounds, strict=True)
+        return np.concatenate([(own / scale)[kept].ravel() for own, scale in pairs])
 
     def worst(self, predicted: Values, rows: Rows | None = None) -> float:
         """Return the largest error relative to its tolerance; of vectors their length.
@@ -384,12 +382,3 @@ class Misfit:
             for dimension, motion in derivatives_by_dimension(self.evaluation, designs).items():
                 self._by_dimension[placed, dimension] = motion
         return self._by_dimension[placed, name]
-
-    def variant(self, key: str, make: Callable[[], EvaluationPoints]) -> EvaluationPoints | None:
-        """Return the result of `make`, computed once; None if it cannot be assembled."""
-        if key not in self._variants:
-            self._variants[key] = None
-            with suppress(MechsimError):
-                variant = make()
-                self._variants[key] = replace(variant, solved=variant.motion)
-        return self._variants[key]
