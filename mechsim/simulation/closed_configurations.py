@@ -33,6 +33,13 @@ LAST_ITERATIONS = 8
 # closure errors in characteristic lengths or [rad]: above the first, the path is lost (ten times the error of
 # the extrapolation for a curvature of 2); below the second, the last configuration is closed
 LOST_ERROR, CLOSED_ERROR = 0.1, 1e-12
+# Redundant constraints whose dimensions are rounded agree only to rounding, with singular values below
+# ROUNDED_RANK of the largest (2e-9 to 5e-7 in the files of validation/public_models). Their least-squares
+# configuration counts as closed: closure error below ROUNDED_ERROR, singular values of the passive DOFs above
+# ROUNDED_RANK of the largest, and a Gauss-Newton step below CONVERGED, in [rad] or characteristic lengths
+ROUNDED_RANK, ROUNDED_ERROR, CONVERGED = 1e-5, 1e-4, 1e-8
+# number of random starts if neither the reference nor a keyframe closes within the joint limits
+SEARCHED = 64
 # number of trial configurations for the joints of each group of loops
 PROBES = 3
 # rounding of joint limits, in [rad] or [m]
@@ -88,8 +95,8 @@ class StraightPath:
         step[:, self.passive] = least_squares(jacobian[:, :, self.passive], residual)
         return step
 
-    def follow(self, targets: Array) -> tuple[Array, Array]:
-        """Return configurations with drivers at targets, (n, k), and their closure errors; inf if lost.
+    def follow(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Return configurations with drivers at targets, (n, k), and which of them close in this assembly.
 
         Each step extrapolates the previous step and is corrected once; the last step is iterated.
         """
@@ -120,7 +127,19 @@ class StraightPath:
             qpos[lost], moved[lost] = self.reference, 0.0
         result = self.newton(qpos, LAST_ITERATIONS)
         lost |= self._turned_over(before, result.linearised.matrix[:, :, self.passive])
-        return result.q, np.where(lost, np.inf, result.residual)
+        return result.q, ~lost & self._closed(result)
+
+    def _closed(self, result: NewtonResult[Array, LinearisedClosure]) -> NDArray[np.bool_]:
+        """Return which configurations close, with redundant constraints as well as rounding allows."""
+        error, matrix = result.residual, result.linearised.matrix[:, :, self.passive]
+        closed = error < CLOSED_ERROR
+        if closed.all() or matrix.shape[1] <= matrix.shape[2]:
+            return closed
+        step = self._passive_step(result.linearised.matrix, result.linearised.rhs) / self.loops.units
+        units = self.loops.scale[:, None] * self.loops.units[self.passive]
+        values = np.linalg.svd(matrix * units, compute_uv=False)
+        rounded = (error < ROUNDED_ERROR) & (np.abs(step).max(1) < CONVERGED)
+        return closed | (rounded & (values[:, -1] > ROUNDED_RANK * values[:, 0]))
 
     def _turned_over(self, before: Array, after: Array) -> NDArray[np.bool_]:
         """Return a mask of states, (n,), that passed a singularity between two Jacobians, (n, m, k) each.
@@ -172,9 +191,9 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
     if not columns or columns[0].ndim != 1 or not np.isfinite(columns).all():
         raise InputError("positions must be finite numbers, one or n for each of one or more joints")
     path = straight_path(compiled, dofs)
-    qpos, error = path.follow(np.stack(columns, 1))
-    if not error.max(initial=0.0) < CLOSED_ERROR:
-        i = int(np.argmax(error))
+    qpos, closed = path.follow(np.stack(columns, 1))
+    if not closed.all():
+        i = int(np.argmin(closed))
         raise AssemblyError(f"the loops do not close in this assembly at row {i}; give reachable positions")
     rows, joints = np.nonzero(path.outside(qpos))
     if len(rows):
@@ -188,7 +207,9 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
 
     Drivers are drawn uniformly within their limits, or within a revolution or a characteristic length if they
     have none. The states lie on straight paths from the reference; drawn configurations without such a path
-    are rejected. Velocities of drivers have a normal distribution with a standard deviation of 1 rad/s or
+    are rejected. If neither the reference nor a keyframe closes within the joint limits, a configuration that
+    does is searched. Redundant constraints with rounded dimensions close as well as their rounding allows;
+    `residual` states how well. Velocities of drivers have a normal distribution with a standard deviation of 1 rad/s or
     1 characteristic length per second.
 
     Args:
@@ -213,8 +234,8 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
         # estimated from the fraction accepted so far
         expected = (n - count) * (min(drawn / max(count, 1), MAX_DRAWS) if drawn else 1.0)
         batch = int(np.clip(expected, 64, 4096))
-        qpos, error = path.follow(random.uniform(low, high, (batch, len(low))))
-        valid = (error < CLOSED_ERROR) & ~path.outside(qpos).any(1)
+        qpos, closed = path.follow(random.uniform(low, high, (batch, len(low))))
+        valid = closed & ~path.outside(qpos).any(1)
         accepted.append(qpos[valid])
         count, drawn = count + int(valid.sum()), drawn + batch
     qpos = np.concatenate(accepted)[:n]
@@ -250,22 +271,21 @@ def least_squares(matrix: Array, right: Array) -> Array:
 def straight_path(
     model: mujoco.MjModel, drivers: list[int] | None, start: Array | None = None
 ) -> StraightPath:
-    """Return the paths from a start, by default the reference or keyframe with the smallest closure error."""
+    """Return the paths from the closed configuration at a start, by default the reference or a keyframe."""
     loops = loops_with_crank(model, 0)
     if not (loops.pairs or loops.frames or loops.couplings):
         raise InputError("the model has no loops; add equality constraints that close them")
-    starts = start[None] if start is not None else _starts(model)
-    reference = starts[np.argmin([loops.closure_error(loops.residual(q[None]))[0] for q in starts])]
     kinds = model.jnt_type[model.dof_jntid]
     weights = np.where(kinds == FREE, ACTUATED_WEIGHT, 1.0)
     actuated = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     weights[model.jnt_dofadr[model.actuator_trnid[actuated, 0]]] = ACTUATED_WEIGHT
     others = np.setdiff1d(np.arange(model.nv), drivers or []).astype(np.int64)
-    closed = _closed_reference(loops, reference, others, loops.units[others] * weights[others])
+    starts = start[None] if start is not None else np.concatenate([model.qpos0[None], model.key_qpos])
+    closed = _closed_reference(loops, starts, others, loops.units[others] * weights[others])
     jacobian = loops.linearise(closed[None])[1][0] * loops.units
-    rank = int(np.linalg.matrix_rank(jacobian, tol=RANK_TOLERANCE * np.linalg.norm(jacobian)))
+    rank = int(np.linalg.matrix_rank(jacobian, tol=ROUNDED_RANK * np.linalg.norm(jacobian)))
     order, sizes = pivot_columns(jacobian[:, others] * weights[others])
-    if int((sizes > RANK_TOLERANCE * sizes.max(initial=0.0)).sum()) < rank:
+    if int((sizes > ROUNDED_RANK * sizes.max(initial=0.0)).sum()) < rank:
         names = ", ".join(model.joint(int(model.dof_jntid[dof])).name for dof in drivers or [])
         raise InputError(
             f"{names} cannot move independently where the model starts: the loops couple them, or the "
@@ -278,27 +298,59 @@ def straight_path(
     return StraightPath(loops, closed, np.array(drivers, dtype=np.int64), passive)
 
 
-def _closed_reference(loops: ModelLoops, reference: Array, dofs: NDArray[np.int64], weights: Array) -> Array:
-    """Return the closed configuration near a reference, (nq,); DOFs with small weights move least."""
+def _closed_reference(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64], weights: Array) -> Array:
+    """Return a closed configuration near starts, (n, nq), within the joint limits if one is found, (nq,).
+
+    First come the starts in the order of their closure errors, then the starts moved into the limits, then
+    random positions of the joints of loops. DOFs with small weights move least.
+
+    Raises:
+        AssemblyError: if no start leads to a closed configuration.
+    """
+    model = loops.model
 
     def step(jacobian: Array, scaled_residual: Array) -> Array:
-        result = np.zeros((len(jacobian), loops.model.nv))
+        result = np.zeros((len(jacobian), model.nv))
         matrix = jacobian[:, :, dofs] * loops.scale[:, None] * weights
-        result[:, dofs] = weights * least_norm(matrix, scaled_residual)
+        result[:, dofs] = weights * least_norm(matrix, scaled_residual, ROUNDED_RANK)
         return result
 
-    settings = NewtonSettings(max_iterations=20, max_step=MAX_STEP)
-    closed = newton(LoopEquations(loops), reference[None], settings, step).q
-    if not loops.closure_error(loops.residual(closed))[0] < CLOSED_ERROR:
+    def close(starts: Array) -> Array:
+        settings = NewtonSettings(max_iterations=20, max_step=MAX_STEP)
+        result = newton(LoopEquations(loops), starts, settings, step)
+        remaining = step(result.linearised.matrix, result.linearised.rhs) / loops.units
+        rounded = (result.residual < ROUNDED_ERROR) & (np.abs(remaining).max(1) < CONVERGED)
+        return result.q[(result.residual < CLOSED_ERROR) | rounded]
+
+    starts = starts[np.argsort(loops.closure_error(loops.residual(starts)), kind="stable")]
+    starts = starts[np.argsort(outside_limits(model, starts).any(1), kind="stable")]
+    closed = close(starts)
+    if outside_limits(model, closed).any(1).all():
+        closed = np.concatenate([closed, close(_within_limits(model, starts))])
+    if outside_limits(model, closed).any(1).all():
+        closed = np.concatenate([closed, close(_random_starts(loops, starts[0]))])
+    if not len(closed):
         raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
-    return closed[0]
+    return closed[np.argmin(outside_limits(model, closed).any(1))]
 
 
-def _starts(model: mujoco.MjModel) -> Array:
-    """Return reference and keyframes within joint limits, (n, nq), or all if none is within limits."""
-    starts = np.concatenate([model.qpos0[None], model.key_qpos.reshape(-1, model.nq)])
-    inside = ~outside_limits(model, starts).any(1)
-    return starts[inside] if inside.any() else starts
+def _within_limits(model: mujoco.MjModel, qpos: Array) -> Array:
+    """Return configurations, (n, nq), with limited joints moved to the nearest end of their limits."""
+    moved, limited = qpos.copy(), limited_joints(model)
+    low, high = model.jnt_range[limited].T
+    addresses = model.jnt_qposadr[limited]
+    moved[:, addresses] = np.clip(qpos[:, addresses], low, high)
+    return moved
+
+
+def _random_starts(loops: ModelLoops, start: Array) -> Array:
+    """Return configurations with the limited joints of loops at random within their limits, (n, nq)."""
+    model, random = loops.model, np.random.default_rng(0)
+    in_loops = model.dof_jntid[np.abs(loops.linearise(start[None])[1][0]).max(0) > 0.0]
+    joints = np.intersect1d(in_loops, limited_joints(model))
+    starts = np.repeat(_within_limits(model, start[None]), SEARCHED, 0)
+    starts[:, model.jnt_qposadr[joints]] = random.uniform(*model.jnt_range[joints].T, (SEARCHED, len(joints)))
+    return starts
 
 
 def outside_limits(model: mujoco.MjModel, qpos: Array) -> NDArray[np.bool_]:

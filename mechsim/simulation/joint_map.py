@@ -13,7 +13,6 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import (
-    CLOSED_ERROR,
     StraightPath,
     compiled_model,
     driver_ranges,
@@ -330,8 +329,8 @@ def _locked(path: StraightPath) -> dict[str, float]:
 
 def _closed(path: StraightPath, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Return configurations with inputs at targets, and whether each closes within the joint limits."""
-    qpos, error = path.follow(targets)
-    return qpos, (error < CLOSED_ERROR) & ~path.outside(qpos).any(1)
+    qpos, closed = path.follow(targets)
+    return qpos, closed & ~path.outside(qpos).any(1)
 
 
 def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> Array:

@@ -137,3 +137,35 @@ def test_a_start_that_is_slightly_open_leaves_the_floating_base_at_rest() -> Non
     states = ms.sample(mujoco.MjModel.from_xml_string(floating.replace(".02 .06 0", ".02 .062 0")), 50)
     assert states.accepted > 0.5
     assert np.ptp(states.qpos[:, :14], axis=0).max() == 0.0
+
+
+# the coupler's axis is parallel to the others but for rounding, so that the loop closes only to rounding
+ROUNDED = FOUR_BAR.replace('name="coupler" axis="0 0 1"', 'name="coupler" axis="2e-6 1e-6 1"')
+
+
+def test_redundant_constraints_close_as_well_as_rounded_dimensions_allow() -> None:
+    rounded, exact = (mujoco.MjModel.from_xml_string(text) for text in (ROUNDED, FOUR_BAR))
+    states = ms.sample(rounded, 50)
+    assert 1e-9 < states.residual.max() < 1e-5
+    angles = states.qpos[:, 7]
+    assert ms.closed_qpos(exact, {"crank": angles}) == pytest.approx(states.qpos, abs=1e-5)
+
+
+def test_rounded_dimensions_do_not_excuse_an_unreachable_position() -> None:
+    for text in (ROUNDED, FOUR_BAR):
+        model = mujoco.MjModel.from_xml_string(text.replace('range="-40 40" limited="true"', ""))
+        # distances of the joints: 0.03, 0.0632, 0.0632 and 0.0806 m; moved off, the loop cannot close
+        model.body_pos[model.jnt_bodyid[3]] = [0.17, 0.0, 0.0]
+        with pytest.raises(ms.errors.AssemblyError):
+            ms.closed_qpos(model, {"crank": 0.1})
+
+
+def test_a_reference_outside_the_limits_is_replaced_by_one_within() -> None:
+    text = FOUR_BAR.replace(
+        'name="rocker" axis="0 0 1"', 'name="rocker" axis="0 0 1" range="15 60" limited="true"'
+    )
+    model = mujoco.MjModel.from_xml_string(text)
+    states = ms.sample(model, 20)
+    rocker = states.qpos[:, model.joint("rocker").qposadr[0]]
+    assert np.all(rocker >= np.radians(15) - 1e-9)
+    assert states.residual.max() < 1e-12

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.model.finding import NO_POSITION, Finding
-from mechsim.simulation.closed_configurations import CLOSED_ERROR, StraightPath, driver_ranges, straight_path
+from mechsim.simulation.closed_configurations import StraightPath, driver_ranges, straight_path
 from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, rank
@@ -172,8 +172,7 @@ def _passive_limits(path: StraightPath) -> Iterator[Finding]:
     if not len(limited) or not _actuated(path):
         return
     low, high = driver_ranges(path)
-    qpos, error = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
-    closed = error < CLOSED_ERROR
+    qpos, closed = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
     if not closed.any():
         return
     rejected = path.outside(qpos[closed]).mean(0)

@@ -14,7 +14,7 @@ from mechsim.model.forces import Forces, JointSpring
 from mechsim.model.limits import NO_RANGES, Ranges
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.closed_configurations import CLOSED_ERROR, StraightPath, scalar_dof, straight_path
+from mechsim.simulation.closed_configurations import StraightPath, scalar_dof, straight_path
 from mechsim.simulation.joint_map import inertia_and_holding
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.subjects.driver_positions import driver_path
@@ -185,8 +185,8 @@ def _drawn(path: StraightPath) -> Array:
     low, high = model.jnt_range[joints].T
     low = np.where(limited, np.maximum(low, home - reach), home - reach)
     high = np.where(limited, np.minimum(high, home + reach), home + reach)
-    qpos, error = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
-    return qpos[(error < CLOSED_ERROR) & ~path.outside(qpos).any(1)]
+    qpos, closed = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
+    return qpos[closed & ~path.outside(qpos).any(1)]
 
 
 def _site_positions(path: StraightPath, qpos: Array) -> dict[str, Array]:
