@@ -3,8 +3,8 @@
 Problem: are the findings of a linter true? Each rule states something that MuJoCo itself can show: the
 residual of an equality, contacts at the start, the rank of the equality rows, the force of an actuator. This
 script computes it from the compiled model, without mechsim's readers and equations, and compares the numbers
-of the message. A predicted gap of a loop (MS110) is compared with the gap while MuJoCo steps the scene, within
-a factor of two (`robustness/scene_findings.py` says how the scene is driven).
+of the message. A predicted gap of a loop (MS110) is compared with the gap while MuJoCo steps the scene,
+within a factor of two (`robustness/scene_findings.py` says how the scene is driven).
 
     python validation/public_models/judge_findings.py FOLDER [WORD] [--steps]
 
