@@ -209,8 +209,8 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
     have none. The states lie on straight paths from the reference; drawn configurations without such a path
     are rejected. If neither the reference nor a keyframe closes within the joint limits, a configuration that
     does is searched. Redundant constraints with rounded dimensions close as well as their rounding allows;
-    `residual` states how well. Velocities of drivers have a normal distribution with a standard deviation of 1 rad/s or
-    1 characteristic length per second.
+    `residual` states how well. Velocities of drivers have a normal distribution with a standard deviation of
+    1 rad/s or 1 characteristic length per second.
 
     Args:
         model: as in `closed_qpos`.

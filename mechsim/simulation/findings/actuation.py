@@ -43,8 +43,8 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
             kind="actuator",
             what=name,
             by=_stiffness(scene, a),
-            message=f"actuator {name} acts on what other servos already move: they work against each other "
-            "unless their controls agree to the last bit",
+            message=f"actuator {name} is redundant: the loops and the other servos determine its joint, so "
+            "that they act against each other unless their controls agree exactly",
             remedy=f"leave {name} out, or make it a motor",
             **lines[a],
         )
@@ -74,8 +74,8 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
             kind="actuator",
             what=name,
             by=abs(force),
-            message=f"actuator {name} is {abs(off):.3g} from what its control of 0 asks for where the scene "
-            f"starts, and begins with an effort of {abs(force):.3g}",
+            message=f"actuator {name} starts {abs(off):.3g} from the target of its control, 0, "
+            f"with a force of {abs(force):.3g}",
             remedy="give it the control of the start, in a keyframe or by --ctrl",
             **_lines(scene)[a],
         )

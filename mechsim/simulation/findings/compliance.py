@@ -35,7 +35,7 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
         return
     stiffened, solref = _stiffened(scene, visible)
     remaining = _gaps(stiffened, motion)
-    when = "at rest where the scene starts" if motion is None else f"in {motion.description}"
+    when = "at rest at the start" if motion is None else f"in {motion.description}"
     for loop in visible:
         by, after = widest[loop.number], remaining.get(loop.number, 0.0)
         unit = "m" if scene.in_metres(loop) else "rad"
@@ -47,7 +47,7 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
             kind="soft",
             what=loop.name,
             by=by,
-            message=f"{loop.name} is soft: the forces in it open it by {by:.2g} {unit} {when}",
+            message=f"{loop.name} is soft: its forces open a gap of {by:.2g} {unit} {when}",
             remedy=f"{remedy}; mechsim tune finds the settings for your tolerance",
             **loop.location,
         )
@@ -117,7 +117,7 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
     ends = (
         f"grows {worst:.3g}-fold a step"
         if worst > 1.0 + 1e-9
-        else f"rings: {-most_negative:.2g} of it comes back"
+        else f"oscillates: {-most_negative:.2g} of it returns with the opposite sign"
     )
     yield Finding(
         kind="timestep",

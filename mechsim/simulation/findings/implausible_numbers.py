@@ -41,7 +41,7 @@ def impossible(scene: Inspected) -> Iterator[Finding]:
         if not problem and model.body_jntnum[b] and by <= MASSLESS * heaviest:
             problem = (
                 by,
-                f"with all it carries weighs {by:.2g} kg, nothing compared with {heaviest:.2g} kg",
+                f"has a mass of {by:.2g} kg with all it carries, negligible next to {heaviest:.2g} kg",
                 "weigh it",
             )
         if problem:
@@ -106,7 +106,7 @@ def _implausible_size(
     if radius > MAX_SPREAD * length:
         return (
             radius,
-            f"has its mass spread to a radius of {radius:.3g} m, in a scene of {scene.length:.3g} m",
+            f"has a radius of gyration of {radius:.3g} m, in a scene of {scene.length:.3g} m",
             "its inertia looks like kg mm2 or g mm2: write kg m2",
         )
     if offset > MAX_SPREAD * 10.0 * scene.length:

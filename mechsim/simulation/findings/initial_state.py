@@ -48,8 +48,8 @@ def _immobile(name: str, limit: float, unit: str, location: FilePosition) -> Fin
         kind="limit",
         what=name,
         by=0.0,
-        message=f"joint {name} is limited to {limit:g} {unit} alone, "
-        "and every motion of its loop breaks that",
+        message=f"joint {name} has {limit:g} {unit} as its only "
+        "position, which every motion of its loop leaves",
         remedy='give it a range, or limited="false"',
         **location,
     )
@@ -101,12 +101,12 @@ def contact_model(scene: Inspected) -> mujoco.MjModel:
 def _collision(scene: Inspected, geoms: tuple[int, int], depth: float, *, joined: bool) -> Finding:
     model, elements = contact_model(scene), list(scene.read.spec.geoms)
     first, second = (str(model.body(int(model.geom_bodyid[geom])).name) for geom in geoms)
-    where = "collide where they are joined" if joined else "stand in each other where the scene starts"
+    where = "are joined and collide" if joined else "overlap at the start"
     return Finding(
         kind="collision",
         what=f"{first}, {second}",
         by=depth,
-        message=f"{first} and {second} {where}: they are {depth:.2g} m deep in each other",
+        message=f"{first} and {second} {where}: they penetrate by {depth:.2g} m",
         remedy=f'<contact><exclude body1="{first}" body2="{second}"/></contact>, or smaller geoms',
         # geoms that the compiler discards have no index
         **(scene.location(elements[geoms[0]]) if len(elements) == model.ngeom else NO_POSITION),

@@ -17,6 +17,7 @@ from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
+from mechsim.simulation.closed_configurations import CONVERGED, ROUNDED_ERROR
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import compiled, quiet
@@ -179,14 +180,16 @@ class Inspected:
 
     def assembled_from(self, qpos: Array) -> Array | None:
         """Return the assembled state nearest to qpos, (nq,); None if Newton's method does not converge."""
-        qpos = qpos.copy()
+        qpos, last = qpos.copy(), np.inf
         for _ in range(MAX_NEWTON_STEPS):
             gap, jacobian, _ = self.loop_residuals(qpos)
-            if np.abs(gap).max(initial=0.0) <= CLOSED_TOLERANCE * self.length:
+            error = float(np.abs(gap).max(initial=0.0)) / self.length
+            if error <= CLOSED_TOLERANCE or (error < ROUNDED_ERROR and last < CONVERGED):
                 return qpos
             step = -np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ gap
             if not np.isfinite(step).all():
                 return None
+            last = float(np.abs(step).max())
             mujoco.mj_integratePos(self.loops_only, qpos, step, 1.0)
         return None
 

@@ -41,7 +41,7 @@ def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
         kind="gap",
         what=loop.name,
         by=by,
-        message=f"{loop.name} is open where the scene starts: {what} are {by:.3g} {unit} apart",
+        message=f"{loop.name} is open at the start: {what} are {by:.3g} {unit} apart",
         remedy="MuJoCo closes it in the first steps with large forces: move an anchor, or start from a "
         "closed keyframe (mechsim export --style menagerie writes one)",
         **loop.location,

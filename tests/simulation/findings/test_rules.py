@@ -99,7 +99,7 @@ def test_formats_hold_the_same_findings(tmp_path, monkeypatch, capsys):
 def test_a_pipe_gets_a_finding_a_line_and_other_formats_no_table(tmp_path, monkeypatch, capsys):
     path = written(tmp_path, FAULTS["MS102"])
     _, out = run(monkeypatch, capsys, path, "--select", "MS102", "--explain")
-    assert out.out.splitlines()[0].startswith(f"{path}:7: MS102 error: loop is open where the scene starts")
+    assert out.out.splitlines()[0].startswith(f"{path}:7: MS102 error: loop is open at the start")
     assert out.out.splitlines()[1].startswith("    MuJoCo closes it")
     assert "stiffness N/m" in out.out
     for output_format in ("json", "sarif"):
