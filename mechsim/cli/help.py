@@ -1,6 +1,7 @@
 """Help of the commands: options in panels, types with names, and examples."""
 
 import inspect
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 from typer.core import TyperCommand, TyperGroup
@@ -49,8 +50,32 @@ TYPES = {
 BY_CLASS = {"int": "N", "float": "NUMBER", "str": "NAME"}
 
 
+def _converted(value: Any, param: Any, ctx: Any) -> Any:
+    """Return the value that a command gets for what the command line states.
+
+    Only values that are no texts need the conversions of the library: they load pydantic, which takes 0.1 s.
+    """
+    if value is None:
+        return () if param.multiple or param.nargs == -1 else None
+    kind = param.type_descriptor.annotation
+    if kind in (str, list[str]):
+        return value if kind is str else list(value)
+    return type(param).get_runtime_param(param).coerce(value, param=param, ctx=ctx)
+
+
+def _converted_late(parameters: list[Any]) -> list[Any]:
+    """Let parameters load the conversions of the library when they need them."""
+    for parameter in parameters:
+        parameter.get_runtime_param = lambda: SimpleNamespace(coerce=_converted)
+    return parameters
+
+
 class PlainCommand(TyperCommand):
     """A command with a help page of option panels and examples."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters."""
+        return _converted_late(super().get_params(ctx))
 
     def format_help_text(self, ctx: Any, formatter: Any) -> None:
         """Write the description of the command without its examples."""
@@ -91,6 +116,10 @@ class GroupedCommands(TyperGroup):
     """Commands that are listed in groups."""
 
     groups: ClassVar[dict[str, tuple[str, ...]]] = {}
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters."""
+        return _converted_late(super().get_params(ctx))
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write a list of commands for each group."""

@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -27,6 +28,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import angle_of, change_of, stepped
 
 AXES = "xyz"
+# rows and columns of a rotation matrix
+ELEMENTS = tuple(product(range(3), repeat=2))
 TRANSMISSION = "transmission"
 # columns that only the analytic inverse dynamics has, and their SI units
 FORMULA_COLUMNS = {"inertia": "kg m2", "inertia_derivative": "kg m2/rad", "power_stored": "W"}
@@ -147,9 +150,7 @@ def record_columns(record: Any, quantities: Iterable[Quantity]) -> dict[str, Arr
     columns = dict(record.columns())
     links = {link for quantity in quantities for link in quantity.subjects("link")}
     for link in links if isinstance(record, Motion) else ():
-        for i in range(3):
-            for j in range(3):
-                columns[link_column(link, i, j)] = record.links[link].rotation[:, i, j]
+        columns |= {link_column(link, i, j): record.links[link].rotation[:, i, j] for i, j in ELEMENTS}
     return columns
 
 
@@ -438,30 +439,23 @@ def _angle(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Function,
     for link in names:
         if link not in links:
             raise InputError(f"{mechanism.name} has no link {link!r}; choose from {', '.join(links)}")
+    moving = [link for link in names if link != GROUND]
     columns = [
-        Column(link_column(link, i, j), "1", "link", link)
-        for link in names
-        if link != GROUND
-        for i in range(3)
-        for j in range(3)
+        Column(link_column(link, *element), "1", "link", link) for link in moving for element in ELEMENTS
     ]
     normals = plane_normals(mechanism) or {}
     normal, other = (normals.get(link) for link in names)
     signed = normal is not None and other is not None and np.abs(normal - other).max() < PARALLEL_TOLERANCE
 
     def angle(values: Sequence[Array]) -> Array:
-        rows = iter(values)
-        first, second = (
-            np.eye(3) if link == GROUND else [[next(rows) for _ in range(3)] for _ in range(3)]
-            for link in names
-        )
-        relative: Any = [
-            [sum(first[k][i] * second[k][j] for k in range(3)) for j in range(3)] for i in range(3)
-        ]
-        cosine = 0.5 * (relative[0][0] + relative[1][1] + relative[2][2] - 1.0)
-        axis = [0.5 * (relative[i - 1][i - 2] - relative[i - 2][i - 1]) for i in range(3)]
+        rotations = iter(np.reshape(values, (-1, 3, 3, *values[0].shape)))
+        still = np.eye(3)[(..., *[None] * values[0].ndim)]
+        first, second = (still if link == GROUND else next(rotations) for link in names)
+        relative = np.einsum("ki...,kj...->ij...", first, second)
+        cosine = 0.5 * (np.trace(relative) - 1.0)
+        axis = [0.5 * (relative[i - 1, i - 2] - relative[i - 2, i - 1]) for i in range(3)]
         if signed and normal is not None:
-            return angle_of(np.sum([n * a for n, a in zip(normal, axis, strict=True)], axis=0), cosine)
+            return angle_of(np.tensordot(normal, axis, 1), cosine)
         return angle_of(_length(axis), cosine)
 
     return columns, angle, "rad"

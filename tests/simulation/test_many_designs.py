@@ -36,9 +36,9 @@ def models_of(name, rows):
 
 
 def forms_of(name, rows):
-    from mechsim.studies.sweep.subject import OfCatalog
+    from mechsim.analytic.derivatives.dimensions import catalog_designs
 
-    make = OfCatalog(ms.catalog.make(name))
+    make = catalog_designs(ms.catalog.make(name)).make
     return [make({key: values[i] for key, values in rows.items()}) for i in range(2)]
 
 

@@ -285,10 +285,13 @@ def _whole(solver: ClosedForm, values: Mapping[str, float]) -> dict[str, Any]:
     arguments: dict[str, Any] = {}
     for name, value in values.items():
         parameter, dot, axis = name.partition(".")
+        current = arguments.get(parameter, getattr(solver, parameter))
         if not dot:
-            arguments[parameter] = value
+            # a choice, such as an assembly mode, is a whole number
+            whole = isinstance(current, int) and float(value).is_integer()
+            arguments[parameter] = type(current)(value) if whole else value
             continue
-        position = list(arguments.get(parameter, getattr(solver, parameter)))
+        position = list(current)
         position[AXES.index(axis)] = value
         arguments[parameter] = tuple(position)
     return arguments

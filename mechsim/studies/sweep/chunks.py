@@ -21,7 +21,7 @@ from mechsim.numerics.resources import size_text
 from mechsim.simulation.mjcf import quiet
 from mechsim.studies.release import Release
 from mechsim.studies.sweep.methods import by_one_formula, measured_designs
-from mechsim.studies.sweep.subject import OfCatalog, OfPython, OfToml
+from mechsim.studies.sweep.subject import OfPython, OfToml
 from mechsim.studies.sweep.table import library
 from mechsim.studies.sweep.task import Measured, SweepTask
 
@@ -50,8 +50,8 @@ def _release(release: Release) -> list[Any]:
 
 def _subject(task: SweepTask) -> str:
     make, mechanism = task.subject.make, task.subject.solver.mechanism
-    if isinstance(make, OfCatalog):
-        return repr(make.solver)
+    if task.subject.closed is not None:
+        return repr(task.subject.closed)
     if isinstance(make, OfToml):
         return repr((make.source.document, sorted(make.fixed.items())))
     if isinstance(make, OfPython):

@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import Any
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.many_designs import AXES
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
@@ -19,28 +18,6 @@ from mechsim.subjects.toml_reader import TomlModel, toml_model
 from mechsim.subjects.toml_values import TomlSource
 
 Make = Callable[[Mapping[str, float]], KinematicSolver]
-
-
-@dataclass(frozen=True)
-class OfCatalog:
-    """Makes designs of a catalogue mechanism."""
-
-    solver: ClosedForm
-
-    def __call__(self, values: Mapping[str, float]) -> KinematicSolver:
-        """Return a design after validation."""
-        changed: dict[str, Any] = {}
-        for name, value in values.items():
-            parameter, dot, axis = name.partition(".")
-            current = changed.get(parameter, getattr(self.solver, parameter))
-            if dot:
-                current = list(current)
-                current[AXES.index(axis)] = value
-                changed[parameter] = tuple(current)
-            else:
-                whole = isinstance(current, int) and float(value).is_integer()
-                changed[parameter] = type(current)(value) if whole else value
-        return replace(self.solver, **changed)
 
 
 @dataclass(frozen=True)
@@ -103,19 +80,14 @@ class SweptSubject:
         solver: the nominal design.
         design_family: its parameters.
         make: makes a design from parameter -> value in SI; it can be sent to other processes.
+        closed: the closed form whose own parameters vary; None for other subjects.
     """
 
     name: str
     solver: KinematicSolver
     design_family: DesignFamily
     make: Make
-
-    @property
-    def closed(self) -> ClosedForm | None:
-        """The closed form whose own parameters vary; None for other subjects."""
-        return (
-            self.solver if isinstance(self.solver, ClosedForm) and isinstance(self.make, OfCatalog) else None
-        )
+    closed: ClosedForm | None = None
 
 
 def swept_subject(
@@ -139,7 +111,7 @@ def swept_subject(
     if isinstance(source, PythonObject) and plain and source.parameters({}).dimensions:
         return SweptSubject(name, solver, result, OfPython(source.address, current))
     if isinstance(solver, ClosedForm):
-        return SweptSubject(name, solver, result, OfCatalog(solver))
+        return SweptSubject(name, solver, result, result.make, closed=solver)
     if isinstance(source, TomlModel) and plain and solver.motion_laws.crank:
         unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
         make = OfToml(source.source, current, solver.mechanism.guess, unit_of)
