@@ -10,7 +10,7 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import number, numbers
+from mechsim.numerics.inputs import HUGE, number, numbers
 
 EXAMPLE = "t=[0, 0.1, 0.2]"
 
@@ -110,7 +110,36 @@ def _under_laws(
 
 
 def _times(name: str, t: ArrayLike) -> Array:
-    time = np.atleast_1d(numbers(t))
-    if time.ndim != 1 or not time.size or not np.isfinite(time).all():
-        raise InputError(f"{name}: times t must be a list of finite numbers in s, as {EXAMPLE}")
-    return time
+    return _finite_list(f"{name}: times t", t, f" in s, as {EXAMPLE}")
+
+
+def _finite_list(what: str, values: ArrayLike, remedy: str) -> Array:
+    array = np.atleast_1d(numbers(values))
+    if array.ndim != 1 or not array.size or not np.isfinite(array).all():
+        raise InputError(f"{what} must be a list of finite numbers{remedy}")
+    return array
+
+
+def crank_angles(name: str, angles: ArrayLike) -> Array:
+    """Return crank angles as (n,) in [rad]; they may be text.
+
+    Raises:
+        InputError: if they are no list of finite numbers.
+    """
+    angles = units.si_angles(angles, f"the crank angles of {name}")
+    return _finite_list(f"{name}: crank angles", angles, "; give angles in [rad]")
+
+
+def crank_rate(name: str, what: str, value: ArrayLike, count: int) -> Array:
+    """Return a rate of the crank, scalar or (n,) in SI, at n instants.
+
+    Raises:
+        InputError: if it is not finite, or of another length.
+    """
+    rate = numbers(value)
+    if rate.shape not in ((), (1,), (count,)) or not (np.abs(rate) < HUGE).all():
+        raise InputError(
+            f"{name}: the crank's {what} is no finite number; give one, or {count}, each a finite number "
+            f"below {HUGE:g} in SI"
+        )
+    return np.broadcast_to(rate, (count,))

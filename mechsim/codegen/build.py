@@ -15,7 +15,7 @@ import numpy as np
 
 from mechsim.codegen.kinematics import LINK
 from mechsim.codegen.printing import c_header
-from mechsim.codegen.solver_code import SolverCode
+from mechsim.codegen.solver_code import SolverCode, template
 from mechsim.errors import MissingToolError, OutputError
 from mechsim.numerics.arrays import Array
 
@@ -23,32 +23,6 @@ COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared")
 # number of values of a link's motion
 LINK_NUMBERS = sum(LINK.values())
-WRAPPER = """
-int solve_all(int n, const double *drivers, const double *rates, const double *accelerations, double *motion,
-              double *links, double *map, int *status) {
-  @state s;
-  @link link[@LINKS];
-  int k = 0;
-  *status = @start(&s);
-  for (; k < n && *status == @SOLVED; k++) {
-    const int d = k * @DRIVERS;
-    *status = @solve(&s, drivers + d, rates + d, accelerations + d);
-    if (*status != @SOLVED) { break; }
-    for (int i = 0; i < @COORDINATES; i++) {
-      double *row = motion + (size_t)k * 3 * @COORDINATES + i;
-      row[0] = s.coordinates[i];
-      row[@COORDINATES] = s.rates[i];
-      row[2 * @COORDINATES] = s.accelerations[i];
-    }
-    memcpy(map + (size_t)k * @COORDINATES * @DRIVERS, s.map, sizeof s.map);
-    @solve_links(&s, link);
-    memcpy(links + (size_t)k * sizeof link / sizeof(double), link, sizeof link);
-TORQUES
-  }
-  return k;
-}
-"""
-TORQUES = "    @solve_torques(&s, inertias, gravity, torques + d);"
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,18 +76,8 @@ def library(code: SolverCode) -> Path:
     Raises:
         MissingToolError: if there is no C compiler, or it fails.
     """
-    torques = code.inertias is not None
-    wrapper = WRAPPER.replace("TORQUES", TORQUES if torques else "")
-    if torques:
-        wrapper = wrapper.replace(
-            "int *status)",
-            "int *status,\n              const double *inertias, const double *gravity, double *torques)",
-        )
-    text = (
-        "#include <stddef.h>\n#include <string.h>\n"
-        + c_header(code)
-        + wrapper.replace("@", code.prefix + "_")
-    )
+    library_code = template("library.c", {"TORQUES": code.inertias is not None})
+    text = library_code.replace("@", code.prefix + "_").replace("HEADER", c_header(code))
     command = compiler()
     key = hashlib.sha256("\0".join((text, command, _version(command), *FLAGS)).encode()).hexdigest()[:24]
     path = cache_folder() / f"{code.prefix[:60]}-{key}.so"

@@ -15,6 +15,7 @@ import numpy as np
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
 from mechsim.errors import MechsimError
+from mechsim.model.design_arrays import side_numbers, structure
 from mechsim.model.expressions import evaluate_number, parse_expression
 from mechsim.model.joints import End
 from mechsim.model.links import vector
@@ -119,7 +120,7 @@ def _holds(designs: DesignFamily, nominal: Mechanism, vectors: Vectors, name: st
             formed = _formed(nominal, vectors, {**designs.values(), name: value})
         except (MechsimError, ArithmeticError, ValueError):
             return False
-        if _without_places(design) != _without_places(nominal):
+        if (structure(design), design.links) != (structure(nominal), nominal.links):
             return False
         length = nominal.characteristic_length
         if not all(
@@ -132,24 +133,20 @@ def _holds(designs: DesignFamily, nominal: Mechanism, vectors: Vectors, name: st
 
 def _formed(nominal: Mechanism, vectors: Vectors, values: Mapping[str, float]) -> dict[str, Array]:
     """Return points, axes and references from formulas, in the form of `_scaled`."""
-    length, out = nominal.characteristic_length, dict[str, Array]()
+    length, sides = nominal.characteristic_length, dict[str, Array]()
     for joint in nominal.joints:
         for side, end in (("a", joint.a), ("b", joint.b)):
             key = f"{joint.name}.{side}"
-            vectors_of_end = {quantity: _evaluated(vectors, key, quantity, values) for quantity in QUANTITIES}
-            out[key] = _numbers(
-                End(
-                    end.link,
-                    vectors_of_end["at"] or end.point,
-                    vectors_of_end["axis"] or end.axis,
-                    vectors_of_end["reference"]
-                    or (None if vectors_of_end["axis"] and not end.has_reference else end.reference),
-                ),
-                length,
-            )
-    for name, (_, local) in nominal.points.items():
-        out[name] = np.array(_evaluated(vectors, name, "at", values) or local) / length
-    return out
+            at, axis, reference = (_evaluated(vectors, key, quantity, values) for quantity in QUANTITIES)
+            if reference is None and not (axis and not end.has_reference):
+                reference = end.reference
+            formed = End(end.link, at or end.point, axis or end.axis, reference)
+            sides[key] = np.array([formed.point, formed.axis, formed.reference])
+    points = {
+        name: np.array(_evaluated(vectors, name, "at", values) or local)
+        for name, (_, local) in nominal.points.items()
+    }
+    return _relative(sides, points, length)
 
 
 def _evaluated(vectors: Vectors, key: str, quantity: str, values: Mapping[str, float]) -> Any:
@@ -159,23 +156,15 @@ def _evaluated(vectors: Vectors, key: str, quantity: str, values: Mapping[str, f
 
 def _scaled(mechanism: Mechanism, length: float) -> dict[str, Array]:
     """Return the numbers of all joint sides and points, with lengths relative to `length`."""
-    sides = {
-        f"{joint.name}.{side}": _numbers(end, length)
-        for joint in mechanism.joints
-        for side, end in (("a", joint.a), ("b", joint.b))
+    points = {name: np.array(local) for name, (_, local) in mechanism.points.items()}
+    return _relative(side_numbers(mechanism), points, length)
+
+
+def _relative(sides: Mapping[str, Array], points: Mapping[str, Array], length: float) -> dict[str, Array]:
+    units = np.array([[length], [1.0], [1.0]])
+    return {key: numbers / units for key, numbers in sides.items()} | {
+        name: point / length for name, point in points.items()
     }
-    return sides | {name: np.array(local) / length for name, (_, local) in mechanism.points.items()}
-
-
-def _numbers(end: End, length: float) -> Array:
-    assert end.reference is not None
-    return np.array([np.array(end.point) / length, end.axis, end.reference])
-
-
-def _without_places(mechanism: Mechanism) -> object:
-    """Return the properties of a mechanism that formulas of points and axes do not change."""
-    joints = [(joint.name, joint.kind, joint.cross_angle, joint.lead) for joint in mechanism.joints]
-    return joints, mechanism.laws, dict(mechanism.locked), mechanism.drivers, mechanism.links
 
 
 # --- expressions of a TOML file

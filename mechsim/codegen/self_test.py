@@ -2,13 +2,13 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from mechsim.analytic.loops.motion import instants_of_laws
-from mechsim.codegen.solver_code import SolverCode, chosen
+from mechsim.codegen.solver_code import SolverCode, template
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
@@ -25,99 +25,6 @@ SPEED, ACCELERATION = 1.0, 0.5
 TOLERANCE, WELL_CONDITIONED = 1e-12, 0.1
 # number of values of a point: position, velocity, acceleration
 NUMBERS = 9
-
-C_TEST = """
-/* Checks @solver against the analytic solution, and times it. */
-#include <stdio.h>
-#include <time.h>
-#include "HEADER"
-
-DATA
-
-int main(void) {
-  @state s;
-  @KIND values[NAMES];
-  double worst = 0;
-  const double allowed = TOLERANCE * (double)@EPSILON / DBL_EPSILON;
-  if (@start(&s) != @SOLVED) { printf("start fails\\n"); return 1; }
-  for (int k = 0; k < COUNT; k++) {
-    const int d = k * @DRIVERS;
-    const int status = @solve(&s, drivers + d, rates + d, accelerations + d);
-    if (status != @SOLVED) { printf("configuration %d: status %d\\n", k, status); return 1; }
-    @solve_KINDs(&s, values);
-    for (int i = 0; i < COMPARED; i++) {
-      const double *expected = reference + (k * COMPARED + i) * 9;
-      for (int j = 0; j < 3; j++) {
-        const double errors[3] = {
-          fabs((double)values[index[i]].position[j] - expected[j]) / scales[0],
-          fabs((double)values[index[i]].velocity[j] - expected[3 + j]) / scales[1],
-          fabs((double)values[index[i]].acceleration[j] - expected[6 + j]) / scales[2],
-        };
-        for (int e = 0; e < 3; e++) { if (!(errors[e] <= worst)) { worst = errors[e]; } }
-      }
-    }
-  }
-#if LIMITED
-  {
-    const @real outside[1] = { @HIGH + 1 };
-    const @real before = s.coordinates[0];
-    if (@solve(&s, outside, rates, accelerations) == @SOLVED || s.coordinates[0] != before) {
-      printf("a configuration outside the range is not rejected\\n");
-      return 1;
-    }
-  }
-#endif
-  long solved = 0;
-  const clock_t begin = clock();
-  while (clock() - begin < CLOCKS_PER_SEC / 5) {
-    for (int k = 0; k < 2 * COUNT; k++) {
-      const int d = (k < COUNT ? k : 2 * COUNT - 1 - k) * @DRIVERS;
-      solved += @solve(&s, drivers + d, rates + d, accelerations + d) == @SOLVED;
-    }
-  }
-  printf("NAME: largest relative error %.2g, allowed %.2g; %.3f us a configuration\\n", worst, allowed,
-         1e6 * (double)(clock() - begin) / CLOCKS_PER_SEC / (double)solved);
-  return !(worst <= allowed);
-}
-"""
-JS_TEST = """
-// Checks the solver against the analytic solution, and times it.
-"use strict";
-const solver = require("./HEADER");
-DATA
-const s = solver.state();
-const values = solver.KINDs.map(() => solver.KIND());
-const at = (list, k) => list.slice(k * solver.drivers.length, (k + 1) * solver.drivers.length);
-const solve = (k) => solver.solve(s, at(drivers, k), at(rates, k), at(accelerations, k));
-let worst = solver.start(s) === solver.SOLVED ? 0 : Infinity;
-for (let k = 0; k < COUNT; k++) {
-  if (solve(k) !== solver.SOLVED) { worst = Infinity; break; }
-  solver.solve_KINDs(s, values);
-  for (let i = 0; i < COMPARED; i++) {
-    ["position", "velocity", "acceleration"].forEach((quantity, e) => {
-      for (let j = 0; j < 3; j++) {
-        const expected = reference[(k * COMPARED + i) * 9 + 3 * e + j];
-        const error = Math.abs(values[index[i]][quantity][j] - expected) / scales[e];
-        if (!(error <= worst)) { worst = error; }
-      }
-    });
-  }
-}
-#if LIMITED
-if (solver.solve(s, [@HIGH + 1], [0], [0]) === solver.SOLVED) { worst = Infinity; }
-#endif
-let us = 0;
-for (const seconds of [0.5, 0.5]) { // the first round is for node to compile the code
-  const begin = process.hrtime.bigint();
-  let solved = 0;
-  for (; Number(process.hrtime.bigint() - begin) < 1e9 * seconds; solved += 2 * COUNT) {
-    for (let k = 0; k < 2 * COUNT; k++) { solve(k < COUNT ? k : 2 * COUNT - 1 - k); }
-  }
-  us = Number(process.hrtime.bigint() - begin) / 1e3 / solved;
-}
-console.log(`NAME: largest relative error ${worst}, allowed TOLERANCE; ${us.toFixed(3)} us a configuration`);
-process.exitCode = worst <= TOLERANCE ? 0 : 1;
-"""
 
 
 @dataclass(frozen=True)
@@ -195,7 +102,7 @@ def _tolerance(code: SolverCode) -> float:
 
 def c_test(code: SolverCode, header: str) -> str:
     """Return a C99 program that checks and times a solver; `header` is the file name of its header."""
-    return _test(code, header, C_TEST, _c_array).replace("@", code.prefix + "_")
+    return _test(code, header, "test.c", _c_array).replace("@", code.prefix + "_")
 
 
 def javascript_test(code: SolverCode, file: str) -> str:
@@ -204,10 +111,10 @@ def javascript_test(code: SolverCode, file: str) -> str:
     def array(name: str, values: Array) -> Iterator[str]:
         yield f"const {name} = {json.dumps(values.ravel().tolist())};"
 
-    return _test(code, file, JS_TEST, array)
+    return _test(code, file, "test.js", array)
 
 
-def _test(code: SolverCode, file: str, template: str, array: object) -> str:
+def _test(code: SolverCode, file: str, name: str, array: Callable[[str, Array], Iterator[str]]) -> str:
     reference = reference_configurations(code)
     arrays = {
         "drivers": reference.drivers[0],
@@ -217,9 +124,9 @@ def _test(code: SolverCode, file: str, template: str, array: object) -> str:
         "reference": reference.values,
         "scales": reference.scales,
     }
-    data = "\n".join(line for name, values in arrays.items() for line in array(name, values))  # type: ignore[operator]
+    data = "\n".join(line for name, values in arrays.items() for line in array(name, values))
     limits = code.assembly.interval
-    text = chosen(template.strip(), {"LIMITED": limits is not None})
+    text = template(name, {"LIMITED": limits is not None})
     replaced = {
         "HEADER": file,
         "DATA": data,

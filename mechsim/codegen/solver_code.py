@@ -3,11 +3,11 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from mechsim.analytic.dynamics.state_layout import quaternions
-from mechsim.codegen import algorithm
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import number_text
 from mechsim.codegen.kinematics import (
@@ -24,6 +24,31 @@ from mechsim.model.forces import Forces
 from mechsim.model.masses import with_inertia
 from mechsim.numerics.arrays import Array
 
+TEMPLATES = Path(__file__).parent / "templates"
+# largest step of a driver, in [rad] or characteristic lengths; longer distances are divided into steps
+STEP = 0.1
+# maximum number of attempted steps of a call
+ATTEMPTS = 4096
+# failed steps are halved down to this fraction of the first step
+HALVED = 1.0 / 256.0
+# largest predicted displacement of an unknown in a step, in [rad] or characteristic lengths: near a singular
+# configuration a prediction that spins a link may end near a solution of another assembly by chance
+DISPLACEMENT = 0.5
+# Newton's method after a step: largest first correction, in [rad] or characteristic lengths, and largest
+# ratio of successive corrections
+CORRECTION, CONTRACTION = 0.02, 0.25
+ITERATIONS = 10
+# smallest pivot of the dimensionless loop Jacobian: closer to a singular configuration, accelerations lose
+# more than 12 of 16 digits
+PIVOT = 1e-6
+# names in the template `solver.c` -> their values
+NUMBERS = {
+    "PIVOT": PIVOT,
+    "CORRECTION": CORRECTION,
+    "CONTRACTION": CONTRACTION,
+    "HALVED": HALVED,
+    "DISPLACEMENT": DISPLACEMENT,
+}
 STATUSES = ("SOLVED", "OUT_OF_RANGE", "SINGULAR", "TOO_FAR")
 # relative deviation of a spinning link's inertia within which the link is axisymmetric about its line
 ROUND = 1e-6
@@ -129,8 +154,8 @@ def _sizes(assembly: SolvedAssembly, formulas: SolverFormulas) -> dict[str, int]
         "POINTS": len(formulas.points),
         "JOINTS": len(formulas.joints),
         "SIGN": int(assembly.determinant_sign),
-        "ATTEMPTS": algorithm.ATTEMPTS,
-        "ITERATIONS": algorithm.ITERATIONS,
+        "ATTEMPTS": ATTEMPTS,
+        "ITERATIONS": ITERATIONS,
     }
 
 
@@ -157,7 +182,7 @@ def _reals(assembly: SolvedAssembly) -> dict[str, tuple[Array, str]]:
             "one unit of each unknown in the equations",
         ),
         "UNIT_OF_DRIVER": (units[driven], "likewise, of each driver"),
-        "STEP": (algorithm.STEP * units[driven], "largest step of each driver"),
+        "STEP": (STEP * units[driven], "largest step of each driver"),
         "START_BALLS": (
             np.array([quaternions(rotation)[0] for rotation in start.turns]).ravel(),
             "quaternions (w, x, y, z) of the balls at the start",
@@ -234,23 +259,25 @@ def _functions(formulas: SolverFormulas, flags: Mapping[str, bool]) -> str:
         "JOINT_MOTIONS": formulas.joint_motions() if flags["JOINTS"] else [],
         "FORCES": formulas.torques() if flags["TORQUES"] else [],
     }
-    text = chosen(algorithm.SOLVER.strip(), flags)
+    text = template("solver.c", flags)
     for name, lines in code.items():
         if name != "VELOCITY_PRODUCTS":
             lines = [line.replace(" = rates[", " = s->rates[") for line in lines]
         text = text.replace(f"  {name}\n", "".join(f"  {line}\n" for line in lines))
-    for name in ("PIVOT", "CORRECTION", "CONTRACTION", "HALVED", "DISPLACEMENT"):
-        text = text.replace(f"@{name}", number_text(getattr(algorithm, name)))
     limits = formulas.assembly.interval
-    if limits is not None:
-        text = text.replace("@LOW", number_text(float(limits[0]))).replace(
-            "@HIGH", number_text(float(limits[1]))
-        )
+    ends = {} if limits is None else {"LOW": float(limits[0]), "HIGH": float(limits[1])}
+    for name, value in (NUMBERS | ends).items():
+        text = text.replace(f"@{name}", number_text(value))
     return text
 
 
-def chosen(text: str, flags: Mapping[str, bool]) -> str:
-    """Return a text with only the sections whose flags are set."""
+def template(name: str, flags: Mapping[str, bool]) -> str:
+    """Return a file of `templates`, of its sections `#if FLAG` or `#if !FLAG` only those that apply.
+
+    `@` is a placeholder for the prefix of all names. The templates are in C, `solver.c` in the common subset
+    of C and JavaScript that `printing` translates; `test.js` is in JavaScript.
+    """
+    text = (TEMPLATES / name).read_text(encoding="utf-8").strip()
     lines: list[str] = []
     active = [True]
     for line in text.splitlines():

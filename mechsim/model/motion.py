@@ -259,17 +259,17 @@ def at_unit_speed(motion: Motion) -> Motion:
 
 def join(records: list[Record]) -> Record:
     """Return the records of consecutive instants, such as motions, as one record."""
-    return records[0] if len(records) == 1 else _mapped(lambda *arrays: np.concatenate(arrays), *records)
+    return records[0] if len(records) == 1 else mapped(lambda *arrays: np.concatenate(arrays), *records)
 
 
 def select_instants(record: Record, rows: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Record:
     """Return a motion or another record at selected instants."""
-    return _mapped(lambda array: array[rows], record)
+    return mapped(lambda array: array[rows], record)
 
 
 def weighted_sums(record: Record, weights: Array) -> Record:
     """Return weighted sums of a record's n instants, weights (k, n), as a record of k instants."""
-    return _mapped(lambda array: np.asarray(np.tensordot(weights, array, 1), dtype=np.float64), record)
+    return mapped(lambda array: np.asarray(np.tensordot(weights, array, 1), dtype=np.float64), record)
 
 
 def replace_instants(record: Record, rows: NDArray[np.intp], other: Record) -> Record:
@@ -280,18 +280,18 @@ def replace_instants(record: Record, rows: NDArray[np.intp], other: Record) -> R
         out[rows] = values
         return out
 
-    return _mapped(replaced, record, other)
+    return mapped(replaced, record, other)
 
 
-def _mapped(change: Callable[..., Array], *records: Any) -> Any:
+def mapped(change: Callable[..., Array], *records: Any) -> Any:
     """Return a record whose arrays are a function of the arrays of several records."""
     first = records[0]
     if isinstance(first, np.ndarray):
         return change(*records)
     if isinstance(first, Mapping):
-        return {key: _mapped(change, *(record[key] for record in records)) for key in first}
+        return {key: mapped(change, *(record[key] for record in records)) for key in first}
     # records have slots; a solver has none and stays unchanged
     if is_dataclass(first) and hasattr(first, "__slots__"):
-        values = {f.name: _mapped(change, *(getattr(r, f.name) for r in records)) for f in fields(first)}
+        values = {f.name: mapped(change, *(getattr(r, f.name) for r in records)) for f in fields(first)}
         return type(first)(**values)  # pyright: ignore[reportCallIssue]
     return first

@@ -130,9 +130,6 @@ class Ball:
     def __rsub__(self, other: ArrayLike) -> "Ball":
         return ball(other) - self
 
-    def __rmatmul__(self, other: ArrayLike) -> "Ball":
-        return ball(other) @ self
-
     def __truediv__(self, other: "Ball | ArrayLike") -> "Ball":
         return self * ball(other).reciprocal()
 
@@ -171,25 +168,6 @@ class Ball:
         mid = np.sqrt(np.where(apart, self.mid, 1.0))
         spread = self.rad / np.sqrt(safe) + 2.0 * ROUNDOFF * mid
         return Ball(mid, np.where(apart, spread * OUTWARD + UNDERFLOW, np.inf))
-
-    def exp(self) -> "Ball":
-        """Return the balls of the exponential; no bound beyond `MAX_EXPONENT` and for radii above 1/2."""
-        bounded = (np.abs(self.mid) < MAX_EXPONENT) & (self.rad < 0.5)
-        vanishing = self.mid * (1.0 - ROUNDOFF) + self.rad * OUTWARD < -MAX_EXPONENT
-        mid = np.where(bounded, self.mid, 0.0)
-        power = np.rint(mid / LOG_2)
-        x = ball(mid) - Ball(np.array(LOG_2), np.array(LOG_2_ERROR)) * power
-        total = Ball(np.ones(mid.shape), np.full(mid.shape, EXP_REMAINDER))
-        for k in range(EXP_TERMS, 0, -1):
-            total = total * x * ball(float(k)).reciprocal() + 1.0
-        # exp(rad) - 1 is below 2 rad for radii below 1/2
-        spread = total.magnitude * 2.0 * self.rad
-        scale = np.ldexp(1.0, power.astype(np.int64))
-        rad = (total.rad + spread) * scale * OUTWARD + UNDERFLOW
-        exponential = where(
-            bounded, Ball(total.mid * scale, rad), Ball(np.zeros(mid.shape), np.array(np.inf))
-        )
-        return where(vanishing, Ball(np.zeros(mid.shape), np.array(VANISHED)), exponential)
 
     def sin_cos(self) -> tuple["Ball", "Ball"]:
         """Return the balls of sine and cosine; beyond `MAX_ANGLE` those of every angle."""
@@ -297,6 +275,24 @@ def where(condition: Any, first: Ball, second: Ball) -> Ball:
     return Ball(np.where(condition, first.mid, second.mid), np.where(condition, first.rad, second.rad))
 
 
+def _exp(exponent: Ball) -> Ball:
+    """Return the balls of the exponential; no bound beyond `MAX_EXPONENT` and for radii above 1/2."""
+    bounded = (np.abs(exponent.mid) < MAX_EXPONENT) & (exponent.rad < 0.5)
+    vanishing = exponent.mid * (1.0 - ROUNDOFF) + exponent.rad * OUTWARD < -MAX_EXPONENT
+    mid = np.where(bounded, exponent.mid, 0.0)
+    power = np.rint(mid / LOG_2)
+    x = ball(mid) - Ball(np.array(LOG_2), np.array(LOG_2_ERROR)) * power
+    total = Ball(np.ones(mid.shape), np.full(mid.shape, EXP_REMAINDER))
+    for k in range(EXP_TERMS, 0, -1):
+        total = total * x * ball(float(k)).reciprocal() + 1.0
+    # exp(rad) - 1 is below 2 rad for radii below 1/2
+    spread = total.magnitude * 2.0 * exponent.rad
+    scale = np.ldexp(1.0, power.astype(np.int64))
+    rad = (total.rad + spread) * scale * OUTWARD + UNDERFLOW
+    exponential = where(bounded, Ball(total.mid * scale, rad), Ball(np.zeros(mid.shape), np.array(np.inf)))
+    return where(vanishing, Ball(np.zeros(mid.shape), np.array(VANISHED)), exponential)
+
+
 # implementations of numpy's functions for balls; other functions raise TypeError
 RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.add: lambda a, b: b + a,
@@ -306,7 +302,7 @@ RULES: dict[np.ufunc, Callable[..., Any]] = {
     np.matmul: lambda a, b: ball(a) @ b,
     np.negative: lambda a: -a,
     np.sqrt: Ball.sqrt,
-    np.exp: Ball.exp,
+    np.exp: _exp,
     np.sin: lambda a: a.sin_cos()[0],
     np.cos: lambda a: a.sin_cos()[1],
     np.tan: lambda a: a.sin_cos()[0] / a.sin_cos()[1],

@@ -133,7 +133,7 @@ def test_a_revolution_and_back_ends_at_its_start(drive):
     mechanism = drive.mechanism
     _, high = next(arc for arc in arcs.arcs if arc[0] <= mechanism.start <= arc[1])
     aim = mechanism.start + 0.3 * (high - mechanism.start)
-    there = loops.follow(mechanism, [aim, mechanism.start])
+    there = loops.solve(mechanism, [aim, mechanism.start]).links
     for name, pose in mechanism.guess.items():
         assert np.abs(there[name].position[1] - pose.position).max() <= 1e-9 * mechanism.characteristic_length
 
@@ -177,7 +177,7 @@ def test_a_link_without_a_joint_is_named():
 @pytest.mark.parametrize("angles", [[np.nan], [np.inf], [0.1, np.nan]])
 def test_invalid_crank_angles_give_no_poses(angles):
     mechanism = catalog.make("four_bar").mechanism
-    for solve in (loops.assemble, loops.follow, loops.solve):
+    for solve in (loops.assemble, loops.solve):
         with pytest.raises((AssemblyError, InputError), match="crank angle"):
             solve(mechanism, angles)
 

@@ -127,7 +127,7 @@ def test_a_segment_whose_equations_lose_four_fifths_of_their_rank_margin_is_halv
 @pytest.mark.parametrize(("sense", "to"), [(1, 8.0), (-1, -2.0)])
 def test_segments_are_taken_back_as_far_as_the_last_change_point_and_no_farther(sense, to, passing):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
-    poses = loops.follow(drive.mechanism, [0.5])
+    poses = loops.solve(drive.mechanism, [0.5]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
     path = crank_path(drive.mechanism.with_guess(guess, 0.5), passing)
     assert not path.drop_last_segment(sense)
@@ -222,7 +222,7 @@ def test_few_segments_lead_round_a_sharp_bend_and_through_a_change_point(lengths
 @pytest.mark.parametrize("start", np.linspace(-2.0, -0.4, 17))
 def test_change_points_are_found_wherever_the_path_begins(start):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
-    poses = loops.follow(drive.mechanism, [start])
+    poses = loops.solve(drive.mechanism, [start]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
     path = crank_path(drive.mechanism.with_guess(guess, float(start)))
     path.extend(7.0)
@@ -261,7 +261,7 @@ def test_a_change_point_that_rounding_hides_between_two_segments_is_looked_for_f
 @pytest.mark.parametrize("off", [3e-3, -2e-5])
 def test_a_path_may_begin_close_to_a_change_point(off):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
-    poses = loops.follow(drive.mechanism, [off])
+    poses = loops.solve(drive.mechanism, [off]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
     found = loops.solve(drive.mechanism.with_guess(guess, off), ANGLES).points["B"].position
     assert np.abs(found - drive.positions(ANGLES)["B"]).max() <= 1e-12 * drive.mechanism.characteristic_length
@@ -276,7 +276,7 @@ def test_a_path_that_begins_at_a_change_point_is_rejected_with_the_angle_and_the
     links = drive.solve([off]).links
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
     with pytest.raises(AssemblyError, match=f"rad.*{said}"):
-        loops.follow(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
+        loops.solve(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
 
 
 def test_a_path_that_begins_just_before_its_dead_centre_is_advised_to_stay_there():
@@ -293,7 +293,7 @@ def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_f
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
     assert drive.crank_range().full
     angles = np.linspace(-np.pi, 3 * np.pi, 64)
-    found, exact = loops.follow(drive.mechanism, angles), drive.solve(angles).links
+    found, exact = loops.solve(drive.mechanism, angles).links, drive.solve(angles).links
     for name, link in exact.items():
         assert (
             np.abs(found[name].position - link.position).max() <= 1e-9 * drive.mechanism.characteristic_length

@@ -12,7 +12,7 @@ from mechsim import catalog, dynamics, load_profile, loops, motors
 from mechsim.analytic.dynamics.reduced_equation import CrankTable, columns
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Inertia, Link
+from mechsim.model.links import GROUND, Inertia, Link, Pose
 from mechsim.model.mechanism import Mechanism
 
 DOWN = (0.0, -9.81, 0.0)
@@ -86,10 +86,11 @@ def test_closed_form_and_loop_equations_run_freely_alike():
     )
     assert np.abs(closed.angle - by_loops.angle).max() <= 1e-9
     motion = drive.solve(closed.angle, closed.speed, closed.acceleration)
+    links = loops.solve(drive.mechanism, closed.angle[-1:]).links
     assert motion.points["B"].velocity[-1] == pytest.approx(
         loops.rates(
             drive.mechanism,
-            loops.follow(drive.mechanism, closed.angle[-1:]),
+            {name: Pose(link.position, link.rotation) for name, link in links.items()},
             closed.angle[-1:],
             closed.speed[-1:],
         )

@@ -10,6 +10,7 @@ from mechsim.analytic.loops import design_motion
 from mechsim.analytic.loops.design_motion import many_motion, shared_loops
 from mechsim.errors import AssemblyError
 from mechsim.model.design_arrays import similar_designs
+from mechsim.model.links import Pose
 from mechsim.numerics import continuation, loop_solver
 
 ANGLES = 2.0 * np.pi * np.arange(24) / 24
@@ -143,8 +144,12 @@ def flat_and_others():
     found = []
     for crank in (0.04, 0.038, 0.037, 0.036):
         mechanism = ms.catalog.make("four_bar", crank=crank, **lengths).mechanism
-        there = ms.loops.follow(mechanism, [2.0])
-        found.append(mechanism.with_guess({name: pose.select(0) for name, pose in there.items()}, 2.0))
+        there = ms.loops.solve(mechanism, [2.0]).links
+        found.append(
+            mechanism.with_guess(
+                {name: Pose(link.position[0], link.rotation[0]) for name, link in there.items()}, 2.0
+            )
+        )
     return found
 
 

@@ -34,10 +34,9 @@ def five_bar(*gears):
     return whole.with_guess(guess, 0.0)
 
 
-@pytest.mark.parametrize("road", [loops.follow, loops.solve])
-def test_a_five_bar_with_one_driver_is_rejected_with_what_is_open(road):
+def test_a_five_bar_with_one_driver_is_rejected_with_what_is_open():
     with pytest.raises(MobilityError, match=r"underdetermined: .* A can still move") as refused:
-        road(five_bar(), [0.0, 0.1])
+        loops.solve(five_bar(), [0.0, 0.1])
     assert refused.value.outcome == "underdetermined"
 
 
@@ -75,7 +74,7 @@ def test_a_start_at_a_dead_centre_is_no_dof():
         for name, link in drive.solve([high - 1e-7]).links.items()
     }
     mechanism = drive.mechanism.with_guess(poses, high - 1e-7)
-    found = loops.follow(mechanism, [high - 0.1])
+    found = loops.solve(mechanism, [high - 0.1]).links
     assert loops.solve(mechanism, [high - 0.1]).spinning == frozenset()
     exact = drive.solve([high - 0.1]).links
     # the start stands 1e-7 rad from where digits are halved; the pose asked for does not

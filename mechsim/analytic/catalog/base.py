@@ -3,19 +3,17 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.formulas import SELECTORS, Formulas, checked_rate
+from mechsim import units
+from mechsim.analytic.catalog.formulas import SELECTORS, Formulas
 from mechsim.analytic.catalog.frame_motion import (
-    checked_angles,
     chunks,
     motion_at,
-    positions_at,
     require_closed,
     require_finite,
 )
-from mechsim.analytic.path_instants import path_instants
+from mechsim.analytic.path_instants import crank_angles, crank_rate, path_instants
 from mechsim.model.limits import NO_RANGES
 from mechsim.model.motion import ChangePointPolicy, Motion, join
 from mechsim.model.motion_laws import CRANK
@@ -66,10 +64,12 @@ class ClosedForm(Formulas):
         """
         if t is not None or angles is None:
             angles = path_instants(self.mechanism, CRANK, angles, speed, 0.0, t).parameter
-        angles = checked_angles(self.name, angles)
+        angles = crank_angles(self.name, angles)
         solver = self.with_change_point(change_point).starting_at(angles)
-        chunk_motions = [positions_at(solver, angles[piece]) for piece in chunks(len(angles))]
-        points = {name: np.concatenate([piece[name] for piece in chunk_motions]) for name in chunk_motions[0]}
+        motion = join(
+            [motion_at(solver, angles[piece], links=False, joints=False) for piece in chunks(len(angles))]
+        )
+        points = {name: point.position for name, point in motion.points.items()}
         require_closed(self, angles, points)
         return points
 
@@ -111,15 +111,15 @@ class ClosedForm(Formulas):
         if t is not None or angles is None:
             instants = path_instants(self.mechanism, CRANK, angles, speed, acceleration, t)
             angles, speed, time = instants.parameter, instants.rate, instants.time
-        angles = checked_angles(self.name, angles)
-        speed = checked_rate(self.name, "speed", 1.0 if speed is None else speed, angles.shape)
-        acceleration = checked_rate(self.name, "acceleration", acceleration, angles.shape)
+        angles = crank_angles(self.name, angles)
+        speed = units.si(1.0 if speed is None else speed, "rad/s", "the crank's speed")
+        speed = crank_rate(self.name, "speed", speed, len(angles))
+        acceleration = crank_rate(self.name, "acceleration", acceleration, len(angles))
         solver = self.with_change_point(change_point).starting_at(angles, float(speed[0]))
-        chunk_motions = [
-            motion_at(solver, Jet(angles[piece], speed[piece], acceleration[piece]), links=links)
-            for piece in chunks(len(angles))
-        ]
-        motion = join(chunk_motions)
+        crank = Jet(angles, speed, acceleration)
+        motion = join(
+            [motion_at(solver, crank[piece], links=links, joints=links) for piece in chunks(len(angles))]
+        )
         self.check_finite(motion)
         return replace(motion, time=time, origin=solver)
 
@@ -163,7 +163,7 @@ class ClosedForm(Formulas):
             angles: crank angles in the order of the motion, (n,) in [rad].
             direction: sign of the crank's motion if all angles are equal.
         """
-        checked_angles(self.name, angles)
+        crank_angles(self.name, angles)
         return self
 
     def check_finite(self, motion: Motion) -> None:

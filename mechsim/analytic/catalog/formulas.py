@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,11 +17,10 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import no_crank_range_error
+from mechsim.model.quantities import AXES
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE, numbers
 from mechsim.numerics.jets import Values
-
-# largest length in [m] and rate in SI; squares and fourth powers stay far from overflow
-HUGE = 1e30
 
 
 def length(default: float, doc: str) -> Any:
@@ -29,8 +28,8 @@ def length(default: float, doc: str) -> Any:
     return field(default=default, metadata={"unit": "m", "doc": doc, "positive": True})
 
 
-def offset(default: float, doc: str) -> Any:
-    """Declare a length in [m] of either sign."""
+def coordinate(default: float | tuple[float, ...], doc: str) -> Any:
+    """Declare a length of either sign, or a point, in [m]."""
     return field(default=default, metadata={"unit": "m", "doc": doc})
 
 
@@ -42,11 +41,6 @@ def angle(default: float, doc: str) -> Any:
 def number(default: float, doc: str) -> Any:
     """Declare a dimensionless number."""
     return field(default=default, metadata={"unit": "1", "doc": doc})
-
-
-def position(default: tuple[float, ...], doc: str) -> Any:
-    """Declare a point in [m]."""
-    return field(default=default, metadata={"unit": "m", "doc": doc})
 
 
 def choice(default: Any, options: tuple[Any, ...], doc: str) -> Any:
@@ -61,40 +55,19 @@ def checked(mechanism: str, name: str, value: Any, default: Any, rule: Mapping[s
             options = " or ".join(str(option) for option in rule["options"])
             raise InputError(f"{mechanism}: {name} is {value!r}; it can be {options}")
         return value
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.array(np.nan)
+    array = numbers(value)
     shape, most = np.shape(default), HUGE if rule["unit"] == "m" else np.inf
-    if numbers.shape != shape or not (np.abs(numbers) < most).all():
+    if array.shape != shape or not (np.abs(array) < most).all():
         count = f"{shape[0]} finite numbers" if shape else "a finite number"
-        raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give {count}{_below(most)}")
-    if rule.get("positive") and not float(numbers) > 1.0 / HUGE:
+        below = f" below {most:g}" if most < np.inf else ""
+        raise InputError(f"{mechanism}: {name} is {value} {rule['unit']}; give {count}{below}")
+    if rule.get("positive") and not float(array) > 1.0 / HUGE:
         raise InputError(
             f"{mechanism}: {name} is {value} {rule['unit']}; give a length above 0, at least {1.0 / HUGE:g} m"
         )
     if shape:
-        return tuple(numbers.tolist())
+        return tuple(array.tolist())
     return value.item() if isinstance(value, np.generic) else value
-
-
-def checked_rate(mechanism: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return a crank rate for each crank angle; raise InputError if it is invalid."""
-    value = units.si(value, "rad/s", f"the crank's {what}") if what == "speed" else value
-    try:
-        rate = np.broadcast_to(np.asarray(value, dtype=np.float64), shape)
-    except (TypeError, ValueError):
-        rate = np.full(shape, np.nan)
-    if not (np.abs(rate) < HUGE).all():
-        raise InputError(
-            f"{mechanism}: the crank's {what} must be one finite number{_below(HUGE)}, or one for each of "
-            f"the {shape[0]} crank angles; give it in SI units"
-        )
-    return rate
-
-
-def _below(most: float) -> str:
-    return f" below {most:g}" if most < np.inf else ""
 
 
 def parameter_value(mechanism: str, field: Any, parameter: str, value: Any) -> Any:
@@ -317,3 +290,32 @@ class Formulas(ABC):
     def _start_angle(self) -> float:
         """The crank angle of the guess in [rad], at which the sign of the assembly mode applies."""
         return self._start()
+
+
+def parameters_from(formulas: Formulas, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters from values by name; a component of a point is named as in pivot.x."""
+    arguments: dict[str, Any] = {}
+    for name, value in values.items():
+        parameter, dot, axis = name.partition(".")
+        current = arguments.get(parameter, getattr(formulas, parameter))
+        if not dot:
+            # a choice, such as an assembly mode, is a whole number
+            whole = isinstance(current, int) and np.ndim(value) == 0 and float(value).is_integer()
+            arguments[parameter] = type(current)(value) if whole else value
+            continue
+        point = list(current)
+        point[AXES.index(axis)] = value
+        arguments[parameter] = tuple(point)
+    return arguments
+
+
+Solver = TypeVar("Solver", bound=Formulas)
+
+
+def unchecked(formulas: Solver, values: Mapping[str, Any]) -> Solver:
+    """Return a copy with parameters that are not checked, such as arrays of many designs."""
+    copy = object.__new__(type(formulas))
+    for parameter in fields(formulas):
+        value = values.get(parameter.name, getattr(formulas, parameter.name))
+        object.__setattr__(copy, parameter.name, value)
+    return copy

@@ -1,20 +1,18 @@
 """Motion of a catalogue mechanism from the frames of its links, for chunks of crank angles."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from mechsim import units
-from mechsim.analytic.catalog.formulas import Formulas
+from mechsim.analytic.catalog.formulas import Formulas, Geometry
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.model.links import GROUND
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, Motion
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, Values
+from mechsim.numerics.jets import Jet, Values, still, values
 
 # crank angles solved together: arrays of this length fit in the cache of a core
 CHUNK = 8192
@@ -25,67 +23,50 @@ def chunks(count: int) -> list[slice]:
     return [slice(start, start + CHUNK) for start in range(0, count, CHUNK)]
 
 
-def checked_angles(name: str, angles: ArrayLike) -> Array:
-    """Return crank angles as (n,) in [rad]; they may be text.
+def motion_at(formulas: Formulas, angle: Values, *, links: bool, joints: bool) -> Motion:
+    """Return the motion at crank angles, NaN where the loop does not close; without rates if they have none.
 
-    Raises:
-        InputError: unless they are a list of finite numbers.
+    Parameters of the formulas may be arrays of many designs.
     """
-    angles = units.si_angles(angles, f"the crank angles of {name}")
-    try:
-        values = np.atleast_1d(np.asarray(angles, dtype=np.float64))
-    except (TypeError, ValueError):
-        values = np.array([np.nan])
-    if values.ndim != 1 or values.size == 0 or not np.isfinite(values).all():
-        raise InputError(
-            f"{name}: crank angles must be a list of finite numbers, not of shape {values.shape} "
-            "or with NaN; give angles in [rad]"
-        )
-    return values
-
-
-def positions_at(formulas: Formulas, angles: Array) -> dict[str, Array]:
-    """Return the tracked points at crank angles, (n, 3) each; NaN where the loop does not close."""
+    mechanism, n = formulas.described, len(values(angle))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        frames = _frames(formulas, angles, links=False)
-        return {
-            name: link_frames.rows(frames[link].point(local), len(angles))
-            for name, (link, local) in formulas.described.points.items()
-        }
-
-
-def motion_at(formulas: Formulas, angle: Jet, *, links: bool) -> Motion:
-    """Return the motion at crank angles, NaN where the loop does not close."""
-    mechanism, n = formulas.described, len(angle.value)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        frames = _frames(formulas, angle, links=links)
+        frames, geometry = _frames(formulas, angle, every=links or joints), formulas.geometry()
         points = {
-            name: link_frames.point_motion(frames[link].point(local), n)
-            for name, (link, local) in mechanism.points.items()
+            name: link_frames.point_motion(frames[mechanism.points[name][0]].point(local), n)
+            for name, local in geometry.points.items()
         }
-        motion = Motion("closed form", angle.value, angle.rate, angle.second, points)
-        if not links:
-            return motion
-        moved = {link.name: link_frames.link_motion(frames[link.name], n) for link in mechanism.links}
-        joints = _joints(formulas, angle, frames)
-    return replace(motion, links=moved, joints=joints, spinning=formulas.spinning)
+        moved = {
+            link.name: link_frames.link_motion(frames[link.name], n) for link in mechanism.links if links
+        }
+        coordinates = _joints(mechanism, geometry, angle, frames) if joints else {}
+    crank = angle if isinstance(angle, Jet) else still(angle)
+    return Motion(
+        "closed form",
+        crank.value,
+        crank.rate,
+        crank.second,
+        points,
+        moved,
+        coordinates,
+        spinning=formulas.spinning if links else frozenset(),
+    )
 
 
-def _frames(formulas: Formulas, angle: Values, *, links: bool) -> dict[str, LinkFrame]:
-    """Return frames of links; without `links`, only of those with tracked points."""
+def _frames(formulas: Formulas, angle: Values, *, every: bool) -> dict[str, LinkFrame]:
+    """Return frames of links; unless of every link, only of those with tracked points."""
     carriers = {link for link, _ in formulas.described.points.values()}
-    frames_by_link: dict[str, LinkFrame] = {}
+    frames_by_link: dict[str, LinkFrame] = {GROUND: GROUND_FRAME}
     for name, frame in formulas.frames(angle):
         frames_by_link[name] = frame
-        if not links and carriers <= frames_by_link.keys():
+        if not every and carriers <= frames_by_link.keys():
             break
     return frames_by_link
 
 
-def _joints(formulas: Formulas, angle: Jet, frames: Mapping[str, LinkFrame]) -> dict[str, JointMotion]:
+def _joints(
+    mechanism: Mechanism, geometry: Geometry, angle: Values, frames: Mapping[str, LinkFrame]
+) -> dict[str, JointMotion]:
     """Return the motion of joint coordinates; those of gears include the revolutions of the crank."""
-    mechanism = formulas.described
-    frame_of = {**frames, GROUND: GROUND_FRAME}
     geared = {gear.driven: gear.ratio * angle + gear.phase for gear in mechanism.gears}
     crank_angles = {mechanism.crank.name: angle, **geared}
     motions: dict[str, JointMotion] = {}
@@ -93,9 +74,11 @@ def _joints(formulas: Formulas, angle: Jet, frames: Mapping[str, LinkFrame]) -> 
         coordinates: Sequence[Values] = (
             [crank_angles[joint.name]]
             if joint.name in crank_angles
-            else link_frames.joint_coordinates(joint, frame_of[joint.a.link], frame_of[joint.b.link])
+            else link_frames.joint_coordinates(
+                joint, frames[joint.a.link], frames[joint.b.link], geometry.frames.get(joint.name)
+            )
         )
-        motions |= link_frames.joint_motions(joint, coordinates, len(angle.value))
+        motions |= link_frames.joint_motions(joint, coordinates, len(values(angle)))
     return motions
 
 

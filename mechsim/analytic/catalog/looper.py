@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length, number, offset
+from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, coordinate, length, number
 from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.root_branches import Sheet, sheets
@@ -144,8 +144,8 @@ class Looper(ClosedForm):
     frame: float = length(0.0354, "distance of the pivots O1, O2")
     frame_angle: float = angle(np.deg2rad(45.0), "angle from X to O1O2")
     follower: float = length(0.0133, "length DC")
-    axis_y: float = offset(0.03049, "height y of the follower's axis")
-    axis_z: float = offset(0.012, "depth z of the follower's axis")
+    axis_y: float = coordinate(0.03049, "height y of the follower's axis")
+    axis_z: float = coordinate(0.012, "depth z of the follower's axis")
     follower_ratio: float = number(3.0, "length DE over length DC")
     branch: Sign = choice(1, (1, -1), "assembly of the four-bar: sign of O2B . (O2A x eZ)")
     side: Side = choice(1, SIDES, "assembly of the follower: sign of DC . (AB x AC)")

@@ -1,24 +1,24 @@
 """Many designs of a closed form solved together: the formulas of the catalogue on arrays of parameters."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import HUGE
+from mechsim.analytic.catalog.formulas import Solver, parameters_from, unchecked
+from mechsim.analytic.catalog.frame_motion import motion_at
 from mechsim.analytic.catalog.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
 from mechsim.analytic.vector_method import link_frames
-from mechsim.analytic.vector_method.link_frames import GROUND_FRAME
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial
 from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
-from mechsim.model.joint_kinds import KINDS
-from mechsim.model.links import GROUND, ORIGIN, Pose
-from mechsim.model.motion import JointMotion, Motion, PointMotion
+from mechsim.model.links import ORIGIN, Pose
+from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE
 from mechsim.numerics.jets import Jet
 
 # distance of a root from the unit circle below which it is real, and below which this is uncertain
@@ -31,9 +31,6 @@ NEWTON_STEPS = 3
 
 Complex = NDArray[np.complex128]
 
-
-Solver = TypeVar("Solver", bound=ClosedForm)
-AXES = "xyz"
 # crank angles at which discriminants are sampled, Newton steps to their minima, and the minimum, relative to
 # the largest harmonic, below which it may be a change point or an end of the range
 GRID, MINIMUM_STEPS, TOUCHING = 48, 6, 1e-7
@@ -95,24 +92,12 @@ def allowed(solver: ClosedForm, varied: Mapping[str, Array]) -> Bools:
 def many(solver: Solver, varied: Mapping[str, Array], repeat: int) -> Solver:
     """Return a closed form whose varied parameters are arrays, each number repeated.
 
-    Only its formulas can be used: `frames`, `discriminant`, `geometry`. Nothing is checked.
+    No check of the parameters runs, and no change point is searched; only its formulas can be used.
     """
-    design = object.__new__(type(solver))
-    values = {parameter.name: getattr(solver, parameter.name) for parameter in fields(solver)}
-    for name, row in varied.items():
-        parameter, dot, axis = name.partition(".")
-        wide = np.repeat(row, repeat)
-        if dot:
-            position = list(values[parameter])
-            position[AXES.index(axis)] = wide
-            values[parameter] = tuple(position)
-        else:
-            values[parameter] = wide
-    for name, value in values.items():
-        object.__setattr__(design, name, value)
+    wide = {name: np.repeat(row, repeat) for name, row in varied.items()}
+    design = unchecked(solver, parameters_from(solver, wide))
     # preset cached properties
-    own: dict[str, object] = vars(design)
-    own["_root"] = NO_CHANGE_POINTS
+    vars(design).update(described=solver.described, _root=NO_CHANGE_POINTS)
     return design
 
 
@@ -204,34 +189,9 @@ def solved(
     wide_rows = (np.broadcast_to(row, angles.shape) for row in (angles, speed, acceleration))
     crank, rate, second = (np.tile(row, designs) if row.ndim == 1 else row.ravel() for row in wide_rows)
     wide = many(solver, varied, angles.shape[-1])
-    described = solver.mechanism
     angle = Jet(crank, rate, second) if rates else crank
-    carriers = {link for link, _ in described.points.values()}
-    if joints:
-        carriers |= {link.name for link in described.links}
-    with np.errstate(all="ignore"):
-        frames: dict[str, link_frames.LinkFrame] = {GROUND: GROUND_FRAME}
-        for name, frame in wide.frames(angle):
-            frames[name] = frame
-            if carriers <= frames.keys():
-                break
-        points: dict[str, PointMotion] = {}
-        geometry = wide.geometry()
-        for name, local in geometry.points.items():
-            position = frames[described.points[name][0]].point(local)
-            points[name] = link_frames.point_motion(position, len(crank))
-        joint_motions: dict[str, JointMotion] = {}
-        for joint in described.joints if joints else ():
-            if KINDS[joint.kind].single:
-                coordinates = (
-                    [angle]
-                    if joint.name == described.driver
-                    else link_frames.joint_coordinates(
-                        joint, frames[joint.a.link], frames[joint.b.link], geometry.frames.get(joint.name)
-                    )
-                )
-                joint_motions |= link_frames.joint_motions(joint, coordinates, len(crank))
-    return Motion("closed form", crank, rate, second, points, joints=joint_motions)
+    motion = motion_at(wide, angle, links=False, joints=joints)
+    return replace(motion, speed=rate, acceleration=second)
 
 
 def started(solver: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.formulas import choice
-from mechsim.analytic.catalog.frame_motion import checked_angles
+from mechsim.analytic.path_instants import crank_angles
 from mechsim.analytic.vector_method.trig_polynomial import (
     Arcs,
     SignedRoot,
@@ -115,7 +115,7 @@ class TwoBranchForm(ClosedForm):
         return made
 
     def starting_at(self, angles: ArrayLike, direction: float = 1.0) -> Self:
-        angles = checked_angles(self.name, angles)
+        angles = crank_angles(self.name, angles)
         if self._keeps_assembly or not self._root.touching:
             return self
         sign_angle = first_sign_angle(self.within_range(angles), self._root.touching, direction)

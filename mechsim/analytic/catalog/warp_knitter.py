@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import Declaration, angle, length, number, position
+from mechsim.analytic.catalog.formulas import Declaration, angle, coordinate, length, number
 from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.triad import carried, cross, determinant, flat, leg_vectors, moments, xyz
@@ -66,12 +66,12 @@ class WarpKnitter(ClosedForm):
     rod3: float = length(0.074, "length AB")
     rod5: float = length(0.049, "length DC")
     rocker: float = length(0.035, "length EK")
-    pivot2: tuple[float, float] = position((0.055, 0.023), "pivot O2 of crank 2")
-    pivot_rocker: tuple[float, float] = position((-0.003, 0.079), "rocker pivot E")
-    base_c: tuple[float, float] = position(
+    pivot2: tuple[float, float] = coordinate((0.055, 0.023), "pivot O2 of crank 2")
+    pivot_rocker: tuple[float, float] = coordinate((-0.003, 0.079), "rocker pivot E")
+    base_c: tuple[float, float] = coordinate(
         (0.042, 0.0), "C in the frame of the base link, B being its origin"
     )
-    base_k: tuple[float, float] = position((0.003, 0.024), "K in the frame of the base link")
+    base_k: tuple[float, float] = coordinate((0.003, 0.024), "K in the frame of the base link")
     phase: float = angle(math.radians(75.0), "angle of crank 2 at zero of crank 1")
     gear_ratio: float = number(-2.0, "revolutions of crank 2 per revolution of crank 1")
     assembly: int = number(2, "number of the assembly mode at crank angle 0, by angle of the base link")

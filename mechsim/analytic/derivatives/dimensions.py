@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.catalog.formulas import parameters_from, unchecked
 from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
@@ -18,6 +19,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import GROUND, IDENTITY, Vector
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.quantities import AXES
 from mechsim.numerics.arrays import Array
 
 # weights of the values 1 to 4 steps ahead (and negative ones behind), divided by the step
@@ -176,9 +178,6 @@ def _scales(dimension: Dimension, length: float) -> list[float]:
     return [own, whole] if own > SMALL_LENGTH * whole else [whole, own] if own else [whole]
 
 
-AXES = "xyz"
-
-
 def placed_designs(solver: KinematicSolver) -> DesignFamily:
     """Return the designs of a mechanism whose dimensions are the positions of its joints."""
     mechanism = solver.mechanism
@@ -267,10 +266,10 @@ def catalog_designs(solver: ClosedForm) -> DesignFamily:
             dimensions[name] = Dimension(name, float(number), unit)
 
     def describe(values: Mapping[str, float]) -> Mechanism:
-        return _unchecked(solver, _whole(solver, values)).description
+        return unchecked(solver, parameters_from(solver, values)).description
 
     return DesignFamily(
-        solver.name, dimensions, describe, lambda values: replace(solver, **_whole(solver, values))
+        solver.name, dimensions, describe, lambda values: replace(solver, **parameters_from(solver, values))
     )
 
 
@@ -278,28 +277,3 @@ def _components(name: str, value: Any) -> dict[str, float]:
     if isinstance(value, tuple):
         return {f"{name}.{axis}": number for axis, number in zip(AXES, value, strict=False)}
     return {name: value}
-
-
-def _whole(solver: ClosedForm, values: Mapping[str, float]) -> dict[str, Any]:
-    """Return parameters from dimensions, with positions combined from their components."""
-    arguments: dict[str, Any] = {}
-    for name, value in values.items():
-        parameter, dot, axis = name.partition(".")
-        current = arguments.get(parameter, getattr(solver, parameter))
-        if not dot:
-            # a choice, such as an assembly mode, is a whole number
-            whole = isinstance(current, int) and float(value).is_integer()
-            arguments[parameter] = type(current)(value) if whole else value
-            continue
-        position = list(current)
-        position[AXES.index(axis)] = value
-        arguments[parameter] = tuple(position)
-    return arguments
-
-
-def _unchecked(solver: ClosedForm, values: Mapping[str, Any]) -> ClosedForm:
-    """Return a mechanism with unchecked dimensions, of which only the description can be used."""
-    copy = object.__new__(type(solver))
-    for parameter in fields(solver):
-        object.__setattr__(copy, parameter.name, values.get(parameter.name, getattr(solver, parameter.name)))
-    return copy

@@ -1,8 +1,7 @@
 """Derivatives of a motion by dimensions, at the same driver positions."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +16,6 @@ from mechsim.analytic.loops.motion import (
     motion_record,
     with_locked_values,
 )
-from mechsim.analytic.loops.oracle import crank_angles, crank_rate
 from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.path_rates import (
     ClosedChunk,
@@ -28,11 +26,12 @@ from mechsim.analytic.loops.path_rates import (
     with_rates,
 )
 from mechsim.analytic.loops.tree import SpanningTree
+from mechsim.analytic.path_instants import crank_angles, crank_rate
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.link_poses import split_joints
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.model.motion import Motion, mapped
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import STEP, change_of, stepped
 
@@ -163,9 +162,9 @@ def followed_motion(
     Raises:
         AssemblyError: where the loops do not close, or at a change point.
     """
-    angle = crank_angles(mechanism, angles)
+    angle = crank_angles(solver.name, angles)
     rates = [
-        crank_rate(mechanism, what, value, len(angle))
+        crank_rate(solver.name, what, value, len(angle))
         for what, value in (("speed", speed), ("acceleration", acceleration))
     ]
     path, instants = driven_instants(solver, angle, *rates)
@@ -251,21 +250,11 @@ def record_of(
 
 def derivative_of(motion: Motion) -> Motion:
     """Return the derivatives in a complex motion as a record of positions, rates and accelerations."""
-    records = {name: _imaginary(getattr(motion, name)) for name in ("points", "links", "joints")}
-    return replace(motion, conditioning=None, **records)
 
+    def derivative(array: Array) -> Array:
+        return change_of(array) if np.iscomplexobj(array) else array
 
-def _imaginary(record: Any) -> Any:
-    """Return a record's imaginary parts per step; instants and other values stay unchanged."""
-    if isinstance(record, np.ndarray):
-        return change_of(record) if np.iscomplexobj(record) else record
-    if isinstance(record, Mapping):
-        return {key: _imaginary(value) for key, value in record.items()}
-    if is_dataclass(record) and not isinstance(record, type):
-        return replace(
-            record, **{item.name: _imaginary(getattr(record, item.name)) for item in fields(record)}
-        )
-    return record
+    return replace(mapped(derivative, motion), conditioning=None)
 
 
 # Newton's method: largest number of steps, largest step, step that ends it, residual of a solution

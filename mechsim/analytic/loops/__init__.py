@@ -7,7 +7,7 @@ has constraint equations (`equations`). Whole motions are solved in the coordina
 
 from mechsim.analytic.loops.maximal_coordinates import Rows, equations, residual_norms
 from mechsim.analytic.loops.mobility import DofCount, dof_count
-from mechsim.analytic.loops.motion import follow, solve
+from mechsim.analytic.loops.motion import solve
 from mechsim.analytic.loops.oracle import assemble, conditioning, rates, singular_values
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.link_poses import rough_poses
@@ -21,7 +21,6 @@ __all__ = [
     "conditioning",
     "dof_count",
     "equations",
-    "follow",
     "rates",
     "residual_norms",
     "rough_poses",

@@ -10,13 +10,12 @@ from mechsim import units
 from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import twists
 from mechsim.analytic.loops.mobility import checked_start
-from mechsim.analytic.loops.oracle import crank_angles, crank_rate
 from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.path_rates import Instants, LoopMotion, loop_motion
 from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
 from mechsim.analytic.loops.start import locked_values, with_locked
+from mechsim.analytic.path_instants import crank_angles, crank_rate
 from mechsim.errors import AssemblyError
-from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism, described, starting_at
 from mechsim.model.motion import ChangePointPolicy, Motion
 from mechsim.model.motion_laws import CRANK, MotionLaws
@@ -52,29 +51,6 @@ def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth")
     return LoopPath(first, lambda angle: with_locked(angle[None], locked), initial, change_point)
 
 
-def follow(mechanism: Mechanism, angles: ArrayLike) -> dict[str, Pose]:
-    """Return the poses at crank angles in the assembly mode of the mechanism's guess: moving link -> n poses.
-
-    Args:
-        mechanism: the mechanism; its guess selects the assembly mode.
-        angles: crank angles, not wrapped, in any order, (n,) in [rad].
-
-    Raises:
-        AssemblyError: where the loops do not close.
-        MobilityError: if the crank leaves joints or tracked points undetermined.
-
-    Accuracy: residuals of a few ulp of the longest link away from a dead centre.
-    """
-    mechanism = described(mechanism)
-    crank_angle = crank_angles(mechanism, angles)
-    path, motion = motion_along(
-        crank_path(mechanism), crank_angle, np.zeros_like(crank_angle), np.zeros_like(crank_angle)
-    )
-    return {
-        name: Pose(motion.position[:, i], motion.rotation[:, i]) for name, i in path.loops.tree.links.items()
-    }
-
-
 def solve(
     mechanism: Mechanism,
     angles: ArrayLike,
@@ -104,11 +80,11 @@ def solve(
     Accuracy: relative errors of about 1e-15 times the condition number of the loops; within 5e-3 rad of a
         change point 1e-12.
     """
-    angles, speed = units.si_angles(angles), units.si(speed, "rad/s", "the crank's speed")
-    crank_angle = crank_angles(described(mechanism), angles)
-    rate = crank_rate(described(mechanism), "speed", speed, len(crank_angle))
+    name, speed = described(mechanism).name, units.si(speed, "rad/s", "the crank's speed")
+    crank_angle = crank_angles(name, angles)
+    rate = crank_rate(name, "speed", speed, len(crank_angle))
     mechanism = starting_at(mechanism, crank_angle, float(rate[0]))
-    return solve_along(crank_path(mechanism, change_point), angles, speed, acceleration)
+    return solve_along(crank_path(mechanism, change_point), crank_angle, rate, acceleration)
 
 
 def solve_along(
@@ -130,10 +106,9 @@ def solve_along(
     Raises:
         AssemblyError: at the instant beyond which the loops cannot close in this assembly mode.
     """
-    mechanism = path.loops.tree.mechanism
-    parameter = crank_angles(mechanism, parameter)
-    rate = crank_rate(mechanism, "speed", speed, len(parameter))
-    second = crank_rate(mechanism, "acceleration", acceleration, len(parameter))
+    parameter = crank_angles(path.name, parameter)
+    rate = crank_rate(path.name, "speed", speed, len(parameter))
+    second = crank_rate(path.name, "acceleration", acceleration, len(parameter))
     return solve_prescribed(path, motion_laws, instants_of_laws(motion_laws, parameter, rate, second))
 
 

@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.loops.maximal_coordinates import Poses, equations, row_units, scaled
 from mechsim.analytic.loops.record import joint_motions, tracked_points
+from mechsim.analytic.path_instants import crank_angles, crank_rate
 from mechsim.analytic.vector_method.rotations import dot, turned_by
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS, antiparallel_message
 from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.inputs import numbers
 from mechsim.numerics.newton import NewtonSettings, newton
 from mechsim.numerics.rank import least_norm, significant
 
@@ -103,7 +103,7 @@ def assemble(
     Accuracy: residuals of a few ulp of the longest link away from a dead centre.
     """
     mechanism = described(mechanism)
-    angles = crank_angles(mechanism, angles)
+    angles = crank_angles(mechanism.name, angles)
     guess_poses = rough_poses(mechanism) if guess is None else guess
     poses = {
         link.name: Pose(
@@ -153,16 +153,6 @@ def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> 
             if antiparallel.any():
                 where = f"crank angle {angles[np.argmax(antiparallel)]:.6g} rad"
                 raise AssemblyError(f"{mechanism.name}: at {where} {antiparallel_message(joint.name, i)}")
-
-
-def crank_angles(mechanism: Mechanism, angles: ArrayLike) -> Array:
-    """Return crank angles as (n,) in [rad]; raise InputError if they are invalid."""
-    values = np.atleast_1d(numbers(angles))
-    if values.ndim != 1 or not values.size or not np.isfinite(values).all():
-        raise InputError(
-            f"{mechanism.name}: a crank angle is not a finite number, or there is none; give a list in [rad]"
-        )
-    return values
 
 
 def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = False) -> Array:
@@ -216,8 +206,8 @@ def rates(
     names = [link.name for link in mechanism.links]
     angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
     n = len(angle)
-    speed = crank_rate(mechanism, "speed", speed, n)
-    acceleration = crank_rate(mechanism, "acceleration", acceleration, n)
+    speed = crank_rate(mechanism.name, "speed", speed, n)
+    acceleration = crank_rate(mechanism.name, "acceleration", acceleration, n)
 
     rows = equations(mechanism, poses, angle)
     rhs = np.zeros_like(rows.residual)
@@ -257,11 +247,3 @@ def _twists(mechanism: Mechanism, jacobian: Array, right: Array) -> Array:
     """Return the least-norm solution of J x = right, (n, 6 links), lengths in units of the size."""
     columns = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, len(mechanism.links))
     return columns * least_norm(jacobian * columns, right)
-
-
-def crank_rate(mechanism: Mechanism, what: str, value: ArrayLike, n: int) -> Array:
-    """Return a rate of the crank at n instants, (n,), or say what is wrong with it."""
-    rate = numbers(value)
-    if rate.shape not in ((), (1,), (n,)) or not np.isfinite(rate).all():
-        raise InputError(f"{mechanism.name}: the crank's {what} is no finite number; give one, or {n}, in SI")
-    return np.broadcast_to(rate, (n,))

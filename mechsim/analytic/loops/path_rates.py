@@ -12,7 +12,7 @@ from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.errors import AssemblyError
-from mechsim.model.motion import LinkMotion
+from mechsim.model.motion import LinkMotion, join, select_instants
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import Linearised
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
@@ -146,10 +146,7 @@ def closed_chunks(path: LoopPath, instants: Instants) -> Iterator[ClosedChunk]:
 def merged(chunks: Sequence[tuple[NDArray[np.intp], LoopMotion]]) -> LoopMotion:
     """Return chunks of a motion merged by their indices."""
     order = np.argsort(np.concatenate([index for index, _ in chunks]))
-    columns = {
-        field.name: [getattr(motion, field.name) for _, motion in chunks] for field in fields(LoopMotion)
-    }
-    return LoopMotion(**{name: np.concatenate(arrays)[order] for name, arrays in columns.items()})
+    return select_instants(join([motion for _, motion in chunks]), order)
 
 
 def _closed(

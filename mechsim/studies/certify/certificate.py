@@ -9,6 +9,7 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.motion import join
 from mechsim.numerics.arrays import Array
 from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion, laws_not_enclosed
 from mechsim.studies.certify.segments import (
@@ -174,10 +175,8 @@ def proven_segments(motion: ComputedMotion) -> tuple[Segments, list[tuple[float,
         if len(failed):
             tested = tested_segments(motion, *halves(failed, motion.equations))
             waiting.append(replace(tested, misses=np.tile(failed.misses, 2)))
-    segments = proven[0]
-    for chunk in proven[1:]:
-        segments = segments.joined_with(chunk)
-    return segments, _merged(rest)
+    segments = join(proven)
+    return segments.select(np.argsort(segments.low)), _merged(rest)
 
 
 def _merged(intervals: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -6,12 +6,13 @@ lies in the tube, and that the Jacobian is regular in the whole tube (Krawczyk 1
 Methods for Systems of Equations, 1990, section 5.1).
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mechsim.model.motion import select_instants
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball
 from mechsim.studies.certify.computed_motion import CentreConfigurations, ComputedMotion
@@ -32,7 +33,7 @@ CORRECTED = 1e-13
 CORRECTED_SHARE = 3e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Segments:
     """n segments of a motion with their tubes; coordinates in their units.
 
@@ -68,12 +69,7 @@ class Segments:
 
     def select(self, which: Bools | NDArray[np.intp]) -> Self:
         """Return some of the segments."""
-        return replace(self, **{field.name: getattr(self, field.name)[which] for field in fields(self)})
-
-    def joined_with(self, other: Self) -> Self:
-        """Return the segments of both, in the order of their parameters."""
-        both = {f.name: np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)}
-        return replace(self, **both).select(np.argsort(both["low"]))
+        return select_instants(self, which)
 
 
 @dataclass(frozen=True)

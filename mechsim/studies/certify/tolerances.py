@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.errors import InputError
+from mechsim.model.design_arrays import side_numbers, structure
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.studies.certify.toml_intervals import toml_joint_radii
@@ -57,14 +58,14 @@ def joint_radii(designs: DesignFamily, bounds: Mapping[str, float]) -> dict[str,
             smoothly within its tolerance.
     """
     nominal = designs.describe({})
-    keys, start = [*_joint_numbers(nominal)], _stacked(nominal)
+    keys, start = [*side_numbers(nominal)], _stacked(nominal)
     total = np.zeros_like(start)
 
     def change(moved: Mapping[str, float]) -> Array:
         mechanism = designs.describe(
             {name: designs.dimensions[name].value + by for name, by in moved.items()}
         )
-        if _without_joints(mechanism) != _without_joints(nominal):
+        if structure(mechanism) != structure(nominal):
             raise InputError(
                 f"dimension {', '.join(moved)} changes a coupling, a lock or a kind of joint; "
                 "a certificate holds within tolerances of points and axes only: leave it out of --within"
@@ -108,18 +109,4 @@ def _corners(count: int) -> NDArray[np.int_]:
 
 def _stacked(mechanism: Mechanism) -> Array:
     """Return points, axes and reference directions of all sides of joints, (sides, 3, 3)."""
-    return np.array([*_joint_numbers(mechanism).values()])
-
-
-def _joint_numbers(mechanism: Mechanism) -> dict[str, Array]:
-    return {
-        f"{joint.name}.{side}": np.array([end.point, end.axis, end.reference])
-        for joint in mechanism.joints
-        for side, end in (("a", joint.a), ("b", joint.b))
-    }
-
-
-def _without_joints(mechanism: Mechanism) -> object:
-    """Return the properties of a mechanism that tolerances must not change."""
-    joints = [(joint.name, joint.kind, joint.cross_angle, joint.lead) for joint in mechanism.joints]
-    return joints, mechanism.laws, dict(mechanism.locked), mechanism.drivers
+    return np.array([*side_numbers(mechanism).values()])

@@ -10,9 +10,9 @@ import numpy as np
 
 from mechsim import units
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.many_designs import AXES
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.errors import InputError
+from mechsim.model.quantities import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.resources import require_memory

@@ -1,27 +1,3 @@
-"""The algorithm of generated solvers, in the common subset of C and JavaScript that `printing` translates.
-
-`@` is a placeholder for the prefix of all names. Lines between `#if FLAG` or `#if !FLAG` and `#endif` apply
-to mechanisms with or without the property.
-"""
-
-# largest step of a driver, in [rad] or characteristic lengths; longer distances are divided into steps
-STEP = 0.1
-# maximum number of attempted steps of a call
-ATTEMPTS = 4096
-# failed steps are halved down to this fraction of the first step
-HALVED = 1.0 / 256.0
-# largest predicted displacement of an unknown in a step, in [rad] or characteristic lengths: near a singular
-# configuration a prediction that spins a link may end near a solution of another assembly by chance
-DISPLACEMENT = 0.5
-# Newton's method after a step: largest first correction, in [rad] or characteristic lengths, and largest
-# ratio of successive corrections
-CORRECTION, CONTRACTION = 0.02, 0.25
-ITERATIONS = 10
-# smallest pivot of the dimensionless loop Jacobian: closer to a singular configuration, accelerations lose
-# more than 12 of 16 digits
-PIVOT = 1e-6
-
-SOLVER = """
 /* Evaluates the loop equations at the state's coordinates: residuals, s->lu the Jacobian by the unknowns,
    by_drivers that by the drivers; all free of units. */
 static inline void @equations(@state *s, real *residual, real *by_drivers) {
@@ -337,4 +313,3 @@ static inline void @solve_torques(const @state *s, const real *inertias, const r
   }
 }
 #endif
-"""
