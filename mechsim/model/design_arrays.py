@@ -11,22 +11,6 @@ from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 
-
-def side_numbers(mechanism: Mechanism) -> dict[str, Array]:
-    """Return JOINT.a and JOINT.b -> point in [m], axis and reference of the side, (3, 3)."""
-    return {
-        f"{joint.name}.{side}": np.array([end.point, end.axis, end.reference])
-        for joint in mechanism.joints
-        for side, end in (("a", joint.a), ("b", joint.b))
-    }
-
-
-def structure(mechanism: Mechanism) -> object:
-    """Return the properties of a mechanism apart from links, points and joint sides, for comparison."""
-    joints = [(joint.name, joint.kind, joint.cross_angle, joint.lead) for joint in mechanism.joints]
-    return joints, mechanism.laws, dict(mechanism.locked), mechanism.drivers
-
-
 # of one joint: points (3, d) and frames (3, 3, d) of its sides a and b
 Ends = tuple[Array, Array, Array, Array]
 
@@ -165,3 +149,18 @@ def _kind(joint: object) -> tuple[object, ...]:
 def _designs_first(ends: Ends) -> Sides:
     point_a, frame_a, point_b, frame_b = ends
     return point_a.T, np.moveaxis(frame_a, -1, 0), point_b.T, np.moveaxis(frame_b, -1, 0)
+
+
+def side_numbers(mechanism: Mechanism) -> dict[str, Array]:
+    """Return JOINT.a and JOINT.b -> point in [m], axis and reference of the side, (3, 3)."""
+    return {
+        f"{joint.name}.{side}": np.array([end.point, end.axis, end.reference])
+        for joint in mechanism.joints
+        for side, end in (("a", joint.a), ("b", joint.b))
+    }
+
+
+def structure(mechanism: Mechanism) -> object:
+    """Return the properties of a mechanism apart from links, points and joint sides, for comparison."""
+    joints = [(joint.name, joint.kind, joint.cross_angle, joint.lead) for joint in mechanism.joints]
+    return joints, mechanism.laws, dict(mechanism.locked), mechanism.drivers
