@@ -13,7 +13,6 @@ TREE = "analytic/loops/kinematics.py"
 MANY = "analytic/loops/design_motion.py"
 WHOLE = "analytic/loops/motion.py"
 RATES = "analytic/loops/path_rates.py"
-LAYOUT = "analytic/loops/tree.py"
 CHECKS = "verdict/checks.py"
 CROSSCHECK = "verdict/crosscheck.py"
 
@@ -131,7 +130,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         ): "any tiny number will do, the relative bound ends the search; so will any large number of steps"
         for tiny, most in (("1e-301", 1000), ("1e-299", 1000), ("1e-300", 10000))
     },
-    (LAYOUT, "MAX_VECTORS = 8", "..."): SPEED,
     (RATES, "CHUNK = 1024", "..."): SPEED,
     (
         RATES,
@@ -179,16 +177,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "rates = np.zeros((tree.count, 2))",
     ): "what does not move has no part in the largest",
     (WHOLE, "INTEGER_TOLERANCE = 1e-12", "..."): "ratios are whole numbers to rounding, or far from it",
-    (
-        LAYOUT,
-        "rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(3)])",
-        "rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(4)])",
-    ): "a frame alone carries nothing",
-    (
-        LAYOUT,
-        "sliding, slid = np.array(slides, dtype=np.intp).reshape(-1, 2).T",
-        "sliding, slid = np.array(slides, dtype=np.intp).reshape(-2, 2).T",
-    ): SHAPE,
     (
         TREE,
         "zero = np.zeros(twist.shape[1:])",

@@ -96,13 +96,13 @@ def _with(description: object, numbers: Array) -> Any:
     return _renumbered(description, lambda _: next(following))
 
 
-def _parts(mechanism: Mechanism) -> tuple[object, ...]:
+def _described(mechanism: Mechanism) -> tuple[object, ...]:
     return mechanism.joints, mechanism.links, mechanism.points, mechanism.locked, mechanism.laws
 
 
 def numbers_of(mechanism: Mechanism) -> Array:
     """Return all numbers on which the motion and the forces of a mechanism depend, (k,) in SI."""
-    return _numbers(_parts(mechanism))
+    return _numbers(_described(mechanism))
 
 
 def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
@@ -110,7 +110,7 @@ def with_numbers(mechanism: Mechanism, numbers: Array) -> GivenMechanism:
 
     Its characteristic length stays that of the original.
     """
-    joints, links, points, locked, laws = _with(_parts(mechanism), numbers)
+    joints, links, points, locked, laws = _with(_described(mechanism), numbers)
     own = {field.name: getattr(mechanism, field.name) for field in fields(mechanism)}
     own |= {"joints": joints, "links": links, "points": points, "locked": locked, "gears": ()}
     own |= {"couplings": laws, "given_length": mechanism.characteristic_length}

@@ -3,6 +3,7 @@
 Instants are the last axis of every array, so that each component is contiguous in memory.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +12,6 @@ from numpy.typing import NDArray
 from mechsim.analytic.loops.tree import SpanningTree, TreeJoint
 from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.numerics.arrays import Array
-
-EYE = np.eye(3)[..., None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,76 +57,64 @@ class LinkPoses:
 
 def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
     """Return the link poses at coordinates."""
-    layout, n, dtype = tree.layout, len(q), q.values.dtype
-    # the ground is last, at index -1
-    rotation = np.empty((len(tree.branches) + 1, 3, 3, n), dtype)
-    _rotate(tree, q, rotation)
-    rotation[-1] = EYE
-    for child, parent in layout.tiers:
-        rotation[child] = np.einsum("lijn,ljkn->likn", rotation[parent], rotation[child])
-    carried = _carried(layout.vectors, rotation[layout.holders])
-    fixed = carried.reshape(3, carried.shape[1] * carried.shape[2], n)
-    axes = spins = fixed.take(layout.axes, 1)
-    position = np.zeros((3, len(rotation), n), dtype)
-    np.subtract(
-        fixed.take(layout.parent_points, 1), carried[:, : len(tree.branches), 0], out=position[:, :-1]
-    )
-    if len(layout.slides):
-        along = axes[:, layout.slides]
-        for link, displacement in zip(
-            layout.slid, (along * q.values[layout.slides]).swapaxes(0, 1), strict=True
-        ):
-            position[:, link] += displacement
-        spins = axes.copy()
-        spins[:, layout.slides] = 0.0
-    for child, parent in layout.tiers:
-        position[:, child] += position[:, parent]
-    unit_twists = np.empty((tree.count, 6, n), dtype).transpose(1, 0, 2)
-    unit_twists[3:] = spins
-    unit_twists[:3] = cross(position.take(layout.centred, 1) + fixed.take(layout.centres, 1), spins)
-    if len(layout.slides):
-        unit_twists[:3, layout.slides] = axes[:, layout.slides]
-    return LinkPoses(position[:, :-1].transpose(1, 0, 2), rotation[:-1], unit_twists.transpose(1, 0, 2))
+    n, dtype, links = len(q), q.values.dtype, len(tree.branches)
+    position, rotation = np.empty((links, 3, n), dtype), np.empty((links, 3, 3, n), dtype)
+    axes, centres = np.empty((2, 3, tree.count, n), dtype)
+    for branch, relative in zip(tree.branches, _relative_rotations(tree, q), strict=True):
+        sides, i, parent = tree.constants[branch.child], branch.child, branch.parent
+        if parent < 0:
+            on_parent, rotation[i] = _wide(sides.parent_point, 1), relative
+        else:
+            on_parent = position[parent] + carried_point(sides.parent_point, rotation[parent])
+            rotation[i] = product(rotation[parent], relative)
+        on_child = on_parent
+        for k, (link, axis) in enumerate(tree.axes[i], branch.first):
+            axes[:, k] = _wide(axis, 1) if link < 0 else carried_point(axis, rotation[link])
+            # axes of rotations pass through side b's point
+            centres[:, k] = on_child if branch.forward else on_parent
+            if k < branch.first_angle:
+                on_child = on_child + axes[:, k] * q.values[k]
+        position[i] = on_child - carried_point(sides.child_point, rotation[i])
+    return LinkPoses(position, rotation, _unit_twists(tree, axes, centres))
 
 
-def _carried(vectors: Array, rotation: Array) -> Array:
-    """Return vectors, (rows, m, 3) or (rows, m, 3, n), rotated with their links: (3, rows, m, n)."""
-    if vectors.ndim == 3:
-        return vectors @ rotation.transpose(1, 0, 2, 3)
-    return np.einsum("lmkn,likn->ilmn", vectors, rotation)
+def _unit_twists(tree: SpanningTree, axes: Array, centres: Array) -> Array:
+    """Return unit twists (count, 6, n) of rotations about axes through centres, (3, count, n), and slides."""
+    unit_twists = np.empty((tree.count, 6, axes.shape[2]), axes.dtype).transpose(1, 0, 2)
+    unit_twists[:3], unit_twists[3:] = cross(centres, axes), axes
+    if tree.slides.any():
+        unit_twists[:3, tree.slides], unit_twists[3:, tree.slides] = axes[:, tree.slides], 0.0
+    return unit_twists.transpose(1, 0, 2)
 
 
-def _rotate(tree: SpanningTree, q: Coordinates, out: Array) -> None:
-    """Store the rotation of each link relative to its parent, (links + 1, 3, 3, n)."""
-    layout = tree.layout
-    angle = q.values[layout.angles]
-    terms = np.empty((len(angle), 3, len(q)), angle.dtype)
-    terms[:, 0] = 1.0
-    np.cos(angle, out=terms[:, 1])
-    np.sin(angle, out=terms[:, 2])
-    rotations = (
-        layout.rotations @ terms
-        if layout.rotations.ndim == 3
-        else np.einsum("haen,hen->han", layout.rotations, terms)
-    ).reshape(len(angle), 3, 3, len(q))
-    out[layout.single[0]] = rotations[layout.single[1]]
-    link, first, second = layout.double
-    if len(link):
-        out[link] = np.einsum("lijn,ljkn->likn", rotations[first], rotations[second])
-    for branch, ball in layout.stiff:
-        fixed = tree.constants[branch.child]
-        frame, child_frame = (
-            _wide(matrix) for matrix in (fixed.parent_frame, fixed.child_frame.swapaxes(0, 1))
-        )
-        if ball is not None:
-            rotation = q.turns[ball]
-            frame = product(frame, rotation if branch.forward else rotation.swapaxes(0, 1))
-        out[branch.child] = product(frame, child_frame)
+def _relative_rotations(tree: SpanningTree, q: Coordinates) -> Iterator[Array]:
+    """Yield the rotation of each link relative to its parent, (3, 3, n), in the order of the tree joints."""
+    terms = np.empty((tree.count, 3, len(q)), q.values.dtype)
+    terms[:, 0], terms[:, 1], terms[:, 2] = 1.0, np.cos(q.values), np.sin(q.values)
+    turns = iter(q.turns)
+    for branch in tree.branches:
+        factors = zip(tree.rotations[branch.child], branch.angles, strict=False)
+        rotations = [_combined(factor, terms[k]) for factor, k in factors]
+        if branch.angles:
+            yield rotations[0] if len(rotations) == 1 else product(*rotations)
+            continue
+        sides = tree.constants[branch.child]
+        frame, child_frame = _wide(sides.parent_frame, 2), _wide(sides.child_frame.swapaxes(0, 1), 2)
+        if branch.kind.ball:
+            turn = next(turns)
+            frame = product(frame, turn if branch.forward else turn.swapaxes(0, 1))
+        yield product(frame, child_frame)
 
 
-def _wide(matrix: Array) -> Array:
-    """Return a matrix (3, 3) as (3, 3, 1); a matrix (3, 3, n) unchanged."""
-    return matrix[..., None] if matrix.ndim == 2 else matrix
+def _combined(factors: Array, terms: Array) -> Array:
+    """Return a rotation (3, 3, n) from factors (9, 3), or (9, 3, n), of 1, cosine and sine, (3, n)."""
+    rotation = factors @ terms if factors.ndim == 2 else np.einsum("aen,en->an", factors, terms)
+    return rotation.reshape(3, 3, -1)
+
+
+def _wide(constant: Array, axes: int) -> Array:
+    """Return a vector or matrix with a last axis of length 1 for the instants; unchanged if it has one."""
+    return constant[..., None] if constant.ndim == axes else constant
 
 
 def on_ground(frame: Array, point: Array) -> tuple[Array, Array]:

@@ -3,18 +3,17 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError
-from mechsim.model.joint_kinds import COLUMN, KINDS, Axis, Kind, crossed_at_zero
+from mechsim.model.joint_kinds import COLUMN, KINDS, Kind, crossed_at_zero
 from mechsim.model.joints import Joint
 from mechsim.model.link_poses import split_joints
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.numerics.arrays import Array, Index, Indices, as_slice
+from mechsim.numerics.arrays import Array
 
 # a rotation about the third axis is the sum of these times 1, the cosine and the sine of its angle
 ABOUT_Z = np.array(
@@ -75,166 +74,30 @@ class JointSides:
     child_frame: Array
     child_point: Array
 
-    def axis(self, branch: TreeJoint, axis: Axis) -> tuple[int, Array]:
-        """Return the link on which an axis of the joint is fixed, and the axis in its frame."""
-        on_far = (axis == "b") == branch.forward
-        frame, link = (self.child_frame, branch.child) if on_far else (self.parent_frame, branch.parent)
-        return link, frame[:, COLUMN[axis]]
+    def axes(self, branch: TreeJoint) -> list[tuple[int, Array]]:
+        """Return the link of each axis, and the direction of the child's motion in its frame, (3,)."""
+        axes: list[tuple[int, Array]] = []
+        for axis in (*branch.kind.slides, *branch.kind.turns):
+            on_child = (axis == "b") == branch.forward
+            frame, link = (self.child_frame, branch.child) if on_child else (self.parent_frame, branch.parent)
+            axes.append((link, branch.direction * frame[:, COLUMN[axis]]))
+        return axes
 
     def rotations(self, branch: TreeJoint) -> list[Array]:
         """Return the successive rotations of the child relative to the parent by the angles of the joint.
 
-        Each is a matrix (3, 3, 3): factors of 1, the cosine and the sine of the angle.
+        Each is (9, 3): factors of 1, the cosine and the sine of the angle; (9, 3, n) for many designs.
         """
         ends = [self.parent_frame, self.child_frame.swapaxes(0, 1)]
         if branch.kind.crossed:
             middle = crossed_at_zero(branch.joint.cross_angle)
             ends[1:1] = [middle if branch.forward else middle.T, np.eye(3)]
         rotation_terms = ABOUT_Z * np.array([1.0, 1.0, branch.direction])[:, None, None]
-        pairs = zip(ends[::2], ends[1::2], strict=True)
-        return [
-            np.einsum("ij...,pjk,kl...->ilp...", first, rotation_terms, second) for first, second in pairs
-        ]
-
-
-# largest number of vectors in a row of the layout; links with more vectors have several rows
-MAX_VECTORS = 8
-
-
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """Index arrays and constants that place the links of a tree; index -1 is the ground.
-
-    Attributes:
-        angles: indices of the angles among the coordinates.
-        rotations: rotation by each angle, as factors of 1, its cosine and its sine, (angles, 9, 3), or
-            (angles, 9, 3, n) for many designs.
-        single: links that one angle rotates relative to their parents, and the indices of the angles.
-        double: links with two angles, and these, the one nearer the frame first.
-        stiff: tree joints without angles, each with the index of its spherical joint, if any.
-        tiers: links with moving parents, and these parents, nearest the frame first.
-        vectors: vectors fixed in links, in their frames, padded with zeros, (rows, m, 3), or
-            (rows, m, 3, n). Each link and the ground has a row, with its joint point first; then others.
-        holders: the links of the rows.
-        parent_points: for each link, the index of its joint point on its parent; indices count through all
-            rows.
-        axes: indices of the axes of all coordinates, in the direction of motion of the child.
-        centres: indices of a point on each of these axes.
-        centred: the links on which these points are fixed.
-        slides: indices of the coordinates that are displacements.
-        slid: links that these displace relative to their parents.
-    """
-
-    angles: Index
-    rotations: Array
-    single: tuple[Index, Index]
-    double: tuple[Indices, Indices, Indices]
-    stiff: tuple[tuple[TreeJoint, int | None], ...]
-    tiers: tuple[tuple[Index, Index], ...]
-    vectors: Array
-    holders: Index
-    parent_points: Indices
-    axes: Indices
-    centres: Indices
-    centred: Indices
-    slides: Indices
-    slid: Indices
-
-
-def layout(branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]) -> Layout:
-    """Return the layout of a tree, with its joints nearest the frame first.
-
-    Args:
-        branches: tree joint of each link.
-        constants: index of a link -> sides of its tree joint.
-    """
-    slides = [(k, branch.child) for branch in branches for k in range(branch.first, branch.first_angle)]
-    sliding, slid = np.array(slides, dtype=np.intp).reshape(-1, 2).T
-    return Layout(
-        *_angles(branches, constants),
-        _tiers(branches),
-        *_vectors(branches, constants),
-        sliding,
-        slid,
-    )
-
-
-def _angles(
-    branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]
-) -> tuple[
-    Index,
-    Array,
-    tuple[Index, Index],
-    tuple[Indices, Indices, Indices],
-    tuple[tuple[TreeJoint, int | None], ...],
-]:
-    """Return the first five fields of a layout."""
-    by_link = sorted(branches, key=lambda branch: branch.child)
-    angles = [angle for branch in by_link for angle in branch.angles]
-    terms = [
-        term for branch in by_link if branch.angles for term in constants[branch.child].rotations(branch)
-    ]
-    rotations = np.array(terms)
-    first = np.cumsum([0, *(len(branch.angles) for branch in by_link)])
-    single, double = (
-        np.array([i for i, branch in enumerate(by_link) if len(branch.angles) == k], dtype=np.intp)
-        for k in (1, 2)
-    )
-    balls = count()
-    stiff = ((joint, next(balls) if joint.kind.ball else None) for joint in branches if not joint.angles)
-    return (
-        as_slice(np.array(angles, dtype=np.intp)),
-        rotations.reshape(len(terms), 9, 3, *rotations.shape[4:]),
-        (as_slice(single), as_slice(first[single])),
-        (double, first[double], first[double] + 1),
-        tuple(stiff),
-    )
-
-
-def _tiers(branches: Sequence[TreeJoint]) -> tuple[tuple[Index, Index], ...]:
-    depth, parent = np.zeros((2, len(branches) + 1), dtype=np.intp)
-    for branch in branches:
-        depth[branch.child], parent[branch.child] = depth[branch.parent] + 1, branch.parent
-    tiers = (np.flatnonzero(depth == k) for k in range(2, int(depth.max()) + 1))
-    return tuple((as_slice(child), as_slice(parent[child])) for child in tiers)
-
-
-def _vectors(
-    branches: Sequence[TreeJoint], constants: Mapping[int, JointSides]
-) -> tuple[Array, Index, Indices, Indices, Indices, Indices]:
-    """Return the vectors fixed in links, and the indices of points, axes and centres among them."""
-    rows = [[constants[i].child_point] for i in range(len(branches))]
-    rows.append([np.zeros_like(rows[0][0]) if rows else np.zeros(3)])
-    holders = [*range(len(rows))]
-    last = [*holders]
-
-    def position_of(link: int, vector: Array) -> tuple[int, int]:
-        if len(rows[last[link]]) == MAX_VECTORS:
-            last[link] = len(rows)
-            rows.append([])
-            holders.append(link % (len(branches) + 1))
-        row = rows[last[link]]
-        row.append(vector)
-        return last[link], len(row) - 1
-
-    parent_points = [(0, 0)] * len(branches)
-    axes, centres, centred = list[tuple[int, int]](), list[tuple[int, int]](), list[int]()
-    for branch in branches:
-        i, fixed, kind = branch.child, constants[branch.child], branch.kind
-        parent_points[i] = position_of(branch.parent, fixed.parent_point)
-        for axis in (*kind.slides, *kind.turns):
-            link, direction = fixed.axis(branch, axis)
-            axes.append(position_of(link, branch.direction * direction))
-            # axes pass through side b's point
-            centres.append((i, 0) if branch.forward else parent_points[i])
-            centred.append(i if branch.forward else branch.parent)
-    longest, zero = max(map(len, rows)), rows[len(branches)][0]
-    vectors = np.array([row + [zero] * (longest - len(row)) for row in rows])
-    first, second, third = (
-        np.array(pairs, dtype=np.intp).reshape(-1, 2) @ [longest, 1]
-        for pairs in (parent_points, axes, centres)
-    )
-    return vectors, as_slice(np.array(holders)), first, second, third, np.array(centred, dtype=np.intp)
+        rotations = (
+            np.einsum("ij...,pjk,kl...->ilp...", first, rotation_terms, second)
+            for first, second in zip(ends[::2], ends[1::2], strict=True)
+        )
+        return [rotation.reshape(9, 3, *rotation.shape[3:]) for rotation in rotations]
 
 
 @dataclass(frozen=True)
@@ -279,9 +142,14 @@ class SpanningTree:
         return sides
 
     @cached_property
-    def layout(self) -> Layout:
-        """The layout for all poses."""
-        return layout(self.branches, self.constants)
+    def rotations(self) -> dict[int, list[Array]]:
+        """Index of a link -> rotations of its tree joint, as `JointSides.rotations`."""
+        return {branch.child: self.constants[branch.child].rotations(branch) for branch in self.branches}
+
+    @cached_property
+    def axes(self) -> dict[int, list[tuple[int, Array]]]:
+        """Index of a link -> axes of its tree joint, as `JointSides.axes`."""
+        return {branch.child: self.constants[branch.child].axes(branch) for branch in self.branches}
 
     @cached_property
     def length(self) -> float:
