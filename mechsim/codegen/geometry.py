@@ -137,10 +137,10 @@ def _formed(nominal: Mechanism, vectors: Vectors, values: Mapping[str, float]) -
     for joint in nominal.joints:
         for side, end in (("a", joint.a), ("b", joint.b)):
             key = f"{joint.name}.{side}"
-            at, axis, reference = (_evaluated(vectors, key, quantity, values) for quantity in QUANTITIES)
+            point, axis, reference = (_evaluated(vectors, key, quantity, values) for quantity in QUANTITIES)
             if reference is None and not (axis and not end.has_reference):
                 reference = end.reference
-            formed = End(end.link, at or end.point, axis or end.axis, reference)
+            formed = End(end.link, point or end.point, axis or end.axis, reference)
             sides[key] = np.array([formed.point, formed.axis, formed.reference])
     points = {
         name: np.array(_evaluated(vectors, name, "at", values) or local)

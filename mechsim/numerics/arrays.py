@@ -5,8 +5,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-# what picks rows or columns of an array
-Index = slice | Indices
 
 # glibc returns freed memory to the system after each step of a calculation and requests it again for the
 # next, page by page, unless one large array has been freed before; without this line that costs more than the
@@ -47,16 +45,3 @@ def tangents(positions: Array) -> Array:
         along[[0, -1]] = 0.5 * (positions[1] - positions[-2])
     length = np.sqrt((along**2).sum(1, keepdims=True))
     return along / np.where(length > 0.0, length, 1.0)
-
-
-def as_slice(indices: Indices) -> Index:
-    """Return indices as a slice where each is one more than that before: no copy is then made."""
-    values = indices.tolist()
-    consecutive = len(values) > 0 and values == [*range(values[0], values[0] + len(values))]
-    return slice(values[0], values[-1] + 1) if consecutive else indices
-
-
-def block(rows: Indices, columns: Indices) -> tuple[Index, ...]:
-    """Return what picks rows and columns of a matrix: slices where both lie in a row."""
-    selectors = as_slice(rows), as_slice(columns)
-    return selectors if all(isinstance(selector, slice) for selector in selectors) else np.ix_(rows, columns)

@@ -8,7 +8,7 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.numerics.arrays import Array, Index, block
+from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, square_solution
 from mechsim.numerics.rank import RANK_TOLERANCE, pivot_columns, significant
 
@@ -186,11 +186,6 @@ class LoopSolver(Generic[E, Q]):
     reference: Q
 
     @cached_property
-    def picked(self) -> tuple[Index, ...]:
-        """Index of the selected equations by the unknowns in the whole Jacobian."""
-        return block(self.rows, self.loops.unknown)
-
-    @cached_property
     def others(self) -> NDArray[np.intp]:
         """Indices of the unused equations."""
         return np.delete(np.arange(self.loops.rows), self.rows)
@@ -243,7 +238,7 @@ class LoopSolver(Generic[E, Q]):
         residual, jacobian, poses = self.loops.linearise(q)
         n, u, r = len(q), len(self.loops.unknown), len(self.rows)
         matrix, right = np.empty((n, u, u), jacobian.dtype), np.empty((n, u), jacobian.dtype)
-        matrix[:, :r] = jacobian[self.picked].transpose(2, 0, 1)
+        matrix[:, :r] = jacobian[np.ix_(self.rows, self.loops.unknown)].transpose(2, 0, 1)
         right[:, :r] = residual[self.rows].T
         if self.nullity:
             reference = self.reference.repeated(n // len(self.reference))

@@ -12,7 +12,6 @@ from mechsim.analytic.loops.tree import JointSides, spanning_tree
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, Link
 from mechsim.model.mechanism import Mechanism
-from mechsim.numerics.arrays import as_slice
 
 STEP, MIDDLE = 2e-3, 4
 FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP
@@ -170,13 +169,6 @@ def test_jacobians_and_biases_of_a_closing_joint_are_derivatives_of_its_residual
         "fixed": [xa * gap, ya * gap, za * gap, *aligned, xa * yb],
     }[kind]
     near(residual, np.array([row.sum(1) for row in expected]), 1e-13)
-
-
-def test_indices_in_a_row_are_taken_as_a_slice_and_others_as_they_are():
-    for row, wanted in (([7], slice(7, 8)), ([3, 4, 5], slice(3, 6))):
-        assert as_slice(np.array(row)) == wanted
-    for others in ([], [0, 2, 4], [2, 1], [0, 1, 3]):
-        assert as_slice(np.array(others, dtype=np.intp)).tolist() == others
 
 
 def test_a_tree_without_angles_is_placed_as_its_joints_state():

@@ -30,7 +30,7 @@ from mechsim.model.link_poses import rotated, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.numerics.arrays import Array, Index, as_slice
+from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import LoopSolver
 
 
@@ -51,11 +51,6 @@ class Cut:
     columns: NDArray[np.intp]
     gains: Array
     length: float
-
-    @cached_property
-    def span(self) -> Index:
-        """The columns, as a slice if they are consecutive."""
-        return as_slice(self.columns)
 
     @cached_property
     def lengths(self) -> list[int]:
@@ -114,7 +109,7 @@ class Cut:
         """Return residuals (m, n) without units, and Jacobians by the coordinates (m, columns, n)."""
         point_a, frame_a, point_b, frame_b = self.frames(poses)
         columns_a, columns_b, units, targets = self.products
-        unit_twists, k = poses.unit_twists[self.span], len(self.lengths)
+        unit_twists, k = poses.unit_twists[self.columns], len(self.lengths)
         directions_a = frame_a.take(columns_a, 1) * units
         measured = np.empty((3, self.rows, unit_twists.shape[2]), unit_twists.dtype)
         measured[:, :k] = point_b[:, None]
@@ -273,7 +268,7 @@ class TreeLoops:
         k = 0
         for cut in self.cuts:
             block = slice(k, k + cut.rows)
-            residual[block], jacobian[block, cut.span] = cut.residual_and_jacobian(poses)
+            residual[block], jacobian[block, cut.columns] = cut.residual_and_jacobian(poses)
             k += cut.rows
         for coupling, offset in zip(self.couplings, self.turn_offsets, strict=True):
             violation, derivative, _ = coupling.evaluate(q.values)

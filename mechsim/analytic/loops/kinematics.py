@@ -101,8 +101,8 @@ def _relative_rotations(tree: SpanningTree, q: Coordinates) -> Iterator[Array]:
         sides = tree.constants[branch.child]
         frame, child_frame = _wide(sides.parent_frame, 2), _wide(sides.child_frame.swapaxes(0, 1), 2)
         if branch.kind.ball:
-            turn = next(turns)
-            frame = product(frame, turn if branch.forward else turn.swapaxes(0, 1))
+            ball_rotation = next(turns)
+            frame = product(frame, ball_rotation if branch.forward else ball_rotation.swapaxes(0, 1))
         yield product(frame, child_frame)
 
 
