@@ -40,6 +40,7 @@ from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.force_record import Fluctuation, FreeRun
+from mechsim.model.links import GROUND
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MIN_TURNS
@@ -529,8 +530,10 @@ def _print_peaks(
     ]
     notes: list[str] = []
     for joint, reaction in facts["reactions"].items():
-        peaks.append((f"force of joint {joint} on {reaction['on']}", reaction["force"], "N"))
-        peaks.append((f"moment of joint {joint} on {reaction['on']}", reaction["moment"], "N m"))
+        # a joint may have the name of its link
+        on = "the frame" if reaction["on"] == GROUND else f"link {reaction['on']}"
+        peaks.append((f"force of joint {joint} on {on}", reaction["force"], "N"))
+        peaks.append((f"moment of joint {joint} on {on}", reaction["moment"], "N m"))
     for coupling, effort in facts["couplings"].items():
         kind = "torque" if effort["unit"] == "N m" else "force"
         if effort["by"] == "teeth":

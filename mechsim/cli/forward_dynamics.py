@@ -1,6 +1,6 @@
 """Forward dynamics, statics and vibrations of `mechsim dynamics`, from any state with free drivers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
@@ -22,18 +22,18 @@ from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import InitialOptions, ModelOptions
 from mechsim.cli.output import number, print_table, print_text
+from mechsim.cli.progress import Progress, progress
 from mechsim.cli.schema import CheckJson
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.masses import LinkMass
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.quantities import (
-    quantity_names,
-)
+from mechsim.model.quantities import quantity_names
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
-from mechsim.studies.dynamics_check import crosscheck_equilibrium, crosscheck_forward
+from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
 from mechsim.studies.release import Release, frequency_response
 from mechsim.units import option
 from mechsim.verdict.checks import Verdict
@@ -86,6 +86,7 @@ class EquilibriumJson(TypedDict):
     q: dict[str, float]
     stable: bool
     reached: bool
+    everywhere: bool
     potential: float
     modes: list[ModeJson]
 
@@ -209,7 +210,10 @@ def forward_dynamics(
     if forward.response is not None:
         return _response(model, forward.response, initial, output)
     release = forward.release(model, source)
-    result = release.run(output.samples)
+    # rejects unknown names before the run
+    release.quantities(forward.quantities)
+    with progress("dynamics", None, at_least=release.until is not None) as report:
+        result = release.run(output.samples, report)
     values = release.values(result, forward.quantities)
     if output.csv is not None:
         more = {quantity.name: column for quantity, column in values.items()}
@@ -217,7 +221,8 @@ def forward_dynamics(
     if output.plot is not None:
         shown = {f"{quantity.name} [{quantity.unit}]": column for quantity, column in values.items()}
         plots.write(output.plot, plots.history_plot(result, shown))
-    verdict = _verdict(release, result, output.method)
+    with progress("check in MuJoCo", None) as report:
+        verdict = _verdict(release, result, output.method, report)
     extents = {
         quantity.name: QuantityJson(**_extent(column), unit=quantity.unit)
         for quantity, column in values.items()
@@ -225,11 +230,12 @@ def forward_dynamics(
     return _run(model, result, extents, verdict, output.verbose)
 
 
-def _verdict(release: Release, result: DynamicRun, method: str | None) -> Verdict | None:
+def _verdict(release: Release, result: DynamicRun, method: str | None, report: Progress) -> Verdict | None:
     """Return the comparison with MuJoCo; None if it is omitted."""
-    if method == "none" or result.events or result.outcome not in ("done", "stopped"):
+    if method == "none" or result.outcome not in ("done", "stopped") or not compared_segments(result):
         return None
-    return crosscheck_forward(result, release.model, initial_values(release.model, release.initial))
+    values = initial_values(release.model, release.initial)
+    return crosscheck_forward(result, release.model, values, progress=report)
 
 
 def _run(
@@ -281,11 +287,20 @@ def _run(
         print_table("", head, rows)
         if verdict is not None:
             print_verdicts({"against MuJoCo, stepped": verdict}, verbose=verbose)
-        elif result.events:
-            print_text("not compared with MuJoCo, whose impacts and dry friction are soft")
+        if result.events:
+            print_text(_comparison(result, verdict is not None))
 
     passed = result.outcome in ("done", "stopped") and (verdict is None or verdict.passed)
     return Result(data, text, passed)
+
+
+def _comparison(result: DynamicRun, compared: bool) -> str:
+    """Return which part of a run with impacts or changes of friction is compared with MuJoCo."""
+    soft = "its impacts, contacts and sticking friction are soft"
+    if not compared:
+        return f"not compared with MuJoCo: {soft}"
+    spans = [f"{number(part.first)} to {number(part.last)} s" for part in compared_segments(result)]
+    return f"compared with MuJoCo in {', '.join(spans)}: {soft}"
 
 
 def _extent(values: Array) -> Extent:
@@ -310,24 +325,15 @@ def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output, as
         if compared
     }
     torques = holding(model, initial=initial) if initial else {}
-    drivers = mechanism.drivers or tuple(solutions[0].q)[:1] if solutions else ()
 
     def text() -> None:
-        rows = [
-            (
-                ", ".join(f"{driver} {number(equilibrium.q[driver])}" for driver in drivers),
-                "yes" if equilibrium.stable else "no",
-                "yes" if equilibrium.reached else "no",
-                number(equilibrium.potential),
-                ", ".join(number(mode.frequency) for mode in equilibrium.modes) if equilibrium.stable else "",
+        if any(equilibrium.everywhere for equilibrium in solutions):
+            print_text(
+                f"{mechanism.name}: every configuration is an equilibrium, for no load, spring or weight "
+                "moves the mechanism"
             )
-            for equilibrium in solutions
-        ]
-        searched = f"found from {STARTS + 1} configurations along the motion"
-        other = f" and {assemblies} random ones of any assembly" if assemblies else ""
-        title = f"{mechanism.name}: {len(solutions)} equilibria {searched}{other}"
-        head = ("at [rad, m]", "stable", "reached", "potential [J]", "frequencies [Hz]")
-        print_table(title, head, rows)
+        else:
+            _print_equilibria(mechanism, solutions, assemblies)
         for driver, torque in torques.items():
             print_text(
                 f"{number(torque)} {mechanism.effort_unit(driver)} in {driver} hold the initial configuration"
@@ -347,11 +353,37 @@ def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output, as
     return Result(data, text, agreed)
 
 
+def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], assemblies: int) -> None:
+    """Print equilibria, their stability and natural frequencies as a table."""
+    rows = [
+        (
+            _position(mechanism, equilibrium),
+            "yes" if equilibrium.stable else "no",
+            "yes" if equilibrium.reached else "no",
+            number(equilibrium.potential),
+            ", ".join(number(mode.frequency) for mode in equilibrium.modes) if equilibrium.stable else "",
+        )
+        for equilibrium in solutions
+    ]
+    searched = f"found from {STARTS + 1} configurations along the motion"
+    other = f" and {assemblies} random ones of any assembly" if assemblies else ""
+    title = f"{mechanism.name}: {len(solutions)} equilibria {searched}{other}"
+    head = ("at [rad, m]", "stable", "reached", "potential [J]", "frequencies [Hz]")
+    print_table(title, head, rows)
+
+
+def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
+    """Return the drivers' coordinates at an equilibrium; without drivers, the first coordinate."""
+    names = mechanism.drivers or tuple(equilibrium.q)[:1]
+    return ", ".join(f"{name} {number(equilibrium.q[name])}" for name in names)
+
+
 def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
     return {
         "q": dict(equilibrium.q),
         "stable": equilibrium.stable,
         "reached": equilibrium.reached,
+        "everywhere": equilibrium.everywhere,
         "potential": equilibrium.potential,
         "modes": [_mode_facts(mode) for mode in equilibrium.modes],
     }
@@ -368,7 +400,7 @@ def _mode_facts(mode: Mode) -> ModeJson:
 
 
 def _modes(model: DynamicModel, initial: Mapping[str, str], plot: str | None) -> Result[Any]:
-    """Return frequencies, damping ratios and shapes of the modes about the nearest equilibrium."""
+    """Return frequencies, damping ratios and shapes of the modes about an equilibrium."""
     equilibrium, name = nearest_equilibrium(model, initial=initial), model.mechanism.name
     if plot is not None:
         plots.write(plot, plots.mode_plot(model.mechanism, _cycles(equilibrium)))
@@ -380,7 +412,8 @@ def _modes(model: DynamicModel, initial: Mapping[str, str], plot: str | None) ->
             amplitudes = ", ".join(f"{joint} {value.real:+.3g}" for joint, value in shape)
             rows.append((number(mode.frequency), number(mode.damping_ratio), amplitudes))
         state = "stable" if equilibrium.stable else "unstable"
-        title = f"{name}: modes about a {state} equilibrium"
+        position = _position(model.mechanism, equilibrium)
+        title = f"{name}: modes about the {state} equilibrium at {position} [rad, m]"
         print_table(title, ("frequency [Hz]", "damping ratio", "shape"), rows)
 
     return Result(_equilibrium_facts(equilibrium), text, equilibrium.stable)

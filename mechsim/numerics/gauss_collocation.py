@@ -1,12 +1,13 @@
 """Initial value problems by Gauss-Legendre collocation: all nodes of a step are evaluated in one call.
 
 The polynomial of a step satisfies the differential equation at its nodes; fixed-point iteration determines
-it. A vectorised right-hand side costs little more at all nodes than at one, and a step is ten times as long
-as that of a Runge-Kutta method of order 8.
+it, or Newton's method with the Jacobians at the predicted nodes if the equation is stiff. A vectorised
+right-hand side costs little more at all nodes than at one, and a step is ten times as long as that of a
+Runge-Kutta method of order 8.
 
-Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), section II.7;
-X. Bai, J. L. Junkins, Modified Chebyshev-Picard iteration methods for orbit propagation, Journal of the
-Astronautical Sciences 58 (2011) 583-613.
+Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), section II.7,
+and II (1996), section IV.8 (simplified Newton iterations); X. Bai, J. L. Junkins, Modified Chebyshev-Picard
+iteration methods for orbit propagation, Journal of the Astronautical Sciences 58 (2011) 583-613.
 """
 
 from collections.abc import Callable
@@ -21,9 +22,14 @@ from mechsim.numerics.arrays import Array
 
 # (times (n,), states (n, size)) -> derivatives (n, size); NaN where they are undefined
 Derivatives = Callable[[Array, Array], Array]
+# (times (n,), states (n, size)) -> derivatives of these by the states, (n, size, size)
+Jacobians = Callable[[Array, Array], Array]
 
 # nodes of a step; 16 need a fifth more time, and the iteration limits 32 and more (four-bar, 1e-13)
 NODES = 24
+# nodes of a step of a stiff equation: with more, the rounding of the last coefficients limits the growth of
+# the steps after a transient
+STIFF_NODES = 12
 # degree of the polynomial that extrapolates the derivative: higher degrees amplify rounding
 DEGREE = 10
 # largest number of iterations of a step; if more are needed, a shorter step takes less time
@@ -32,6 +38,8 @@ ITERATIONS = 20
 SHRINKING = 0.5
 # multiple of the tolerance up to which a change may be rounding
 ROUNDING = 30.0
+# the same for a stiff equation, whose derivative multiplies the rounding of a state by its fastest decay
+STIFF_ROUNDING = 1e6
 # number of last coefficients of the derivative whose largest is the error of a step
 TAIL = 3
 # next step: fraction of the longest that satisfies the tolerance; smallest and largest ratio to the last step
@@ -94,15 +102,20 @@ class StepSolution:
     derivative: Array
     series: Array
 
+    @classmethod
+    def constant(cls, time: float, state: Array) -> "StepSolution":
+        """Return the solution that stays in a state from a time in [s] on."""
+        return cls(time, 1.0, state.copy(), np.zeros((1, len(state))), np.zeros((2, len(state))))
+
     @property
     def end(self) -> Array:
         """State at the end, (size,)."""
         return self.state + 0.5 * self.duration * (rule(len(self.derivative)).to_end @ self.derivative)
 
-    def __call__(self, time: float) -> Array:
-        """Return the state (size,) at a time in [s] within the step."""
-        x = 2.0 * (time - self.start) / self.duration - 1.0
-        return self.state + 0.5 * self.duration * legendre.legval(x, self.series)
+    def __call__(self, time: float | Array) -> Array:
+        """Return the state (size,) at a time in [s] within the step, or the states (n, size) at n times."""
+        x = 2.0 * (np.asarray(time) - self.start) / self.duration - 1.0
+        return self.state + 0.5 * self.duration * legendre.legval(x, self.series).T
 
     def beyond(self, times: Array) -> Array:
         """Return states (n, size) at times (n,) in [s] after the step, by a polynomial of low degree."""
@@ -124,6 +137,7 @@ def collocated(
     guess: Array,
     tolerance: Array,
     rounding: float = ROUNDING,
+    jacobians: Jacobians | None = None,
 ) -> tuple[StepSolution, float] | None:
     """Return the solution of one step and its last change relative to the tolerance; None without a solution.
 
@@ -135,23 +149,46 @@ def collocated(
         guess: states at the nodes, (n, size); n is the number of nodes.
         tolerance: change of the states at which the iteration has converged, (size,).
         rounding: multiple of the tolerance up to which changes may be rounding.
+        jacobians: of a stiff right-hand side, for Newton's method; None iterates a fixed point.
     """
     table, half, states = rule(len(guess)), 0.5 * duration, guess
     times, before = node_times(start, duration, len(guess)), np.inf
+    solve = None if jacobians is None else _newton_solve(half * table.to_nodes, jacobians(times, guess))
     for _ in range(ITERATIONS):
         # a step that is far too long diverges and is rejected
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             derivative = derivatives(times, states)
-            new = state + half * (table.to_nodes @ derivative)
-            change = float((np.abs(new - states) / tolerance).max())
-        states = new
+            step = state + half * (table.to_nodes @ derivative) - states
+            step = step if solve is None else solve(step)
+            change = float((np.abs(step) / tolerance).max())
+        states = states + step
         if not np.isfinite(change):
             return None
         if change < 1.0 or SHRINKING * before < change < rounding:
+            if solve is not None:
+                # of the states at the nodes: a stiff right-hand side multiplies their rounding
+                derivative = np.linalg.solve(half * table.to_nodes, states - state).astype(np.float64)
             series = table.to_integral @ derivative
             return StepSolution(start, duration, state, derivative, series), change
         before = change
     return None
+
+
+def _newton_solve(integrals: Array, jacobian: Array) -> Callable[[Array], Array]:
+    """Return the function that solves (I - integrals x jacobian) step = residual, (n, size) each.
+
+    Args:
+        integrals: matrix of the integrals to each node, (n, n).
+        jacobian: Jacobians at the nodes, (n, size, size).
+    """
+    from scipy.linalg import lu_factor, lu_solve
+
+    count = jacobian.shape[0] * jacobian.shape[1]
+    coupled = np.einsum("ij,jkl->ikjl", integrals, jacobian).reshape(count, count)
+    if not np.isfinite(coupled).all():
+        return lambda residual: np.full_like(residual, np.nan)
+    factors = lu_factor(np.eye(count) - coupled)
+    return lambda residual: lu_solve(factors, residual.ravel()).reshape(residual.shape)
 
 
 class GaussCollocation:
@@ -165,6 +202,7 @@ class GaussCollocation:
         rtol: error of a step relative to the state and its scale.
         scale: scale of the state's components, (size,).
         max_step: longest step in [s].
+        jacobians: of a stiff right-hand side, for implicit steps.
 
     Attributes:
         t: time in [s].
@@ -181,7 +219,11 @@ class GaussCollocation:
         rtol: float,
         scale: Array,
         max_step: float = np.inf,
+        jacobians: Jacobians | None = None,
     ) -> None:
+        self.jacobians = jacobians
+        self.rounding = ROUNDING if jacobians is None else STIFF_ROUNDING
+        self.nodes = NODES if jacobians is None else STIFF_NODES
         self.derivatives, self.t, self.y, self.t_bound = derivatives, t0, y0, t_bound
         self.rtol, self.scale, self.max_step = rtol, scale, max_step
         self.status: Literal["running", "finished", "failed"] = "running"
@@ -197,15 +239,26 @@ class GaussCollocation:
             remaining, self._length = self.t_bound - self.t, min(self._length, self.max_step)
             # avoids a last step that is much shorter than the others
             length = remaining if self._length > 0.99 * remaining else min(self._length, 0.5 * remaining)
-            result = collocated(self.derivatives, self.t, self.y, length, self._guess(length), tolerance)
+            result = collocated(
+                self.derivatives,
+                self.t,
+                self.y,
+                length,
+                self._guess(length),
+                tolerance,
+                self.rounding,
+                self.jacobians,
+            )
             if result is None:
                 self._length = 0.5 * length
                 continue
             solution, change = result
             error = self._error(solution, tolerance)
-            ratio = SAFETY * max(error, 1e-16) ** (-1.0 / NODES)
-            self._length = length * min(max(ratio, LEAST), LARGEST)
-            # the remaining change of the iteration is rounding, which a shorter step does not reduce
+            ratio = SAFETY * max(error, 1e-16) ** (-1.0 / self.nodes)
+            # a shorter step does not reduce rounding
+            ratio = 1.0 if 1.0 < error <= change else min(max(ratio, LEAST), LARGEST)
+            self._length = length * ratio
+            # the remaining change of the iteration is rounding
             if error <= max(1.0, change):
                 self._accept(solution)
                 return ""
@@ -228,13 +281,19 @@ class GaussCollocation:
 
     def _guess(self, length: float) -> Array:
         """Return extrapolated states at the nodes of the next step."""
-        times = node_times(self.t, length)
+        times = node_times(self.t, length, self.nodes)
         if self._solution is None:
             return self.y + (times - self.t)[:, None] * self._first
         states = self._solution.beyond(np.append(self.t, times))
         return self.y + states[1:] - states[0]
 
     def _error(self, solution: StepSolution, tolerance: Array) -> float:
-        """Return the magnitude of the last coefficients relative to the tolerance."""
-        tail = rule(NODES).to_series[-TAIL:] @ solution.derivative
+        """Return the magnitude of the last coefficients of the derivative relative to the tolerance.
+
+        The coefficients of a stiff solution count instead: its derivative has the larger rounding.
+        """
+        if self.jacobians is None:
+            tail = rule(self.nodes).to_series[-TAIL:] @ solution.derivative
+        else:
+            tail = solution.series[-TAIL:]
         return float((0.5 * solution.duration * np.abs(tail).max(0) / tolerance).max())

@@ -4,13 +4,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, free_run, prescribed
+from mechsim.analytic.dynamics.dynamic_run import Segment
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.errors import AssemblyError
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.model.motion import Motion, select_instants
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.forward_run import SteppedRun, stepped_run
 from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
@@ -25,8 +27,8 @@ from mechsim.verdict.tolerances import RecordInstants, Tolerance
 # collocation needs 5 (validation/published/forward_dynamics.py); a collocation step that loads over time keep
 # short needs fewer.
 MIN_STEPS_PER_STEP, STEPS_PER_STEP = 20, 300
-# largest number of steps of one run
-MAX_STEPS = 400_000
+# largest number of steps of one run, and of compared segments of a run with impacts
+MAX_STEPS, MAX_SEGMENTS = 400_000, 8
 # tolerance relative to the largest value, for rounding and the compliance of MuJoCo's constraints; MuJoCo
 # models Coulomb friction by a soft constraint
 RELATIVE_TOLERANCE, FRICTION_TOLERANCE = 1e-9, 1e-4
@@ -74,7 +76,7 @@ def crosscheck_driven(
 def crosscheck_free(
     run: SteppedFreeRun, model: DynamicModel, *, bounds: Mapping[str, Tolerance] | None = None
 ) -> Verdict:
-    """Compare a free run with the reduced equation from the same start, at the same instants.
+    """Compare a free run with the analytic run from the same start, at the same instants.
 
     Args:
         run: from `simulation.dynamics.free_running.free_run`.
@@ -89,45 +91,92 @@ def crosscheck_free(
     return crosscheck_free_run(record, exact, tolerance=tolerance, bounds=bounds)
 
 
-def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: InitialValues) -> Verdict:
-    """Compare a run of forward dynamics with MuJoCo, stepped from the same initial values.
+def compared_segments(run: DynamicRun) -> tuple[Segment, ...]:
+    """Return the segments of a run that are compared with MuJoCo: the longest in which nothing is held.
 
-    All joints start in MuJoCo at their initial values of the run, since `initial` may leave some out.
-    MuJoCo runs again with half the step until that changes the motion by less than the rounding that is
-    tolerated, or the step is short enough. The largest change between the last two runs bounds the error of
-    the last.
+    MuJoCo's impacts, contacts and sticking friction are soft. A run without impacts and changes of friction
+    is compared as a whole.
+    """
+    if not run.events:
+        return (Segment(run.time[0], run.time[-1], False),)
+    free = [segment for segment in run.segments if not segment.held and _instants(run, segment).sum() > 2]
+    longest = sorted(free, key=lambda segment: segment.first - segment.last)[:MAX_SEGMENTS]
+    return tuple(sorted(longest, key=lambda segment: segment.first))
+
+
+def _instants(run: DynamicRun, segment: Segment) -> NDArray[np.bool_]:
+    """Return which instants of a run are in a segment; at the instant of an event the next one begins."""
+    within = (run.time >= segment.first) & (run.time < segment.last)
+    within[-1] |= segment.last == run.time[-1]
+    return within
+
+
+def crosscheck_forward(
+    run: DynamicRun,
+    dynamic_model: DynamicModel,
+    initial: InitialValues,
+    *,
+    progress: Callable[[str, float], None] = lambda _, __: None,
+) -> Verdict:
+    """Compare a run of forward dynamics with MuJoCo, stepped from the start of each compared segment.
+
+    All joints start in MuJoCo at their values of the run, since `initial` may leave some out. MuJoCo runs
+    again with half the step until that changes the motion by less than the rounding that is tolerated, or the
+    step is short enough. The largest change between the last two runs bounds the error of the last.
 
     Args:
         run: of the analytic side.
         dynamic_model: the model of the run.
         initial: its initial values.
+        progress: called with a text and the finished fraction of a run in MuJoCo.
     """
-    times, intervals = run.time, len(run.time) - 1
-    joints = run.motion.joints
-    coordinates = {name: float(joint.value[0]) for name, joint in joints.items()}
-    rates = {name: float(joint.rate[0]) for name, joint in joints.items()}
+    segments, checks = compared_segments(run), list[Check]()
+    if not segments:
+        return Verdict("failed", (), "no part of the run is comparable: friction sticks or stops touch")
+    for segment in segments:
+        rows = _instants(run, segment)
+        part = replace(
+            run,
+            motion=select_instants(run.motion, rows),
+            driving={name: effort[rows] for name, effort in run.driving.items()},
+        )
+        compared = _compared_with_mujoco(run, part, dynamic_model, initial, progress)
+        if isinstance(compared, Verdict):
+            return compared
+        title = f"{segment.first:.4g} to {segment.last:.4g} s" if run.events else ""
+        checks += [replace(check, variant=title) for check in compared]
+    return concluded(checks)
+
+
+def _compared_with_mujoco(
+    run: DynamicRun,
+    part: DynamicRun,
+    dynamic_model: DynamicModel,
+    initial: InitialValues,
+    progress: Callable[[str, float], None],
+) -> list[Check] | Verdict:
+    """Return the checks of a part of a run; a verdict if MuJoCo diverges."""
+    times, joints = part.time, part.motion.joints
     kept = {*initial.coordinates, *initial.rates, *run.driving}
     for controller in dynamic_model.forces.controllers:
         kept |= controller.coordinates
-    laws = {name: dynamic_model.solver.motion_laws.by_name[name] for name in run.driving}
 
     def stepped(substeps: int) -> SteppedRun:
         return stepped_run(
             dynamic_model.mechanism,
             dynamic_model.forces,
-            coordinates,
-            rates,
+            {name: float(joint.value[0]) for name, joint in joints.items()},
+            {name: float(joint.rate[0]) for name, joint in joints.items()},
             times,
             substeps,
             kept=kept,
-            prescribed=laws,
+            prescribed={name: dynamic_model.solver.motion_laws.by_name[name] for name in run.driving},
+            progress=progress,
         )
 
-    floor = (
-        FRICTION_TOLERANCE
-        if any(friction.dry for friction in dynamic_model.forces.friction)
-        else RELATIVE_TOLERANCE
-    )
+    dry = any(friction.dry for friction in dynamic_model.forces.friction)
+    floor = FRICTION_TOLERANCE if dry else RELATIVE_TOLERANCE
+    intervals = len(run.time) - 1
     most = min(MAX_STEPS, 2 * STEPS_PER_STEP * run.steps) // intervals
     substeps = max(1, min(most, MIN_STEPS_PER_STEP * run.steps // intervals))
     coarse = stepped(substeps)
@@ -135,15 +184,15 @@ def crosscheck_forward(run: DynamicRun, dynamic_model: DynamicModel, initial: In
         fine, substeps = stepped(2 * substeps), 2 * substeps
         if fine.diverged or coarse.diverged:
             return Verdict("diverged", (), "MuJoCo's state became invalid; give a shorter run")
-        compared = _forward_quantities(run, dynamic_model.mechanism, coarse, fine)
-        largest = _largest_values(compared)
+        compared = _forward_quantities(part, dynamic_model.mechanism, coarse, fine)
+        largest = _largest_values(run, compared)
         changes = ((unit, _change(coarse, fine)) for _, unit, _, coarse, fine in compared)
         if 2 * substeps > most or all(change <= floor * largest[unit] for unit, change in changes):
             break
         coarse = fine
-    return concluded(
+    return [
         _forward_check(name, unit, times, values, floor * largest[unit]) for name, unit, *values in compared
-    )
+    ]
 
 
 def _forward_quantities(
@@ -157,11 +206,15 @@ def _forward_quantities(
     return compared
 
 
-def _largest_values(compared: Iterable[tuple[str, str, Array, Array, Array]]) -> dict[str, float]:
-    """Return unit -> largest value of all points or joints together, since one of them may rest."""
+def _largest_values(
+    run: DynamicRun, compared: Iterable[tuple[str, str, Array, Array, Array]]
+) -> dict[str, float]:
+    """Return unit -> largest value in a run of all compared points or joints, since one of them may rest."""
+    whole = {name: exact for name, _, exact, _, _ in _compared(run.motion, run.motion, run.motion)}
+    whole |= {f"drive of {name}": effort for name, effort in run.driving.items()}
     largest: dict[str, float] = {}
-    for _, unit, exact, _, _ in compared:
-        largest[unit] = max(largest.get(unit, 0.0), float(np.abs(exact).max()))
+    for name, unit, *_ in compared:
+        largest[unit] = max(largest.get(unit, 0.0), float(np.abs(whole[name]).max()))
     return largest
 
 

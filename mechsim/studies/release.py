@@ -1,6 +1,6 @@
 """A mechanism released from an initial state: its run, vibrations and frequency response."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +10,15 @@ from mechsim.analytic.dynamics import DynamicModel, DynamicRun, nearest_equilibr
 from mechsim.analytic.dynamics.joint_forces import joint_forces
 from mechsim.analytic.dynamics.mode_motion import ModeMotion, mode_motion, mode_motions
 from mechsim.errors import InputError
-from mechsim.model.quantities import Quantity, numeric_quantity, record_columns, unwrapped
+from mechsim.model.quantities import (
+    TRANSMISSION,
+    Quantity,
+    coordinate_units,
+    moving_points,
+    numeric_quantity,
+    record_columns,
+    unwrapped,
+)
 from mechsim.numerics.arrays import Array
 
 # number of frequencies, and their range relative to the lowest and highest natural frequency
@@ -99,7 +107,7 @@ class Release:
     until: str | None = None
     restitution: float = 0.0
 
-    def run(self, samples: int) -> DynamicRun:
+    def run(self, samples: int, progress: Callable[[str, float], None] = lambda _, __: None) -> DynamicRun:
         """Return the run at instants after the first."""
         return run(
             self.model,
@@ -109,7 +117,25 @@ class Release:
             until=self.until,
             samples=samples,
             restitution=self.restitution,
+            progress=progress,
         )
+
+    def quantities(self, names: Sequence[str]) -> list[Quantity]:
+        """Return the quantities of a run with these names.
+
+        Raises:
+            InputError: for an unknown name, or a quantity that a run does not have.
+        """
+        mechanism = self.model.mechanism
+        quantities = [numeric_quantity(name, mechanism) for name in names]
+        for quantity in quantities:
+            if quantity.kind == TRANSMISSION:
+                subjects = dict.fromkeys([*moving_points(mechanism), *coordinate_units(mechanism)])
+                raise InputError(
+                    f"a run from an initial state has no quantity {quantity.name}; choose from points and "
+                    f"joints ({', '.join(subjects)}) and names such as P.x, J.v, torque:J, distance:P,Q"
+                )
+        return quantities
 
     def columns(self, result: DynamicRun, quantities: Sequence[Quantity]) -> dict[str, Array]:
         """Return the columns of a run, with those of joint forces if quantities need them.
@@ -124,7 +150,7 @@ class Release:
 
     def values(self, result: DynamicRun, names: Sequence[str]) -> dict[Quantity, Array]:
         """Return quantities over a run, (n,) each; for vectors the length."""
-        quantities = [numeric_quantity(name, self.model.mechanism) for name in names]
+        quantities = self.quantities(names)
         columns = self.columns(result, quantities)
         if missing := [q.name for q in quantities if any(c.name not in columns for c in q.columns)]:
             raise InputError(f"a run from an initial state has no quantity {missing[0]}; leave it out")

@@ -227,7 +227,7 @@ def crosscheck_free_run(
     if len(computed) < 2:
         raise InputError("a free run needs at least two instants to compare; run it longer")
     if len(exact) < len(computed):
-        reason = f"the reduced equation ends after {exact.time[-1]:.6g} s: {exact.reason}"
+        reason = f"the analytic run ends after {exact.time[-1]:.6g} s: {exact.reason}"
         return Verdict("failed", (), reason)
     turns = float(np.ptp(exact.angle)) / (2.0 * np.pi)
     by = "step" if tolerance is None else "requested"

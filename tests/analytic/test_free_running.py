@@ -9,7 +9,6 @@ from grids import grid
 from mpmath import mp
 
 from mechsim import catalog, dynamics, load_profile, loops, motors
-from mechsim.analytic.dynamics.reduced_equation import CrankTable, columns
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Inertia, Link, Pose
@@ -168,15 +167,13 @@ def test_runs_that_do_not_make_their_turns_state_how_they_end():
     assert short.reason.startswith("0.159155 of 1 turns")
 
 
-def test_a_crank_that_runs_into_its_dead_centre_ends_there():
+def test_a_crank_turns_back_at_its_dead_centre():
     drive = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
     start = drive.mechanism.start
     run = dynamics.free_run(dynamics.dynamic_model(drive), angle=start, speed=5.0, turns=1.0, samples=5)
-    assert run.outcome == "dead centre"
+    assert run.outcome == "turned back"
     ahead = min((end - start) % (2.0 * np.pi) for end in drive.dead_centres())
-    assert run.angle[-1] - start == pytest.approx(ahead, abs=1e-3)
-    assert run.angle[-1] - start < ahead
-    assert np.isfinite(run.speed).all()
+    assert run.angle[-1] - start == pytest.approx(ahead, abs=1e-9)
     assert run.energy_error <= 1e-9
 
 
@@ -251,15 +248,6 @@ def test_a_load_on_a_point_does_the_work_it_should():
     path = drive.solve(run.angle).points["B"].position[:, 0]
     assert run.work == pytest.approx(-3.0 * (path - path[0]), abs=1e-10)
     assert run.energy_error <= 1e-10
-
-
-def test_the_chart_of_coefficients_is_exact_to_rounding_between_its_points():
-    drive = catalog.make("looper")
-    machine = dynamics.dynamic_model(drive, Forces(gravity=DOWN, friction=(Friction("rocker", 1e-3, 1e-3),)))
-    chart, angles = CrankTable(machine), np.random.default_rng(3).uniform(-7.0, 7.0, 60)
-    found, exact = np.array([chart.evaluate(angle) for angle in angles]), columns(machine, angles)
-    assert (np.abs(found - exact).max(0) <= 1e-12 * np.abs(exact).max(0)).all()
-    assert chart.periodic
 
 
 def test_a_run_backwards_is_the_mirror_of_the_run_in_the_mirrored_world():

@@ -67,6 +67,23 @@ def test_equilibria_are_listed_with_their_stability(facts):
     assert found["holding"]["crank"] == pytest.approx(0.0035634582077113, rel=1e-9)
 
 
+def test_without_loads_every_configuration_is_an_equilibrium(command, facts):
+    code, out, _ = command("--statics", "--gravity", "0,0,0", "--method", "none")
+    assert code == 0
+    assert "every configuration is an equilibrium" in out
+    (rest,) = facts("--statics", "--gravity", "0,0,0", "--method", "none")[1]["equilibria"]
+    assert rest["everywhere"]
+
+
+def test_modes_far_from_an_equilibrium_are_those_of_the_stable_one(command, facts):
+    _, near = facts("--modes", "--initial", "crank.q=-95deg")
+    code, found = facts("--modes")
+    assert code == 0
+    assert found["stable"]
+    assert found["modes"][0]["frequency"] == pytest.approx(near["modes"][0]["frequency"], rel=1e-9)
+    assert "modes about the stable equilibrium at crank -1.755" in command("--modes")[1]
+
+
 def test_modes_have_frequency_damping_ratio_and_shape(facts):
     code, found = facts("--modes", "--initial", "crank.q=-95deg", "--friction", "crank=1e-5,0")
     assert code == 0
@@ -91,6 +108,13 @@ def test_a_frequency_response_is_tabulated(facts):
         (["--until", "distance:A,B=1kg"], "kg"),
         (["--until", "force:A=1"], "needs accelerations or forces"),
         (["--until", "expr:A.x*B.y=1mm"], "give a number in m2"),
+        (["--until", "crank.v=0"], "crank.v=0 holds at the start already"),
+        (["--until", "crank.q=30deg", "--initial", "crank.q=30deg"], "holds at the start already"),
+        # before a run that would take hours
+        (
+            ["--of", "nothing", "--initial", "crank.v=9", "--duration", "1e6s"],
+            "has no quantity 'nothing'; choose from points and joints (A, B, C, crank",
+        ),
         (
             ["--of", "transmission", "--initial", "crank.v=0", "--duration", "1ms"],
             "has no quantity transmission",

@@ -86,3 +86,25 @@ def test_a_rule_integrates_the_polynomials_that_it_should(count):
     powers = np.arange(2 * count)
     values = rule(count).to_end @ rule(count).nodes[:, None] ** powers
     assert values == pytest.approx((1.0 - (-1.0) ** (powers + 1)) / (powers + 1), abs=1e-13)
+
+
+def test_a_stiff_equation_takes_few_steps_and_follows_its_slow_solution():
+    """y' = -l (y - cos t) - sin t, which relaxes to cos t; Prothero and Robinson's problem."""
+    decay, start = 1e7, 0.0
+
+    def derivatives(times, states):
+        return -decay * (states - np.cos(times)[:, None]) - np.sin(times)[:, None]
+
+    def jacobians(times, states):
+        return np.full((*states.shape, 1), -decay)
+
+    solver = GaussCollocation(
+        derivatives, 0.0, np.array([start]), 10.0, 3e-13, np.ones(1), jacobians=jacobians
+    )
+    steps = 0
+    while solver.status == "running":
+        assert not solver.step()
+        steps += 1
+    assert solver.y == pytest.approx([np.cos(10.0)], abs=1e-12)
+    # measured 60; an explicit method takes ten million
+    assert steps < 100

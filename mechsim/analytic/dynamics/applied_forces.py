@@ -40,11 +40,6 @@ class Dry:
         return np.where(self.still, 0.0, np.sign(np.real(self.rate)))
 
 
-def dry_sizes(joint: Joint, friction: Friction) -> list[float]:
-    """Return the nonzero magnitudes of a joint's Coulomb friction, in the order of `add_friction`."""
-    return [magnitude for _, magnitude in friction.sizes(KINDS[joint.kind]) if magnitude]
-
-
 def rates(unit: UnitMotion, joint: Joint) -> list[Array]:
     """Return a joint's coordinate derivatives by crank angle; for a ball, the relative spin's magnitude."""
     kind, spin = KINDS[joint.kind], _spin(unit, joint)

@@ -1,25 +1,25 @@
 """Forward dynamics: `run` integrates a mechanism's motion from an initial state."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.dynamics.contacts import Stop, stops_of
+from mechsim.analytic.dynamics.contacts import EventFunction, Stop, stops_of
 from mechsim.analytic.dynamics.equations_of_motion import (
-    Dynamics,
     EquationsOfMotion,
     Kinematics,
     conditionings,
     equations_of_motion,
 )
-from mechsim.analytic.dynamics.forward_dynamics import Integration, Trajectory
+from mechsim.analytic.dynamics.forward_dynamics import UNTIL, Integration, Piece, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.state_layout import StateLayout
-from mechsim.analytic.dynamics.state_quantities import joined, motion_of, parse_event, stacked
+from mechsim.analytic.dynamics.state_quantities import Event, motion_of, parse_event
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
@@ -37,6 +37,23 @@ SINGULAR_START = 1e-6
 # distance beyond a stop, in [rad] or characteristic lengths, at which a joint is still in contact: rounding
 # of closed loops
 BEYOND_STOP = 1e-9
+# difference from the value of an event, in SI, at which it holds: rounding of closed loops
+EVENT_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """The motion between two successive impacts or changes of friction.
+
+    Attributes:
+        first: start in [s].
+        last: end in [s].
+        held: whether a friction sticks or a stop is in contact.
+    """
+
+    first: float
+    last: float
+    held: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +70,7 @@ class DynamicRun:
         outcome: "done", "stopped", "diverged", "dead centre" or "failed".
         reason: one sentence if the outcome is not "done".
         events: instants of impacts and of changes between sticking and sliding, in [s].
+        segments: the motion between them, in order.
         steps: number of integration steps.
         drift: largest magnitude of the summed energy corrections, in [J].
     """
@@ -66,6 +84,7 @@ class DynamicRun:
     outcome: Outcome
     reason: str
     events: tuple[float, ...]
+    segments: tuple[Segment, ...]
     steps: int
     drift: float
 
@@ -109,6 +128,7 @@ def run(
     samples: int = 500,
     tolerance: float = TOLERANCE,
     restitution: float = 0.0,
+    progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> DynamicRun:
     """Integrate the motion of a mechanism from an initial state under forces.
 
@@ -129,12 +149,13 @@ def run(
         tolerance: relative error of an integration step.
         restitution: coefficient of restitution of joint stops: rate after an impact divided by that before
             it, 0 to 1.
+        progress: called after each integration step with a text and the finished fraction.
 
     Returns:
         The run; `motion` has the columns `t`, `P.x`, `J.q`, `J.v`, `J.a`.
 
     Raises:
-        InputError: for invalid values.
+        InputError: for invalid values, and for an event that already holds at the start.
         AssemblyError: if the loops do not close at the initial values.
 
     Accuracy: about 1e-11 of the amplitude over a hundred periods at the default tolerance; residuals of the
@@ -147,26 +168,25 @@ def run(
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model, initial or {})
     end = _positive(units.si(duration, "s", "the duration"), "duration", "s")
-    if not samples >= 1:
-        raise InputError(f"samples of a run are {samples}; give at least 1")
-    if not 0.0 <= restitution <= 1.0:
-        raise InputError(f"coefficient of restitution is {restitution}; give 0 to 1")
-    if not 1e-14 <= tolerance <= 1e-2:
-        raise InputError(f"tolerance of a step is {tolerance}; give 1e-14 to 1e-2")
+    _require_settings(samples, tolerance, restitution)
     laws = _prescribed_laws(model, prescribed)
-    names = {*values.coordinates, *values.rates, *getattr(model.solver, "ranges", {})}
+    ranges = getattr(model.solver, "ranges", {})
+    names = {*values.coordinates, *values.rates, *ranges}
     event = None if until is None else parse_event(model.mechanism, until)
     if event is not None:
         names.update(event.quantity.subjects("joint"))
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0), laws)
     q, rates = initial_state(equations, values)
     _require_regular(equations, q, rates)
-    stops = stops_of(equations, getattr(model.solver, "ranges", {}))
+    stops = stops_of(equations, ranges)
     _require_within(equations, q, stops)
-    integration = Integration(equations, q, rates, tolerance, stops, restitution)
-    function = None if event is None else lambda state, _: event.function(equations, state)
-    trajectory = integration.run(end, function)
-    if event is not None and trajectory.outcome == "done" and trajectory.end >= end:
+    integration = Integration(equations, q, rates, tolerance, stops, restitution, progress)
+    ends: dict[str, EventFunction] = {}
+    if event is not None:
+        _require_later(event, until, equations, integration.kinematics())
+        ends[UNTIL] = lambda state, _: event.function(equations, state)
+    trajectory = integration.run(end, ends)
+    if event is not None and trajectory.outcome == "done" and not trajectory.event:
         message = f"{until} was not reached within {end:g} s"
         trajectory = replace(trajectory, outcome="time over", reason=message)
     return sampled(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
@@ -174,43 +194,46 @@ def run(
 
 def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:
     """Return a trajectory evaluated at instants (n,) in [s], each state projected onto the loops."""
-    layout = StateLayout(equations)
-    results: list[Dynamics] = []
-    states: list[Kinematics] = []
-    energies: list[tuple[float, float]] = []
-    ends = np.array([piece.last for piece in trajectory.pieces])
+    layout, pieces = StateLayout(equations), trajectory.pieces
     # at an instant of an impact: the state after it
-    pieces = np.minimum(np.searchsorted(ends, times, side="right"), len(ends) - 1)
-    for number in np.unique(pieces):
-        piece, instants = trajectory.pieces[number], times[pieces == number]
-        unpacked = [layout.unpack(piece.solution(time)) for time in instants.tolist()]
-        rates = np.concatenate([rate for _, rate, _, _ in unpacked], 1)
-        state = equations.kinematics(
-            *projected(equations, joined([q for q, _, _, _ in unpacked]), rates, instants)
-        )
-        mode = piece.mode
-        results.append(equations.accelerate(state, instants, mode.sliding, mode.stuck, piece.contacts))
-        states.append(state)
-        energies += [(work, lost) for _, _, work, lost in unpacked]
-    whole = equations.kinematics(*stacked(states))
-    accelerations = np.concatenate([dynamics.acceleration for dynamics in results], 1)
-    kinetic = np.concatenate([dynamics.kinetic for dynamics in results])
-    potential = np.concatenate([dynamics.potential for dynamics in results])
-    driving = np.concatenate([dynamics.driving for dynamics in results], 1)
-    work, lost = np.array(energies).T
+    numbers = np.searchsorted([piece.last for piece in pieces], times, side="right")
+    numbers = np.minimum(numbers, len(pieces) - 1)
+    states = np.concatenate([pieces[k].solution(times[numbers == k]) for k in np.unique(numbers)])
+    q, rates = projected(equations, *layout.unpack_states(states), times)
+    whole = equations.kinematics(q, rates)
+    accelerations, driving = np.empty_like(rates), np.empty((len(equations.prescribed), len(times)))
+    kinetic, potential = np.empty((2, len(times)))
+    modes = np.array([id(pieces[k].mode) for k in numbers])
+    for mode in {id(pieces[k].mode): pieces[k].mode for k in numbers}.values():
+        which = modes == id(mode)
+        state = whole if which.all() else equations.kinematics(q.select(which), rates[:, which])
+        piece = next(piece for piece in pieces if piece.mode is mode)
+        dynamics = equations.accelerate(state, times[which], mode.sliding, mode.stuck, piece.contacts)
+        accelerations[:, which], driving[:, which] = dynamics.acceleration, dynamics.driving
+        kinetic[which], potential[which] = dynamics.kinetic, dynamics.potential
     return DynamicRun(
         motion=motion_of(equations, whole, accelerations, times),
         kinetic=kinetic,
         potential=potential,
-        work=work,
-        lost=lost,
+        work=states[:, -2],
+        lost=states[:, -1],
         driving=dict(zip(equations.prescribed, driving, strict=True)),
         outcome=trajectory.outcome,
         reason=trajectory.reason,
         events=trajectory.events,
+        segments=_segments(pieces),
         steps=trajectory.steps,
         drift=trajectory.drift,
     )
+
+
+def _segments(pieces: Sequence[Piece]) -> tuple[Segment, ...]:
+    segments: list[Segment] = []
+    for _, group in groupby(pieces, key=lambda piece: id(piece.mode)):
+        first, *others = group
+        last = others[-1] if others else first
+        segments.append(Segment(first.first, last.last, bool(first.mode.stuck or first.contacts)))
+    return tuple(segments)
 
 
 def initial_values(model: DynamicModel, initial: Mapping[str, float | str]) -> InitialValues:
@@ -270,6 +293,25 @@ def _require_within(equations: EquationsOfMotion, q: Coordinates, stops: Sequenc
                 f"{equations.model.mechanism.name}: {names[stop.index]} starts at {value:.6g}, beyond its "
                 f"stop at {limit:.6g}; start within its range"
             )
+
+
+def _require_later(event: Event, text: str | None, equations: EquationsOfMotion, state: Kinematics) -> None:
+    """Raise InputError for an event that already holds in the initial state."""
+    if abs(float(event.function(equations, state)[0])) <= EVENT_ROUNDING * (1.0 + abs(event.value)):
+        raise InputError(
+            f"{equations.model.mechanism.name}: {text} holds at the start already, where the run would end; "
+            "start elsewhere, or give an event that is reached later"
+        )
+
+
+def _require_settings(samples: int, tolerance: float, restitution: float) -> None:
+    """Raise InputError for invalid settings of a run."""
+    if not samples >= 1:
+        raise InputError(f"samples of a run are {samples}; give at least 1")
+    if not 0.0 <= restitution <= 1.0:
+        raise InputError(f"coefficient of restitution is {restitution}; give 0 to 1")
+    if not 1e-14 <= tolerance <= 1e-2:
+        raise InputError(f"tolerance of a step is {tolerance}; give 1e-14 to 1e-2")
 
 
 def _positive(value: float, name: str, unit: str) -> float:

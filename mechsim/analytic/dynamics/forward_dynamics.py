@@ -1,18 +1,17 @@
 """Forward dynamics of any mechanism: its motion in time from an initial state under forces.
 
-Gauss-Legendre collocation integrates the equations of motion and evaluates all nodes of a step at once.
-Radau's method of order 5 integrates stiff equations. Each state is projected onto the loop constraints after
-its step, which prevents drift. Coulomb friction sticks or slides. Joint stops have a coefficient of
-restitution. A step ends exactly at an event.
+Gauss-Legendre collocation integrates the equations of motion and evaluates all nodes of a step at once. If
+they are stiff, Newton's method solves the equations of a step. Each state is projected onto the loop
+constraints after its step, which prevents drift. Coulomb friction sticks or slides. Joint stops have a
+coefficient of restitution. A step ends exactly at an event.
 
 Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), section II.7,
 and II (1996), section IV.8; E. Eich, Convergence results for a coordinate projection method applied to
 mechanical systems with algebraic constraints, SIAM Journal on Numerical Analysis 30 (1993) 1467-1482.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -30,6 +29,8 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
 
+# names of events: end of a contact mode, and an end of the run at which both directions of crossing count
+MODE, UNTIL = "mode", "until"
 # largest number of integration steps in a run: about ten minutes
 MAX_STEPS = 50_000
 # smallest number of steps of a run under forces over time: their 24 nodes resolve forces that last 1/300 of
@@ -46,9 +47,7 @@ INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0,
 SINGULAR = 2e-2
 # number of time constants of the fastest decay within a run above which an implicit method is used: the
 # iteration of collocation needs about one step for every four
-MAX_DECAYS = 1e4
-# relative error of an implicit step
-IMPLICIT_TOLERANCE = 1e-11
+MAX_DECAYS = 1e3
 # smallest singular value, relative to the limit of explicit steps, below which a crossing of a singular
 # configuration is tried, and above which that limit is restored
 CLOSE = 4.0
@@ -62,15 +61,9 @@ class Piece:
 
     first: float
     last: float
-    solution: Callable[[float], Array]
+    solution: StepSolution
     mode: ContactMode
     contacts: list[int]
-
-    def ahead(self, times: Array) -> Array:
-        """Return extrapolated states (n, size) at times (n,) in [s] after the piece."""
-        if isinstance(self.solution, StepSolution):
-            return self.solution.beyond(times)
-        return np.array([self.solution(time) for time in times.tolist()])
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +77,7 @@ class Trajectory:
         reason: one sentence if the outcome is not "done".
         steps: number of integration steps.
         events: instants of impacts and of changes between sticking and sliding, in [s].
+        event: name of the event that ended the run; empty for another end.
         drift: largest magnitude of the summed energy corrections, in [J].
     """
 
@@ -93,6 +87,7 @@ class Trajectory:
     reason: str
     steps: int
     events: tuple[float, ...]
+    event: str
     drift: float
 
 
@@ -106,6 +101,7 @@ class Integration:
         tolerance: relative error of a step.
         stops: limits of joints.
         restitution: rate after an impact divided by the rate before it, 0 to 1.
+        progress: called after each step with a text and the finished fraction.
     """
 
     def __init__(
@@ -116,8 +112,9 @@ class Integration:
         tolerance: float,
         stops: tuple[Stop, ...] = (),
         restitution: float = 0.0,
+        progress: Callable[[str, float], None] = lambda _, __: None,
     ) -> None:
-        self.equations, self.tolerance = equations, tolerance
+        self.equations, self.tolerance, self.progress = equations, tolerance, progress
         self.contacts = Contacts(equations, stops, restitution)
         self.layout = StateLayout(equations)
         self.time, self.state = 0.0, self.layout.pack(q, rates, 0.0, 0.0)
@@ -129,20 +126,31 @@ class Integration:
         self.steps = 0
         self.regular = self.nearest = SINGULAR * self.right.conditioning(self.state)
         self.implicit, self.duration = False, np.inf
-        self.ends: list[tuple[str, EventFunction]] = []
+        self.ends: dict[str, EventFunction] = {}
+        self.event = ""
         self.balance = EnergyBalance(equations, q, rates)
 
-    def run(self, duration: float, until: EventFunction | None = None) -> Trajectory:
-        """Integrate up to a duration in [s] or an event, and return the trajectory."""
+    def run(
+        self,
+        duration: float,
+        ends: Mapping[str, EventFunction] | None = None,
+        expected: float | None = None,
+    ) -> Trajectory:
+        """Integrate up to a duration or an event, and return the trajectory.
+
+        Args:
+            duration: latest end in [s].
+            ends: name of an event that ends the run -> function that falls through zero there.
+            expected: expected end in [s]; the default is the duration.
+        """
         outcome: Outcome = "done"
         reason = ""
-        self.ends = [] if until is None else [("until", until)]
-        self.duration = duration
+        self.ends, self.duration = dict(ends or {}), expected or duration
         try:
             self._choose_mode()
             rest = self._at_rest()
             decay = self.right.fastest_decay(0.0, self.state, max(self.fastest, 1.0))
-            self.implicit = decay * duration > MAX_DECAYS
+            self.implicit = decay * self.duration > MAX_DECAYS
             while self.time < duration:
                 ended = self._smooth_motion(self._solver(duration))
                 if ended is not None:
@@ -152,30 +160,29 @@ class Integration:
                 outcome, reason = rest or (outcome, reason)
         except AssemblyError as error:
             outcome, reason = "dead centre", str(error)
-        events = tuple(self.events)
-        return Trajectory(
-            tuple(self.pieces), self.time, outcome, reason, self.steps, events, self.balance.drift
+        pieces, events = tuple(self.pieces), tuple(self.events)
+        drift = self.balance.drift
+        return Trajectory(pieces, self.time, outcome, reason, self.steps, events, self.event, drift)
+
+    def _solver(self, duration: float) -> GaussCollocation:
+        """Return the integrator of smooth motion."""
+        # forces over time may be short pulses
+        longest = np.inf if self.equations.steady else self.duration / LEAST_STEPS
+        return GaussCollocation(
+            self.right.derivatives,
+            self.time,
+            self.state,
+            duration,
+            self.tolerance,
+            self._scale(),
+            longest,
+            self._jacobians if self.implicit else None,
         )
 
-    def _solver(self, duration: float) -> Any:
-        """Return the integrator of smooth motion: collocation, or Radau's method for stiff equations."""
-        scale = self._scale()
-        if not self.implicit:
-            # forces over time may be short pulses
-            longest = np.inf if self.equations.steady else self.duration / LEAST_STEPS
-            return GaussCollocation(
-                self.right.derivatives, self.time, self.state, duration, self.tolerance, scale, longest
-            )
-        from scipy.integrate import Radau
+    def _jacobians(self, times: Array, states: Array) -> Array:
+        return self.right.jacobians(times, states, max(self.fastest, 1.0))
 
-        tolerance = max(self.tolerance, IMPLICIT_TOLERANCE)
-        options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance * scale}
-        return Radau(self.right.derivative, self.time, self.state, duration, jac=self._jacobian, **options)
-
-    def _jacobian(self, time: float, state: Array) -> Array:
-        return self.right.jacobian(time, state, max(self.fastest, 1.0))
-
-    def _smooth_motion(self, solver: Any) -> tuple[Outcome, str] | None:
+    def _smooth_motion(self, solver: GaussCollocation) -> tuple[Outcome, str] | None:
         """Step until an event changes the mode or the run ends; None if the run continues."""
         while solver.status != "finished":
             self.right.blocked, self.right.nearest = False, self.nearest
@@ -195,14 +202,13 @@ class Integration:
             kind = self._accept(solver.dense_output(), after, solver.y)
             if kind is not None:
                 return self._after_event(kind)
+            self.progress(f"{self.time:.4g} s", min(1.0, self.time / self.duration))
             if self.nearest < self.regular and self.right.conditioning(self.state) > CLOSE * self.regular:
                 self.nearest = self.regular
             solver.y = self.state.copy()
-            if self.implicit:
-                solver.f = self.right.derivative(after, self.state)
         return None
 
-    def _accept(self, solution: Callable[[float], Array], after: float, state: Array) -> str | None:
+    def _accept(self, solution: StepSolution, after: float, state: Array) -> str | None:
         """Accept a step up to its end or its first event, and project the state.
 
         Return the kind of the event; None without an event.
@@ -222,7 +228,8 @@ class Integration:
 
     def _after_event(self, kind: str) -> tuple[Outcome, str] | None:
         """Change rates and mode at an event; return the outcome if the run ends."""
-        if kind != "mode":
+        if kind != MODE:
+            self.event = kind
             return "done", ""
         self.events.append(self.time)
         if len(self.events) > MAX_EVENTS:
@@ -232,9 +239,10 @@ class Integration:
         return self._at_rest()
 
     def _choose_mode(self) -> None:
-        self.right.mode = self.contacts.choose(self._kinematics(), self.time, self.fastest)
+        self.right.mode = self.contacts.choose(self.kinematics(), self.time, self.fastest)
 
-    def _kinematics(self) -> Kinematics:
+    def kinematics(self) -> Kinematics:
+        """Return constraints and links at the present state."""
         return self.right.kinematics(self.state[None])
 
     def _approaches_singular(self) -> bool:
@@ -256,7 +264,7 @@ class Integration:
         """
         piece, conditioning = self.pieces[-1], self.right.conditioning(self.state)
         approach = (piece.last - piece.first) * conditioning / (self._conditioning_before() - conditioning)
-        solution = crossing(self.right, self.time, self.state, approach, piece.ahead)
+        solution = crossing(self.right, self.time, self.state, approach, piece.solution.beyond)
         if solution is None:
             self.nearest *= NEARER
             return None
@@ -267,7 +275,7 @@ class Integration:
 
     def _scale(self) -> Array:
         """Return the scale of a state: coordinates 1, rates the fastest rate; energies if implicit."""
-        kinematics = self._kinematics()
+        kinematics = self.kinematics()
         acceleration = self.contacts.accelerate(
             kinematics, np.array([self.time]), self.right.mode
         ).acceleration
@@ -279,15 +287,13 @@ class Integration:
             scale[-2:] = float(np.trace(self.equations.mass(kinematics)[0])) * rate**2
         return scale
 
-    def _first_event(
-        self, dense: Callable[[float], Array], before: float, after: float
-    ) -> tuple[float, str] | None:
+    def _first_event(self, dense: StepSolution, before: float, after: float) -> tuple[float, str] | None:
         """Return the instant and kind of the first event within a step."""
-        functions = [*self.ends]
-        functions += [("mode", function) for function in self.contacts.end_functions(self.right.mode)]
+        functions = [*self.ends.items()]
+        functions += [(MODE, function) for function in self.contacts.end_functions(self.right.mode)]
 
         def states_at(times: Array) -> Kinematics:
-            return self.right.kinematics(np.array([dense(time) for time in times.tolist()]))
+            return self.right.kinematics(dense(times))
 
         return first_event(functions, states_at, before, after)
 
@@ -306,12 +312,12 @@ class Integration:
         mode = self.right.mode
         if not (mode.stuck or mode.contacts) or not self.equations.steady:
             return None
-        state, fastest = self._kinematics(), max(self.fastest, 1e-9)
+        state, fastest = self.kinematics(), max(self.fastest, 1e-9)
         dynamics = self.contacts.accelerate(state, np.array([self.time]), mode)
         still = np.abs(state.rates).max(initial=0.0) <= 10.0 * REST * fastest
         if still and np.abs(dynamics.acceleration).max(initial=0.0) <= 1e-9 * fastest**2:
-            solution, contacts = self.state.copy(), self.contacts.indices(mode)
-            self.pieces.append(Piece(self.time, self.time, lambda _: solution, mode, contacts))
+            constant = StepSolution.constant(self.time, self.state)
+            self.pieces.append(Piece(self.time, self.time, constant, mode, self.contacts.indices(mode)))
             return "stopped", f"{_holding(mode)} the mechanism at rest from {self.time:.6g} s on"
         return None
 
@@ -331,7 +337,7 @@ def first_event(
 ) -> tuple[float, str] | None:
     """Return the instant in [s] and kind of the first event between two instants; None without an event.
 
-    Functions of kind "until" may cross zero in both directions, others only downwards.
+    Functions of kind `UNTIL` may cross zero in both directions, others only downwards.
     """
     if not functions:
         return None
@@ -340,7 +346,7 @@ def first_event(
     for kind, function in functions:
         low, high = (values := function(states, times))[:-1], values[1:]
         crosses = (low > 0.0) & (high <= 0.0)
-        if kind == "until":
+        if kind == UNTIL:
             crosses |= (low < 0.0) & (high >= 0.0)
         if not crosses.any():
             continue

@@ -20,8 +20,9 @@ from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm, significant
 
-# weights of the eighth-order central difference at 1, 2, 3 and 4 steps
-WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+# displacements of the eighth-order central difference in steps, and their weights
+MULTIPLES = np.array([1.0, 2.0, 3.0, 4.0, -1.0, -2.0, -3.0, -4.0])
+WEIGHTS = np.sign(MULTIPLES) * np.tile([4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0], 2)
 # its step in [rad] or characteristic lengths: the truncation error is about STEP**8, rounding 1e-15 / STEP
 STEP = 0.01
 # eigenvalues below this fraction of the largest are zero: motions without restoring force; differences of the
@@ -29,8 +30,8 @@ STEP = 0.01
 NEUTRAL = 3e-5
 
 Complex = NDArray[np.complex128]
-# a scalar function of a state
-Quantity = Callable[[Kinematics], float]
+# a function of n states with values (n,)
+Quantity = Callable[[Kinematics], Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,20 +128,18 @@ def linear_model(
     basis = null_space(equations, q)
     dof = basis.shape[1]
     steady = np.zeros(dof) if rates is None else basis.T @ rates[equations.free, 0]
-
-    def acceleration(u: Array, du: Array) -> Array:
-        state = displaced(equations, q, basis, u, steady + du)
-        none = np.zeros(len(equations.frictions))
-        result = equations.accelerate(state, np.array([time]), none).acceleration
-        return basis.T @ result[equations.free, 0]
-
     rate = max(1.0, float(np.abs(steady).max(initial=0.0)))
+    offsets = _offsets(dof)
+    none = np.zeros_like(offsets)
+    u, du = np.concatenate([offsets, none]), np.concatenate([none, rate * offsets])
+    state = displaced_from_one(equations, q, basis, u, steady + du)
+    frictionless = np.zeros(len(equations.frictions))
+    result = equations.accelerate(state, np.full(len(u), time), frictionless).acceleration
+    by_displacement, by_rate = np.split(result[equations.free].T @ basis, 2)
     matrix = np.zeros((2 * dof, 2 * dof))
     matrix[:dof, dof:] = np.eye(dof)
-    zero = np.zeros(dof)
-    for k, axis in enumerate(np.eye(dof)):
-        matrix[dof:, k] = _difference(lambda h, axis=axis: acceleration(h * axis, zero), STEP)
-        matrix[dof:, dof + k] = _difference(lambda h, axis=axis: acceleration(zero, h * axis), STEP * rate)
+    matrix[dof:, :dof] = _derivatives(by_displacement, dof).T
+    matrix[dof:, dof:] = _derivatives(by_rate, dof).T / rate
     state = equations.kinematics(q, np.zeros((equations.loops.tree.count, 1)))
     mass = basis.T @ equations.mass(state)[0] @ basis
     return LinearModel(equations, q, basis, matrix, mass)
@@ -157,43 +156,57 @@ def null_space(equations: EquationsOfMotion, q: Coordinates) -> Array:
 
 def displaced(
     equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array, rates: Array
+) -> tuple[Kinematics, NDArray[np.bool_]]:
+    """Return states at independent displacements and rates from n configurations, and which are closed.
+
+    Args:
+        equations: equations of motion.
+        q: n configurations.
+        basis: bases of their independent coordinates, (n, free, dof).
+        u: displacements, (n, dof).
+        rates: rates, (n, dof).
+    """
+    loops, free, n = equations.loops, equations.free, len(u)
+    step = np.zeros((loops.tree.count, n))
+    step[free] = (basis @ u[..., None])[..., 0].T
+    moved, gap = close_nearest(loops, loops.displaced(q, step))
+    jacobian = loops.linearise(moved)[1][:, free].transpose(2, 0, 1)
+    rows = np.concatenate([jacobian, np.swapaxes(basis, 1, 2)], 1)
+    velocity = np.zeros((loops.tree.count, n))
+    velocity[free] = least_norm(rows, np.concatenate([np.zeros((n, loops.rows)), rates], 1)).T
+    return equations.kinematics(moved, velocity), gap <= CLOSED
+
+
+def displaced_from_one(
+    equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array, rates: Array
 ) -> Kinematics:
-    """Return the closed state at independent displacements u and rates, (dof,) each, from a configuration.
+    """Return the closed states at independent displacements and rates, (n, dof) each, from one configuration.
 
     Raises:
-        AssemblyError: where the loops do not close.
+        AssemblyError: if the loops of a state do not close.
     """
-    loops, free = equations.loops, equations.free
-    step = np.zeros((loops.tree.count, 1))
-    step[free, 0] = basis @ u
-    moved, gap = close_nearest(loops, loops.displaced(q, step))
-    if not gap[0] <= CLOSED:
+    bases = np.broadcast_to(basis, (len(u), *basis.shape))
+    state, closed = displaced(equations, q.repeated(len(u)), bases, u, rates)
+    if not closed.all():
         name = equations.model.mechanism.name
         raise AssemblyError(f"{name}: the loops do not close next to the equilibrium")
-    jacobian = loops.linearise(moved)[1][:, free, 0]
-    velocity = np.zeros((loops.tree.count, 1))
-    rows = np.concatenate([jacobian, basis.T])
-    velocity[free, 0] = least_norm(rows, np.concatenate([np.zeros(loops.rows), rates]))
-    return equations.kinematics(moved, velocity)
+    return state
 
 
 def gradient(equations: EquationsOfMotion, q: Coordinates, basis: Array, quantity: Quantity) -> Array:
     """Return the derivative of a quantity of the state by the independent coordinates, (dof,)."""
-    zero = np.zeros(basis.shape[1])
-    return np.array(
-        [
-            _difference(
-                lambda h, axis=axis: np.array([quantity(displaced(equations, q, basis, h * axis, zero))]),
-                STEP,
-            )[0]
-            for axis in np.eye(basis.shape[1])
-        ]
-    )
+    dof = basis.shape[1]
+    offsets = _offsets(dof)
+    state = displaced_from_one(equations, q, basis, offsets, np.zeros_like(offsets))
+    return _derivatives(quantity(state)[:, None], dof)[:, 0]
 
 
-def _difference(function: Callable[[float], Array], step: float) -> Array:
-    total = np.zeros(0)
-    for k, weight in enumerate(WEIGHTS, start=1):
-        change = weight * (function(k * step) - function(-k * step)) / step
-        total = change if k == 1 else total + change
-    return total
+def _offsets(dof: int) -> Array:
+    """Return the displacements of the central differences along each coordinate, (8 dof, dof)."""
+    return STEP * np.kron(np.eye(dof), MULTIPLES[:, None])
+
+
+def _derivatives(values: Array, dof: int) -> Array:
+    """Return the derivatives, (dof, k), from values (8 dof, k) at the displacements of `_offsets`."""
+    differences: Array = np.einsum("dwk,w->dk", values.reshape(dof, len(WEIGHTS), -1), WEIGHTS)
+    return (1.0 / STEP) * differences

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.dynamics.linearization import LinearModel, Mode, displaced
-from mechsim.analytic.dynamics.state_quantities import motion_of, stacked
+from mechsim.analytic.dynamics.linearization import LinearModel, Mode, displaced_from_one
+from mechsim.analytic.dynamics.state_quantities import motion_of
 from mechsim.analytic.dynamics.statics import Equilibrium
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import Motion
@@ -80,9 +80,6 @@ def _cycle(linear: LinearModel, mode: Mode, amplitude: float, period: float, sam
     times = np.linspace(0.0, period, samples + 1)
     phasors = np.exp(1j * REVOLUTION * times / period)
     rate = 1j * REVOLUTION / period
-    states = [
-        displaced(equations, linear.q, linear.basis, (independent * z).real, (rate * independent * z).real)
-        for z in phasors
-    ]
-    whole = equations.kinematics(*stacked(states))
-    return motion_of(equations, whole, np.zeros_like(whole.rates), times)
+    u, du = (np.asarray((factor * phasors[:, None] * independent).real, np.float64) for factor in (1.0, rate))
+    states = displaced_from_one(equations, linear.q, linear.basis, u, du)
+    return motion_of(equations, states, np.zeros_like(states.rates), times)

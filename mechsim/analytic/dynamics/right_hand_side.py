@@ -56,10 +56,6 @@ class RightHandSide:
         dynamics = self.contacts.accelerate(kinematics, times, self.mode)
         return self.layout.derivatives(states, kinematics, dynamics)
 
-    def derivative(self, time: float, state: Array) -> Array:
-        """Return the derivative of one state."""
-        return self.derivatives(np.array([time]), state[None])[0]
-
     def on_loops(self, times: Array, states: Array) -> Array:
         """Return the derivatives at the nearest states that satisfy the loops; NaN without such states."""
         try:
@@ -77,20 +73,25 @@ class RightHandSide:
             states, *projected(self.equations, *self.layout.unpack_states(states), times)
         )
 
-    def jacobian(self, time: float, state: Array, rate: float) -> Array:
-        """Return the derivative by the state, by forward differences at a characteristic rate."""
+    def jacobians(self, times: Array, states: Array, rate: float) -> Array:
+        """Return the derivatives by the state, (n, size, size), by forward differences at a rate."""
+        n, size = states.shape
         count = self.layout.positions + self.layout.count
         scale = self.layout.scale(rate)[:count] * FORWARD_STEP
-        moved = state + np.concatenate([np.diag(scale), np.zeros((count, 2))], 1)
-        values = self.derivatives(np.full(count + 1, time), np.concatenate([state[None], moved]))
-        jacobian = np.zeros((len(state), len(state)))
-        jacobian[:, :count] = (values[1:] - values[0]).T / scale
-        return jacobian
+        moved = states[:, None] + np.concatenate([np.zeros((1, size)), np.eye(size)[:count]]) * np.append(
+            scale, [0.0, 0.0]
+        )
+        values = self.derivatives(np.repeat(times, count + 1), moved.reshape(-1, size))
+        values = values.reshape(n, count + 1, size)
+        jacobians = np.zeros((n, size, size))
+        jacobians[:, :, :count] = (values[:, 1:] - values[:, :1]).transpose(0, 2, 1) / scale
+        return jacobians
 
     def fastest_decay(self, time: float, state: Array, rate: float) -> float:
         """Return the largest eigenvalue of the accelerations' derivative by the free rates, in [1/s]."""
         basis = null_space(self.equations, self.layout.unpack(state)[0])
         rates = slice(self.layout.positions, self.layout.positions + self.layout.count)
         free = self.equations.free
-        jacobian = self.jacobian(time, state, rate)[rates, rates][np.ix_(free, free)]
-        return float(np.abs(np.linalg.eigvals(basis.T @ jacobian @ basis)).max(initial=0.0))
+        jacobian = self.jacobians(np.array([time]), state[None], rate)[0]
+        reduced = basis.T @ jacobian[rates, rates][np.ix_(free, free)] @ basis
+        return float(np.abs(np.linalg.eigvals(reduced)).max(initial=0.0))

@@ -67,6 +67,6 @@ def _across(
     if middle > PASSING * equations.conditioning(state):
         return None
     times = node_times(time, duration, NODES)
-    nodes = np.array([solution(instant) for instant in times.tolist()])
+    nodes = solution(times)
     distance = np.abs(nodes - equations.nearest_on_loops(times, nodes))[:, : equations.layout.positions]
     return solution if distance.max() <= ON_LOOPS else None

@@ -48,11 +48,6 @@ def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Ar
     )
 
 
-def stacked(states: Sequence[Kinematics]) -> tuple[Coordinates, Array]:
-    """Return coordinates and rates of several states together, (count, n)."""
-    return joined([state.q for state in states]), np.concatenate([state.rates for state in states], 1)
-
-
 def joined(configurations: Sequence[Coordinates]) -> Coordinates:
     """Return several configurations together."""
     return Coordinates(
@@ -154,12 +149,12 @@ def displacement_of(name: str, mechanism: Mechanism) -> tuple[Quantity, int]:
 
 def change_from(
     equations: EquationsOfMotion, state: Kinematics, quantity: Quantity
-) -> Callable[[Kinematics], float]:
-    """Return the change of a quantity from one state to others; of angles without revolutions."""
+) -> Callable[[Kinematics], Array]:
+    """Return the change of a quantity from one state to n others, (n,); of angles without revolutions."""
     start = values_at(equations, quantity, state)
 
-    def change(other: Kinematics) -> float:
+    def change(other: Kinematics) -> Array:
         difference = values_at(equations, quantity, other) - start
-        return float(np.squeeze(np.asarray(wrapped(difference) if quantity.angle else difference)))
+        return np.asarray(wrapped(difference) if quantity.angle else difference)
 
     return change

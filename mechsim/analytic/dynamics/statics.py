@@ -1,6 +1,7 @@
 """Statics of any mechanism: equilibria under its loads, and drive forces that hold a configuration."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,12 +19,18 @@ from mechsim.analytic.dynamics.linearization import (
     null_space,
 )
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
-from mechsim.analytic.dynamics.state_quantities import change_from, displacement_of, load_displacement
+from mechsim.analytic.dynamics.state_quantities import (
+    change_from,
+    displacement_of,
+    joined,
+    load_displacement,
+)
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import significant
 
 # default number of starts, reached by random steps along the motion of the mechanism
 STARTS = 20
@@ -45,6 +52,8 @@ SINGULAR = 1e-6
 SAME_EQUILIBRIUM = 1e-6
 # step of the central difference for Newton's method
 STEP = 1e-5
+# acceleration in [1/s2] below which a configuration is at rest: a motion of 0.1 rad then takes 12 hours
+AT_REST = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +68,7 @@ class Equilibrium:
         linear: the linear model about it.
         reached: whether the search along the motion from the initial configuration found it; otherwise it may
             be in another assembly mode.
+        everywhere: whether every configuration of the search is an equilibrium, as without loads.
     """
 
     q: Mapping[str, float]
@@ -67,6 +77,7 @@ class Equilibrium:
     modes: tuple[Mode, ...]
     linear: LinearModel
     reached: bool = True
+    everywhere: bool = False
 
 
 def equilibria(
@@ -83,7 +94,7 @@ def equilibria(
     Newton's method starts at the initial configuration, at `starts` others, each a random step along the
     motion from the one before, and at `assemblies` random configurations that close the loops in any assembly
     mode; without loops, at ten random configurations. Coulomb friction is ignored; loads over time have their
-    value at time zero.
+    value at time zero. If every configuration of the search is an equilibrium, the initial one is returned.
 
     Args:
         source: a mechanism, or an object that has one.
@@ -99,19 +110,23 @@ def equilibria(
 
     Accuracy: coordinates to about 1e-11 at a regular equilibrium.
     """
-    equations, q = _prepared(source, forces, initial or {})
+    equations, initial_q = _prepared(source, forces, initial or {})
     for name, count in (("starts", starts), ("assemblies", assemblies)):
         if count < 0:
             raise InputError(f"{name} of the search are {count}; give 0 or more")
+    starting = [*_starts(equations, initial_q, starts, assemblies, np.random.default_rng(seed))]
+    configurations = joined([q for q, _ in starting])
+    if _all_at_rest(equations, configurations):
+        return (replace(_described(equations, initial_q), everywhere=True),)
     solutions: list[Equilibrium] = []
-    for start, reached in _starts(equations, q, starts, assemblies, np.random.default_rng(seed)):
-        for downhill in (False, True):
-            solution = _newton(equations, start, downhill=downhill)
-            if solution is None:
+    searches = [_newton(equations, configurations, downhill=downhill) for downhill in (False, True)]
+    for (_, reached), *ends in zip(starting, *searches, strict=True):
+        for q in ends:
+            if q is None:
                 continue
-            values = _coordinates(equations, solution)
+            values = _coordinates(equations, q)
             if not any(_same(equations, values, other.q) for other in solutions):
-                solutions.append(replace(_described(equations, solution), reached=reached))
+                solutions.append(replace(_described(equations, q), reached=reached))
     return tuple(sorted(solutions, key=lambda equilibrium: equilibrium.potential))
 
 
@@ -137,10 +152,10 @@ def _starts(
 def modes(
     source: Any, forces: Forces | None = None, *, initial: Mapping[str, float | str] | None = None
 ) -> tuple[Mode, ...]:
-    """Return the modes of small vibrations about the equilibrium nearest to the initial configuration.
+    """Return the modes of small vibrations about an equilibrium; see `nearest_equilibrium`.
 
     Raises:
-        AssemblyError: if Newton's method finds no equilibrium.
+        AssemblyError: if there is no equilibrium.
 
     Accuracy: frequencies to about 1e-11 of their value at a regular equilibrium.
     """
@@ -152,17 +167,23 @@ def nearest_equilibrium(
 ) -> Equilibrium:
     """Return the equilibrium that Newton's method reaches from the initial configuration.
 
+    If it reaches none and `initial` is empty, return the stable equilibrium of least potential energy that
+    `equilibria` finds.
+
     Raises:
-        AssemblyError: if it reaches none.
+        AssemblyError: if there is no such equilibrium.
     """
     equations, q = _prepared(source, forces, initial or {})
-    solution = _newton(equations, q)
-    if solution is None:
+    (solution,) = _newton(equations, q)
+    if solution is not None:
+        return _described(equations, solution)
+    stable = [each for each in equilibria(source, forces) if each.stable] if not initial else []
+    if not stable:
         raise AssemblyError(
             f"{equations.model.mechanism.name}: no equilibrium is found from the initial configuration; "
             "give another one (--initial J.q=VALUE), or search with --statics"
         )
-    return _described(equations, solution)
+    return stable[0]
 
 
 def response(
@@ -192,7 +213,7 @@ def response(
 
     Raises:
         InputError: for an unknown name.
-        AssemblyError: if Newton's method finds no equilibrium.
+        AssemblyError: if there is no equilibrium.
     """
     linear = nearest_equilibrium(source, forces, initial=initial).linear
     equations = linear.equations
@@ -232,45 +253,81 @@ def _prepared(
     return equations, initial_state(equations, values)[0]
 
 
-def _static_acceleration(equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array) -> Array:
-    """Return the accelerations from rest along a basis at independent displacements u, (dof,)."""
-    state = displaced(equations, q, basis, u, np.zeros(len(u)))
+def _all_at_rest(equations: EquationsOfMotion, q: Coordinates) -> bool:
+    """Return whether nothing accelerates a mechanism from rest in any of n configurations."""
+    at_rest = equations.kinematics(q, np.zeros_like(q.values))
     none = np.zeros(len(equations.frictions))
-    acceleration = equations.accelerate(state, np.zeros(1), none).acceleration
-    return basis.T @ acceleration[equations.free, 0]
+    acceleration = equations.accelerate(at_rest, np.zeros(len(q)), none).acceleration
+    return bool(np.abs(acceleration).max(initial=0.0) <= AT_REST)
 
 
-def _newton(equations: EquationsOfMotion, q: Coordinates, *, downhill: bool = False) -> Coordinates | None:
-    """Return the equilibrium that Newton's method reaches; None if it reaches none.
+def _newton(
+    equations: EquationsOfMotion, q: Coordinates, *, downhill: bool = False
+) -> list[Coordinates | None]:
+    """Return the equilibria that Newton's method reaches from n configurations; None where it reaches none.
 
     Downhill steps reverse unstable directions, so that they lead to stable equilibria.
     """
-    largest = 0.0
+    q = Coordinates(q.values.copy(), q.turns.copy())
+    active, reached = np.ones(len(q), dtype=np.bool_), np.zeros(len(q), dtype=np.bool_)
+    largest = np.zeros(len(q))
     for _ in range(NEWTON_STEPS):
-        basis = null_space(equations, q)
-        dof = basis.shape[1]
-        if not dof:
-            return q
-        zero = np.zeros(dof)
-        try:
-            value = _static_acceleration(equations, q, basis, zero)
-            columns = [
-                _static_acceleration(equations, q, basis, STEP * axis)
-                - _static_acceleration(equations, q, basis, -STEP * axis)
-                for axis in np.eye(dof)
-            ]
-            stiffness = np.stack(columns, 1) / (2.0 * STEP)
-            step = _newton_step(stiffness, value, downhill)
-            length = float(np.abs(step).max())
-            if not np.isfinite(length):
-                return None
-            q = displaced(equations, q, basis, step * min(1.0, MAX_STEP / max(length, MAX_STEP)), zero).q
-        except (AssemblyError, np.linalg.LinAlgError):
-            return None
-        largest = max(largest, float(np.abs(value).max()), float(np.abs(stiffness).max()))
-        if length < CONVERGED:
-            return q if np.abs(value).max() <= BALANCED * largest else None
-    return None
+        indices = np.flatnonzero(active)
+        if not indices.size:
+            break
+        dofs, right = _null_spaces(equations, q.select(indices))
+        for dof in np.unique(dofs).tolist():
+            which = indices[dofs == dof]
+            basis = np.swapaxes(right[dofs == dof, right.shape[1] - dof :], 1, 2)
+            step, value, scale = _newton_steps(equations, q.select(which), basis, downhill)
+            largest[which] = np.fmax(largest[which], scale)
+            length = np.abs(step).max(1, initial=0.0)
+            # an unbounded step ends the search
+            step = np.where(np.isfinite(length)[:, None], step, 0.0)
+            step *= np.minimum(1.0, MAX_STEP / np.fmax(length, MAX_STEP))[:, None]
+            moved, closed = displaced(equations, q.select(which), basis, step, np.zeros_like(step))
+            q.values[:, which], q.turns[..., which] = moved.q.values, moved.q.turns
+            converged = closed & (length < CONVERGED)
+            reached[which] = converged & (value <= BALANCED * largest[which])
+            active[which] = closed & np.isfinite(length) & ~converged
+    return [q.select(np.array([i])) if reached[i] else None for i in range(len(q))]
+
+
+def _null_spaces(equations: EquationsOfMotion, q: Coordinates) -> tuple[NDArray[np.intp], Array]:
+    """Return the dof of n configurations, (n,), and right singular vectors of their loops, (n, free, free).
+
+    The last `dof` rows are a basis of the rates that satisfy the loops.
+    """
+    jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
+    free = jacobian.shape[2]
+    if not jacobian.size:
+        return np.full(len(q), free), np.broadcast_to(np.eye(free), (len(q), free, free))
+    _, values, right = np.linalg.svd(jacobian)
+    return free - significant(values).sum(1), right.astype(np.float64)
+
+
+def _newton_steps(
+    equations: EquationsOfMotion, q: Coordinates, basis: Array, downhill: bool
+) -> tuple[Array, Array, Array]:
+    """Return Newton steps (n, dof), and the magnitudes (n,) of accelerations and of these or their changes.
+
+    Steps are NaN if the loops do not close next to a configuration. `basis` is (n, free, dof).
+    """
+    n, _, dof = basis.shape
+    offsets = STEP * np.concatenate([np.zeros((1, dof)), np.eye(dof), -np.eye(dof)])
+    which = np.repeat(np.arange(n), len(offsets))
+    u = np.tile(offsets, (n, 1))
+    state, closed = displaced(equations, q.select(which), basis[which], u, np.zeros_like(u))
+    none = np.zeros(len(equations.frictions))
+    acceleration = equations.accelerate(state, np.zeros(len(u)), none).acceleration[equations.free]
+    values = (acceleration.T[:, None] @ basis[which])[:, 0].reshape(n, len(offsets), dof)
+    stiffness = (values[:, 1 : 1 + dof] - values[:, 1 + dof :]).transpose(0, 2, 1) / (2.0 * STEP)
+    step = np.full((n, dof), np.nan)
+    for i in np.flatnonzero(closed.reshape(n, -1).all(1)).tolist():
+        with suppress(np.linalg.LinAlgError):
+            step[i] = _newton_step(stiffness[i], values[i, 0], downhill)
+    value = np.abs(values[:, 0]).max(1, initial=0.0)
+    return step, value, np.fmax(value, np.abs(stiffness).max((1, 2), initial=0.0))
 
 
 def _newton_step(jacobian: Array, value: Array, downhill: bool) -> Array:

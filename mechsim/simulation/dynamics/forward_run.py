@@ -32,6 +32,7 @@ from mechsim.simulation.recording import States, add_sensors
 from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
 from mechsim.simulation.source import assembled
 from mechsim.simulation.state import HINGE, SLIDE
+from mechsim.simulation.stepping import Progress, no_progress
 
 # RK4 with stiff equalities, as for a free crank (dynamics/free_motion.py)
 FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
@@ -80,6 +81,7 @@ def stepped_run(
     *,
     kept: set[str] | None = None,
     prescribed: Mapping[str, State] | None = None,
+    progress: Progress = no_progress,
 ) -> SteppedRun:
     """Step a mechanism from an initial state.
 
@@ -88,12 +90,13 @@ def stepped_run(
         forces: applied forces, including the motor.
         coordinates: initial values in [m] or [rad] of joint coordinates of the tree.
         rates: initial rates per second, likewise.
-        times: instants to record, evenly spaced from 0, (n,) in [s].
+        times: instants to record, evenly spaced, the first of the initial state, (n,) in [s].
         substeps: number of steps between two recorded instants.
         settings: of the integrator and the constraints.
         kept: coordinates at which no loop is cut. Values of other coordinates are ignored if a loop is cut
             there. None keeps all coordinates that have a value.
         prescribed: coordinate -> its motion law; a force gives the prescribed acceleration.
+        progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
         InputError: for a coordinate that the model does not have.
@@ -112,7 +115,7 @@ def stepped_run(
     stepped = prepared(model, settings, timestep)
     drives = Drives(model, stepped, prescribed or {})
     begin = timer.perf_counter()
-    states, diverged = _steps(model, stepped, drives, (qpos, qvel), times, substeps)
+    states, diverged = _steps(model, stepped, drives, (qpos, qvel), times, substeps, progress)
     seconds = timer.perf_counter() - begin
     motion, kinetic, potential, driving = _recorded(model, stepped, drives, states)
     return SteppedRun(
@@ -324,10 +327,12 @@ def _steps(
     start: tuple[Array, Array],
     times: Array,
     substeps: int,
+    progress: Progress,
 ) -> tuple[States, bool]:
     """Step the model; return the recorded states and whether it diverged."""
     data = mujoco.MjData(stepped)
     data.qpos[:], data.qvel[:] = start
+    data.time = times[0]
     crank = model.loops.crank_address if model.mechanism.has_crank else None
     controllers = Controllers(model)
 
@@ -347,8 +352,10 @@ def _steps(
     if stepped.nu or drives.names or controllers.used:
         mujoco.set_mjcb_control(control)
     try:
-        for _ in times[1:]:
+        for time in times[1:].tolist():
             mujoco.mj_step(stepped, data, nstep=substeps)
+            finished = (time - times[0]) / (times[-1] - times[0])
+            progress(f"{substeps * (len(times) - 1):,} steps, {time:.4g} s", finished)
             if any(warning.number for warning in data.warning):
                 break
             records.append((data.qpos.copy(), data.qvel.copy()))
