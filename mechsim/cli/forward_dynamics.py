@@ -295,11 +295,11 @@ def _run(
 
 
 def _comparison(result: DynamicRun, compared: bool) -> str:
-    """Return which part of a run with impacts or changes of friction is compared with MuJoCo."""
+    """Return which segments of a run with impacts or changes of friction are compared with MuJoCo."""
     soft = "its impacts, contacts and sticking friction are soft"
     if not compared:
         return f"not compared with MuJoCo: {soft}"
-    spans = [f"{number(part.first)} to {number(part.last)} s" for part in compared_segments(result)]
+    spans = [f"{number(segment.first)} to {number(segment.last)} s" for segment in compared_segments(result)]
     return f"compared with MuJoCo in {', '.join(spans)}: {soft}"
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, free_run, prescribed
-from mechsim.analytic.dynamics.dynamic_run import Segment
+from mechsim.analytic.dynamics.dynamic_run import RunSegment
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.errors import AssemblyError
@@ -91,20 +91,20 @@ def crosscheck_free(
     return crosscheck_free_run(record, exact, tolerance=tolerance, bounds=bounds)
 
 
-def compared_segments(run: DynamicRun) -> tuple[Segment, ...]:
-    """Return the segments of a run that are compared with MuJoCo: the longest in which nothing is held.
+def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:
+    """Return the segments of a run that are compared with MuJoCo.
 
-    MuJoCo's impacts, contacts and sticking friction are soft. A run without impacts and changes of friction
-    is compared as a whole.
+    They are the longest without contacts and sticking friction, which are soft in MuJoCo. A run without
+    impacts and changes of friction is compared as a whole.
     """
     if not run.events:
-        return (Segment(run.time[0], run.time[-1], False),)
-    free = [segment for segment in run.segments if not segment.held and _instants(run, segment).sum() > 2]
+        return (RunSegment(run.time[0], run.time[-1], False),)
+    free = [segment for segment in run.segments if not segment.sticking and _instants(run, segment).sum() > 2]
     longest = sorted(free, key=lambda segment: segment.first - segment.last)[:MAX_SEGMENTS]
     return tuple(sorted(longest, key=lambda segment: segment.first))
 
 
-def _instants(run: DynamicRun, segment: Segment) -> NDArray[np.bool_]:
+def _instants(run: DynamicRun, segment: RunSegment) -> NDArray[np.bool_]:
     """Return which instants of a run are in a segment; at the instant of an event the next one begins."""
     within = (run.time >= segment.first) & (run.time < segment.last)
     within[-1] |= segment.last == run.time[-1]
@@ -132,15 +132,15 @@ def crosscheck_forward(
     """
     segments, checks = compared_segments(run), list[Check]()
     if not segments:
-        return Verdict("failed", (), "no part of the run is comparable: friction sticks or stops touch")
+        return Verdict("failed", (), "no segment of the run is comparable: friction sticks or stops touch")
     for segment in segments:
         rows = _instants(run, segment)
-        part = replace(
+        section = replace(
             run,
             motion=select_instants(run.motion, rows),
             driving={name: effort[rows] for name, effort in run.driving.items()},
         )
-        compared = _compared_with_mujoco(run, part, dynamic_model, initial, progress)
+        compared = _compared_with_mujoco(run, section, dynamic_model, initial, progress)
         if isinstance(compared, Verdict):
             return compared
         title = f"{segment.first:.4g} to {segment.last:.4g} s" if run.events else ""
@@ -150,13 +150,13 @@ def crosscheck_forward(
 
 def _compared_with_mujoco(
     run: DynamicRun,
-    part: DynamicRun,
+    section: DynamicRun,
     dynamic_model: DynamicModel,
     initial: InitialValues,
     progress: Callable[[str, float], None],
 ) -> list[Check] | Verdict:
-    """Return the checks of a part of a run; a verdict if MuJoCo diverges."""
-    times, joints = part.time, part.motion.joints
+    """Return the checks of a section of a run; a verdict if MuJoCo diverges."""
+    times, joints = section.time, section.motion.joints
     kept = {*initial.coordinates, *initial.rates, *run.driving}
     for controller in dynamic_model.forces.controllers:
         kept |= controller.coordinates
@@ -184,7 +184,7 @@ def _compared_with_mujoco(
         fine, substeps = stepped(2 * substeps), 2 * substeps
         if fine.diverged or coarse.diverged:
             return Verdict("diverged", (), "MuJoCo's state became invalid; give a shorter run")
-        compared = _forward_quantities(part, dynamic_model.mechanism, coarse, fine)
+        compared = _forward_quantities(section, dynamic_model.mechanism, coarse, fine)
         largest = _largest_values(run, compared)
         changes = ((unit, _change(coarse, fine)) for _, unit, _, coarse, fine in compared)
         if 2 * substeps > most or all(change <= floor * largest[unit] for unit, change in changes):

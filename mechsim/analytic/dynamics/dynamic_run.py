@@ -42,18 +42,18 @@ EVENT_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Segment:
+class RunSegment:
     """The motion between two successive impacts or changes of friction.
 
     Attributes:
         first: start in [s].
         last: end in [s].
-        held: whether a friction sticks or a stop is in contact.
+        sticking: whether a friction sticks or a stop is in contact.
     """
 
     first: float
     last: float
-    held: bool
+    sticking: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +84,7 @@ class DynamicRun:
     outcome: Outcome
     reason: str
     events: tuple[float, ...]
-    segments: tuple[Segment, ...]
+    segments: tuple[RunSegment, ...]
     steps: int
     drift: float
 
@@ -227,12 +227,12 @@ def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) 
     )
 
 
-def _segments(pieces: Sequence[Piece]) -> tuple[Segment, ...]:
-    segments: list[Segment] = []
+def _segments(pieces: Sequence[Piece]) -> tuple[RunSegment, ...]:
+    segments: list[RunSegment] = []
     for _, group in groupby(pieces, key=lambda piece: id(piece.mode)):
         first, *others = group
         last = others[-1] if others else first
-        segments.append(Segment(first.first, last.last, bool(first.mode.stuck or first.contacts)))
+        segments.append(RunSegment(first.first, last.last, bool(first.mode.stuck or first.contacts)))
     return tuple(segments)
 
 

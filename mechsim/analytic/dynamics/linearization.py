@@ -203,10 +203,10 @@ def gradient(equations: EquationsOfMotion, q: Coordinates, basis: Array, quantit
 
 def _offsets(dof: int) -> Array:
     """Return the displacements of the central differences along each coordinate, (8 dof, dof)."""
-    return STEP * np.kron(np.eye(dof), MULTIPLES[:, None])
+    return (np.eye(dof)[:, None] * (STEP * MULTIPLES)[:, None]).reshape(-1, dof)
 
 
 def _derivatives(values: Array, dof: int) -> Array:
     """Return the derivatives, (dof, k), from values (8 dof, k) at the displacements of `_offsets`."""
     differences: Array = np.einsum("dwk,w->dk", values.reshape(dof, len(WEIGHTS), -1), WEIGHTS)
-    return (1.0 / STEP) * differences
+    return differences / STEP

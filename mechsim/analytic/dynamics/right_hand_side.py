@@ -75,15 +75,15 @@ class RightHandSide:
 
     def jacobians(self, times: Array, states: Array, rate: float) -> Array:
         """Return the derivatives by the state, (n, size, size), by forward differences at a rate."""
-        n, size = states.shape
-        count = self.layout.positions + self.layout.count
+        n, columns = states.shape
+        # nothing depends on work and loss
+        count = columns - 2
         scale = self.layout.scale(rate)[:count] * FORWARD_STEP
-        moved = states[:, None] + np.concatenate([np.zeros((1, size)), np.eye(size)[:count]]) * np.append(
-            scale, [0.0, 0.0]
-        )
-        values = self.derivatives(np.repeat(times, count + 1), moved.reshape(-1, size))
-        values = values.reshape(n, count + 1, size)
-        jacobians = np.zeros((n, size, size))
+        steps = np.concatenate([np.zeros((1, columns)), np.eye(count, columns) * scale[:, None]])
+        values = self.derivatives(
+            np.repeat(times, count + 1), (states[:, None] + steps).reshape(-1, columns)
+        ).reshape(n, count + 1, columns)
+        jacobians = np.zeros((n, columns, columns))
         jacobians[:, :, :count] = (values[:, 1:] - values[:, :1]).transpose(0, 2, 1) / scale
         return jacobians
 
