@@ -7,7 +7,7 @@ from scene_texts import FINGER, scene
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.scene.converged_reference import compute_reference, hardened
-from mechsim.studies.scene.errors import cubic_interpolation, errors_of
+from mechsim.studies.scene.errors import SceneEvaluator, cubic_interpolation
 from mechsim.studies.scene.run import run_scene, step_times
 
 FED, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
@@ -62,7 +62,7 @@ def test_points_that_drivers_leave_open_belong_where_they_are(fed):
 
 def test_a_prescribed_joint_is_where_its_motion_law_is_and_starts_closed_with_its_rates(driven):
     run = run_scene(driven)
-    assert errors_of(run).drive_error < 1e-9
+    assert SceneEvaluator().errors(run).drive_error < 1e-9
     qpos, qvel = driven.start
     assert qvel[0] == pytest.approx(np.pi)
     model, step = driven.model, 1e-6
@@ -77,8 +77,10 @@ def test_harder_loops_and_smaller_steps_err_less_and_tend_to_the_limit(driven):
     assert not limit.broken
     assert limit.errors[0] < 1e-8
     assert 1.5 < limit.order < 2.5
-    published = errors_of(run_scene(driven), limit.run)
-    hard = errors_of(run_scene(driven, hardened(driven.model, 1e-4, "RK4")), limit.run)
+    published = SceneEvaluator(limit.run, forces=True).errors(run_scene(driven))
+    hard = SceneEvaluator(limit.run, forces=True).errors(
+        run_scene(driven, hardened(driven.model, 1e-4, "RK4"))
+    )
     assert hard.closure < 1e-3 * published.closure
     assert hard.trajectory < 1e-2 * published.trajectory
     assert hard.torque < 0.1 * published.torque
@@ -108,7 +110,7 @@ def test_what_breaks_is_stated_and_never_a_number(driven):
     model.eq_solref[:] = -1e9, -1.0
     run = run_scene(driven, model)
     assert "state became invalid" in run.broken
-    errors = errors_of(run)
+    errors = SceneEvaluator().errors(run)
     assert np.isinf([errors.closure, errors.trajectory, errors.torque]).all()
     assert np.isinf(run.seconds_per_second)
 
@@ -128,7 +130,7 @@ def test_where_a_loop_is_closed_is_tracked_by_itself(fed):
     points = dict(zip(fed.tracked, np.moveaxis(run.points, 1, 0), strict=True))
     open_by = np.linalg.norm(points["closing@rod"] - points["closing@lever"], axis=1).max()
     assert open_by > 1e-7
-    assert errors_of(run).closure > 0.4 * open_by
+    assert SceneEvaluator().errors(run).closure > 0.4 * open_by
 
 
 def test_a_finer_step_costs_more_a_simulated_second(fed):
@@ -185,7 +187,7 @@ def test_balls_and_free_bodies_are_closed_in_their_own_coordinates(tmp_path):
       <contact><exclude body1="rod" body2="slider"/></contact></mujoco>"""
     one = scene(tmp_path, text=text, drive={"crank": "0.5 + 3*t"}, duration=0.1)
     run = run_scene(one, hardened(one.model, 1e-4, "RK4"), records=100)
-    assert errors_of(run).closure < 1e-8
+    assert SceneEvaluator().errors(run).closure < 1e-8
     qpos, qvel = one.start
     later = qpos.copy()
     mujoco.mj_integratePos(one.model, later, qvel, 1e-6)

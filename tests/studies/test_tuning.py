@@ -8,7 +8,7 @@ from scene_texts import FINGER, scene
 
 from mechsim.errors import InputError
 from mechsim.simulation.plain_settings import PlainSettings, settings_of
-from mechsim.studies.scene.errors import errors_of
+from mechsim.studies.scene.errors import SceneEvaluator
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.step_sizes import disabled, shortest_time_constant, steps_of
 from mechsim.studies.scene.tune import AIMED_FRACTION, tuned
@@ -131,7 +131,9 @@ def test_a_search_keeps_the_tolerance_for_less_than_the_file_as_it_is(driven):
     assert found.chosen.errors.closure <= AIMED_FRACTION * 5e-6
     assert found.chosen.settings.in_file
     assert found.beyond is None
-    again = errors_of(run_scene(driven, found.chosen.settings.applied(driven.model), records=None))
+    again = SceneEvaluator().errors(
+        run_scene(driven, found.chosen.settings.applied(driven.model), records=None)
+    )
     assert again.closure <= 5e-6
 
 

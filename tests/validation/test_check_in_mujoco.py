@@ -8,7 +8,7 @@ from scene_texts import scene
 
 from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.converged_reference import LOWEST_COMPLIANCE_SOLIMP, compute_reference
-from mechsim.studies.scene.errors import errors_of
+from mechsim.studies.scene.errors import SceneEvaluator
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.write_tuned import python_of, tuned_text, write_scene
 
@@ -35,7 +35,7 @@ def tuned_script(tmp_path):
 
 def test_what_plain_mujoco_closes_is_what_the_loop_equations_close(judge, tuned_script):
     one, path = tuned_script
-    known = errors_of(run_scene(one, HARD.applied(one.model), records=None)).closure
+    known = SceneEvaluator().errors(run_scene(one, HARD.applied(one.model), records=None)).closure
     script = judge.script_of(path)
     found = judge.closure_error(script, one.duration, one.tracked, one.closure.drivers)
     assert found == pytest.approx(known, rel=1e-6)
@@ -45,9 +45,8 @@ def test_what_plain_mujoco_closes_is_what_the_loop_equations_close(judge, tuned_
 
 def test_a_run_of_small_steps_reports_a_trajectory_as_the_limit_of_the_scene_does(judge, tuned_script):
     one, path = tuned_script
-    known = errors_of(
-        run_scene(one, HARD.applied(one.model), records=None), compute_reference(one, 1e-9).run
-    ).trajectory
+    evaluator = SceneEvaluator(compute_reference(one, 1e-9).run)
+    known = evaluator.errors(run_scene(one, HARD.applied(one.model), records=None)).trajectory
     found, own = judge.trajectory_error(judge.script_of(path), one.duration, one.tracked)
     assert own < 0.2 * found  # of steps sixteen times smaller a sixteenth is left
     assert found == pytest.approx(known, rel=0.15)

@@ -27,7 +27,7 @@ from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.plain_settings import PlainSettings
-from mechsim.studies.scene.errors import errors_of
+from mechsim.studies.scene.errors import SceneEvaluator
 from mechsim.studies.scene.run import run_scene, step_times
 from mechsim.subjects.readers import load
 
@@ -69,7 +69,7 @@ def main():
                 continue
             scene = replace(scene, duration=DURATION)
             models = [one.applied(scene.model) for one in SETTINGS.values()]
-            errors = [errors_of(run_scene(scene, model)).closure for model in models]
+            errors = [SceneEvaluator().errors(run_scene(scene, model)).closure for model in models]
             times = step_times([(scene, model) for model in models])
             ratios.append(times / times[0])
             cells = (f"{error:9.2g} {ratio:7.3f}" for error, ratio in zip(errors, ratios[-1], strict=True))

@@ -13,7 +13,7 @@ import numpy as np
 
 from mechsim.simulation.plain_settings import PlainSettings
 from mechsim.studies.scene.converged_reference import LOWEST_COMPLIANCE_SOLIMP
-from mechsim.studies.scene.errors import errors_of
+from mechsim.studies.scene.errors import SceneEvaluator
 from mechsim.studies.scene.run import SceneRun, run_scene, step_times
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.step_sizes import shortest_time_constant
@@ -100,10 +100,10 @@ def _kept(run: SceneRun, settings: PlainSettings, tolerance: float, found: Seque
     """Return settings with their time if they keep the tolerance and are not much slower than others."""
     time = run.seconds_per_second
     slow = time > SLOWER * min((one[0] for one in found), default=np.inf)
-    return [] if slow or not errors_of(run).closure <= tolerance else [(time, settings)]
+    return [] if slow or not SceneEvaluator().errors(run).closure <= tolerance else [(time, settings)]
 
 
 def _stands(scene: UserScene, settings: PlainSettings, tolerance: float) -> bool:
     model = settings.applied(scene.model)
     run = run_scene(scene, model, records=None, duration=LONGER * scene.duration)
-    return errors_of(run).closure <= tolerance
+    return SceneEvaluator().errors(run).closure <= tolerance

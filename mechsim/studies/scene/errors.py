@@ -56,37 +56,6 @@ class SceneErrors:
 DIVERGED = SceneErrors(np.inf, np.inf, np.inf, np.inf, np.inf)
 
 
-def errors_of(
-    run: SceneRun,
-    reference: SceneRun | None = None,
-    *,
-    closure: bool = True,
-    forces: bool = True,
-    energy: bool = False,
-) -> SceneErrors:
-    """Return the errors of a run.
-
-    Args:
-        run: the run.
-        reference: run with the true points, forces and energies over time; None without a comparison.
-        closure: whether points are compared with the exact closure.
-        forces: whether forces are compared, which costs an evaluation in Python for each record.
-        energy: whether energies are compared, at about `ENERGY_SAMPLES` instants.
-    """
-    if run.broken:
-        return DIVERGED
-    closed = worst(run.scene.closure.errors(run.qpos, run.points)) if closure else np.nan
-    if reference is None:
-        return SceneErrors(closed, drive_error=drive_error(run))
-    trajectory = worst(np.linalg.norm(deviation(run, reference), axis=2))
-    torque = _force_error(run, reference.nodes) if forces else np.nan
-    change = np.nan
-    if energy:
-        sampled, nodes = run.every(len(run.time) // ENERGY_SAMPLES), reference.nodes
-        change = worst(sampled.energies - cubic_interpolation(nodes.time, nodes.energies, sampled.time))
-    return SceneErrors(closed, trajectory, torque, drive_error(run), change)
-
-
 def deviation(run: SceneRun, reference: SceneRun) -> Array:
     """Return the displacements of a run's tracked points relative to another run, (n, k, 3) in [m]."""
     return run.points - cubic_interpolation(reference.time, reference.points, run.time)
@@ -187,10 +156,10 @@ class SceneEvaluator:
     """Runs scenes and measures errors and cost; used by tune, reduce and the scene costs of tradeoff.
 
     Attributes:
-        reference: run with the true points, forces and energies; None without a comparison.
+        reference: run with the true points, forces and energies over time; None without a comparison.
         closure: whether points are compared with the exact closure of the scene's loops.
-        forces: whether forces are compared with the reference.
-        energy: whether energies are compared.
+        forces: whether forces are compared, which costs an evaluation in Python for each record.
+        energy: whether energies are compared, at about `ENERGY_SAMPLES` instants.
     """
 
     reference: SceneRun | None = None
@@ -200,7 +169,19 @@ class SceneEvaluator:
 
     def errors(self, run: SceneRun) -> SceneErrors:
         """Return the errors of a run."""
-        return errors_of(run, self.reference, closure=self.closure, forces=self.forces, energy=self.energy)
+        if run.broken:
+            return DIVERGED
+        reference = self.reference
+        closed = worst(run.scene.closure.errors(run.qpos, run.points)) if self.closure else np.nan
+        if reference is None:
+            return SceneErrors(closed, drive_error=drive_error(run))
+        trajectory = worst(np.linalg.norm(deviation(run, reference), axis=2))
+        torque = _force_error(run, reference.nodes) if self.forces else np.nan
+        change = np.nan
+        if self.energy:
+            sampled, nodes = run.every(len(run.time) // ENERGY_SAMPLES), reference.nodes
+            change = worst(sampled.energies - cubic_interpolation(nodes.time, nodes.energies, sampled.time))
+        return SceneErrors(closed, trajectory, torque, drive_error(run), change)
 
     def evaluate(
         self,

@@ -13,6 +13,7 @@ import numpy as np
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.mobility import driver_determinacy
+from mechsim.analytic.loops.start import close_nearest
 from mechsim.analytic.loops.tree import SpanningTree, TreeJoint
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS
@@ -21,8 +22,6 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import least_norm
 
-# largest number of Newton steps; largest step in [rad] or characteristic lengths; residual due to rounding
-MAX_ITERATIONS, MAX_STEP, ROUNDING = 30, 0.3, 1e-14
 # largest residual of assembled loops, in characteristic lengths
 ASSEMBLED = 1e-10
 # largest driver displacement between two solutions on the path to a start, in [rad] or characteristic lengths
@@ -100,21 +99,9 @@ class ExactClosure:
 
         Residuals are in characteristic lengths; they are large if no assembled configuration is near.
         """
-        loops, best = self.loops, np.full(len(q), np.inf)
-        for _ in range(MAX_ITERATIONS):
-            residual, jacobian, _ = loops.linearise(q)
-            violation = np.abs(residual).max(0, initial=0.0)
-            active = np.isfinite(violation) & (violation > ROUNDING) & (violation < 0.5 * best)
-            best = np.minimum(best, np.where(np.isfinite(violation), violation, np.inf))
-            if not active.any() or not len(loops.unknown):
-                return q, violation
-            matrix = np.moveaxis(jacobian[:, loops.unknown], -1, 0)
-            matrix = np.where(active[:, None, None], matrix, 0.0)
-            step = np.zeros((loops.tree.count, len(q)))
-            step[loops.unknown] = -least_norm(matrix, np.where(active, residual, 0.0).T).T
-            step *= MAX_STEP / np.maximum(MAX_STEP, np.abs(step).max(0))
-            q = loops.displaced(q, step)
-        return q, np.abs(loops.linearise(q)[0]).max(0, initial=0.0)
+        if not len(self.loops.unknown):
+            return q, np.abs(self.loops.linearise(q)[0]).max(0, initial=0.0)
+        return close_nearest(self.loops, q)
 
     def points(self, q: Coordinates) -> Array:
         """Return the positions of the mechanism's points, (n, k, 3) in [m]."""

@@ -25,7 +25,14 @@ from mechsim.simulation.plain_settings import ALLOWABLE, settings_of
 from mechsim.simulation.source import from_mechanism
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
-from mechsim.studies.scene.errors import MEASURES, By, SceneTrial, divergence_reason, errors_of, start_error
+from mechsim.studies.scene.errors import (
+    MEASURES,
+    By,
+    SceneEvaluator,
+    SceneTrial,
+    divergence_reason,
+    start_error,
+)
 from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.scene import UserScene, scene_of, with_assembled_start
@@ -116,7 +123,7 @@ def exported_model(
         text = tuned_text(scene, result.best.settings, [], path.parent).after
         path.write_text(text)
         written_scene = replace(scene, model=plain_model(str(path)))
-        error = errors_of(run_scene(written_scene, records=None)).closure
+        error = SceneEvaluator().errors(run_scene(written_scene, records=None)).closure
         edited = EditedText(text)
         comment = [
             f"mechsim export: {'satisfies' if error <= tolerance else 'does not satisfy'} {tolerance:g} m at "
@@ -262,7 +269,7 @@ def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, t
     error = start_error(scene)
     if error <= AIMED_FRACTION * tolerance:
         return scene, ()
-    if error <= tolerance and errors_of(run_scene(scene, records=None)).closure <= tolerance:
+    if error <= tolerance and SceneEvaluator().errors(run_scene(scene, records=None)).closure <= tolerance:
         return scene, ()
     note = (
         f"{scene.path}: its loops are open by {error:.2g} m at the initial pose; the tuned file starts "
