@@ -40,6 +40,7 @@ from mechsim.model.motion_laws import interval_around
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import CrankProfile, Run, Settings
+from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.settings import plain_settings
 from mechsim.studies.reference import driven_as
 from mechsim.studies.scene.errors import divergence_reason, start_error
@@ -358,7 +359,6 @@ def table_of(run: SceneRun) -> dict[str, Array]:
         if len(joint.coordinates) == 1:
             table[f"{joint.name}.q"] = run.qpos[:, model.jnt_qposadr[j]]
             table[f"{joint.name}.v"] = run.qvel[:, model.jnt_dofadr[j]]
-    names = [model.actuator(i).name or f"actuator{i + 1}" for i in range(model.nu)]
-    for i, name in enumerate([*names, *scene.joint_laws]):
+    for i, name in enumerate([*actuator_names(model), *scene.joint_laws]):
         table[f"effort:{name}"] = run.forces[:, i]
     return table

@@ -165,6 +165,11 @@ class StraightPath:
         count, labels = connected_components(share, directed=False)
         return [np.flatnonzero(labels == number) for number in range(count)]
 
+    def reach(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Return the configurations of `follow`, and which of them close within the joint limits."""
+        qpos, closed = self.follow(targets)
+        return qpos, closed & ~self.outside(qpos).any(1)
+
     def outside(self, qpos: Array) -> NDArray[np.bool_]:
         """Return whether each joint is outside its limits, (n, njnt)."""
         return outside_limits(self.loops.model, qpos)
@@ -234,8 +239,7 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
         # estimated from the fraction accepted so far
         expected = (n - count) * (min(drawn / max(count, 1), MAX_DRAWS) if drawn else 1.0)
         batch = int(np.clip(expected, 64, 4096))
-        qpos, closed = path.follow(random.uniform(low, high, (batch, len(low))))
-        valid = closed & ~path.outside(qpos).any(1)
+        qpos, valid = path.reach(random.uniform(low, high, (batch, len(low))))
         accepted.append(qpos[valid])
         count, drawn = count + int(valid.sum()), drawn + batch
     qpos = np.concatenate(accepted)[:n]

@@ -274,7 +274,7 @@ def map_over_grid(
     axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(names))
     evaluator = _Outputs(path, tuple(outputs))
-    qpos, valid = _closed(path, grid)
+    qpos, valid = path.reach(grid)
     if not valid.any():
         raise AssemblyError("no point of the grid is reached from the reference; give a smaller range")
     qpos, reached = qpos[valid], grid[valid]
@@ -325,12 +325,6 @@ def _locked(path: StraightPath) -> dict[str, float]:
         for joint in range(model.njnt)
         if model.jnt_type[joint] in (HINGE, SLIDE) and not moving[model.jnt_dofadr[joint]]
     }
-
-
-def _closed(path: StraightPath, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return configurations with inputs at targets, and whether each closes within the joint limits."""
-    qpos, closed = path.follow(targets)
-    return qpos, closed & ~path.outside(qpos).any(1)
 
 
 def _jacobian_derivative(evaluator: _Outputs, qpos: Array) -> Array:
@@ -393,7 +387,7 @@ def _with_polynomials(table: JointMap, evaluator: _Outputs, degree: int, low: Ar
     coefficients: Array = np.asarray(np.linalg.lstsq(fit.terms(table.input), table.output)[0].T, dtype=float)
     fit = replace(fit, coefficients=coefficients)
     drawn = np.random.default_rng(0).uniform(low, high, (CHECK_SAMPLES, count))
-    qpos, valid = _closed(evaluator.path, drawn)
+    qpos, valid = evaluator.path.reach(drawn)
     if not valid.any():
         raise AssemblyError("no point between the grid points is reached; give a smaller range")
     output, jacobian = evaluator.evaluate(qpos[valid])

@@ -267,16 +267,14 @@ def _torque(loops: ModelLoops, profile: CrankProfile, timestep: float, steps: in
     return np.diff(rates, axis=0) / timestep * loops.model.dof_armature[recording.actuated_dofs(loops)]
 
 
-def check_step(timestep: float, profile: CrankProfile, cycle: str = "a turn of the crank") -> int:
+def check_step(timestep: float, profile: CrankProfile, cycle: str) -> int:
     """Return the steps per revolution of a time step; reject one that is too large or too small.
 
     Args:
-        timestep: in [s].
+        timestep: in [s], above 0.
         profile: of the crank, or of the path parameter of motion laws.
         cycle: name of a revolution of the profile, for messages.
     """
-    if not 0.0 < timestep < np.inf:
-        raise InputError(f"time step is {timestep} s; give a finite time above 0")
     period = 2.0 * np.pi / profile.max_speed
     if timestep > period / 4.0:
         raise InputError(

@@ -9,13 +9,13 @@ from mechsim.model.finding import FilePosition, Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, Swing, rank, swing
 from mechsim.simulation.findings.predicted_gap import moment_arms
+from mechsim.simulation.mjcf_reader.coordinates import ON_JOINT, actuator_names
 from mechsim.simulation.state import is_disabled
 
 # initial deviation of a servo from its control target that is reported above this value, in [rad] or [m]
 KICK = 1e-2
 # actuator forces below this fraction of the largest one are ignored
 SLIGHT = 1e-3
-JOINTED = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 
 def fighting(scene: Inspected) -> Iterator[Finding]:
@@ -38,7 +38,7 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
         if any(rank(more) > rank(rows) for more, rows in zip(wider, jacobians, strict=True)):
             jacobians = wider
             continue
-        name = str(model.actuator(a).name) or f"actuator{a + 1}"
+        name = actuator_names(model)[a]
         yield Finding(
             kind="actuator",
             what=name,
@@ -67,9 +67,9 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
     for a in range(model.nu):
         kp, force = _stiffness(scene, a), float(scene.started.actuator_force[a])
         off = force / kp if kp > 0.0 else 0.0
-        if int(model.actuator_trntype[a]) not in JOINTED or abs(off) <= KICK:
+        if int(model.actuator_trntype[a]) not in ON_JOINT or abs(off) <= KICK:
             continue
-        name = str(model.actuator(a).name) or f"actuator{a + 1}"
+        name = actuator_names(model)[a]
         yield Finding(
             kind="actuator",
             what=name,
@@ -91,7 +91,7 @@ def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
         largest = float(np.abs(forces[:, a]).max(initial=0.0))
         if _stiffness(scene, a) <= 0.0 or largest <= SLIGHT * float(np.abs(forces).max()):
             continue
-        name = str(scene.model.actuator(a).name) or f"actuator{a + 1}"
+        name = actuator_names(scene.model)[a]
         yield Finding(
             kind="actuator",
             what=name,

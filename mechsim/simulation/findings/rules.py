@@ -17,6 +17,7 @@ from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, rank
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
+from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD, is_readable
 from mechsim.simulation.mjcf_text.edited_text import EditedText, equality_elements, set_options
 from mechsim.simulation.state import data_at, dense_rows, limited_joints
@@ -142,7 +143,7 @@ def _passive_actuators(scene: Inspected, path: StraightPath) -> Iterator[Finding
     for a in on_joint:
         joint = int(model.actuator_trnid[a, 0])
         if joint in passive and _determined(scene, int(model.jnt_dofadr[joint]), actuated):
-            name, joint_name = model.actuator(a).name or f"actuator{a + 1}", model.joint(joint).name
+            name, joint_name = actuator_names(model)[a], model.joint(joint).name
             locked = _determined(scene, int(model.jnt_dofadr[joint]), set())
             yield Finding(
                 kind="passive-actuator",

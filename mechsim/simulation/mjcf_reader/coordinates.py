@@ -9,14 +9,13 @@ import numpy as np
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND, VIRTUAL_PREFIX
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader.equality_constraints import tendon_weights
 from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier
 from mechsim.simulation.state import BALL, FREE, scalar_joints
 
 ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
-# the joint that is driven by default
-CRANK = "crank"
 # maximum number of names in a message
 MAX_LISTED = 12
 
@@ -24,6 +23,11 @@ MAX_LISTED = 12
 def coordinates(model: mujoco.MjModel) -> list[str]:
     """Return the names of the hinges and slides of a model."""
     return [*scalar_joints(model)]
+
+
+def actuator_names(model: mujoco.MjModel) -> list[str]:
+    """Return the names of a model's actuators; unnamed ones are numbered from 1."""
+    return [model.actuator(i).name or f"actuator{i + 1}" for i in range(model.nu)]
 
 
 def listed(names: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import (
     BodyPoint,
     actuated_joints,
+    actuator_names,
     driven,
     listed,
     require_coordinate,
@@ -130,10 +131,7 @@ def ignored_ranges(spec: mujoco.MjSpec) -> list[str]:
 
 def actuators(model: mujoco.MjModel) -> dict[str, Sequence[str]]:
     """Return the joints on which each actuator acts."""
-    return {
-        model.actuator(a).name or f"actuator{a + 1}": actuated_joints(model, a)
-        for a in range(len(model.actuator_trntype))
-    }
+    return {name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))}
 
 
 def largest_gap(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> float:

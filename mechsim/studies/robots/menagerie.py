@@ -185,8 +185,8 @@ def _drawn(path: StraightPath) -> Array:
     low, high = model.jnt_range[joints].T
     low = np.where(limited, np.maximum(low, home - reach), home - reach)
     high = np.where(limited, np.minimum(high, home + reach), home + reach)
-    qpos, closed = path.follow(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
-    return qpos[closed & ~path.outside(qpos).any(1)]
+    qpos, valid = path.reach(np.random.default_rng(SEED).uniform(low, high, (DRAWN, len(low))))
+    return qpos[valid]
 
 
 def _site_positions(path: StraightPath, qpos: Array) -> dict[str, Array]:

@@ -11,8 +11,9 @@ from mujoco import batch
 from mechsim.model.limits import MAX_SCENE_STEPS, require_steps
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
+from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.stepping import Progress, no_progress, rollout
-from mechsim.studies.scene.scene import UserScene, actuator_names
+from mechsim.studies.scene.scene import UserScene
 
 # default number of records after the first
 RECORDS = 400

@@ -16,7 +16,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf_reader import MjcfModel
-from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
+from mechsim.simulation.mjcf_reader.coordinates import actuator_names, did_you_mean, listed
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies, fix_bodies_in_scene
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, link_name
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
@@ -151,11 +151,6 @@ class UserScene:
         return [*zip(self.joint_laws, dofs, self.joint_laws.values(), strict=True)]
 
 
-def actuator_names(model: mujoco.MjModel) -> list[str]:
-    """Return the names of a model's actuators; unnamed ones are numbered from 1."""
-    return [model.actuator(i).name or f"actuator{i + 1}" for i in range(model.nu)]
-
-
 @quiet()
 def scene_of(
     read: MjcfModel,
@@ -166,7 +161,6 @@ def scene_of(
     duration: float = 1.0,
     points: Mapping[str, tuple[str, Vector]] | None = None,
     key: str | None = None,
-    spec: mujoco.MjSpec | None = None,
     qpos: Array | None = None,
 ) -> UserScene:
     """Return a scene and its motion.
@@ -184,7 +178,6 @@ def scene_of(
         points: tracked points: name -> (link, position in its frame in [m]); None for body origins and the
             points at which joints close the loops.
         key: initial keyframe.
-        spec: specification of the scene without fixed bodies, in place of the file; not changed.
         qpos: initial coordinates, (nq,), in place of the file's or the keyframe's.
 
     Raises:
@@ -194,13 +187,9 @@ def scene_of(
     joint_laws, ctrl = joint_laws or {}, ctrl or {}
     if not 0.0 < duration < np.inf:
         raise InputError(f"the duration is {duration} s; give a finite time above 0")
-    fixed = None
-    if spec is not None:
-        spec = spec.copy()
-    else:
-        spec = parse_file(read.path)[0]
-        if read.fixed:
-            fixed = fix_bodies_in_scene(spec, plainly_compiled(spec), read.fixed, key)
+    spec, fixed = parse_file(read.path)[0], None
+    if read.fixed:
+        fixed = fix_bodies_in_scene(spec, plainly_compiled(spec), read.fixed, key)
     plain = plainly_compiled(spec)
     _require_actuators(plain, ctrl)
     _require_joints(plain, mechanism.drivers)

@@ -35,7 +35,7 @@ _IGNORED_FIELDS = ("key", "name", "text", "bvh", "oct_", "paths", "stat", "vis",
 _IGNORED_SIZES = ("nbuffer", "nkey", "nnames", "npaths", "nnames_map", "signature")
 
 
-SCRIPT = '''"""{heading}"""
+SCRIPT = '''"""Runs a tuned scene in plain MuJoCo."""
 
 from math import acos, asin, atan, atan2, cos, exp, log, pi, sin, sqrt, tan  # noqa: F401
 from pathlib import Path
@@ -312,7 +312,6 @@ def python_of(
     expressions: Mapping[str, str],
     *,
     changed: Mapping[str, object] | None = None,
-    heading: str = "Runs a tuned scene in plain MuJoCo.",
 ) -> str:
     """Return a script that runs a tuned file in plain MuJoCo; its `steps()` yields the data after every step.
 
@@ -321,7 +320,6 @@ def python_of(
         file: path of the file; the script is written to the same folder.
         expressions: joint or actuator -> its motion law as an expression of t.
         changed: settings that differ from the file's, as fields of `PlainSettings`.
-        heading: docstring of the script.
     """
     tables = any("table(" in expression for expression in expressions.values())
     functions = TABLE if tables else ""
@@ -333,7 +331,6 @@ def python_of(
         functions += RATES if scene.model.opt.integrator == RK4 else ""
     reset = f"    mujoco.mj_resetDataKeyframe(model, data, model.key({scene.key!r}).id)\n"
     return SCRIPT.format(
-        heading=heading,
         imports=TABLE_IMPORTS if tables else "",
         file=file.name,
         settings="".join(f"{line}\n" for line in _setting_lines(changed or {})),
