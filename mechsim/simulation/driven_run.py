@@ -35,7 +35,7 @@ from mechsim.simulation.mobility import (
 )
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
-from mechsim.simulation.poses.change_points import interpolated, moved_away
+from mechsim.simulation.poses.change_points import interpolated_motion, moved_away
 from mechsim.simulation.recording import States, evaluate
 from mechsim.simulation.result import Run
 from mechsim.simulation.settings import Settings
@@ -390,7 +390,7 @@ def solved_run(
     motion = evaluate(
         closed.loops, closed.track, states, "pose", crank_acceleration=acceleration, progress=progress
     )
-    motion = interpolated(motion, closed.loops, closed.track, qpos, near_rows, (speed, acceleration))
+    motion = interpolated_motion(motion, closed.loops, closed.track, qpos, near_rows, (speed, acceleration))
     assert motion.closure is not None
     estimate = float(motion.closure.max(initial=0.0))
     tolerance = default_tolerance(closed, motion) if tolerance is None else tolerance

@@ -101,8 +101,9 @@ def require_determined(closed: ClosedModel, mobility: ResidualMobility) -> None:
         MobilityError: if joints or points are undetermined; it names them.
     """
     if mobility.undetermined:
+        drivers = "crank" if closed.loops.drivers is None else "drivers"
         raise MobilityError(
-            f"{closed.loops.name}: underdetermined: with the {_drivers(closed)} locked "
+            f"{closed.loops.name}: underdetermined: with the {drivers} locked "
             f"{', '.join(mobility.undetermined)} can still move; "
             f"drive, lock or couple them, or {STEPPED}",
             "underdetermined",
@@ -140,7 +141,7 @@ def require_within_limits(closed: ClosedModel, states: Array) -> None:
         {name: states[:, model.jnt_qposadr[i]] for i, name in names.items()},
         {name: "rad" if model.jnt_type[i] == HINGE else "m" for i, name in names.items()},
         lambda worst: closed.loops.driver_text(float(states[worst, closed.loops.crank_address])),
-        _range_remedy(closed),
+        "turn the crank less" if closed.loops.drivers is None else "move the drivers less",
     )
 
 
@@ -171,14 +172,6 @@ def require_path_within_limits(closed: ClosedModel, angles: Array) -> None:
         # the loops may not close between the requested instants
         return
     require_within_limits(closed, states)
-
-
-def _drivers(closed: ClosedModel) -> str:
-    return "crank" if closed.loops.drivers is None else "drivers"
-
-
-def _range_remedy(closed: ClosedModel) -> str:
-    return "turn the crank less" if closed.loops.drivers is None else "move the drivers less"
 
 
 def _nudged(loops: ModelLoops, state: Array, direction: Array) -> Array:
@@ -212,8 +205,9 @@ def _moved_names(closed: ClosedModel, state: Array, moved: Array) -> list[str]:
     positions = closed.point_positions(np.stack([state, moved]))
     displacements = np.linalg.norm(positions[1] - positions[0], axis=1)
     for name, displacement in zip(closed.track.points, displacements, strict=True):
-        body = int(model.site_bodyid[model.site(name).id])
-        if displacement > MIN_DISPLACEMENT * loops.characteristic_length and not _is_floating(loops, body):
+        root = int(model.body_rootid[model.site_bodyid[model.site(name).id]])
+        floats = root in _floating_bodies(loops)
+        if displacement > MIN_DISPLACEMENT * loops.characteristic_length and not floats:
             names.append(f"point {name}")
     return names
 
@@ -222,11 +216,6 @@ def _moved_bodies(loops: ModelLoops, state: Array, moved: Array) -> NDArray[np.b
     """Return a mask of the bodies whose centres of mass differ between two states, (nbody,)."""
     displacements = np.diff(loops.posed.centres(np.stack([state, moved])), axis=0)[0]
     return np.linalg.norm(displacements, axis=1) > MIN_DISPLACEMENT * loops.characteristic_length
-
-
-def _is_floating(loops: ModelLoops, body: int) -> bool:
-    """Return whether a body floats: it belongs to a free body that is in no loop."""
-    return int(loops.model.body_rootid[body]) in _floating_bodies(loops)
 
 
 def _floating_bodies(loops: ModelLoops) -> list[int]:

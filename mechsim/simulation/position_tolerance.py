@@ -86,7 +86,8 @@ def _with_affordable_compliance(
 
 def _with_other_compliance(driven: DrivenRun, settings: Settings, run: Run, report: ToleranceReport) -> Run:
     """Return a run with a compliance that satisfies the tolerance; if the user set one, only suggest it."""
-    steps, tolerance, attempts = _per_cycle(driven, run), report.tolerance, list[Run]()
+    steps = round(run.steps * driven.cycle / driven.profile.turns)
+    tolerance, attempts = report.tolerance, list[Run]()
 
     def error(compliance: float) -> float:
         attempts.append(
@@ -210,10 +211,6 @@ def _trial_steps(driven: DrivenRun) -> int:
 
 def _whole_steps(driven: DrivenRun, steps: float) -> int:
     return max(MIN_STEPS, driven.min_steps, rounded(steps))
-
-
-def _per_cycle(driven: DrivenRun, run: Run) -> int:
-    return round(run.steps * driven.cycle / driven.profile.turns)
 
 
 def _with_steps(driven: DrivenRun, settings: Settings, steps: int) -> Settings:

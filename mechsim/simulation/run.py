@@ -25,7 +25,7 @@ from mechsim.simulation.mobility import (
 from mechsim.simulation.position_tolerance import run_within
 from mechsim.simulation.result import Method, Run
 from mechsim.simulation.settings import Settings
-from mechsim.simulation.source import Source, at_initial_state, description, from_source, parameter_profile
+from mechsim.simulation.source import Source, at_initial_state, from_source, parameter_profile
 from mechsim.simulation.stepping import Progress, check_step, no_progress
 from mechsim.units import si
 
@@ -254,7 +254,7 @@ def require_motion_laws(source: Source, motion_laws: MotionLaws, crank_motion: o
     """
     if not motion_laws.crank and crank_motion is not None:
         raise InputError("both motion laws and a crank's motion were given; give only one")
-    model = description(source)
+    model = getattr(source, "mechanism", source)
     if not isinstance(model, Mechanism):
         return
     motion_laws.require_drivers(model)

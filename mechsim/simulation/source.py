@@ -100,21 +100,20 @@ def _from_source(
     holds: Mapping[str, float | None] | None,
     key: str | None,
 ) -> ClosedModel:
-    read = read_model(source)
+    read = contained_model(source)
     if read is not None:
         return _from_read_model(source, read, drivers)
     model = description(source)
-    spec = load(model, (scene or Scene()).under(getattr(source, "forces", None)))
+    spec = specification(model, (scene or Scene()).under(getattr(source, "forces", None)))
     points = tracked_points(model, spec)
     if isinstance(model, Mechanism):
         follows_laws = not model.has_crank or not (drivers is None or isinstance(drivers, str))
         return from_mechanism(model, spec, points, follows_laws=follows_laws)
-    return _custom_model(
-        spec, points, CRANK if drivers is None else drivers, holds or {}, _keyframe_qpos(spec, key)
-    )
+    start = None if key is None else initial_qpos(spec.modelname, compiled(spec.copy()), key)
+    return _custom_model(spec, points, CRANK if drivers is None else drivers, holds or {}, start)
 
 
-def read_model(source: Source) -> MjcfModel | None:
+def contained_model(source: Source) -> MjcfModel | None:
     """Return the MJCF model that a source is or contains; otherwise None."""
     candidates = (source, getattr(source, "source", None))
     return next((candidate for candidate in candidates if isinstance(candidate, MjcfModel)), None)
@@ -160,13 +159,6 @@ def _custom_model(
         start = np.delete(start, loops.crank_address)
         lock_joints(spec, {name: targets[name] for name in holds})
     return replace(from_spec(spec, points, drivers, start=start), custom=True)
-
-
-def _keyframe_qpos(spec: mujoco.MjSpec, key: str | None) -> Array | None:
-    """Return the state of a keyframe, (nq,); None without a name."""
-    if key is None:
-        return None
-    return initial_qpos(spec.modelname, compiled(spec.copy()), key)
 
 
 def from_mechanism(
@@ -281,7 +273,7 @@ def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
     return points
 
 
-def load(source: Model, scene: Scene | None = None) -> mujoco.MjSpec:
+def specification(source: Model, scene: Scene | None = None) -> mujoco.MjSpec:
     """Return the specification of a mechanism, an MJCF file or MJCF text."""
     if isinstance(source, Mechanism):
         return assembled(source, scene or Scene())

@@ -25,7 +25,7 @@ from mechsim.simulation.dynamics.friction import dry_frictions, oppose
 from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import compiled, quiet
-from mechsim.simulation.mjcf.force_elements import actuators
+from mechsim.simulation.mjcf.force_elements import actuator_slices
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.recording import States, add_sensors
@@ -160,7 +160,7 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
         qpos=closed.qpos,
         mechanism=described,
         forces=forces,
-        actuators=actuators(described, forces, compiled_model.nu),
+        actuators=actuator_slices(described, forces, compiled_model.nu),
         dry=dry_frictions(compiled_model, forces.friction),
     )
 

@@ -25,7 +25,7 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
-from mechsim.simulation.mjcf.force_elements import Actuators, actuators, motor_control
+from mechsim.simulation.mjcf.force_elements import Actuators, actuator_slices, motor_control
 from mechsim.simulation.recording import States
 from mechsim.simulation.source import assembled, from_mechanism
 from mechsim.simulation.state import ONE_THREAD
@@ -216,7 +216,7 @@ def loaded_model(
         qpos=closed.qpos,
         mechanism=described,
         forces=forces,
-        actuators=actuators(described, forces, closed.model.nu),
+        actuators=actuator_slices(described, forces, closed.model.nu),
         dry=dry_frictions(closed.model, forces.friction),
     )
 

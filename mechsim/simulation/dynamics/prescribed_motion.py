@@ -22,7 +22,7 @@ from mechsim.simulation.dynamics.inverse_dynamics import (
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.poses.change_points import interpolated
+from mechsim.simulation.poses.change_points import interpolated_motion
 from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.result import Driven, Method
 from mechsim.simulation.run import laws_of
@@ -159,7 +159,7 @@ def _solved(loaded: LoadedModel, profile: CrankProfile, samples: int | None, pro
     posed = inverse_dynamics(loaded, time, angle, speed, acceleration, progress)
     seconds = timer.perf_counter() - begin
     motion = evaluate(loaded.loops, loaded.track, posed.states, "pose", crank_acceleration=acceleration)
-    motion = interpolated(
+    motion = interpolated_motion(
         motion, loaded.loops, loaded.track, posed.qpos, posed.change_points, (speed, acceleration)
     )
     return Driven(

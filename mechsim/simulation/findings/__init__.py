@@ -11,7 +11,7 @@ from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.simulation.findings.actuation import fighting
 from mechsim.simulation.findings.compliance import compliant_loops, refsafe, timestep
 from mechsim.simulation.findings.implausible_numbers import impossible, mistaken_units
-from mechsim.simulation.findings.initial_state import collisions, outside_limits
+from mechsim.simulation.findings.initial_state import collisions, outside_limits_at_start
 from mechsim.simulation.findings.inspected import Inspected
 from mechsim.simulation.findings.loop_closure import (
     duplicate_loops,
@@ -31,7 +31,7 @@ CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
     gaps,
     mistaken_units,
     impossible,
-    outside_limits,
+    outside_limits_at_start,
     collisions,
     duplicate_loops,
     fighting,

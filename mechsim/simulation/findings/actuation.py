@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.model.finding import FilePosition, Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import Inspected, Swing, rank, swing
+from mechsim.simulation.findings.inspected import Inspected, Swing, driver_swing, rank
 from mechsim.simulation.findings.predicted_gap import moment_arms
 from mechsim.simulation.mjcf_reader.coordinates import ON_JOINT, actuator_names
 from mechsim.simulation.state import is_disabled
@@ -83,7 +83,7 @@ def _off_at_start(scene: Inspected) -> Iterator[Finding]:
 
 def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
     """Yield servos with control 0 that act against the motion laws of the drivers."""
-    motion = None if scene.motion_laws.crank else swing(scene)
+    motion = None if scene.motion_laws.crank else driver_swing(scene)
     if motion is None:
         return
     forces = _actuator_forces(scene, motion)

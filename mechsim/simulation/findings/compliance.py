@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import OFF, Inspected, Loop, Swing, rank, swing
+from mechsim.simulation.findings.inspected import OFF, Inspected, Loop, Swing, driver_swing, rank
 from mechsim.simulation.findings.predicted_gap import MAX_IMPEDANCE, gaps_at_rest, gaps_in, overridden
 from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
 
@@ -24,7 +24,7 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
     """Yield the loops that open visibly in a motion of the drivers, or at rest if there is no such motion."""
     if not scene.loops:
         return
-    motion = swing(scene)
+    motion = driver_swing(scene)
     widest = _gaps(scene, motion)
     visible = [
         loop

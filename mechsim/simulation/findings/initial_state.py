@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.model.finding import NO_POSITION, FilePosition, Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import Inspected, null_space, swing
+from mechsim.simulation.findings.inspected import Inspected, driver_swing, null_space
 from mechsim.simulation.state import SCALAR, SLIDE, is_disabled
 
 # rounding error of values in a file, as a fraction of the range
@@ -16,7 +16,7 @@ ROUNDING = 1e-6
 SIGNIFICANT = 1e-6
 
 
-def outside_limits(scene: Inspected) -> Iterator[Finding]:
+def outside_limits_at_start(scene: Inspected) -> Iterator[Finding]:
     """Yield joints and tendons that start outside their range, and joints whose range is a single value."""
     model = scene.model
     if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_LIMIT):
@@ -81,7 +81,7 @@ STATE_INTERVAL = 10
 def collisions(scene: Inspected) -> Iterator[Finding]:
     """Yield pairs of joined links that collide, and pairs of other moving links that overlap at the start."""
     model = contact_model(scene)
-    joined, motion = _joined(scene), swing(scene)
+    joined, motion = _joined(scene), driver_swing(scene)
     states = [scene.read.qpos, *([] if motion is None else motion.qpos[::STATE_INTERVAL])]
     deepest: dict[tuple[int, int], tuple[float, tuple[int, int]]] = {}
     for number, qpos in enumerate(states):

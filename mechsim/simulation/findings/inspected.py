@@ -27,7 +27,7 @@ from mechsim.simulation.mjcf_text.included_files import included_lines
 from mechsim.simulation.mobility import require_determined, residual_mobility
 from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.source import at_initial_state, from_source, parameter_profile
-from mechsim.simulation.state import data_at, dense_rows, is_disabled
+from mechsim.simulation.state import SLIDE, data_at, dense_rows, is_disabled
 
 # elements of a file that a finding can refer to
 Element = (
@@ -267,7 +267,7 @@ class Swing:
 
 
 @lru_cache(maxsize=1)
-def swing(scene: Inspected) -> Swing | None:
+def driver_swing(scene: Inspected) -> Swing | None:
     """Return the motion of a scene under its motion laws, or a swing of its drivers if it has none.
 
     None if the drivers do not determine the motion, or the loops cannot be closed along it.
@@ -313,7 +313,8 @@ def reaches(scene: Inspected, fraction: float = 1.0) -> Mapping[str, float]:
     """Return the swing of each driver within its limits: joint -> displacement in [rad] or [m]."""
     mechanism, result = scene.read.mechanism, dict[str, float]()
     for name in mechanism.drivers:
-        reach = fraction * (REACH if mechanism.unit(name) == "rad" else STROKE * scene.length)
+        slides = scene.model.joint(name).type[0] == SLIDE
+        reach = fraction * (STROKE * scene.length if slides else REACH)
         low, high = scene.read.limits.get(name, (-np.inf, np.inf))
         up, down = high - mechanism.guess_coordinates[name], mechanism.guess_coordinates[name] - low
         result[name] = min(reach, up) if up >= min(reach, down) else -min(reach, down)

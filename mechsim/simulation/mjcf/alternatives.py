@@ -13,7 +13,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
-from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_of
+from mechsim.simulation.mjcf.loop_cuts import cut_loops, joints_with
 from mechsim.simulation.state import data_at, mass_matrix
 
 MOTOR = "crank@motor"
@@ -71,7 +71,7 @@ def rod_of(mechanism: Mechanism) -> str | None:
     parents = {branch.parent.link for branch in tree.branches}
     planar = plane_normals(mechanism) is not None
     coupled = [name for law in mechanism.laws for name in law.coordinates]
-    fixed = joints_of(mechanism, [*mechanism.drivers, *mechanism.locked, *coupled])
+    fixed = joints_with(mechanism, [*mechanism.drivers, *mechanism.locked, *coupled])
     cuts = {joint.name for joint in tree.cuts}
     for link in mechanism.links:
         joints = [joint for joint in mechanism.joints if link.name in (joint.a.link, joint.b.link)]

@@ -164,7 +164,7 @@ class Actuators:
     friction: slice
 
 
-def actuators(mechanism: Mechanism, forces: Forces, count: int) -> Actuators:
+def actuator_slices(mechanism: Mechanism, forces: Forces, count: int) -> Actuators:
     """Return the indices of actuators by purpose; a load or a couple has three."""
     turning = [
         spring for spring in forces.joint_springs if not KINDS[mechanism.joint(spring.joint).kind].slides

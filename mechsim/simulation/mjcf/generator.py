@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.joints import Coupling, Joint
+from mechsim.model.joints import Joint
 from mechsim.model.link_poses import initial_coordinates, plane_normals, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.masses import with_inertia
@@ -203,7 +203,8 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     """
     name_of = model_names(mechanism)
     for equality_name, law in mechanism.named_laws.items():
-        sides = [{name_of[name]: weight for name, weight in terms.items()} for terms in _sides(law)]
+        terms = [law.left_terms, law.right_terms] if law.right_terms else [law.left_terms]
+        sides = [{name_of[name]: weight for name, weight in side.items()} for side in terms]
         zeros = [
             zero - sum(weight * float(spec.joint(name).ref) for name, weight in side.items())
             for side, zero in zip(sides, law.zeros, strict=False)
@@ -226,11 +227,6 @@ def _couple(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
         made.data[:5] = shifted
     for name, value in mechanism.locked.items():
         lock_joint(spec, name_of[name], value - float(spec.joint(name_of[name]).ref))
-
-
-def _sides(law: Coupling) -> list[Mapping[str, float]]:
-    """Return coordinate -> weight of both sides, or of the left side alone if it is locked."""
-    return [law.left_terms, law.right_terms] if law.right_terms else [law.left_terms]
 
 
 def _tendon(spec: mujoco.MjSpec, name: str, side: Mapping[str, float]) -> str:

@@ -87,8 +87,8 @@ def cut_loops(
 def _needed(mechanism: Mechanism) -> set[str]:
     """Return the names of joints that must not be cut: driven, locked or coupled ones."""
     driven = {joint.name for joint in mechanism.driven_joints}
-    geared = joints_of(mechanism, [name for law in mechanism.laws for name in law.coordinates])
-    return driven | geared | joints_of(mechanism, mechanism.locked)
+    geared = joints_with(mechanism, [name for law in mechanism.laws for name in law.coordinates])
+    return driven | geared | joints_with(mechanism, mechanism.locked)
 
 
 def _require_cuttable(mechanism: Mechanism, requested: set[str], needed: set[str]) -> None:
@@ -141,7 +141,7 @@ def _rejection_reason(joint: Joint, needed: set[str]) -> str:
     )
 
 
-def joints_of(mechanism: Mechanism, coordinates: Collection[str]) -> set[str]:
+def joints_with(mechanism: Mechanism, coordinates: Collection[str]) -> set[str]:
     """Return the names of the joints with at least one of these coordinates."""
     return {joint.name for joint in mechanism.joints if set(joint.coordinates) & set(coordinates)}
 

@@ -20,11 +20,6 @@ ON_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 MAX_LISTED = 12
 
 
-def coordinates(model: mujoco.MjModel) -> list[str]:
-    """Return the names of the hinges and slides of a model."""
-    return [*scalar_joints(model)]
-
-
 def actuator_names(model: mujoco.MjModel) -> list[str]:
     """Return the names of a model's actuators; unnamed ones are numbered from 1."""
     return [model.actuator(i).name or f"actuator{i + 1}" for i in range(model.nu)]
@@ -44,7 +39,7 @@ def did_you_mean(name: str, names: Sequence[str]) -> str:
 
 def require_coordinate(model: mujoco.MjModel, name: str, what: str) -> None:
     """Reject a name that is no hinge or slide of a model."""
-    names = coordinates(model)
+    names = [*scalar_joints(model)]
     if name not in names:
         kinds = {model.joint(j).name: int(model.jnt_type[j]) for j in range(model.njnt)}
         if kinds.get(name) == FREE:
@@ -82,7 +77,7 @@ def driven(
         require_coordinate(model, name, "--drive")
     if requested:
         return tuple(dict.fromkeys(requested))
-    candidates = [name for name in coordinates(model) if name not in locked]
+    candidates = [name for name in scalar_joints(model) if name not in locked]
     actuated = [
         name
         for a in range(len(model.actuator_trntype))

@@ -80,13 +80,12 @@ def parse_without_meshes(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjM
 def _specification(source: MujocoInput) -> mujoco.MjSpec:
     """Return the specification of a file or an object; the object remains unchanged."""
     if isinstance(source, str):
-        _require_mjcf(source)
-        return _spec_of_file(source)
+        return _spec_of_file(source, urdf=_root(source) == "robot")
     return source.copy() if isinstance(source, mujoco.MjSpec) else _spec_of_model(source)
 
 
-def _require_mjcf(path: str) -> None:
-    """Reject files that are not text, and text that is neither MJCF nor URDF."""
+def _root(path: str) -> str:
+    """Return the root element of a file; reject files that are not text, or neither MJCF nor URDF."""
     try:
         status = os.stat(path)
         if not stat.S_ISREG(status.st_mode):
@@ -114,6 +113,7 @@ def _require_mjcf(path: str) -> None:
     if root not in ("mujoco", "robot"):
         what = f"begins with <{root}>" if root else "is no XML"
         raise InputError(f"{path} {what}; an MJCF file begins with <mujoco>, URDF with <robot>")
+    return root
 
 
 def model_label(source: MujocoInput) -> str:
@@ -125,10 +125,10 @@ def model_label(source: MujocoInput) -> str:
     return f"MjModel {source.names[: source.names.index(0)].decode()!r}" if 0 in source.names else "MjModel"
 
 
-def _spec_of_file(path: str) -> mujoco.MjSpec:
+def _spec_of_file(path: str, *, urdf: bool) -> mujoco.MjSpec:
     try:
         with warnings.catch_warnings(action="ignore"):
-            return urdf_specification(path) or mujoco.MjSpec.from_file(path)
+            return (urdf_specification(path) if urdf else None) or mujoco.MjSpec.from_file(path)
     except InputError:
         raise
     except (ValueError, UnicodeError) as error:

@@ -68,11 +68,6 @@ from mechsim.simulation.state import (
 )
 
 
-def coordinate_values(model: mujoco.MjModel, qpos: Array) -> dict[str, float]:
-    """Return the values of the hinges and slides at qpos (nq,): joint -> [rad] or [m]."""
-    return {name: float(qpos[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
-
-
 def with_outlines(model: mujoco.MjModel, chain: KinematicTree) -> tuple[Link, ...]:
     """Return the moving links, with points of their geoms if the joints of each link share one point."""
     joint_points = {link.name: set[Vector]() for link in chain.links}
@@ -100,7 +95,7 @@ def _corners(model: mujoco.MjModel, body: int) -> list[Array]:
     return corners
 
 
-def limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
+def joint_limits(model: mujoco.MjModel) -> dict[str, tuple[float, float]]:
     """Return the ranges of limited hinges and slides, in [rad] or [m]; empty if limits are disabled."""
     return {
         model.joint(j).name: (float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]))
@@ -127,11 +122,6 @@ def ignored_ranges(spec: mujoco.MjSpec) -> list[str]:
         for low, high in [getattr(element, attribute)]
         if getattr(element, flag) == mujoco.mjtLimited.mjLIMITED_AUTO and not low < high and (low or high)
     ]
-
-
-def actuators(model: mujoco.MjModel) -> dict[str, Sequence[str]]:
-    """Return the joints on which each actuator acts."""
-    return {name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))}
 
 
 def largest_gap(joints: Sequence[Joint], poses: Mapping[str, Pose]) -> float:
@@ -215,7 +205,7 @@ def read_model(
     tree = kinematic_tree(model)
     loops = equalities(model, tree.carriers, skip_others=lint)
     points = tracked(model, tree.carriers, track)
-    values = coordinate_values(model, start)
+    values = {name: float(start[model.jnt_qposadr[j]]) for name, j in scalar_joints(model).items()}
     locked = _locked_values(model, compiled_file.lock, values)
     driven_names = driven(model, drivers, list(locked), describe_only or lint)
     mechanism = Mechanism(
@@ -242,8 +232,8 @@ def read_model(
         spec=spec,
         qpos=start,
         gap=largest_gap(loops.joints, mechanism.guess),
-        limits=limits(model),
-        actuators=actuators(model),
+        limits=joint_limits(model),
+        actuators={name: actuated_joints(model, a) for a, name in enumerate(actuator_names(model))},
         remarks=(*compiled_file.remarks, *loops.remarks),
         forces=forces_of_model(model),
         fixed=compiled_file.fixed,

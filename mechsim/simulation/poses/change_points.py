@@ -70,7 +70,7 @@ def moved_away(states: Array, near_rows: NearRows) -> Array:
     return away
 
 
-def interpolated(
+def interpolated_motion(
     motion: Motion,
     loops: ModelLoops,
     track: Track,

@@ -17,7 +17,7 @@ from mechsim.model.mechanism import described
 from mechsim.model.motion_laws import State, steady
 from mechsim.model.scene import Scene
 from mechsim.simulation import mjcf
-from mechsim.simulation.source import load as specification
+from mechsim.simulation.source import specification
 from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.mjcf_source import MjcfForm

@@ -40,7 +40,7 @@ from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.plain_settings import INTEGRATORS
 from mechsim.simulation.recording import evaluate
 from mechsim.simulation.settings import LEAST_CONSTANT, Settings
-from mechsim.simulation.source import CRANK, Model, from_spec, load, tracked_points
+from mechsim.simulation.source import CRANK, Model, from_spec, specification, tracked_points
 from mechsim.simulation.state import matching_state
 from mechsim.simulation.stepping import Steps, step
 
@@ -82,7 +82,7 @@ class Build:
         """Return MuJoCo's specification of a mechanism or of a custom model."""
         if self.variant is not None:
             source = variants[self.variant]
-        spec = load(source, Scene(level=self.level, cut=self.cut))
+        spec = specification(source, Scene(level=self.level, cut=self.cut))
         if self.rod is not None:
             assert isinstance(source, Mechanism)
             rod_as_length(spec, source, self.rod)

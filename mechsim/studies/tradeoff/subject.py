@@ -13,7 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import Array, worst
-from mechsim.numerics.convergence import half_extent, plausible_order, richardson
+from mechsim.numerics.convergence import half_extent, plausible_order
 from mechsim.simulation import Settings
 from mechsim.simulation.source import Model
 from mechsim.studies.budget import MAX_EXCESS, Budget, TrialTimes
@@ -231,17 +231,12 @@ def subject_of_model(source: Model, name: str, speed: float, budget: Budget | No
     def exact(motion: Motion) -> Motion:
         return select_instants(fine, slice(None, None, (len(fine) - 1) // (len(motion) - 1)))
 
-    changes = [differences(a, b, stroke, abs(speed)) for a, b in pairwise(runs.values())]
+    before, last = (differences(a, b, stroke, abs(speed)) for a, b in pairwise(runs.values()))
     bar = {
-        quantity: _extrapolated_error(*(change[quantity] for change in changes))
+        quantity: last[quantity] / (2.0 ** plausible_order(before[quantity], last[quantity], 2.0) - 1.0)
         for quantity in ("position", "velocity", "acceleration")
     }
     # differences between runs do not contain the loop-closure error
     bar["position"] = max(bar["position"], differences(fine, fine, stroke, abs(speed))["loop"])
     reference = Reference(f"a run of {max_steps} steps a turn", exact, bar, max_steps / 2)
     return Subject(name, source, built, reference, stroke, abs(speed))
-
-
-def _extrapolated_error(before: float, last: float) -> float:
-    """Return the error after the last halving of the step, from the changes of both halvings."""
-    return richardson(np.zeros(1), np.array([last]), 2.0, plausible_order(before, last, 2.0))[1]

@@ -6,7 +6,7 @@ import pytest
 from valid_scene import changed
 
 from mechsim.model.motion_laws import make_motion_laws
-from mechsim.simulation.findings.inspected import EQUALITY, Inspected, swing, wave
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected, driver_swing, wave
 from mechsim.simulation.findings.predicted_gap import gaps_at_rest, gaps_in, impedance
 from mechsim.simulation.mjcf_reader import read_model
 
@@ -52,7 +52,7 @@ def stepped(scene, *, moving):
 @pytest.mark.parametrize("softness", SOFT)
 def test_the_gap_predicted_of_a_motion_is_what_steps_show(scene, softness):
     found = scene(softness)
-    motion = swing(found)
+    motion = driver_swing(found)
     assert motion is not None
     (told,) = gaps_in(found, motion).values()
     seen = stepped(found, moving=True)
@@ -72,7 +72,7 @@ def test_harder_loops_are_predicted_to_open_by_less(scene):
     gaps = []
     for softness in (SOFT[0], 'solref="0.002 1" solimp="0.9999 0.9999 0.001 0.5 2"'):
         found = scene(softness)
-        gaps += gaps_in(found, swing(found)).values()
+        gaps += gaps_in(found, driver_swing(found)).values()
     assert gaps[1] < 0.2 * gaps[0]
 
 

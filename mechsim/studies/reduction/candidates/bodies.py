@@ -191,7 +191,8 @@ def interaction_graph(observed: Evidence) -> "nx.Graph[str]":
             graph.add_node(model.body(body).name)
             if parent not in fixed:
                 graph.add_edge(model.body(body).name, model.body(parent).name)
-    for group in (*_equalities(observed.spec), *_tendons(observed.spec)):
+    tendons = [_tendon_bodies(tendon) for tendon in observed.spec.tendons]
+    for group in (*_equalities(observed.spec), *tendons):
         inside = [name for name in group if name in graph]
         nx.add_path(graph, inside)
     touching = [
@@ -237,10 +238,6 @@ def _equalities(spec: mujoco.MjSpec) -> list[list[str]]:
         else:
             groups.append(names)
     return groups
-
-
-def _tendons(spec: mujoco.MjSpec) -> list[list[str]]:
-    return [_tendon_bodies(tendon) for tendon in spec.tendons]
 
 
 def _tendon_bodies(tendon: mujoco.MjsTendon) -> list[str]:

@@ -70,7 +70,8 @@ def longer_steps(observed: Evidence) -> list[RemovalCandidate]:
             for compensated in (True, False):
                 change = partial(set_stepping, times=times, integrator=integrator, compensated=compensated)
                 cost = (RK4_COST if integrator == int(RK4) else 1.0) / times
-                what = _step_text(observed, times, integrator, compensated)
+                what = stepping_text(observed.spec, times, integrator)
+                what += ", its damping compensated by armature" if compensated else ""
                 candidates.append((cost, RemovalCandidate(LONGER_STEPS, what, change)))
     return [candidate for _, candidate in sorted(candidates, key=lambda pair: pair[0])]
 
@@ -81,11 +82,6 @@ def set_longer_steps(spec: mujoco.MjSpec, times: int, integrator: int) -> None:
         set_stepping(spec, times, integrator, compensated=True)
     except NotApplicable:
         set_stepping(spec, times, integrator, compensated=False)
-
-
-def _step_text(observed: Evidence, times: int, integrator: int, compensated: bool) -> str:
-    text = stepping_text(observed.spec, times, integrator)
-    return text + (", its damping compensated by armature" if compensated else "")
 
 
 def stepping_text(spec: mujoco.MjSpec, times: int, integrator: int) -> str:
