@@ -15,7 +15,7 @@ from mechsim.cli.progress import progress
 from mechsim.simulation.plain_settings import ALLOWABLE, PlainSettings
 from mechsim.studies.scene.errors import SceneTrial
 from mechsim.studies.scene.open_scene import require_mjcf
-from mechsim.studies.scene.tune import SECONDS, Tuned, TuningReport
+from mechsim.studies.scene.tune import SECONDS, Tuned
 from mechsim.studies.scene.tune_model import tune as tune_model
 from mechsim.studies.scene.write_tuned import setting_changes
 
@@ -142,13 +142,12 @@ def tune(
     return Result(data, lambda: _print(result.report, data), result.reached)
 
 
-def _print(report: TuningReport, data: dict[str, Any]) -> None:
+def _print(result: Tuned, data: dict[str, Any]) -> None:
     """Print the result, the table of tried settings, and the changes of the file."""
-    result, unit = report.result, report.unit
-    after = replace(report.best, errors=report.errors)
+    unit, after = result.unit, replace(result.best, errors=result.errors)
     rows = [("as published", *_row(result.published, result))]
     rows.append((f"written: {_summary(result, after)}", *_row(after, result)))
-    shown = (PlainSettings(), report.best.settings)
+    shown = (PlainSettings(), result.best.settings)
     satisfying = [
         trial
         for trial in sorted(result.tried, key=lambda trial: trial.seconds)
@@ -157,9 +156,9 @@ def _print(report: TuningReport, data: dict[str, Any]) -> None:
     ]
     satisfying = satisfying[:MAX_ROWS] + ([] if result.beyond is None else [result.beyond])
     rows += [(_summary(result, trial), *_row(trial, result)) for trial in satisfying]
-    for sentence in report.sentences:
+    for sentence in result.sentences:
         print_text(sentence)
-    if not report.reached:
+    if not result.reached:
         print_text(f"no MJCF file reaches {result.tolerance:g} {unit} for this scene")
         if result.beyond is not None:
             script = f"in {data['python']}" if data["python"] else "which --python OUT.py writes"

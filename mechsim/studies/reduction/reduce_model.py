@@ -7,15 +7,12 @@ from pathlib import Path
 from typing import Any, cast, get_args
 
 from mechsim import files
-from mechsim.errors import InputError
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.reduction.search import By, LeftOut, Reduction, reduce_scene, with_comment
-from mechsim.studies.scene.errors import SceneErrors
+from mechsim.studies.scene.errors import UNITS, SceneErrors, tolerance_in_si
 from mechsim.studies.scene.open_scene import open_scene, scene_file
 from mechsim.studies.scene.scene import spec_of
-from mechsim.units import Unit, si
-
-UNITS: dict[str, Unit] = {"trajectory": "m", "torque": "N m"}
+from mechsim.units import Unit
 
 
 @dataclass(frozen=True)
@@ -100,11 +97,7 @@ def reduce(
         >>> small = ms.reduce("gripper.xml", "10um", track=["fingertip"], output="small.xml")
         >>> small.reduction.speedup, [element.candidate.what for element in small.reduction.left_out]
     """
-    if by not in get_args(By):
-        raise InputError(f"--by is {by!r}; choose from {', '.join(UNITS)}")
-    limit = si(tolerance, UNITS[by], "the tolerance")
-    if not 0.0 < limit < float("inf"):
-        raise InputError(f"the tolerance is {tolerance}; give a value above 0, as 10um")
+    limit = tolerance_in_si(tolerance, by, get_args(By))
     # "P,Q" names two points, "P,BODY@x,y,z" one
     points = [name for text in track for name in ([text] if "@" in text else text.split(","))]
     with scene_file(model) as path:

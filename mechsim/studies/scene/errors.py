@@ -1,17 +1,20 @@
 """Errors and cost of a run of a scene: closure, trajectory, torque, energy, and cause of divergence."""
 
 import copy
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.rank import significant
 from mechsim.simulation.driven_run import limit_or_contact, near_singular, stiffness_cause
 from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
 from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
+from mechsim.units import Unit, si
 
 By = Literal["closure", "trajectory", "torque"]
 MEASURES: dict[By, str] = {
@@ -19,6 +22,7 @@ MEASURES: dict[By, str] = {
     "trajectory": "worst distance of a tracked point from the scene's own limit at the same time, in m",
     "torque": "worst difference of an actuator's or drive's force from the scene's own limit, in N m or N",
 }
+UNITS: dict[str, Unit] = {"closure": "m", "trajectory": "m", "torque": "N m"}
 # number of instants at which energies are compared
 ENERGY_SAMPLES = 100
 # factor by which the step is reduced to test whether stiffness caused a divergence
@@ -51,6 +55,16 @@ class SceneErrors:
         """Return the errors that `mechsim tune` reports, by name."""
         errors = {name: getattr(self, name) for name in ("closure", "trajectory", "torque")}
         return errors | {"drive": self.drive_error}
+
+
+def tolerance_in_si(value: float | str, by: str, measures: Iterable[str]) -> float:
+    """Return a tolerance by one of some measures in SI; raise InputError for an invalid one."""
+    if by not in measures:
+        raise InputError(f"there is no error by {by!r}; choose from {', '.join(measures)}")
+    tolerance = si(value, UNITS[by], "the tolerance")
+    if not 0.0 < tolerance < np.inf:
+        raise InputError(f"the tolerance is {value}; give a finite value above 0")
+    return tolerance
 
 
 DIVERGED = SceneErrors(np.inf, np.inf, np.inf, np.inf, np.inf)

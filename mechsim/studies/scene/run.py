@@ -1,5 +1,6 @@
 """Runs of a scene in plain MuJoCo: the recorded motion, and the processor time of a simulated second."""
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,6 +13,7 @@ from mechsim.model.limits import MAX_SCENE_STEPS, require_steps
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
+from mechsim.simulation.state import PointJacobians, PosedBodies
 from mechsim.simulation.stepping import Progress, no_progress, rollout
 from mechsim.studies.scene.scene import UserScene
 
@@ -66,27 +68,26 @@ class SceneRun:
     @cached_property
     def points(self) -> Array:
         """Positions of the tracked points, (n, k, 3) in [m]."""
-        sims = batch.Batch(self.model, len(self.qpos), 1)
-        position, matrix = sims.bind("xpos"), sims.bind("xmat")
-        sims.bind("qpos")[:] = self.qpos
-        with quiet():
-            sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_POS))
-        matrix = matrix.reshape(*matrix.shape[:2], 3, 3)
+        position, rotation, _ = self._kinematics
         tracked = self.scene.tracked.values()
-        points = [position[:, body] + matrix[:, body] @ local for body, local in tracked]
+        points = [position[:, body] + rotation[:, body] @ local for body, local in tracked]
         return np.stack(points, 1) if points else np.empty((len(self.qpos), 0, 3))
 
     @cached_property
     def velocities(self) -> Array:
         """Velocities of the tracked points, (n, k, 3) in [m/s]."""
-        sims = batch.Batch(self.model, len(self.qpos), 1)
-        sims.bind("qpos")[:] = self.qpos
-        with quiet():
-            velocities = [
-                np.einsum("nij,nj->ni", sims.jac(body, self.points[:, k])[0], self.qvel)
-                for k, (body, _) in enumerate(self.scene.tracked.values())
-            ]
+        jacobian = self._kinematics[2]
+        velocities = [
+            np.einsum("nij,nj->ni", jacobian(body, self.points[:, k])[0], self.qvel)
+            for k, (body, _) in enumerate(self.scene.tracked.values())
+        ]
         return np.stack(velocities, 1) if velocities else np.empty((len(self.qpos), 0, 3))
+
+    @cached_property
+    @quiet()
+    def _kinematics(self) -> tuple[Array, Array, PointJacobians]:
+        """Positions and rotations of the bodies, and Jacobians of points."""
+        return PosedBodies(self.model).batch_poses(self.qpos)
 
     @cached_property
     def forces(self) -> Array:
@@ -119,17 +120,15 @@ class SceneRun:
     @quiet()
     def energies(self) -> Array:
         """Energy change since the first record, without virtual drive inertia, (n,) in [J]."""
-        model, data = self.model, mujoco.MjData(self.model)
+        model = copy.copy(self.model)
+        model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+        sims = batch.Batch(model, len(self.qpos), 1)
+        sims.bind("qpos")[:], sims.bind("qvel")[:] = self.qpos, self.qvel
+        energies = sims.bind("energy")
+        sims.forward(stage=int(mujoco.mjtStage.mjSTAGE_VEL))
         inertias = np.zeros(model.nv)
         inertias[self.scene.driven_dofs] = [inertia for inertia, _ in self.scene.drive_inertias.values()]
-        energy = np.empty(len(self.time))
-        for i, (qpos, qvel) in enumerate(zip(self.qpos, self.qvel, strict=True)):
-            data.qpos[:], data.qvel[:] = qpos, qvel
-            mujoco.mj_fwdPosition(model, data)
-            mujoco.mj_fwdVelocity(model, data)
-            mujoco.mj_energyPos(model, data)
-            mujoco.mj_energyVel(model, data)
-            energy[i] = data.energy.sum() - 0.5 * float(inertias @ qvel**2)
+        energy = energies.sum(1) - 0.5 * self.qvel**2 @ inertias
         return energy - energy[0]
 
 

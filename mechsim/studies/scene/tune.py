@@ -11,7 +11,7 @@ from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
 from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference
-from mechsim.studies.scene.errors import By, SceneErrors, SceneEvaluator, SceneTrial
+from mechsim.studies.scene.errors import UNITS, By, SceneErrors, SceneEvaluator, SceneTrial
 from mechsim.studies.scene.run import step_times
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.step_sizes import (
@@ -47,7 +47,6 @@ TIMING_ROUNDS, LATE_ROUNDS = 5, 2
 TIME_TOLERANCE = 0.05
 # ratio to the published trajectory error above which the report states it
 WORSE_TRAJECTORY = 1.1
-UNITS = {"closure": "m", "trajectory": "m", "torque": "N m"}
 Proposal = Callable[[UserScene, float], Iterable[PlainSettings]]
 
 
@@ -68,6 +67,7 @@ class Tuned:
         tried: all trials, in order.
         reference: converged motion of the scene.
         seconds: duration of the search.
+        errors: errors of the written file, measured at every step; NaN before it is written.
     """
 
     scene: UserScene
@@ -81,6 +81,7 @@ class Tuned:
     tried: Sequence[SceneTrial]
     reference: ConvergedReference
     seconds: float
+    errors: SceneErrors = SceneErrors()
 
     @property
     def reference_error(self) -> float:
@@ -91,6 +92,64 @@ class Tuned:
     def best(self) -> SceneTrial:
         """The settings that are written."""
         return self.chosen or self.closest
+
+    @property
+    def unit(self) -> str:
+        """The unit of the tolerance."""
+        return UNITS[self.by]
+
+    @property
+    def error(self) -> float:
+        """The error of the written file plus that of the converged motion."""
+        return self.errors.by(self.by) + self.reference_error
+
+    @property
+    def published_error(self) -> float:
+        """The error of the file as published plus that of the converged motion."""
+        return self.published.errors.by(self.by) + self.reference_error
+
+    @property
+    def reached(self) -> bool:
+        """Whether the written file satisfies the tolerance."""
+        return self.error <= self.tolerance
+
+    @property
+    def sentences(self) -> list[str]:
+        """The result in sentences: first the file as published, then the written file."""
+        published = self.published
+        tolerance = f"{self.tolerance:g} {self.unit} by {self.by} over {self.scene.duration:g} s"
+        if np.isfinite(self.published_error):
+            satisfies = "satisfies" if self.satisfied else "does not satisfy"
+            figures = _figures(self.published_error, published)
+            first = f"as published the file {satisfies} {tolerance}: {figures}"
+        else:
+            first = f"as published the file does not satisfy {tolerance}: it diverges"
+        if not self.best.settings.changes_to(self.scene.model).as_dict():
+            cheaper = "; no cheaper settings satisfy it" if self.reached else ""
+            return [first, f"the settings stay as published{cheaper}"]
+        satisfies = "satisfies" if self.reached else "does not satisfy"
+        figures = _figures(self.error, self.best)
+        return [first, f"the tuned file {satisfies} it: {figures}{self._cost}", *self._trajectory]
+
+    @property
+    def _cost(self) -> str:
+        ratio = self.best.seconds / self.published.seconds
+        if not np.isfinite(ratio) or ratio <= 0.0:
+            return ""
+        return f", {ratio:.2g} times slower" if ratio > 1.0 else f", {1.0 / ratio:.2g} times faster"
+
+    @property
+    def _trajectory(self) -> list[str]:
+        """The statement that the trajectory is worse than that of the published file; empty otherwise."""
+        after, before = self.errors.trajectory, self.published.errors.trajectory
+        worse = after > WORSE_TRAJECTORY * before and after > self.reference.errors[0]
+        if self.by == "trajectory" or not worse:
+            return []
+        times = f", {after / before:.2g} times as far" if before > 0.0 else ""
+        return [
+            f"its trajectory is worse: up to {after:.2g} m from the scene's limit, as published "
+            f"{before:.2g} m{times}; tuning by trajectory bounds it"
+        ]
 
     @property
     def evaluator(self) -> SceneEvaluator:
@@ -307,82 +366,6 @@ def _beyond(search: _SettingSearch) -> SceneTrial | None:
     for step in _longest(search, steps_of(search.scene), low_compliance_probes):
         search.satisfying(low_compliance(search.scene, step))
     return next(iter(search.cheapest(in_file=False)), None)
-
-
-@dataclass(frozen=True)
-class TuningReport:
-    """The result of a search, measured at every step of the written file.
-
-    Attributes:
-        result: result of the search.
-        errors: errors of the written file.
-    """
-
-    result: Tuned
-    errors: SceneErrors
-
-    @property
-    def best(self) -> SceneTrial:
-        """The settings that are written."""
-        return self.result.best
-
-    @property
-    def unit(self) -> str:
-        """The unit of the tolerance."""
-        return UNITS[self.result.by]
-
-    @property
-    def error(self) -> float:
-        """The error of the written file plus that of the converged motion."""
-        return self.errors.by(self.result.by) + self.result.reference_error
-
-    @property
-    def published_error(self) -> float:
-        """The error of the file as published plus that of the converged motion."""
-        return self.result.published.errors.by(self.result.by) + self.result.reference_error
-
-    @property
-    def reached(self) -> bool:
-        """Whether the written file satisfies the tolerance."""
-        return self.error <= self.result.tolerance
-
-    @property
-    def sentences(self) -> list[str]:
-        """The result in sentences: first the file as published, then the written file."""
-        result, published = self.result, self.result.published
-        tolerance = f"{result.tolerance:g} {self.unit} by {result.by} over {result.scene.duration:g} s"
-        if np.isfinite(self.published_error):
-            satisfies = "satisfies" if result.satisfied else "does not satisfy"
-            figures = _figures(self.published_error, published)
-            first = f"as published the file {satisfies} {tolerance}: {figures}"
-        else:
-            first = f"as published the file does not satisfy {tolerance}: it diverges"
-        if not self.best.settings.changes_to(result.scene.model).as_dict():
-            cheaper = "; no cheaper settings satisfy it" if self.reached else ""
-            return [first, f"the settings stay as published{cheaper}"]
-        satisfies = "satisfies" if self.reached else "does not satisfy"
-        figures = _figures(self.error, self.best)
-        return [first, f"the tuned file {satisfies} it: {figures}{self._cost}", *self._trajectory]
-
-    @property
-    def _cost(self) -> str:
-        ratio = self.best.seconds / self.result.published.seconds
-        if not np.isfinite(ratio) or ratio <= 0.0:
-            return ""
-        return f", {ratio:.2g} times slower" if ratio > 1.0 else f", {1.0 / ratio:.2g} times faster"
-
-    @property
-    def _trajectory(self) -> list[str]:
-        """The statement that the trajectory is worse than that of the published file; empty otherwise."""
-        after, before = self.errors.trajectory, self.result.published.errors.trajectory
-        worse = after > WORSE_TRAJECTORY * before and after > self.result.reference.errors[0]
-        if self.result.by == "trajectory" or not worse:
-            return []
-        times = f", {after / before:.2g} times as far" if before > 0.0 else ""
-        return [
-            f"its trajectory is worse: up to {after:.2g} m from the scene's limit, as published "
-            f"{before:.2g} m{times}; tuning by trajectory bounds it"
-        ]
 
 
 def _figures(error: float, trial: SceneTrial) -> str:

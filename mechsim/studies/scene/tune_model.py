@@ -32,11 +32,12 @@ from mechsim.studies.scene.errors import (
     SceneTrial,
     divergence_reason,
     start_error,
+    tolerance_in_si,
 )
 from mechsim.studies.scene.open_scene import open_scene, python_laws, scene_file
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.scene import UserScene, scene_of, with_assembled_start
-from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, Tuned, TuningReport, tuned
+from mechsim.studies.scene.tune import AIMED_FRACTION, SECONDS, Tuned, tuned
 from mechsim.studies.scene.write_tuned import (
     KEY,
     TunedText,
@@ -47,7 +48,7 @@ from mechsim.studies.scene.write_tuned import (
     tuned_text,
     write_scene,
 )
-from mechsim.units import parse, si
+from mechsim.units import si
 
 MOTOR, RUN_KEY = "motor", "turning"
 # number of revolutions of the search; the choice is verified over three times as many
@@ -139,14 +140,14 @@ class TunedModel:
     """A tuned model.
 
     Attributes:
-        report: errors and costs before and after.
+        report: result of the search, with the errors of the written file.
         text: tuned MJCF file.
         diff: changes relative to the file as published.
         included: names of included files that were merged into it because they change.
         notes: changes made to read the file.
     """
 
-    report: TuningReport
+    report: Tuned
     text: str
     diff: str
     included: tuple[str, ...]
@@ -164,21 +165,21 @@ class TunedModel:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the output of `mechsim tune --json` without the paths of files."""
-        report, result = self.report, self.report.result
+        result = self.report
         return {
             "mechanism": result.scene.mechanism.name,
             "by": result.by,
             "tolerance": result.tolerance,
-            "unit": report.unit,
-            "reached": report.reached,
-            "summary": report.sentences,
+            "unit": result.unit,
+            "reached": result.reached,
+            "summary": result.sentences,
             "published": _as_dict(result, result.published)
-            | {"error": report.published_error, "reached": result.satisfied},
+            | {"error": result.published_error, "reached": result.satisfied},
             "tuned": _as_dict(result, result.best)
             | {
-                "error": report.error,
+                "error": result.error,
                 "estimate": result.best.errors.by(result.by) + result.reference_error,
-                "errors": report.errors.as_dict(),
+                "errors": result.errors.as_dict(),
             },
             "by_python": None if result.beyond is None else _as_dict(result, result.beyond),
             "limit": {
@@ -229,7 +230,7 @@ def tune(
         >>> tuned = ms.tune("gripper.xml", "10um", ctrl={"fingers": 120}, output="tuned.xml")
         >>> tuned.reached, tuned.report.error
     """
-    limit = _tolerance(tolerance, by)
+    limit = tolerance_in_si(tolerance, by, MEASURES)
     if unknown := [kind for kind in allow if kind not in ALLOWABLE]:
         raise InputError(f"--allow names {unknown[0]!r}; choose from {', '.join(ALLOWABLE)}")
     with scene_file(model) as path, TemporaryDirectory(prefix="mechsim-") as folder:
@@ -245,23 +246,6 @@ def tune(
         result = tuned(scene, limit, cast(By, by), budget=seconds, progress=progress)
         _require_runnable(result)
         return _written(result, target, None if python is None else Path(python), notes)
-
-
-def _tolerance(value: float | str, by: str) -> float:
-    """Return a tolerance in SI; raise InputError for an invalid one."""
-    if by not in MEASURES:
-        raise InputError(f"there is no error by {by!r}; choose from {', '.join(MEASURES)}")
-    limit = value
-    if isinstance(value, str) and by == "torque":
-        try:
-            limit = float(value.removesuffix("Nm").removesuffix("N"))
-        except ValueError:
-            raise InputError(f"the tolerance is {value!r}; give a number of N m, as in 0.01") from None
-    elif isinstance(value, str):
-        limit = parse(value, "m", "the tolerance")
-    if not 0.0 < float(limit) < np.inf:
-        raise InputError(f"the tolerance is {value}; give a finite value above 0")
-    return float(limit)
 
 
 def _with_closed_start(scene: UserScene, tolerance: float) -> tuple[UserScene, tuple[str, ...]]:
@@ -295,11 +279,11 @@ def _written(result: Tuned, path: Path, script: Path | None, notes: tuple[str, .
     scene = replace(result.scene, model=best.settings.applied(result.scene.model))
     laws = python_laws(scene)
     draft = tuned_text(result.scene, best.settings, [], path.parent)
-    reports: list[TuningReport] = []
+    reports: list[Tuned] = []
 
     def finish(read_back: UserScene) -> str:
         run = run_scene(read_back, records=None)
-        reports.append(TuningReport(result, result.evaluator.errors(run)))
+        reports.append(replace(result, errors=result.evaluator.errors(run)))
         comment = _comment(reports[0], scene, laws)
         return tuned_text(result.scene, best.settings, comment, path.parent).after
 
@@ -326,12 +310,12 @@ def _as_dict(result: Tuned, trial: SceneTrial) -> dict[str, Any]:
     }
 
 
-def _comment(report: TuningReport, scene: UserScene, laws: dict[str, str]) -> list[str]:
+def _comment(result: Tuned, scene: UserScene, laws: dict[str, str]) -> list[str]:
     """Return the comment of the file: the satisfied tolerance, and how to step the model."""
     start = "from mj_resetData"
     if scene.own_start or scene.key:
         start = f"from keyframe {KEY if scene.own_start else scene.key}"
-    first, *rest = report.sentences
+    first, *rest = result.sentences
     return [
         f"mechsim tune: {first};",
         *(f"{sentence};" for sentence in rest),
