@@ -22,6 +22,7 @@ from mechsim.analytic.loops.kinematics import (
     twists,
     velocity_products,
 )
+from mechsim.analytic.vector_method.rotations import from_quaternion
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import Block, ExpressionTable, SymbolicExpression, statements
 from mechsim.model.design_arrays import DesignArrays, design_arrays
@@ -172,11 +173,7 @@ class SolverFormulas:
         turns = np.empty((len(self.tree.balls), 3, 3, 1), dtype=object)
         for k in range(len(turns)):
             w, x, y, z = (self.table.symbol(f"ball{k}_q{axis}") for axis in "wxyz")
-            turns[k, ..., 0] = [
-                [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-                [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-                [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-            ]
+            turns[k, ..., 0] = from_quaternion(w, x, y, z)
         return Coordinates(self._symbols("_q"), turns)
 
     def _symbols(self, ending: str) -> Array:

@@ -29,6 +29,19 @@ class Linearisation(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class LinearEquations:
+    """Equations linearised about n configurations, if nothing but residuals and Jacobians is needed.
+
+    Attributes:
+        rhs: residuals, (n, m).
+        matrix: Jacobians by the unknowns, (n, m, k).
+    """
+
+    rhs: Array
+    matrix: Array
+
+
 L = TypeVar("L", bound=Linearisation)
 L_co = TypeVar("L_co", bound=Linearisation, covariant=True)
 

@@ -22,7 +22,7 @@ LOADED = Forces(
 
 
 def effort_derivatives(machine, change, speed=1.0, acceleration=0.0):
-    followed = followed_motion(machine.solver, machine.mechanism, ANGLES, 1.0, 0.0)
+    followed = followed_motion(machine.solver, ANGLES)
     return forces_along(machine, followed, change, speed, acceleration)
 
 

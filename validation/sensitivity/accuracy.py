@@ -18,7 +18,7 @@ from exact_solutions import DIGITS, four_bar_b_place, rssr_p3_place, slider_cran
 
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import EIGHTH, catalog_designs, changes
-from mechsim.analytic.derivatives.motion import motion_derivatives, nearby_motion
+from mechsim.analytic.derivatives.motion import followed_motion, motion_derivatives
 from mechsim.errors import MechsimError
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import parametric_model
@@ -81,7 +81,10 @@ def differences(of, near, dimension, part):
         step = 2.0**power * (abs(value) or 1.0)
         try:
             both = [
-                [near.of(of.describe({dimension: value + s * k * step})) for s in (1, -1)]
+                [
+                    near.with_dimensions(of.describe({dimension: value + s * k * step})).motion()
+                    for s in (1, -1)
+                ]
                 for k in (1, 2, 3, 4)
             ]
         except MechsimError:
@@ -92,7 +95,7 @@ def differences(of, near, dimension, part):
                 for weight, (a, b) in zip(EIGHTH, both, strict=True)
             )
             / step
-            for point in near.form.mechanism.points
+            for point in near.solver.mechanism.points
         }
 
 
@@ -108,7 +111,7 @@ def beside(name):
     angles = form.mechanism.start + 0.4 * AT / AT[-1] if motion_laws.crank else motion_laws.rate * AT / 40.0
     rate = 1.0 if motion_laws.crank else motion_laws.rate
     found = motion_derivatives(form, changes(of, [*of.dimensions]), angles, rate)
-    near = nearby_motion(form, angles, rate)
+    near = followed_motion(form, angles, rate)
     worst = [0.0, 0.0]
     for dimension, moved in found.by.items():
         for i, part in enumerate(("position", "velocity")):

@@ -104,6 +104,25 @@ class TracedMotion:
         ]
         return mechanism, record_of(self.path, merged(chunks), self.instants, mechanism, self.solver)
 
+    def with_dimensions(
+        self, mechanism: Mechanism, ahead: float = 0.0, reach: float = np.inf
+    ) -> "TracedMotion":
+        """Return the motion of a mechanism with the same links, joints and drivers but other dimensions.
+
+        Its assembly mode is that reached by a continuous change of the dimensions.
+
+        Args:
+            mechanism: the mechanism.
+            ahead: increase of the driver positions, in [rad] or [m].
+            reach: largest total displacement of coordinates, in [rad] or characteristic lengths.
+
+        Raises:
+            AssemblyError: where the loops do not close, or another assembly mode is too near to distinguish.
+        """
+        target = with_numbers(self.solver.mechanism, numbers_of(mechanism))
+        chunks = [_closed(chunk, target, ahead, reach) for chunk in self.chunks]
+        return replace(self, mechanism=mechanism, chunks=chunks, perturbed=target)
+
 
 def motion_derivatives(
     solver: KinematicSolver,
@@ -131,9 +150,7 @@ def motion_derivatives(
 
     Accuracy: about 1e-15 times the condition number of the loops.
     """
-    return derivatives_along(
-        followed_motion(solver, solver.mechanism, angles, speed, acceleration), change, torn=torn
-    )
+    return derivatives_along(followed_motion(solver, angles, speed, acceleration), change, torn=torn)
 
 
 def derivatives_along(
@@ -151,11 +168,7 @@ def derivatives_along(
 
 
 def followed_motion(
-    solver: KinematicSolver,
-    mechanism: Mechanism,
-    angles: ArrayLike,
-    speed: ArrayLike,
-    acceleration: ArrayLike,
+    solver: KinematicSolver, angles: ArrayLike, speed: ArrayLike = 1.0, acceleration: ArrayLike = 0.0
 ) -> TracedMotion:
     """Return a motion by loop equations; parameters as in `motion_derivatives`.
 
@@ -176,7 +189,7 @@ def followed_motion(
             f"{solver.name}: {where} is a change point, where derivatives by dimensions are unbounded; "
             "keep away from it"
         )
-    return TracedMotion(solver, mechanism, path, instants, chunks)
+    return TracedMotion(solver, solver.mechanism, path, instants, chunks)
 
 
 def driven_instants(
@@ -261,85 +274,30 @@ def derivative_of(motion: Motion) -> Motion:
 MAX_STEPS, MAX_STEP, LAST_STEP, SOLVED = 20, 0.5, 1e-10, 1e-10
 
 
-@dataclass(frozen=True)
-class NearbyMotion:
-    """A solved motion from which motions with other dimensions are solved.
-
-    Attributes:
-        solver: the solver.
-        path: continuation path of its assembly mode.
-        instants: instants along the path.
-        chunks: the instants in chunks, with solved configurations.
-        reach: largest total displacement of coordinates to another mechanism, in [rad] or characteristic
-            lengths.
-    """
-
-    solver: KinematicSolver
-    path: LoopPath
-    instants: Instants
-    chunks: tuple[ClosedChunk, ...]
-    reach: float = np.inf
-
-    def motion_of(self, mechanism: Mechanism, ahead: float = 0.0) -> Motion:
-        """Return the motion of a mechanism with the same links, joints and drivers but other dimensions.
-
-        Its driver positions may be increased by `ahead` in [rad] or [m]. Its assembly mode is that reached by
-        a continuous change of the dimensions.
-
-        Raises:
-            AssemblyError: where the loops do not close, or another assembly mode is too near to distinguish.
-        """
-        return self.followed(mechanism, ahead).motion()
-
-    def followed(self, mechanism: Mechanism, ahead: float = 0.0) -> TracedMotion:
-        """Return that motion as a `TracedMotion`, for derivatives; arguments as of `motion_of`."""
-        own = self.solver.mechanism
-        target = with_numbers(own, numbers_of(mechanism))
-        chunks = [self._closed(chunk, target, ahead) for chunk in self.chunks]
-        return TracedMotion(self.solver, mechanism, self.path, self.instants, chunks, target)
-
-    def _closed(self, chunk: ClosedChunk, mechanism: GivenMechanism, ahead: float) -> ClosedChunk:
-        loops = with_mechanism(chunk.solver.loops, mechanism)
-        solver = replace(chunk.solver, loops=loops)
-        side, q = np.sign(chunk.linearised.signed_distance), replace(chunk.q, values=chunk.q.values.copy())
-        for name, value in mechanism.locked.items():
-            q.values[loops.tree.index_of[name]] = value
-        for driver in mechanism.drivers:
-            q.values[loops.tree.index_of[driver]] += ahead
-        linearised, displacement = solver.linearise(q), 0.0
-        for _ in range(MAX_STEPS):
-            step = solver.step(linearised.matrix, linearised.rhs)
-            longest = float(np.abs(step).max(initial=0.0))
-            displacement += longest
-            if not (longest < MAX_STEP and displacement < self.reach):
-                break
-            q = loops.displaced(q, step)
-            linearised = solver.linearise(q)
-            if longest < LAST_STEP:
-                break
-        gap = float(np.abs(linearised.residual).max(initial=0.0))
-        if not gap <= SOLVED or (np.sign(linearised.signed_distance) != side).any():
-            raise AssemblyError(
-                f"{mechanism.name}: with these dimensions the loops do not close in this assembly mode at "
-                "all instants; use smaller changes"
-            )
-        return replace(chunk, solver=solver, q=q, linearised=linearised)
-
-
-def nearby_motion(
-    solver: KinematicSolver,
-    angles: ArrayLike,
-    speed: ArrayLike = 1.0,
-    acceleration: ArrayLike = 0.0,
-    *,
-    reach: float = np.inf,
-) -> NearbyMotion:
-    """Return a motion from which motions with other dimensions are solved, at path parameters.
-
-    `reach` is that of `NearbyMotion`.
-
-    Raises:
-        AssemblyError: where the loops do not close, or at a change point.
-    """
-    solution = followed_motion(solver, solver.mechanism, angles, speed, acceleration)
-    return NearbyMotion(solver, solution.path, solution.instants, tuple(solution.chunks), reach)
+def _closed(chunk: ClosedChunk, mechanism: GivenMechanism, ahead: float, reach: float) -> ClosedChunk:
+    """Return the configurations of a mechanism with other dimensions, by Newton's method."""
+    loops = with_mechanism(chunk.solver.loops, mechanism)
+    solver = replace(chunk.solver, loops=loops)
+    side, q = np.sign(chunk.linearised.signed_distance), replace(chunk.q, values=chunk.q.values.copy())
+    for name, value in mechanism.locked.items():
+        q.values[loops.tree.index_of[name]] = value
+    for driver in mechanism.drivers:
+        q.values[loops.tree.index_of[driver]] += ahead
+    linearised, displacement = solver.linearise(q), 0.0
+    for _ in range(MAX_STEPS):
+        step = solver.step(linearised.matrix, linearised.rhs)
+        longest = float(np.abs(step).max(initial=0.0))
+        displacement += longest
+        if not (longest < MAX_STEP and displacement < reach):
+            break
+        q = loops.displaced(q, step)
+        linearised = solver.linearise(q)
+        if longest < LAST_STEP:
+            break
+    gap = float(np.abs(linearised.residual).max(initial=0.0))
+    if not gap <= SOLVED or (np.sign(linearised.signed_distance) != side).any():
+        raise AssemblyError(
+            f"{mechanism.name}: with these dimensions the loops do not close in this assembly mode at "
+            "all instants; use smaller changes"
+        )
+    return replace(chunk, solver=solver, q=q, linearised=linearised)

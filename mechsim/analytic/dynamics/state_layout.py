@@ -4,7 +4,7 @@ import numpy as np
 
 from mechsim.analytic.dynamics.equations_of_motion import Dynamics, EquationsOfMotion, Kinematics
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.analytic.vector_method.rotations import cross
+from mechsim.analytic.vector_method.rotations import cross, from_quaternion
 from mechsim.numerics.arrays import Array
 
 
@@ -79,13 +79,7 @@ def quaternions(rotations: Array) -> Array:
 def rotation_matrices(quaternions: Array) -> Array:
     """Return the rotation matrices (3, 3, n) of quaternions (w, x, y, z), (n, 4), of any length."""
     w, x, y, z = (quaternions / np.sqrt((quaternions**2).sum(1))[:, None]).T
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+    return from_quaternion(w, x, y, z)
 
 
 def quaternion_rates(quaternions: Array, angular_velocities: Array) -> Array:

@@ -32,6 +32,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import LoopSolver
+from mechsim.numerics.newton import LinearEquations
 
 
 @dataclass(frozen=True)
@@ -383,19 +384,6 @@ class TreeLoops:
 TreeSolver: TypeAlias = LoopSolver[TreeLoops, Coordinates]
 
 
-@dataclass(frozen=True, slots=True)
-class LinearisedLoops:
-    """Loop equations linearised about n configurations.
-
-    Attributes:
-        rhs: residuals, (n, rows).
-        matrix: Jacobians by the free coordinates in their units, (n, rows, free).
-    """
-
-    rhs: Array
-    matrix: Array
-
-
 @dataclass(frozen=True)
 class LoopSystem:
     """All loop equations in the free coordinates of a mechanism, for `numerics.newton`.
@@ -408,10 +396,10 @@ class LoopSystem:
     loops: TreeLoops
     free: NDArray[np.intp]
 
-    def linearise(self, q: Coordinates) -> LinearisedLoops:
+    def linearise(self, q: Coordinates) -> LinearEquations:
         """Return the equations linearised about n configurations."""
         residual, jacobian, _ = self.loops.linearise(q)
-        return LinearisedLoops(residual.T, jacobian[:, self.free].transpose(2, 0, 1))
+        return LinearEquations(residual.T, jacobian[:, self.free].transpose(2, 0, 1))
 
     def retract(self, q: Coordinates, step: Array) -> Coordinates:
         """Return configurations displaced by steps of the free coordinates, (n, free)."""

@@ -3,7 +3,7 @@
 Instants are the last axis of every array, so that each component is contiguous in memory.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.loops.tree import SpanningTree, TreeJoint
 from mechsim.analytic.vector_method.vectors import array_cross as cross
+from mechsim.model.links import Pose
 from mechsim.numerics.arrays import Array
 
 
@@ -53,6 +54,12 @@ class LinkPoses:
     position: Array
     rotation: Array
     unit_twists: Array
+
+    def by_link(self, links: Mapping[str, int]) -> dict[str, Pose]:
+        """Return the n poses of links, given by their indices."""
+        return {
+            name: Pose(self.position[i].T, self.rotation[i].transpose(2, 0, 1)) for name, i in links.items()
+        }
 
 
 def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:

@@ -20,30 +20,19 @@ from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.newton import NewtonSettings, newton
+from mechsim.numerics.newton import LinearEquations, NewtonSettings, newton
 from mechsim.numerics.rank import least_norm, significant
 
 # residual of rounding, in characteristic lengths and [rad]
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+# largest residual of closed loops, in characteristic lengths and [rad]
+CLOSED = 1e-12
 # Gauss-Newton steps for links without a guess, with which the loops need not close; singular values below
 # this fraction of the largest are zero
 COMPLETION = NewtonSettings(max_iterations=30, max_step=0.5)
 MIN_SINGULAR = 1e-6
 # largest rotation of a link in a Newton step, in [rad]: beyond it the linear model is invalid
 MAX_ROTATION = 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class LinearisedPoses:
-    """Loop equations linearised about n sets of poses, without units.
-
-    Attributes:
-        rhs: residuals, (n, m).
-        matrix: Jacobians by the free displacements, (n, m, k).
-    """
-
-    rhs: Array
-    matrix: Array
 
 
 @dataclass(frozen=True)
@@ -60,11 +49,11 @@ class PoseSystem:
     angle: Array | None
     free: NDArray[np.bool_]
 
-    def linearise(self, poses: Poses) -> LinearisedPoses:
+    def linearise(self, poses: Poses) -> LinearEquations:
         """Return the equations linearised about n sets of poses."""
         rows = equations(self.mechanism, poses, self.angle)
         matrix = scaled(self.mechanism, rows.jacobian)[..., np.repeat(self.free, 6)]
-        return LinearisedPoses(rows.residual * row_units(self.mechanism, rows.residual.shape[1]), matrix)
+        return LinearEquations(rows.residual * row_units(self.mechanism, rows.residual.shape[1]), matrix)
 
     def retract(self, poses: Poses, step: Array) -> Poses:
         """Return poses displaced by shifts in characteristic lengths and rotation vectors, (n, 6 free)."""
@@ -83,7 +72,6 @@ def assemble(
     guess: Poses | None = None,
     *,
     most_steps: int = 50,
-    tolerance: float = 1e-12,
 ) -> Mapping[str, Pose]:
     """Close the loops at each crank angle by Newton's method from a guess.
 
@@ -92,7 +80,6 @@ def assemble(
         angles: crank angles, (n,) in [rad].
         guess: moving link -> one pose or n poses; the default is the mechanism's own guess.
         most_steps: limit on the number of Newton steps.
-        tolerance: largest residual, in characteristic lengths and in [rad].
 
     Returns:
         Moving link -> n poses.
@@ -113,11 +100,11 @@ def assemble(
         for link in mechanism.links
     }
     settings = NewtonSettings(
-        max_iterations=most_steps, tolerance=ROUNDING, rounding=tolerance, max_step=MAX_ROTATION
+        max_iterations=most_steps, tolerance=ROUNDING, rounding=CLOSED, max_step=MAX_ROTATION
     )
     system = PoseSystem(mechanism, angles, np.ones(len(mechanism.links), dtype=np.bool_))
     result = newton(system, poses, settings, least_norm)
-    if not result.residual.max() <= tolerance:
+    if not result.residual.max() <= CLOSED:
         index = int(np.argmax(result.residual))
         raise AssemblyError(
             f"{mechanism.name}: the loops do not close at crank angle {angles[index]:.6g} rad: after "
@@ -155,14 +142,13 @@ def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> 
                 raise AssemblyError(f"{mechanism.name}: at {where} {antiparallel_message(joint.name, i)}")
 
 
-def singular_values(mechanism: Mechanism, poses: Poses, *, crank_free: bool = False) -> Array:
+def singular_values(mechanism: Mechanism, poses: Poses) -> Array:
     """Return the singular values of the loop Jacobian in characteristic lengths, (n, k), decreasing.
 
     With the crank fixed, the smallest singular value of a determined coordinate is the distance from a
     singular pose (a dead centre of the crank).
     """
-    angle = None if crank_free else 0.0
-    rows = equations(mechanism, poses, angle)
+    rows = equations(mechanism, poses, 0.0)
     values = np.linalg.svd(scaled(mechanism, rows.jacobian), compute_uv=False)
     return values.astype(np.float64, copy=False)
 

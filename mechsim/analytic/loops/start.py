@@ -8,6 +8,7 @@ import numpy as np
 from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, axes_aligned, axis_cosines, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
 from mechsim.analytic.loops.oracle import completed_poses
+from mechsim.analytic.vector_method.rotations import from_quaternion
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import antiparallel_message
 from mechsim.model.joints import joint_coordinate
@@ -198,13 +199,7 @@ def _damped(jacobian: Array, residual: Array) -> Array:
 def _rotations(quaternions: Array) -> Array:
     """Return rotation matrices, (balls, 3, 3, n), of quaternions (balls, 4, n) of any length."""
     unit = quaternions / np.sqrt((quaternions**2).sum(1, keepdims=True)) if quaternions.size else quaternions
-    w, x, y, z = unit.transpose(1, 0, 2)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1, 3)
+    return from_quaternion(*unit.transpose(1, 0, 2)).transpose(2, 0, 1, 3)
 
 
 # distance of a link from its guess, in characteristic lengths and [rad], above which other configurations are
@@ -396,10 +391,7 @@ def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]
     loops, q = assembled(mechanism)
     tree = loops.tree
     tree_poses = link_poses(tree, q)
-    poses = {
-        name: Pose(tree_poses.position[i, :, 0].copy(), tree_poses.rotation[i, :, :, 0].copy())
-        for name, i in tree.links.items()
-    }
+    poses = {name: pose.select(0) for name, pose in tree_poses.by_link(tree.links).items()}
     everywhere = {GROUND: IDENTITY, **poses}
     values: dict[str, float] = {}
     for joint in mechanism.joints:

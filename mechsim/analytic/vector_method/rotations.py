@@ -1,5 +1,7 @@
 """Products of vectors, stored as (..., 3), and rotation matrices, (..., 3, 3), and small rotations."""
 
+from typing import Any
+
 import numpy as np
 
 from mechsim.numerics.arrays import Array
@@ -28,6 +30,17 @@ def cross(a: Array, b: Array) -> Array:
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
     return out
+
+
+def from_quaternion(w: Any, x: Any, y: Any, z: Any) -> Array:
+    """Return the rotation matrices, (3, 3, ...), of unit quaternions with components (...), also symbols."""
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
 
 
 def turned_by(rotation: Array, vector: Array) -> Array:

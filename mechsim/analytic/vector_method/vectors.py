@@ -79,29 +79,6 @@ def spun(reference: Array, axis: Array, angle: Values) -> Any:
     return c * reference + s * cross(axis, reference)
 
 
-def rotated(vector: Array, about: Array, angle: ArrayLike, length: ArrayLike | None = None) -> Array:
-    """Return vectors rotated about a direction and rescaled.
-
-    Args:
-        vector: the vectors, (3,) or (3, n).
-        about: direction of the axis, of any length but zero, (3,) or (3, n).
-        angle: anticlockwise seen from the tip of `about`, in [rad], scalar or (n,).
-        length: length of the result; the default is the length of `vector`.
-
-    Returns:
-        The rotated vectors, (3,) or (3, n).
-
-    Source: paper 000, eqs (1)-(3): Rodrigues' formula split into the parts along and across the axis.
-    """
-    axis = about / norm(about)
-    along = dot(vector, axis) * axis
-    across = vector - along
-    rotated = along + across * np.cos(angle) + cross(axis, across) * np.sin(angle)
-    if length is None:
-        return rotated
-    return rotated * (np.asarray(length) / norm(vector))
-
-
 def unit_at_angles(v1: Values, v2: Values, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Any:
     """Return the unit vector at `angle1` to `v1` and `angle2` to `v2`.
 

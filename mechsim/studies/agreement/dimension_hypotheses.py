@@ -18,7 +18,7 @@ from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.link_poses import initial_coordinates, rough_poses
-from mechsim.model.links import GROUND, Pose
+from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantities import AXES
 from mechsim.numerics.angles import wrapped
@@ -368,11 +368,8 @@ def _joint_positions(mechanism: Mechanism, tree: SpanningTree, q: Coordinates) -
 
 def _with_guess(solver: LoopForm, tree: SpanningTree, q: Coordinates) -> LoopForm | None:
     """Return a solver that starts at given coordinates; None if the mechanism rejects them."""
-    poses, mechanism = link_poses(tree, q), solver.mechanism
-    guess = {
-        name: Pose(poses.position[i, :, 0].copy(), poses.rotation[i, :, :, 0].copy())
-        for name, i in tree.links.items()
-    }
+    mechanism, poses = solver.mechanism, link_poses(tree, q).by_link(tree.links)
+    guess = {name: pose.select(0) for name, pose in poses.items()}
     counted = {
         name: value for name, value in mechanism.guess_coordinates.items() if name in mechanism.drivers
     }

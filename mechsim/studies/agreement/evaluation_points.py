@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic import dynamics
 from mechsim.analytic.derivatives.dimensions import DesignFamily, changes
-from mechsim.analytic.derivatives.motion import NearbyMotion, motion_derivatives, nearby_motion
+from mechsim.analytic.derivatives.motion import TracedMotion, followed_motion, motion_derivatives
 from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -152,9 +152,9 @@ class EvaluationPoints:
         return self.solver.solve_along(self.angle, self.speed, self.acceleration)
 
     @cached_property
-    def _perturbed(self) -> NearbyMotion | None:
+    def _perturbed(self) -> TracedMotion | None:
         with suppress(AssemblyError):
-            return nearby_motion(self.solver, self.angle, self.speed, self.acceleration)
+            return followed_motion(self.solver, self.angle, self.speed, self.acceleration)
         return None
 
     @property
@@ -175,7 +175,7 @@ class EvaluationPoints:
         """Return the points of a mechanism with other dimensions, solved from this motion where possible."""
         if self._perturbed is None:
             return replace(self, solver=solver, dynamic_model=self.dynamic_model_of(solver), solved=None)
-        motion = self._perturbed.motion_of(solver.mechanism)
+        motion = self._perturbed.with_dimensions(solver.mechanism).motion()
         return replace(
             self,
             solver=solver,

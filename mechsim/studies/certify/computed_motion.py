@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mechsim.analytic.dynamics.state_layout import quaternions, rotation_matrices
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import link_poses
 from mechsim.analytic.loops.motion import driven_path
@@ -14,7 +15,6 @@ from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.start import locked_values, with_locked
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
-from mechsim.model.links import Pose
 from mechsim.model.mechanism import starting_at
 from mechsim.model.motion_laws import MotionLaws, State
 from mechsim.numerics.angles import REVOLUTION
@@ -98,23 +98,14 @@ class ComputedMotion:
         q = self.path.interpolated(s)
         values, turns = q.values.copy(), q.turns
         if reduced is not tree:
-            poses = link_poses(tree, q)
-            by_link = {
-                name: Pose(poses.position[i].T, np.moveaxis(poses.rotation[i], -1, 0))
-                for name, i in tree.index.items()
-                if name in reduced.index
-            }
-            read = TreeLoops(reduced, cuts_of(reduced), (), ()).read(by_link)
+            poses = link_poses(tree, q).by_link({name: tree.index[name] for name in reduced.index})
+            read = TreeLoops(reduced, cuts_of(reduced), (), ()).read(poses)
             values, turns = np.unwrap(read.values, axis=1), read.turns
             shared = [name for name in reduced.index_of if name in tree.index_of]
             values[[reduced.index_of[name] for name in shared]] = q.values[[tree.index_of[n] for n in shared]]
         values[reduced.ball_indices] = 0.0
-        quaternions = (
-            np.stack([_quaternions(np.moveaxis(rotation, -1, 0)) for rotation in turns], 1)
-            if len(turns)
-            else np.empty((len(s), 0, 4))
-        )
-        return CentreConfigurations(values.T, quaternions)
+        ball_rotations = [quaternions(rotation) for rotation in turns]
+        return CentreConfigurations(values.T, np.array(ball_rotations).reshape(-1, len(s), 4).swapaxes(0, 1))
 
     def with_independent_rows(self) -> "ComputedMotion":
         """Return the motion with as many equations as unknowns, selected for best conditioning at samples."""
@@ -122,7 +113,8 @@ class ComputedMotion:
         s = np.linspace(self.low, self.high, SAMPLES)
         samples = self.configurations(s)
         samples.values[:, equations.driven] = self.driven(s)[0]
-        turns = [ball(rotation) for rotation in rotation_matrices(samples.quaternions)]
+        matrices = (rotation_matrices(rows) for rows in samples.quaternions.swapaxes(0, 1))
+        turns = [ball(np.moveaxis(matrix, -1, 0)) for matrix in matrices]
         jacobians = equations.evaluate(ball(samples.values[..., None]), turns)[1].mid[..., unknown]
         choices = [np.sort(pivot_columns(jacobian.T)[0][: len(unknown)]) for jacobian in jacobians]
         smallest = [np.linalg.svd(jacobians[:, rows], compute_uv=False).min() for rows in choices]
@@ -150,21 +142,6 @@ def laws_not_enclosed(laws: MotionLaws) -> list[str]:
         except (TypeError, ValueError, AttributeError):
             drivers.append(name)
     return drivers
-
-
-def rotation_matrices(quaternions: Array) -> list[Array]:
-    """Return rotations (n, 3, 3) of each ball joint from quaternions (n, balls, 4)."""
-    from scipy.spatial.transform import Rotation
-
-    count = quaternions.shape[1]
-    return [Rotation.from_quat(quaternions[:, i], scalar_first=True).as_matrix() for i in range(count)]
-
-
-def _quaternions(rotation: Array) -> Array:
-    """Return unit quaternions (n, 4) of rotations (n, 3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(rotation).as_quat(scalar_first=True)
 
 
 def computed_motion(

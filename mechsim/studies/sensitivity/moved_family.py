@@ -10,12 +10,10 @@ import numpy as np
 from mechsim.analytic.derivatives.dimensions import DesignFamily, changes, placed_designs
 from mechsim.analytic.derivatives.dynamics import forces_along, model_numbers, perturbed_forces
 from mechsim.analytic.derivatives.motion import (
-    NearbyMotion,
     TracedMotion,
     derivatives_along,
     followed_motion,
     motion_derivatives,
-    nearby_motion,
 )
 from mechsim.analytic.dynamics import DynamicModel, InverseDynamics, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
@@ -191,20 +189,16 @@ class MovedFamily:
         return {name: component.number(columns) for name, component in zip(names, quantities, strict=True)}
 
     @cached_property
-    def _nominal_motion(self) -> NearbyMotion | None:
+    def _nominal_motion(self) -> TracedMotion | None:
         """The nominal motion, from which others are solved; None if it passes a change point."""
         with suppress(AssemblyError):
-            return nearby_motion(self.solver, self.angles, self.rate, reach=MAX_DISPLACEMENT)
+            return followed_motion(self.solver, self.angles, self.rate)
         return None
 
     @cached_property
-    def _nominal_unit_motion(self) -> NearbyMotion | None:
+    def _nominal_unit_motion(self) -> TracedMotion | None:
         """The nominal motion per radian of the path parameter."""
-        return (
-            None
-            if self._nominal_motion is None
-            else nearby_motion(self.solver, self.angles, reach=MAX_DISPLACEMENT)
-        )
+        return None if self._nominal_motion is None else followed_motion(self.solver, self.angles)
 
     def _split_offset(self, dimensions: Mapping[str, float]) -> tuple[dict[str, float], float]:
         """Return the dimensions of the designs, and the crank offset in [rad]."""
@@ -215,7 +209,9 @@ class MovedFamily:
         """Return the motion of another mechanism, solved on its own if Newton's method does not converge."""
         if self._nominal_motion is not None:
             with suppress(AssemblyError):
-                return self._nominal_motion.motion_of(solver.mechanism, ahead)
+                return self._nominal_motion.with_dimensions(
+                    solver.mechanism, ahead, MAX_DISPLACEMENT
+                ).motion()
         motion = solver.solve_along(self.angles + ahead, self.rate)
         columns = dict(motion.columns())
         joints = [
@@ -234,9 +230,8 @@ class MovedFamily:
         model = self.loading.dynamic_model(solver)
         if self._nominal_unit_motion is not None:
             with suppress(AssemblyError):
-                return perturbed_forces(
-                    model, self._nominal_unit_motion.motion_of(solver.mechanism, ahead), self.rate
-                )
+                unit = self._nominal_unit_motion.with_dimensions(solver.mechanism, ahead, MAX_DISPLACEMENT)
+                return perturbed_forces(model, unit.motion(), self.rate)
         return prescribed_along(model, self.angles + ahead, self.rate)
 
     def derivatives(
@@ -323,13 +318,13 @@ class MovedFamily:
         )
 
     def _followed(
-        self, nominal: NearbyMotion | None, solver: KinematicSolver, ahead: float, rate: float
+        self, nominal: TracedMotion | None, solver: KinematicSolver, ahead: float, rate: float
     ) -> TracedMotion:
         """Return the motion of another mechanism from this one, or from its own guess if that is too far."""
         if nominal is not None:
             with suppress(AssemblyError):
-                return nominal.followed(solver.mechanism, ahead)
-        return followed_motion(solver, solver.mechanism, self.angles + ahead, rate, 0.0)
+                return nominal.with_dimensions(solver.mechanism, ahead, MAX_DISPLACEMENT)
+        return followed_motion(solver, self.angles + ahead, rate)
 
     def _numbers(self, designs: DesignFamily) -> Callable[[Mapping[str, float]], Array]:
         """Return a function that gives the numbers of a dynamic model for dimensions."""

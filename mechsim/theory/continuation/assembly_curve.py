@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.loops.kinematics import LinkPoses, link_poses
 from mechsim.analytic.loops.record import tracked_points
 from mechsim.analytic.loops.tree import SpanningTree
-from mechsim.model.joint_kinds import KINDS, coordinates
-from mechsim.model.links import GROUND, Pose
+from mechsim.model.joint_kinds import KINDS
+from mechsim.model.joints import joint_coordinate
+from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion, short_repr
 from mechsim.numerics.angles import REVOLUTION
@@ -58,25 +59,10 @@ def joint_columns(mechanism: Mechanism) -> tuple[JointColumn, ...]:
 
 def read_joints(tree: SpanningTree, poses: LinkPoses) -> Array:
     """Return the coordinates of all joints at n poses, (n, columns) in SI; angles in (-pi, pi]."""
-    n = poses.position.shape[2]
-    by_link = {GROUND: Pose(np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))} | posed(tree, poses)
-    values: list[Array] = []
-    for joint in tree.original.joints:
-        kind = KINDS[joint.kind]
-        if kind.units:
-            a, b = by_link[joint.a.link], by_link[joint.b.link]
-            offset = b.point(joint.b.point) - a.point(joint.a.point)
-            frames = a.rotation @ joint.a.frame, b.rotation @ joint.b.frame
-            values.append(coordinates(kind, offset, *frames, joint.cross_angle))
+    by_link = {GROUND: IDENTITY, **poses.by_link(tree.index)}
+    joints = [joint for joint in tree.original.joints if KINDS[joint.kind].units]
+    values = [joint_coordinate(joint, by_link[joint.a.link], by_link[joint.b.link]) for joint in joints]
     return np.concatenate(values, 1)
-
-
-def posed(tree: SpanningTree, poses: LinkPoses) -> dict[str, Pose]:
-    """Return the poses of the moving links: name -> n poses."""
-    return {
-        name: Pose(poses.position[i].T, poses.rotation[i].transpose(2, 0, 1))
-        for name, i in tree.index.items()
-    }
 
 
 @dataclass(frozen=True)
@@ -317,7 +303,7 @@ class AssemblyCurve:
         back = np.argsort(np.concatenate(order))
         joints = np.concatenate([chunk[0] for chunk in chunks])[back] + self._revolution_offsets
         position, rotation = (np.concatenate([chunk[k] for chunk in chunks], -1)[..., back] for k in (1, 2))
-        return self._record(arcs, joints, posed(tree, LinkPoses(position, rotation, np.empty(0))))
+        return self._record(arcs, joints, LinkPoses(position, rotation, np.empty(0)).by_link(tree.index))
 
     def samples(self, count: int) -> CurvePoses:
         """Return the poses at `count` arcs, evenly spaced over the closed curve, both ends included."""

@@ -126,7 +126,6 @@ class TracedCurve(Piecewise[CurveSegment]):
 def trace_curve(
     loops: FreeLoops,
     start: Coordinates,
-    tangent: Array | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TracedCurve:
     """Trace a curve of assemblies until it returns to its start.
@@ -134,14 +133,13 @@ def trace_curve(
     Args:
         loops: of the mechanism.
         start: one set of closed coordinates, away from branch points.
-        tangent: initial direction, as rates of the unknowns; None takes that in which the driver increases.
         progress: called after each segment with the number of segments and their limit.
 
     Raises:
         AssemblyError: where the curve has no smooth continuation, or does not close.
         MobilityError: where more than one degree of freedom is undetermined.
     """
-    solver, initial = loops.solver(start, _crank(loops) if tangent is None else tangent), start
+    solver, initial = loops.solver(start, _crank(loops)), start
     segments: list[CurveSegment] = []
     branch_points: list[float] = []
     length, largest = FIRST_LENGTH, 0.0
