@@ -17,6 +17,7 @@ from mechsim.analytic.vector_method.vectors import (
     column,
     cross,
     dot,
+    norm,
     rotation,
     spun,
     turned_twice,
@@ -166,10 +167,12 @@ class Rssr(TwoBranchForm):
 
         Without a guide it is undetermined; the usual guide (default angles) then defines it.
         """
-        beta1, beta2 = (self.beta1, self.beta2) if self.guide else (np.pi / 2, np.pi / 2)
-        pin = crank.direction(vector(self._pin_at_zero) if self.guide else (-1.0, 0.0, 0.0))
-        guide = unit_at_angles(pin, along, beta1, beta2, self.guide_branch)
-        return cross(guide, along) / np.sin(beta2)
+        if not self.guide:
+            normal = cross(crank.direction((-1.0, 0.0, 0.0)), along)
+            return self.guide_branch * cross(normal, along) / norm(normal)
+        pin = crank.direction(vector(self._pin_at_zero))
+        guide = unit_at_angles(pin, along, self.beta1, self.beta2, self.guide_branch)
+        return cross(guide, along) / np.sin(self.beta2)
 
     @cached_property
     def _pin_at_zero(self) -> Array:
