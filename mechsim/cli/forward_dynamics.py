@@ -287,7 +287,7 @@ def _run(
         print_table("", head, rows)
         if verdict is not None:
             print_verdicts({"against MuJoCo, stepped": verdict}, verbose=verbose)
-        if result.events:
+        if result.events or result.segments[0].sticking:
             print_text(_comparison(result, verdict is not None))
 
     passed = result.outcome in ("done", "stopped") and (verdict is None or verdict.passed)

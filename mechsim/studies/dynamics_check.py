@@ -94,21 +94,22 @@ def crosscheck_free(
 def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:
     """Return the segments of a run that are compared with MuJoCo.
 
-    They are the longest without contacts and sticking friction, which are soft in MuJoCo. A run without
-    impacts and changes of friction is compared as a whole.
+    They are the longest without contacts and sticking friction, which are soft in MuJoCo.
     """
-    if not run.events:
-        return (RunSegment(run.time[0], run.time[-1], False),)
     free = [segment for segment in run.segments if not segment.sticking and _instants(run, segment).sum() > 2]
     longest = sorted(free, key=lambda segment: segment.first - segment.last)[:MAX_SEGMENTS]
     return tuple(sorted(longest, key=lambda segment: segment.first))
 
 
 def _instants(run: DynamicRun, segment: RunSegment) -> NDArray[np.bool_]:
-    """Return which instants of a run are in a segment; at the instant of an event the next one begins."""
-    within = (run.time >= segment.first) & (run.time < segment.last)
-    within[-1] |= segment.last == run.time[-1]
-    return within
+    """Return which instants of a run are in a segment, an interval at least from impacts and reversals.
+
+    MuJoCo's Coulomb friction is soft within a few steps of the reversal of a rate.
+    """
+    interval = run.time[1] - run.time[0]
+    after = segment.first + interval if segment != run.segments[0] else 0.0
+    before = segment.last - interval if segment != run.segments[-1] else np.inf
+    return (run.time >= after) & (run.time <= before)
 
 
 def crosscheck_forward(

@@ -10,7 +10,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.model.forces import Forces, Friction, JointSpring
-from mechsim.studies.dynamics_check import crosscheck_equilibrium, crosscheck_forward
+from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analytic"))
 from test_forward_dynamics import WEIGHT, double_pendulum, point_mass, slider
@@ -50,6 +50,31 @@ def test_a_link_heavier_by_a_hundred_thousandth_is_noticed():
     verdict = crosscheck_forward(run, ms.dynamics.dynamic_model(wrong, WEIGHT), InitialValues({"A": 0.3}, {}))
     assert verdict.outcome == "failed"
     assert "beyond the tolerance: step: position of P by" in verdict.reason
+
+
+RUBBING = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("rocker", 0.0, 2e-3),))
+
+
+def test_runs_with_reversals_of_friction_are_compared_between_them():
+    machine = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), RUBBING)
+    run = ms.dynamics.run(machine, initial={"crank.v": 30.0}, duration=0.12, samples=60)
+    # the rocker reverses at its dead centres, while the crank turns: friction cannot hold it there
+    assert (run.outcome, len(run.events)) == ("done", 2)
+    verdict = crosscheck_forward(run, machine, InitialValues({}, {"crank": 30.0}))
+    assert verdict.passed, verdict
+    assert len({check.variant for check in verdict.checks}) == len(compared_segments(run)) == 3
+    wrong = machine.with_forces(replace(RUBBING, friction=(Friction("rocker", 0.0, 2.2e-3),)))
+    assert not crosscheck_forward(run, wrong, InitialValues({}, {"crank": 30.0})).passed
+
+
+def test_sticking_friction_is_not_compared():
+    machine = ms.dynamics.dynamic_model(
+        ms.catalog.make("four_bar"), Forces(gravity=RUBBING.gravity, friction=(Friction("crank", 0.0, 1.0),))
+    )
+    run = ms.dynamics.run(machine, initial={"crank.q": 0.5}, duration=0.1, samples=10)
+    assert run.outcome == "stopped"
+    assert compared_segments(run) == ()
+    assert crosscheck_forward(run, machine, InitialValues({"crank": 0.5}, {})).outcome == "failed"
 
 
 def test_the_error_of_mujoco_falls_with_the_fourth_order_of_its_step():

@@ -19,6 +19,8 @@ MAX_CHANGES = 50
 REST = 1e-9
 # approach rate to a stop, relative to the fastest rate, below which there is contact without an impact
 SOFT_IMPACT = 1e-7
+# acceleration of a sticking friction's rate, relative to the square of the fastest rate, that is no rounding
+REVERSAL = 1e-6
 # relative excess of a friction force over its limit that counts as rounding
 BALANCED = 1e-9
 
@@ -141,22 +143,33 @@ class Contacts:
         ]
         stuck = [int(i) for i in np.flatnonzero(at_rest)]
         mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, contacts)
+        least_slip = REVERSAL * fastest**2
         sizes = [friction.magnitude for friction in self.equations.frictions]
         for _ in range(MAX_CHANGES):
             dynamics = self.accelerate(state, np.array([time]), mode)
+            # at a dead centre the joint reverses whatever the friction
+            reversing = max(mode.stuck, key=lambda i: abs(float(dynamics.slip[i, 0])), default=None)
+            if reversing is not None and abs(slip := float(dynamics.slip[reversing, 0])) > least_slip:
+                mode = _sliding(mode, reversing, slip)
+                continue
             loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)
             pulled = [i for i in mode.contacts if float(self._pressing(dynamics, mode, i)[0]) < 0.0]
             # smaller than the excess at which `_reserve` ends sticking: the friction slides at that instant
             if slipping is not None and loads[slipping] > 1.0 + 0.5 * BALANCED:
-                direction = mode.sliding.copy()
-                direction[slipping] = -np.sign(float(dynamics.holding[slipping, 0]))
-                mode = replace(mode, sliding=direction, stuck=[i for i in mode.stuck if i != slipping])
+                mode = _sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
             elif pulled:
                 mode = replace(mode, contacts=[i for i in mode.contacts if i not in pulled])
             else:
                 break
         return mode
+
+
+def _sliding(mode: ContactMode, index: int, direction: float) -> ContactMode:
+    """Return a mode in which a sticking friction slides in a direction."""
+    sliding = mode.sliding.copy()
+    sliding[index] = np.sign(direction)
+    return replace(mode, sliding=sliding, stuck=[i for i in mode.stuck if i != index])
 
 
 def stops_of(equations: EquationsOfMotion, ranges: Mapping[str, tuple[float, float]]) -> tuple[Stop, ...]:

@@ -78,6 +78,8 @@ class Dynamics:
         acceleration: accelerations of the coordinates in units, (count, n) per second squared.
         driving: drive force of each prescribed coordinate, (prescribed, n) in [N m] or [N].
         holding: force of each sticking friction, (frictions, n) in [N m] or [N].
+        slip: acceleration of the rate that each sticking friction opposes, (frictions, n) in [1/s2]; nonzero
+            if the joint reverses at a dead centre, which no friction prevents.
         contact: force of each stop in contact along its coordinate, (contacts, n) in [N m] or [N] times the
             unit of the coordinate.
         kinetic: kinetic energy, (n,) in [J].
@@ -89,6 +91,7 @@ class Dynamics:
     acceleration: Array
     driving: Array
     holding: Array
+    slip: Array
     contact: Array
     kinetic: Array
     potential: Array
@@ -213,14 +216,17 @@ class EquationsOfMotion:
         acceleration = np.zeros_like(state.rates)
         acceleration[self.free] = free.T
         n, first = len(time), state.jacobian.shape[1]
-        holding = np.zeros((len(self.frictions), n))
-        holding[list(stuck)] = multipliers[:, first : first + len(stuck)].T
+        sticking = slice(first, first + len(stuck))
+        holding, slip = np.zeros((2, len(self.frictions), n))
+        holding[list(stuck)] = multipliers[:, sticking].T
+        slip[list(stuck)] = ((rows[:, sticking] @ free[..., None])[..., 0] + gamma[:, sticking]).T
         rates = state.rates[self.free].T
         driving = multipliers[:, first - len(self.prescribed) : first].T
         return Dynamics(
             acceleration=acceleration,
             driving=driving / self.loops.units[self.prescribed_indices][:, None],
             holding=holding,
+            slip=slip,
             contact=multipliers[:, first + len(stuck) :].T,
             kinetic=kinetic_energy(mass, rates),
             potential=acting.energy,
