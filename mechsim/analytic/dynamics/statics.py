@@ -119,14 +119,17 @@ def equilibria(
     if _all_at_rest(equations, configurations):
         return (replace(_described(equations, initial_q), everywhere=True),)
     solutions: list[Equilibrium] = []
-    searches = [_newton(equations, configurations, downhill=downhill) for downhill in (False, True)]
-    for (_, reached), *ends in zip(starting, *searches, strict=True):
-        for q in ends:
-            if q is None:
-                continue
-            values = _coordinates(equations, q)
-            if not any(_same(equations, values, other.q) for other in solutions):
-                solutions.append(replace(_described(equations, q), reached=reached))
+    downhill = np.repeat([False, True], len(starting))
+    ends = _newton(equations, configurations.repeated(2), downhill)
+    # those along the motion first
+    order = np.arange(len(ends)).reshape(2, -1).T.ravel().tolist()
+    for k in order:
+        q, reached = ends[k], starting[k % len(starting)][1]
+        if q is None:
+            continue
+        values = _coordinates(equations, q)
+        if not any(_same(equations, values, other.q) for other in solutions):
+            solutions.append(replace(_described(equations, q), reached=reached))
     return tuple(sorted(solutions, key=lambda equilibrium: equilibrium.potential))
 
 
@@ -174,7 +177,7 @@ def nearest_equilibrium(
         AssemblyError: if there is no such equilibrium.
     """
     equations, q = _prepared(source, forces, initial or {})
-    (solution,) = _newton(equations, q)
+    (solution,) = _newton(equations, q, np.zeros(1, dtype=np.bool_))
     if solution is not None:
         return _described(equations, solution)
     stable = [each for each in equilibria(source, forces) if each.stable] if not initial else []
@@ -262,11 +265,11 @@ def _all_at_rest(equations: EquationsOfMotion, q: Coordinates) -> bool:
 
 
 def _newton(
-    equations: EquationsOfMotion, q: Coordinates, *, downhill: bool = False
+    equations: EquationsOfMotion, q: Coordinates, downhill: NDArray[np.bool_]
 ) -> list[Coordinates | None]:
     """Return the equilibria that Newton's method reaches from n configurations; None where it reaches none.
 
-    Downhill steps reverse unstable directions, so that they lead to stable equilibria.
+    Downhill steps (n,) reverse unstable directions, so that they lead to stable equilibria.
     """
     q = Coordinates(q.values.copy(), q.turns.copy())
     active, reached = np.ones(len(q), dtype=np.bool_), np.zeros(len(q), dtype=np.bool_)
@@ -279,7 +282,7 @@ def _newton(
         for dof in np.unique(dofs).tolist():
             which = indices[dofs == dof]
             basis = np.swapaxes(right[dofs == dof, right.shape[1] - dof :], 1, 2)
-            step, value, scale = _newton_steps(equations, q.select(which), basis, downhill)
+            step, value, scale = _newton_steps(equations, q.select(which), basis, downhill[which])
             largest[which] = np.fmax(largest[which], scale)
             length = np.abs(step).max(1, initial=0.0)
             # an unbounded step ends the search
@@ -307,7 +310,7 @@ def _null_spaces(equations: EquationsOfMotion, q: Coordinates) -> tuple[NDArray[
 
 
 def _newton_steps(
-    equations: EquationsOfMotion, q: Coordinates, basis: Array, downhill: bool
+    equations: EquationsOfMotion, q: Coordinates, basis: Array, downhill: NDArray[np.bool_]
 ) -> tuple[Array, Array, Array]:
     """Return Newton steps (n, dof), and the magnitudes (n,) of accelerations and of these or their changes.
 
@@ -325,7 +328,7 @@ def _newton_steps(
     step = np.full((n, dof), np.nan)
     for i in np.flatnonzero(closed.reshape(n, -1).all(1)).tolist():
         with suppress(np.linalg.LinAlgError):
-            step[i] = _newton_step(stiffness[i], values[i, 0], downhill)
+            step[i] = _newton_step(stiffness[i], values[i, 0], bool(downhill[i]))
     value = np.abs(values[:, 0]).max(1, initial=0.0)
     return step, value, np.fmax(value, np.abs(stiffness).max((1, 2), initial=0.0))
 
