@@ -212,6 +212,44 @@ def write_records(path: str | Path, records: Iterable[Tabled]) -> None:
             file.writelines(csv_lines(table))
 
 
+def read_text(path: str | Path, kind: str, largest: int | None = None) -> str:
+    """Return the text of a file in UTF-8, with or without a byte-order mark.
+
+    Args:
+        path: of the file.
+        kind: what it is, as in "a TOML file".
+        largest: size in bytes.
+
+    Raises:
+        InputError: for a missing or too large file, or one that is no text.
+    """
+    try:
+        status = os.stat(path)
+        if not stat.S_ISREG(status.st_mode):
+            raise InputError(f"{path} is no regular file; name {kind}")
+        if largest is not None and status.st_size > largest:
+            raise InputError(f"{path} has {status.st_size} bytes; {kind} has {largest} at most")
+        return Path(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"there is no file {path}; name {kind}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is no text in UTF-8; name {kind} in that encoding") from None
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def read_rows(path: str | Path, kind: str) -> list[list[str]]:
+    """Return the entries of the rows of a `.csv` file that are not empty, without spaces around them.
+
+    Raises:
+        InputError: as `read_text`.
+    """
+    rows = csv.reader(io.StringIO(read_text(path, kind), newline=""))
+    return [[entry.strip() for entry in row] for row in rows if any(row)]
+
+
 def read(path: str | Path) -> Table:
     """Read a table back: column name -> (n,) numbers.
 

@@ -171,7 +171,8 @@ def _released(
     options: ReleaseOptions,
 ) -> Result[RenderJson]:
     """Draw a run from an initial state, or one cycle of a mode of vibration."""
-    _check_released(animation, look)
+    reason = "{name} applies to a driven crank, and the drivers are free; leave it out"
+    _check_left_out(animation, look, ("--slow", "--positions"), reason)
     model = released_model(source, loads)
     release = options.release(model, source)
     if options.mode is None:
@@ -214,22 +215,24 @@ def frame_count(seconds: float, fps: float) -> int:
     return count
 
 
-def _check_released(animation: AnimationOptions, look: Look) -> None:
-    """Raise InputError for options of a driven crank."""
+def _check_left_out(animation: AnimationOptions, look: Look, allowed: Sequence[str], reason: str) -> None:
+    """Raise InputError with a reason, which contains {name}, for an option of the drawn motion."""
     usual = AnimationOptions()
-    excluded = {
+    options = {
         "--from": animation.method != usual.method,
         "--angle": animation.angle is not None,
         "--speed": animation.speed != usual.speed,
         "--turns": animation.turns != usual.turns,
         "--frames-per-turn": animation.frames_per_turn is not None,
         "--trace": animation.trace,
+        "--slow": animation.slow is not None,
         "--direction": look.direction,
+        "--positions": look.overlay > 1,
         "--arrows of forces": bool({"force", "moment"} & set(look.arrows)),
     }
-    for name, is_set in excluded.items():
-        if is_set:
-            raise InputError(f"{name} applies to a driven crank, and the drivers are free; leave it out")
+    for name, is_set in options.items():
+        if is_set and name not in allowed:
+            raise InputError(reason.format(name=name))
 
 
 def _written(
@@ -281,19 +284,8 @@ def _check(output: str, animation: AnimationOptions, look: Look) -> None:
         if still and is_set:
             raise InputError(f"{name} applies to an animation, and {output!r} is one picture; leave it out")
     if animation.trace:
-        excluded = {
-            "--from": animation.method != "closed",
-            "--angle": animation.angle is not None,
-            "--speed": animation.speed != usual.speed,
-            "--turns": animation.turns != 1.0,
-            "--slow": animation.slow is not None,
-            "--direction": look.direction,
-            "--positions": look.overlay > 1,
-            "--arrows of forces": bool({"force", "moment"} & set(look.arrows)),
-        }
-        for name, is_set in excluded.items():
-            if is_set:
-                raise InputError(f"--trace follows the curve of assemblies; leave out {name}")
+        reason = "--trace follows the curve of assemblies; leave out {name}"
+        _check_left_out(animation, look, ("--trace", "--frames-per-turn"), reason)
     if look.magnify is not None and animation.method != "both":
         raise InputError(
             f"--magnify {look.magnify:g} magnifies the error between two methods; add --from both"

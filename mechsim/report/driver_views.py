@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from mechsim.analytic.loops.maximal_coordinates import equations, scaled
 from mechsim.analytic.loops.motion import driven_path, solve_along
 from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.start import start_poses
+from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, ORIGIN, Pose, Vector
@@ -26,6 +28,7 @@ from mechsim.numerics.rank import null_spaces, rank
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.view.pose_grid import (
     POSE_COORDINATES,
+    GhostTrack,
     PlatformDrive,
     PoseGrid,
     Readout,
@@ -41,6 +44,7 @@ from mechsim.pictures.view.pose_grid import (
 from mechsim.studies.reference import simulated
 from mechsim.studies.release import Release
 
+# of a motion with twice the samples: what the page holds, and some between to measure its error at
 SHOWN, MIDDLES = slice(None, None, 2), slice(1, None, 12)
 
 
@@ -64,17 +68,28 @@ def release_view(release: Release, mode: int | None) -> View:
         fact = f"One cycle of {cycle.title}, its amplitude large enough to be seen."
     title = f"{model.mechanism.name.replace('_', '-')}, {name}"
     facts = [fact, f"{summary(model.masses).capitalize()}."]
-    return View(model.mechanism, [_grid(release, motion, name)], title, facts, **drawn_as(model.solver))
-
-
-def _grid(release: Release, motion: Motion, name: str) -> PoseGrid:
-    """Return every second instant over time, and the interpolation error at some of the others."""
     assert motion.time is not None
-    shown, others = select_instants(motion, SHOWN), select_instants(motion, MIDDLES)
-    grid = motion_grid(
-        name, release.model.mechanism, shown, driver="time", unit="s", nodes=motion.time[SHOWN]
-    )
-    return replace(grid, error=between(grid, others, np.asarray(motion.time[MIDDLES])))
+    grid = halved_grid(name, model.mechanism, motion, nodes=motion.time, driver="time", unit="s")
+    return View(model.mechanism, [grid], title, facts, **drawn_as(model.solver))
+
+
+def halved_grid(name: str, mechanism: Mechanism, motion: Motion, nodes: Array, **slider: Any) -> PoseGrid:
+    """Return the grid of every second instant of a motion, with the error of interpolation at some others.
+
+    Args:
+        name: name on the page.
+        mechanism: the mechanism.
+        motion: with links, at rising values of the slider.
+        nodes: these values, (n,).
+        slider: further arguments of `motion_grid`.
+    """
+    grid = motion_grid(name, mechanism, select_instants(motion, SHOWN), nodes=nodes[SHOWN], **slider)
+    return replace(grid, error=between(grid, select_instants(motion, MIDDLES), nodes[MIDDLES]))
+
+
+def stepped_ghost(solver: KinematicSolver, run: Motion) -> GhostTrack | None:
+    """Return where a stepped run of MuJoCo puts the links; None for a run that broke down."""
+    return None if run.broken else ghost_of("MuJoCo, stepped", solver.mechanism, solver.solve_as(run), run)
 
 
 # smallest singular value, relative to the largest, of coordinates that count as independent: rotations are
@@ -206,10 +221,7 @@ def motion_law_grid(solver: LoopForm) -> PoseGrid:
     grid = replace(grid, error=between(grid, exact, middles))
     with suppress(MechsimError):
         run = simulated(solver, laws.path_profile, samples=SAMPLES // 2, method="step").motion
-        if not run.broken and run.time is not None:
-            grid = replace(
-                grid, ghost=ghost_of("MuJoCo, stepped", solver.mechanism, solver.solve_as(run), run)
-            )
+        grid = replace(grid, ghost=stepped_ghost(solver, run))
     return grid
 
 

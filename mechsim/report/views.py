@@ -1,6 +1,6 @@
 """Views of a mechanism: poses of each assembly, of motion laws, of several drivers, of a validated run."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
@@ -25,11 +25,19 @@ from mechsim.pictures.view.pose_grid import (
     PoseGrid,
     Readout,
     View,
+    ascending,
     between,
-    ghost_of,
     motion_grid,
 )
-from mechsim.report.driver_views import box_of, hand_grids, motion_law_grid, platform_of
+from mechsim.report.driver_views import (
+    SHOWN,
+    box_of,
+    halved_grid,
+    hand_grids,
+    motion_law_grid,
+    platform_of,
+    stepped_ghost,
+)
 from mechsim.studies.reference import simulated
 from mechsim.studies.validate import Validation
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -88,11 +96,11 @@ def crank_grid(
         solver.mechanism,
         motion,
         driver=solver.mechanism.crank.name,
-        landmarks=[repeated for landmark in landmarks for repeated in repeated_landmarks(landmark, angles)],
+        landmarks=repeated_landmarks(landmarks, angles),
         extra=extra,
-        ghost=_ghost(solver, speed),
     )
-    return replace(grid, error=between(grid, solver.solve_along(middles, speed), middles))
+    error = between(grid, solver.solve_along(middles, speed), middles)
+    return replace(grid, ghost=_ghost(solver, speed), error=error)
 
 
 def _others(solver: ClosedForm) -> list[ClosedForm]:
@@ -139,13 +147,16 @@ def landmarks_of(solver: KinematicSolver) -> list[Landmark]:
     return landmarks + [Landmark(angle, "assemblies meet", "meets") for angle in solver.change_points()]
 
 
-def repeated_landmarks(landmark: Landmark, angles: Array) -> list[Landmark]:
-    """Return a landmark in every revolution of the slider; none outside its range."""
+def repeated_landmarks(landmarks: Iterable[Landmark], angles: Array) -> list[Landmark]:
+    """Return landmarks in every revolution of the slider; none outside its range."""
     low, high = float(angles[0]), float(angles[-1])
     slack = 1e-3 * (high - low)
-    first = landmark.value - REVOLUTION * np.floor((landmark.value - low + slack) / REVOLUTION)
-    values = np.arange(first, high + slack, REVOLUTION).tolist()
-    return [replace(landmark, value=float(np.clip(value, low, high))) for value in values]
+    repeated: list[Landmark] = []
+    for landmark in landmarks:
+        first = landmark.value - REVOLUTION * np.floor((landmark.value - low + slack) / REVOLUTION)
+        values = np.arange(first, high + slack, REVOLUTION).clip(low, high).tolist()
+        repeated += [replace(landmark, value=value) for value in values]
+    return repeated
 
 
 def _ghost(solver: KinematicSolver, speed: float) -> GhostTrack | None:
@@ -156,10 +167,7 @@ def _ghost(solver: KinematicSolver, speed: float) -> GhostTrack | None:
         run = simulated(solver, profile, samples=SAMPLES // 2, method="step").motion
     except MechsimError:
         return None
-    if run.broken or len(run) < SAMPLES // 2:
-        return None
-    rows = slice(0, 1 + int(np.argmax(run.angle)))
-    return ghost_of("MuJoCo, stepped", solver.mechanism, solver.solve_as(run), run, rows)
+    return None if len(run) < SAMPLES // 2 else stepped_ghost(solver, run)
 
 
 def _called(solver: ClosedForm) -> str:
@@ -171,8 +179,6 @@ def _called(solver: ClosedForm) -> str:
 # random starts from which curves are sought
 STARTS = 60
 MAX_CURVES = 6
-# of a motion with twice the samples: what the page holds, and some between to measure its error at
-NODES, MIDDLES, BACKWARDS = slice(None, None, 2), slice(1, None, 12), slice(None, None, -1)
 
 
 def curve_grids(solver: KinematicSolver) -> tuple[list[PoseGrid], str]:
@@ -205,35 +211,31 @@ def _turning(solver: KinematicSolver, name: str, curve: AssemblyCurve) -> PoseGr
     """Return the poses of a curve over which the crank turns fully, over its angle."""
     motion = even_motion(curve, 2 * SAMPLES * abs(curve.turns), 1.0)
     if motion.angle[-1] < motion.angle[0]:
-        motion = select_instants(motion, BACKWARDS)
-    shown, between_nodes = select_instants(motion, NODES), select_instants(motion, MIDDLES)
+        motion = select_instants(motion, slice(None, None, -1))
     driver = solver.mechanism.crank.name
-    grid = motion_grid(name, solver.mechanism, shown, driver=driver, speeds=False)
-    return replace(grid, error=between(grid, between_nodes, between_nodes.angle))
+    return halved_grid(name, solver.mechanism, motion, motion.angle, driver=driver, speeds=False)
 
 
 def _round(solver: KinematicSolver, name: str, curve: AssemblyCurve) -> PoseGrid:
     """Return the poses of a curve over which the crank swings, over a slider that goes round it evenly."""
     motion = even_motion(curve, 2 * SAMPLES, 1.0)
-    shown, between_nodes = select_instants(motion, NODES), select_instants(motion, MIDDLES)
     along = np.linspace(0.0, 100.0, len(motion))
     landmarks = [
         Landmark(100.0 * turning_point.arc / curve.length, "dead centre", "dead")
         for turning_point in curve.crank_turns
     ]
-    grid = motion_grid(
+    grid = halved_grid(
         name,
         solver.mechanism,
-        replace(shown, joints={}),
+        replace(motion, joints={}),
+        along,
         driver="along the curve",
         unit="%",
-        nodes=along[NODES],
         landmarks=sorted(landmarks, key=lambda landmark: landmark.value),
-        extra=[Readout(solver.mechanism.crank.name, "rad", {"": shown.angle})],
+        extra=[Readout(solver.mechanism.crank.name, "rad", {"": motion.angle[SHOWN]})],
         speeds=False,
     )
-    error = between(grid, between_nodes, along[MIDDLES])
-    return replace(grid, error=error, note="at an even pace round the curve of assemblies")
+    return replace(grid, note="at an even pace round the curve of assemblies")
 
 
 # solved motions that a live page holds besides its solver, so that it stays below 1.5 MB
@@ -309,35 +311,15 @@ def case_view(case: Validation) -> View | None:
     solver, motion = case.solver, case.exact
     if not motion.links:
         return None
-    rising = slice(None) if motion.drivers else slice(0, 1 + int(np.argmax(motion.angle)))
-    shown = select_instants(motion, rising)
+    shown = select_instants(motion, ascending(motion))
     if motion.drivers and shown.time is not None:
         grid = motion_grid("judged", solver.mechanism, shown, driver="time", unit="s", nodes=shown.time)
     else:
-        landmarks = [
-            repeated
-            for landmark in landmarks_of(solver)
-            for repeated in repeated_landmarks(landmark, shown.angle)
-        ]
-        grid = motion_grid(
-            "judged", solver.mechanism, shown, driver=solver.mechanism.crank.name, landmarks=landmarks
-        )
+        landmarks, driver = repeated_landmarks(landmarks_of(solver), shown.angle), solver.mechanism.crank.name
+        grid = motion_grid("judged", solver.mechanism, shown, driver=driver, landmarks=landmarks)
     with suppress(MechsimError):
-        grid = replace(_with_ghost(case, grid), error=_error(case, grid, shown.angle))
+        ghost = None if case.quick else stepped_ghost(solver, case.run.motion)
+        middles, nodes = (0.5 * (along[1:] + along[:-1]) for along in (shown.angle, grid.sliders[0].nodes))
+        grid = replace(grid, ghost=ghost, error=between(grid, solver.solve_along(middles), nodes))
     fact = f"The motion that was judged: {motion.source}, {len(shown)} poses, verdict {case.verdict.outcome}."
     return View(solver.mechanism, [grid], solver.name.replace("_", "-"), [fact], **drawn_as(solver))
-
-
-def _with_ghost(case: Validation, grid: PoseGrid) -> PoseGrid:
-    run = case.run.motion
-    if case.quick or run.broken:
-        return grid
-    exact = case.solver.solve_as(run)
-    rows = slice(None) if run.drivers else slice(0, 1 + int(np.argmax(run.angle)))
-    return replace(grid, ghost=ghost_of("MuJoCo, stepped", case.solver.mechanism, exact, run, rows))
-
-
-def _error(case: Validation, grid: PoseGrid, angles: Array) -> float:
-    """Return the largest position error in the middle between poses, in [m]."""
-    middles, nodes = 0.5 * (angles[1:] + angles[:-1]), grid.sliders[0].nodes
-    return between(grid, case.solver.solve_along(middles), 0.5 * (nodes[1:] + nodes[:-1]))

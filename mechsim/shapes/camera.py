@@ -12,9 +12,10 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.link_poses import hinged_normals
-from mechsim.model.links import GROUND, Pose
+from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism, Up, unit_vector
 from mechsim.numerics.arrays import Array
+from mechsim.shapes.body import extent
 from mechsim.shapes.shape import HOUSING, Shape, vector
 
 PRESETS = ("iso", "shaft", "top", "side")
@@ -132,8 +133,8 @@ def framed(
     foot = max(0.0, foot - border)
     right = np.cross(up, back)
     across, over, deep = points @ right, points @ up, points @ back
-    x_low, width = _span(across, radii)
-    y_low, height = _span(over, radii)
+    x_low, width = span(across, radii)
+    y_low, height = span(over, radii)
     share = 1.0 - 2.0 * border
     visible_height = max(height / (share - foot), width / share * resolution[1] / resolution[0])
     nearest = float((deep + radii).max())
@@ -165,7 +166,8 @@ def nice(length: float) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= length * (1.0 + 1e-9)))
 
 
-def _span(values: Array, radii: Array) -> tuple[float, float]:
+def span(values: Array, radii: Array) -> tuple[float, float]:
+    """Return the lowest position of balls along an axis, and the length that they cover."""
     low, high = float((values - radii).min()), float((values + radii).max())
     return low, high - low
 
@@ -248,6 +250,16 @@ def stands(shapes: Iterable[Shape], up: Array, floor: float, radius: float) -> l
             posts.append(Shape("cylinder", vector(shape.centre), vector(foot), (1.3 * radius,), HOUSING))
             posts.append(Shape("cylinder", vector(foot), vector(floored), (3.2 * radius,), HOUSING))
     return posts
+
+
+def add_stands(
+    ground: list[Shape], up: Array, floor: float, radius: float, balls: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Add `stands` to the shapes of the ground; return the balls with theirs."""
+    posts = stands(ground, up, floor, radius)
+    ground.extend(posts)
+    feet = extent([(IDENTITY, posts)])
+    return np.vstack([balls[0], feet[0]]), np.append(balls[1], feet[1])
 
 
 def _backdrop_axis(mechanism: Mechanism, back: Array, up: Array) -> Array:

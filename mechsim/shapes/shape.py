@@ -1,6 +1,6 @@
 """A shape: a solid in a link's frame, and the colours of shapes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -116,10 +116,6 @@ class Shape:
             return np.array([self.frm, self.to]), self.sizes[0]
         corners = np.array(np.meshgrid(*((-h, h) for h in self.half_sizes))).reshape(3, -1)
         return self.centre + (self.frame @ corners).T, 0.0
-
-    def moved(self, by: ArrayLike) -> "Shape":
-        """Return the shape shifted by a vector."""
-        return replace(self, frm=vector(self.frm, by), to=vector(self.to, by))
 
 
 def across_of(direction: Array, axis: Array) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
+from mechsim.files import read_text
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Vector
 from mechsim.subjects.model_source import ModelDescription, ModelSource
@@ -65,10 +66,8 @@ class PlanarJson(ModelSource):
 
 def _content(path: str) -> Mapping[str, Any]:
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; name a JSON file with a linkage") from None
-    except (ValueError, RecursionError) as error:
+        content = json.loads(read_text(path, "a JSON file with a linkage"))
+    except (json.JSONDecodeError, RecursionError) as error:
         line = f", line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         raise InputError(f"{path}{line} is no JSON; correct it") from None
     return content if isinstance(content, dict) else {}

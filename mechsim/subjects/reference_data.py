@@ -1,6 +1,5 @@
 """The reference data in the package: mechanisms in TOML and tables of their motion to 30 digits."""
 
-import csv
 import hashlib
 import json
 from collections.abc import Mapping
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mechsim import files
 from mechsim.errors import InputError
 from mechsim.model.motion import PointMotion
 from mechsim.numerics.arrays import Array
@@ -68,9 +68,8 @@ def read(where: Path, name: str) -> ReferenceTable:
             raise InputError(
                 f"the checksum of {path} in {CHECKSUMS} is wrong; download the reference data again"
             )
-    with paths[f"data/{name}.csv"].open(encoding="utf-8", newline="") as file:
-        head, *lines = csv.reader(file)
-    columns = dict(zip(head, np.array(lines, dtype=np.float64).T, strict=True))
+    columns = files.read(paths[f"data/{name}.csv"])
+    head = list(columns)
     package = json.loads(paths["datapackage.json"].read_text(encoding="utf-8"))
     speeds = {resource["path"]: resource["crank_speed"] for resource in package["resources"]}
     speed = speeds[f"data/{name}.csv"]

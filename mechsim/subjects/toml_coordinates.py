@@ -26,18 +26,24 @@ class FileCoordinates:
 
     Attributes:
         values: reader of the file's numbers.
+        read: contents of the file.
         kinds: coordinate -> kind of its joint.
         units: coordinate -> "m" or "rad".
     """
 
     values: Values
+    read: Mapping[str, Any]
     kinds: Mapping[str, KindName]
     units: Mapping[str, Unit]
 
     def require(self, name: str, path: KeyPath) -> None:
         """Raise InputError for an unknown coordinate."""
         if name not in self.units:
-            raise self.values.source.error(path, f"names coordinate {name!r}{suggestion(name, self.units)}")
+            raise self.error(path, f"names coordinate {name!r}{suggestion(name, self.units)}")
+
+    def error(self, path: KeyPath, reason: str) -> InputError:
+        """Return the error of a key; the reason follows the key and its value."""
+        return self.values.source.error(path, reason)
 
     def value(self, name: str, written: Any, path: KeyPath) -> float:
         """Return the value of a coordinate in SI."""
@@ -48,10 +54,10 @@ class FileCoordinates:
         """Return the value in SI of the number 1 without a unit for a coordinate."""
         return self.values.in_si(1.0, self.units[name])
 
-    def table(self, read: Mapping[str, Any], key: str) -> dict[str, tuple[KeyPath, Any]]:
+    def table(self, key: str) -> dict[str, tuple[KeyPath, Any]]:
         """Return a table by coordinates: name -> its key path, and its value."""
         entries: dict[str, tuple[KeyPath, Any]] = {}
-        for name, value_ in read.get(key, {}).items():
+        for name, value_ in self.read.get(key, {}).items():
             components = value_ if isinstance(value_, dict) else {"": value_}
             for suffix, value in components.items():
                 coordinate = f"{name}.{suffix}" if suffix else name
@@ -61,22 +67,21 @@ class FileCoordinates:
         return entries
 
 
-def coordinates_of(values: Values, joints: Mapping[str, Any]) -> FileCoordinates:
+def coordinates_of(values: Values, read: Mapping[str, Any]) -> FileCoordinates:
     """Return the coordinates of the joints of a file."""
     kinds: dict[str, KindName] = {}
     units: dict[str, Unit] = {}
-    for name, table in joints.items():
+    for name, table in read["joints"].items():
         kind = KINDS[table["kind"]]
         for ending, unit in zip(kind.suffixes, kind.units, strict=True):
             kinds[name + ending] = table["kind"]
             units[name + ending] = "m" if unit == "m" else "rad"
-    return FileCoordinates(values, kinds, units)
+    return FileCoordinates(values, read, kinds, units)
 
 
-def drivers_of(
-    coordinates: FileCoordinates, read: Mapping[str, Any], requested: tuple[str, ...]
-) -> str | tuple[str, ...]:
+def drivers_of(coordinates: FileCoordinates, requested: tuple[str, ...]) -> tuple[str, ...]:
     """Return the driven coordinates: of the file, else the requested ones, else the joint called crank."""
+    read = coordinates.read
     only_crank = "drivers" not in read and CRANK in read["joints"]
     drivers = read.get("drivers") or requested or ((CRANK,) if only_crank else ())
     if not drivers:
@@ -87,40 +92,33 @@ def drivers_of(
         if not KINDS[kind].drivable:  # pyright: ignore[reportArgumentType]
             only = kinds_that(lambda kind_: kind_.drivable)
             reason = f"names {kind} joint {name!r}; only a {only} one can be driven"
-            raise coordinates.values.source.error(("drivers",), reason)
-    return drivers[0] if len(drivers) == 1 else tuple(drivers)
+            raise coordinates.error(("drivers",), reason)
+    return tuple(drivers)
 
 
-def start_of(
-    coordinates: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
-) -> tuple[float, dict[str, float]]:
+def start_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> tuple[float, dict[str, float]]:
     """Return the crank angle of the guess in [rad], and the values of other coordinates at the guess."""
-    stated = read.get("start", 0.0)
-    crank = driver if isinstance(driver, str) and KINDS[coordinates.kinds[driver]].hinge else None
-    if not isinstance(stated, dict):
-        if not isinstance(driver, str):
-            if "start" in read:
-                names = ", ".join(driver)
-                reason = f"is one number, but {names} are driven; give a table, {{ {driver[0]} = ... }}"
-                raise coordinates.values.source.error(("start",), reason)
-            return 0.0, {}
-        value = coordinates.value(driver, stated, ("start",))
-        return (value, {}) if crank is not None or "start" not in read else (0.0, {driver: value})
-    values = {
-        name: coordinates.value(name, value_, path)
-        for name, (path, value_) in coordinates.table(read, "start").items()
-    }
-    return values.pop(crank, 0.0) if crank is not None else 0.0, values
+    stated, first = coordinates.read.get("start"), drivers[0]
+    if stated is None:
+        return 0.0, {}
+    if isinstance(stated, dict):
+        table = coordinates.table("start").items()
+        values = {name: coordinates.value(name, written, path) for name, (path, written) in table}
+    elif len(drivers) == 1:
+        values = {first: coordinates.value(first, stated, ("start",))}
+    else:
+        reason = f"is one number, but {', '.join(drivers)} are driven; give a table, {{ {first} = ... }}"
+        raise coordinates.error(("start",), reason)
+    has_crank = len(drivers) == 1 and KINDS[coordinates.kinds[first]].hinge
+    return values.pop(first, 0.0) if has_crank else 0.0, values
 
 
-def locked_of(
-    coordinates: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
-) -> dict[str, float]:
+def locked_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> dict[str, float]:
     """Return the locked coordinates and their values in SI."""
     locked: dict[str, float] = {}
-    for name, (path, value) in coordinates.table(read, "locked").items():
-        if name in ((driver,) if isinstance(driver, str) else driver):
-            raise coordinates.values.source.error(path, "is also driven; lock it, or drive it")
+    for name, (path, value) in coordinates.table("locked").items():
+        if name in drivers:
+            raise coordinates.error(path, "is also driven; lock it, or drive it")
         locked[name] = coordinates.value(name, value, path)
     return locked
 
@@ -134,13 +132,13 @@ def leaves(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[tuple[tu
             yield (*path, key), entry
 
 
-def initial_of(coordinates: FileCoordinates, read: Mapping[str, Any]) -> dict[str, float]:
+def initial_of(coordinates: FileCoordinates) -> dict[str, float]:
     """Return the initial state: J.q and J.v of coordinates J, in SI."""
-    source, initial = coordinates.values.source, dict[str, float]()
-    for path, written in leaves(read.get("initial", {}), ("initial",)):
+    initial: dict[str, float] = {}
+    for path, written in leaves(coordinates.read.get("initial", {}), ("initial",)):
         name, component = ".".join(path[1:-1]), path[-1]
         if component not in ("q", "v"):
-            raise source.error(path, "is no state variable; give q, the coordinate, or v, its rate")
+            raise coordinates.error(path, "is no state variable; give q, the coordinate, or v, its rate")
         if component == "q":
             initial[f"{name}.q"] = coordinates.value(name, written, path)
         else:
@@ -181,16 +179,12 @@ class FileMotionLaw:
             )
 
 
-def motion_laws_of(
-    coordinates: FileCoordinates, read: Mapping[str, Any], driver: str | tuple[str, ...]
-) -> dict[str, FileMotionLaw]:
+def motion_laws_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> dict[str, FileMotionLaw]:
     """Return the motion laws of a file's drivers."""
-    drivers = (driver,) if isinstance(driver, str) else driver
     laws: dict[str, FileMotionLaw] = {}
-    tables = [*coordinates.table(read, "motion_laws").items(), *coordinates.table(read, "programs").items()]
-    for name, (path, text) in tables:
+    for name, (path, text) in (coordinates.table("motion_laws") | coordinates.table("programs")).items():
         if name not in drivers:
-            raise coordinates.values.source.error(path, f"is not driven; drivers are {', '.join(drivers)}")
+            raise coordinates.error(path, f"is not driven; drivers are {', '.join(drivers)}")
         laws[name] = FileMotionLaw(coordinates, text, path)
     return laws
 
@@ -206,21 +200,15 @@ _KEYS_OF_KIND = {
 }
 
 
-def couplings_of(
-    coordinates: FileCoordinates, read: Mapping[str, Any]
-) -> tuple[tuple[Gear, ...], tuple[Coupling, ...]]:
+def couplings_of(coordinates: FileCoordinates) -> tuple[tuple[Gear, ...], tuple[Coupling, ...]]:
     """Return the gears between revolute joints, and all other couplings."""
-    gears: list[Gear] = []
-    others: list[Coupling] = []
-    for name, table in read.get("couplings", {}).items():
+    made: list[Gear | Coupling] = []
+    for name, table in coordinates.read.get("couplings", {}).items():
         path: KeyPath = ("couplings", name)
         with coordinates.values.source.error_context(path):
-            made = _coupling(coordinates, name, table, path)
-        if isinstance(made, Gear):
-            gears.append(made)
-        else:
-            others.append(made)
-    return tuple(gears), tuple(others)
+            made.append(_coupling(coordinates, name, table, path))
+    gears = tuple(coupling for coupling in made if isinstance(coupling, Gear))
+    return gears, tuple(coupling for coupling in made if not isinstance(coupling, Gear))
 
 
 def require_pitch_points(source: TomlSource, mechanism: Mechanism, read: Mapping[str, Any]) -> None:
@@ -242,17 +230,16 @@ def require_pitch_points(source: TomlSource, mechanism: Mechanism, read: Mapping
 def _coupling(
     coordinates: FileCoordinates, name: str, table: Mapping[str, Any], path: KeyPath
 ) -> Gear | Coupling:
-    source = coordinates.values.source
     kind_keys = [key for key in _KEYS_OF_KIND if key in table]
     if len(kind_keys) != 1:
         has = " and ".join(kind_keys) or "none"
         reason = (
             f"has {has} of ratio (a gear), radius or travel (a rack), coefficients (a polynomial); give one"
         )
-        raise source.error(path, reason)
+        raise coordinates.error(path, reason)
     for key in table:
         if key not in ("driver", "driven", kind_keys[0], *_KEYS_OF_KIND[kind_keys[0]]):
-            raise source.error((*path, key), f"does not go with {kind_keys[0]!r}; leave it out")
+            raise coordinates.error((*path, key), f"does not go with {kind_keys[0]!r}; leave it out")
     for side in ("driver", "driven"):
         side_value = table.get(side, {})
         for coordinate in (side_value,) if isinstance(side_value, str) else side_value:
@@ -265,18 +252,20 @@ def _coupling(
     units = coordinates.units[driver], coordinates.units[driven]
     if kind_keys[0] == "ratio":
         if units[0] != units[1]:
-            raise source.error(path, "is between an angle and a displacement; give radius or travel")
+            raise coordinates.error(path, "is between an angle and a displacement; give radius or travel")
         if KINDS[coordinates.kinds[driver]].hinge and KINDS[coordinates.kinds[driven]].hinge:
             return Gear(driver, driven, table["ratio"], phase, teeth or 0.0)
         turns = units[0] == "rad"
         return Coupling(name, driven, driver, (phase, table["ratio"]), turns=turns, pressure_angle=teeth)
     if units[0] == units[1]:
-        raise source.error(
+        raise coordinates.error(
             path, "is a rack between two coordinates of one unit; give an angle and a displacement"
         )
     radius = table["radius"] if kind_keys[0] == "radius" else table["travel"] / REVOLUTION
     if radius == 0.0:
-        raise source.error((*path, kind_keys[0]), "is 0; give a length, negative for the opposite direction")
+        raise coordinates.error(
+            (*path, kind_keys[0]), "is 0; give a length, negative for the opposite direction"
+        )
     ratio = radius if units[0] == "rad" else 1.0 / radius
     return Coupling(name, driven, driver, (phase, ratio), pressure_angle=teeth or 0.0)
 
@@ -287,10 +276,10 @@ def _single_coordinate(
     """Return the single coordinate of a side."""
     value = table.get(side)
     if value is None:
-        raise coordinates.values.source.error(path, f"has no {side!r}; name a coordinate")
+        raise coordinates.error(path, f"has no {side!r}; name a coordinate")
     if not isinstance(value, str):
         reason = "is no single coordinate; name one, or give coefficients, which couple sums"
-        raise coordinates.values.source.error((*path, side), reason)
+        raise coordinates.error((*path, side), reason)
     return value
 
 

@@ -94,16 +94,16 @@ def toml_model(
     require_dimensions(source, {**parameters, **(changed or {})})
     values = values_of(source).with_parameters(parameters, changed or {}, units_of)
     read = values.checked(ROOT, document, ())
-    coordinates = coordinates_of(values, read["joints"])
+    coordinates = coordinates_of(values, read)
     with source.error_context(()):
-        driver = drivers_of(coordinates, read, drivers)
-        start, guess_coordinates = start_of(coordinates, read, driver)
-        gears, couplings = couplings_of(coordinates, read)
+        drivers = drivers_of(coordinates, drivers)
+        start, guess_coordinates = start_of(coordinates, drivers)
+        gears, couplings = couplings_of(coordinates)
         mechanism = Mechanism(
             name=read["name"],
             links=tuple(_links(source, read)),
             joints=tuple(_joint(source, name, entry) for name, entry in read["joints"].items()),
-            driver=driver,
+            driver=drivers[0] if len(drivers) == 1 else drivers,
             points={
                 name: (entry["link"], entry.get("at", (0.0, 0.0, 0.0)))
                 for name, entry in _entries(read, "points")
@@ -112,7 +112,7 @@ def toml_model(
             guess={name: _pose(source, name, entry) for name, entry in _entries(read, "guess")},
             start=start,
             couplings=couplings,
-            locked=locked_of(coordinates, read, driver),
+            locked=locked_of(coordinates, drivers),
             guess_coordinates=guess_coordinates,
             up=_up(read),
         )
@@ -124,13 +124,13 @@ def toml_model(
         # FILE.py:FUNCTION with the folder of the mechanism
         formula=os.path.join(os.path.dirname(source.path), formula) if formula else "",
         forces=forces_of(values, mechanism, read),
-        initial=initial_of(coordinates, read),
+        initial=initial_of(coordinates),
         written=WrittenUnits(values.length, values.angle),
     )
     duration = read.get("duration")
     if duration is not None and not duration > 0.0:
         raise source.error(("duration",), f"is {duration:g} s; give a time above 0")
-    return ModelDescription(solver, motion_laws_of(coordinates, read, driver), duration)
+    return ModelDescription(solver, motion_laws_of(coordinates, drivers), duration)
 
 
 def _up(read: Mapping[str, Any]) -> Up | None:

@@ -2,9 +2,7 @@
 
 import difflib
 import math
-import os
 import re
-import stat
 import tomllib
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
@@ -14,6 +12,7 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError, cut
+from mechsim.files import read_text
 from mechsim.model.expressions import FUNCTIONS, evaluate_number
 from mechsim.numerics.inputs import HUGE, number
 from mechsim.subjects.law_text import is_profile
@@ -113,26 +112,13 @@ def read_source(path: str) -> TomlSource:
     Raises:
         InputError: for a missing or too large file, or one that is no TOML.
     """
+    text = read_text(path, "a TOML file", MAX_BYTES)
     try:
-        status = os.stat(path)
-        if not stat.S_ISREG(status.st_mode):
-            raise InputError(f"{path} is no regular file; name a TOML file")
-        if status.st_size > MAX_BYTES:
-            raise InputError(f"{path} has {status.st_size} bytes; a mechanism's file has {MAX_BYTES} at most")
-        text = Path(path).read_text(encoding="utf-8-sig")
         return TomlSource(path, tomllib.loads(text), _lines(text))
-    except FileNotFoundError:
-        raise InputError(f"there is no file {path}; name one that can be read") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is no text in UTF-8; name a TOML file") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is no TOML: {error}; correct that line") from None
     except RecursionError:
         raise InputError(f"{path} nests too deep; a mechanism needs five levels") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
 
 
 def _lines(text: str) -> dict[tuple[str, ...], int]:

@@ -62,7 +62,7 @@ def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
         (["four_bar", "--of", "rockr"], "did you mean 'rocker'"),
         (["four_bar", "--of", "C", "--to", "arn"], "did you mean 'arm'"),
         (["four_bar", "--of", "C", "--tolerances", "crank=0.06"], "the tolerances allow no assembly"),
-        (["four_bar", "--of", "C", "--tolerances", "none.csv"], "cannot read none.csv"),
+        (["four_bar", "--of", "C", "--tolerances", "none.csv"], "there is no file none.csv"),
         (
             ["four_bar", "--of", "C", "--distribution", "normal"],
             "--distribution applies to tolerances; add --tolerances",

@@ -258,7 +258,7 @@ def test_a_wrong_file_ends_in_one_sentence(written, content, message, monkeypatc
 def test_files_take_no_parameters_and_must_exist(written, tmp_path):
     with pytest.raises(ms.InputError, match="no parameters"):
         ms.load(written(PMKS, "a.pmks"), {"crank": "1mm"})
-    with pytest.raises(ms.InputError, match="cannot read"):
+    with pytest.raises(ms.InputError, match="there is no file"):
         ms.load(str(tmp_path / "missing.json"))
 
 

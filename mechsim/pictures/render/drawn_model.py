@@ -22,7 +22,7 @@ from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import Arrows, arrows
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, rod_radius, travels
-from mechsim.shapes.camera import Wall, backdrop, corner, lowered, stands
+from mechsim.shapes.camera import Wall, add_stands, backdrop, corner, lowered
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
@@ -211,7 +211,8 @@ class DrawnModel:
         self.up = cameras.upright(mechanism, look.up)
         self.normals = hinged_normals(mechanism)
         if not (self.normals or look.bodies):
-            balls, radii = self._add_stands(balls, radii)
+            self.low, self.high, floor = lowered(self.low, self.high, self.up, 2.0 * self.radius)
+            balls, radii = add_stands(self.shapes[GROUND], self.up, floor, self.radius, (balls, radii))
         self.arrows = self._arrows()
         for arrow_set in self.arrows:
             tips = arrow_set.tips(frames.starts)
@@ -305,14 +306,6 @@ class DrawnModel:
             (pose if pose.position.ndim == 1 else pose.select(step), self.shapes[link])
             for link, pose in poses
         )
-
-    def _add_stands(self, balls: Array, radii: Array) -> tuple[Array, Array]:
-        """Support every bearing by a post on the floor; return the balls with those of the posts."""
-        self.low, self.high, floor = lowered(self.low, self.high, self.up, 2.0 * self.radius)
-        posts = stands(self.shapes[GROUND], self.up, floor, self.radius)
-        self.shapes[GROUND].extend(posts)
-        feet, widths = extent([(self.frames.poses[GROUND], posts)])
-        return np.vstack([balls, feet]), np.append(radii, widths)
 
     def _clear_walls(self) -> None:
         """Keep walls clear of the mechanism, except a wall that supports it."""

@@ -15,7 +15,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, rod_radius, travels
-from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, nice, stands
+from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, nice
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Rgba, Shape, TriangleMesh
 from mechsim.simulation.configurations import swept
@@ -344,10 +344,7 @@ def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:
     up = cameras.upright(mechanism)
     if not hinged_normals(mechanism):
         low, high, floor = lowered(low, high, up, 2.0 * radius)
-        posts = stands(shapes[GROUND], up, floor, radius)
-        shapes[GROUND].extend(posts)
-        feet, widths = extent([(poses[GROUND], posts)])
-        balls, radii = np.vstack([balls, feet]), np.append(radii, widths)
+        balls, radii = cameras.add_stands(shapes[GROUND], up, floor, radius, (balls, radii))
     camera = cameras.framed(*cameras.directions(mechanism, "iso"), balls, radii, RESOLUTION)
     grid_step, middle = cameras.nice(camera.height / 9.0), (low + high) / 2.0
     wall = backdrop(mechanism, camera, up, low, high, grid_step)

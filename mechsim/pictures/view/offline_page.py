@@ -3,6 +3,7 @@
 import base64
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,6 @@ from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, platform_data, quaternions
 from mechsim.shapes import camera as cameras
 from mechsim.shapes.body import extent, free_sides, point_colours, rod_radius, travels
-from mechsim.shapes.camera import stands
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Shape
 
@@ -95,10 +95,7 @@ def _data(view: View) -> dict[str, Any]:
     floor = float((balls @ normal - radii).min())
     if not (planar or view.bodies):
         floor -= 2.0 * radius
-        posts = stands(shapes[GROUND], up, floor, radius)
-        shapes[GROUND].extend(posts)
-        feet, widths = extent([(poses[GROUND], posts)])
-        balls, radii = np.vstack([balls, feet]), np.append(radii, widths)
+        balls, radii = cameras.add_stands(shapes[GROUND], up, floor, radius, (balls, radii))
     return {
         "name": mechanism.name,
         "radius": radius,
@@ -185,10 +182,8 @@ def _cameras(mechanism: Mechanism, balls: Array, radii: Array, vertical: Up | No
     for preset, name in usual.items():
         back, up = cameras.directions(mechanism, preset, vertical)
         framed = cameras.framed(back, up, balls, radii, (1, 1), border=0.0)
-        right = np.cross(up, back)
-        across = float((balls @ right + radii).max() - (balls @ right - radii).min())
-        over = float((balls @ up + radii).max() - (balls @ up - radii).min())
-        depth = float((balls @ back + radii).max() - (balls @ back - radii).min())
+        axes = np.cross(up, back), up, back
+        across, over, depth = (cameras.span(balls @ axis, radii)[1] for axis in axes)
         centre = framed.position - back * (framed.height + depth / 2.0)
         presets.append(
             {
@@ -235,10 +230,7 @@ def _slider(slider: Slider) -> dict[str, Any]:
         "nodes": [float(f"{node:.15g}") for node in slider.nodes],
         "ring": slider.ring,
         "start": slider.start,
-        "marks": [
-            {"value": landmark.value, "label": landmark.label, "kind": landmark.kind}
-            for landmark in slider.landmarks
-        ],
+        "marks": [asdict(landmark) for landmark in slider.landmarks],
     }
 
 

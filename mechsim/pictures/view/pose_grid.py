@@ -304,7 +304,6 @@ def motion_grid(
     nodes: Array | None = None,
     landmarks: Sequence[Landmark] = (),
     extra: Sequence[Readout] = (),
-    ghost: GhostTrack | None = None,
     speeds: bool = True,
 ) -> PoseGrid:
     """Return the grid of a motion along a single slider.
@@ -318,7 +317,6 @@ def motion_grid(
         nodes: its values, (n,); None takes the crank angles.
         landmarks: named positions.
         extra: quantities besides positions, speeds and joints, (n,) each.
-        ghost: of another method.
         speeds: whether the rates of the motion are shown.
     """
     nodes = motion.angle if nodes is None else nodes
@@ -327,12 +325,15 @@ def motion_grid(
     quaternion = {name: quaternions(pose.rotation) for name, pose in poses.items()}
     slider = Slider(driver, unit, nodes, comes_round(mechanism, motion), float(nodes[0]), tuple(landmarks))
     readouts = (*_readouts(mechanism, motion, speeds), *extra)
-    return PoseGrid(name, (slider,), position, quaternion, readouts, ghost)
+    return PoseGrid(name, (slider,), position, quaternion, readouts)
 
 
-def ghost_of(
-    name: str, mechanism: Mechanism, shown: Motion, other: Motion, rows: slice = slice(None)
-) -> GhostTrack:
+def ascending(motion: Motion) -> slice:
+    """Return the rows at which a slider ascends: all for motion laws or a turning crank, half for a swing."""
+    return slice(None) if motion.drivers else slice(0, 1 + int(np.argmax(motion.angle)))
+
+
+def ghost_of(name: str, mechanism: Mechanism, shown: Motion, other: Motion) -> GhostTrack:
     """Return the links by another method, given both motions at the same drivers.
 
     Args:
@@ -340,8 +341,8 @@ def ghost_of(
         mechanism: the mechanism.
         shown: the motion of the page.
         other: the motion of the other method.
-        rows: rows at which the slider ascends: all for a crank that turns, half for a swing.
     """
+    rows = ascending(other)
     spinning = shown.spinning | other.spinning
     deviations = errors(mechanism, moved_links(mechanism, shown), moved_links(mechanism, other), spinning)
     shift = {link: pair[0][rows] for link, pair in deviations.items()}

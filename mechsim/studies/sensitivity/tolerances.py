@@ -1,10 +1,7 @@
 """Tolerances of dimensions and clearances of joints, and their text form."""
 
-import csv
-import io
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
@@ -12,6 +9,7 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.errors import InputError
+from mechsim.files import read_rows
 from mechsim.model.joint_kinds import KINDS, kinds_that
 from mechsim.model.joints import Joint
 from mechsim.model.mechanism import Mechanism
@@ -126,11 +124,7 @@ def written_tolerances(text: str, option: str = "--tolerances") -> dict[str, str
 
 
 def _table(path: str) -> dict[str, str]:
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
-    rows = [[text.strip() for text in row] for row in csv.reader(io.StringIO(text)) if any(row)]
+    rows = read_rows(path, "a table of tolerances")
     if not rows or [text.lower() for text in rows[0][:2]] != ["dimension", "tolerance"]:
         raise InputError(f"{path} does not start with the header dimension,tolerance; add this header")
     for number, row in enumerate(rows[1:], 2):

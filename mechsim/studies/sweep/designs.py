@@ -1,6 +1,6 @@
 """Designs of a sweep: the varied parameters and their values."""
 
-import csv
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -12,6 +12,7 @@ from mechsim import units
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.errors import InputError
+from mechsim.files import read_rows
 from mechsim.model.quantities import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
@@ -56,10 +57,7 @@ class Designs:
     @property
     def count(self) -> int:
         """Number of designs."""
-        total = 1
-        for length in self.shape:
-            total *= length
-        return total
+        return math.prod(self.shape)
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -210,7 +208,7 @@ def _row(name: str, value: object, model: str, parameters: Mapping[str, str]) ->
 
 
 def sampled_designs(
-    text: str, spans: Mapping[str, object], model: str, parameters: Mapping[str, str], seed: int = SEED
+    text: str, spans: Mapping[str, object], model: str, parameters: Mapping[str, str]
 ) -> Designs:
     """Return designs sampled between bounds of parameters: `sobol:N`, `halton:N`, `latin:N` or `random:N`.
 
@@ -219,7 +217,6 @@ def sampled_designs(
         spans: parameter -> (low, high) in SI.
         model: name of the subject.
         parameters: parameter -> unit.
-        seed: of their scrambling.
 
     Raises:
         InputError: for an unknown method, or an invalid number.
@@ -240,23 +237,23 @@ def sampled_designs(
     require_memory(
         f"{count:,} designs", count, BYTES_PER_DESIGN + 16.0 * len(ends), "{most} fit: reduce the number"
     )
-    points = _points(word, len(ends), count, seed)
+    points = _points(word, len(ends), count)
     values = {name: low + (high - low) * points[:, i] for i, (name, (low, high)) in enumerate(ends.items())}
-    return Designs(values, {name: parameters[name] for name in values}, "list", f"{text}, seed {seed}")
+    return Designs(values, {name: parameters[name] for name in values}, "list", f"{text}, seed {SEED}")
 
 
-def _points(word: str, dimensions: int, count: int, seed: int) -> Array:
+def _points(word: str, dimensions: int, count: int) -> Array:
     """Return points in the unit cube, (count, dimensions)."""
     from scipy.stats import qmc
 
     if word == "random":
-        return np.random.default_rng(seed).random((count, dimensions))
+        return np.random.default_rng(SEED).random((count, dimensions))
     if word == "sobol":
         # a power of two keeps the points balanced; the first are used
-        engine = qmc.Sobol(dimensions, scramble=True, rng=seed)
+        engine = qmc.Sobol(dimensions, scramble=True, rng=SEED)
         return engine.random_base2(max(0, (count - 1).bit_length()))[:count]
     kinds = {"halton": qmc.Halton, "latin": qmc.LatinHypercube}
-    return kinds[word](dimensions, rng=seed).random(count)
+    return kinds[word](dimensions, rng=SEED).random(count)
 
 
 def read_designs(
@@ -268,15 +265,7 @@ def read_designs(
         InputError: for a missing file, cells that are not values, or cells without a unit if the
             mechanism's file declares a unit other than SI.
     """
-    try:
-        with Path(path).open(encoding="utf-8-sig", newline="") as file:
-            head, *rows = list(csv.reader(file)) or [[]]
-    except FileNotFoundError:
-        raise InputError(f"there is no file {path}; name one that can be read") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
-    names = [name.strip() for name in head]
-    rows = [row for row in rows if row]
+    names, *rows = read_rows(path, "a table of designs") or [[]]
     if not rows:
         raise InputError(f"{path} has no row of numbers under a header; give a column for each parameter")
     if twice := next((name for name in names if names.count(name) > 1), None):

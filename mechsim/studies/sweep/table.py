@@ -1,6 +1,5 @@
 """The result of a sweep as an `xarray.Dataset`, and as a file."""
 
-import csv
 import math
 import warnings
 from collections.abc import Mapping
@@ -55,19 +54,16 @@ def dataset(
     """
     xarray = library("xarray")
     designs, shape, dims = task.designs, task.designs.shape, task.designs.dims
-    variables: dict[str, Any] = {}
-    for column in task.measures:
-        variables[column_name(column.name)] = (
-            dims,
-            values[column.name].reshape(shape),
-            {"units": column.unit or "1"},
-        )
-    variables["outcome"] = (dims, np.array(OUTCOMES, dtype=object)[outcome].reshape(shape))
-    variables["reason"] = (dims, reason.reshape(shape))
-    coordinates: dict[str, Any] = {}
-    for name, row in designs.values.items():
-        along = name if designs.spread == "grid" else "design"
-        coordinates[name] = (along, row, {"units": designs.units[name] or "1"})
+    measured = {
+        column_name(column.name): (dims, values[column.name].reshape(shape), {"units": column.unit or "1"})
+        for column in task.measures
+    }
+    texts = {"outcome": np.array(OUTCOMES, dtype=object)[outcome], "reason": reason}
+    variables = measured | {name: (dims, text.reshape(shape), {}) for name, text in texts.items()}
+    coordinates = {
+        name: (name if designs.spread == "grid" else "design", row, {"units": designs.units[name] or "1"})
+        for name, row in designs.values.items()
+    }
     about = {
         "model": task.subject.name,
         "mechanism": task.subject.solver.name,
@@ -131,7 +127,8 @@ def write_sweep(path: str | Path, result: "Dataset") -> None:
         elif kind == ".parquet":
             _write_parquet(temporary, result)
         else:
-            _write_csv(temporary, result)
+            table = library("pandas").DataFrame(design_columns(result))
+            table.to_csv(temporary, index=False, na_rep="nan", lineterminator="\n")
 
 
 def _write_zarr(path: Path, result: "Dataset") -> None:
@@ -155,21 +152,12 @@ def design_columns(result: "Dataset") -> dict[str, np.ndarray]:
     return {name: column.values.ravel() for name, column in broadcast.items()}
 
 
-def _write_csv(path: Path, result: "Dataset") -> None:
-    table = design_columns(result)
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table)
-        rows = (column.tolist() for column in table.values())
-        writer.writerows(zip(*rows, strict=True))
-
-
 def _write_parquet(path: Path, result: "Dataset") -> None:
     import json
 
     arrow, parquet = library("pyarrow"), library("pyarrow.parquet")
     about = {
-        "attributes": {name: _plain(value) for name, value in result.attrs.items()},
+        "attributes": {name: np.asarray(value).tolist() for name, value in result.attrs.items()},
         "units": {str(name): column.attrs.get("units", "1") for name, column in result.variables.items()},
         "grid": [str(name) for name in result.dims] if "design" not in result.dims else [],
     }
@@ -180,10 +168,6 @@ def _write_parquet(path: Path, result: "Dataset") -> None:
     ]
     arrow_table = arrow.table(arrays, names=[*table]).replace_schema_metadata({b"mechsim": json.dumps(about)})
     parquet.write_table(arrow_table, path)
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if hasattr(value, "item") else value
 
 
 def read_sweep(path: str | Path) -> "Dataset":
@@ -204,7 +188,7 @@ def read_sweep(path: str | Path) -> "Dataset":
             with xarray.open_zarr(path) as file:
                 result = file.load()
         else:
-            result = _read_parquet(path) if kind == ".parquet" else _read_csv(path)
+            result = _read_parquet(path) if kind == ".parquet" else _from_columns(_read_csv(path), {}, [], {})
     except (OSError, ValueError, KeyError, TypeError) as error:
         line = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path} contains no sweep: {cut(line, 120)}") from None
@@ -222,19 +206,12 @@ def _read_parquet(path: str | Path) -> "Dataset":
     return _from_columns(columns_read, about["units"], about["grid"], about["attributes"])
 
 
-def _read_csv(path: str | Path) -> "Dataset":
-    with Path(path).open(encoding="utf-8", newline="") as file:
-        head, *rows = list(csv.reader(file))
-    columns_read: dict[str, Any] = {}
-    for name, texts in zip(head, zip(*rows, strict=True), strict=True):
-        columns_read[name] = (
-            np.array(texts, dtype=object) if name in TEXTS else np.array([*map(_number, texts)])
-        )
-    return _from_columns(columns_read, {}, [], {})
-
-
-def _number(text: str) -> float:
-    return float(text) if text else math.nan
+def _read_csv(path: str | Path) -> dict[str, Any]:
+    texts = library("pandas").read_csv(path, dtype=str, keep_default_na=False)
+    return {
+        name: column.to_numpy(object) if name in TEXTS else column.replace("", "nan").to_numpy(float)
+        for name, column in texts.items()
+    }
 
 
 def _from_columns(
