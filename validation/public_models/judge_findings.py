@@ -38,6 +38,8 @@ DIGITS = 0.05
 RANK = 1e-5
 # number of configurations, and their random displacement in [rad] or [m] where none is closed
 STATES, NUDGE = 5, 0.05
+# largest deviation of the drivers from the swing with which steps show its gap, in [rad] or [m]
+FOLLOWED = 0.03
 FALSE_ALARMS = 0.01
 
 
@@ -229,14 +231,16 @@ JUDGES = {
 
 
 def predicted_gaps(path, found):
-    """Yield MS110 findings of a motion, and the predicted gap over that of MuJoCo's steps."""
+    """Yield MS110 findings of a swing that MuJoCo follows, and the predicted gap over that of its steps."""
     spec = mujoco.MjSpec.from_file(str(path))
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     scene = Inspected(read_model(spec, lint=True))
     motion = swing(scene)
     if motion is None:
         return
-    seen, _ = min((stepped_gap(scene, motion, rate) for rate in RATES), key=lambda result: result[1])
+    seen, astray = min((stepped_gap(scene, motion, rate) for rate in RATES), key=lambda result: result[1])
+    if not astray < FOLLOWED:
+        return
     for finding in found:
         number = next(loop.number for loop in scene.loops if loop.name == finding.object)
         ratio = finding.value / max(seen.get(number, 0.0), 1e-300)

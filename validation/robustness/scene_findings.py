@@ -234,7 +234,7 @@ def seeded(read: MjcfModel, asked, before):
 
 def efforts(scene: Inspected, motion, inputs):
     """Return what moves the drivers along `inputs` over a motion, (n, k), and the inertia on each, (n, k)."""
-    model, data = scene.bare, mujoco.MjData(scene.bare)
+    model, data = scene.loops_only, mujoco.MjData(scene.loops_only)
     dofs = [int(model.joint(name).dofadr[0]) for name in (*scene.drivers, *scene.read.mechanism.locked)]
     moving, heavy = [], []
     for qpos, qvel, qacc in zip(motion.qpos, motion.qvel, motion.qacc, strict=True):
@@ -302,7 +302,7 @@ def gaps(read: MjcfModel):
         seen, _ = min((stepped_gap(changed, motion, rate) for rate in RATES), key=lambda one: one[1])
         # gaps that do not show are not predicted
         pairs = [(told[i], seen[i], loop.name) for i, loop in ((one.number, one) for one in changed.loops)]
-        pairs = [pair for pair in pairs if max(pair[:2]) > 1e-5 * changed.size]
+        pairs = [pair for pair in pairs if max(pair[:2]) > 1e-5 * changed.length]
         for by, was, loop in pairs:
             near = bool(1.0 / FACTOR <= by / was <= FACTOR)
             good &= near

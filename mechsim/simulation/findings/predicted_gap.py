@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import EQUALITY, Inspected, Swing
+from mechsim.simulation.findings.inspected import EQUALITY, RANK_TOLERANCE, Inspected, Swing
 from mechsim.simulation.mjcf_reader.coordinates import actuated_joints
 from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
 
@@ -52,8 +52,6 @@ DRY = (int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF), int(mujoco.mjtConstraint.
 BISECTIONS = 30
 # MuJoCo's largest impedance
 MAX_IMPEDANCE = 0.9999
-# singular values below this fraction of the largest count as zero
-RANK_TOLERANCE = 1e-9
 
 
 def gaps_at_rest(scene: Inspected) -> dict[int, float]:
