@@ -111,10 +111,15 @@ def gap(model, finding):
 
 
 def units(model, finding):
-    """Ranges are far more than a revolution."""
-    names = finding.object.split(", ")
-    ranges = [model.jnt_range[joint_number(model, name)] for name in names]
-    return "degrees" in finding.message and all(np.ptp(limits) > 2.0 * np.pi for limits in ranges)
+    """Ranges are far more than a revolution, or all ranges are at most 3.2 degrees."""
+    if finding.object == "angles":
+        limited = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited != 0)
+        return bool(np.degrees(np.abs(model.jnt_range[limited])).max() <= 3.2)
+    joints = [
+        mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in finding.object.split(", ")
+    ]
+    wide = [np.ptp(model.jnt_range[joint]) > 2.0 * np.pi for joint in joints if joint >= 0]
+    return "degrees" in finding.message and bool(wide) and all(wide)
 
 
 def determined(model, finding):
