@@ -4,13 +4,12 @@ Problem: a linter is of use only if it takes every model that MuJoCo takes, says
 The table states errors, warnings and notes of each model of `models.txt`, seconds of `check` without its
 imports, and the exit codes of the four commands (70 is a fault of mechsim, -1 takes more than a minute of
 processor time).
-`judged.txt` lists the errors and warnings that are false, checked by reading model and finding; all others
-were judged to be true.
+`judge_findings.py` tries whether the findings are true.
 
     python validation/public_models/check_table.py FOLDER [--findings] [--only WORD]
 
 FOLDER holds clones of the repositories; files that are not there are skipped. None lies in this repository.
-Exits with 1 at an internal error, a model that only mechsim rejects, or more than 1 % of false findings.
+Exits with 1 at an internal error or a model that only mechsim rejects.
 """
 
 import argparse
@@ -30,18 +29,14 @@ from mechsim import cli
 from mechsim.errors import MechsimError
 
 LISTED = Path(__file__).with_name("models.txt")
-JUDGED = Path(__file__).with_name("judged.txt")
 # processor seconds of a command
 LIMIT = 60
-FALSE_ALARMS = 0.01
 SLOW = 1.0
 COMMANDS = (("show",), ("validate", "--lock-others"), ("sample", "-n", "16", "-o", "{out}"))
 
 
 def lines(path: Path) -> list[str]:
-    """Return the lines of a file that say something."""
-    if not path.exists():
-        return []
+    """Return the lines of a file without comments."""
     return [line for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")]
 
 
@@ -123,8 +118,7 @@ def main() -> bool:
     options = parser.parse_args()
     signal.signal(signal.SIGPROF, stopped)
     out = str(Path(tempfile.mkdtemp()) / "states.npz")
-    false = {tuple(line.split(" | ")[:3]) for line in lines(JUDGED)}
-    seconds, alarms, wrong, faults, count = [], 0, 0, 0, 0
+    seconds, alarms, faults, count = [], 0, 0, 0
     print(" n errors warnings notes seconds  check show validate sample  model")
     for name in lines(LISTED):
         path = Path(options.folder) / name
@@ -135,7 +129,6 @@ def main() -> bool:
         number = {s: sum(f[1] == s for f in row["found"]) for s in ("error", "warning", "note")}
         raised = [f for f in row["found"] if f[1] != "note"]
         alarms += len(raised)
-        wrong += sum((name, f[0], f[2]) in false for f in raised)
         faults += any(code in (70, -1) for code in row["codes"])
         faults += row["rejected"] is not None and row["loads"]
         seconds.append(row["seconds"])
@@ -145,20 +138,19 @@ def main() -> bool:
         if row["rejected"]:
             print(f"     rejected: {row['rejected']}")
         for rule, severity, of, message in row["found"] if options.findings else []:
-            flag = " FALSE" if (name, rule, of) in false else ""
             if severity != "note":
-                print(f"     {rule} {severity}{flag} [{of}]: {message}")
+                print(f"     {rule} {severity} [{of}]: {message}")
         for text in row["said"]:
             if options.said or "Traceback" in text or "too long" in text:
                 print(f"     {text}")
     seconds.sort()
     slow = sum(not second <= SLOW for second in seconds)
     print(
-        f"{count} models, {alarms} errors and warnings, {wrong} of them false; check took "
+        f"{count} models, {alarms} errors and warnings; check took "
         f"{seconds[len(seconds) // 2]:.2f} s (median), {seconds[-1]:.2f} s (worst), {slow} above {SLOW:g} s; "
         f"{faults} internal errors or rejections of what MuJoCo loads"
     )
-    return not faults and wrong <= FALSE_ALARMS * max(alarms, 1)
+    return not faults
 
 
 if __name__ == "__main__":
