@@ -89,6 +89,31 @@ def test_each_dialect_closes_the_four_bar(written, dialect):
     assert -np.einsum("ni,ni->n", rod[:, :, 0], follower[:, :, 1]) == pytest.approx(-bent, abs=1e-12)
 
 
+def coupling(predecessor, successor, ratio="6"):
+    return f"""<coupling name="gears"><predecessor link="{predecessor}"/><successor link="{successor}"/>
+    <ratio value="{ratio}"/></coupling>"""
+
+
+@pytest.mark.parametrize(("predecessor", "joints"), [("crank", ["motor"]), ("rod", ["motor", "knee"])])
+def test_a_coupling_multiplies_the_angles_between_its_links(written, predecessor, joints):
+    model = written(robot(coupling(predecessor, "follower")))
+    qpos = ms.closed_qpos(model, dict.fromkeys(joints, [0.0, 0.1, -0.3]))
+    assert qpos[:, 2] == pytest.approx(6.0 * len(joints) * np.array([0.0, 0.1, -0.3]), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (coupling("crank", "rood"), "names link 'rood' .did you mean 'rod'"),
+        (coupling("crank", "rod"), "no joint between its predecessor or successor"),
+        (coupling("crank", "follower", "six"), "1 finite numbers belong"),
+    ],
+)
+def test_a_wrong_coupling_ends_in_one_sentence(written, part, message):
+    with pytest.raises(ms.InputError, match=message):
+        ms.closed_qpos(written(robot(part)), {"motor": 0.1})
+
+
 def test_gazebo_places_a_loop_joint_where_the_file_starts(written):
     # at zero the rod's end lies at (1, 0.3), the follower's in (0, 0.3) of its own frame
     joint = """<gazebo><joint name="closing" type="revolute"><parent>rod</parent><child>follower</child>

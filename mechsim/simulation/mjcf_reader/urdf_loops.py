@@ -1,7 +1,7 @@
 """Loops of URDF files: read from dialects of URDF, which has no loops, and closed by equalities of sites.
 
-Dialects in the file: a link with two parents, `<loop>` of URDF+, `<loop_joint>` of Isaac Sim,
-`<drake:ball_constraint>` and `<drake:linear_bushing_rpy>` of Drake, and `<gazebo><joint>` of Gazebo. A
+Dialects in the file: a link with two parents, `<loop>` and `<coupling>` of URDF+, `<loop_joint>` of Isaac
+Sim, `<drake:ball_constraint>` and `<drake:linear_bushing_rpy>` of Drake, and `<gazebo><joint>` of Gazebo. A
 YAML sidecar file has the form of Gepetto's collection of parallel robots, or of scikit-robot.
 """
 
@@ -69,6 +69,22 @@ class LoopClosure:
 
 
 @dataclass(frozen=True, eq=False)
+class Coupling:
+    """Coupled joints: `ratio` times the sum of the positions of `a` is the sum of the positions of `b`.
+
+    Attributes:
+        name: name of the coupling.
+        ratio: transmission ratio.
+        a, b: names of the joints from the common ancestor to the predecessor and to the successor.
+    """
+
+    name: str
+    ratio: float
+    a: tuple[str, ...]
+    b: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class UrdfTree:
     """The tree of a URDF file.
 
@@ -95,6 +111,15 @@ class UrdfTree:
                 f"loop joint {joint!r} names link {name!r}{did_you_mean(name, links)}; name a link"
             )
         return name
+
+    def joints_to(self, link: str) -> list[str]:
+        """Return the names of the movable joints from the root to a link, the last joint first."""
+        names: list[str] = []
+        while link in self.parents:
+            joint, parent = self.parents[link]
+            names += [joint.get("name", "")] if joint.get("type") != "fixed" else []
+            link = parent.link
+        return names
 
     def moving(self, frame: Frame) -> Frame:
         """Return a frame on the link to which fixed joints attach it; the root is the world."""
@@ -141,7 +166,8 @@ def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | N
     if loops is not None:
         more, changes = _sidecar(tree, loops)
         closures += more
-    if not closures:
+    couplings = list(_couplings(tree))
+    if not closures and not couplings:
         return None
     for joint in tree.second:
         tree.root.remove(joint)
@@ -149,6 +175,8 @@ def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | N
     changes.apply(spec, tree)
     for closure in closures:
         _close(spec, tree, closure)
+    for coupling in couplings:
+        _couple(spec, coupling)
     return spec
 
 
@@ -196,6 +224,29 @@ def _urdf_plus(tree: UrdfTree) -> Iterator[LoopClosure]:
         sides = [loop.find(side) for side in ("predecessor", "successor")]
         a, b = (_side(tree, loop, side, "predecessor and successor") for side in sides)
         yield _closure(tree, loop, a, b)
+
+
+def _couplings(tree: UrdfTree) -> Iterator[Coupling]:
+    """Yield the transmissions of URDF+.
+
+    Source: Chignoli, Adrian, Kim, Wensing (2024), URDF+: an enhanced URDF for robots with kinematic loops,
+    arXiv 2411.19753; signs as its authors' program generalized_rbda reads them.
+    """
+    for element in tree.root.findall("coupling"):
+        name = element.get("name", "")
+        a, b = (
+            tree.joints_to(tree.require_link(_child(element, side).get("link", ""), name))
+            for side in ("predecessor", "successor")
+        )
+        shared = set(a) & set(b)
+        a, b = (tuple(joint for joint in side if joint not in shared) for side in (a, b))
+        if not a or not b:
+            raise tree.error(
+                f"coupling {name!r} has no joint between its predecessor or successor and their common "
+                "ancestor; name links on two branches"
+            )
+        (ratio,) = _numbers(tree, name, _child(element, "ratio").get("value", "1"), 1)
+        yield Coupling(name, float(ratio), a, b)
 
 
 def _isaac(tree: UrdfTree) -> Iterator[LoopClosure]:
@@ -478,3 +529,29 @@ def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
         spec.add_equality(
             name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, name1=sites[0], name2=sites[1]
         )
+
+
+def _couple(spec: mujoco.MjSpec, coupling: Coupling) -> None:
+    """Add the equality of two joints, or of a fixed tendon over more."""
+    if len(coupling.a) == len(coupling.b) == 1:
+        equality = spec.add_equality(
+            name=coupling.name,
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=coupling.b[0],
+            name2=coupling.a[0],
+        )
+        equality.data[:2] = 0.0, coupling.ratio
+        return
+    tendon = spec.add_tendon(name=coupling.name)
+    for joint in coupling.a:
+        tendon.wrap_joint(joint, coupling.ratio)
+    for joint in coupling.b:
+        tendon.wrap_joint(joint, -1.0)
+    equality = spec.add_equality(
+        name=coupling.name,
+        type=mujoco.mjtEq.mjEQ_TENDON,
+        objtype=mujoco.mjtObj.mjOBJ_TENDON,
+        name1=coupling.name,
+    )
+    equality.data[:2] = 0.0, 0.0
