@@ -97,7 +97,7 @@ def coupling(predecessor, successor, ratio="6"):
 @pytest.mark.parametrize(("predecessor", "joints"), [("crank", ["motor"]), ("rod", ["motor", "knee"])])
 def test_a_coupling_multiplies_the_angles_between_its_links(written, predecessor, joints):
     model = written(robot(coupling(predecessor, "follower")))
-    qpos = ms.closed_qpos(model, dict.fromkeys(joints, [0.0, 0.1, -0.3]))
+    qpos = ms.closed_qpos(model, dict.fromkeys(joints, (0.0, 0.1, -0.3)))
     assert qpos[:, 2] == pytest.approx(6.0 * len(joints) * np.array([0.0, 0.1, -0.3]), abs=1e-12)
 
 
