@@ -1,5 +1,7 @@
 """Every file that a document, a comment or a docstring names is there."""
 
+import ast
+import importlib
 import re
 from pathlib import Path
 
@@ -39,6 +41,35 @@ def _is_there(name: str) -> bool:
 def test_what_files_name_is_there():
     found = {str(path.relative_to(ROOT)): missing(path.read_text()) for path in [*DOCUMENTS, *SOURCES]}
     assert {path: names for path, names in found.items() if names} == {}
+
+
+def unknown_names(text: str) -> list[str]:
+    """Return the names that a script imports from modules of mechsim that do not have them."""
+    imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)]
+    names = [(node.module, alias.name) for node in imports for alias in node.names if node.module]
+    return [
+        f"{module}.{name}"
+        for module, name in names
+        if module.startswith("mechsim")
+        and not hasattr(importlib.import_module(module), name)
+        and not _is_module(f"{module}.{name}")
+    ]
+
+
+def _is_module(name: str) -> bool:
+    path = ROOT.joinpath(*name.split("."))
+    return path.is_dir() or path.with_suffix(".py").exists()
+
+
+def test_scripts_import_names_that_exist():
+    scripts = [path for path in SOURCES if path.relative_to(ROOT).parts[0] != "mechsim"]
+    unknown = {str(path.relative_to(ROOT)): unknown_names(path.read_text()) for path in scripts}
+    assert {path: names for path, names in unknown.items() if names} == {}
+
+
+def test_an_import_of_a_missing_name_is_seen():
+    assert unknown_names("from mechsim.numerics.rank import rank, ranks") == ["mechsim.numerics.rank.ranks"]
+    assert unknown_names("from mechsim.numerics import rank") == []
 
 
 def test_every_folder_of_validation_is_explained():

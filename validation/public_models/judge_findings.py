@@ -23,7 +23,7 @@ import numpy as np
 import mechsim as ms
 from mechsim.errors import MechsimError
 from mechsim.simulation.closed_configurations import compiled_model
-from mechsim.simulation.findings.inspected import Inspected, swing
+from mechsim.simulation.findings.inspected import Inspected, driver_swing
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader import read_model
 
@@ -240,7 +240,7 @@ def predicted_gaps(path, found):
     spec = mujoco.MjSpec.from_file(str(path))
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     scene = Inspected(read_model(spec, lint=True))
-    motion = swing(scene)
+    motion = driver_swing(scene)
     if motion is None:
         return
     seen, astray = min((stepped_gap(scene, motion, rate) for rate in RATES), key=lambda result: result[1])

@@ -21,7 +21,7 @@ import numpy as np
 
 from mechsim.errors import MechsimError
 from mechsim.simulation.findings import findings
-from mechsim.simulation.findings.inspected import EQUALITY, Inspected, swing
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected, driver_swing
 from mechsim.simulation.findings.predicted_gap import drive_directions, gaps_in, loop_forces
 from mechsim.simulation.findings.rules import BY_KIND, violations
 from mechsim.simulation.mjcf.compiling import quiet
@@ -293,7 +293,7 @@ def gaps(read: MjcfModel):
             if solref is not None:
                 one.solref = solref
         changed = Inspected(MjcfModel(**{**vars(read), "spec": spec}))
-        motion = swing(changed)
+        motion = driver_swing(changed)
         if motion is None:
             print("    its drivers settle no motion")
             return good
