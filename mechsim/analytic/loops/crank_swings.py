@@ -9,6 +9,7 @@ Source: E. L. Allgower, K. Georg, Introduction to numerical continuation methods
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from mechsim.analytic.loops.design_motion import (
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.path_rates import ClosedChunk, with_rates
 from mechsim.model.design_arrays import StartedDesigns
-from mechsim.model.motion import Motion
+from mechsim.model.motion import Motion, Record, mapped
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import NEARBY
@@ -51,21 +52,30 @@ MAX_CORRECTION_AT_ANGLE = 0.05
 CHUNK = 4096
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
+class CurvePoints:
+    """Points on the solution curves of d designs.
+
+    Attributes:
+        q: coordinates.
+        tangent: unit tangents of the free coordinates, (free, d).
+    """
+
+    q: Coordinates
+    tangent: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Curve:
     """Solution curves of d designs from their starts in one direction, up to their dead centres.
 
     Attributes:
-        values: coordinates at the nodes, (k, count, d).
-        turns: rotations of balls, (k, balls, 3, 3, d).
-        tangent: unit tangents, (k, free, d).
+        nodes: k points on each, along a first axis of each array.
         length: arc length from each node to the next, (k, d); that of the last node is unused.
         last: number of the last node of each design, its dead centre, (d,).
     """
 
-    values: Array
-    turns: Array
-    tangent: Array
+    nodes: CurvePoints
     length: Array
     last: Rows
 
@@ -108,14 +118,14 @@ class SwingTracer:
             if not len(rows):
                 return None
             curves[direction], valid = self._traced(rows, self.start.select(rows), direction)
-            rows, curves = rows[valid], {key: _select(curve, valid) for key, curve in curves.items()}
+            rows, curves = rows[valid], {key: _selected(curve, valid) for key, curve in curves.items()}
         if not len(rows):
             return None
         low, high = (self._end(curves[direction]) for direction in (-1, 1))
         return Swings(rows, low, high, curves)
 
     def _end(self, curve: Curve) -> Array:
-        return curve.values[curve.last, self.crank, np.arange(len(curve.last))]
+        return curve.nodes.q.values[curve.last, self.crank, np.arange(len(curve.last))]
 
     def _loops(self, rows: Rows, count: int) -> TreeLoops:
         return self.designs.select(rows).at_instants(count)
@@ -137,96 +147,76 @@ class SwingTracer:
         """Return the curves in one direction of the crank, and which designs have a swinging crank."""
         d = len(rows)
         q, tangent, _, valid = self._corrected(rows, q)
-        tangent = tangent * np.sign(direction * tangent[-1])
-        initial = q.values[self.crank].copy()
-        nodes, length = [(q.values, q.turns, tangent)], np.full(d, STEP)
-        lengths: list[Array] = []
+        points = CurvePoints(q, tangent * np.sign(direction * tangent[-1]))
+        start, length = q.values[self.crank], np.full(d, STEP)
+        nodes, lengths = [points], list[Array]()
         last, active = np.zeros(d, dtype=np.intp), valid.copy()
         for count in range(1, MAX_STEPS):
             if not active.any():
                 break
-            previous, trial_length = nodes[-1], length
-            next_at, next_tangent, reached = self._stepped(
-                rows, Coordinates(previous[0], previous[1]), previous[2], trial_length
-            )
+            ahead, reached = self._stepped(rows, points, length)
             for _ in range(HALVINGS):
                 if not (active & ~reached).any():
                     break
-                trial_length = np.where(reached, trial_length, 0.5 * trial_length)
-                next_at, next_tangent, reached = self._stepped(
-                    rows, Coordinates(previous[0], previous[1]), previous[2], trial_length
-                )
+                length = np.where(reached, length, 0.5 * length)
+                ahead, reached = self._stepped(rows, points, length)
             valid &= ~active | reached
             active &= reached
-            passed_dead_centre = active & (direction * next_tangent[-1] < 0.0)
-            if passed_dead_centre.any():
-                start = Coordinates(previous[0], previous[1])
-                next_at, next_tangent, trial_length = self._dead_centres(
-                    rows,
-                    start,
-                    previous[2],
-                    trial_length,
-                    passed_dead_centre,
-                    (next_at, next_tangent),
-                    direction,
-                )
-            values = np.where(active, next_at.values, previous[0])
-            turns = np.where(active, next_at.turns, previous[1])
-            nodes.append((values, turns, np.where(active, next_tangent, previous[2])))
-            lengths.append(trial_length)
+            reversed_ = active & (direction * ahead.tangent[-1] < 0.0)
+            if reversed_.any():
+                ahead, length = self._dead_centres(rows, points, ahead, length, reversed_, direction)
+            points = mapped(partial(np.where, active), ahead, points)
+            nodes.append(points)
+            lengths.append(length)
             last = np.where(active, count, last)
-            full_revolution = active & (np.abs(values[self.crank] - initial) > REVOLUTION)
+            full_revolution = active & (np.abs(points.q.values[self.crank] - start) > REVOLUTION)
             valid &= ~full_revolution
-            active &= ~(passed_dead_centre | full_revolution)
-            length = np.minimum(STEP, 1.5 * trial_length)
+            active &= ~(reversed_ | full_revolution)
+            length = np.minimum(STEP, 1.5 * length)
         valid &= ~active
         lengths.append(np.zeros(d))
-        arrays = [np.stack([node[i] for node in nodes]) for i in range(3)]
-        return Curve(arrays[0], arrays[1], arrays[2], np.stack(lengths), last), valid
+        return Curve(mapped(lambda *arrays: np.stack(arrays), *nodes), np.stack(lengths), last), valid
 
-    def _stepped(
-        self, rows: Rows, q: Coordinates, tangent: Array, length: Array
-    ) -> tuple[Coordinates, Array, Bools]:
-        """Return points a step along the curves, tangents there, and which are valid."""
-        predicted = self._moved(self._loops(rows, len(rows)), q, tangent * length)
-        q_next, tangent_next, displacement, valid = self._corrected(rows, predicted)
-        tangent_next = tangent_next * np.sign((tangent_next * tangent).sum(0))
-        same_direction = (tangent_next * tangent).sum(0) > 0.9
-        return q_next, tangent_next, valid & (displacement < MAX_CORRECTION * length) & same_direction
+    def _stepped(self, rows: Rows, points: CurvePoints, length: Array) -> tuple[CurvePoints, Bools]:
+        """Return points a step along the curves, and which are valid."""
+        predicted = self._moved(self._loops(rows, len(rows)), points.q, points.tangent * length)
+        q, tangent, displacement, valid = self._corrected(rows, predicted)
+        tangent = tangent * np.sign((tangent * points.tangent).sum(0))
+        same_direction = (tangent * points.tangent).sum(0) > 0.9
+        return CurvePoints(q, tangent), valid & (displacement < MAX_CORRECTION * length) & same_direction
 
     def _dead_centres(
         self,
         rows: Rows,
-        q: Coordinates,
-        tangent: Array,
+        points: CurvePoints,
+        beyond: CurvePoints,
         length: Array,
         passed: Bools,
-        beyond: tuple[Coordinates, Array],
-        crank_direction: int,
-    ) -> tuple[Coordinates, Array, Array]:
+        direction: int,
+    ) -> tuple[CurvePoints, Array]:
         """Return the next points of the curves, where some pass a dead centre that dead centre."""
         index = np.flatnonzero(passed)
-        start = Coordinates(q.values[:, index], q.turns[..., index])
-        tangents, at_zero, at_end = tangent[:, index], tangent[-1, index], beyond[1][-1, index]
-        low, high, slow, fast = np.zeros(len(index)), length[index].copy(), at_zero.copy(), at_end.copy()
-        solution, direction, trial_length = start, tangents, low
+        start, lengths = _selected(points, index), length.copy()
+        low, high = np.zeros(len(index)), length[index]
+        slow, fast = start.tangent[-1], beyond.tangent[-1, index]
+        solution = start
         for _ in range(SECANTS):
-            trial_length = low + (high - low) * slow / (slow - fast)
-            solution, direction, _ = self._stepped(rows[index], start, tangents, trial_length)
-            rate = direction[-1]
+            lengths[index] = low + (high - low) * slow / (slow - fast)
+            solution, _ = self._stepped(rows[index], start, lengths[index])
+            rate = solution.tangent[-1]
             if (np.abs(rate) < TANGENT_TOLERANCE).all():
                 break
-            inside = crank_direction * rate > 0.0
+            inside = direction * rate > 0.0
             # Illinois: the end that stays counts half
-            fast = np.where(inside, 0.5 * fast, rate)
-            high = np.where(inside, high, trial_length)
-            slow = np.where(inside, rate, 0.5 * slow)
-            low = np.where(inside, trial_length, low)
-        values, turns, directions = beyond[0].values.copy(), beyond[0].turns.copy(), beyond[1].copy()
-        values[:, index], turns[..., index], directions[:, index] = solution.values, solution.turns, direction
-        lengths = length.copy()
-        lengths[index] = trial_length
-        return Coordinates(values, turns), directions, lengths
+            fast, high = np.where(inside, 0.5 * fast, rate), np.where(inside, high, lengths[index])
+            slow, low = np.where(inside, rate, 0.5 * slow), np.where(inside, lengths[index], low)
+
+        def replaced(array: Array, values: Array) -> Array:
+            array = array.copy()
+            array[..., index] = values
+            return array
+
+        return mapped(replaced, beyond, solution), lengths
 
     def motion(
         self, swings: Swings, angles: Array, speed: Array, acceleration: Array, joints: Sequence[str]
@@ -258,35 +248,38 @@ class SwingTracer:
 
     def _predicted(self, swings: Swings, indices: Rows, angles: Array) -> Coordinates:
         """Return coordinates near those at crank angles (d, p) of some of the designs, (p d) sets."""
-        start = swings.curves[1].values[0, self.crank, indices]
-        d, p = angles.shape
-        first = swings.curves[1]
-        values = np.empty((first.values.shape[1], d, p))
-        rotations = np.empty((*first.turns.shape[1:4], d, p))
+        # all designs at one instant after another
+        row, angle = np.tile(indices, angles.shape[1]), angles.T.ravel()
+        upwards = angle >= swings.curves[1].nodes.q.values[0, self.crank, row]
+        order: list[Rows] = []
+        points: list[CurvePoints] = []
+        steps: list[Array] = []
         for direction, curve in swings.curves.items():
-            design, column = np.nonzero((angles >= start[:, None]) == (direction > 0))
-            row, angle = indices[design], angles[design, column]
-            nodes = curve.values[:, self.crank]
-            previous = (direction * nodes[:, row] <= direction * angle).sum(0) - 1
-            node = np.clip(previous, 0, curve.last[row] - 1)
-            low, high = nodes[node, row], nodes[node + 1, row]
-            fraction = (angle - low) / (high - low)
+            which = np.flatnonzero(upwards == (direction > 0))
+            design, nodes = row[which], curve.nodes.q.values[:, self.crank]
+            previous = (direction * nodes[:, design] <= direction * angle[which]).sum(0) - 1
+            node = np.clip(previous, 0, curve.last[design] - 1)
+            low, high = nodes[node, design], nodes[node + 1, design]
+            fraction = (angle[which] - low) / (high - low)
             # near a dead centre the crank angle is a quadratic function of the distance
             ends = 1.0 - np.sqrt(np.maximum(1.0 - fraction, 0.0))
-            ahead = np.where(node == curve.last[row] - 1, ends, fraction) * curve.length[node, row]
-            q = Coordinates(curve.values[node, :, row].T, np.moveaxis(curve.turns[node, ..., row], 0, -1))
-            loops = self._loops(swings.rows[row], len(row))
-            q = self._moved(loops, q, curve.tangent[node, :, row].T * ahead)
-            values[:, design, column], rotations[..., design, column] = q.values, q.turns
-        values, rotations = (array.swapaxes(-1, -2) for array in (values, rotations))
-        return Coordinates(values.reshape(len(values), -1), rotations.reshape(*rotations.shape[:3], d * p))
+            steps.append(
+                np.where(node == curve.last[design] - 1, ends, fraction) * curve.length[node, design]
+            )
+            at_nodes = partial(_at_nodes, node=node, design=design)
+            points.append(mapped(at_nodes, curve.nodes))
+            order.append(which)
+        back = np.argsort(np.concatenate(order))
+        nearest = mapped(lambda *arrays: np.concatenate(arrays, -1)[..., back], *points)
+        loops = self._loops(swings.rows[indices], len(row))
+        return self._moved(loops, nearest.q, nearest.tangent * np.concatenate(steps)[back])
 
 
-def _select(curve: Curve, which: Bools) -> Curve:
-    return Curve(
-        curve.values[..., which],
-        curve.turns[..., which],
-        curve.tangent[..., which],
-        curve.length[:, which],
-        curve.last[which],
-    )
+def _at_nodes(array: Array, node: Rows, design: Rows) -> Array:
+    """Return values (..., m) of an array (k, ..., d) at nodes and designs, (m,) each."""
+    return np.moveaxis(array[node, ..., design], 0, -1)
+
+
+def _selected(record: Record, which: Bools | Rows) -> Record:
+    """Return a record, the last axis of whose arrays is that of designs, for some of them."""
+    return mapped(lambda array: array[..., which], record)
