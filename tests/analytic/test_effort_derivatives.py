@@ -54,7 +54,9 @@ def test_derivatives_of_efforts_are_those_of_the_models_next_to(name, forces, di
         for k in (-2, -1, 1, 2)
     ]
     told = found.by[dimension]
-    compared = [one for one in near[0] if one not in found.open and one not in ("time", "angle", "speed")]
+    reactions = dynamics.prescribed(machine({}), ANGLES, 30.0, 50.0).forces.reactions
+    left_out = {f"{name}.{one}" for name, reaction in reactions.items() for one in reaction.undetermined}
+    compared = [one for one in near[0] if one not in {*left_out, "time", "angle", "speed"}]
     assert "torque" in compared
     assert len(compared) > 10
     for column in compared:

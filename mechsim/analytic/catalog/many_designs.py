@@ -12,7 +12,7 @@ from mechsim.analytic.catalog.formulas import Solver, parameters_from, unchecked
 from mechsim.analytic.catalog.frame_motion import motion_at
 from mechsim.analytic.catalog.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
 from mechsim.analytic.vector_method import link_frames
-from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial
+from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial, polynomial_roots
 from mechsim.model.design_arrays import DesignArrays, Ends, StartedDesigns
 from mechsim.model.links import ORIGIN, Pose
 from mechsim.model.motion import Motion
@@ -26,14 +26,14 @@ REAL, NEARLY_REAL = 1e-6, 1e-2
 # distance of real roots in [rad], and leading coefficient relative to the largest, below which a design is
 # solved separately
 MIN_ROOT_DISTANCE, MIN_LEADING = 1e-2, 1e-8
-# Newton steps per root
-NEWTON_STEPS = 3
+# Newton steps per root or minimum
+NEWTON_STEPS = 6
 
 Complex = NDArray[np.complex128]
 
-# crank angles at which discriminants are sampled, Newton steps to their minima, and the minimum, relative to
-# the largest harmonic, below which it may be a change point or an end of the range
-GRID, MINIMUM_STEPS, TOUCHING = 48, 6, 1e-7
+# crank angles at which discriminants are sampled, and the minimum, relative to the largest harmonic, below
+# which it may be a change point or an end of the range
+GRID, TOUCHING = 48, 1e-7
 # arrays of parameters contain only designs without change points
 NO_CHANGE_POINTS = SignedRoot(TrigPolynomial(np.array([1.0 + 0.0j])), ())
 
@@ -47,14 +47,12 @@ class CrankRanges:
     Attributes:
         full: whether the crank rotates fully, (n,).
         uncertain: whether the discriminant has a minimum so close to 0 that only exact roots decide, (n,).
-        lowest: crank angle of the lowest discriminant, (n,).
         discriminants: coefficients of the discriminants in the order of `numpy.fft`, (n, 2 degree + 1).
         clear: whether the crank angle 0, the start of designs, is away from dead centres, (n,).
     """
 
     full: Bools
     uncertain: Bools
-    lowest: Array
     discriminants: NDArray[np.complex128]
     clear: Bools
 
@@ -117,21 +115,14 @@ def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRan
     heights = (harmonics @ np.exp(1j * np.outer(order, grid))).real
     minima = (heights <= np.roll(heights, 1, 1)) & (heights <= np.roll(heights, -1, 1))
     design, which = np.nonzero(minima)
-    minimum, own = grid[which], harmonics[design]
-    for _ in range(MINIMUM_STEPS):
-        powers = own * np.exp(1j * np.outer(minimum, order))
-        first, second = (powers @ (1j * order)).real, (powers @ (1j * order) ** 2).real
-        step = np.divide(-first, second, out=np.zeros_like(first), where=np.abs(second) > 0.0)
-        minimum = minimum + np.clip(step, -REVOLUTION / GRID, REVOLUTION / GRID)
-    low = (own * np.exp(1j * np.outer(minimum, order))).sum(1).real
+    own = harmonics[design]
+    minimum = _polished(grid[which, None], own, order, derivative=1)
     least = np.full(n, np.inf)
-    np.minimum.at(least, design, low)
-    lowest = np.zeros(n)
-    lowest[design[low == least[design]]] = minimum[low == least[design]] % REVOLUTION
+    np.minimum.at(least, design, _values(minimum, own, order)[:, 0])
     finite = np.isfinite(least) & (scale > 0.0)
     uncertain = ~finite | (np.abs(least) <= TOUCHING * scale)
     clear = heights[:, 0] > MIN_START_DISCRIMINANT * heights.max(1)
-    return CrankRanges(finite & (least > TOUCHING * scale), uncertain, lowest, harmonics, clear)
+    return CrankRanges(finite & (least > TOUCHING * scale), uncertain, harmonics, clear)
 
 
 def closed_at(solver: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
@@ -235,7 +226,7 @@ def swing_arcs(cranks: CrankRanges) -> tuple[Array, Array]:
     index = np.flatnonzero(lead & np.isfinite(harmonics).all(1) & ~cranks.full)
     if not len(index):
         return low, high
-    roots = _roots(harmonics[index])
+    roots = polynomial_roots(harmonics[index])
     off = np.abs(np.abs(roots) - 1.0)
     certain = ((off < REAL) | (off > NEARLY_REAL)).all(1)
     number = (off < REAL).sum(1)
@@ -250,25 +241,20 @@ def swing_arcs(cranks: CrankRanges) -> tuple[Array, Array]:
     return low, high
 
 
-def _roots(harmonics: Complex) -> Complex:
-    """Return the complex roots of polynomials with coefficients (n, k + 1), lowest power first, (n, k)."""
-    n, degree = len(harmonics), harmonics.shape[1] - 1
-    companion = np.zeros((n, degree, degree), dtype=np.complex128)
-    companion[:, 1:, :-1] = np.eye(degree - 1)
-    companion[:, :, -1] = -harmonics[:, :-1] / harmonics[:, -1:]
-    return np.linalg.eigvals(companion).astype(np.complex128)
-
-
 def _values(angles: Array, harmonics: Complex, order: Array, derivative: int = 0) -> Array:
     """Return polynomials (n, k) or a derivative at angles (n, m)."""
     powers = np.exp(1j * angles[..., None] * order) * (1j * order) ** derivative
     return (powers * harmonics[:, None]).sum(-1).real
 
 
-def _polished(angles: Array, harmonics: Complex, order: Array) -> Array:
+def _polished(angles: Array, harmonics: Complex, order: Array, derivative: int = 0) -> Array:
+    """Return roots (n, m) of polynomials or of a derivative by Newton's method from approximate ones."""
     for _ in range(NEWTON_STEPS):
-        derivative = _values(angles, harmonics, order, 1)
-        angles = angles - _values(angles, harmonics, order) / np.where(derivative == 0.0, np.inf, derivative)
+        next_derivative = _values(angles, harmonics, order, derivative + 1)
+        step = _values(angles, harmonics, order, derivative) / np.where(
+            next_derivative == 0.0, np.inf, next_derivative
+        )
+        angles = angles - np.clip(step, -REVOLUTION / GRID, REVOLUTION / GRID)
     return angles
 
 

@@ -26,12 +26,10 @@ class EffortDerivatives:
     Attributes:
         columns: name -> values, (n,), named as in `InverseDynamics.columns`.
         by: dimension -> derivatives of the columns, in SI per SI unit of the dimension.
-        open: columns of reactions that rigid links do not determine, whose derivatives are meaningless.
     """
 
     columns: Mapping[str, Array]
     by: Mapping[str, Mapping[str, Array]]
-    open: frozenset[str]
 
 
 def forces_along(
@@ -67,11 +65,7 @@ def forces_along(
         moved = replace(model, mechanism=mechanism, forces=forces)
         forces_moved = perturbed_forces(moved, motion, speed, acceleration, model.mechanism)
         by[name] = {column: change_of(values) for column, values in forces_moved.columns()}
-    undetermined = {joint: reaction.undetermined for joint, reaction in study.forces.reactions.items()}
-    open_ = frozenset(
-        f"{joint}.{component}" for joint, components in undetermined.items() for component in components
-    )
-    return EffortDerivatives(dict(study.columns()), by, open_)
+    return EffortDerivatives(dict(study.columns()), by)
 
 
 def _split(derivative: Array | None, acting: int) -> tuple[Array | None, Array]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.analytic.vector_method.trig_polynomial import polynomial_roots
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, still
 
@@ -104,11 +105,7 @@ def _sextic_roots(a: Complex, b: Complex, r: Array) -> Complex:
     floor = EPS * np.maximum(abs(rising).max(0), np.finfo(np.float64).tiny)
     lost = abs(rising[6]) < floor
     rising[6] = np.where(lost, floor, rising[6])
-    companion = np.zeros((value.shape[1], 6, 6), dtype=np.complex128)
-    companion[:, np.arange(1, 6), np.arange(5)] = 1.0
-    companion[:, :, 5] = (-rising[:6] / rising[6]).T
-    roots: Complex = np.linalg.eigvals(companion).astype(np.complex128, copy=False)
-    return roots
+    return polynomial_roots(rising.T)
 
 
 def _starts(a: Complex, b: Complex, r: Array) -> tuple[NDArray[np.intp], Complex, Complex]:

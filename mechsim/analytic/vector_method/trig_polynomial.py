@@ -58,6 +58,17 @@ def discriminant(coefficients: Array) -> Array:
     return i**3 - 27.0 * j * j
 
 
+def polynomial_roots(coefficients: NDArray[Any]) -> NDArray[np.complex128]:
+    """Return the roots of polynomials (n, k + 1), lowest power first, (n, k); NaN without a leading term."""
+    degree = coefficients.shape[1] - 1
+    companion = np.zeros((len(coefficients), degree, degree), coefficients.dtype)
+    companion[:, 1:, :-1] = np.eye(degree - 1)
+    companion[:, :, -1] = -coefficients[:, :-1] / coefficients[:, -1:]
+    finite = np.isfinite(companion).all((1, 2))
+    roots = np.linalg.eigvals(np.where(finite[:, None, None], companion, 0.0)).astype(np.complex128)
+    return np.where(finite[:, None], roots, np.nan)
+
+
 def real_roots(coefficients: Array) -> Array:
     """Return all real roots of polynomials of degree two.
 
@@ -70,7 +81,6 @@ def real_roots(coefficients: Array) -> Array:
     Accuracy: refined by Newton's method on the polynomial, so that the error is a few ulp of the largest
     coefficient divided by the derivative; half the digits are lost where two roots coincide.
     """
-    n = coefficients.shape[1]
     scale = np.abs(coefficients).max(0)
     # the quartic's leading coefficient is the polynomial's value opposite the origin of the angle:
     # with the origin at its largest value, no root is lost at infinity
@@ -78,14 +88,9 @@ def real_roots(coefficients: Array) -> Array:
     sizes = np.abs(value(coefficients[:, None], angles[:, None]))  # (8, n)
     origin = angles[np.argmax(sizes, 0)] + np.pi
     quartic = half_angle(_rotated(coefficients, origin))
-    companion = np.zeros((n, 4, 4))
-    companion[:, 0] = -(quartic[1:] / quartic[0]).T
-    companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
-    usable = np.isfinite(companion).all((1, 2))
-    companion[~usable] = 0.0
-    eigenvalues = np.linalg.eigvals(companion).T  # (4, n)
-    roots = 2.0 * np.arctan(eigenvalues.real) + origin
-    nearly = (np.abs(eigenvalues.imag) < NEARLY_REAL * (1.0 + np.abs(eigenvalues) ** 2)) & usable
+    tangents = polynomial_roots(quartic[::-1].T).T  # (4, n)
+    roots = 2.0 * np.arctan(tangents.real) + origin
+    nearly = np.abs(tangents.imag) < NEARLY_REAL * (1.0 + np.abs(tangents) ** 2)
     for _ in range(3):
         rise = derivative(coefficients, roots)
         step = value(coefficients, roots) / np.where(rise == 0.0, np.inf, rise)
