@@ -64,9 +64,11 @@ def polynomial_roots(coefficients: NDArray[Any]) -> NDArray[np.complex128]:
     companion = np.zeros((len(coefficients), degree, degree), coefficients.dtype)
     companion[:, 1:, :-1] = np.eye(degree - 1)
     companion[:, :, -1] = -coefficients[:, :-1] / coefficients[:, -1:]
-    finite = np.isfinite(companion).all((1, 2))
-    roots = np.linalg.eigvals(np.where(finite[:, None, None], companion, 0.0)).astype(np.complex128)
-    return np.where(finite[:, None], roots, np.nan)
+    missing = ~np.isfinite(companion[:, :, -1]).all(1)
+    companion[missing] = 0.0
+    roots = np.linalg.eigvals(companion).astype(np.complex128)
+    roots[missing] = np.nan
+    return roots
 
 
 def real_roots(coefficients: Array) -> Array:
