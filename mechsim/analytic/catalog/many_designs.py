@@ -109,7 +109,7 @@ def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRan
     with np.errstate(all="ignore"):
         sampled = many(solver, varied, count).discriminant(np.tile(angles, n))
     harmonics = np.fft.fft(sampled.reshape(n, count)) / count
-    order = np.fft.ifftshift(np.arange(count) - count // 2.0)
+    order = np.asarray(np.fft.fftfreq(count, 1.0 / count), dtype=np.float64)
     scale = np.abs(harmonics).max(1)
     grid = REVOLUTION * np.arange(GRID) / GRID
     heights = (harmonics @ np.exp(1j * np.outer(order, grid))).real
