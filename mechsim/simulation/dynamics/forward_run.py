@@ -1,6 +1,5 @@
 """Forward dynamics in MuJoCo: a mechanism whose drivers are free steps in time from an initial state."""
 
-import copy
 import time as timer
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -21,15 +20,15 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
-from mechsim.simulation.dynamics.friction import dry_frictions, oppose
-from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
+from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
+from mechsim.simulation.dynamics.friction import dry_frictions
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import compiled, quiet
 from mechsim.simulation.mjcf.force_elements import actuator_slices
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.recording import States, add_sensors
-from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
+from mechsim.simulation.settings import COMPLIANCE, Settings
 from mechsim.simulation.source import assembled
 from mechsim.simulation.state import HINGE, SLIDE
 from mechsim.simulation.stepping import Progress, no_progress
@@ -112,12 +111,12 @@ def stepped_run(
     )
     qvel = _rates(model, qpos, rates)
     timestep = float(times[1] - times[0]) / substeps
-    stepped = prepared(model, settings, timestep)
-    drives = Drives(model, stepped, prescribed or {})
+    loops = prepared(model, settings, timestep, ITERATIONS)
+    controls = AppliedControls(model, loops, prescribed)
     begin = timer.perf_counter()
-    states, diverged = _steps(model, stepped, drives, (qpos, qvel), times, substeps, progress)
+    states, diverged = _steps(controls, (qpos, qvel), times, substeps, progress)
     seconds = timer.perf_counter() - begin
-    motion, kinetic, potential, driving = _recorded(model, stepped, drives, states)
+    motion, kinetic, potential, driving = _recorded(controls, states)
     return SteppedRun(
         motion=motion,
         kinetic=kinetic,
@@ -163,112 +162,6 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
         actuators=actuator_slices(described, forces, compiled_model.nu),
         dry=dry_frictions(compiled_model, forces.friction),
     )
-
-
-def prepared(model: LoadedModel, settings: Settings, timestep: float) -> mujoco.MjModel:
-    """Return a copy of the model, prepared for stepping without virtual drive inertia."""
-    stepped = copy.copy(model.model)
-    crank = np.array([model.loops.crank])
-    own = float(stepped.dof_armature[model.loops.crank])
-    settings.apply(replace(model.loops, model=stepped), timestep, velocity_products=True)
-    stiffen_friction(stepped, timestep)
-    set_armature(stepped, crank, own)
-    stepped.opt.iterations = max(stepped.opt.iterations, ITERATIONS)
-    return stepped
-
-
-class Controllers:
-    """The controllers of a model, as forces applied to MuJoCo's degrees of freedom.
-
-    Args:
-        model: with the controllers among its forces.
-    """
-
-    def __init__(self, model: LoadedModel) -> None:
-        self.used = model.forces.controllers
-        names = sorted({name for controller in self.used for name in controller.coordinates})
-        addresses, dofs = dofs_of(model, dict.fromkeys(names, 0.0))
-        self.addresses, self.dofs = (
-            dict(zip(names, addresses, strict=True)),
-            dict(zip(names, dofs, strict=True)),
-        )
-
-    def apply(self, data: mujoco.MjData) -> None:
-        """Set the applied forces at MuJoCo's state."""
-        if not self.used:
-            return
-        values = {name: data.qpos[[address]] for name, address in self.addresses.items()}
-        rates = {name: data.qvel[[dof]] for name, dof in self.dofs.items()}
-        for controller in self.used:
-            effort = controller.effort(values, rates, np.array([data.time]))
-            data.qfrc_applied[self.dofs[controller.coordinate]] += float(effort[0])
-
-
-class Drives:
-    """Forces that move degrees of freedom along motion laws, from MuJoCo's own accelerations.
-
-    Under equality constraints accelerations are linear in applied forces: one more evaluation for each
-    drive gives the forces of the prescribed accelerations.
-
-    Args:
-        model: of the loops.
-        stepped: the model to be stepped.
-        laws: coordinate -> time to value, rate and acceleration.
-    """
-
-    def __init__(self, model: LoadedModel, stepped: mujoco.MjModel, laws: Mapping[str, State]) -> None:
-        self.names, self.laws, self.stepped = tuple(laws), tuple(laws.values()), stepped
-        self.dofs = np.array(dofs_of(model, dict.fromkeys(laws, 0.0))[1], dtype=np.int64)
-        self.scratch = mujoco.MjData(stepped)
-        self.evaluating = False
-        self.forces, self.others = np.zeros(len(laws)), np.zeros(stepped.nv)
-
-    def apply(self, data: mujoco.MjData) -> None:
-        """Set the applied forces of a state, once its controls are set."""
-        if not self.names or self.evaluating:
-            return
-        self.evaluating = True
-        self.others = data.qfrc_applied.copy()
-        for name in ("qpos", "qvel", "ctrl", "qacc_warmstart"):
-            getattr(self.scratch, name)[:] = getattr(data, name)
-        self.scratch.time = data.time
-        base = self._accelerations(self.forces)
-        scale = 1.0 + np.abs(self.forces)
-        columns = [self._accelerations(self.forces + row) - base for row in np.diag(scale)]
-        missing = np.array([float(np.ravel(law(np.array([data.time]))[2])[0]) for law in self.laws]) - base
-        self.forces = self.forces + scale * np.linalg.solve(np.array(columns).T, missing)
-        data.qfrc_applied[self.dofs] += self.forces
-        self.evaluating = False
-
-    def _accelerations(self, forces: Array) -> Array:
-        self.scratch.qfrc_applied[:] = self.others
-        self.scratch.qfrc_applied[self.dofs] += forces
-        mujoco.mj_forward(self.stepped, self.scratch)
-        accelerations: Array = self.scratch.qacc[self.dofs].copy()
-        return accelerations
-
-
-def dofs_of(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], list[int]]:
-    """Return addresses in qpos and degrees of freedom of joint coordinates.
-
-    Raises:
-        InputError: for a coordinate at which the loops are cut, or that the model does not have.
-    """
-    called = model_names(model.mechanism)
-    crank = model.mechanism.crank.name if model.mechanism.has_crank else None
-    addresses, dofs = list[int](), list[int]()
-    for name in names:
-        joint = mujoco.mj_name2id(
-            model.model, mujoco.mjtObj.mjOBJ_JOINT, "crank" if name == crank else called.get(name, name)
-        )
-        if joint < 0:
-            raise InputError(
-                f"{model.mechanism.name}: MuJoCo's loops are cut at coordinate {name!r}; "
-                " give initial values of other joints"
-            )
-        addresses.append(int(model.model.jnt_qposadr[joint]))
-        dofs.append(int(model.model.jnt_dofadr[joint]))
-    return addresses, dofs
 
 
 def without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, float]:
@@ -321,37 +214,19 @@ def _rates(model: LoadedModel, qpos: Array, rates: Mapping[str, float]) -> Array
 
 
 def _steps(
-    model: LoadedModel,
-    stepped: mujoco.MjModel,
-    drives: Drives,
+    controls: AppliedControls,
     start: tuple[Array, Array],
     times: Array,
     substeps: int,
     progress: Progress,
 ) -> tuple[States, bool]:
     """Step the model; return the recorded states and whether it diverged."""
+    stepped = controls.loops.model
     data = mujoco.MjData(stepped)
     data.qpos[:], data.qvel[:] = start
     data.time = times[0]
-    crank = model.loops.crank_address if model.mechanism.has_crank else None
-    controllers = Controllers(model)
-
-    def control(_: mujoco.MjModel, now: mujoco.MjData) -> None:
-        if drives.evaluating:
-            return
-        angle = now.qpos[[crank]] if crank is not None else np.zeros(1)
-        controls = model.controls(angle, np.array([now.time]))
-        oppose(model.dry, now.actuator_velocity[None], controls)
-        now.ctrl[:] = controls[0]
-        now.qfrc_applied[:] = 0.0
-        controllers.apply(now)
-        drives.apply(now)
-
     records = [(data.qpos.copy(), data.qvel.copy())]
-    before = mujoco.get_mjcb_control()
-    if stepped.nu or drives.names or controllers.used:
-        mujoco.set_mjcb_control(control)
-    try:
+    with controls.installed():
         for time in times[1:].tolist():
             mujoco.mj_step(stepped, data, nstep=substeps)
             finished = (time - times[0]) / (times[-1] - times[0])
@@ -359,46 +234,33 @@ def _steps(
             if any(warning.number for warning in data.warning):
                 break
             records.append((data.qpos.copy(), data.qvel.copy()))
-    finally:
-        mujoco.set_mjcb_control(before)
     states = States(times[: len(records)], *(np.array(values) for values in zip(*records, strict=True)))
     return states, len(records) < len(times)
 
 
-def _recorded(
-    model: LoadedModel, stepped: mujoco.MjModel, drives: Drives, states: States
-) -> tuple[Motion, Array, Array, dict[str, Array]]:
+def _recorded(controls: AppliedControls, states: States) -> tuple[Motion, Array, Array, dict[str, Array]]:
     """Return the motion, kinetic and potential energy and driving forces at recorded states."""
+    model, stepped, drives = controls.model, controls.loops.model, controls.drives
     stepped.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     stepped.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data, n = mujoco.MjData(stepped), len(states.time)
-    crank = model.loops.crank_address if model.mechanism.has_crank else None
     sensors = np.empty((n, stepped.nsensordata))
     accelerations = np.empty((n, stepped.nv))
     sites = {name: np.empty((n, 3)) for name in model.track.points}
     bodies = {name: (np.empty((n, 3)), np.empty((n, 3, 3))) for name in model.track.links}
     energies = np.empty((n, 2))
     driving = {name: np.empty(n) for name in drives.names}
-    controllers = Controllers(model)
-    for i in range(n):
-        data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
-        if stepped.nu:
-            angle = data.qpos[[crank]] if crank is not None else np.zeros(1)
+    with controls.installed():
+        for i in range(n):
+            data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
             mujoco.mj_forward(stepped, data)
-            controls = model.controls(angle, states.time[i : i + 1])
-            oppose(model.dry, data.actuator_velocity[None], controls)
-            data.ctrl[:] = controls[0]
-        data.qfrc_applied[:] = 0.0
-        controllers.apply(data)
-        drives.apply(data)
-        for name, effort in zip(drives.names, drives.forces, strict=True):
-            driving[name][i] = effort
-        mujoco.mj_forward(stepped, data)
-        sensors[i], accelerations[i], energies[i] = data.sensordata, data.qacc, data.energy
-        for name, values in sites.items():
-            values[i] = data.site(name).xpos
-        for name, (position, rotation) in bodies.items():
-            position[i], rotation[i] = data.body(name).xpos, data.body(name).xmat.reshape(3, 3)
+            for name, effort in zip(drives.names, drives.forces, strict=True):
+                driving[name][i] = effort
+            sensors[i], accelerations[i], energies[i] = data.sensordata, data.qacc, data.energy
+            for name, values in sites.items():
+                values[i] = data.site(name).xpos
+            for name, (position, rotation) in bodies.items():
+                position[i], rotation[i] = data.body(name).xpos, data.body(name).xmat.reshape(3, 3)
     motion = _motion(model, stepped, states, accelerations, sensors, sites, bodies)
     return motion, energies[:, 1], energies[:, 0], driving
 

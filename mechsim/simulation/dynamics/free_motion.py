@@ -1,6 +1,5 @@
 """Free runs in MuJoCo: the crank moves under motor, loads, weight, springs and friction."""
 
-import copy
 import time as timer
 from dataclasses import dataclass, replace
 
@@ -17,20 +16,19 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
+from mechsim.simulation.dynamics.applied_controls import prepared
 from mechsim.simulation.dynamics.free_steps import DECAYS, PART_OF_DECAY, StartUp, expect_speed, step_freely
 from mechsim.simulation.dynamics.inverse_dynamics import (
     forces_of_states,
     loaded_state,
     powers,
     started,
-    stiffen_friction,
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import CHUNK, States, evaluate
 from mechsim.simulation.result import SteppedFreeRun
-from mechsim.simulation.settings import COMPLIANCE, Settings, set_armature
+from mechsim.simulation.settings import COMPLIANCE, Settings
 from mechsim.simulation.source import HasMechanism
 from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.units import si
@@ -198,7 +196,8 @@ class _Plan:
         settings = replace(self.settings, steps_per_turn=steps)
         start_up = self._start_up(step, record_step, per_record)
         step, total, record_step = step / per_record, total * per_record, record_step * per_record
-        loops = _prepared(self.loaded, settings, step)
+        # the residual that one Newton step leaves cannot move a driven crank, but it would move a free one
+        loops = prepared(self.loaded, settings, step, ITERATIONS)
         begin = timer.perf_counter()
         run = step_freely(
             self.loaded,
@@ -275,19 +274,6 @@ def _steadier(plan: _Plan) -> Settings:
         return free.energy_error if free.outcome == "done" else np.inf
 
     return AGREEING if drift(AGREEING) <= 2.0 * drift(REDUNDANT) else REDUNDANT
-
-
-def _prepared(loaded: LoadedModel, settings: Settings, step: float) -> ModelLoops:
-    """Return the model to be stepped, with stiff loops and without virtual inertia on the crank."""
-    loops = replace(loaded.loops, model=copy.copy(loaded.loops.model))
-    crank = np.array([loops.crank])
-    drive_inertia = float(loops.model.dof_armature[loops.crank])
-    settings.apply(loops, step, velocity_products=True)
-    stiffen_friction(loops.model, step)
-    set_armature(loops.model, crank, drive_inertia)
-    # the residual that one Newton step leaves cannot move a driven crank, but it would move a free one
-    loops.model.opt.iterations = max(loops.model.opt.iterations, ITERATIONS)
-    return loops
 
 
 def _recorded(plan: _Plan, stepping: FreeStepping) -> SteppedFreeRun:

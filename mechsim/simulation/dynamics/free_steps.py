@@ -1,8 +1,6 @@
 """Time stepping of a free mechanism until it completes its revolutions, its time ends, or it cannot go on."""
 
 import copy
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +12,8 @@ from mechsim.errors import AssemblyError
 from mechsim.model.finding import Outcome
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.dynamics.friction import STEPS, compliance, oppose
+from mechsim.simulation.dynamics.applied_controls import AppliedControls
+from mechsim.simulation.dynamics.friction import STEPS, compliance
 from mechsim.simulation.dynamics.inverse_dynamics import tangent
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.model_loops import ModelLoops
@@ -204,7 +203,7 @@ def _advance(
 ) -> Any:
     """Return a function that takes steps and returns time, qpos, qvel, and whether MuJoCo warned."""
     steady = not loaded.dry and all(course.over is None for course in loaded.forces.load_profiles)
-    if steady and not bends(loops):
+    if steady and not any(coupling.nonlinear for coupling in loops.couplings):
         return _in_c(loaded, loops, start, began)
     return _with_callback(loaded, loops, start, soft, began)
 
@@ -231,15 +230,11 @@ def _with_callback(
     model, data = loops.model, mujoco.MjData(loops.model)
     data.qpos[:], data.qvel[:] = start
     data.time = began
-
-    def control(_: mujoco.MjModel, state: mujoco.MjData) -> None:
-        controls = loaded.controls(state.qpos[[loops.crank_address]], np.array([state.time]))
-        oppose(loaded.dry, state.actuator_velocity[None], controls, soft)
-        state.ctrl[:] = controls[0]
+    controls = AppliedControls(loaded, loops, soft=soft)
 
     def advance(count: int, record_step: int) -> tuple[Array, Array, Array, bool]:
         rows = []
-        with _controlled(control), bending(loops):
+        with controls.installed():
             for _ in range(count // record_step):
                 mujoco.mj_step(model, data, nstep=record_step)
                 rows.append((data.time, data.qpos.copy(), data.qvel.copy()))
@@ -247,17 +242,6 @@ def _with_callback(
         return time, qpos, qvel, bool(any(warning.number for warning in data.warning))
 
     return advance
-
-
-@contextmanager
-def _controlled(control: Any) -> Generator[None]:
-    """Install a control callback, and restore the previous one afterwards."""
-    before = mujoco.get_mjcb_control()
-    mujoco.set_mjcb_control(control)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_control(before)
 
 
 # longest expected time of a revolution in [s], for a crank that nothing drives
@@ -334,34 +318,3 @@ def _along(loaded: LoadedModel, angle: float) -> tuple[Array, Array]:
     fields = loaded.look(model, States(rest.time, qpos, rates), loaded.nothing(n))
     lost = -(fields["qfrc_damper"] * rates).sum(1)
     return (rates * (inertia @ rates[..., None])[..., 0]).sum(1), np.maximum(lost, 0.0)
-
-
-EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-
-
-def bends(loops: ModelLoops) -> bool:
-    """Return whether the loops of a model have nonlinear couplings."""
-    return any(coupling.nonlinear for coupling in loops.couplings)
-
-
-@contextmanager
-def bending(loops: ModelLoops) -> Generator[None]:
-    """Install a callback for the velocity-product terms of couplings, and restore the previous one."""
-    before = mujoco.get_mjcb_passive()
-    nonlinear, rows = [coupling for coupling in loops.couplings if coupling.nonlinear], list[int]()
-
-    # MuJoCo calls this after it computes the constraint violations and before it computes accelerations
-    def opened(_: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if not rows:
-            constrained = np.where(data.efc_type == EQUALITY, data.efc_id, -1).tolist()
-            rows.extend(constrained.index(coupling.equality) for coupling in nonlinear)
-        qpos, qvel = data.qpos[None], data.qvel[None]
-        for coupling, row in zip(nonlinear, rows, strict=True):
-            stiffness, _, impedance, _ = data.efc_KBIP[row]
-            data.efc_pos[row] -= float(coupling.velocity_product(qpos, qvel)[0]) / (stiffness * impedance)
-
-    mujoco.set_mjcb_passive(opened if nonlinear else before)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_passive(before)

@@ -12,15 +12,8 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import null_spaces
 from mechsim.simulation import loop_jacobian
-from mechsim.simulation.dynamics.forward_run import (
-    FREE,
-    Controllers,
-    closed_at,
-    dofs_of,
-    free_model,
-    prepared,
-    without_cuts,
-)
+from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
+from mechsim.simulation.dynamics.forward_run import FREE, ITERATIONS, closed_at, free_model, without_cuts
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import quiet
 
@@ -96,20 +89,16 @@ class _Accelerations:
     """MuJoCo's accelerations along independent directions, under its own constraint forces."""
 
     def __init__(self, model: LoadedModel, basis: Array) -> None:
-        self.model, self.basis = model, basis
-        self.prepared_model = prepared(model, FREE, TIMESTEP)
-        self.data, self.controllers = mujoco.MjData(self.prepared_model), Controllers(model)
+        loops = prepared(model, FREE, TIMESTEP, ITERATIONS)
+        self.basis, self.units = basis, model.loops.units
+        self.prepared_model, self.controls = loops.model, AppliedControls(model, loops)
+        self.data = mujoco.MjData(loops.model)
 
     def along_basis(self, qpos: Array, qvel: Array) -> Array:
         """Return the accelerations at a state, (dof,)."""
         data = self.data
         data.qpos[:], data.qvel[:], data.time = qpos, qvel, 0.0
-        crank = self.model.loops.crank_address if self.model.mechanism.has_crank else None
-        angle = np.zeros(1) if crank is None else qpos[[crank]]
-        if self.prepared_model.nu:
-            data.ctrl[:] = self.model.controls(angle, np.zeros(1))[0]
-        data.qfrc_applied[:] = 0.0
-        self.controllers.apply(data)
+        self.controls.apply(data)
         mujoco.mj_forward(self.prepared_model, data)
-        result: Array = self.basis.T @ (data.qacc / self.model.loops.units)
+        result: Array = self.basis.T @ (data.qacc / self.units)
         return result

@@ -1,0 +1,204 @@
+"""Forces applied to a freely moving model at every stage of a MuJoCo step, and its preparation."""
+
+import copy
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from mechsim.errors import InputError
+from mechsim.model.motion_laws import State
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.dynamics.friction import oppose
+from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
+from mechsim.simulation.dynamics.loaded_model import LoadedModel
+from mechsim.simulation.mjcf.joints import model_names
+from mechsim.simulation.model_loops import ModelLoops
+from mechsim.simulation.settings import Settings, set_armature
+
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+
+
+def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations: int) -> ModelLoops:
+    """Return the loops of a copy of the model for stepping, with stiff loops and without virtual inertia.
+
+    Args:
+        model: the model.
+        settings: of the integrator and the constraints.
+        timestep: in [s].
+        iterations: minimum number of Newton iterations of MuJoCo's constraint solver in a step.
+    """
+    loops = replace(model.loops, model=copy.copy(model.model))
+    crank = np.array([loops.crank])
+    drive_inertia = float(loops.model.dof_armature[loops.crank])
+    settings.apply(loops, timestep, velocity_products=True)
+    stiffen_friction(loops.model, timestep)
+    set_armature(loops.model, crank, drive_inertia)
+    loops.model.opt.iterations = max(loops.model.opt.iterations, iterations)
+    return loops
+
+
+class AppliedControls:
+    """Motor, loads, friction, controllers and prescribed motion of a model, set in MuJoCo's data.
+
+    Args:
+        model: the mechanism and its forces.
+        loops: of the prepared model.
+        laws: prescribed coordinate -> its motion law.
+        soft: speeds below which dry friction by controls is proportional to the speed.
+    """
+
+    def __init__(
+        self,
+        model: LoadedModel,
+        loops: ModelLoops,
+        laws: Mapping[str, State] | None = None,
+        soft: Sequence[float] | None = None,
+    ) -> None:
+        self.model, self.loops, self.soft = model, loops, soft
+        self.controllers = Controllers(model)
+        self.drives = Drives(model, loops.model, laws or {})
+        self.crank = loops.crank_address if model.mechanism.has_crank else None
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Set controls and applied forces at MuJoCo's state."""
+        if self.drives.evaluating:
+            return
+        angle = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1)
+        controls = self.model.controls(angle, np.array([data.time]))
+        oppose(self.model.dry, data.actuator_velocity[None], controls, self.soft)
+        data.ctrl[:] = controls[0]
+        data.qfrc_applied[:] = 0.0
+        self.controllers.apply(data)
+        self.drives.apply(data)
+
+    @contextmanager
+    def installed(self) -> Generator[None]:
+        """Apply them at every stage of a step; restore MuJoCo's callbacks afterwards."""
+        before = mujoco.get_mjcb_control()
+        if self.loops.model.nu or self.drives.names or self.controllers.used:
+            mujoco.set_mjcb_control(lambda _, data: self.apply(data))
+        try:
+            with _velocity_products(self.loops):
+                yield
+        finally:
+            mujoco.set_mjcb_control(before)
+
+
+class Controllers:
+    """The controllers of a model, as forces applied to MuJoCo's degrees of freedom.
+
+    Args:
+        model: with the controllers among its forces.
+    """
+
+    def __init__(self, model: LoadedModel) -> None:
+        self.used = model.forces.controllers
+        names = sorted({name for controller in self.used for name in controller.coordinates})
+        addresses, dofs = dofs_of(model, dict.fromkeys(names, 0.0))
+        self.addresses, self.dofs = (
+            dict(zip(names, addresses, strict=True)),
+            dict(zip(names, dofs, strict=True)),
+        )
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Set the applied forces at MuJoCo's state."""
+        if not self.used:
+            return
+        values = {name: data.qpos[[address]] for name, address in self.addresses.items()}
+        rates = {name: data.qvel[[dof]] for name, dof in self.dofs.items()}
+        for controller in self.used:
+            effort = controller.effort(values, rates, np.array([data.time]))
+            data.qfrc_applied[self.dofs[controller.coordinate]] += float(effort[0])
+
+
+class Drives:
+    """Forces that move degrees of freedom along motion laws, from MuJoCo's own accelerations.
+
+    Under equality constraints accelerations are linear in applied forces: one more evaluation for each
+    drive gives the forces of the prescribed accelerations.
+
+    Args:
+        model: of the loops.
+        stepped: the model to be stepped.
+        laws: coordinate -> time to value, rate and acceleration.
+    """
+
+    def __init__(self, model: LoadedModel, stepped: mujoco.MjModel, laws: Mapping[str, State]) -> None:
+        self.names, self.laws, self.stepped = tuple(laws), tuple(laws.values()), stepped
+        self.dofs = np.array(dofs_of(model, dict.fromkeys(laws, 0.0))[1], dtype=np.int64)
+        self.scratch = mujoco.MjData(stepped)
+        self.evaluating = False
+        self.forces, self.others = np.zeros(len(laws)), np.zeros(stepped.nv)
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Set the applied forces of a state, once its controls are set."""
+        if not self.names or self.evaluating:
+            return
+        self.evaluating = True
+        self.others = data.qfrc_applied.copy()
+        for name in ("qpos", "qvel", "ctrl", "qacc_warmstart"):
+            getattr(self.scratch, name)[:] = getattr(data, name)
+        self.scratch.time = data.time
+        base = self._accelerations(self.forces)
+        scale = 1.0 + np.abs(self.forces)
+        columns = [self._accelerations(self.forces + row) - base for row in np.diag(scale)]
+        missing = np.array([float(np.ravel(law(np.array([data.time]))[2])[0]) for law in self.laws]) - base
+        self.forces = self.forces + scale * np.linalg.solve(np.array(columns).T, missing)
+        data.qfrc_applied[self.dofs] += self.forces
+        self.evaluating = False
+
+    def _accelerations(self, forces: Array) -> Array:
+        self.scratch.qfrc_applied[:] = self.others
+        self.scratch.qfrc_applied[self.dofs] += forces
+        mujoco.mj_forward(self.stepped, self.scratch)
+        accelerations: Array = self.scratch.qacc[self.dofs].copy()
+        return accelerations
+
+
+def dofs_of(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], list[int]]:
+    """Return addresses in qpos and degrees of freedom of joint coordinates.
+
+    Raises:
+        InputError: for a coordinate at which the loops are cut, or that the model does not have.
+    """
+    called = model_names(model.mechanism)
+    crank = model.mechanism.crank.name if model.mechanism.has_crank else None
+    addresses, dofs = list[int](), list[int]()
+    for name in names:
+        joint = mujoco.mj_name2id(
+            model.model, mujoco.mjtObj.mjOBJ_JOINT, "crank" if name == crank else called.get(name, name)
+        )
+        if joint < 0:
+            raise InputError(
+                f"{model.mechanism.name}: MuJoCo's loops are cut at coordinate {name!r}; "
+                " give initial values of other joints"
+            )
+        addresses.append(int(model.model.jnt_qposadr[joint]))
+        dofs.append(int(model.model.jnt_dofadr[joint]))
+    return addresses, dofs
+
+
+@contextmanager
+def _velocity_products(loops: ModelLoops) -> Generator[None]:
+    """Install a callback for the velocity-product terms of couplings, and restore the previous one."""
+    before = mujoco.get_mjcb_passive()
+    nonlinear, rows = [coupling for coupling in loops.couplings if coupling.nonlinear], list[int]()
+
+    # MuJoCo calls this after it computes the constraint violations and before it computes accelerations
+    def opened(_: mujoco.MjModel, data: mujoco.MjData) -> None:
+        if not rows:
+            constrained = np.where(data.efc_type == EQUALITY, data.efc_id, -1).tolist()
+            rows.extend(constrained.index(coupling.equality) for coupling in nonlinear)
+        qpos, qvel = data.qpos[None], data.qvel[None]
+        for coupling, row in zip(nonlinear, rows, strict=True):
+            stiffness, _, impedance, _ = data.efc_KBIP[row]
+            data.efc_pos[row] -= float(coupling.velocity_product(qpos, qvel)[0]) / (stiffness * impedance)
+
+    mujoco.set_mjcb_passive(opened if nonlinear else before)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_passive(before)
