@@ -1,9 +1,9 @@
 """Command `mechsim dynamics`: drive torque, joint reactions, energy, speed fluctuation, free motion."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NotRequired, TypedDict
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -19,6 +19,13 @@ from mechsim.analytic.dynamics import (
 )
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.cli.command import Result, command
+from mechsim.cli.dynamics_report import (
+    DynamicsJson,
+    driven_tolerance,
+    free_tolerance,
+    print_comparison,
+    print_peaks,
+)
 from mechsim.cli.forward_dynamics import ForwardJson, ForwardOptions, Output, forward_dynamics
 from mechsim.cli.load_options import LoadOptions, print_masses, released_model, states_initial
 from mechsim.cli.options import ModelOptions, output_file, writable
@@ -27,32 +34,22 @@ from mechsim.cli.output import (
     Labelled,
     OutputUnits,
     Units,
-    Value,
     number,
     output_units,
-    print_table,
     print_text,
     without_noise,
 )
 from mechsim.cli.progress import Progress, progress
-from mechsim.cli.schema import CheckJson, Settings
-from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
-from mechsim.model.finding import Outcome
 from mechsim.model.force_record import Fluctuation, FreeRun
-from mechsim.model.links import GROUND
-from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MIN_TURNS
 from mechsim.model.quantities import quantity
-from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
 from mechsim.simulation.dynamics import free_motion
-from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.reference import driven_as, profile_of
 from mechsim.units import crank_speed, option, parse
@@ -69,121 +66,6 @@ INSTANT_UNITS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": 
 }
 
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks and all masses.")]
-
-
-class Peak(TypedDict):
-    """The largest value of a motion and where it is: a crank angle, or a time under motion laws."""
-
-    largest: float
-    at_angle: NotRequired[float]
-    at_time: NotRequired[float]
-
-
-class Effort(Peak):
-    """The torque or force of a drive over a motion."""
-
-    mean: float
-    rms: float
-    unit: NotRequired[str]
-
-
-class ReactionJson(TypedDict):
-    """Reaction of a joint on a link, and components that rigid links do not determine."""
-
-    on: str
-    by: str
-    force: Peak
-    moment: Peak
-    not_determined: list[str]
-    partly_determined: list[str]
-
-
-class CouplingJson(TypedDict):
-    """Force or torque of a coupling on its driven coordinate, and the element that carries it."""
-
-    force: NotRequired[Peak]
-    effort: Peak
-    unit: str
-    determined: bool
-    by: Literal["teeth", "thread", "ideal transmission"]
-    links: list[str]
-
-
-class InertiaJson(TypedDict):
-    """Range of the reduced inertia."""
-
-    least: float
-    largest: float
-
-
-class SteadyTurn(TypedDict):
-    """A revolution under a constant torque."""
-
-    mean: float
-    coefficient: float
-    torque: float
-    excess: float
-    flywheel: float
-
-
-class FreeJson(TypedDict):
-    """End of a free run."""
-
-    outcome: Outcome
-    reason: str
-    seconds: float
-    turns: float
-    speed: float
-    work: float
-    lost: float
-    energy_error: float
-
-
-class ToleranceJson(TypedDict):
-    """Result of a run with a tolerance."""
-
-    quantity: str
-    by: str
-    reason: str
-    tolerance: float
-    satisfied: bool
-    estimate: float
-    safety_factor: float
-    steps: int
-    order: NotRequired[float]
-    trials: NotRequired[int]
-    settings: NotRequired[Settings | None]
-    torque: NotRequired[float]
-    reactions: NotRequired[float]
-    halving: NotRequired[float]
-    balance: NotRequired[float]
-
-
-class DynamicsJson(TypedDict):
-    """Peaks of a prescribed motion, or the end of a free one, and the comparison with MuJoCo."""
-
-    mechanism: str
-    masses: list[LinkMass]
-    tolerance_report: ToleranceJson | None
-    passed: bool | None
-    outcome: Outcome | None
-    method: str
-    checks: list[CheckJson]
-    torque: NotRequired[Effort]
-    drives: NotRequired[dict[str, Effort]]
-    actuators: NotRequired[dict[str, Effort]]
-    routes: NotRequired[float]
-    reactions: NotRequired[dict[str, ReactionJson]]
-    couplings: NotRequired[dict[str, CouplingJson]]
-    indeterminacy: NotRequired[int]
-    shaking_force: NotRequired[Peak]
-    shaking_moment: NotRequired[Peak]
-    inertia: NotRequired[InertiaJson]
-    power_balance: NotRequired[float]
-    note: NotRequired[str]
-    fluctuation: NotRequired[SteadyTurn | None]
-    with_flywheel: NotRequired[SteadyTurn | None]
-    free: NotRequired[FreeJson]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -337,10 +219,10 @@ def _prescribed(
     _write(options.output, study, model.mechanism, shown if labelled else None)
     if options.plot is not None:
         plots.write(options.plot, plots.dynamics_sheet(study, steady, even, run and run.forces))
-    note, tolerance = "" if run is None else run.note, _driven_tolerance(run)
+    note, tolerance = "" if run is None else run.note, driven_tolerance(run)
 
     def text() -> None:
-        _print_peaks(model.mechanism.name, study, actuators, shown)
+        print_peaks(model.mechanism.name, study, actuators, shown)
         for name, cycle in (("speed fluctuation", steady), ("with the flywheel", even)):
             if cycle is not None:
                 print_text(
@@ -348,7 +230,7 @@ def _prescribed(
                     f"{number(_noise_free(cycle.torque, study))} N m and a flywheel of "
                     f"{number(cycle.flywheel)} kg m2"
                 )
-        _print_comparison(verdict, tolerance, note, verbose=verbose)
+        print_comparison(verdict, tolerance, note, verbose=verbose)
 
     data = {
         **study_facts(study, actuators),
@@ -422,7 +304,7 @@ def _free(
     _write(options.output, run, model.mechanism, shown if labelled else None)
     if options.plot is not None:
         plots.write(options.plot, plots.free_plot(run))
-    facts, tolerance = run_facts(run), _free_tolerance(stepped)
+    facts, tolerance = run_facts(run), free_tolerance(stepped)
 
     def text() -> None:
         print_text(
@@ -434,7 +316,7 @@ def _free(
             f"{number(facts['speed'])} rad/s; work {number(facts['work'])} J, lost {number(facts['lost'])} "
             f"J, energy error {facts['energy_error']:.1e} (relative)"
         )
-        _print_comparison(verdict, tolerance, verbose=verbose)
+        print_comparison(verdict, tolerance, verbose=verbose)
 
     data = {"free": facts, "tolerance_report": tolerance, **_verdict_data(verdict, "step")}
     return data, text, run.outcome == "done" and _passed(verdict, tolerance)
@@ -452,122 +334,8 @@ def _write(
         files.write(path, columns)
 
 
-def _driven_tolerance(run: Driven | None) -> dict[str, Any] | None:
-    """Return the result of a prescribed run with a tolerance as plain data; None without a tolerance."""
-    if run is None or run.tolerance_report is None:
-        return None
-    report = run.tolerance_report
-    errors = {name: report.estimates.get(name, 0.0) for name in ("torque", "reactions", "halving", "balance")}
-    names = {"torque": "torque", "reactions": "reactions", "halving": "halved steps"}
-    by_name = ", ".join(f"{words} {errors[name]:.1e}" for name, words in names.items())
-    return _tolerance_data(run, report) | {
-        "quantity": "of torque and reactions",
-        "by": f"by solved poses {by_name}" if run.method == "step" else f"balance {errors['balance']:.1e}",
-        **errors,
-    }
-
-
-def _free_tolerance(run: SteppedFreeRun | None) -> dict[str, Any] | None:
-    """Return the result of a free run with a tolerance as plain data; None without a tolerance."""
-    if run is None or run.tolerance_report is None:
-        return None
-    return _tolerance_data(run, run.tolerance_report) | {
-        "quantity": "rad of the crank",
-        "by": "by halved steps",
-    }
-
-
-def _tolerance_data(run: Any, report: Any) -> dict[str, Any]:
-    names = ("tolerance", "satisfied", "estimate", "order", "trials", "reason")
-    settings = None if run.settings is None else run.settings.as_dict() | {"timestep": run.timestep}
-    data = {"safety_factor": report.safety_factor, "steps": run.steps, "settings": settings}
-    return {name: getattr(report, name) for name in names} | data
-
-
 def _verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:
     if verdict is None:
         return {"passed": None, "outcome": None, "method": "none", "checks": []}
     checks = [check.as_dict() for check in verdict.checks]
     return {"passed": verdict.passed, "outcome": verdict.outcome, "method": method, "checks": checks}
-
-
-def _print_comparison(
-    verdict: Verdict | None, tolerance: dict[str, Any] | None, note: str = "", *, verbose: bool
-) -> None:
-    """Print the comparison with MuJoCo, and the result with a tolerance."""
-    if verdict is None:
-        typer.echo("not compared with MuJoCo")
-    else:
-        print_verdicts({"against MuJoCo": verdict}, verbose=verbose)
-    print_text(note)
-    if tolerance is None:
-        return
-    reason = f": {tolerance['reason']}" if tolerance["reason"] else ""
-    print_text(
-        f"tolerance {number(tolerance['tolerance'], 3)} {tolerance['quantity']} "
-        f"{'satisfied' if tolerance['satisfied'] else 'FAILED'}: error {number(tolerance['estimate'], 2)}, "
-        f"a safety factor of {number(tolerance['safety_factor'], 3)}{reason}"
-    )
-    settings = tolerance["settings"]
-    if settings:
-        print_text(
-            f"{settings['integrator']}, {settings['steps_per_turn']} steps a turn of "
-            f"{number(settings['timestep'])} s, compliance {settings['compliance']:.0e}: "
-            f"{tolerance['steps']} steps, {tolerance['trials']} more on trials; {tolerance['by']}"
-        )
-
-
-def _print_peaks(
-    name: str, study: InverseDynamics, actuators: Mapping[str, Array], shown: OutputUnits
-) -> None:
-    """Print peaks of torques, reactions, coupling efforts and shaking forces."""
-    facts = study_facts(study, actuators)
-    drives = {f"drive of {joint}": effort for joint, effort in facts["drives"].items()}
-    drives = drives or {"drive torque": facts["torque"] | {"unit": "N m"}}
-    drives |= {f"actuator {joint}": effort for joint, effort in facts["actuators"].items()}
-    peaks: list[tuple[str, dict[str, Any], str]] = [
-        (what, peak, peak["unit"]) for what, peak in drives.items()
-    ]
-    notes: list[str] = []
-    for joint, reaction in facts["reactions"].items():
-        # a joint may have the name of its link
-        on = "the frame" if reaction["on"] == GROUND else f"link {reaction['on']}"
-        peaks.append((f"force of joint {joint} on {on}", reaction["force"], "N"))
-        peaks.append((f"moment of joint {joint} on {on}", reaction["moment"], "N m"))
-    for coupling, effort in facts["couplings"].items():
-        kind = "torque" if effort["unit"] == "N m" else "force"
-        if effort["by"] == "teeth":
-            peaks.append((f"teeth of {coupling} on {effort['links'][0]}", effort["force"], "N"))
-        if effort["by"] != "thread":
-            peaks.append((f"{kind} of coupling {coupling}", effort["effort"], effort["unit"]))
-        if effort["by"] == "ideal transmission":
-            notes.append(f"{coupling}: ideal transmission: acts in reverse on {', '.join(effort['links'])}")
-        if not effort["determined"]:
-            notes.append(f"not determined by rigid links: coupling {coupling}")
-    peaks.append(("shaking force on the frame", facts["shaking_force"], "N"))
-    peaks.append(("shaking moment about the origin", facts["shaking_moment"], "N m"))
-    largest = without_noise([peak["largest"] for _, peak, _ in peaks])
-    angle_unit = shown.converted("rad")[0]
-    rows: list[list[Value]] = []
-    for (what, peak, unit), value in zip(peaks, largest, strict=True):
-        instant = peak["at_time"] if "at_time" in peak else peak["at_angle"] / angle_unit
-        mean, rms = without_noise([peak.get("mean", 0.0), peak.get("rms", 0.0)])
-        statistics: list[Value] = [mean, rms] if "rms" in peak else [None, None]
-        rows.append([what, value, unit, instant if value else None, *statistics])
-    kind, at_unit = ("drivers", "s") if facts["drives"] else ("crank", "rad")
-    head = ("quantity", "largest", "unit", shown.label("at", at_unit), "mean", "rms")
-    print_table(f"{name}: prescribed {kind}", head, rows)
-    for note in [*_undetermined(facts["reactions"]), *notes]:
-        print_text(note)
-
-
-def _undetermined(reactions: dict[str, Any]) -> list[str]:
-    """Return the reaction components that rigid links do not determine, with their joints."""
-    joints: dict[str, list[str]] = {}
-    for joint, reaction in reactions.items():
-        partly = reaction["partly_determined"]
-        wholly = [name for name in reaction["not_determined"] if name not in partly]
-        for words, names in (("not determined", wholly), ("partly determined", partly)):
-            if names:
-                joints.setdefault(f"{words} by rigid links: {', '.join(names)}", []).append(joint)
-    return [f"{text} of {', '.join(names)}" for text, names in joints.items()]
