@@ -53,7 +53,7 @@ CHUNK = 4096
 
 
 @dataclass(frozen=True, slots=True)
-class CurvePoints:
+class CurveNodes:
     """Points on the solution curves of d designs.
 
     Attributes:
@@ -75,7 +75,7 @@ class Curve:
         last: number of the last node of each design, its dead centre, (d,).
     """
 
-    nodes: CurvePoints
+    nodes: CurveNodes
     length: Array
     last: Rows
 
@@ -147,7 +147,7 @@ class SwingTracer:
         """Return the curves in one direction of the crank, and which designs have a swinging crank."""
         d = len(rows)
         q, tangent, _, valid = self._corrected(rows, q)
-        points = CurvePoints(q, tangent * np.sign(direction * tangent[-1]))
+        points = CurveNodes(q, tangent * np.sign(direction * tangent[-1]))
         start, length = q.values[self.crank], np.full(d, STEP)
         nodes, lengths = [points], list[Array]()
         last, active = np.zeros(d, dtype=np.intp), valid.copy()
@@ -177,23 +177,23 @@ class SwingTracer:
         lengths.append(np.zeros(d))
         return Curve(mapped(lambda *arrays: np.stack(arrays), *nodes), np.stack(lengths), last), valid
 
-    def _stepped(self, rows: Rows, points: CurvePoints, length: Array) -> tuple[CurvePoints, Bools]:
+    def _stepped(self, rows: Rows, points: CurveNodes, length: Array) -> tuple[CurveNodes, Bools]:
         """Return points a step along the curves, and which are valid."""
         predicted = self._moved(self._loops(rows, len(rows)), points.q, points.tangent * length)
         q, tangent, displacement, valid = self._corrected(rows, predicted)
         tangent = tangent * np.sign((tangent * points.tangent).sum(0))
         same_direction = (tangent * points.tangent).sum(0) > 0.9
-        return CurvePoints(q, tangent), valid & (displacement < MAX_CORRECTION * length) & same_direction
+        return CurveNodes(q, tangent), valid & (displacement < MAX_CORRECTION * length) & same_direction
 
     def _dead_centres(
         self,
         rows: Rows,
-        points: CurvePoints,
-        beyond: CurvePoints,
+        points: CurveNodes,
+        beyond: CurveNodes,
         length: Array,
         passed: Bools,
         direction: int,
-    ) -> tuple[CurvePoints, Array]:
+    ) -> tuple[CurveNodes, Array]:
         """Return the next points of the curves, where some pass a dead centre that dead centre."""
         index = np.flatnonzero(passed)
         start, lengths = _selected(points, index), length.copy()
@@ -252,7 +252,7 @@ class SwingTracer:
         row, angle = np.tile(indices, angles.shape[1]), angles.T.ravel()
         upwards = angle >= swings.curves[1].nodes.q.values[0, self.crank, row]
         order: list[Rows] = []
-        points: list[CurvePoints] = []
+        points: list[CurveNodes] = []
         steps: list[Array] = []
         for direction, curve in swings.curves.items():
             which = np.flatnonzero(upwards == (direction > 0))
