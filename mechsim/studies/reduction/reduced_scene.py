@@ -290,7 +290,6 @@ class Evidence:
         tracked: names of the bodies that carry tracked points.
         tolerance: in [m]; in [N m] or [N] if forces are the measure.
         qpos: observed states, (n, nq).
-        qvel: observed velocities, (n, nv).
         touched: geoms with contact.
         limited: joints and tendons that reached a limit.
         forces: actuator -> its largest force.
@@ -302,7 +301,6 @@ class Evidence:
     tracked: frozenset[str]
     tolerance: float
     qpos: Array
-    qvel: Array
     touched: frozenset[str] = frozenset()
     limited: frozenset[str] = frozenset()
     forces: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -321,10 +319,6 @@ class Evidence:
     def values(self, joint: str) -> Array:
         """Return a hinge's or slide's coordinate over the motion, (n,) in [rad] or [m]."""
         return self.qpos[:, int(self.model.joint(joint).qposadr[0])]
-
-    def rates(self, joint: str) -> Array:
-        """Return a hinge's or slide's rate over the motion, (n,)."""
-        return self.qvel[:, int(self.model.joint(joint).dofadr[0])]
 
 
 @quiet()
@@ -354,7 +348,6 @@ def observe(spec: mujoco.MjSpec, scene: UserScene, tracked: frozenset[str], tole
         tracked,
         tolerance,
         run.qpos,
-        run.qvel,
         frozenset(model.geom(g).name for g in touched if g >= 0),
         frozenset(limited),
         {model.actuator(a).name: float(forces[a]) for a in range(model.nu)},

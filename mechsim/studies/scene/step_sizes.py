@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from mechsim.model.limits import MAX_SCENE_STEPS
-from mechsim.numerics.convergence import refine
 from mechsim.simulation.plain_settings import ALLOWABLE, LOWEST_COMPLIANCE_SOLIMP, PlainSettings, settings_of
 from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
 from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
@@ -180,11 +179,6 @@ class FinerRun(NamedTuple):
     errors: SceneErrors
     settings: PlainSettings
 
-    @property
-    def estimate(self) -> float:
-        """The error by closure, in [m]."""
-        return self.errors.closure
-
 
 def finer(
     scene: UserScene,
@@ -216,13 +210,15 @@ def finer(
         run = run_scene(scene, option.applied(scene.model), records=records or RECORDS)
         return FinerRun(run, SceneEvaluator().errors(run), option)
 
-    def attempt(i: int) -> FinerRun:
-        result = run_with(options[i])
+    results: list[FinerRun] = []
+    for option in options:
+        result = run_with(option)
         if result.run.broken and not fixed and settings.integrator is None:
-            return run_with(replace(options[i], integrator=IMPLICIT))
-        return result
-
-    return refine(attempt, 0, lambda i, _: i + 1 if i + 1 < len(options) else None, tolerance).best
+            result = run_with(replace(option, integrator=IMPLICIT))
+        results.append(result)
+        if result.errors.closure <= tolerance:
+            break
+    return min(results, key=lambda result: result.errors.closure)
 
 
 def _with_hard_loops(settings: PlainSettings, step: float) -> PlainSettings:

@@ -6,14 +6,12 @@ spring, dampers by joint damping.
 
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.convergence import refine
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP
 from mechsim.studies.reduction.candidates.bodies import (
@@ -117,13 +115,6 @@ def joint_polynomials_of(observed: Evidence, joint: str) -> JointPolynomials | N
     return JointPolynomials(joint, others, low + zero[joint], high + zero[joint])
 
 
-class FittedPolynomial(NamedTuple):
-    """A polynomial and its largest error over the samples."""
-
-    polynomial: Polynomial
-    estimate: float
-
-
 def best_polynomial(x: Array, y: Array, tolerance: float) -> Polynomial | None:
     """Return the polynomial of lowest sufficient degree, 0 to 4, with a nearly minimal largest error.
 
@@ -135,31 +126,31 @@ def best_polynomial(x: Array, y: Array, tolerance: float) -> Polynomial | None:
     Returns:
         The polynomial; None if the best error exceeds a hundred tolerances.
     """
-    best = refine(
-        lambda degree: _minimax_polynomial(x, y, degree, 0.1 * tolerance),
-        0,
-        lambda degree, _: degree + 1 if degree < DEGREE else None,
-        0.1 * tolerance,
-    ).best
-    return best.polynomial if best.estimate <= 100.0 * tolerance else None
+    fits: list[tuple[float, Polynomial]] = []
+    for degree in range(DEGREE + 1):
+        fits.append(_minimax_polynomial(x, y, degree, 0.1 * tolerance))
+        if fits[-1][0] <= 0.1 * tolerance:
+            break
+    error, polynomial = min(fits, key=lambda fit: fit[0])
+    return polynomial if error <= 100.0 * tolerance else None
 
 
-def _minimax_polynomial(x: Array, y: Array, degree: int, sufficient: float) -> FittedPolynomial:
-    """Return a polynomial whose largest error over samples is sufficient, or minimal to a few per cent.
+def _minimax_polynomial(x: Array, y: Array, degree: int, sufficient: float) -> tuple[float, Polynomial]:
+    """Return a polynomial and its largest error over samples: sufficient, or minimal to a few per cent.
 
     The fit uses Chebyshev polynomials with weights that grow where the error is largest (Lawson).
     """
-    fits: list[FittedPolynomial] = []
+    fits: list[tuple[float, Polynomial]] = []
     weights = np.full(len(x), 1.0 / len(x))
     for _ in range(LAWSON_ITERATIONS):
         fit = Chebyshev.fit(x, y, degree, domain=[float(x.min()), float(x.max())], w=np.sqrt(weights))
-        error = np.abs(fit(x) - y)
-        fits.append(FittedPolynomial(fit.convert(kind=Polynomial), float(error.max())))
-        if fits[-1].estimate <= sufficient:
+        errors = np.abs(fit(x) - y)
+        fits.append((float(errors.max()), fit.convert(kind=Polynomial)))
+        if fits[-1][0] <= sufficient:
             break
-        weights *= error + 1e-3 * fits[-1].estimate
+        weights *= errors + 1e-3 * fits[-1][0]
         weights /= weights.sum()
-    return min(fits, key=lambda fitted: fitted.estimate)
+    return min(fits, key=lambda fit: fit[0])
 
 
 def _needed(observed: Evidence, relations: JointPolynomials) -> frozenset[str]:
