@@ -173,17 +173,20 @@ def _bodies(model: mujoco.MjModel, joints: Sequence[int]) -> list[tuple[int, int
 
 def _body_poses(model: mujoco.MjModel, joints: Sequence[int], qpos: Array) -> dict[int, Array]:
     """Return the poses of the bodies of some joints in their parents at qpos: index -> (7,)."""
-    poses: dict[int, Array] = {}
-    for j, body in _bodies(model, joints):
-        quaternion = _quaternion(model, j, qpos)
-        if int(model.jnt_type[j]) == FREE:
-            address = int(model.jnt_qposadr[j])
-            poses[body] = np.concatenate([qpos[address : address + 3], quaternion])
-        else:
-            pivot, quat = model.jnt_pos[j], model.body_quat[body]
-            shift = rotation_matrix(quat) @ (pivot - rotation_matrix(quaternion) @ pivot)
-            poses[body] = np.concatenate([model.body_pos[body] + shift, _product(quat, quaternion)])
-    return poses
+    data = mujoco.MjData(model)
+    for j, _ in _bodies(model, joints):
+        own = slice(model.jnt_qposadr[j], model.jnt_qposadr[j] + ROTATIONAL[int(model.jnt_type[j])][0])
+        data.qpos[own] = qpos[own]
+    mujoco.mj_kinematics(model, data)
+    return {body: pose_in_parent(model, data, body) for _, body in _bodies(model, joints)}
+
+
+def pose_in_parent(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> Array:
+    """Return the pose of a body in its parent after `mj_kinematics`: position and quaternion, (7,)."""
+    parent, inverse = int(model.body_parentid[body]), np.empty(4)
+    mujoco.mju_negQuat(inverse, data.xquat[parent])
+    position = data.xmat[parent].reshape(3, 3).T @ (data.xpos[body] - data.xpos[parent])
+    return np.concatenate([position, _product(inverse, data.xquat[body])])
 
 
 def _quaternion(model: mujoco.MjModel, joint: int, qpos: Array) -> Array:

@@ -222,7 +222,7 @@ def exporting(point: Point, model: str, speed: float) -> str | None:
     # settings that a run derives from others
     stated = replace(settings, solref=_solref(settings, speed), iterations=1, residual=0.0)
     derived = {"steps_per_turn", "constant_steps", "compliance", "drive_inertia"}
-    values = {name: value for name, value in _values(stated).items() if name not in derived}
+    values = {name: value for name, value in stated.as_dict().items() if name not in derived}
     options = [_option(name, _plain(value)) for name, value in values.items() if value is not None]
     return " ".join(["mechsim", "export", model, f"--timestep {settings.timestep(speed)!r}", *options])
 
@@ -274,16 +274,12 @@ def snippet(point: Point, model: str, speed: float) -> str:
     return "\n".join(lines)
 
 
-def _values(settings: Settings) -> dict[str, Any]:
-    return {field.name: getattr(settings, field.name) for field in fields(Settings)}
-
-
 def _changed(settings: Settings) -> dict[str, Any]:
     """Return the settings that differ from the defaults, and the number of steps."""
     defaults = {field.name: field.default for field in fields(Settings)}
     return {
         name: _plain(value)
-        for name, value in _values(settings).items()
+        for name, value in settings.as_dict().items()
         if name == "steps_per_turn" or value != defaults[name]
     }
 

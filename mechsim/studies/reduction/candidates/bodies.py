@@ -9,6 +9,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.simulation.mjcf_reader.fixed_bodies import pose_in_parent
 from mechsim.studies.reduction.reduced_scene import Evidence
 
 if TYPE_CHECKING:
@@ -118,12 +119,8 @@ def fuse_joint_at(spec: mujoco.MjSpec, name: str, value: Array) -> None:
         raise NotApplicable(f"joint {name} shares its body with others and is not at its rest position")
     data.qpos[address] = value
     mujoco.mj_kinematics(model, data)
-    parent = int(model.body_parentid[body])
-    rotation = data.xmat[parent].reshape(3, 3)
-    model.body_pos[body] = rotation.T @ (data.xpos[body] - data.xpos[parent])
-    inverse = np.empty(4)
-    mujoco.mju_negQuat(inverse, data.xquat[parent])
-    mujoco.mju_mulQuat(model.body_quat[body], inverse, data.xquat[body])
+    pose = pose_in_parent(model, data, body)
+    model.body_pos[body], model.body_quat[body] = pose[:3], pose[3:]
     spec.copy_back(model)
     spec.delete(joint)
 
