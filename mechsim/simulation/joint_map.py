@@ -155,7 +155,7 @@ class _Outputs:
 
     def gradients(self, qpos: Array) -> tuple[Array, Array]:
         """Return the outputs, (n, m), and their derivatives by all DOFs, (n, m, nv)."""
-        position, rotation, jacobian = self.path.loops.posed.batch_poses(qpos)
+        position, rotation, jacobian = self.path.loops.posed.poses(qpos)
         columns = [self._output(name)(qpos, position, rotation, jacobian) for name in self.names]
         gradients = np.stack([gradient for _, gradient in columns], 1)
         return np.stack([value for value, _ in columns], 1), gradients

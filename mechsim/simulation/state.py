@@ -42,14 +42,9 @@ class PosedBodies:
     def __init__(self, model: mujoco.MjModel, fields: Mapping[str, Array] | None = None):
         self.kinematic_model = _kinematic_model(model)
         self.fields: Mapping[str, Array] = fields or {}
-        self._data = mujoco.MjData(self.kinematic_model)
         self._batches: dict[int, batch.Batch] = {}
 
     def poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
-        """Return the result of `batch_poses`; a single state takes a third of the time of a batch of one."""
-        return self._single_pose(qpos) if len(qpos) == 1 and not self.fields else self.batch_poses(qpos)
-
-    def batch_poses(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
         """Return positions and rotations of all bodies at n states, and Jacobians of points fixed in them.
 
         Args:
@@ -67,7 +62,7 @@ class PosedBodies:
 
     def body_poses(self, qpos: Array) -> tuple[Array, Array]:
         """Return positions and rotations of all bodies at n states, (n, nbody, 3) and (n, nbody, 3, 3)."""
-        position, rotation, _ = self.batch_poses(qpos)
+        position, rotation, _ = self.poses(qpos)
         return position.copy(), rotation.copy()
 
     def site_positions(self, qpos: Array) -> Array:
@@ -80,7 +75,7 @@ class PosedBodies:
         return self._positions(qpos, slice(None), self.kinematic_model.body_ipos)
 
     def _positions(self, qpos: Array, bodies: Any, local: Array) -> Array:
-        position, rotation, _ = self.batch_poses(qpos)
+        position, rotation, _ = self.poses(qpos)
         return position[:, bodies] + (rotation[:, bodies] @ local[..., None])[..., 0]
 
     def simulations(self, model: mujoco.MjModel, n: int, threads: int) -> batch.Batch:
@@ -89,19 +84,6 @@ class PosedBodies:
         for name, values in self.fields.items():
             sims.expand(name)[:] = values
         return sims
-
-    def _single_pose(self, qpos: Array) -> tuple[Array, Array, PointJacobians]:
-        model, data = self.kinematic_model, self._data
-        data.qpos[:] = qpos[0]
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-
-        def point_jacobian(body: int, point: Array) -> tuple[Array, Array]:
-            linear, angular = np.empty((2, 3, model.nv))
-            mujoco.mj_jac(model, data, linear, angular, point[0], body)
-            return linear[None], angular[None]
-
-        return data.xpos[None], data.xmat.reshape(1, -1, 3, 3), point_jacobian
 
     def _batch(self, n: int) -> batch.Batch:
         """Return a batch of n simulations of the model, made once for each n."""

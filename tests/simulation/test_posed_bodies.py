@@ -27,8 +27,8 @@ def turned(angle):
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def assert_posed(posed, states, pivots, *, many=False):
-    places, rotations, slope = (posed.batch_poses if many else posed.poses)(states)
+def assert_posed(posed, states, pivots):
+    places, rotations, slope = posed.poses(states)
     pivots = np.broadcast_to(pivots, (len(states), 3))
     turns = np.array([turned(angle) for angle, _ in states])
     arms = turns @ (OUT + states[:, 1:] * WAY)[..., None]
@@ -47,7 +47,6 @@ def test_bodies_stand_and_move_as_by_hand(n):
     model = mujoco.MjModel.from_xml_string(MODEL)
     posed = PosedBodies(model)
     assert_posed(posed, STATES[:n], PIVOT)
-    assert_posed(posed, STATES[:n], PIVOT, many=True)
     assert model.opt.disableflags == 0
 
 

@@ -192,7 +192,7 @@ def _drawn(path: StraightPath) -> Array:
 def _site_positions(path: StraightPath, qpos: Array) -> dict[str, Array]:
     """Return the positions of the sites, name -> (n, 3) in [m]."""
     model = path.loops.model
-    position, rotation, _ = path.loops.posed.batch_poses(qpos)
+    position, rotation, _ = path.loops.posed.poses(qpos)
     return {
         model.site(i).name: position[:, body] + rotation[:, body] @ model.site_pos[i]
         for i, body in enumerate(model.site_bodyid.tolist())

@@ -87,7 +87,7 @@ class SceneRun:
     @quiet()
     def _kinematics(self) -> tuple[Array, Array, PointJacobians]:
         """Positions and rotations of the bodies, and Jacobians of points."""
-        return PosedBodies(self.model).batch_poses(self.qpos)
+        return PosedBodies(self.model).poses(self.qpos)
 
     @cached_property
     def forces(self) -> Array:
