@@ -69,7 +69,7 @@ class LoopClosure:
 
 
 @dataclass(frozen=True, eq=False)
-class Coupling:
+class UrdfCoupling:
     """Coupled joints: `ratio` times the sum of the positions of `a` is the sum of the positions of `b`.
 
     Attributes:
@@ -226,7 +226,7 @@ def _urdf_plus(tree: UrdfTree) -> Iterator[LoopClosure]:
         yield _closure(tree, loop, a, b)
 
 
-def _couplings(tree: UrdfTree) -> Iterator[Coupling]:
+def _couplings(tree: UrdfTree) -> Iterator[UrdfCoupling]:
     """Yield the transmissions of URDF+.
 
     Source: Chignoli, Adrian, Kim, Wensing (2024), URDF+: an enhanced URDF for robots with kinematic loops,
@@ -246,7 +246,7 @@ def _couplings(tree: UrdfTree) -> Iterator[Coupling]:
                 "ancestor; name links on two branches"
             )
         (ratio,) = _numbers(tree, name, _child(element, "ratio").get("value", "1"), 1)
-        yield Coupling(name, float(ratio), a, b)
+        yield UrdfCoupling(name, float(ratio), a, b)
 
 
 def _isaac(tree: UrdfTree) -> Iterator[LoopClosure]:
@@ -531,7 +531,7 @@ def _close(spec: mujoco.MjSpec, tree: UrdfTree, closure: LoopClosure) -> None:
         )
 
 
-def _couple(spec: mujoco.MjSpec, coupling: Coupling) -> None:
+def _couple(spec: mujoco.MjSpec, coupling: UrdfCoupling) -> None:
     """Add the equality of two joints, or of a fixed tendon over more."""
     if len(coupling.a) == len(coupling.b) == 1:
         equality = spec.add_equality(
