@@ -160,8 +160,7 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
         return
     model, (jacobian, _) = scene.model, scene.generic
     locked = [*scene.drivers, *scene.read.mechanism.locked]
-    rows = np.eye(model.nv)[[int(model.joint(name).dofadr[0]) for name in locked]]
-    free = null_space(np.vstack([jacobian, rows]))
+    free = _free_directions(scene)
     count, names = _representative_joints(scene, free)
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     listed = ", ".join(names[:MAX_LISTED]) + more
@@ -175,6 +174,13 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
         "decide how",
         remedy=f"drive, lock or couple them (--drive, --lock{floats})",
     )
+
+
+def _free_directions(scene: Inspected) -> Array:
+    """Return a basis of the motions with locked drivers, (k, nv)."""
+    locked = [*scene.drivers, *scene.read.mechanism.locked]
+    rows = np.eye(scene.model.nv)[[int(scene.model.joint(name).dofadr[0]) for name in locked]]
+    return null_space(np.vstack([scene.generic[0], rows]))
 
 
 def _representative_joints(scene: Inspected, free: Array) -> tuple[int, list[str]]:
@@ -194,8 +200,11 @@ def _representative_joints(scene: Inspected, free: Array) -> tuple[int, list[str
 
 
 def _has_undetermined(scene: Inspected) -> bool:
-    """Return whether DOFs are undetermined with the drivers locked; False if the loops do not close."""
+    """Return whether DOFs are undetermined with the drivers locked; False if the loops do not close.
+
+    Loops that close only as well as their rounded dimensions allow are judged by their rank.
+    """
     try:
         return residual_mobility(from_source(scene.read, drivers=scene.drivers)).undetermined != ()
     except (MechsimError, np.linalg.LinAlgError):
-        return False
+        return scene.closed is not None and _representative_joints(scene, _free_directions(scene))[0] > 0
