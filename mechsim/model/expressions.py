@@ -5,9 +5,11 @@ Values are numbers, arrays (n,), arrays with complex steps, or jets with two der
 
 import ast
 import math
+import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -311,22 +313,15 @@ def _mixed(terms: Sequence[Term]) -> Mixed:
     return "variable" if "variable" in kinds else "number" if "number" in kinds else ""
 
 
-def _sum(first: Term, second: Term) -> Term:
-    return replace(_of_shared_unit([first, second]), value=first.value + second.value)
+def _sum(combine: Callable[[Any, Any], Any], first: Term, second: Term) -> Term:
+    """Return the sum or the difference of two terms."""
+    return replace(_of_shared_unit([first, second]), value=combine(first.value, second.value))
 
 
-def _difference(first: Term, second: Term) -> Term:
-    return replace(_of_shared_unit([first, second]), value=first.value - second.value)
-
-
-def _product(first: Term, second: Term) -> Term:
-    powers = tuple(a + b for a, b in zip(first.powers, second.powers, strict=True))
-    return Term(first.value * second.value, powers, _mixed([first, second]))
-
-
-def _quotient(first: Term, second: Term) -> Term:
-    powers = tuple(a - b for a, b in zip(first.powers, second.powers, strict=True))
-    return Term(first.value / second.value, powers, _mixed([first, second]))
+def _product(combine: Callable[[Any, Any], Any], sign: float, first: Term, second: Term) -> Term:
+    """Return the product of two terms, or their quotient with the sign -1 of the second exponents."""
+    powers = tuple(a + sign * b for a, b in zip(first.powers, second.powers, strict=True))
+    return Term(combine(first.value, second.value), powers, _mixed([first, second]))
 
 
 def _power(base: Term, exponent: Term) -> Term:
@@ -346,10 +341,10 @@ def _power(base: Term, exponent: Term) -> Term:
 
 
 _OPERATORS: dict[type[ast.AST], Callable[[Term, Term], Term]] = {
-    ast.Add: _sum,
-    ast.Sub: _difference,
-    ast.Mult: _product,
-    ast.Div: _quotient,
+    ast.Add: partial(_sum, operator.add),
+    ast.Sub: partial(_sum, operator.sub),
+    ast.Mult: partial(_product, operator.mul, 1.0),
+    ast.Div: partial(_product, operator.truediv, -1.0),
     ast.Pow: _power,
 }
 

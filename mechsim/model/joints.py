@@ -121,7 +121,8 @@ def smallest_rotation_reference(own: Array, axis: Array, reference: Array) -> Ar
     Antiparallel axes are rotated about z, or about the other reference if z is not perpendicular to them.
     """
     across, between = np.cross(own, axis), own + axis
-    if (squared := float(between @ between)) > ANTIPARALLEL:
+    # without a cast: axes may have complex steps
+    if np.real(squared := between @ between) > ANTIPARALLEL:
         back = np.cross(across, reference)
         return reference - back + 2.0 * np.cross(across, back) / squared
     about = np.array([0.0, 0.0, 1.0]) if abs(axis[2]) < ANTIPARALLEL else reference

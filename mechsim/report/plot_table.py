@@ -176,7 +176,7 @@ def _errors(source: PlotSource, method: str) -> "Figure":
     exact = source.solver.solve_as(run)
     errors, tolerance, timed = run.position_errors(exact), source.bounds.get(method), bool(run.drivers)
     abscissa = run.time if timed and run.time is not None else run.angle
-    return plots.error_plot(abscissa, errors, unit="m", tolerance=tolerance, timed=timed)
+    return plots.error_plot(abscissa, errors, tolerance=tolerance, timed=timed)
 
 
 def _transmission(source: PlotSource) -> "Figure":

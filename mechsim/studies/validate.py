@@ -4,7 +4,7 @@ from collections.abc import Container, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, overload
+from typing import Any, TypedDict, Unpack, overload
 
 import numpy as np
 
@@ -246,18 +246,12 @@ def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | N
     if tolerance is not None:
         return Tolerance(tolerance, "m", "requested")
     stroke, extent = stroke_of(exact), mechanism.characteristic_length
-    if extent <= stroke:
-        return Tolerance(
-            RELATIVE_TOLERANCE * stroke, "m", f"{RELATIVE_TOLERANCE:.0e} of the stroke of {stroke:.4g} m"
-        )
-    if extent <= MAX_SIZE_TO_STROKE * stroke:
-        return Tolerance(
-            RELATIVE_TOLERANCE * extent,
-            "m",
-            f"{RELATIVE_TOLERANCE:.0e} of the mechanism's size of {extent:.4g} m",
-        )
-    relative = RELATIVE_TOLERANCE * MAX_SIZE_TO_STROKE
-    return Tolerance(relative * stroke, "m", f"{relative:.0e} of the stroke of {stroke:.4g} m")
+    relative, length, what = RELATIVE_TOLERANCE, stroke, "stroke"
+    if extent > MAX_SIZE_TO_STROKE * stroke:
+        relative *= MAX_SIZE_TO_STROKE
+    elif extent > stroke:
+        length, what = extent, "mechanism's size"
+    return Tolerance(relative * length, "m", f"{relative:.0e} of the {what} of {length:.4g} m")
 
 
 def _of_published(published: PublishedRun, position: Tolerance) -> Verdict:
@@ -323,30 +317,21 @@ def _between_change_points(solver: KinematicSolver, profile: CrankProfile, speed
     return swing(0.5 * (low + high), 0.49 * (high - low), speed)
 
 
+class _Options(TypedDict, total=False):
+    """The options of `validate`, for its two types of result."""
+
+    set: Mapping[str, str | float] | None
+    drive: Mapping[str, str | State] | None
+    duration: str | float | None
+    speed: float | str
+    tolerance: float | str | None
+    stepped: bool
+
+
 @overload
-def validate(
-    model: Any,
-    against: None = None,
-    *,
-    set: Mapping[str, str | float] | None = None,
-    drive: Mapping[str, str | State] | None = None,
-    duration: str | float | None = None,
-    speed: float | str = SPEED,
-    tolerance: float | str | None = None,
-    stepped: bool = True,
-) -> Validation: ...
+def validate(model: Any, against: None = None, **options: Unpack[_Options]) -> Validation: ...
 @overload
-def validate(
-    model: Any,
-    against: Against,
-    *,
-    set: Mapping[str, str | float] | None = None,
-    drive: Mapping[str, str | State] | None = None,
-    duration: str | float | None = None,
-    speed: float | str = SPEED,
-    tolerance: float | str | None = None,
-    stepped: bool = True,
-) -> Agreement: ...
+def validate(model: Any, against: Against, **options: Unpack[_Options]) -> Agreement: ...
 def validate(
     model: Any,
     against: Against | None = None,

@@ -76,7 +76,7 @@ def parse_motion_law(
     """
     subject = f"the motion law of {name}, {text!r},"
     try:
-        if text.strip().lower().endswith(files.EXTENSIONS):
+        if is_table(text):
             return _tabulated_law(text.strip(), name)
         quantity = _QUANTITY.fullmatch(text)
         if quantity is None or quantity[1] == "t":
@@ -86,7 +86,7 @@ def parse_motion_law(
                 )
             )
     except InputError as error:
-        if text.strip().lower().endswith(files.EXTENSIONS):
+        if is_table(text):
             raise
         raise InputError(f"{subject} {error}, as in {_EXAMPLES[unit]}") from None
     if quantity[1] is None:
@@ -252,11 +252,11 @@ def control_law(text: str, name: str) -> MotionLaw:
     Raises:
         InputError: names the actuator, the text and the remedy.
     """
-    if text.strip().lower().endswith(files.EXTENSIONS):
+    if is_table(text):
         return parse_motion_law(text, name, "rad", lambda: 0.0)
     constant = _constant(text)
     if constant is not None:
-        return MotionLaw(text, _constant_law(constant))
+        return MotionLaw(text, steady(constant, 0.0))
     reason = ""
     for unit in ("rad", "m"):
         try:
@@ -283,11 +283,3 @@ def _constant(text: str) -> float | None:
         return units.of_any_kind(text, "the control")[0]
     except InputError:
         return None
-
-
-def _constant_law(value: float):
-    def state(time: Array) -> tuple[Array, Array, Array]:
-        zero = np.zeros_like(time)
-        return value + zero, zero, zero
-
-    return state

@@ -4,15 +4,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
-from mechsim import files
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.joints import Coupling, Gear
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import mesh_of
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
-from mechsim.subjects.toml_keys import Number
+from mechsim.subjects.law_text import MotionLaw, Start, is_table, parse_motion_law
 from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, suggestion
 from mechsim.units import Unit
 
@@ -48,7 +46,7 @@ class FileCoordinates:
     def value(self, name: str, written: Any, path: KeyPath) -> float:
         """Return the value of a coordinate in SI."""
         self.require(name, path)
-        return self.values.checked(Number(self.units[name], ""), written, path)
+        return self.values.quantity(written, self.units[name], path)
 
     def unit_in_si(self, name: str) -> float:
         """Return the value in SI of the number 1 without a unit for a coordinate."""
@@ -143,8 +141,8 @@ def initial_of(coordinates: FileCoordinates) -> dict[str, float]:
             initial[f"{name}.q"] = coordinates.value(name, written, path)
         else:
             coordinates.require(name, path)
-            rate = Number("m/s" if coordinates.units[name] == "m" else "rad/s", "")
-            initial[f"{name}.v"] = coordinates.values.checked(rate, written, path)
+            rate: Unit = "m/s" if coordinates.units[name] == "m" else "rad/s"
+            initial[f"{name}.v"] = coordinates.values.quantity(written, rate, path)
     return initial
 
 
@@ -165,9 +163,7 @@ class FileMotionLaw:
     def parse(self, name: str, unit: str, start: Start) -> MotionLaw:
         """Return the motion law, as `parse_motion_law`."""
         values = self.coordinates.values
-        text = self.text
-        if text.strip().lower().endswith(files.EXTENSIONS):
-            text = values.source.sibling(text)
+        text = values.source.sibling(self.text) if is_table(self.text) else self.text
         with values.source.error_context(self.path):
             return parse_motion_law(
                 text,
@@ -311,7 +307,7 @@ def _zero(coordinates: FileCoordinates, side: Side, written: Any, path: KeyPath)
     if isinstance(side, str):
         return coordinates.value(side, written, path)
     units: list[Unit] = [coordinates.units[name] for name in side]
-    return coordinates.values.checked(Number(units[0] if units else "m", ""), written, path)
+    return coordinates.values.quantity(written, units[0] if units else "m", path)
 
 
 def _unit_factor(coordinates: FileCoordinates, side: Side) -> float:

@@ -13,7 +13,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.law_text import LoadComponent, combine_components, is_table, parse_component
 from mechsim.subjects.toml_coordinates import leaves
-from mechsim.subjects.toml_keys import MOTOR_PARAMETERS, Number
+from mechsim.subjects.toml_keys import MOTOR_PARAMETERS
 from mechsim.subjects.toml_values import KeyPath, Values, shown, suggestion
 from mechsim.units import Unit
 
@@ -55,12 +55,8 @@ def _frictions(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -
         path = ("forces", "friction", joint)
         unit = _unit(values, mechanism, joint, path)
         first = {
-            "viscous": values.checked(
-                Number(_VISCOUS[unit], ""), entry.get("viscous", 0.0), (*path, "viscous")
-            ),
-            "coulomb": values.checked(
-                Number(_COULOMB[unit], ""), entry.get("coulomb", 0.0), (*path, "coulomb")
-            ),
+            key: values.quantity(entry.get(key, 0.0), units[unit], (*path, key))
+            for key, units in (("viscous", _VISCOUS), ("coulomb", _COULOMB))
         }
         others = {key: entry[key] for key in ("viscous_turn", "coulomb_turn") if key in entry}
         with values.source.error_context(path):
@@ -102,9 +98,9 @@ def _joint_springs(values: Values, mechanism: Mechanism, table: Mapping[str, Any
     for joint, entry in table.get("joint_springs", {}).items():
         path = ("forces", "joint_springs", joint)
         unit = _unit(values, mechanism, joint, path)
-        stiffness = values.checked(Number(_STIFFNESS[unit], ""), entry["stiffness"], (*path, "stiffness"))
+        stiffness = values.quantity(entry["stiffness"], _STIFFNESS[unit], (*path, "stiffness"))
         with values.source.error_context(path):
-            rest = values.checked(Number(unit, ""), entry.get("rest", 0.0), (*path, "rest"))
+            rest = values.quantity(entry.get("rest", 0.0), unit, (*path, "rest"))
             yield JointSpring(joint, stiffness, rest)
 
 

@@ -170,9 +170,9 @@ class Values:
         """
         match key:
             case Number(unit=unit):
-                return self._number(value, unit, path)
+                return self.quantity(value, unit, path)
             case Profile(unit=unit):
-                return value if is_profile(value) else self._number(value, unit, path)
+                return value if is_profile(value) else self.quantity(value, unit, path)
             case JointNumber():
                 return self._unchecked(value, path)
             case Boolean():
@@ -202,7 +202,8 @@ class Values:
             self.plain_number(value, path)
         return value
 
-    def _number(self, value: Any, unit: Unit, path: KeyPath) -> float:
+    def quantity(self, value: Any, unit: Unit, path: KeyPath) -> float:
+        """Return a number, a quantity or an expression in SI; numbers without a unit are in the file's."""
         bare = None if is_quantity(value) else self.plain_number(value, path)
         with self.source.error_context(path):
             if bare is None:
@@ -233,10 +234,8 @@ class Values:
     def _parameter(self, name: str) -> float:
         if name in self.parameters:
             return self.parameters[name]
-        close = difflib.get_close_matches(name, self.parameters, n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
-        listed = ", ".join(self.parameters) or "none"
-        raise InputError(f"names {name!r}, which is no parameter defined before{hint}; these are: {listed}")
+        hint = suggestion(name, self.parameters)
+        raise InputError(f"names {name!r}, which is no parameter defined before{hint}")
 
     def in_si(self, value: float, unit: Unit) -> float:
         """Return a number without a unit in SI."""

@@ -66,10 +66,6 @@ class ComparedQuantity:
 
 
 VIBRATION = "x position tolerance x crank speed{}: vibration of the loop"
-# measured 7.3 over random mechanisms, by a Bennett of twists 0.07 and 1.2: validation/robustness/bounds.py
-LEVERS = ToleranceRule(
-    "position tolerance over the stroke, for levers a tenth as long", requested=10.0, power=1
-)
 
 
 def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "rounding") -> ToleranceRule:
@@ -79,6 +75,13 @@ def _rounding(eps: int, measured: int, power: int, scale: str = "", how: str = "
 
 FUNCTION = "eighth-order differences of the function: rounding {}, harmonics up to the tenth"
 ANGLE_SET = "the crank angle is set, not driven"
+ROTATION = {
+    "pose": _rounding(1024, 240, 1),
+    # measured 7.3, by a Bennett of twists 0.07 and 1.2: validation/robustness/bounds.py
+    "step": ToleranceRule(
+        "position tolerance over the stroke, for levers a tenth as long", requested=10.0, power=1
+    ),
+}
 
 MOTION = (
     ComparedQuantity(
@@ -133,10 +136,7 @@ MOTION = (
         "rad",
         errors.of_joints("rad"),
         "rad",
-        {
-            "pose": _rounding(1024, 240, 1),
-            "step": LEVERS,
-        },
+        ROTATION,
         over=errors.joints,
         text="joint {}",
         title="joint angle error",
@@ -155,10 +155,7 @@ MOTION = (
         "rad",
         errors.orientation,
         "rad",
-        {
-            "pose": _rounding(1024, 240, 1),
-            "step": LEVERS,
-        },
+        ROTATION,
         over=errors.links,
         text="orientation of {}",
     ),
@@ -206,10 +203,14 @@ CRANK_DRIVE = (
     ),
 )
 
-CONSTANT_FORCE = (
-    "not in the errors, which are computed at the actual driver positions; a force that is constant over a "
-    "step has a second-order error: measured 2.4e-4 at 100 steps per turn"
-)
+DRIVER = {
+    "pose": ToleranceRule(ANGLE_SET, 10.0 * ANGLE_ROUNDING),
+    "step": ToleranceRule(
+        "not in the errors, which are computed at the actual driver positions; a force that is constant over "
+        "a step has a second-order error: measured 2.4e-4 at 100 steps per turn",
+        1e-3,
+    ),
+}
 # drivers compared with their motion laws
 DRIVERS = (
     ComparedQuantity(
@@ -217,10 +218,7 @@ DRIVERS = (
         "rad",
         errors.of_joints("rad"),
         "rad",
-        {
-            "pose": ToleranceRule(ANGLE_SET, 10.0 * ANGLE_ROUNDING),
-            "step": ToleranceRule(CONSTANT_FORCE, 1e-3),
-        },
+        DRIVER,
         over=errors.drivers,
         text="drive: {}",
     ),
@@ -229,10 +227,7 @@ DRIVERS = (
         "m",
         errors.of_joints("m"),
         "reach",
-        {
-            "pose": ToleranceRule(ANGLE_SET, 10.0 * ANGLE_ROUNDING),
-            "step": ToleranceRule(CONSTANT_FORCE, 1e-3),
-        },
+        DRIVER,
         over=errors.drivers,
         text="drive: {}",
     ),

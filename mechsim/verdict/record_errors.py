@@ -31,9 +31,19 @@ def whole(computed: Any, exact: Any) -> tuple[str]:
     return ("",)
 
 
-def points(computed: Motion, exact: Motion) -> Iterable[str]:
-    """Return the tracked points."""
-    return exact.points
+def _every(field: str) -> Subjects:
+    """Return a function for the names in a field of the exact record."""
+    return lambda _, exact: getattr(exact, field)
+
+
+def _determined(field: str) -> Subjects:
+    """Return a function for the names in a field of the exact record whose forces are determined."""
+    return lambda _, exact: [name for name in getattr(exact, field) if name not in exact.undetermined]
+
+
+# tracked points, drivers under motion laws, joints that transmit forces; pairs of gears, couplings with teeth
+points, drivers, reactions = _every("points"), _every("drivers"), _every("reactions")
+gears, meshes = _determined("gears"), _determined("meshes")
 
 
 def joints(computed: Motion, exact: Motion) -> Iterable[str]:
@@ -41,24 +51,9 @@ def joints(computed: Motion, exact: Motion) -> Iterable[str]:
     return [name for name in exact.joints if name in computed.joints and name != "crank"]
 
 
-def drivers(computed: Motion, exact: Motion) -> Iterable[str]:
-    """Return the drivers under motion laws."""
-    return exact.drivers
-
-
 def links(computed: Motion, exact: Motion) -> Iterable[str]:
     """Return the links of both records whose rotation is determined."""
     return [name for name in exact.links if name in computed.links and name not in exact.spinning]
-
-
-def reactions(computed: ForceRecord, exact: ForceRecord) -> Iterable[str]:
-    """Return the joints that transmit forces."""
-    return exact.reactions
-
-
-def gears(computed: ForceRecord, exact: ForceRecord) -> Iterable[str]:
-    """Return the pairs of gears whose torque is determined."""
-    return [name for name in exact.gears if name not in exact.undetermined]
 
 
 def field_error(field: str) -> Error:
@@ -145,11 +140,6 @@ def drive_effort(computed: ForceRecord, exact: ForceRecord, name: str) -> Array:
 def gear_torque(computed: ForceRecord, exact: ForceRecord, name: str) -> Array:
     """Return the error of the torque of a coupling; a force is multiplied by the characteristic length."""
     return _along(computed.gears[name], exact.gears[name], exact, name)
-
-
-def meshes(computed: ForceRecord, exact: ForceRecord) -> Iterable[str]:
-    """Return the couplings with teeth whose force is determined."""
-    return [name for name in exact.meshes if name not in exact.undetermined]
 
 
 def mesh_force(computed: ForceRecord, exact: ForceRecord, name: str) -> Array:

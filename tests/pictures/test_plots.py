@@ -47,10 +47,10 @@ class SmallPlan:
 def figures(drive, motion):
     return [
         plots.motion_plot(motion),
-        plots.coupler_curve(drive.mechanism, motion, other=drive.solve(TURN[::6], 60.0)),
+        plots.coupler_curve(drive.mechanism, motion),
         plots.space_curve(drive.mechanism, motion),
         plots.transmission_plot(TURN, drive.transmission_angle(TURN)),
-        plots.error_plot(TURN, ERRORS, unit="m", tolerance=1e-8),
+        plots.error_plot(TURN, ERRORS, tolerance=1e-8),
         plots.velocity_plan_plot(SmallPlan(), "crank 2 stopped"),
     ]
 
@@ -92,8 +92,8 @@ def test_a_figure_can_be_changed_and_drawn_again(motion):
 def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, motion, vectors):
     # one of each module: what could differ, names and dates, is made in one place for all
     again = (
-        plots.error_plot(TURN, ERRORS, unit="m", tolerance=1e-8),
-        plots.coupler_curve(drive.mechanism, motion, other=drive.solve(TURN[::6], 60.0)),
+        plots.error_plot(TURN, ERRORS, tolerance=1e-8),
+        plots.coupler_curve(drive.mechanism, motion),
     )
     assert {plots.drawn(figure) for figure in again} <= set(vectors)
     for one in vectors:
@@ -118,9 +118,9 @@ def test_a_plane_curve_is_seen_once_and_a_space_curve_from_three_sides(drive, mo
 
 def test_errors_that_are_not_numbers_leave_a_gap():
     errors = np.full(37, np.nan)
-    assert plots.drawn(plots.error_plot(TURN, {"P2": errors}, unit="m")).startswith(b"<?xml")
+    assert plots.drawn(plots.error_plot(TURN, {"P2": errors})).startswith(b"<?xml")
     errors[3:9] = 1e-7
-    figure = plots.error_plot(TURN, {"P2": errors}, unit="m", tolerance=1e-6)
+    figure = plots.error_plot(TURN, {"P2": errors}, tolerance=1e-6)
     assert plots.drawn(figure).startswith(b"<?xml")
     (line, _) = figure.axes[0].get_lines()
     assert np.isnan(line.get_ydata()).sum() == 31
@@ -292,7 +292,7 @@ def test_plots_of_the_table_are_titled_with_mechanism_and_speed():
 
 
 def test_a_logarithmic_axis_has_a_tick_at_each_decade():
-    figure = plots.error_plot([0.0, 1.0, 2.0], {"a": [1e-14, 1e-9, 1e-5]}, unit="m")
+    figure = plots.error_plot([0.0, 1.0, 2.0], {"a": [1e-14, 1e-9, 1e-5]})
     ax = figure.axes[0]
     low, high = ax.get_ylim()
     ticks = [t for t in ax.yaxis.get_majorticklocs() if low <= t <= high]

@@ -280,7 +280,7 @@ def film_of(folder):
 
 
 def test_studies_left_in_the_folder_become_part_of_the_page(tmp_path):
-    drawing = plots.drawn(plots.error_plot(TURN, {"a": 1e-3 + 0.0 * TURN}, unit="m"))
+    drawing = plots.drawn(plots.error_plot(TURN, {"a": 1e-3 + 0.0 * TURN}))
     border = {"axis": "size", "mechanism": "rssr", "inside": 1e-9, "outside": 5e-10}
     trial = {"passed": True}
     numbers = {

@@ -108,19 +108,15 @@ def error_plot(
     instants: ArrayLike,
     errors: Mapping[str, ArrayLike],
     *,
-    unit: str,
     tolerance: float | None = None,
-    title: str = "",
     timed: bool = False,
 ) -> "Figure":
-    """Draw errors over a revolution on a logarithmic scale, with their tolerance.
+    """Draw errors in [m] over a revolution on a logarithmic scale, with their tolerance.
 
     Args:
         instants: crank angles, (n,) in [rad], or times in [s].
         errors: label -> error, (n,); its magnitude is drawn, NaN as a gap.
-        unit: unit of errors and tolerance.
         tolerance: largest allowed error; None draws none.
-        title: title of the plot.
         timed: whether the instants are times.
     """
     x = np.asarray(instants) if timed else np.rad2deg(np.asarray(instants))
@@ -131,13 +127,12 @@ def error_plot(
         error = np.where(np.isfinite(error), np.maximum(error, FLOOR), np.nan)
         ax.semilogy(x, error, color=COLOURS[i % 6], ls=STYLES[i % 3], lw=1.2, label=label_of(label))
     if tolerance is not None:
-        ax.axhline(tolerance, color="#b00020", lw=1.2, ls="--", label=f"tolerance {tolerance:.1e} {unit}")
+        ax.axhline(tolerance, color="#b00020", lw=1.2, ls="--", label=f"tolerance {tolerance:.1e} m")
     decades(ax.yaxis)
     # an error that changes its sign passes zero; showing that would flatten all other errors
     peaks = _peaks(errors)
     ax.set_ylim(bottom=max(FLOOR, 1e-4 * min(peaks)) if peaks else None)
-    ax.set_ylabel(f"error [{unit}]")
-    ax.set_title(title)
+    ax.set_ylabel("error [m]")
     along_axis(ax, timed)
     ax.legend(**LEGEND_RIGHT)
     return figure

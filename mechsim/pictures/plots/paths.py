@@ -163,20 +163,13 @@ class DrawablePlan(Protocol):
 
 
 @styled()
-def coupler_curve(
-    mechanism: Mechanism,
-    motion: Motion,
-    points: Sequence[str] | None = None,
-    *,
-    other: Motion | None = None,
-) -> "Figure":
+def coupler_curve(mechanism: Mechanism, motion: Motion, points: Sequence[str] | None = None) -> "Figure":
     """Draw the paths of points: in their common plane if there is one, else seen along Z, X and Y.
 
     Args:
         mechanism: the mechanism with these points; gives the colours.
         motion: paths drawn as lines.
         points: tracked points; None draws all.
-        other: a second motion of the same points, drawn as rings.
     """
     names, colours = chosen(motion, points), point_colours(mechanism)
     positions = {name: motion.points[name].position for name in names}
@@ -189,13 +182,8 @@ def coupler_curve(
     for ax, (i, j) in zip(axes[0], views, strict=True):
         for number, (name, position) in enumerate(positions.items()):
             colour, style = colours[name], STYLES[number % 3]
-            ax.plot(
-                position[:, i] / factor, position[:, j] / factor, style, color=colour, label=label_of(name)
-            )
+            ax.plot(*(position[:, [i, j]] / factor).T, style, color=colour, label=label_of(name))
             ax.plot(*(position[0, [i, j]] / factor), "o", ms=4, color=colour)
-            if other is not None:
-                rings = other.points[name].position[:, [i, j]] / factor
-                ax.plot(*rings.T, "o", ms=3.5, mfc="none", mew=0.7, color="#222831")
         ax.set_xlabel(f"{'xyz'[i]} [{unit}]")
         ax.set_ylabel(f"{'xyz'[j]} [{unit}]")
         if spread < ROUNDED * scale:

@@ -138,7 +138,7 @@ def _solid(shape: Shape) -> dict[str, Any]:
             "turn": [1.0, 0.0, 0.0, 0.0],
             "half": [],
             "vertices": _packed(shape.facets.vertices),
-            "faces": _counted(shape.facets.faces),
+            "faces": _packed(shape.facets.faces, "<u4"),
             "rgba": [float(f"{channel:.3g}") for channel in shape.rgba],
         }
     return {
@@ -244,14 +244,9 @@ def _ghost(ghost: GhostTrack, links: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _packed(values: Array) -> str:
-    """Return numbers as little-endian floats of 32 bits in base64: 6e-8 of the value."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
-
-
-def _counted(values: NDArray[np.int32]) -> str:
-    """Return indices as little-endian whole numbers of 32 bits in base64."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<u4").tobytes()).decode("ascii")
+def _packed(values: NDArray[Any], kind: str = "<f4") -> str:
+    """Return numbers in base64: little-endian floats of 32 bits, 6e-8 of the value, or indices as "<u4"."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
 
 
 def _short(values: Array) -> list[float]:

@@ -11,7 +11,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import moved_links
 from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism, Up
-from mechsim.model.motion import JointMotion, Motion
+from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import comes_round, errors, factor
 from mechsim.shapes.shape import Shape
@@ -378,9 +378,6 @@ def _readouts(mechanism: Mechanism, motion: Motion, speeds: bool) -> list[Readou
             speed = np.sqrt((point.velocity**2).sum(1))
             readouts.append(Readout(f"{name} speed", "m/s", {"": speed}))
     for name, joint in motion.joints.items():
-        readouts.append(Readout(f"joint {name}", joint.unit, {"": _unwound(joint)}))
+        value = np.unwrap(joint.value) if joint.unit == "rad" else joint.value
+        readouts.append(Readout(f"joint {name}", joint.unit, {"": value}))
     return readouts
-
-
-def _unwound(joint: JointMotion) -> Array:
-    return np.unwrap(joint.value) if joint.unit == "rad" else joint.value

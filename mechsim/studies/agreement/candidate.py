@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -76,7 +77,7 @@ def values_of_function(
     where = inputs if isinstance(inputs, Mapping) else {"crank angle": inputs}
     with np.errstate(all="ignore"):
         result = run_user_code(
-            who, lambda: function(_copied(inputs), **_further_arguments(function, evaluation, parameters))
+            who, lambda: function(deepcopy(inputs), **_further_arguments(function, evaluation, parameters))
         )
     if not isinstance(result, Mapping) or not result:
         raise InputError(
@@ -188,14 +189,6 @@ def _numbers(name: str, value: object, who: str, count: int) -> Array:
     if np.iscomplexobj(array):
         raise InputError(f"{who} gives complex numbers for {name!r}; give real numbers, as with .real")
     return values
-
-
-def _copied(inputs: Array | Mapping[str, Array]) -> Array | dict[str, Array]:
-    return (
-        {name: values.copy() for name, values in inputs.items()}
-        if isinstance(inputs, Mapping)
-        else inputs.copy()
-    )
 
 
 def _further_arguments(

@@ -192,8 +192,7 @@ class EvaluationPoints:
     @cached_property
     def conditioning(self) -> Array:
         """Distance of the loops from a singular pose, (n,), as used in verdicts."""
-        motion = self.motion
-        return conditioning_of(self.solver.mechanism, motion)
+        return conditioning_of(self.solver.mechanism, self.motion)
 
     @cached_property
     def _of_loops(self) -> Motion:
