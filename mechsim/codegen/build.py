@@ -70,7 +70,7 @@ def cache_folder() -> Path:
     return Path(base).expanduser() / "mechsim" / "compiled"
 
 
-def library(code: SolverCode) -> Path:
+def shared_library(code: SolverCode) -> Path:
     """Return the shared library of a solver, from the cache or newly compiled.
 
     Raises:

@@ -12,7 +12,7 @@ from mechsim.analytic.loops.motion import instants_of_laws
 from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
 from mechsim.analytic.path_instants import path_instants
 from mechsim.codegen.assembly import assembly
-from mechsim.codegen.build import Configurations, Library, library
+from mechsim.codegen.build import Configurations, Library, shared_library
 from mechsim.codegen.kinematics import LINK
 from mechsim.codegen.printing import c_header, javascript
 from mechsim.codegen.solver_code import STATUSES, SolverCode, solver_code
@@ -203,4 +203,4 @@ def compile(
         InputError: if the model is no mechanism, has no driver, or cannot be certified.
     """
     code = solver_code(assembly(load(model, set=set, **options), certify))
-    return CompiledSolver(code, Library(code, library(code)))
+    return CompiledSolver(code, Library(code, shared_library(code)))

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, angle_of, chosen, still
+from mechsim.numerics.jets import Jet, angle_of, constant_jet, jet_where
 
 Powers = tuple[float, ...]
 DIMENSIONLESS: Powers = (0.0, 0.0, 0.0, 0.0)
@@ -166,13 +166,13 @@ def _real(value: Any) -> Any:
 
 def _chosen(which: Any, first: Any, second: Any) -> Any:
     if isinstance(first, Jet) or isinstance(second, Jet):
-        return chosen(which, _jet(first, second), _jet(second, first))
+        return jet_where(which, _jet(first, second), _jet(second, first))
     return np.where(which, first, second)
 
 
 def _jet(value: Any, like: Any) -> Jet:
     """Return a value as a jet; a constant gets the shape of `like`."""
-    return value if isinstance(value, Jet) else still(value + np.zeros_like(like.value))
+    return value if isinstance(value, Jet) else constant_jet(value + np.zeros_like(like.value))
 
 
 FUNCTIONS: dict[str, Function] = {

@@ -37,7 +37,7 @@ def angle_of(sine: Array, cosine: Array) -> Array:
     return _joined(np.arctan2(y, x), across / (x**2 + y**2))
 
 
-def unwrapped(angle: Array) -> Array:
+def unwrapped_angles(angle: Array) -> Array:
     """Return angles without jumps of whole revolutions; their changes are kept."""
     return _joined(np.unwrap(np.real(angle)), np.imag(angle)) if np.iscomplexobj(angle) else np.unwrap(angle)
 
@@ -47,7 +47,7 @@ def size_of(value: Array) -> Array:
     return np.where(np.real(value) < 0.0, -value, value) if np.iscomplexobj(value) else np.abs(value)
 
 
-def least_norm(matrix: Array, right: Array, rcond: float) -> Array:
+def stepped_least_norm(matrix: Array, right: Array, rcond: float) -> Array:
     """Return minimum-norm solutions of consistent equations, (n, m, k) and (n, m) -> (n, k).
 
     Args:
@@ -69,7 +69,7 @@ def least_norm(matrix: Array, right: Array, rcond: float) -> Array:
     return _joined(solution[..., 0], moved[..., 0])
 
 
-def null_space(matrix: Array, count: int, rcond: float) -> Array:
+def stepped_null_space(matrix: Array, count: int, rcond: float) -> Array:
     """Return bases of the null spaces of matrices (n, m, k) of rank k - count, (n, k, count)."""
     right = np.linalg.svd(np.real(matrix), full_matrices=True)[2]
     basis = np.swapaxes(right[:, right.shape[1] - count :], -1, -2)
@@ -170,7 +170,7 @@ def values(x: Values) -> Array:
     return x.value if isinstance(x, Jet) else x
 
 
-def product(multiply: Callable[[Array, Array], Array], a: Values, b: Values) -> Any:
+def jet_product(multiply: Callable[[Array, Array], Array], a: Values, b: Values) -> Any:
     """Return a bilinear product of arrays or jets, such as a scalar or vector product."""
     if not isinstance(a, Jet):
         if not isinstance(b, Jet):
@@ -202,7 +202,7 @@ def revalued(x: Values, value: Array) -> Any:
     return Jet(value, x.rate, x.second) if isinstance(x, Jet) else value
 
 
-def chosen(which: NDArray[np.bool_], first: Values, second: Values) -> Any:
+def jet_where(which: NDArray[np.bool_], first: Values, second: Values) -> Any:
     """Return the first quantity where a condition holds, (n,), else the second."""
     if isinstance(first, Jet) and isinstance(second, Jet):
         fields = ((getattr(x, field) for x in (first, second)) for field in ("value", "rate", "second"))
@@ -210,12 +210,12 @@ def chosen(which: NDArray[np.bool_], first: Values, second: Values) -> Any:
     return np.where(which, values(first), values(second))
 
 
-def still(value: Array) -> Jet:
+def constant_jet(value: Array) -> Jet:
     """Return a constant as a jet."""
     return Jet(value, np.zeros_like(value), np.zeros_like(value))
 
 
-def root(residual: Callable[[Jet], Jet], solution: Array, derivative: Array) -> Jet:
+def jet_root(residual: Callable[[Jet], Jet], solution: Array, derivative: Array) -> Jet:
     """Return a numerical root as a jet, by two Newton steps in jets, one per derivative.
 
     Args:
@@ -223,7 +223,7 @@ def root(residual: Callable[[Jet], Jet], solution: Array, derivative: Array) -> 
         solution: the root, (n,).
         derivative: derivative of the residual by the root, (n,).
     """
-    jet = still(solution)
+    jet = constant_jet(solution)
     for _ in range(2):
         jet = jet - residual(jet) / derivative
     return revalued(jet, solution)

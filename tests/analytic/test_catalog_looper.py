@@ -262,7 +262,7 @@ def test_a_coupler_that_lies_along_x_loses_no_root():
         roots = np.sort(trig_polynomial.real_roots(polynomial)[:, 0])
         here = roots[~np.isnan(roots)]
         assert len(here) == 2
-        assert np.abs(trig_polynomial.value(polynomial, here[:, None])).max() <= 1e-14
+        assert np.abs(trig_polynomial.polynomial_value(polynomial, here[:, None])).max() <= 1e-14
 
 
 @pytest.fixture(scope="module")

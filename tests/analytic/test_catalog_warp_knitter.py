@@ -170,7 +170,7 @@ def test_every_pose_is_one_of_the_roots_of_the_sextic():
     drive = WarpKnitter()
     for f in np.linspace(0.0, TURN, 50):
         pivots = [(z.real, z.imag) for z in drive.pivots.positions(f)]
-        poses = triad.assemblies(pivots, [(0, 0), drive.base_c, drive.base_k], drive.sides)
+        poses = triad.triad_modes(pivots, [(0, 0), drive.base_c, drive.base_k], drive.sides)
         b = drive.positions([f])["B"][0, :2]
         assert np.nanmin(np.linalg.norm(poses[:, :2] - b, axis=1)) <= 1e-15
 
@@ -213,7 +213,7 @@ def test_every_assembly_at_a_crank_angle_is_listed_with_its_number_or_none(seed)
     f = 0.8
     listed = [(chosen["assembly"], points) for chosen, points in drive.assembly_points(f)]
     pivots = [(z.real, z.imag) for z in drive.pivots.positions(f)]
-    poses = triad.assemblies(pivots, [(0, 0), drive.base_c, drive.base_k], drive.sides)
+    poses = triad.triad_modes(pivots, [(0, 0), drive.base_c, drive.base_k], drive.sides)
     assert len(listed) == np.isfinite(poses[:, 0]).sum()
     numbers = [number for number, _ in listed if number is not None]
     assert sorted(numbers) == [other.assembly for other in drive.assemblies(f)]

@@ -10,7 +10,7 @@ from flat_linkages import FLAT_ONES, FOLDING, flat_linkages, named, smooth_b, wo
 
 from mechsim import catalog, loops
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.vector_method.trig_polynomial import ZERO_POLYNOMIAL, sampled, signed_root
+from mechsim.analytic.vector_method.trig_polynomial import ZERO_POLYNOMIAL, sampled_polynomial, signed_root
 from mechsim.errors import AssemblyError
 from mechsim.report.facts import facts
 
@@ -150,11 +150,11 @@ def test_a_linkage_without_change_points_has_none():
 
 @pytest.mark.parametrize("lack", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_a_polynomial_that_nearly_touches_zero_does_not_touch(lack):
-    near = sampled(lambda f: 1.0 - np.cos(f) + lack, 1)
+    near = sampled_polynomial(lambda f: 1.0 - np.cos(f) + lack, 1)
     assert near.touching() == ()
     assert signed_root(near).over(np.zeros(1))[0] == pytest.approx(np.sqrt(lack), rel=1e-3)
-    assert sampled(lambda f: 1.0 - np.cos(f) - lack, 1).touching() == ()
-    assert sampled(lambda f: 1.0 - np.cos(f) + ZERO_POLYNOMIAL / 4, 1).touching() == pytest.approx(
+    assert sampled_polynomial(lambda f: 1.0 - np.cos(f) - lack, 1).touching() == ()
+    assert sampled_polynomial(lambda f: 1.0 - np.cos(f) + ZERO_POLYNOMIAL / 4, 1).touching() == pytest.approx(
         (0.0,), abs=1e-12
     )
 

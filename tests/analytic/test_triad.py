@@ -47,7 +47,7 @@ def same_poses(here: np.ndarray, there: np.ndarray, bound: float) -> bool:
 
 
 def test_the_reference_triad_has_its_six_printed_poses():
-    poses = triad.assemblies([(0, 0), (52, 0), (49, 42)], [(0, 0), (58, 0), (38, 49)], [16, 21, 12])
+    poses = triad.triad_modes([(0, 0), (52, 0), (49, 42)], [(0, 0), (58, 0), (38, 49)], [16, 21, 12])
     wrapped = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     order = np.lexsort((poses[:, 1], poses[:, 0]))
     found = np.column_stack([poses[:, :2], wrapped])[order]
@@ -57,7 +57,7 @@ def test_the_reference_triad_has_its_six_printed_poses():
 
 def test_legs_of_every_assembly_close_to_rounding():
     pivots, platform, legs = study.random_triads(2000, seed=1)
-    poses = triad.assemblies(pivots, platform, legs)
+    poses = triad.triad_modes(pivots, platform, legs)
     ends = plane(poses[..., :2])[..., None] + np.exp(1j * poses[..., 2:]) * plane(platform)[:, None]
     gaps = abs(abs(ends - plane(pivots)[:, None]) - legs[:, None])
     # pose angle and place are rounded once more on the way out; the triads are of size 3 at most
@@ -66,7 +66,7 @@ def test_legs_of_every_assembly_close_to_rounding():
 
 
 def test_assemblies_come_by_rising_angle_of_the_link_in_one_turn():
-    poses = triad.assemblies(*study.random_triads(500, seed=2))
+    poses = triad.triad_modes(*study.random_triads(500, seed=2))
     for angles in poses[..., 2]:
         angles = angles[np.isfinite(angles)]
         assert ((angles >= 0.0) & (angles < 2 * np.pi)).all()
@@ -75,7 +75,7 @@ def test_assemblies_come_by_rising_angle_of_the_link_in_one_turn():
 
 def test_no_assembly_is_missed_or_invented_against_coupler_curves():
     problems = study.random_triads(1000, seed=3)
-    poses = triad.assemblies(*problems)
+    poses = triad.triad_modes(*problems)
     assert study.disagreements(poses, study.CouplerCurves(*problems).roots()).size == 0
     counts = np.bincount(np.isfinite(poses[..., 0]).sum(1), minlength=7)
     assert counts[[1, 3, 5]].sum() == 0
@@ -84,7 +84,7 @@ def test_no_assembly_is_missed_or_invented_against_coupler_curves():
 
 def test_sixty_digits_count_the_same_assemblies():
     problems = study.random_triads(30, seed=4)
-    poses = triad.assemblies(*problems)
+    poses = triad.triad_modes(*problems)
     for pose, *problem in zip(poses, *problems, strict=True):
         assert len(real(pose)) == study.exact_count(*problem)
 
@@ -92,7 +92,7 @@ def test_sixty_digits_count_the_same_assemblies():
 @pytest.mark.parametrize("fault", ["missed", "invented", "moved"])
 def test_the_comparison_of_methods_rejects_a_wrong_list_of_poses(fault):
     problems = study.random_triads(40, seed=5)
-    poses = triad.assemblies(*problems)
+    poses = triad.triad_modes(*problems)
     others = [real(pose) for pose in poses]
     wrong = next(j for j, other in enumerate(others) if 2 <= len(other) < 6)
     if fault == "missed":
@@ -112,23 +112,23 @@ def test_the_study_reports_no_missed_or_invented_assembly(capsys):
 def test_legs_in_another_order_give_the_same_poses():
     pivots, platform, legs = study.random_triads(300, seed=6)
     turned = [part[:, [2, 0, 1]] for part in (pivots, platform, legs)]
-    assert same_poses(triad.assemblies(pivots, platform, legs), triad.assemblies(*turned), 1e-9)
+    assert same_poses(triad.triad_modes(pivots, platform, legs), triad.triad_modes(*turned), 1e-9)
 
 
 def test_the_mirror_image_has_mirrored_poses():
     pivots, platform, legs = study.random_triads(300, seed=7)
     mirror = np.array([1.0, -1.0])
-    there = triad.assemblies(pivots * mirror, platform * mirror, legs)
+    there = triad.triad_modes(pivots * mirror, platform * mirror, legs)
     there = there * np.array([1.0, -1.0, -1.0])
-    assert same_poses(triad.assemblies(pivots, platform, legs), there, 1e-9)
+    assert same_poses(triad.triad_modes(pivots, platform, legs), there, 1e-9)
 
 
 def test_moving_and_scaling_the_pivots_moves_and_scales_the_poses():
     pivots, platform, legs = study.random_triads(300, seed=8)
-    poses = triad.assemblies(pivots, platform, legs)
+    poses = triad.triad_modes(pivots, platform, legs)
     scale, turn, shift = 1e-6, np.exp(0.7j), 3e-6 - 5e-6j
     moved = scale * turn * plane(pivots) + shift
-    there = triad.assemblies(np.stack([moved.real, moved.imag], -1), scale * platform, scale * legs)
+    there = triad.triad_modes(np.stack([moved.real, moved.imag], -1), scale * platform, scale * legs)
     back = (plane(there[..., :2]) - shift) / turn / scale
     there = np.stack([back.real, back.imag, there[..., 2] - 0.7], -1)
     assert same_poses(poses, there, 1e-9)
@@ -139,7 +139,7 @@ def test_two_poses_with_one_angle_are_both_found():
     # the sextic has double roots only
     pivots = np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
     platform, legs = 0.7 * pivots, [0.5, 0.6, 0.81]
-    poses = real(triad.assemblies(pivots, platform, legs))
+    poses = real(triad.triad_modes(pivots, platform, legs))
     assert len(poses) == 4
     assert np.abs(poses[0, 2] - poses[1, 2]) < 1e-7
     assert np.abs(poses[2, 2] - poses[3, 2]) < 1e-7
@@ -150,15 +150,15 @@ def test_two_poses_with_one_angle_are_both_found():
 
 def test_legs_too_short_or_too_long_give_no_assembly():
     pivots, platform = [(0, 0), (1, 0.1), (0.3, 0.9)], [(0, 0), (3, 0.2), (1.1, 2.7)]
-    assert np.isnan(triad.assemblies(pivots, platform, [0.2, 0.3, 0.25])).all()
-    assert np.isnan(triad.assemblies(pivots, platform, [0.2, 0.3, 9.0])).all()
+    assert np.isnan(triad.triad_modes(pivots, platform, [0.2, 0.3, 0.25])).all()
+    assert np.isnan(triad.triad_modes(pivots, platform, [0.2, 0.3, 9.0])).all()
 
 
 def test_a_double_root_counts_as_two_poses_before_and_none_behind_the_dead_centre():
     pivots, platform, legs = (part[0] for part in study.random_triads(1, seed=11))
 
     def count(longer: float) -> int:
-        return len(real(triad.assemblies(pivots, platform, [legs[0], legs[1], legs[2] + longer])))
+        return len(real(triad.triad_modes(pivots, platform, [legs[0], legs[1], legs[2] + longer])))
 
     low, high = 0.0, 3.0
     assert count(low) > 0

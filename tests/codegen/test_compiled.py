@@ -171,9 +171,9 @@ def test_a_certified_range_is_proven_and_what_is_not_proven_is_rejected():
 
 def test_a_library_is_compiled_once(compiled, monkeypatch):
     code = compiled("rssr").code
-    path = build.library(code)
+    path = build.shared_library(code)
     monkeypatch.setattr(build, "compile_library", lambda *_: pytest.fail("compiled again"))
-    assert build.library(code) == path
+    assert build.shared_library(code) == path
 
 
 def test_without_a_compiler_one_sentence_reports_so(monkeypatch):

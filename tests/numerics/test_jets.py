@@ -103,7 +103,7 @@ def test_a_numerical_root_has_both_derivatives():
     offset = Jet(np.sin(time), np.cos(time), -np.sin(time))
     # t3 + t = offset
     found = np.array([np.roots([1.0, 0.0, 1.0, -value]).real[-1] for value in offset.value])
-    t = jets.root(lambda t: t * t * t + t - offset, found, 3.0 * found**2 + 1.0)
+    t = jets.jet_root(lambda t: t * t * t + t - offset, found, 3.0 * found**2 + 1.0)
     rate = offset.rate / (3.0 * found**2 + 1.0)
     second = (offset.second - 6.0 * found * rate**2) / (3.0 * found**2 + 1.0)
     assert (t.value == found).all()

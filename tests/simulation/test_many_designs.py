@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.analytic.catalog.many_designs import started
+from mechsim.analytic.catalog.many_designs import closed_form_starts
 from mechsim.model.design_arrays import started_designs
 from mechsim.simulation import Settings
 from mechsim.simulation.many.design_models import design_models, quaternions, shared_model
@@ -32,7 +32,9 @@ VARIED = {
 def models_of(name, rows):
     form = ms.catalog.make(name)
     like = shared_model(form.mechanism)
-    return design_models(like, started(form, {key: np.array(values) for key, values in rows.items()}))
+    return design_models(
+        like, closed_form_starts(form, {key: np.array(values) for key, values in rows.items()})
+    )
 
 
 def forms_of(name, rows):
@@ -71,7 +73,7 @@ def test_designs_step_together_as_each_by_itself(name):
 def test_numbers_by_formula_are_those_of_the_descriptions():
     for name, rows in VARIED.items():
         form = ms.catalog.make(name)
-        by_formula = started(form, {key: np.array(values) for key, values in rows.items()})
+        by_formula = closed_form_starts(form, {key: np.array(values) for key, values in rows.items()})
         described = started_designs(form.mechanism, [one.mechanism for one in forms_of(name, rows)])
         for joint, ends in described.arrays.ends.items():
             for mine, wanted in zip(by_formula.arrays.ends[joint], ends, strict=True):

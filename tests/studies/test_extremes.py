@@ -22,7 +22,7 @@ SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter", "bennett")))
 def test_the_same_problem_has_the_same_error_at_every_size(name):
     drive = catalog.make(name)
-    trials = [axes.length(drive, value) for value in (1e-5, 1e-1, 1e3)]
+    trials = [axes.characteristic_length(drive, value) for value in (1e-5, 1e-1, 1e3)]
     assert all(trial.passed for trial in trials)
     errors = np.array([trial.error for trial in trials])
     assert errors.max() <= 1.1 * errors.min()
@@ -75,7 +75,7 @@ def test_poses_come_to_a_dead_centre_and_are_rejected_as_little_beyond(name):
 
 @pytest.mark.parametrize("name", grid(SWINGING))
 def test_a_crank_that_just_passes_is_followed_in_its_own_assembly(name):
-    trial = axes.tangent(catalog.make(name), 1e-10, "pose")
+    trial = axes.near_tangent(catalog.make(name), 1e-10, "pose")
     assert trial.outcome == trial.right == "passed"
 
 
@@ -92,7 +92,7 @@ def test_a_far_start_is_reported_for_what_it_leads_to(value):
 
 
 def test_gears_and_many_turns():
-    assert axes.gears(catalog.make("warp_knitter"), 8.0).outcome == "passed"
+    assert axes.gear_ratio(catalog.make("warp_knitter"), 8.0).outcome == "passed"
     drift = axes.drift(catalog.make("four_bar"), 200.0)
     assert drift.passed
     assert drift.last == pytest.approx(drift.first, rel=0.05)

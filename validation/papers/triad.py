@@ -172,7 +172,7 @@ def disagreements(poses: Array, others: list[Array], bound: float = MATCH) -> ND
 def main(count: int) -> int:
     pivots, platform, legs = random_triads(count)
     clock = time.perf_counter()
-    poses = triad.assemblies(pivots, platform, legs)
+    poses = triad.triad_modes(pivots, platform, legs)
     mine = time.perf_counter() - clock
     others = CouplerCurves(pivots, platform, legs).roots()
     second = time.perf_counter() - clock - mine

@@ -28,7 +28,7 @@ def length(default: float, doc: str) -> Any:
     return field(default=default, metadata={"unit": "m", "doc": doc, "positive": True})
 
 
-def coordinate(default: float | tuple[float, ...], doc: str) -> Any:
+def position(default: float | tuple[float, ...], doc: str) -> Any:
     """Declare a length of either sign, or a point, in [m]."""
     return field(default=default, metadata={"unit": "m", "doc": doc})
 
@@ -38,7 +38,7 @@ def angle(default: float, doc: str) -> Any:
     return field(default=default, metadata={"unit": "rad", "doc": doc})
 
 
-def number(default: float, doc: str) -> Any:
+def dimensionless(default: float, doc: str) -> Any:
     """Declare a dimensionless number."""
     return field(default=default, metadata={"unit": "1", "doc": doc})
 

@@ -12,7 +12,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, Motion
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, Values, still, values
+from mechsim.numerics.jets import Jet, Values, constant_jet, values
 
 # crank angles solved together: arrays of this length fit in the cache of a core
 CHUNK = 8192
@@ -36,10 +36,10 @@ def motion_at(formulas: Formulas, angle: Values, *, links: bool, joints: bool) -
             for name, local in geometry.points.items()
         }
         moved = {
-            link.name: link_frames.link_motion(frames[link.name], n) for link in mechanism.links if links
+            link.name: link_frames.motion_of_frame(frames[link.name], n) for link in mechanism.links if links
         }
         coordinates = _joints(mechanism, geometry, angle, frames) if joints else {}
-    crank = angle if isinstance(angle, Jet) else still(angle)
+    crank = angle if isinstance(angle, Jet) else constant_jet(angle)
     return Motion(
         "closed form",
         crank.value,
@@ -78,7 +78,7 @@ def _joints(
                 joint, frames[joint.a.link], frames[joint.b.link], geometry.frames.get(joint.name)
             )
         )
-        motions |= link_frames.joint_motions(joint, coordinates, len(values(angle)))
+        motions |= link_frames.motions_of_joint(joint, coordinates, len(values(angle)))
     return motions
 
 

@@ -10,11 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, coordinate, length, number
+from mechsim.analytic.catalog.formulas import (
+    Declaration,
+    Geometry,
+    angle,
+    choice,
+    dimensionless,
+    length,
+    position,
+)
 from mechsim.analytic.vector_method import trig_polynomial
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.root_branches import Sheet, sheets
-from mechsim.analytic.vector_method.trig_polynomial import Arcs, reachable_arcs, sampled
+from mechsim.analytic.vector_method.trig_polynomial import Arcs, reachable_arcs, sampled_polynomial
 from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, norm, spun
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
@@ -22,7 +30,7 @@ from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION, shifted_into
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, Values, cos_sin, root, values
+from mechsim.numerics.jets import Jet, Values, cos_sin, jet_root, values
 
 Side = int
 # in nine hundred random linkages at most five roots had the same sign
@@ -76,7 +84,7 @@ class PlanarLoop:
 
     def change_points(self) -> tuple[float, ...]:
         """Return the crank angles at which the four-bar lies flat, in [-pi, pi) rad."""
-        return sampled(self.discriminant, 2).touching()
+        return sampled_polynomial(self.discriminant, 2).touching()
 
     def point(self, angles: ArrayLike) -> Array:
         """Return C with the coupler in the plane XY, (n, 3) in [m]; NaN where the four-bar does not close.
@@ -144,9 +152,9 @@ class Looper(ClosedForm):
     frame: float = length(0.0354, "distance of the pivots O1, O2")
     frame_angle: float = angle(np.deg2rad(45.0), "angle from X to O1O2")
     follower: float = length(0.0133, "length DC")
-    axis_y: float = coordinate(0.03049, "height y of the follower's axis")
-    axis_z: float = coordinate(0.012, "depth z of the follower's axis")
-    follower_ratio: float = number(3.0, "length DE over length DC")
+    axis_y: float = position(0.03049, "height y of the follower's axis")
+    axis_z: float = position(0.012, "depth z of the follower's axis")
+    follower_ratio: float = dimensionless(3.0, "length DE over length DC")
     branch: Sign = choice(1, (1, -1), "assembly of the four-bar: sign of O2B . (O2A x eZ)")
     side: Side = choice(1, SIDES, "assembly of the follower: sign of DC . (AB x AC)")
 
@@ -328,8 +336,8 @@ class Looper(ClosedForm):
         root_angle = self._root_on_sheet(values(angle), at_rest)
         if not isinstance(angle, Jet):
             return root_angle
-        return root(
-            lambda t: trig_polynomial.value(coefficients, t),
+        return jet_root(
+            lambda t: trig_polynomial.polynomial_value(coefficients, t),
             root_angle,
             trig_polynomial.derivative(at_rest, root_angle),
         )

@@ -63,7 +63,7 @@ def can_be_many(solver: ClosedForm, varied: Iterable[str]) -> bool:
 
 
 def can_be_started(solver: ClosedForm, varied: Iterable[str]) -> bool:
-    """Whether `started` determines the initial poses of designs with these parameters."""
+    """Whether `closed_form_starts` determines the initial poses of designs with these parameters."""
     with np.errstate(all="ignore"):
         return _array_parameters(solver, varied) and solver.start_frames(1) is not None
 
@@ -125,7 +125,7 @@ def crank_ranges(solver: TwoBranchForm, varied: Mapping[str, Array]) -> CrankRan
     return CrankRanges(finite & (least > TOUCHING * scale), uncertain, harmonics, clear)
 
 
-def closed_at(solver: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
+def closes_at(solver: TwoBranchForm, varied: Mapping[str, Array], angles: Array) -> Bools:
     """Return which designs close at all of some crank angles (p,) in [rad], (n,)."""
     designs = len(next(iter(varied.values())))
     with np.errstate(all="ignore"):
@@ -185,7 +185,7 @@ def solved(
     return replace(motion, speed=rate, acceleration=second)
 
 
-def started(solver: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
+def closed_form_starts(solver: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:
     """Return the description of designs, and their poses at crank angle 0, if they close.
 
     The description is that of `mechanism`.

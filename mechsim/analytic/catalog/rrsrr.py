@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, coordinate, length
+from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length, position
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import (
@@ -61,7 +61,7 @@ class Rrsrr(TwoBranchForm):
     crank: float = length(0.012, "length of the crank, to C; R1 of the torus")
     coupler: float = length(0.028, "length CS; r1 of the torus")
     link: float = length(0.039, "length P02S of the connecting link; R2 of the sphere")
-    pivot: tuple[float, float, float] = coordinate((-0.024, -0.008, 0.0), "rocker pivot P02")
+    pivot: tuple[float, float, float] = position((-0.024, -0.008, 0.0), "rocker pivot P02")
     gamma1: float = angle(np.deg2rad(15.0), "turn of the rocker axis about Y")
     gamma2: float = angle(np.deg2rad(15.0), "turn of the rocker axis about the turned X")
     branch: Sign = choice(1, (1, -1), "assembly: sign of sin(v1 - direction from P02 to C)")

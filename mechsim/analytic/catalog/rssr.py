@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, coordinate, length
+from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length, position
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import (
@@ -57,7 +57,7 @@ class Rssr(TwoBranchForm):
     crank: float = length(0.013, "length P1P2")
     coupler: float = length(0.046, "length P2P3")
     rocker: float = length(0.027, "length P4P3")
-    pivot: tuple[float, float, float] = coordinate((0.043, -0.010, -0.024), "rocker pivot P4")
+    pivot: tuple[float, float, float] = position((0.043, -0.010, -0.024), "rocker pivot P4")
     gamma1: float = angle(np.deg2rad(20.0), "turn of the rocker axis about Y")
     gamma2: float = angle(np.deg2rad(30.0), "turn of the rocker axis about the turned X")
     branch: Sign = choice(-1, (1, -1), "assembly: sign of P4P3 . (P4P2 x axis)")

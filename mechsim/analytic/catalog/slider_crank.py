@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.catalog.formulas import Declaration, Geometry, choice, coordinate, length
+from mechsim.analytic.catalog.formulas import Declaration, Geometry, choice, length, position
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.vectors import Sign, column, sine_of, spun
@@ -31,7 +31,7 @@ class SliderCrank(TwoBranchForm):
     )
     crank: float = length(0.05, "length OA")
     rod: float = length(0.2, "length AB")
-    offset: float = coordinate(0.01, "height of the slide above O")
+    offset: float = position(0.01, "height of the slide above O")
     branch: Sign = choice(1, (1, -1), "assembly: +1 if B lies ahead of A along the slide")
 
     @property

@@ -17,7 +17,7 @@ from mechsim.analytic.vector_method.trig_polynomial import (
     Arcs,
     SignedRoot,
     reachable_arcs,
-    sampled,
+    sampled_polynomial,
     signed_root,
 )
 from mechsim.analytic.vector_method.vectors import Sign
@@ -152,7 +152,7 @@ class TwoBranchForm(ClosedForm):
 
     @cached_property
     def _root(self) -> SignedRoot:
-        return signed_root(sampled(self.discriminant, self.declaration.discriminant_degree))
+        return signed_root(sampled_polynomial(self.discriminant, self.declaration.discriminant_degree))
 
     @cached_property
     def _keeps_assembly(self) -> bool:

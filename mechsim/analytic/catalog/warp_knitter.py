@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import Declaration, angle, coordinate, length, number
+from mechsim.analytic.catalog.formulas import Declaration, angle, dimensionless, length, position
 from mechsim.analytic.vector_method import triad
 from mechsim.analytic.vector_method.link_frames import LinkFrame
 from mechsim.analytic.vector_method.triad import carried, cross, determinant, flat, leg_vectors, moments, xyz
@@ -66,15 +66,17 @@ class WarpKnitter(ClosedForm):
     rod3: float = length(0.074, "length AB")
     rod5: float = length(0.049, "length DC")
     rocker: float = length(0.035, "length EK")
-    pivot2: tuple[float, float] = coordinate((0.055, 0.023), "pivot O2 of crank 2")
-    pivot_rocker: tuple[float, float] = coordinate((-0.003, 0.079), "rocker pivot E")
-    base_c: tuple[float, float] = coordinate(
+    pivot2: tuple[float, float] = position((0.055, 0.023), "pivot O2 of crank 2")
+    pivot_rocker: tuple[float, float] = position((-0.003, 0.079), "rocker pivot E")
+    base_c: tuple[float, float] = position(
         (0.042, 0.0), "C in the frame of the base link, B being its origin"
     )
-    base_k: tuple[float, float] = coordinate((0.003, 0.024), "K in the frame of the base link")
+    base_k: tuple[float, float] = position((0.003, 0.024), "K in the frame of the base link")
     phase: float = angle(math.radians(75.0), "angle of crank 2 at zero of crank 1")
-    gear_ratio: float = number(-2.0, "revolutions of crank 2 per revolution of crank 1")
-    assembly: int = number(2, "number of the assembly mode at crank angle 0, by angle of the base link")
+    gear_ratio: float = dimensionless(-2.0, "revolutions of crank 2 per revolution of crank 1")
+    assembly: int = dimensionless(
+        2, "number of the assembly mode at crank angle 0, by angle of the base link"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -276,7 +278,7 @@ class WarpKnitter(ClosedForm):
     def _assemblies_at(self, pivots: list[complex]) -> list[tuple[complex, complex]]:
         """Return position and orientation of the base link in every assembly mode, by increasing angle."""
         moved, fixed = ([(z.real, z.imag) for z in points] for points in (pivots, self.platform))
-        poses = triad.assemblies(moved, fixed, self.sides)
+        poses = triad.triad_modes(moved, fixed, self.sides)
         return [(complex(x, y), complex(np.exp(1j * t))) for x, y, t in poses[np.isfinite(poses[:, 2])]]
 
     @cached_property

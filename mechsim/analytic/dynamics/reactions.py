@@ -17,7 +17,7 @@ from mechsim.model.joints import Coupling, Joint
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.meshes import Mesh, mesh_of, meshes_of, threads_of
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import least_norm, null_space
+from mechsim.numerics.jets import stepped_least_norm, stepped_null_space
 
 # component of a self-stress below which it is zero
 DETERMINED = 1e-9
@@ -103,8 +103,8 @@ def _least_norm(matrix: Array, right: Array) -> tuple[Array, Array, NDArray[np.b
     rank = int(significant.sum(1).max())
     sound = significant.sum(1) == rank
     if np.iscomplexobj(matrix):
-        slack = null_space(matrix, matrix.shape[2] - rank, RANK_TOLERANCE)
-        return least_norm(matrix, right, RANK_TOLERANCE), slack, sound
+        slack = stepped_null_space(matrix, matrix.shape[2] - rank, RANK_TOLERANCE)
+        return stepped_least_norm(matrix, right, RANK_TOLERANCE), slack, sound
     kept = significant[:, :rank, None]
     projected = np.where(kept, np.swapaxes(u[:, :, :rank], 1, 2) @ right[..., None], 0.0)
     projected = projected / np.where(kept, values[:, :rank, None], 1.0)

@@ -20,7 +20,7 @@ from mechsim.model.links import GROUND, Pose, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, short_repr
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import least_norm, null_space
+from mechsim.numerics.jets import stepped_least_norm, stepped_null_space
 
 # relative deviation of size and inertia of a link with passive rotation from symmetry about its line
 SYMMETRY_TOLERANCE = 1e-9
@@ -195,7 +195,7 @@ def _idle(unit: UnitMotion, nominal: Mechanism) -> Array:
     if not passive:
         return np.zeros((n, count, 6, 0))
     scale = np.tile([mechanism.characteristic_length] * 3 + [1.0] * 3, count)
-    null = null_space(unit.locked_rows.jacobian * scale, passive, loops.RANK_TOLERANCE)
+    null = stepped_null_space(unit.locked_rows.jacobian * scale, passive, loops.RANK_TOLERANCE)
     return (null * scale[:, None]).reshape(n, count, 6, passive)
 
 
@@ -240,7 +240,7 @@ def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
     # second derivatives of the driven motion, with any passive rotation
     driven = (before.jacobian @ unit.bias.reshape(n, -1, 1))[..., 0] + before.bias
     scale = np.tile([unit.mechanism.characteristic_length] * 3 + [1.0] * 3, count)
-    least = least_norm(rows.jacobian * scale, rows.bias - driven, loops.RANK_TOLERANCE)
+    least = stepped_least_norm(rows.jacobian * scale, rows.bias - driven, loops.RANK_TOLERANCE)
     bias = -(scale * least).reshape(n, count, 6)
     moved = replace(unit, twist=twist, bias=bias)
     unit_rates, zero = np.ones(n), np.zeros(n)

@@ -18,8 +18,8 @@ from mechsim.analytic.loops.kinematics import (
     carried_frame,
     carried_point,
     link_poses,
+    matrix_product,
     on_ground,
-    product,
 )
 from mechsim.analytic.loops.tree import SpanningTree, spanning_tree
 from mechsim.analytic.vector_method.vectors import array_cross as cross
@@ -321,7 +321,7 @@ class TreeLoops:
         rows[:] = directions
         for ball, rotation, other in zip(self.tree.balls, q.turns, reference.turns, strict=True):
             columns = np.searchsorted(self.unknown, ball.first_angle) + np.arange(3)
-            relative = product(rotation, other.transpose(1, 0, 2))
+            relative = matrix_product(rotation, other.transpose(1, 0, 2))
             vector = 0.5 * (relative - relative.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]
             offsets += (directions[:, columns] @ vector).T
             trace = np.einsum("iin->n", relative)
@@ -460,4 +460,6 @@ def _rotated(rotation: Array, vector: Array) -> Array:
 
 def orthogonal(rotation: Array) -> Array:
     """Return nearly orthogonal matrices (3, 3, n) after a Newton step to the nearest rotations."""
-    return 1.5 * rotation - 0.5 * product(rotation, product(rotation.transpose(1, 0, 2), rotation))
+    return 1.5 * rotation - 0.5 * matrix_product(
+        rotation, matrix_product(rotation.transpose(1, 0, 2), rotation)
+    )

@@ -18,7 +18,7 @@ from mechsim.analytic.loops.design_motion import (
     Bools,
     Rows,
     SharedLoops,
-    assembled_designs,
+    closed_designs,
     design_record,
     empty_motion,
     store,
@@ -103,7 +103,7 @@ class SwingTracer:
     def __init__(self, like: SharedLoops, started: StartedDesigns):
         self.like, self.started = like, started
         loops = like.solver.loops
-        self.designs, self.start, self.assembled = assembled_designs(loops, started, len(like.solver.rows))
+        self.designs, self.start, self.assembled = closed_designs(loops, started, len(like.solver.rows))
         self.crank = loops.driven[0]
         self.free = np.append(loops.unknown, self.crank)
 

@@ -13,7 +13,7 @@ from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import instants_of_laws, straight_line, with_locked_values
 from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.path_rates import Instants, LoopMotion, closed_chunks, with_rates
-from mechsim.analytic.loops.record import link_motion, point_on
+from mechsim.analytic.loops.record import link_or_ground_motion, point_on
 from mechsim.analytic.loops.start import ASSEMBLY, CLOSED
 from mechsim.analytic.loops.tree import JointSides
 from mechsim.analytic.vector_method.rotations import dot
@@ -99,7 +99,7 @@ def _cut(cut: Cut, ends: tuple[Array, ...]) -> Cut:
     return copy
 
 
-def assembled_designs(
+def closed_designs(
     like: TreeLoops, started: StartedDesigns, rank: int
 ) -> tuple[DesignLoops, Coordinates, Bools]:
     """Return loops of designs, the coordinates in which they close nearest to their guesses, and which do.
@@ -315,7 +315,7 @@ def many_motion(
 def _paths_from_start(like: SharedLoops, started: StartedDesigns) -> Iterator[DesignPaths]:
     """Yield the paths of designs that are assembled at the start of the motion."""
     loops, driven = like.solver.loops, list(like.solver.loops.driven)
-    designs, q, closed = assembled_designs(loops, started, len(like.solver.rows))
+    designs, q, closed = closed_designs(loops, started, len(like.solver.rows))
     start, target = like.solver.reference.values[driven], like.prescribed(np.array([like.initial]))
     rows = np.flatnonzero(closed & (q.values[driven] == start).all(0))
     if not len(rows):
@@ -390,7 +390,7 @@ def design_record(
 def _hinge(arrays: DesignArrays, links: dict[str, LinkMotion], joint: Joint, repeat: int) -> JointMotion:
     """Return the motion of a hinge that closes a loop."""
     _, frame_a, _, frame_b = arrays.ends[joint.name]
-    a, b = (link_motion(end.link, links) for end in (joint.a, joint.b))
+    a, b = (link_or_ground_motion(end.link, links) for end in (joint.a, joint.b))
     side_a, side_b = (
         link.rotation @ np.repeat(np.moveaxis(frame, -1, 0), repeat, 0)
         for link, frame in ((a, frame_a), (b, frame_b))

@@ -73,7 +73,7 @@ def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
             on_parent, rotation[i] = _wide(sides.parent_point, 1), relative
         else:
             on_parent = position[parent] + carried_point(sides.parent_point, rotation[parent])
-            rotation[i] = product(rotation[parent], relative)
+            rotation[i] = matrix_product(rotation[parent], relative)
         on_child = on_parent
         for k, (link, axis) in enumerate(tree.axes[i], branch.first):
             axes[:, k] = _wide(axis, 1) if link < 0 else carried_point(axis, rotation[link])
@@ -103,14 +103,14 @@ def _relative_rotations(tree: SpanningTree, q: Coordinates) -> Iterator[Array]:
         factors = zip(tree.rotations[branch.child], branch.angles, strict=False)
         rotations = [_combined(factor, terms[k]) for factor, k in factors]
         if branch.angles:
-            yield rotations[0] if len(rotations) == 1 else product(*rotations)
+            yield rotations[0] if len(rotations) == 1 else matrix_product(*rotations)
             continue
         sides = tree.constants[branch.child]
         frame, child_frame = _wide(sides.parent_frame, 2), _wide(sides.child_frame.swapaxes(0, 1), 2)
         if branch.kind.ball:
             ball_rotation = next(turns)
-            frame = product(frame, ball_rotation if branch.forward else ball_rotation.swapaxes(0, 1))
-        yield product(frame, child_frame)
+            frame = matrix_product(frame, ball_rotation if branch.forward else ball_rotation.swapaxes(0, 1))
+        yield matrix_product(frame, child_frame)
 
 
 def _combined(factors: Array, terms: Array) -> Array:
@@ -131,7 +131,7 @@ def on_ground(frame: Array, point: Array) -> tuple[Array, Array]:
 
 def carried_frame(frame: Array, rotation: Array) -> Array:
     """Return a frame (3, 3) of a link, or (3, 3, n) of many designs, rotated with the link, (3, 3, n)."""
-    return frame.T @ rotation if frame.ndim == 2 else product(rotation, frame)
+    return frame.T @ rotation if frame.ndim == 2 else matrix_product(rotation, frame)
 
 
 def carried_point(point: Array, rotation: Array) -> Array:
@@ -193,6 +193,6 @@ def _summed(tree: SpanningTree, terms: Array) -> Array:
     return total
 
 
-def product(a: Array, b: Array) -> Array:
+def matrix_product(a: Array, b: Array) -> Array:
     """Return matrix products of (3, 3, n)."""
     return np.einsum("ijn,jkn->ikn", a, b)

@@ -154,7 +154,7 @@ def coordinate_motion(joint: Joint, index: int, a: Side, b: Side) -> CoordinateM
     )
 
 
-def add_joint(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
+def add_joint_equations(stack: Stack, joint: Joint, a: Side, b: Side) -> None:
     """Add the equations of a joint: a length for each force component, one for each moment component."""
     kind = KINDS[joint.kind]
     if not kind.slides:
@@ -221,7 +221,7 @@ def equations(
 
     stack = Stack(len(names), n)
     for joint in mechanism.joints:
-        add_joint(stack, joint, side(joint, "a"), side(joint, "b"))
+        add_joint_equations(stack, joint, side(joint, "a"), side(joint, "b"))
     joint_of = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
 
     def value(name: str) -> Array:
@@ -285,7 +285,7 @@ def _add_law(
     )
 
 
-def lengths(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
+def length_rows(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
     """Return for the first `count` equations of a mechanism whether their residual is a length, (count,)."""
     is_length_row = [length for joint in mechanism.joints for length in is_length(joint)]
     firsts = [next(iter(law.left_terms)) for law in mechanism.laws]
@@ -297,7 +297,7 @@ def lengths(mechanism: Mechanism, count: int) -> NDArray[np.bool_]:
 
 def row_units(mechanism: Mechanism, count: int) -> Array:
     """Return factors that make the first `count` equations of a mechanism dimensionless, (count,)."""
-    return np.where(lengths(mechanism, count), 1.0 / mechanism.characteristic_length, 1.0)
+    return np.where(length_rows(mechanism, count), 1.0 / mechanism.characteristic_length, 1.0)
 
 
 def scaled(mechanism: Mechanism, jacobian: Array) -> Array:
@@ -309,5 +309,5 @@ def scaled(mechanism: Mechanism, jacobian: Array) -> Array:
 def residual_norms(mechanism: Mechanism, poses: Poses, angle: Angles) -> tuple[Array, Array]:
     """Return the loop-closure errors at each pose: (n,) in [m] and (n,) in [rad]."""
     rows = np.abs(equations(mechanism, poses, angle).residual)
-    long = lengths(mechanism, rows.shape[1])
+    long = length_rows(mechanism, rows.shape[1])
     return rows[:, long].max(1, initial=0.0), rows[:, ~long].max(1, initial=0.0)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.loops.constraints import TreeSolver
-from mechsim.analytic.loops.kinematics import Coordinates, product, twists, velocity_products
+from mechsim.analytic.loops.kinematics import Coordinates, matrix_product, twists, velocity_products
 from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.vector_method.vectors import array_cross as cross
@@ -292,8 +292,8 @@ def rates_of_polynomial(path: LoopPath, tree: SpanningTree, angle: Array) -> tup
         rotation_rate, rotation_second = (
             np.ascontiguousarray(rows[:, columns].T).reshape(3, 3, -1) for rows in (first, second)
         )
-        skew_first = product(rotation_rate, rotation.transpose(1, 0, 2))
-        skew_second = product(rotation_second, rotation.transpose(1, 0, 2))
+        skew_first = matrix_product(rotation_rate, rotation.transpose(1, 0, 2))
+        skew_second = matrix_product(rotation_second, rotation.transpose(1, 0, 2))
         for rows, matrix in ((first_rates, skew_first), (second_rates, skew_second)):
             rows[ball.first_angle : ball.first_angle + 3] = (
                 0.5 * (matrix - matrix.transpose(1, 0, 2))[[2, 0, 1], [1, 2, 0]]

@@ -16,7 +16,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import unwrapped
+from mechsim.numerics.jets import unwrapped_angles
 
 
 def with_all_joints(mechanism: Mechanism, motion: Motion) -> Motion:
@@ -60,7 +60,7 @@ def tracked_points(mechanism: Mechanism, links: Mapping[str, LinkMotion]) -> dic
 def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, JointMotion]:
     """Return the motion of each coordinate of a joint from those of its links; angles are unwrapped."""
     kind = KINDS[joint.kind]
-    a, b = (link_motion(end.link, links) for end in (joint.a, joint.b))
+    a, b = (link_or_ground_motion(end.link, links) for end in (joint.a, joint.b))
     values = joint_coordinate(joint, *(Pose(link.position, link.rotation) for link in (a, b)))
     translations, angles = _slides(joint, a, b), _turns(joint, a, b)
     motions: dict[str, JointMotion] = {}
@@ -69,7 +69,7 @@ def joint_motions(joint: Joint, links: Mapping[str, LinkMotion]) -> dict[str, Jo
         if unit == "m":
             motions[name] = JointMotion(values[..., i], *next(translations), "m", index)
         else:
-            motions[name] = JointMotion(unwrapped(values[..., i]), *next(angles), "rad", index)
+            motions[name] = JointMotion(unwrapped_angles(values[..., i]), *next(angles), "rad", index)
     return motions
 
 
@@ -141,7 +141,7 @@ def _along(axis: Array, other: Array, vector: Array) -> tuple[Array, Array]:
     ) / sine_squared
 
 
-def link_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:
+def link_or_ground_motion(name: str, links: Mapping[str, LinkMotion]) -> LinkMotion:
     """Return the motion of a link, or of the ground, which is at rest."""
     if name != GROUND:
         return links[name]

@@ -127,7 +127,7 @@ def point_motion(position: Values, n: int) -> PointMotion:
     return PointMotion(rows(position, n), rows(position.rate, n), rows(position.second, n))
 
 
-def link_motion(frame: LinkFrame, n: int) -> LinkMotion:
+def motion_of_frame(frame: LinkFrame, n: int) -> LinkMotion:
     """Return the motion of a link, fields (n, 3) and (n, 3, 3)."""
     origin, (spin, acceleration) = point_motion(frame.origin, n), frame.angular_rates
     return LinkMotion(
@@ -187,7 +187,7 @@ def _hinge_angle(columns: Sequence[Any], reference_b: Vector, a: LinkFrame, b: L
     return Jet(angle, dot(axis, velocity), dot(axis, acceleration))
 
 
-def joint_motions(joint: Joint, coordinates: Sequence[Values], n: int) -> dict[str, JointMotion]:
+def motions_of_joint(joint: Joint, coordinates: Sequence[Values], n: int) -> dict[str, JointMotion]:
     """Return the motion of each joint coordinate, by its name."""
     kind, motions = KINDS[joint.kind], {}
     for i, (name, unit, coordinate) in enumerate(

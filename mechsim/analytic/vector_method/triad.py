@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.vector_method.trig_polynomial import polynomial_roots
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Jet, Values, still
+from mechsim.numerics.jets import Jet, Values, constant_jet
 
 
 def flat(point: Array) -> Any:
@@ -48,7 +48,7 @@ CLOSED = 64.0 * EPS
 ROOT_TOLERANCE = 1e-7
 
 
-def assemblies(pivots: ArrayLike, platform: ArrayLike, legs: ArrayLike) -> Array:
+def triad_modes(pivots: ArrayLike, platform: ArrayLike, legs: ArrayLike) -> Array:
     """Return every real assembly mode of triads.
 
     |position + exp(i theta) platform_k - pivot_k| = leg_k for the three legs k. Two differences of these are
@@ -82,7 +82,7 @@ def assemblies(pivots: ArrayLike, platform: ArrayLike, legs: ArrayLike) -> Array
 
     problem, position, phase = _starts(a, b, r)
     selected = a[:, problem], b[:, problem], r[:, problem]
-    position, phase = close(position, phase, *selected, steps=40)
+    position, phase = closed_triads(position, phase, *selected, steps=40)
     with np.errstate(invalid="ignore"):
         lengths = abs(np.stack(leg_vectors(position, phase, *selected[:2])))
         closed = abs(lengths - selected[2]).max(0) <= CLOSED
@@ -202,7 +202,7 @@ def inverse(legs: Three, arms: Three) -> tuple[Any, Any]:
     return shift, [cross(l2, l3) / whole, cross(l3, l1) / whole, cross(l1, l2) / whole]
 
 
-def close(
+def closed_triads(
     position: Any, phase: Any, pivots: Three, platform: Three, legs: Three, steps: int
 ) -> tuple[Any, Any]:
     """Return position and orientation with closed legs, by Newton's method from each start."""
@@ -227,7 +227,7 @@ def carried(position: Any, phase: Any, pivots: Sequence[Values], platform: Three
 
     The legs have constant lengths: (|leg|^2)/2 has first and second derivative zero.
     """
-    moved = [pivot if isinstance(pivot, Jet) else still(np.asarray(pivot)) for pivot in pivots]
+    moved = [pivot if isinstance(pivot, Jet) else constant_jet(np.asarray(pivot)) for pivot in pivots]
     arms = [phase * point for point in platform]
     vectors = leg_vectors(position, phase, [pivot.value for pivot in moved], platform)
     columns = inverse(vectors, moments(vectors, phase, platform))

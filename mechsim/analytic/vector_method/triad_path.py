@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.vector_method.triad import close, determinant, inverse, leg_vectors, moments
+from mechsim.analytic.vector_method.triad import closed_triads, determinant, inverse, leg_vectors, moments
 from mechsim.errors import AssemblyError
 from mechsim.numerics.angles import shifted_into
 from mechsim.numerics.arrays import Array
@@ -188,7 +188,7 @@ class TriadPath:
             angles >= 0.0, up, np.minimum(np.searchsorted(table_angles, angles), len(table_angles) - 1)
         )
         pivots = self._pivots.positions_of(angles)
-        return close(positions[index], turns[index], pivots, self._platform, self._legs, steps)
+        return closed_triads(positions[index], turns[index], pivots, self._platform, self._legs, steps)
 
     def _node(self, angle: float, position: complex, phase: complex) -> Node:
         vectors = leg_vectors(position, phase, self._pivots.positions(angle), self._platform)
@@ -208,7 +208,7 @@ class TriadPath:
                 "request fewer revolutions"
             )
         angle = current.angle + side * step
-        position, phase = close(
+        position, phase = closed_triads(
             current.position,
             current.direction,
             self._pivots.positions(angle),

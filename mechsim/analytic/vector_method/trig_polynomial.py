@@ -22,7 +22,7 @@ NEARLY_REAL = 1e-5
 MAX_RESIDUAL = 64.0 * EPS
 
 
-def value(coefficients: Array | Coefficients, t: Values) -> Any:
+def polynomial_value(coefficients: Array | Coefficients, t: Values) -> Any:
     """Return the polynomials at angles, (5, n) and (..., n) -> (..., n); jets if either is a jet."""
     c0, c1, s1, c2, s2 = coefficients
     c, s = cos_sin(t)
@@ -87,7 +87,7 @@ def real_roots(coefficients: Array) -> Array:
     # the quartic's leading coefficient is the polynomial's value opposite the origin of the angle:
     # with the origin at its largest value, no root is lost at infinity
     angles = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
-    sizes = np.abs(value(coefficients[:, None], angles[:, None]))  # (8, n)
+    sizes = np.abs(polynomial_value(coefficients[:, None], angles[:, None]))  # (8, n)
     origin = angles[np.argmax(sizes, 0)] + np.pi
     quartic = half_angle(_rotated(coefficients, origin))
     tangents = polynomial_roots(quartic[::-1].T).T  # (4, n)
@@ -95,9 +95,9 @@ def real_roots(coefficients: Array) -> Array:
     nearly = np.abs(tangents.imag) < NEARLY_REAL * (1.0 + np.abs(tangents) ** 2)
     for _ in range(3):
         rise = derivative(coefficients, roots)
-        step = value(coefficients, roots) / np.where(rise == 0.0, np.inf, rise)
+        step = polynomial_value(coefficients, roots) / np.where(rise == 0.0, np.inf, rise)
         roots = roots - np.clip(step, -1e-2, 1e-2)
-    nearly &= np.abs(value(coefficients, roots)) <= MAX_RESIDUAL * scale
+    nearly &= np.abs(polynomial_value(coefficients, roots)) <= MAX_RESIDUAL * scale
     return np.where(nearly, np.pi - np.mod(np.pi - roots, 2.0 * np.pi), np.nan)
 
 
@@ -232,7 +232,7 @@ class SignedRoot:
         return float(np.prod(np.sign(np.sin(0.5 * (angle - np.array(self.touching))))))
 
 
-def sampled(polynomial: Callable[[Array], Array], degree: int) -> TrigPolynomial:
+def sampled_polynomial(polynomial: Callable[[Array], Array], degree: int) -> TrigPolynomial:
     """Return a trigonometric polynomial from its function of angles (n,) in [rad]."""
     count = 2 * degree + 1
     harmonics = np.fft.fft(polynomial(REVOLUTION * np.arange(count) / count)) / count
@@ -300,7 +300,7 @@ def reachable_arcs(discriminant: Callable[[Array], Array], degree: int) -> Arcs:
     Accuracy: simple roots to a few ulp (refined by Newton's method on the polynomial itself); a double root,
         a change point, counts as no root.
     """
-    rest = sampled(discriminant, degree)
+    rest = sampled_polynomial(discriminant, degree)
     for double in rest.touching():
         rest = rest.without(double)
     ends = rest.roots()

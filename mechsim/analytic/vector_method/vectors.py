@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.jets import Values, chosen, cos_sin, product, revalued, values
+from mechsim.numerics.jets import Values, cos_sin, jet_product, jet_where, revalued, values
 
 Sign = Literal[1, -1]
 
@@ -24,12 +24,12 @@ NEXT = np.array([1, 2, 0])
 
 def dot(a: Values, b: Values) -> Any:
     """Return the scalar product of vectors, (3, ...) and (3, ...) -> (...)."""
-    return product(array_dot, a, b)
+    return jet_product(array_dot, a, b)
 
 
 def cross(a: Values, b: Values) -> Any:
     """Return the vector product of vectors, (3, ...) and (3, ...) -> (3, ...)."""
-    return product(array_cross, a, b)
+    return jet_product(array_cross, a, b)
 
 
 def norm(a: Values) -> Any:
@@ -152,7 +152,9 @@ def circle_sphere(
         cosine = np.where(values(off) < 1.0, 1.0, -1.0) * np.sqrt(1.0 - sine * sine)
         usual = np.where(sine_values < 0.0, -1.0, 1.0) * np.sqrt(_possible(off * (2.0 - off)))
         small = np.abs(sine_values) < SMALL_SINE
-        return chosen(small, cosine, 1.0 - off) * ahead + chosen(small, sine, usual) * cross(ahead, axis)
+        return jet_where(small, cosine, 1.0 - off) * ahead + jet_where(small, sine, usual) * cross(
+            ahead, axis
+        )
     return (1.0 - off) * ahead + sign * np.sqrt(_possible(off * (2.0 - off))) * cross(ahead, axis)
 
 

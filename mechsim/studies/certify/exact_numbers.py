@@ -45,14 +45,14 @@ def rational(values: ArrayLike, radius: ArrayLike = 0.0) -> ExactArray:
     return out.reshape(numbers.shape)
 
 
-def unknown(*shape: int) -> ExactArray:
+def unknown_numbers(*shape: int) -> ExactArray:
     """Return an array of unknown numbers."""
     out = np.empty(shape, dtype=object)
     out.fill(UNKNOWN)
     return out
 
 
-def unit_vector(vector: ExactArray) -> ExactArray:
+def exact_unit_vector(vector: ExactArray) -> ExactArray:
     """Return a column (3, 1) divided by its length; it is exact along a coordinate axis."""
     nonzero = [value for value in vector.ravel() if value != 0]
     alone = len(nonzero) == 1 and nonzero[0] is not UNKNOWN

@@ -21,7 +21,7 @@ from mechsim.model.links import GROUND, ORIGIN
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import Ball, DualBall, ball
-from mechsim.studies.certify.exact_numbers import rational, unit_vector, unknown
+from mechsim.studies.certify.exact_numbers import exact_unit_vector, rational, unknown_numbers
 
 # a ball, a ball with derivatives, or an array of exact numbers
 Number = Any
@@ -122,8 +122,10 @@ class ClosureEquations:
     @cached_property
     def _exact_residual(self) -> list[Any]:
         constants = Constants.from_equations(self, exactly=True)
-        turns = [unknown(3, 3) for _ in self.tree.balls]
-        placed = placed_links(self.tree, constants, unknown(self.tree.count, 1), turns, with_twists=False)
+        turns = [unknown_numbers(3, 3) for _ in self.tree.balls]
+        placed = placed_links(
+            self.tree, constants, unknown_numbers(self.tree.count, 1), turns, with_twists=False
+        )
         rows = [cut_residual(cut, constants, placed) for cut in self.cuts]
         values = [value for row in rows for value in row.ravel()]
         return values + [1] * (len(self.rods) + len(self.couplings))
@@ -141,7 +143,7 @@ class ClosureEquations:
         rows += [self._rod_equation(rod, placed) for rod in self.rods]
         offsets = zip(self.couplings, self.turn_offsets, strict=True)
         rows += [coupled_equation(row, whole, q, self.tree.units) for row, whole in offsets]
-        residual, jacobian = (joined([row[i] for row in rows], -2) for i in (0, 1))
+        residual, jacobian = (concatenated([row[i] for row in rows], -2) for i in (0, 1))
         return residual[..., self.kept, :], jacobian[..., self.kept, :]
 
     def _rod_equation(self, rod: Rod, placed: Placed) -> tuple[Number, Number]:
@@ -180,7 +182,7 @@ class Constants:
     @classmethod
     def from_equations(cls, equations: ClosureEquations, exactly: bool) -> "Constants":
         """Return the constants of a mechanism as exact numbers or as balls."""
-        number, unit = (rational, unit_vector) if exactly else (_ball_of, _unit_ball)
+        number, unit = (rational, exact_unit_vector) if exactly else (_ball_of, _unit_ball)
         sides: dict[str, tuple[Number, Number, Number, Number]] = {}
         angles: dict[str, tuple[Number, Number]] = {}
         for joint in (*equations.tree.mechanism.joints, *equations.rod_joints):
@@ -199,7 +201,7 @@ class Constants:
                 right = joint.cross_angle == RIGHT_ANGLE
                 sine_cosine = (number(np.eye(1)), number(np.zeros((1, 1)))) if right else None
                 angles[joint.name] = sine_cosine or (
-                    (unknown(1, 1), unknown(1, 1)) if exactly else ball(angle).sin_cos()
+                    (unknown_numbers(1, 1), unknown_numbers(1, 1)) if exactly else ball(angle).sin_cos()
                 )
         return cls(sides, angles, equations)
 
@@ -221,10 +223,10 @@ def joint_frame(axis: Number, reference: Number, unit: Any) -> Number:
     """Return the frame (3, 3) of a joint side: reference direction, axis x reference direction, axis."""
     z = unit(axis)
     x = unit(reference - z * (z.T @ reference))
-    return joined([x, cross(z, x), z], -1)
+    return concatenated([x, cross(z, x), z], -1)
 
 
-def joined(matrices: list[Number], axis: int) -> Number:
+def concatenated(matrices: list[Number], axis: int) -> Number:
     """Return arrays of any number type concatenated along an axis."""
     if isinstance(matrices[0], np.ndarray):
         return np.concatenate(matrices, axis)
@@ -259,7 +261,7 @@ def _cayley(vector: Number, start: Number) -> tuple[Number, Number]:
     The rotation is (I - A)^-1 (I + A) times the start; A is the cross-product matrix of half the vector.
     """
     half = vector * 0.5
-    skew = joined([cross(half, np.eye(3)[:, i : i + 1]) for i in range(3)], -1)
+    skew = concatenated([cross(half, np.eye(3)[:, i : i + 1]) for i in range(3)], -1)
     scale = (half.T @ half + 1.0).reciprocal()
     return (skew + skew @ skew) * (scale * 2.0) @ start + start, (skew + np.eye(3)) * scale
 
@@ -277,8 +279,11 @@ def _relative_rotation(
     if branch.kind.crossed:
         sine, cosine = constants.angles[name]
         zero, unit = cosine * 0, cosine * 0 + 1
-        middle = joined(
-            [joined(row, -1) for row in ([-cosine, zero, sine], [zero, -unit, zero], [sine, zero, cosine])],
+        middle = concatenated(
+            [
+                concatenated(row, -1)
+                for row in ([-cosine, zero, sine], [zero, -unit, zero], [sine, zero, cosine])
+            ],
             -2,
         )
         return _about_z(angles[0]) @ middle @ _about_z(angles[1]), None
@@ -322,7 +327,7 @@ def placed_links(
             _add_twists(branch, side_a, side_b, through, components, linear, angular)
     if not with_twists or not linear:
         return Placed(rotation, position, None, None)
-    return Placed(rotation, position, joined(linear, -1), joined(angular, -1))
+    return Placed(rotation, position, concatenated(linear, -1), concatenated(angular, -1))
 
 
 def _add_twists(
@@ -374,7 +379,7 @@ def cut_residual(cut: Cut, constants: Constants, placed: Placed) -> Number:
         if target != 0.0 and cut.joint.cross_angle != RIGHT_ANGLE:
             product = product - constants.angles[cut.joint.name][1]
         rows.append(product)
-    return joined(rows, -2)
+    return concatenated(rows, -2)
 
 
 def cut_equations(
@@ -390,7 +395,7 @@ def cut_equations(
     if cut.directions:
         i, j = ([pair[k] for pair in cut.directions] for k in (0, 1))
         blocks.append(cross(side_b[..., j], side_a[..., i]).T @ placed.angular)
-    jacobian = joined(blocks, -2) @ relative_motion(tree, cut.sides)
+    jacobian = concatenated(blocks, -2) @ relative_motion(tree, cut.sides)
     return cut_residual(cut, constants, placed), jacobian
 
 

@@ -16,7 +16,7 @@ from mechsim.model.motion import select_instants
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball
 from mechsim.studies.certify.computed_motion import CentreConfigurations, ComputedMotion
-from mechsim.studies.certify.loop_equations import ClosureEquations, Number, joined
+from mechsim.studies.certify.loop_equations import ClosureEquations, Number, concatenated
 
 Bools = NDArray[np.bool_]
 # the half-width of a tube is the sum of: a fraction of the displacement of the coordinates over the segment;
@@ -235,7 +235,7 @@ def with_misses(motion: ComputedMotion, failed: Segments) -> Segments:
     """Return failed segments with their counts of tests that also fail at the centre."""
     if not len(failed):
         return failed
-    at_centre = displaced(motion.equations, failed, np.zeros(len(failed)))
+    at_centre = along_tangents(motion.equations, failed, np.zeros(len(failed)))
     alone = tested_segments(motion, failed.centre, failed.centre, at_centre)
     return replace(failed, misses=np.where(alone.proven, 0, failed.misses + 1))
 
@@ -266,7 +266,7 @@ def _rotation(quaternion: Ball) -> Ball:
             w[..., 0:1] - x[..., 1:2] - y[..., 2:3] + z[..., 3:4],
         ],
     ]
-    matrix = joined([joined(row, -1) for row in rows], -2)
+    matrix = concatenated([concatenated(row, -1) for row in rows], -2)
     return matrix * (q.T @ q).reciprocal()
 
 
@@ -326,7 +326,7 @@ def segments_that_join(motion: ComputedMotion, segments: Segments) -> Bools:
     """
     n = len(segments)
     before, after = segments.select(np.arange(n - 1)), segments.select(np.arange(1, n))
-    guess = displaced(motion.equations, before, before.high - before.centre)
+    guess = along_tangents(motion.equations, before, before.high - before.centre)
     common = tested_segments(motion, before.high, before.high, guess)
     inside = [_inside(motion.equations, common, segment) for segment in (before, after)]
     return (before.high == after.low) & common.proven & inside[0] & inside[1]
@@ -350,7 +350,7 @@ def _inside(equations: ClosureEquations, first: Segments, second: Segments) -> B
     return np.asarray(((distance - along).magnitude <= second.width).all(1))
 
 
-def displaced(equations: ClosureEquations, segments: Segments, by: Array) -> CentreConfigurations:
+def along_tangents(equations: ClosureEquations, segments: Segments, by: Array) -> CentreConfigurations:
     """Return approximate configurations of segments at distances (n,) from their centres, along tangents."""
     values = segments.values.copy()
     step = np.nan_to_num(segments.rate * by[:, None], posinf=0.0, neginf=0.0)
@@ -360,7 +360,7 @@ def displaced(equations: ClosureEquations, segments: Segments, by: Array) -> Cen
 
 def halves(segments: Segments, equations: ClosureEquations) -> tuple[Array, Array, CentreConfigurations]:
     """Return ends of both halves of segments, and approximate configurations at their middles."""
-    first, second = (displaced(equations, segments, sign * 0.5 * segments.half) for sign in (-1.0, 1.0))
+    first, second = (along_tangents(equations, segments, sign * 0.5 * segments.half) for sign in (-1.0, 1.0))
     guess = CentreConfigurations(
         np.concatenate([first.values, second.values]),
         np.concatenate([first.quaternions, second.quaternions]),

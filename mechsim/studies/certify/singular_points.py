@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, DualBall, ball
 from mechsim.studies.certify.computed_motion import CentreConfigurations, ComputedMotion
-from mechsim.studies.certify.loop_equations import joined
+from mechsim.studies.certify.loop_equations import concatenated
 from mechsim.studies.certify.segments import rotations
 
 # Newton iterations on an augmented system; half-width of the first tested box, its growth factor, its limit
@@ -90,14 +90,14 @@ class AugmentedSystems:
         """Return the residuals of a fold in q, s and v."""
         residual, jacobian, _ = self._evaluated(variables)
         v = variables[..., len(self.rows) + 1 :, :]
-        return joined([residual, jacobian @ v, self.normal @ v - 1.0], -2)
+        return concatenated([residual, jacobian @ v, self.normal @ v - 1.0], -2)
 
     def crossing(self, variables: DualBall) -> DualBall:
         """Return the residuals of a crossing in q, s, m and w."""
         residual, jacobian, by_crank = self._evaluated(variables)
         u = len(self.rows)
         m, w = variables[..., u + 1 : u + 2, :], variables[..., u + 2 :, :]
-        return joined([residual + w * m, jacobian.T @ w, by_crank.T @ w, w.T @ w - 1.0], -2)
+        return concatenated([residual + w * m, jacobian.T @ w, by_crank.T @ w, w.T @ w - 1.0], -2)
 
 
 def determined_subsets(jacobians: Array) -> list[tuple[Indices, Indices]]:

@@ -47,7 +47,7 @@ def speed(solver: ClosedForm, value: float) -> Trial:
     return attempt("speed", solver, value, speed=rpm(value), expected=_required("speed", value))
 
 
-def length(solver: ClosedForm, value: float) -> Trial:
+def characteristic_length(solver: ClosedForm, value: float) -> Trial:
     """The mechanism scaled to a characteristic length in [m]."""
     scaled = resized(solver, value / solver.mechanism.characteristic_length)
     return attempt("size", scaled, value, speed=SPEED, expected=_required("size", value))
@@ -124,7 +124,7 @@ def drift(solver: ClosedForm, turns: float) -> Drift:
     return Drift(solver.name, turns, float(error[1:count].max()), float(error[-count:].max()))
 
 
-def gears(solver: ClosedForm, value: float) -> Trial:
+def gear_ratio(solver: ClosedForm, value: float) -> Trial:
     """A second crank geared `value` times faster, with `value` times the steps."""
     geared = replace(solver, **{solver.declaration.gear: float(round(value))})
     settings = Settings(steps_per_turn=500 * max(1, round(value)))
@@ -151,7 +151,7 @@ def dead_centre(solver: ClosedForm, value: float, method: str, beyond: bool) -> 
     )
 
 
-def tangent(solver: ClosedForm, value: float, method: str) -> Trial:
+def near_tangent(solver: ClosedForm, value: float, method: str) -> Trial:
     """A crank that barely makes a full revolution: a length is a fraction `value` from the limit."""
     limiting = with_limiting_length(solver, value)
     angles = np.linspace(-np.pi, np.pi, 4001)

@@ -81,8 +81,8 @@ def axes_of(solver: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[f
     pushes: list[tuple[str, Push, Sequence[float]]] = [
         ("steps", axes.steps, steps if quick else [1e5, *steps]),
         ("speed", axes.speed, [1.0, 1e3, 1e5, 1e6, 1e7]),
-        ("size", axes.length, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
-        ("size", axes.length, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
+        ("size", axes.characteristic_length, [1e-2, *_decades(1e-9, 1e-3, coarse)[::-1]]),
+        ("size", axes.characteristic_length, [1e-1, *_decades(1.0, 1e9, 2 * coarse - 1)]),
         ("mass ratio", axes.mass_ratio, [*_decades(1e-12, 1.0, 2 * coarse)[::-1], 0.0]),
         ("mass ratio", axes.mass_ratio, _decades(10.0, 1e11, 2 * coarse)),
     ]
@@ -91,7 +91,7 @@ def axes_of(solver: ClosedForm, quick: bool) -> list[tuple[str, Push, Sequence[f
         for method in ("pose", "step"):
             before = partial(axes.dead_centre, method=method, beyond=False)
             pushes.append(("dead centre", before, distances))
-            pushes.append(("near tangent", partial(axes.tangent, method=method), distances))
+            pushes.append(("near tangent", partial(axes.near_tangent, method=method), distances))
         beyond = partial(axes.dead_centre, method="pose", beyond=True)
         pushes.append(("beyond dead centre", beyond, distances[::coarse]))
     for seed in range(2 if quick else 6):
@@ -135,7 +135,7 @@ def study(
         ]
         if solver.declaration.gear:
             exponents = range(MAX_EXPONENT[0 if quick else 1] + 1)
-            result.trials += [axes.gears(solver, 2.0**exponent) for exponent in exponents]
+            result.trials += [axes.gear_ratio(solver, 2.0**exponent) for exponent in exponents]
         if special_designs(solver.name).long_runs:
             result.drifts.append(axes.drift(solver, TURNS[0 if quick else 1]))
             finished += 1

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.many_designs import Bools, allowed, can_be_many, closed_at, solved
+from mechsim.analytic.catalog.many_designs import Bools, allowed, can_be_many, closes_at, solved
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.errors import InputError, MechsimError
@@ -240,7 +240,7 @@ def formula_samples(solved_by: DesignSolver, fractions: Array) -> tuple[FormulaS
         return None
     valid = allowed(solver, _varied(solved_by, fractions))
     for rows in _blocks(len(fractions), len(angles)):
-        valid[rows] &= closed_at(solver, _varied(solved_by, fractions[rows]), angles)
+        valid[rows] &= closes_at(solver, _varied(solved_by, fractions[rows]), angles)
     return FormulaSamples(solved_by, solver, fractions[valid]), ~valid
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.many_designs import allowed, can_be_started, started
+from mechsim.analytic.catalog.many_designs import allowed, can_be_started, closed_form_starts
 from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.design_arrays import StartedDesigns, similar_designs
@@ -330,7 +330,7 @@ def assembled_designs(
 def _by_formula(solver: ClosedForm, rows: Mapping[str, Array], make: Make | None) -> AssembledDesigns | None:
     valid = np.flatnonzero(allowed(solver, rows))
     while len(valid):
-        designs = started(solver, {name: values[valid] for name, values in rows.items()})
+        designs = closed_form_starts(solver, {name: values[valid] for name, values in rows.items()})
         assembled = np.all(
             [np.isfinite(pose.rotation).all((1, 2)) for pose in designs.guess.values()], axis=0
         )

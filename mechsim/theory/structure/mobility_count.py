@@ -40,7 +40,7 @@ def motion_words(
     length = mechanism.characteristic_length
     ends = [
         (joint, end)
-        for joint in joints_of(mechanism, set(body))
+        for joint in joints_between(mechanism, set(body))
         for end in (joint.a, joint.b)
         if end.link in body
     ]
@@ -87,7 +87,7 @@ def _along(
     ]
 
 
-def joints_of(mechanism: Mechanism, links: set[str]) -> list[Joint]:
+def joints_between(mechanism: Mechanism, links: set[str]) -> list[Joint]:
     """Return the joints between some links and the others."""
     return [joint for joint in mechanism.joints if (joint.a.link in links) != (joint.b.link in links)]
 
@@ -237,7 +237,7 @@ def _named(mechanism: Mechanism, poses: Mapping[str, Pose], twists: Mapping[str,
         point for point, (link, local) in mechanism.points.items() if link in twists and moves(link, local)
     ]
     ends = [end for joint in mechanism.joints for end in (joint.a, joint.b) if end.link in twists]
-    on_frame = any(GROUND in (joint.a.link, joint.b.link) for joint in joints_of(mechanism, set(twists)))
+    on_frame = any(GROUND in (joint.a.link, joint.b.link) for joint in joints_between(mechanism, set(twists)))
     felt = on_frame and any(moves(end.link, end.point) for end in ends)
     words = _words(mechanism, poses, twists) + (f", which moves {', '.join(moved)}" if moved else "")
     return FreeMotion(tuple(twists), not moved and not felt, words)
