@@ -9,24 +9,7 @@ from os import PathLike
 from typing import Any, ParamSpec, TypeVar
 
 from mechsim.analytic import dynamics
-from mechsim.analytic.dynamics import (
-    Balance,
-    DynamicModel,
-    DynamicRun,
-    Equilibrium,
-    Fluctuation,
-    FreeRun,
-    InverseDynamics,
-    Mode,
-    Reaction,
-    Reduced,
-    actuator_forces,
-    fluctuation,
-    flywheel_for,
-    free_run,
-    prescribed,
-    reduced,
-)
+from mechsim.analytic.dynamics import *  # noqa: F403 (the names of `__all__`)
 from mechsim.subjects.readers import load
 
 P = ParamSpec("P")
@@ -60,28 +43,5 @@ nearest_equilibrium = _loading(dynamics.nearest_equilibrium)
 response = _loading(dynamics.response)
 run = _loading(dynamics.run)
 
-__all__ = [
-    "Balance",
-    "DynamicModel",
-    "DynamicRun",
-    "Equilibrium",
-    "Fluctuation",
-    "FreeRun",
-    "InverseDynamics",
-    "Mode",
-    "Reaction",
-    "Reduced",
-    "actuator_forces",
-    "dynamic_model",
-    "equilibria",
-    "fluctuation",
-    "flywheel_for",
-    "free_run",
-    "holding",
-    "modes",
-    "nearest_equilibrium",
-    "prescribed",
-    "reduced",
-    "response",
-    "run",
-]
+__all__: list[str] = []
+__all__ += dynamics.__all__

@@ -92,7 +92,7 @@ def line(path: Path) -> str:
     exact = {name: link.position + link.rotation @ offset for name, link in run.motion.links.items()}
     error = max(float(np.abs(exact[name] - fine[name]).max()) for name in fine)
     change = max(float(np.abs(coarse[name] - fine[name]).max()) for name in fine)
-    verdict = crosscheck_forward(run, model, initial_values(model.mechanism, initial))
+    verdict = crosscheck_forward(run, model, initial_values(model, initial))
     forces = model.forces
     springs = len(forces.springs) + len(forces.joint_springs)
     return (
