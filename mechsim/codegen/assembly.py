@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechsim.analytic.dynamics.state_quantities import joined
+from mechsim.analytic.dynamics.state_quantities import joined_configurations
 from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses, twists
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -185,7 +185,9 @@ def _sampled(solver: LoopForm, parameters: Array) -> Coordinates:
     path = driven_path(solver.mechanism, solver.motion_laws)
     rates = np.ones_like(parameters)
     instants = instants_of_laws(solver.motion_laws, parameters, rates, 0.0 * rates)
-    return joined([chunk.q for chunk in closed_chunks(path, with_locked_values(path.loops, instants))])
+    return joined_configurations(
+        [chunk.q for chunk in closed_chunks(path, with_locked_values(path.loops, instants))]
+    )
 
 
 def _with_best_rows(first: TreeSolver, q: Coordinates) -> TreeSolver:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mechsim.analytic.dynamics.state_layout import quaternions
+from mechsim.analytic.dynamics.state_layout import rotation_quaternions
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import number_text
 from mechsim.codegen.kinematics import (
@@ -184,7 +184,7 @@ def _reals(assembly: SolvedAssembly) -> dict[str, tuple[Array, str]]:
         "UNIT_OF_DRIVER": (units[driven], "likewise, of each driver"),
         "STEP": (STEP * units[driven], "largest step of each driver"),
         "START_BALLS": (
-            np.array([quaternions(rotation)[0] for rotation in start.turns]).ravel(),
+            np.array([rotation_quaternions(rotation)[0] for rotation in start.turns]).ravel(),
             "quaternions (w, x, y, z) of the balls at the start",
         ),
     }

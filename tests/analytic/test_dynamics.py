@@ -9,7 +9,7 @@ from mpmath import mp
 
 from mechsim import catalog, dynamics, load_profile
 from mechsim.analytic.dynamics import applied_forces, prescribed_motion
-from mechsim.analytic.dynamics.reduced_equation import kinetic_energy
+from mechsim.analytic.dynamics.reduced_equation import kinetic_energy_of_links
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.joints import End, Joint
@@ -254,7 +254,7 @@ def test_frame_feels_what_the_links_lose_in_momentum(drive):
     lost[1] = lost[1] + np.cross(unit.position + unit.centres, weight).sum(1)
     assert np.allclose(study.shaking_force, lost[0], atol=1e-8 * np.abs(lost[0]).max())
     assert np.allclose(study.shaking_moment, lost[1], atol=1e-8 * np.abs(lost[1]).max())
-    assert kinetic_energy(unit, np.full(2, w)) == pytest.approx(study.forces.kinetic, rel=1e-14)
+    assert kinetic_energy_of_links(unit, np.full(2, w)) == pytest.approx(study.forces.kinetic, rel=1e-14)
 
 
 def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
@@ -405,7 +405,7 @@ def test_a_flywheel_needs_a_crank_on_the_frame_and_a_crank_that_turns_fully_has_
 
 
 def test_everything_that_acts_is_looked_up_once_for_one_answer(monkeypatch):
-    counted = {"applied": 0, "loads": 0, "coefficients": 0, "balance": 0}
+    counted = {"applied": 0, "loads": 0, "reduced_coefficients": 0, "balance": 0}
 
     def counting(name, function):
         def call(*args, **options):

@@ -40,7 +40,7 @@ class Dry:
         return np.where(self.still, 0.0, np.sign(np.real(self.rate)))
 
 
-def rates(unit: UnitMotion, joint: Joint) -> list[Array]:
+def joint_rates(unit: UnitMotion, joint: Joint) -> list[Array]:
     """Return a joint's coordinate derivatives by crank angle; for a ball, the relative spin's magnitude."""
     kind, spin = KINDS[joint.kind], _spin(unit, joint)
     place_a, rate_a = unit.point(joint.a.link, joint.a.point)
@@ -66,7 +66,7 @@ def add_friction(unit: UnitMotion, damping: Array, coulomb: Array, friction: Fri
     viscous: list[Array] = []
     frictions: list[Dry] = []
     for (damper, magnitude), rate, length in zip(
-        friction.sizes(kind), rates(unit, joint), lengths, strict=False
+        friction.sizes(kind), joint_rates(unit, joint), lengths, strict=False
     ):
         viscous.append(-damper * rate)
         frictions.append(Dry(magnitude, rate, np.abs(rate) <= STILL * length))
@@ -195,7 +195,7 @@ def applied(model: DynamicModel, unit: UnitMotion) -> Applied:
         energy = energy + stored
     for spring in forces.joint_springs:
         joint = unit.mechanism.joint(spring.joint)
-        stretch = coordinate(unit, joint) - spring.rest
+        stretch = joint_value(unit, joint) - spring.rest
         if KINDS[joint.kind].hinge:
             stretch = wrapped(stretch)
         add_joint_forces(unit, springs, joint, [-spring.stiffness * stretch])
@@ -239,7 +239,7 @@ def loads(model: DynamicModel, unit: UnitMotion, time: Array | None) -> Loads:
     return Loads(out, crank, crank + power(unit, out))
 
 
-def coordinate(unit: UnitMotion, joint: Joint) -> Array:
+def joint_value(unit: UnitMotion, joint: Joint) -> Array:
     """Return the coordinate of a revolute or prismatic joint, (n,) in [rad] or [m]."""
     poses = unit.poses()
     a, b = (poses.get(end.link, IDENTITY) for end in (joint.a, joint.b))

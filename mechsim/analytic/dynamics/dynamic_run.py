@@ -189,10 +189,10 @@ def run(
     if event is not None and trajectory.outcome == "done" and not trajectory.event:
         message = f"{until} was not reached within {end:g} s"
         trajectory = replace(trajectory, outcome="time over", reason=message)
-    return sampled(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
+    return run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
 
 
-def sampled(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:
+def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:
     """Return a trajectory evaluated at instants (n,) in [s], each state projected onto the loops."""
     layout, pieces = StateLayout(equations), trajectory.pieces
     # at an instant of an impact: the state after it

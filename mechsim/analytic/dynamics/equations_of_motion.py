@@ -173,7 +173,7 @@ class EquationsOfMotion:
         twist = twists(tree, poses, physical)
         bias = velocity_products(tree, poses, twist, physical)
         gamma = self.loops.velocity_products(q, poses, physical, twist, bias)
-        free = with_locked(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
+        free = with_locked_rows(self, jacobian[:, self.free].transpose(2, 0, 1), self.prescribed_indices)
         return Kinematics(q, rates, residual, free, gamma.T, poses, twist, bias)
 
     def accelerate(
@@ -267,7 +267,7 @@ class EquationsOfMotion:
             rows = np.concatenate([rows, directions[list(stuck)].transpose(1, 0, 2)], 1)
             gamma = np.concatenate([gamma, self._direction_rates(state, stuck)], 1)
         if len(contacts):
-            rows = with_locked(self, rows, contacts)
+            rows = with_locked_rows(self, rows, contacts)
             gamma = np.concatenate([gamma, np.zeros((len(rows), len(contacts)))], 1)
         return rows, gamma
 
@@ -343,7 +343,7 @@ class EquationsOfMotion:
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
 
 
-def with_locked(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
+def with_locked_rows(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
     """Return a constraint Jacobian (n, rows, free) with additional rows that lock coordinates of the tree."""
     rows = np.eye(equations.loops.tree.count)[list(indices)][:, equations.free]
     return np.concatenate([jacobian, np.broadcast_to(rows, (len(jacobian), *rows.shape))], 1)
@@ -352,7 +352,7 @@ def with_locked(equations: EquationsOfMotion, jacobian: Array, indices: Sequence
 def _constraint_jacobian(equations: EquationsOfMotion, q: Coordinates) -> Array:
     """Return the Jacobian (rows, free) of the loops and prescribed coordinates at one configuration."""
     jacobian = equations.loops.linearise(q)[1][None, :, equations.free, 0]
-    return with_locked(equations, jacobian, equations.prescribed_indices)[0]
+    return with_locked_rows(equations, jacobian, equations.prescribed_indices)[0]
 
 
 def conditionings(equations: EquationsOfMotion, state: Kinematics) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from mechsim.analytic.dynamics.applied_forces import applied, loads
 from mechsim.analytic.dynamics.model import DynamicModel
-from mechsim.analytic.dynamics.reduced_equation import coefficients
+from mechsim.analytic.dynamics.reduced_equation import reduced_coefficients
 from mechsim.errors import InputError
 from mechsim.model.force_record import Fluctuation
 from mechsim.numerics.angles import REVOLUTION
@@ -70,7 +70,7 @@ def _revolution(model: DynamicModel, mean: float) -> tuple[Array, Array, Array, 
     turns = round(model.solver.period / REVOLUTION)
     angle: Array = np.arange(turns * ANGLES, dtype=np.float64) * (REVOLUTION / ANGLES)
     unit = model.unit_motion(angle)
-    reduced = coefficients(unit, applied(model, unit), model.forces.flywheel)
+    reduced = reduced_coefficients(unit, applied(model, unit), model.forces.flywheel)
     force = reduced.force(mean) + loads(model, unit, angle / mean).torque
     torque = -float(force.mean())
     waves = np.fft.rfft(force + torque)

@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.dynamics.applied_forces import applied, loads
 from mechsim.analytic.dynamics.contacts import EventFunction
-from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, sampled
+from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, run_at
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, equations_of_motion
 from mechsim.analytic.dynamics.forward_dynamics import Integration, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state
 from mechsim.analytic.dynamics.model import DynamicModel
-from mechsim.analytic.dynamics.reduced_equation import coefficients
+from mechsim.analytic.dynamics.reduced_equation import reduced_coefficients
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.force_record import FreeRun
@@ -64,16 +64,10 @@ def free_run(
     model.forces.require_no_controllers(model.mechanism.name)
     angle, speed = units.si(angle, "rad", "the start angle"), units.si(speed, "rad/s", "the speed")
     duration = units.si(duration, "s", "the duration")
-    instants = None if times is None else np.asarray(times, dtype=np.float64)
+    instants = None if times is None else _rising(times)
     if instants is not None:
-        if len(instants) < 2 or instants[0] != 0.0 or not (np.diff(instants) > 0.0).all():
-            raise InputError("instants of a free run must be two or more that rise from 0; give such")
         duration = float(instants[-1])
-    for what, value in (("turns", turns), ("duration", duration), ("speed", speed)):
-        if value is not None and not abs(value) < np.inf:
-            raise InputError(f"{what} of a free run is {value}; give a finite number")
-    if turns is None and (duration is None or not duration > 0.0):
-        raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
+    _require_end(speed, turns, duration)
     first = model.mechanism.start if angle is None else angle
     model = model.starting_at([first], speed or turns or 1.0)
     name = model.mechanism.crank.name
@@ -88,7 +82,7 @@ def free_run(
     end = latest if trajectory.outcome == "stopped" and turns is None else trajectory.end
     if instants is None:
         instants = np.linspace(0.0, end, samples)
-    run = sampled(equations, trajectory, instants[instants <= end])
+    run = run_at(equations, trajectory, instants[instants <= end])
     joint = run.motion.joints[name]
     outcome, reason = crank.outcome(trajectory, integration.kinematics(), latest)
     return FreeRun(
@@ -104,6 +98,23 @@ def free_run(
         outcome=outcome,
         reason=reason,
     )
+
+
+def _rising(times: ArrayLike) -> Array:
+    """Return instants (n,) in [s]; raise InputError if they do not rise from 0."""
+    instants = np.asarray(times, dtype=np.float64)
+    if len(instants) < 2 or instants[0] != 0.0 or not (np.diff(instants) > 0.0).all():
+        raise InputError("instants of a free run must be two or more that rise from 0; give such")
+    return instants
+
+
+def _require_end(speed: float, turns: float | None, duration: float | None) -> None:
+    """Raise InputError for infinite values, or a run without an end."""
+    for what, value in (("turns", turns), ("duration", duration), ("speed", speed)):
+        if value is not None and not abs(value) < np.inf:
+            raise InputError(f"{what} of a free run is {value}; give a finite number")
+    if turns is None and (duration is None or not duration > 0.0):
+        raise InputError("a free run needs turns of the crank, or a duration above 0, after which to end")
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +209,7 @@ class CrankEnds:
 def _forces_at_rest(model: DynamicModel, angle: float, time: float) -> str:
     """Return the torques on a crank at rest at an angle in [rad] and a time in [s], as a sentence."""
     unit = model.unit_motion([angle])
-    forces = coefficients(unit, applied(model, unit), model.forces.flywheel)
+    forces = reduced_coefficients(unit, applied(model, unit), model.forces.flywheel)
     torque = loads(model, unit, np.array([time])).torque + model.forces.motor_torque(np.zeros(1))
     return (
         f"at crank angle {angle:.6g} rad the drive and loads give {torque[0]:.6g} N m and weight and "

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, with_locked
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, with_locked_rows
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.start import CLOSED, close_nearest
 from mechsim.errors import AssemblyError, InputError
@@ -62,7 +62,7 @@ def projected(
     value, rate, _ = equations.prescribed_motion(times)
     q = _closed(equations, q, equations.prescribed_indices, value)
     loop_jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
-    jacobian = with_locked(equations, loop_jacobian, equations.prescribed_indices)
+    jacobian = with_locked_rows(equations, loop_jacobian, equations.prescribed_indices)
     rates = rates.copy()
     violation = jacobian @ rates[equations.free].T[..., None]
     violation[:, loop_jacobian.shape[1] :, 0] -= rate.T

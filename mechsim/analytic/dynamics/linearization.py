@@ -125,14 +125,14 @@ def linear_model(
 
     Coulomb friction is ignored: it has no derivative at rest.
     """
-    basis = null_space(equations, q)
+    basis = independent_rates(equations, q)
     dof = basis.shape[1]
     steady = np.zeros(dof) if rates is None else basis.T @ rates[equations.free, 0]
     rate = max(1.0, float(np.abs(steady).max(initial=0.0)))
     offsets = _offsets(dof)
     none = np.zeros_like(offsets)
     u, du = np.concatenate([offsets, none]), np.concatenate([none, rate * offsets])
-    state = displaced_from_one(equations, q, basis, u, steady + du)
+    state = states_about(equations, q, basis, u, steady + du)
     frictionless = np.zeros(len(equations.frictions))
     result = equations.accelerate(state, np.full(len(u), time), frictionless).acceleration
     by_displacement, by_rate = np.split(result[equations.free].T @ basis, 2)
@@ -145,7 +145,7 @@ def linear_model(
     return LinearModel(equations, q, basis, matrix, mass)
 
 
-def null_space(equations: EquationsOfMotion, q: Coordinates) -> Array:
+def independent_rates(equations: EquationsOfMotion, q: Coordinates) -> Array:
     """Return an orthonormal basis of the free coordinates' rates that satisfy the loops, (free, dof)."""
     jacobian = equations.loops.linearise(q)[1][:, equations.free, 0]
     if not jacobian.size:
@@ -154,7 +154,7 @@ def null_space(equations: EquationsOfMotion, q: Coordinates) -> Array:
     return right[int(significant(values).sum()) :].T
 
 
-def displaced(
+def displaced_states(
     equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array, rates: Array
 ) -> tuple[Kinematics, NDArray[np.bool_]]:
     """Return states at independent displacements and rates from n configurations, and which are closed.
@@ -177,7 +177,7 @@ def displaced(
     return equations.kinematics(moved, velocity), gap <= CLOSED
 
 
-def displaced_from_one(
+def states_about(
     equations: EquationsOfMotion, q: Coordinates, basis: Array, u: Array, rates: Array
 ) -> Kinematics:
     """Return the closed states at independent displacements and rates, (n, dof) each, from one configuration.
@@ -186,7 +186,7 @@ def displaced_from_one(
         AssemblyError: if the loops of a state do not close.
     """
     bases = np.broadcast_to(basis, (len(u), *basis.shape))
-    state, closed = displaced(equations, q.repeated(len(u)), bases, u, rates)
+    state, closed = displaced_states(equations, q.repeated(len(u)), bases, u, rates)
     if not closed.all():
         name = equations.model.mechanism.name
         raise AssemblyError(f"{name}: the loops do not close next to the equilibrium")
@@ -197,7 +197,7 @@ def gradient(equations: EquationsOfMotion, q: Coordinates, basis: Array, quantit
     """Return the derivative of a quantity of the state by the independent coordinates, (dof,)."""
     dof = basis.shape[1]
     offsets = _offsets(dof)
-    state = displaced_from_one(equations, q, basis, offsets, np.zeros_like(offsets))
+    state = states_about(equations, q, basis, offsets, np.zeros_like(offsets))
     return _derivatives(quantity(state)[:, None], dof)[:, 0]
 
 

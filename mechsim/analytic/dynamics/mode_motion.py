@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.dynamics.linearization import LinearModel, Mode, displaced_from_one
+from mechsim.analytic.dynamics.linearization import LinearModel, Mode, states_about
 from mechsim.analytic.dynamics.state_quantities import motion_of
 from mechsim.analytic.dynamics.statics import Equilibrium
 from mechsim.errors import AssemblyError, InputError
@@ -81,5 +81,5 @@ def _cycle(linear: LinearModel, mode: Mode, amplitude: float, period: float, sam
     phasors = np.exp(1j * REVOLUTION * times / period)
     rate = 1j * REVOLUTION / period
     u, du = (np.asarray((factor * phasors[:, None] * independent).real, np.float64) for factor in (1.0, rate))
-    states = displaced_from_one(equations, linear.q, linear.basis, u, du)
+    states = states_about(equations, linear.q, linear.basis, u, du)
     return motion_of(equations, states, np.zeros_like(states.rates), times)

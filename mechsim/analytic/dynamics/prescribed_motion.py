@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.analytic.dynamics.applied_forces import STILL, Dry, add_couple, applied, loads
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reactions import balance
-from mechsim.analytic.dynamics.reduced_equation import Reduced, coefficients, kinetic_energy
+from mechsim.analytic.dynamics.reduced_equation import Reduced, kinetic_energy_of_links, reduced_coefficients
 from mechsim.analytic.dynamics.unit_motion import UnitMotion
 from mechsim.analytic.path_instants import PathInstants, path_instants
 from mechsim.analytic.vector_method.rotations import cross
@@ -218,7 +218,7 @@ def moved_as(
     """
     angle, flywheel = unit.angle, model.forces.flywheel
     acting, outside = applied(model, unit), loads(model, unit, times)
-    reduced = coefficients(unit, acting, flywheel)
+    reduced = reduced_coefficients(unit, acting, flywheel)
     inertial = unit.inertial(w, e)
     shared = np.zeros_like(inertial)
     if not unit.drivers:
@@ -239,7 +239,7 @@ def moved_as(
         gears=forces.gears,
         meshes=forces.meshes,
         undetermined=forces.undetermined,
-        kinetic=kinetic_energy(unit, w, flywheel),
+        kinetic=kinetic_energy_of_links(unit, w, flywheel),
         potential=reduced.energy,
         power_in=torque * w,
         power_loads=outside.torque * w,

@@ -57,10 +57,10 @@ def reduced(model: DynamicModel, angles: ArrayLike) -> Reduced:
     Accuracy: a few ulp times the condition number of the loop equations; no finite differences are used.
     """
     unit = model.unit_motion(angles)
-    return coefficients(unit, applied(model, unit), model.forces.flywheel)
+    return reduced_coefficients(unit, applied(model, unit), model.forces.flywheel)
 
 
-def coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
+def reduced_coefficients(unit: UnitMotion, acting: Applied, flywheel: float) -> Reduced:
     """Return the coefficients of the reduced equation from a unit motion and a flywheel in [kg m2]."""
     inertia, derivative = generalised_inertia(unit)
     friction = np.zeros(len(unit))
@@ -91,7 +91,7 @@ def generalised_inertia(unit: UnitMotion) -> tuple[Array, Array]:
     return power(unit, momenta), derivative
 
 
-def kinetic_energy(unit: UnitMotion, speed: Array, flywheel: float = 0.0) -> Array:
+def kinetic_energy_of_links(unit: UnitMotion, speed: Array, flywheel: float = 0.0) -> Array:
     """Return sum m v2 / 2 + omega.I omega / 2 over the links, an alternative to J w2 / 2, (n,) in [J]."""
     w = speed[:, None, None] * unit.twist
     centre = w[..., :3] + np.cross(w[..., 3:], unit.centres)

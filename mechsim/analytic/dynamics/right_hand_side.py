@@ -7,7 +7,7 @@ import numpy as np
 from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, conditionings
 from mechsim.analytic.dynamics.initial_state import projected
-from mechsim.analytic.dynamics.linearization import null_space
+from mechsim.analytic.dynamics.linearization import independent_rates
 from mechsim.analytic.dynamics.state_layout import StateLayout
 from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
@@ -89,7 +89,7 @@ class RightHandSide:
 
     def fastest_decay(self, time: float, state: Array, rate: float) -> float:
         """Return the largest eigenvalue of the accelerations' derivative by the free rates, in [1/s]."""
-        basis = null_space(self.equations, self.layout.unpack(state)[0])
+        basis = independent_rates(self.equations, self.layout.unpack(state)[0])
         rates = slice(self.layout.positions, self.layout.positions + self.layout.count)
         free = self.equations.free
         jacobian = self.jacobians(np.array([time]), state[None], rate)[0]

@@ -23,7 +23,7 @@ class StateLayout:
 
     def pack(self, q: Coordinates, rates: Array, work: float, lost: float) -> Array:
         """Return the vector of one state."""
-        turns = [quaternions(rotation)[0] for rotation in q.turns]
+        turns = [rotation_quaternions(rotation)[0] for rotation in q.turns]
         return np.concatenate([q.values[:, 0] / self.units, *turns, rates[:, 0], [work, lost]])
 
     def unpack(self, state: Array) -> tuple[Coordinates, Array, float, float]:
@@ -47,7 +47,7 @@ class StateLayout:
         result[:, positions : positions + n] = rates.T
         for i, rotation in enumerate(q.turns):
             columns = slice(n + 4 * i, n + 4 * i + 4)
-            new = quaternions(rotation)
+            new = rotation_quaternions(rotation)
             # a quaternion and its negative are the same rotation
             result[:, columns] = np.where((new * states[:, columns]).sum(1)[:, None] < 0.0, -new, new)
         return result
@@ -69,7 +69,7 @@ class StateLayout:
         return np.concatenate([np.ones(self.positions), np.full(self.count, rate), np.full(2, 1e300)])
 
 
-def quaternions(rotations: Array) -> Array:
+def rotation_quaternions(rotations: Array) -> Array:
     """Return the unit quaternions (w, x, y, z), (n, 4), of rotation matrices (3, 3, n)."""
     from scipy.spatial.transform import Rotation
 

@@ -48,7 +48,7 @@ def motion_of(equations: EquationsOfMotion, state: Kinematics, accelerations: Ar
     )
 
 
-def joined(configurations: Sequence[Coordinates]) -> Coordinates:
+def joined_configurations(configurations: Sequence[Coordinates]) -> Coordinates:
     """Return several configurations together."""
     return Coordinates(
         np.concatenate([q.values for q in configurations], 1),

@@ -14,15 +14,15 @@ from mechsim.analytic.dynamics.initial_state import initial_state, projected
 from mechsim.analytic.dynamics.linearization import (
     LinearModel,
     Mode,
-    displaced,
+    displaced_states,
+    independent_rates,
     linear_model,
-    null_space,
 )
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.state_quantities import (
     change_from,
     displacement_of,
-    joined,
+    joined_configurations,
     load_displacement,
 )
 from mechsim.analytic.loops.kinematics import Coordinates
@@ -115,7 +115,7 @@ def equilibria(
         if count < 0:
             raise InputError(f"{name} of the search are {count}; give 0 or more")
     starting = [*_starts(equations, initial_q, starts, assemblies, np.random.default_rng(seed))]
-    configurations = joined([q for q, _ in starting])
+    configurations = joined_configurations([q for q, _ in starting])
     if _all_at_rest(equations, configurations):
         return (replace(_described(equations, initial_q), everywhere=True),)
     solutions: list[Equilibrium] = []
@@ -288,7 +288,7 @@ def _newton(
             # an unbounded step ends the search
             step = np.where(np.isfinite(length)[:, None], step, 0.0)
             step *= np.minimum(1.0, MAX_STEP / np.fmax(length, MAX_STEP))[:, None]
-            moved, closed = displaced(equations, q.select(which), basis, step, np.zeros_like(step))
+            moved, closed = displaced_states(equations, q.select(which), basis, step, np.zeros_like(step))
             q.values[:, which], q.turns[..., which] = moved.q.values, moved.q.turns
             converged = closed & (length < CONVERGED)
             reached[which] = converged & (value <= BALANCED * largest[which])
@@ -320,7 +320,7 @@ def _newton_steps(
     offsets = STEP * np.concatenate([np.zeros((1, dof)), np.eye(dof), -np.eye(dof)])
     which = np.repeat(np.arange(n), len(offsets))
     u = np.tile(offsets, (n, 1))
-    state, closed = displaced(equations, q.select(which), basis[which], u, np.zeros_like(u))
+    state, closed = displaced_states(equations, q.select(which), basis[which], u, np.zeros_like(u))
     none = np.zeros(len(equations.frictions))
     acceleration = equations.accelerate(state, np.zeros(len(u)), none).acceleration[equations.free]
     values = (acceleration.T[:, None] @ basis[which])[:, 0].reshape(n, len(offsets), dof)
@@ -392,7 +392,7 @@ def _random_configuration(
 
 def _random_step(equations: EquationsOfMotion, q: Coordinates, random: np.random.Generator) -> Coordinates:
     """Return a configuration after a random step along the motion; shorter if the loops do not close."""
-    basis = null_space(equations, q)
+    basis = independent_rates(equations, q)
     direction = random.normal(size=basis.shape[1])
     step = np.zeros((equations.loops.tree.count, 1))
     step[equations.free, 0] = basis @ (RANDOM_STEP * direction / max(float(np.linalg.norm(direction)), 1e-12))

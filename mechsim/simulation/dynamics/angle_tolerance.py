@@ -49,7 +49,7 @@ class LetRun(Protocol):
     def __call__(self, steps: int, per_record: int = 1) -> FreeStepping: ...
 
 
-def within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeStepping, ToleranceReport]:
+def angle_within(let_run: LetRun, tolerance: float, least: float) -> tuple[FreeStepping, ToleranceReport]:
     """Return a run whose crank angle satisfies a tolerance, or the best run, and its tolerance report.
 
     Args:

@@ -106,7 +106,7 @@ def stepped_run(
         coordinates, rates = (without_cuts(model, values) for values in (coordinates, rates))
     independent = {*mechanism.drivers, *(coordinates if kept is None else kept)}
     qpos = _moved(model, {name: value for name, value in coordinates.items() if name in independent})
-    qpos = closed_at(
+    qpos = closed_near(
         model, model.loops, qpos, *dofs_of(model, coordinates), np.array([*coordinates.values()])
     )
     qvel = _rates(model, qpos, rates)
@@ -182,11 +182,11 @@ def _moved(model: LoadedModel, coordinates: Mapping[str, float]) -> Array:
     lengths = loops.units[dofs]
     steps = max(1, int(np.ceil(np.abs((target - begin) / lengths).max(initial=0.0) / STEP)))
     for k in range(1, steps + 1):
-        qpos = closed_at(model, loops, qpos, addresses, dofs, begin + (target - begin) * (k / steps))
+        qpos = closed_near(model, loops, qpos, addresses, dofs, begin + (target - begin) * (k / steps))
     return qpos
 
 
-def closed_at(
+def closed_near(
     model: LoadedModel, loops: ModelLoops, qpos: Array, addresses: list[int], dofs: list[int], values: Array
 ) -> Array:
     """Return the nearest state with closed loops and some coordinates at given values."""

@@ -15,14 +15,14 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
 from mechsim.simulation import loop_jacobian
-from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, within
+from mechsim.simulation.dynamics.angle_tolerance import FreeStepping, angle_within
 from mechsim.simulation.dynamics.applied_controls import prepared
 from mechsim.simulation.dynamics.free_steps import DECAYS, PART_OF_DECAY, StartUp, expect_speed, step_freely
 from mechsim.simulation.dynamics.inverse_dynamics import (
     forces_of_states,
     loaded_state,
     powers,
-    started,
+    state_at_crank,
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
 from mechsim.simulation.mjcf import quiet
@@ -120,7 +120,15 @@ def free_run(
     settings = settings or Settings()
     first = mechanism.start if angle is None else angle
     plan = _Plan(
-        loaded, settings, started(loaded, first, speed), turns, duration, samples, 0.0, np.inf, progress
+        loaded,
+        settings,
+        state_at_crank(loaded, first, speed),
+        turns,
+        duration,
+        samples,
+        0.0,
+        np.inf,
+        progress,
     )
     if timestep is None or duration is None or tolerance is not None or open_choice:
         expected = expect_speed(loaded, first, speed, turns, duration)
@@ -133,7 +141,7 @@ def free_run(
             raise InputError("a free run was given a time step and a tolerance; leave one of them out")
         # the Runge-Kutta method is stable up to five times `longest`; only trials take steps above it
         plan = replace(plan, longest=COARSER * plan.longest)
-        stepping, report = within(plan.let_run, tolerance, REVOLUTION / plan.fastest / plan.longest)
+        stepping, report = angle_within(plan.let_run, tolerance, REVOLUTION / plan.fastest / plan.longest)
         record = _recorded(plan, stepping)
         if record.free.outcome == "done" and not report.satisfied:
             record = replace(record, free=replace(record.free, outcome="failed", reason=report.reason))

@@ -14,7 +14,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.applied_controls import AppliedControls
 from mechsim.simulation.dynamics.friction import STEPS, compliance
-from mechsim.simulation.dynamics.inverse_dynamics import tangent
+from mechsim.simulation.dynamics.inverse_dynamics import crank_tangent
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.poses import follow
@@ -189,7 +189,7 @@ def _softened(loaded: LoadedModel, start: tuple[Array, Array], timestep: float) 
     unit, none = np.zeros(1), np.zeros((1, loaded.model.nv))
     rest = States(unit, start[0][None], none)
     inertia = loaded.look(loaded.looking(), rest, loaded.nothing(1))["inertia"]
-    rates = tangent(loaded, rest.qpos, inertia)
+    rates = crank_tangent(loaded, rest.qpos, inertia)
     moving = loaded.look(loaded.looking(), States(unit, rest.qpos, rates), loaded.nothing(1))
     turning = moving["actuator_velocity"][0]
     whole = float((rates[0] @ inertia[0] @ rates[0]).item())
@@ -314,7 +314,7 @@ def _along(loaded: LoadedModel, angle: float) -> tuple[Array, Array]:
     n, model = len(qpos), loaded.looking()
     rest = States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv)))
     inertia = loaded.look(model, rest, loaded.nothing(n))["inertia"]
-    rates = tangent(loaded, qpos, inertia)
+    rates = crank_tangent(loaded, qpos, inertia)
     fields = loaded.look(model, States(rest.time, qpos, rates), loaded.nothing(n))
     lost = -(fields["qfrc_damper"] * rates).sum(1)
     return (rates * (inertia @ rates[..., None])[..., 0]).sum(1), np.maximum(lost, 0.0)

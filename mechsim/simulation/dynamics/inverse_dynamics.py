@@ -65,7 +65,7 @@ def loaded_state(loaded: LoadedModel, states: States) -> LoadedState:
     )
 
 
-def tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
+def crank_tangent(loaded: LoadedModel, qpos: Array, inertia: Array) -> Array:
     """Return the rates per radian of the crank that keep the loops closed with the least energy, (n, nv).
 
     A link whose spin is undetermined then has no momentum about its own axis.
@@ -259,7 +259,7 @@ def powers(loaded: LoadedModel, state: LoadedState) -> tuple[Array, Array, Array
     return lost, power[:, loads].sum(1), power[:, kinds.motor].sum(1)
 
 
-def started(loaded: LoadedModel, angle: float, speed: float) -> tuple[Array, Array]:
+def state_at_crank(loaded: LoadedModel, angle: float, speed: float) -> tuple[Array, Array]:
     """Return the closed state at a crank angle and its rates at a crank speed, (nq,) and (nv,)."""
     qpos = follow.follow(loaded.loops, loaded.qpos, [angle])
     return qpos[0], (_rates(loaded, qpos) * speed)[0]
@@ -355,7 +355,7 @@ def _rates(loaded: LoadedModel, qpos: Array) -> Array:
     """Return the rates per radian of the crank at closed states, (n, nv)."""
     n = len(qpos)
     rest = States(np.zeros(n), qpos, np.zeros((n, loaded.model.nv)))
-    return tangent(loaded, qpos, loaded.look(loaded.looking(), rest, loaded.nothing(n))["inertia"])
+    return crank_tangent(loaded, qpos, loaded.look(loaded.looking(), rest, loaded.nothing(n))["inertia"])
 
 
 # factor on the virtual drive inertia and its torque at variable speed: without it the mechanism's own torque

@@ -16,11 +16,11 @@ from mechsim.simulation.configurations import passed_change_points, require_regu
 from mechsim.simulation.dynamics.inverse_dynamics import (
     forces_of_states,
     inverse_dynamics,
-    started,
+    state_at_crank,
     stiffen_friction,
 )
 from mechsim.simulation.dynamics.loaded_model import LoadedModel, loaded_model
-from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, within
+from mechsim.simulation.dynamics.torque_tolerance import TRIAL_SAMPLES, torque_within
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.poses.change_points import interpolated_motion
 from mechsim.simulation.recording import CHUNK, States, evaluate
@@ -124,7 +124,7 @@ def driven(
         chosen = replace(settings, steps_per_turn=steps)
         return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES, progress)
 
-    run = within(loaded, tolerance, whole, trial)
+    run = torque_within(loaded, tolerance, whole, trial)
     return replace(run, note="; ".join(text for text in (note, run.note) if text))
 
 
@@ -189,7 +189,7 @@ def _stepped(
     time = profile.duration / total * np.arange(float(total))
     controls = loaded.controls(profile.state(time)[0], time) if model.nu else None
     steps = step(
-        loops, settings, profile, started(loaded, first, speed), total, record_step, controls, progress
+        loops, settings, profile, state_at_crank(loaded, first, speed), total, record_step, controls, progress
     )
     states = steps.states
     record = forces_of_states(loaded, model, settings.compliance_used, states, steps.force)

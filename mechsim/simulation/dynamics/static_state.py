@@ -13,7 +13,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import null_spaces
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
-from mechsim.simulation.dynamics.forward_run import FREE, ITERATIONS, closed_at, free_model, without_cuts
+from mechsim.simulation.dynamics.forward_run import FREE, ITERATIONS, closed_near, free_model, without_cuts
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import quiet
 
@@ -58,7 +58,7 @@ def static_state(mechanism: Mechanism, forces: Forces, coordinates: Mapping[str,
     model = free_model(mechanism, replace(forces, friction=smooth), set())
     loops = model.loops
     values = without_cuts(model, coordinates)
-    qpos = closed_at(model, loops, model.qpos, *dofs_of(model, values), np.array([*values.values()]))
+    qpos = closed_near(model, loops, model.qpos, *dofs_of(model, values), np.array([*values.values()]))
     jacobian = loops.linearise(qpos[None])[1][0] * loops.scale[:, None] * loops.units
     basis = null_spaces(jacobian)[1].T if len(jacobian) else np.eye(model.model.nv)
     accelerations = _Accelerations(model, basis)

@@ -38,7 +38,7 @@ IDLE = 1e-3
 SAME_TOLERANCE = 1e-8
 
 
-def within(
+def torque_within(
     loaded: LoadedModel,
     tolerance: float,
     whole: Callable[[int], Driven],
@@ -154,7 +154,7 @@ def _gaps(
 
 
 def _errors(loaded: LoadedModel, gaps: list[tuple[str, Array]], true: ForceRecord) -> tuple[float, float]:
-    """Return the largest errors of torque and of reactions, as in `within`."""
+    """Return the largest errors of torque and of reactions, as in `torque_within`."""
     torque = max(rms(true.torque), IDLE * worst(true.kinetic))
     force = max(rms(np.linalg.norm(reaction.force, axis=1)) for reaction in true.reactions.values())
     scale = {"torque": torque, "force": force or torque / loaded.mechanism.characteristic_length}

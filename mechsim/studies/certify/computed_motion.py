@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.dynamics.state_layout import quaternions, rotation_matrices
+from mechsim.analytic.dynamics.state_layout import rotation_matrices, rotation_quaternions
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import link_poses
 from mechsim.analytic.loops.motion import driven_path
@@ -104,7 +104,7 @@ class ComputedMotion:
             shared = [name for name in reduced.index_of if name in tree.index_of]
             values[[reduced.index_of[name] for name in shared]] = q.values[[tree.index_of[n] for n in shared]]
         values[reduced.ball_indices] = 0.0
-        ball_rotations = [quaternions(rotation) for rotation in turns]
+        ball_rotations = [rotation_quaternions(rotation) for rotation in turns]
         return CentreConfigurations(values.T, np.array(ball_rotations).reshape(-1, len(s), 4).swapaxes(0, 1))
 
     def with_independent_rows(self) -> "ComputedMotion":
