@@ -17,7 +17,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
-from mechsim.simulation.state import data_at, mass_matrix
+from mechsim.simulation.state import SCALAR, data_at, mass_matrix
 from mechsim.studies.reduction.candidates.bodies import NotApplicable, RemovalCandidate
 from mechsim.studies.reduction.candidates.stepping import (
     EULER,
@@ -32,7 +32,6 @@ from mechsim.studies.scene.errors import deviation
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.scene import UserScene
 
-SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 ElementKind = Literal["joint", "freedom", "coordinate", "equality", "actuator"]
 
@@ -69,7 +68,7 @@ def parameters_of(spec: mujoco.MjSpec, scene: UserScene, limited: frozenset[str]
     free = [
         model.joint(j).name
         for j in range(model.njnt)
-        if int(model.jnt_type[j]) in SINGLE and model.joint(j).name not in scene.joint_laws
+        if int(model.jnt_type[j]) in SCALAR and model.joint(j).name not in scene.joint_laws
     ]
     joint_inertia = lambda name: float(inertia[int(model.joint(name).dofadr[0])])  # noqa: E731
     for names in _groups(free, lambda name: _joint_signature(model, name, joint_inertia(name))):

@@ -13,6 +13,7 @@ from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.rank import rank
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
+from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements, name_unnamed
 from mechsim.simulation.state import dense_rows, matching_state, quaternion
 from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
@@ -152,7 +153,6 @@ def _body(model: mujoco.MjModel, name: str) -> int:
     return index
 
 
-CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
 BODY, SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 
 

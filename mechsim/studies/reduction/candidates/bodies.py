@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import mujoco
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.mjcf_reader.fixed_bodies import pose_in_parent
+from mechsim.simulation.state import SCALAR
 from mechsim.studies.reduction.reduced_scene import Evidence
 
 if TYPE_CHECKING:
@@ -55,6 +56,18 @@ def with_candidate(spec: mujoco.MjSpec, candidate: RemovalCandidate) -> mujoco.M
     return copy
 
 
+def existing(spec: mujoco.MjSpec, kind: Literal["joint", "body", "equality"], *names: str) -> list[Any]:
+    """Return elements by their names.
+
+    Raises:
+        NotApplicable: if one of them is missing.
+    """
+    elements = [getattr(spec, kind)(name) for name in names]
+    if None in elements:
+        raise NotApplicable(f"{kind} {names[elements.index(None)]} is removed already")
+    return elements
+
+
 def count_text(number: int, singular: str, plural: str | None = None) -> str:
     """Return a count with its noun."""
     return f"{number} {singular if number == 1 else plural or singular + 's'}"
@@ -67,7 +80,6 @@ def name_list(names: list[str], limit: int = 4) -> str:
 
 
 LOCKED = "locked joints"
-SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 # displacement of a joint above which it is not proposed, in [rad] or characteristic lengths
 MAX_DISPLACEMENT = 0.02
 
@@ -76,7 +88,7 @@ def locked_joints(observed: Evidence) -> list[RemovalCandidate]:
     """Propose to lock each hinge and slide that hardly moves, the smallest displacement first."""
     candidates: list[tuple[float, RemovalCandidate]] = []
     for joint in observed.spec.joints:
-        if joint.type not in SINGLE or joint.name in observed.scene.joint_laws:
+        if joint.type not in SCALAR or joint.name in observed.scene.joint_laws:
             continue
         values = observed.values(joint.name)
         unit = observed.length if joint.type == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
@@ -98,8 +110,7 @@ def fuse(spec: mujoco.MjSpec, name: str, value: float) -> None:
         NotApplicable: if the joint is missing or in use, or its body has other joints, which would move with
             the body.
     """
-    if spec.joint(name) is None:
-        raise NotApplicable(f"joint {name} is removed already")
+    existing(spec, "joint", name)
     require_unused(spec, name)
     fuse_joint_at(spec, name, np.array([value]))
 
@@ -269,10 +280,7 @@ def _moves(observed: Evidence, name: str) -> bool:
 
 def _without(spec: mujoco.MjSpec, names: list[str]) -> None:
     for name in names:
-        body = spec.body(name)
-        if body is None:
-            raise NotApplicable(f"body {name} is removed already")
-        spec.delete(body)
+        spec.delete(*existing(spec, "body", name))
 
 
 FUSED = "fused bodies"

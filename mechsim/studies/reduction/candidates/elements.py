@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from mechsim.studies.reduction.candidates.bodies import (
-    NotApplicable,
     RemovalCandidate,
     count_text,
+    existing,
     name_list,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
@@ -159,10 +159,7 @@ def redundant_equalities(observed: Evidence) -> list[RemovalCandidate]:
 
 
 def _without_equality(spec: mujoco.MjSpec, name: str) -> None:
-    equality = spec.equality(name)
-    if equality is None:
-        raise NotApplicable(f"equality {name} is removed already")
-    spec.delete(equality)
+    spec.delete(*existing(spec, "equality", name))
 
 
 def springs(observed: Evidence) -> list[RemovalCandidate]:

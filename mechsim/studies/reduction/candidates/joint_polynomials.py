@@ -14,11 +14,13 @@ from numpy.polynomial import Chebyshev, Polynomial
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
 from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP
+from mechsim.simulation.state import SCALAR
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,
     RemovalCandidate,
     body_of,
     count_text,
+    existing,
     joints_of,
 )
 from mechsim.studies.reduction.candidates.rods import kept_bodies
@@ -27,7 +29,6 @@ from mechsim.studies.reduction.reduced_scene import Evidence
 POLYNOMIALS = "loops as polynomials"
 # highest degree that an MJCF joint equality accepts
 DEGREE = 4
-SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 # time constant of the equalities that replace loops, in steps
 TIME_CONSTANT_STEPS = 2.0
 # number of samples for the fit of reflected inertia and springs
@@ -92,7 +93,7 @@ def _leaders(observed: Evidence) -> list[str]:
 def joint_polynomials_of(observed: Evidence, joint: str) -> JointPolynomials | None:
     """Return all joints as polynomials of one; None if one is not a hinge or slide, or no polynomial fits."""
     spec, model = observed.spec, observed.model
-    if any(other.type not in SINGLE for other in spec.joints):
+    if any(other.type not in SCALAR for other in spec.joints):
         return None
     zero = {other.name: float(model.qpos0[model.joint(other.name).qposadr[0]]) for other in spec.joints}
     values = observed.values(joint) - zero[joint]
@@ -166,8 +167,7 @@ def _needed(observed: Evidence, relations: JointPolynomials) -> frozenset[str]:
 
 def _replaced(spec: mujoco.MjSpec, relations: JointPolynomials, kept: frozenset[str]) -> None:
     """Replace all loops by joint equalities; remove the other joints with their subtrees."""
-    if spec.joint(relations.joint) is None or any(spec.joint(name) is None for name in relations.others):
-        raise NotApplicable("a joint is removed already")
+    existing(spec, "joint", relations.joint, *relations.others)
     whole = plainly_compiled(spec)
     before = [
         reflected(whole, relations, value)

@@ -11,6 +11,7 @@ from mechsim.studies.reduction.candidates.bodies import (
     RemovalCandidate,
     body_of,
     count_text,
+    existing,
     interaction_graph,
     joints_of,
     name_list,
@@ -82,9 +83,8 @@ def _untied(observed: Evidence, equality: str) -> Evidence:
 def _without(
     spec: mujoco.MjSpec, equality: str, kept: str, removed: str, ratio: float, roots: list[str]
 ) -> None:
-    tie = spec.equality(equality)
-    if tie is None or any(spec.body(name) is None for name in roots):
-        raise NotApplicable(f"{removed} is removed already")
+    (tie,) = existing(spec, "equality", equality)
+    existing(spec, "body", *roots)
     for tendon in list(spec.tendons):
         weights = joints_of(tendon)
         if removed in weights:

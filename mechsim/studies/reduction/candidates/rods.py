@@ -8,6 +8,7 @@ import numpy as np
 
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import plainly_compiled
+from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP
 from mechsim.simulation.state import quaternion, rotation_matrix
 from mechsim.studies.reduction.candidates.bodies import (
@@ -15,6 +16,7 @@ from mechsim.studies.reduction.candidates.bodies import (
     RemovalCandidate,
     bodies_of,
     count_text,
+    existing,
     fuse_joint_at,
     joints_of,
     name_list,
@@ -22,8 +24,6 @@ from mechsim.studies.reduction.candidates.bodies import (
     require_unused,
 )
 from mechsim.studies.reduction.reduced_scene import Evidence
-
-CONNECT, WELD = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,9 +182,8 @@ def rod_of_chain(spec: mujoco.MjSpec, chain: LooseChain) -> tuple[Array, float] 
 
 
 def _as_length(spec: mujoco.MjSpec, chain: LooseChain, constant: float | None) -> None:
-    equality = spec.equality(chain.closing)
-    if equality is None or any(spec.body(name) is None for name in chain.bodies):
-        raise NotApplicable(f"loop {chain.closing} is removed already")
+    (equality,) = existing(spec, "equality", chain.closing)
+    existing(spec, "body", *chain.bodies)
     rod = rod_of_chain(spec, chain)
     if rod is None:
         raise NotApplicable(f"{chain.bodies[0]} is no rod")
@@ -280,13 +279,9 @@ def _coordinates(observed: Evidence, joints: tuple[str, ...]) -> dict[str, Array
 
 
 def _fused(spec: mujoco.MjSpec, chain: LooseChain, coordinates: dict[str, Array]) -> None:
-    equality = spec.equality(chain.closing) if chain.closing else None
-    if chain.closing and equality is None:
-        raise NotApplicable(f"loop {chain.closing} is removed already")
-    if any(spec.joint(name) is None for name in chain.joints):
-        raise NotApplicable(f"{name_list(list(chain.joints))} are removed already")
-    if equality is not None:
-        spec.delete(equality)
+    existing(spec, "joint", *chain.joints)
+    if chain.closing:
+        spec.delete(*existing(spec, "equality", chain.closing))
     for name in chain.joints:
         require_unused(spec, name)
     for name, value in coordinates.items():
