@@ -353,7 +353,8 @@ def _random_starts(loops: ModelLoops, start: Array) -> Array:
     in_loops = model.dof_jntid[np.abs(loops.linearise(start[None])[1][0]).max(0) > 0.0]
     joints = np.intersect1d(in_loops, limited_joints(model))
     starts = np.repeat(_within_limits(model, start[None]), SEARCHED, 0)
-    starts[:, model.jnt_qposadr[joints]] = random.uniform(*model.jnt_range[joints].T, (SEARCHED, len(joints)))
+    low, high = model.jnt_range[joints].T
+    starts[:, model.jnt_qposadr[joints]] = random.uniform(low, high, (SEARCHED, len(joints)))
     return starts
 
 

@@ -14,7 +14,7 @@ REQUIRED = "mujoco>=3.17.0"
 DISTRIBUTIONS = ("mujoco", "mujoco-core", "mujoco-studio")
 
 
-def load() -> str:
+def import_mujoco() -> str:
     """Import MuJoCo, without a back end if that of MUJOCO_GL fails; return a note about that.
 
     Raises:
@@ -83,4 +83,4 @@ def _forget_back_end(platform: str | None) -> None:
         del sys.modules[name]
 
 
-PROBLEM = load()
+PROBLEM = import_mujoco()

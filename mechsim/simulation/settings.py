@@ -58,7 +58,7 @@ def accelerations_and_fill(model: mujoco.MjModel, kind: Jacobian) -> tuple[Array
     return data.qacc.copy(), filled
 
 
-def number(
+def number_setting(
     default: float | None,
     about: str,
     *,
@@ -85,7 +85,7 @@ def setting(default: Any, about: str, **declared: Any) -> Any:
     return field(default=default, metadata={"about": about, "doc": about, **shown, **declared})
 
 
-def check(name: str, value: Any, rule: Mapping[str, Any]) -> None:
+def check_setting(name: str, value: Any, rule: Mapping[str, Any]) -> None:
     """Raise InputError for a value that the declaration of a setting does not allow."""
     if "options" in rule and value not in rule["options"]:
         raise InputError(f"there is no {name} {value!r}; choose from {', '.join(rule['options'])}")
@@ -136,14 +136,14 @@ class Settings:
         doc=f"Integrator: {', '.join(INTEGRATORS[:-1])} or {INTEGRATORS[-1]}. Default: RK4.",
         row=("integrator", str),
     )
-    steps_per_turn: int = number(
+    steps_per_turn: int = number_setting(
         1000,
         "Steps in a turn of the crank.",
         least=4,
         remedy="{value} steps a turn are too few; give at least 4",
         row=("steps per turn", str),
     )
-    constant_steps: float | None = number(
+    constant_steps: float | None = number_setting(
         None,
         "Time constant of the constraints, in steps; None takes a tenth of a turn, at least ten steps. "
         "`solref` overrides it.",
@@ -164,7 +164,7 @@ class Settings:
         doc="MuJoCo's solimp of the loops: two to five numbers with commas.",
         fewest=2,
     )
-    compliance: float | None = number(
+    compliance: float | None = number_setting(
         None,
         "Factor on the compliance of constraints; 1 is MuJoCo's own. None takes 1e-8, and another value "
         "where a position tolerance requires it.",
@@ -187,21 +187,21 @@ class Settings:
         options=SOLVERS,
         doc=f"Constraint solver: {', '.join(SOLVERS[:-1])} or {SOLVERS[-1]}. Default: {SOLVERS[-1]}.",
     )
-    iterations: int | None = number(
+    iterations: int | None = number_setting(
         None,
         "Maximum iterations of the solver; None takes enough for an exact solution.",
         least=1,
         remedy="{name} is {value}; give a whole number above 0",
         doc="Maximum iterations of the constraint solver. Default: enough for an exact solution.",
     )
-    ls_iterations: int | None = number(
+    ls_iterations: int | None = number_setting(
         None,
         "Maximum iterations of the solver's line search; None takes MuJoCo's.",
         least=1,
         remedy="{name} is {value}; give a whole number above 0",
         doc="Maximum iterations of the solver's line search.",
     )
-    residual: float | None = number(
+    residual: float | None = number_setting(
         None,
         "Residual at which the solver stops; None makes all iterations.",
         least=0.0,
@@ -210,7 +210,7 @@ class Settings:
     )
     eulerdamp: bool = setting(True, "Whether Euler treats joint damping implicitly.")
     island: bool = setting(False, "Whether MuJoCo solves independent groups of constraints separately.")
-    drive_inertia: float | None = number(
+    drive_inertia: float | None = number_setting(
         None,
         "Inertia on the crank, or on each driver, that holds its speed, in [kg m2]; None for 1e12 times that "
         "of the links, which no reaction of theirs and no redundant constraint turns.",
@@ -221,7 +221,7 @@ class Settings:
         for setting_ in fields(self):
             value = getattr(self, setting_.name)
             if value is not None or setting_.default is not None:
-                check(setting_.name, value, setting_.metadata)
+                check_setting(setting_.name, value, setting_.metadata)
 
     def timestep(self, speed: float) -> float:
         """Return the step in [s] at a crank speed in [rad/s]."""

@@ -72,7 +72,9 @@ def test_what_is_written_and_nothing_else_reaches_the_command(name) -> None:
 def test_a_setting_that_is_declared_is_an_option_a_rejection_and_a_row() -> None:
     @dataclass(frozen=True)
     class More(Settings):
-        noise: float = settings.number(1.0, "Noise.", doc="How loud.", row=("noise", "{:g} dB".format))
+        noise: float = settings.number_setting(
+            1.0, "Noise.", doc="How loud.", row=("noise", "{:g} dB".format)
+        )
 
     assert More().rows() == Settings().rows() | {"noise": "1 dB"}
     with pytest.raises(InputError, match=r"noise is -2\.0; give a finite number above 0"):

@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim.model.finding import FilePosition, Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import Inspected, Swing, driver_swing, rank
+from mechsim.simulation.findings.inspected import Inspected, Swing, driver_swing, loop_rank
 from mechsim.simulation.findings.predicted_gap import moment_arms
 from mechsim.simulation.mjcf_reader.coordinates import ON_JOINT, actuator_names
 from mechsim.simulation.state import is_disabled
@@ -35,7 +35,7 @@ def _too_many(scene: Inspected) -> Iterator[Finding]:
     arms = [_directions(scene, qpos) for qpos in scene.sample_states]
     for a in servos:
         wider = [np.vstack([rows, arm[a]]) for rows, arm in zip(jacobians, arms, strict=True)]
-        if any(rank(more) > rank(rows) for more, rows in zip(wider, jacobians, strict=True)):
+        if any(loop_rank(more) > loop_rank(rows) for more, rows in zip(wider, jacobians, strict=True)):
             jacobians = wider
             continue
         name = actuator_names(model)[a]

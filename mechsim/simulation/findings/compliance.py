@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.findings.inspected import OFF, Inspected, Loop, Swing, driver_swing, rank
+from mechsim.simulation.findings.inspected import OFF, Inspected, Loop, Swing, driver_swing, loop_rank
 from mechsim.simulation.findings.predicted_gap import MAX_IMPEDANCE, gaps_at_rest, gaps_in, overridden
 from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matrix
 
@@ -152,7 +152,7 @@ def _stiffest(scene: Inspected) -> tuple[_GapDynamics, Loop] | None:
     number = int(data.efc_id[rows][int(np.argmax(np.maximum(b, np.sqrt(k * d))))])
     loop = next(loop_ for loop_ in scene.loops if loop_.number == number)
     # redundant rows have the gaps of the rows on which they depend
-    range_ = np.linalg.svd(jacobian)[0][:, : rank(jacobian)]
+    range_ = np.linalg.svd(jacobian)[0][:, : loop_rank(jacobian)]
     return _GapDynamics(
         range_.T @ (transmitted * b) @ range_, range_.T @ (transmitted * (k * d)) @ range_
     ), loop

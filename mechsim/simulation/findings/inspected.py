@@ -221,14 +221,14 @@ class Inspected:
     @cached_property
     def generic(self) -> tuple[Array, Array]:
         """The sample Jacobian of the loops with the highest rank, (m, nv), and the loop of each row, (m,)."""
-        return max(self.sample_jacobians, key=lambda item: rank(item[0]))
+        return max(self.sample_jacobians, key=lambda item: loop_rank(item[0]))
 
 
 def _bodies(model: mujoco.MjModel, i: int) -> tuple[int, ...]:
     return coincident_frames(model, i)[0] if int(model.eq_type[i]) in (CONNECT, WELD) else ()
 
 
-def rank(matrix: Array) -> int:
+def loop_rank(matrix: Array) -> int:
     """Return the rank of a Jacobian, (m, n)."""
     return numerical_rank.rank(matrix, RANK_TOLERANCE, 0.0)
 

@@ -9,7 +9,7 @@ from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.equality_rows import coincident_frames
-from mechsim.simulation.findings.inspected import Inspected, Loop, null_space, rank
+from mechsim.simulation.findings.inspected import Inspected, Loop, loop_rank, null_space
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
 from mechsim.simulation.mobility import residual_mobility
@@ -57,9 +57,9 @@ def duplicate_loops(scene: Inspected) -> Iterator[Finding]:
     reported: set[int] = set()
     for i, loop in enumerate(loops):
         for other in loops[:i]:
-            alone, both = rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
+            alone, both = loop_rank(rows[other.number]), np.vstack([rows[other.number], rows[loop.number]])
             coincident = loop.closes == other.closes and _apart(scene, loop, other) <= MAX_GAP * scene.length
-            if not (alone and coincident) or other.number in reported or rank(both) != alone:
+            if not (alone and coincident) or other.number in reported or loop_rank(both) != alone:
                 continue
             reported.add(loop.number)
             yield Finding(
@@ -95,12 +95,12 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
     kept = [loop for loop in scene.loops if loop.name not in duplicates]
     constraining = np.isin(loop_of, [loop.number for loop in kept]) & _constrains(scene, loop_of)
     jacobian, loop_of = jacobian[constraining], loop_of[constraining]
-    extra = len(jacobian) - rank(jacobian)
+    extra = len(jacobian) - loop_rank(jacobian)
     if not extra:
         return
     # constraint rows of a planar loop depend on each other
     loop_rows = [jacobian[loop_of == loop.number] for loop in kept]
-    across = sum(len(rows) - rank(rows) for rows in loop_rows)
+    across = sum(len(rows) - loop_rank(rows) for rows in loop_rows)
     redundant = [
         loop
         for loop in kept
@@ -144,7 +144,7 @@ def _adds_nothing(scene: Inspected, loop: Loop, others: list[Loop]) -> bool:
     jacobian, loop_of = scene.generic
     rest = jacobian[np.isin(loop_of, [other.number for other in others])]
     both = jacobian[np.isin(loop_of, [loop.number, *(other.number for other in others)])]
-    return rank(rest) == rank(both)
+    return loop_rank(rest) == loop_rank(both)
 
 
 # component of a unit free direction above which a joint moves
@@ -169,7 +169,7 @@ def undetermined(scene: Inspected) -> Iterator[Finding]:
         kind="open",
         what=listed,
         by=count,
-        message=f"{model.nv - rank(jacobian)} degrees of freedom, {count} of them undetermined with "
+        message=f"{model.nv - loop_rank(jacobian)} degrees of freedom, {count} of them undetermined with "
         f"{', '.join(locked)} locked: {listed} can still move; springs, weight, friction and contacts "
         "decide how",
         remedy=f"drive, lock or couple them (--drive, --lock{floats})",

@@ -14,7 +14,7 @@ from mechsim.model.finding import NO_POSITION, Finding
 from mechsim.simulation.closed_configurations import StraightPath, driver_ranges, straight_path
 from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
-from mechsim.simulation.findings.inspected import EQUALITY, Inspected, rank
+from mechsim.simulation.findings.inspected import EQUALITY, Inspected, loop_rank
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
@@ -161,7 +161,7 @@ def _determined(scene: Inspected, dof: int, actuated: set[int]) -> bool:
     unit = np.eye(scene.model.nv)
     others = unit[sorted(actuated - {dof})]
     return all(
-        rank(np.vstack([jacobian, others, unit[dof]])) == rank(np.vstack([jacobian, others]))
+        loop_rank(np.vstack([jacobian, others, unit[dof]])) == loop_rank(np.vstack([jacobian, others]))
         for jacobian, _ in scene.sample_jacobians
     )
 

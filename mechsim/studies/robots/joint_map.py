@@ -83,7 +83,7 @@ def joint_map(
         True
     """
     own_model = mujoco_model(model, set, loops)
-    ranges = joint_ranges(own_model, inputs if isinstance(inputs, Mapping) else dict.fromkeys(inputs))
+    ranges = ranges_in_si(own_model, inputs if isinstance(inputs, Mapping) else dict.fromkeys(inputs))
     return map_over_grid(own_model, ranges, outputs, points=points, degree=degree)
 
 
@@ -109,7 +109,7 @@ def mujoco_spec(
     return exported(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
 
 
-def joint_ranges(
+def ranges_in_si(
     model: mujoco.MjModel, ranges: Mapping[str, tuple[float | str, float | str] | None]
 ) -> dict[str, tuple[float, float] | None]:
     """Return ranges of joints in [rad] or [m] from numbers in SI or text; None means the joint limits."""

@@ -21,7 +21,7 @@ from mechsim.simulation.mjcf import quiet, to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
 from mechsim.simulation.model_loops import HINGE, SLIDE
 from mechsim.simulation.state import rotation_matrix
-from mechsim.studies.robots.joint_map import joint_ranges, mujoco_spec
+from mechsim.studies.robots.joint_map import mujoco_spec, ranges_in_si
 
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 # degree of MuJoCo's couplings, and of URDF's mimic joints
@@ -107,7 +107,7 @@ def serial_twin(
     with quiet():
         compiled = spec.compile()
     names = tuple(independent) or _actuated(compiled)
-    ranges = joint_ranges(compiled, independent if isinstance(independent, Mapping) else dict.fromkeys(names))
+    ranges = ranges_in_si(compiled, independent if isinstance(independent, Mapping) else dict.fromkeys(names))
     passive = _passive_joints(compiled, names)
     table = map_over_grid(compiled, ranges, passive, points=POINTS if len(names) < 3 else 7)
     degree = MJCF_DEGREE if format == "mjcf-tree" else URDF_DEGREE
