@@ -36,11 +36,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "own = {branch.joint.name: branch.direction / along(branch.child)} "
         "if KINDS[branch.joint.kind].turns else {}",
     ): "both are signs",
-    (
-        POSED,
-        "return (data.xpos[None], data.xmat.reshape(1, -1, 3, 3), point_jacobian)",
-        "return (data.xpos[None], data.xmat.reshape(1, -2, 3, 3), point_jacobian)",
-    ): SHAPE,
     (POSED, "if len(self._batches) > 8:", "..."): SPEED,
     (
         JACOBIAN,
