@@ -5,6 +5,11 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 
 
+def several(count: int, noun: str) -> str:
+    """Return a number of things in words."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def cut(text: str, longest: int) -> str:
     """Return text shortened to at most `longest` characters; it then ends after a word with " ..."."""
     if len(text) <= longest:

@@ -147,17 +147,11 @@ def simulate(
     model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
     motion = None if options.poses is not None else _motion(require_motion(solver), options)
     if motion is None:
-        run = _poses(solver, options, settings, model_scene)
+        run, laws = _poses(solver, options, settings, model_scene), None
     else:
         run = _run(solver, motion, options, settings, model_scene)
-    findings = scene_findings(
-        solver,
-        None
-        if motion is None
-        else motion_law_of_crank(solver, motion)
-        if solver.motion_laws.crank
-        else solver.motion_laws,
-    )
+        laws = motion_law_of_crank(solver, motion) if solver.motion_laws.crank else solver.motion_laws
+    findings = scene_findings(solver, laws)
     few = None if motion is None or run.motion.broken else few_digits(solver, run.motion)
     # the file is written last, so that invalid input writes nothing
     if path is not None:

@@ -11,7 +11,7 @@ from mechsim.cli.command import Result, command
 from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import OutputUnits, Units, Value, number, output_units, print_table, print_text
 from mechsim.cli.progress import progress
-from mechsim.errors import InputError
+from mechsim.errors import InputError, several
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.report.assemblies import (
@@ -149,7 +149,7 @@ def _print(trace: AssemblyTrace) -> None:
         for i, curve in enumerate(trace.curves)
     ]
     title = (
-        f"{trace.mechanism.name}: {_plural(len(trace.curves), 'component')}; {trace.closed} of "
+        f"{trace.mechanism.name}: {several(len(trace.curves), 'component')}; {trace.closed} of "
         f"{trace.starts} random starts (seed {trace.seed}) ended in an assembly"
     )
     print_table(title, ("component", "starts", "arc", driver, "dead centres"), rows)
@@ -180,11 +180,7 @@ def _crank_cells(curve: AssemblyCurve) -> tuple[str, str]:
     """Return the motion of the crank along a curve, and its dead centres."""
     dead_centres = ", ".join(_quantity(float(angle), curve.driver.unit) for angle in curve.dead_centres)
     turns = abs(curve.turns)
-    return _plural(turns, "turn") if turns else "swings" if dead_centres else "stands still", dead_centres
-
-
-def _plural(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+    return several(turns, "turn") if turns else "swings" if dead_centres else "stands still", dead_centres
 
 
 def _quantity(value: float, unit: str) -> str:

@@ -10,7 +10,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import MechsimError
+from mechsim.errors import MechsimError, several
 from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
@@ -18,6 +18,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.subjects import gallery
 from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.verdict.record_errors import lengths
 
 if TYPE_CHECKING:
     from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
@@ -127,7 +128,7 @@ def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
         f"{drivers if dofs is None else dofs} DOF",
     ]
     if dofs not in (None, drivers):
-        words.append(_several(drivers, "driver"))
+        words.append(several(drivers, "driver"))
     elif solver.motion_laws.crank and mechanism.has_crank:
         words.append("full rotation" if solver.crank_range().full else "limited rotation")
     return ", ".join(words)
@@ -139,7 +140,7 @@ def _mobility(solver: LoopForm) -> dict[str, Any]:
     determinacy = driver_determinacy(mechanism)
     lines = [
         f"W = {determinacy.dofs} by the rank of the loop Jacobian, "
-        f"{_several(determinacy.redundant_equations, 'redundant constraint')}",
+        f"{several(determinacy.redundant_equations, 'redundant constraint')}",
         f"driven: {', '.join(determinacy.drivers) or 'nothing'}",
     ]
     if mechanism.locked:
@@ -161,22 +162,14 @@ def _mobility(solver: LoopForm) -> dict[str, Any]:
         "redundant": determinacy.redundant_equations,
     }
     motion_laws = solver.motion_laws
-    law_texts = {name: _text(law) for name, law in motion_laws.by_name.items()}
+    laws = motion_laws.by_name.items()
     return {
         "mobility": counts,
         "mobility_explained": lines,
         "outcome": determinacy.outcome,
-        "motion_laws": law_texts,
+        "motion_laws": {name: getattr(law, "text", "a function of time") for name, law in laws},
         "duration": None if motion_laws.crank else motion_laws.duration,
     }
-
-
-def _text(law: object) -> str:
-    return getattr(law, "text", "a function of time")
-
-
-def _several(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _parameters(solver: KinematicSolver) -> dict[str, dict[str, Any]]:
@@ -215,18 +208,6 @@ def _least_transmission(solver: KinematicSolver) -> dict[str, float] | None:
     return {"least": float(values[worst]), "at_angle": float(angles[worst])}
 
 
-def _effort_facts(study: "InverseDynamics", forces: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
-    """Return peak, mean and root mean square of the torques or forces at joint coordinates."""
-    result, mechanism = study.forces, study.model.mechanism
-    angle, time = result.angle, result.time if result.drives else None
-    return {
-        name: _peak(effort, angle, time)
-        | {"mean": _mean(effort, angle), "rms": _mean(effort**2, angle) ** 0.5}
-        | {"unit": mechanism.effort_unit(name)}
-        for name, effort in forces.items()
-    }
-
-
 def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None = None) -> dict[str, Any]:
     """Return peaks and means of a prescribed motion, and of the forces of its actuators; all in SI."""
     result, angle = study.forces, study.forces.angle
@@ -235,20 +216,27 @@ def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None 
     def peak(values: Array) -> dict[str, float]:
         return _peak(values, angle, timed)
 
+    def statistics(values: Array) -> dict[str, float]:
+        return peak(values) | {"mean": _mean(values, angle), "rms": _mean(values**2, angle) ** 0.5}
+
+    def by_coordinate(forces: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
+        units = study.model.mechanism.effort_unit
+        return {name: statistics(values) | {"unit": units(name)} for name, values in forces.items()}
+
     torque_scale, free = float(np.abs(result.torque).max()) or 1.0, result.unbounded
 
     def carried(reaction: Reaction) -> dict[str, Any]:
         force, moment = (
-            np.where(free, 0.0, _norm(vector)) for vector in reaction.project(reaction.force, reaction.moment)
+            np.where(free, 0.0, lengths(vector))
+            for vector in reaction.project(reaction.force, reaction.moment)
         )
         return {"force": peak(force), "moment": peak(moment)}
 
     sides = result.power_in + result.power_loads - result.power_lost - study.power_stored
     return {
-        "torque": peak(result.torque)
-        | {"mean": _mean(result.torque, angle), "rms": _mean(result.torque**2, angle) ** 0.5},
-        "drives": _effort_facts(study, result.drives),
-        "actuators": _effort_facts(study, actuators or {}),
+        "torque": statistics(result.torque),
+        "drives": by_coordinate(result.drives),
+        "actuators": by_coordinate(actuators or {}),
         "routes": float(np.abs(np.where(free, 0.0, study.second_torque - result.torque)).max())
         / torque_scale,
         "reactions": {
@@ -263,8 +251,8 @@ def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None 
         },
         "couplings": _coupling_facts(study, peak),
         "indeterminacy": study.indeterminacy,
-        "shaking_force": peak(_norm(study.shaking_force)),
-        "shaking_moment": peak(_norm(study.shaking_moment)),
+        "shaking_force": peak(lengths(study.shaking_force)),
+        "shaking_moment": peak(lengths(study.shaking_moment)),
         "inertia": {
             "least": float(study.reduced.inertia.min()),
             "largest": float(study.reduced.inertia.max()),
@@ -285,17 +273,13 @@ def _coupling_facts(
         own["determined"] = name not in result.undetermined
         mesh = result.meshes.get(name)
         if mesh is not None:
-            own |= {"by": "teeth", "links": [mesh.link, mesh.by], "force": peak(_norm(mesh.force))}
+            own |= {"by": "teeth", "links": [mesh.link, mesh.by], "force": peak(lengths(mesh.force))}
         else:
             joints = [joint for joint in mechanism.joints if {*joint.coordinates} & {*law.coordinates}]
             carriers = sorted({joint.a.link for joint in joints})
             own |= {"by": "thread" if name in threads else "ideal transmission", "links": carriers}
         facts[name] = own
     return facts
-
-
-def _norm(vector: Array) -> Array:
-    return np.sqrt((vector**2).sum(1))
 
 
 def _mean(values: Array, angle: Array) -> float:

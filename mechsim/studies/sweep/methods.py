@@ -259,7 +259,8 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
                 result.values[name][i] = value
             values, outcome, reason = measured_alone(task, solver, facts)
         except MechsimError as error:
-            result.reject(row, _outcome(error), cut(str(error), MAX_REASON))
+            outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
+            result.reject(row, outcome, cut(str(error), MAX_REASON))
             continue
         except (ArithmeticError, np.linalg.LinAlgError, ValueError) as error:
             result.reject(row, "diverged", cut(f"{type(error).__name__}: {error}", MAX_REASON))
@@ -269,10 +270,6 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
         result.reject(row, outcome, reason)
         if invalid:
             result.reject(row, "diverged", f"{invalid[0]} is not finite")
-
-
-def _outcome(error: MechsimError) -> str:
-    return error.outcome if isinstance(error, MobilityError) else "cannot assemble"
 
 
 def facts_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]:
@@ -306,13 +303,12 @@ def measured_alone(
     arc = swing_arc(solver)
     if task.settings is not None:
         values, outcome, reason = stepped_alone(task, solver)
-        if arc is not None and outcome == "passed":
-            outcome, reason = "swings", swings_between(*arc)
-        return values, outcome, reason
-    if arc is None:
-        return _solved_alone(task, solver, facts, task.revolution), "passed", ""
-    values = _solved_alone(task, solver, facts, task.within(*arc))
-    return values, "swings", swings_between(*arc)
+    else:
+        crank = task.revolution if arc is None else task.within(*arc)
+        values, outcome, reason = _solved_alone(task, solver, facts, crank), "passed", ""
+    if arc is not None and outcome == "passed":
+        outcome, reason = "swings", swings_between(*arc)
+    return values, outcome, reason
 
 
 def swing_arc(solver: KinematicSolver) -> tuple[float, float] | None:
@@ -370,8 +366,7 @@ def require_measurable(task: SweepTask) -> None:
     for measure in task.measures:
         if measure.kind == "assemblies" and not isinstance(solver, ClosedForm):
             raise InputError(
-                f"the number of assemblies is known for catalogue mechanisms only, not for "
-                f"{solver.name!r}; "
+                f"the number of assemblies is known for catalogue mechanisms only, not for {solver.name!r}; "
                 "`mechsim trace` finds the assemblies of any mechanism"
             )
         if measure.quantity is not None and measure.quantity.kind == TRANSMISSION:
@@ -391,8 +386,7 @@ def _require_stepped(task: SweepTask) -> None:
         if missing:
             available = [name for joint in mechanism.joints for name in joint.coordinates if name not in cut]
             raise InputError(
-                f"{measure.name}: MuJoCo's model is cut at {missing[0]}, and its states do not "
-                f"contain it; "
+                f"{measure.name}: MuJoCo's model is cut at {missing[0]}, and its states do not contain it; "
                 f"stepped motions contain {', '.join(available)}"
             )
     _ = task.records

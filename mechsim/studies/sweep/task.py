@@ -57,10 +57,6 @@ class CrankRows:
     speed: Array
     acceleration: Array
 
-    def subset(self, rows: slice) -> "CrankRows":
-        """Return the rows of some designs."""
-        return CrankRows(self.angle[rows], self.speed[rows], self.acceleration[rows])
-
 
 @dataclass(frozen=True)
 class SweepTask:

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from mechsim.analytic.loops import DofCount, assemble, dof_count, equations
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, several
 from mechsim.model.joint_kinds import KINDS, Axis, Kind
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
@@ -353,12 +353,12 @@ class Mobility:
         if out_of_plane:
             loops = out_of_plane // 3
             lines.append(
-                f"{_several(out_of_plane, 'redundant constraint')} in space: three for "
+                f"{several(out_of_plane, 'redundant constraint')} in space: three for "
                 + ("the planar loop" if loops == 1 else f"each of {loops} planar loops")
             )
         if self.redundant_in_plane:
             where = " within the plane" if self.planar else ""
-            count = _several(self.redundant_in_plane, "redundant constraint")
+            count = several(self.redundant_in_plane, "redundant constraint")
             lines.append(f"{count}{where}: it moves because of its special dimensions")
         lines += [str(motion) for motion in self.free]
         if self.actual == 0:
@@ -419,7 +419,3 @@ def _configurations(mechanism: Mechanism) -> list[Mapping[str, Pose]]:
         except AssemblyError:
             continue  # a dead centre or a locked structure: the other poses count
     return stands
-
-
-def _several(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
