@@ -33,53 +33,8 @@ MERGE_HINT = "write one file without includes (mujoco.MjSpec.from_file(...).to_x
 # fields that do not affect a run
 _IGNORED_FIELDS = ("key", "name", "text", "bvh", "oct_", "paths", "stat", "vis", "tex", "mat_")
 _IGNORED_SIZES = ("nbuffer", "nkey", "nnames", "npaths", "nnames_map", "signature")
-
-
-SCRIPT = '''"""Runs a tuned scene in plain MuJoCo."""
-
-from math import acos, asin, atan, atan2, cos, exp, log, pi, sin, sqrt, tan  # noqa: F401
-from pathlib import Path
-
-import mujoco
-{imports}
-model = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("{file}")))
-{settings}{functions}
-
-def steps(duration={duration!r}):
-    """Yield MuJoCo's data after every step."""
-    data, h = mujoco.MjData(model), model.opt.timestep
-{reset}    for step in range(round(duration / h)):
-        t = step * h
-{controls}        mujoco.mj_step(model, data)
-        yield data
-
-
-if __name__ == "__main__":
-    for data in steps():
-        pass
-    print(data.time, data.qpos)
-'''
-TABLE_IMPORTS = "import numpy as np\nfrom scipy.interpolate import make_interp_spline\n"
-TABLE = '''
-
-def table(path):
-    """Return a function of t from the columns of a file."""
-    columns = np.genfromtxt(path, delimiter=",", names=True)
-    value = next(name for name in columns.dtype.names if name not in ("t", "time"))
-    return make_interp_spline(columns[columns.dtype.names[0]], columns[value], k=5)
-'''
-POSITIONS = '''
-
-def q(joint, t):
-    """Return the position of a prescribed joint."""
-{laws}    raise KeyError(joint)
-'''
-RATES = '''
-
-def rate(joint, t, d=1e-4):
-    """Return its rate by a finite difference."""
-    return (8 * (q(joint, t + d) - q(joint, t - d)) - q(joint, t + 2 * d) + q(joint, t - 2 * d)) / (12 * d)
-'''
+# script that runs a tuned file in plain MuJoCo
+SCRIPT = Path(__file__).with_name("tuned_script.py.txt")
 
 
 @dataclass(frozen=True)
@@ -321,20 +276,12 @@ def python_of(
         expressions: joint or actuator -> its motion law as an expression of t.
         changed: settings that differ from the file's, as fields of `PlainSettings`.
     """
-    tables = any("table(" in expression for expression in expressions.values())
-    functions = TABLE if tables else ""
-    if scene.joint_laws:
-        laws = [
-            f"    if joint == {name!r}:\n        return {expressions[name]}\n" for name in scene.joint_laws
-        ]
-        functions += POSITIONS.format(laws="".join(laws))
-        functions += RATES if scene.model.opt.integrator == RK4 else ""
+    laws = [f"    if joint == {name!r}:\n        return {expressions[name]}\n" for name in scene.joint_laws]
     reset = f"    mujoco.mj_resetDataKeyframe(model, data, model.key({scene.key!r}).id)\n"
-    return SCRIPT.format(
-        imports=TABLE_IMPORTS if tables else "",
+    return SCRIPT.read_text(encoding="utf-8").format(
         file=file.name,
         settings="".join(f"{line}\n" for line in _setting_lines(changed or {})),
-        functions=functions,
+        laws="".join(laws),
         duration=scene.duration,
         reset="" if scene.key is None else reset,
         controls="".join(f"        {line}\n" for line in control_lines(scene, expressions)),
