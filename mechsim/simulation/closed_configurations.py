@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -286,8 +286,8 @@ def straight_path(
     others = np.setdiff1d(np.arange(model.nv), drivers or []).astype(np.int64)
     starts = start[None] if start is not None else np.concatenate([model.qpos0[None], model.key_qpos])
     closed = _closed_reference(loops, starts, others, loops.units[others] * weights[others])
-    jacobian = loops.linearise(closed[None])[1][0] * loops.units
-    rank = int(np.linalg.matrix_rank(jacobian, tol=ROUNDED_RANK * np.linalg.norm(jacobian)))
+    _require_regular(loops, closed)
+    rank, jacobian = _rank(loops, closed[None]), loops.linearise(closed[None])[1][0] * loops.units
     order, sizes = pivot_columns(jacobian[:, others] * weights[others])
     if int((sizes > ROUNDED_RANK * sizes.max(initial=0.0)).sum()) < rank:
         names = ", ".join(model.joint(int(model.dof_jntid[dof])).name for dof in drivers or [])
@@ -311,21 +311,7 @@ def _closed_reference(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64],
     Raises:
         AssemblyError: if no start leads to a closed configuration.
     """
-    model = loops.model
-
-    def step(jacobian: Array, scaled_residual: Array) -> Array:
-        result = np.zeros((len(jacobian), model.nv))
-        matrix = jacobian[:, :, dofs] * loops.scale[:, None] * weights
-        result[:, dofs] = weights * least_norm(matrix, scaled_residual, ROUNDED_RANK)
-        return result
-
-    def close(starts: Array) -> Array:
-        settings = NewtonSettings(max_iterations=20, max_step=MAX_STEP)
-        result = newton(LoopEquations(loops), starts, settings, step)
-        remaining = step(result.linearised.matrix, result.linearised.rhs) / loops.units
-        rounded = (result.residual < ROUNDED_ERROR) & (np.abs(remaining).max(1) < CONVERGED)
-        return result.q[(result.residual < CLOSED_ERROR) | rounded]
-
+    model, close = loops.model, partial(_closed_nearby, loops, dofs=dofs, weights=weights)
     starts = starts[np.argsort(loops.closure_error(loops.residual(starts)), kind="stable")]
     starts = starts[np.argsort(outside_limits(model, starts).any(1), kind="stable")]
     closed = close(starts)
@@ -336,6 +322,43 @@ def _closed_reference(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64],
     if not len(closed):
         raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
     return closed[np.argmin(outside_limits(model, closed).any(1))]
+
+
+def _closed_nearby(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64], weights: Array) -> Array:
+    """Return the configurations nearest to starts, (n, nq), for those that close."""
+
+    def step(jacobian: Array, scaled_residual: Array) -> Array:
+        result = np.zeros((len(jacobian), loops.model.nv))
+        matrix = jacobian[:, :, dofs] * loops.scale[:, None] * weights
+        result[:, dofs] = weights * least_norm(matrix, scaled_residual, ROUNDED_RANK)
+        return result
+
+    settings = NewtonSettings(max_iterations=20, max_step=MAX_STEP)
+    result = newton(LoopEquations(loops), starts, settings, step)
+    remaining = step(result.linearised.matrix, result.linearised.rhs) / loops.units
+    rounded = (result.residual < ROUNDED_ERROR) & (np.abs(remaining).max(1) < CONVERGED)
+    return result.q[(result.residual < CLOSED_ERROR) | rounded]
+
+
+def _rank(loops: ModelLoops, qpos: Array) -> int:
+    """Return the largest rank of the loop Jacobian at configurations (n, nq)."""
+    jacobians = loops.linearise(qpos)[1] * loops.units
+    scale = np.linalg.norm(jacobians, axis=(1, 2))
+    return int(np.linalg.matrix_rank(jacobians, tol=ROUNDED_RANK * scale).max(initial=0))
+
+
+def _require_regular(loops: ModelLoops, reference: Array) -> None:
+    """Reject a reference where the loop Jacobian has a lower rank than next to it."""
+    dofs = np.arange(loops.model.nv)
+    steps = np.random.default_rng(0).normal(size=(PROBES, len(dofs))) * DRIVER_STEP * loops.units
+    nearby = _closed_nearby(
+        loops, loops.displaced(np.repeat(reference[None], PROBES, 0), steps), dofs, loops.units
+    )
+    if _rank(loops, nearby) > _rank(loops, reference[None]):
+        raise InputError(
+            "the model starts in a singular configuration, where assemblies meet; add a closed keyframe "
+            "away from it"
+        )
 
 
 def _within_limits(model: mujoco.MjModel, qpos: Array) -> Array:

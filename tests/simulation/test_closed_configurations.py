@@ -169,3 +169,10 @@ def test_a_reference_outside_the_limits_is_replaced_by_one_within() -> None:
     rocker = states.qpos[:, model.joint("rocker").qposadr[0]]
     assert np.all(rocker >= np.radians(15) - 1e-9)
     assert states.residual.max() < 1e-12
+
+
+def test_a_start_where_assemblies_meet_is_rejected() -> None:
+    flat = FOUR_BAR.replace('pos=".06 .02 0"', 'pos=".06 0 0"').replace('pos=".07 -.04 0"', 'pos=".07 0 0"')
+    model = mujoco.MjModel.from_xml_string(flat.replace('pos=".02 .06 0"', 'pos=".02 0 0"'))
+    with pytest.raises(ms.errors.InputError, match="singular configuration, where assemblies meet"):
+        ms.sample(model, 5)
