@@ -103,9 +103,9 @@ def _limited(model: mujoco.MjModel, data: mujoco.MjData) -> str:
     return model.joint(int(np.argmax(beyond))).name or "a joint"
 
 
-RK4, EULER, DISCRETE = (
-    int(getattr(mujoco.mjtIntegrator, f"mjINT_{name}")) for name in ("RK4", "EULER", "DISCRETE")
-)
+RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
+DISCRETE = int(mujoco.mjtIntegrator.mjINT_DISCRETE)
 
 
 def stiffness_cause(model: mujoco.MjModel) -> str:

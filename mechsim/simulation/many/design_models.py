@@ -21,6 +21,7 @@ from mechsim.simulation import loop_jacobian
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.loop_jacobian import NEWTON
+from mechsim.simulation.mjcf.compiling import BODY, INERTIA, NONE
 from mechsim.simulation.mjcf.force_elements import PLACEHOLDER, placeholder, principal
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.joints import (
@@ -36,10 +37,7 @@ from mechsim.simulation.mjcf.loop_cuts import Tree, cut_loops
 from mechsim.simulation.source import from_source, link_poses
 
 Fields = dict[str, Array]
-BODY = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODY)
-INERTIA = int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIA)
 INERTIA_TURN = int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIAROT)
-NONE = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
 IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
 
 

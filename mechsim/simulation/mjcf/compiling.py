@@ -46,14 +46,9 @@ def without_c_output() -> Generator[None]:
         os.close(null_device)
 
 
-NONE, BODY, INERTIA = (
-    int(frame)
-    for frame in (
-        mujoco.mjtSameFrame.mjSAMEFRAME_NONE,
-        mujoco.mjtSameFrame.mjSAMEFRAME_BODY,
-        mujoco.mjtSameFrame.mjSAMEFRAME_INERTIA,
-    )
-)
+NONE = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
+BODY = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODY)
+INERTIA = int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIA)
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -13,15 +13,10 @@ from mechsim.simulation.equality_rows import coincident_frames, tendon_joints
 from mechsim.simulation.mjcf_reader.kinematic_tree import FRAMES, POINTS, Carrier
 from mechsim.simulation.state import is_disabled
 
-CONNECT, WELD, JOINT, TENDON = (
-    int(kind)
-    for kind in (
-        mujoco.mjtEq.mjEQ_CONNECT,
-        mujoco.mjtEq.mjEQ_WELD,
-        mujoco.mjtEq.mjEQ_JOINT,
-        mujoco.mjtEq.mjEQ_TENDON,
-    )
-)
+CONNECT = int(mujoco.mjtEq.mjEQ_CONNECT)
+WELD = int(mujoco.mjtEq.mjEQ_WELD)
+JOINT = int(mujoco.mjtEq.mjEQ_JOINT)
+TENDON = int(mujoco.mjtEq.mjEQ_TENDON)
 
 
 @dataclass

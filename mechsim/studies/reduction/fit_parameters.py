@@ -191,7 +191,7 @@ DIFFERENCE_STEP, DIVERGED_RESIDUAL = 1e-6, 1e3
 MIN_EFFECT = 0.05
 # fraction of the tolerance at which the fit stops
 GOAL = 0.3
-INTEGRATORS = (int(EULER), int(IMPLICITFAST))
+INTEGRATORS = (EULER, IMPLICITFAST)
 
 
 @dataclass(frozen=True)

@@ -268,14 +268,9 @@ def _warped_law(
 
 # number of observed instants, evenly spaced over the motion
 SAMPLES = 600
-LIMIT_JOINT, LIMIT_TENDON, EQUALITY = (
-    int(kind)
-    for kind in (
-        mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT,
-        mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON,
-        mujoco.mjtConstraint.mjCNSTR_EQUALITY,
-    )
-)
+LIMIT_JOINT = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
+LIMIT_TENDON = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)
+EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 # relative singular value of the constraint Jacobian below which it is zero
 RANK_TOLERANCE = 1e-6
 

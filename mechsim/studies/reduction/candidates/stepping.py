@@ -16,20 +16,18 @@ from mechsim.studies.reduction.reduced_scene import Evidence
 
 # names of the categories: cheaper steps, and longer steps
 CHEAPER_STEPS, LONGER_STEPS = "stepping", "steps"
-EULER, RK4, IMPLICIT, IMPLICITFAST = (
-    mujoco.mjtIntegrator.mjINT_EULER,
-    mujoco.mjtIntegrator.mjINT_RK4,
-    mujoco.mjtIntegrator.mjINT_IMPLICIT,
-    mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-)
+EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
+RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+IMPLICIT = int(mujoco.mjtIntegrator.mjINT_IMPLICIT)
+IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 # time steps tried, relative to the scene's own
 STEP_RATIOS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 32, 40, 50, 64, 80, 100)
 # fraction of a step by which the forces of dampers and of actuators act early (+) or late (-)
 FORCE_DELAYS = {
-    int(EULER): (0.5, -0.5),
-    int(IMPLICIT): (0.5, 0.5),
-    int(IMPLICITFAST): (0.5, 0.5),
-    int(RK4): (0.0, 0.0),
+    EULER: (0.5, -0.5),
+    IMPLICIT: (0.5, 0.5),
+    IMPLICITFAST: (0.5, 0.5),
+    RK4: (0.0, 0.0),
 }
 # cost of a step of RK4 relative to the other integrators
 RK4_COST = 3.3
@@ -64,12 +62,12 @@ def longer_steps(observed: Evidence) -> list[RemovalCandidate]:
     own = int(observed.spec.option.integrator)
     candidates: list[tuple[float, RemovalCandidate]] = []
     for times in STEP_RATIOS:
-        for integrator in (int(IMPLICITFAST), int(EULER), int(RK4)):
-            if times == 1 and integrator in (own, int(RK4)):
+        for integrator in (IMPLICITFAST, EULER, RK4):
+            if times == 1 and integrator in (own, RK4):
                 continue
             for compensated in (True, False):
                 change = partial(set_stepping, times=times, integrator=integrator, compensated=compensated)
-                cost = (RK4_COST if integrator == int(RK4) else 1.0) / times
+                cost = (RK4_COST if integrator == RK4 else 1.0) / times
                 what = stepping_text(observed.spec, times, integrator)
                 what += ", its damping compensated by armature" if compensated else ""
                 candidates.append((cost, RemovalCandidate(LONGER_STEPS, what, change)))
