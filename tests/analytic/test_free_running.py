@@ -9,6 +9,7 @@ from grids import grid
 from mpmath import mp
 
 from mechsim import catalog, dynamics, load_profile, loops, motors
+from mechsim.errors import InputError
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Inertia, Link, Pose
@@ -175,6 +176,25 @@ def test_a_crank_turns_back_at_its_dead_centre():
     ahead = min((end - start) % (2.0 * np.pi) for end in drive.dead_centres())
     assert run.angle[-1] - start == pytest.approx(ahead, abs=1e-9)
     assert run.energy_error <= 1e-9
+
+
+def test_a_run_ends_after_its_turns_where_a_friction_reverses_at_the_same_instant():
+    """The rocker reverses at the start, and so at the end of each turn."""
+    drive = catalog.make("four_bar")
+    friction = tuple(Friction(joint.name, 1e-5, 1e-5) for joint in drive.mechanism.joints)
+    machine = dynamics.dynamic_model(drive, Forces(gravity=DOWN, friction=friction))
+    run = dynamics.free_run(machine, angle=0.0, speed=40.0, turns=1.0, samples=3)
+    assert run.outcome == "done"
+    assert run.angle[-1] == pytest.approx(2.0 * np.pi, rel=1e-12)
+    assert run.energy_error <= 1e-10
+
+
+def test_friction_that_spins_a_rod_between_balls_is_rejected():
+    drive = catalog.make("rssr")
+    friction = tuple(Friction(joint.name, 1e-5) for joint in drive.mechanism.joints)
+    machine = dynamics.dynamic_model(drive, Forces(friction=friction))
+    with pytest.raises(InputError, match="would spin a link whose spin nothing determines"):
+        dynamics.free_run(machine, speed=40.0, turns=1.0)
 
 
 def root_of_inertia(machine, lengths, short, beside):

@@ -11,6 +11,7 @@ import numpy as np
 
 from mechsim.analytic.dynamics.equations_of_motion import Dynamics, EquationsOfMotion, Kinematics
 from mechsim.analytic.dynamics.link_forces import constrained_acceleration
+from mechsim.model.joint_kinds import KINDS
 from mechsim.numerics.arrays import Array
 
 # largest number of changes of sticking, sliding and contact at one instant
@@ -150,26 +151,25 @@ class Contacts:
             # at a dead centre the joint reverses whatever the friction
             reversing = max(mode.stuck, key=lambda i: abs(float(dynamics.slip[i, 0])), default=None)
             if reversing is not None and abs(slip := float(dynamics.slip[reversing, 0])) > least_slip:
-                mode = _sliding(mode, reversing, slip)
+                mode = self._sliding(mode, reversing, slip)
                 continue
             loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)
             pulled = [i for i in mode.contacts if float(self._pressing(dynamics, mode, i)[0]) < 0.0]
             # smaller than the excess at which `_reserve` ends sticking: the friction slides at that instant
             if slipping is not None and loads[slipping] > 1.0 + 0.5 * BALANCED:
-                mode = _sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
+                mode = self._sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
             elif pulled:
                 mode = replace(mode, contacts=[i for i in mode.contacts if i not in pulled])
             else:
                 break
         return mode
 
-
-def _sliding(mode: ContactMode, index: int, direction: float) -> ContactMode:
-    """Return a mode in which a sticking friction slides in a direction."""
-    sliding = mode.sliding.copy()
-    sliding[index] = np.sign(direction)
-    return replace(mode, sliding=sliding, stuck=[i for i in mode.stuck if i != index])
+    def _sliding(self, mode: ContactMode, index: int, direction: float) -> ContactMode:
+        """Return a mode in which a sticking friction slides in a direction; the rate of a ball is positive."""
+        sliding, ball = mode.sliding.copy(), KINDS[self.equations.frictions[index].joint.kind].ball
+        sliding[index] = 1.0 if ball else np.sign(direction)
+        return replace(mode, sliding=sliding, stuck=[i for i in mode.stuck if i != index])
 
 
 def stops_of(equations: EquationsOfMotion, ranges: Mapping[str, tuple[float, float]]) -> tuple[Stop, ...]:

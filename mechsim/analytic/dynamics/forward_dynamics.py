@@ -42,6 +42,9 @@ MAX_EVENTS = 10_000
 # towards the start, where a stop may be hit again right after an impact
 INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0, 1.0, 33)[1:]])
 
+# difference of the instants of simultaneous events, relative to the step: rounding
+SIMULTANEOUS = 1e-9
+
 # smallest singular value of the constraint Jacobian, relative to that at the start, below which explicit
 # steps are rejected: accelerations lose significance near a singular configuration
 SINGULAR = 2e-2
@@ -337,7 +340,8 @@ def first_event(
 ) -> tuple[float, str] | None:
     """Return the instant in [s] and kind of the first event between two instants; None without an event.
 
-    Functions of kind `UNTIL` may cross zero in both directions, others only downwards.
+    Functions of kind `UNTIL` may cross zero in both directions, others only downwards. Of simultaneous events
+    the first of the functions counts.
     """
     if not functions:
         return None
@@ -356,6 +360,6 @@ def first_event(
             float(times[k]),
             float(times[k + 1]),
         )
-        if first is None or instant < first[0]:
+        if first is None or instant < first[0] - SIMULTANEOUS * (after - before):
             first = (instant, kind)
     return first

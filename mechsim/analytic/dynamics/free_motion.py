@@ -56,7 +56,7 @@ def free_run(
         progress: called after each integration step with a text and the finished fraction.
 
     Raises:
-        InputError: if no end is given.
+        InputError: if no end is given, and for forces on a motion that the crank does not determine.
 
     Accuracy: crank angle about 1e-11 rad per revolution at the default tolerance; `energy_error` is the error
         of the energy balance.
@@ -71,6 +71,7 @@ def free_run(
     first = model.mechanism.start if angle is None else angle
     model = model.starting_at([first], speed or turns or 1.0)
     name = model.mechanism.crank.name
+    _require_determined(model, first)
     equations = equations_of_motion(model, {name: first})
     q, rates = initial_state(equations, InitialValues({name: first}, {name: speed}))
     integration = Integration(equations, q, rates, tolerance, progress=progress)
@@ -98,6 +99,13 @@ def free_run(
         outcome=outcome,
         reason=reason,
     )
+
+
+def _require_determined(model: DynamicModel, angle: float) -> None:
+    """Raise InputError for forces that act on a motion that the crank does not determine, such as a spin."""
+    unit = model.unit_motion([angle])
+    applied(model, unit)
+    loads(model, unit, np.zeros(1))
 
 
 def _rising(times: ArrayLike) -> Array:
