@@ -355,6 +355,7 @@ def _registry() -> Any:
 
     registry: Any = pint.UnitRegistry()
     registry.define("@alias turn = rev")
+    registry.define("newton_meter = newton * meter = Nm")
     return registry
 
 

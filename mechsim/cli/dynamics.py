@@ -310,7 +310,8 @@ def _free(
         print_text(
             f"{model.mechanism.name}: free run {run.outcome}" + (f": {run.reason}" if run.reason else "")
         )
-        start = number(run.speed[0]) if run.speed[0] else "rest"
+        first = without_noise(run.speed.tolist())[0]
+        start = number(first) if first else "rest"
         print_text(
             f"{number(facts['turns'])} turns of the crank in {number(facts['seconds'])} s, from {start} to "
             f"{number(facts['speed'])} rad/s; work {number(facts['work'])} J, lost {number(facts['lost'])} "

@@ -21,7 +21,7 @@ from mechsim.analytic.dynamics.mode_motion import mode_motions
 from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import InitialOptions, ModelOptions
-from mechsim.cli.output import number, print_table, print_text
+from mechsim.cli.output import number, print_table, print_text, without_noise
 from mechsim.cli.progress import Progress, progress
 from mechsim.cli.schema import CheckJson
 from mechsim.cli.verdict_text import print_verdicts
@@ -410,7 +410,9 @@ def _modes(model: DynamicModel, initial: Mapping[str, str], plot: str | None) ->
         for mode in equilibrium.modes:
             shape = sorted(mode.shape.items(), key=lambda item: -abs(item[1]))[:MAX_AMPLITUDES]
             amplitudes = ", ".join(f"{joint} {value.real:+.3g}" for joint, value in shape)
-            rows.append((number(mode.frequency), number(mode.damping_ratio), amplitudes))
+            # a ratio is compared with 1, critical damping
+            damping = without_noise([mode.damping_ratio, 1.0])[0]
+            rows.append((number(mode.frequency), number(damping), amplitudes))
         state = "stable" if equilibrium.stable else "unstable"
         position = _position(model.mechanism, equilibrium)
         title = f"{name}: modes about the {state} equilibrium at {position} [rad, m]"

@@ -65,17 +65,22 @@ def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> "Us
 Element = TypeVar("Element")
 # default gravity in [m/s2]
 WEIGHT = (0.0, -9.81, 0.0)
-MOTORS = {
-    "constant": "constant:TORQUE in N m",
-    "line": "line:STALL in N m,NO-LOAD speed",
-    "dc": "dc:VOLTAGE in V,RESISTANCE in ohm,CONSTANT in N m/A",
+# kind -> its form, class, and the units of its numbers
+MOTORS: dict[str, tuple[str, type[PlainMotor], tuple[units.Unit, ...]]] = {
+    "constant": ("constant:TORQUE in N m", motors.ConstantTorque, ("N m",)),
+    "line": ("line:STALL in N m,NO-LOAD speed", motors.TorqueSpeedLine, ("N m", "rad/s")),
+    "dc": (
+        "dc:VOLTAGE in V,RESISTANCE in ohm,CONSTANT in N m/A",
+        motors.DCMotor,
+        ("V", "ohm", "N m/A"),
+    ),
 }
 
 
 def gravity_of(text: str) -> tuple[float, float, float]:
     """Return the acceleration of gravity, three numbers in [m/s2]."""
     try:
-        values = units.parse_vector(text, "1", "--gravity")
+        values = units.parse_vector(text, "m/s^2", "--gravity")
     except InputError:
         values = ()
     if len(values) != 3:
@@ -87,13 +92,10 @@ def motor_of(text: str) -> PlainMotor:
     """Return a motor written as KIND:NUMBERS."""
     kind, _, rest = text.partition(":")
     numbers = rest.split(",") if rest else []
-    if {"constant": 1, "line": 2, "dc": 3}.get(kind) != len(numbers):
-        raise InputError(f"--motor is {text!r}; write {', '.join(MOTORS.values())}")
-    if kind == "line":
-        stall = units.parse(numbers[0], "1", "stall torque of --motor")
-        return motors.TorqueSpeedLine(stall, units.parse_speed(numbers[1], "no-load speed of --motor"))
-    values = [units.parse(item, "1", "--motor") for item in numbers]
-    return motors.ConstantTorque(values[0]) if kind == "constant" else motors.DCMotor(*values)
+    _, motor, kinds = MOTORS.get(kind, ("", None, ()))
+    if motor is None or len(numbers) != len(kinds):
+        raise InputError(f"--motor is {text!r}; write {', '.join(form for form, *_ in MOTORS.values())}")
+    return motor(*(units.parse(number, unit, "--motor") for number, unit in zip(numbers, kinds, strict=True)))
 
 
 def friction_of(text: str) -> Friction:

@@ -1,6 +1,7 @@
 """The command line of dynamics: JSON alone on stdout, files, exit codes, one clear line for bad input."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -94,11 +95,20 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
     assert (code, told["outcome"]) == (0, "passed")
 
 
+@pytest.mark.parametrize("motor", ["constant:0.5", "constant:500mNm", "constant:0.5 N m"])
+def test_a_motor_takes_units(capsys, monkeypatch, motor):
+    words = ("four_bar", "--motor", motor, "--turns", "0.2", "--method", "none", "--json")
+    code, out, _ = run(capsys, monkeypatch, *words)
+    assert code == 0
+    assert json.loads(out)["free"]["work"] == pytest.approx(0.5 * 0.4 * math.pi, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (("--motor", "dc:12,1"), "--motor is 'dc:12,1'; write constant:TORQUE"),
         (("--motor", "steam:1"), "--motor is 'steam:1'"),
+        (("--motor", "line:5N,3rpm"), "--motor '5N' has unit 'N', which is the wrong kind"),
         (("--motor", "dc:12,-1,0.1"), "motor resistance is -1.0 ohm"),
         (("--friction", "crank"), "--friction is 'crank'; write JOINT="),
         (("--friction", "elbow=1"), "there are only crank"),

@@ -35,6 +35,8 @@ from mechsim.errors import InputError
         ("2 m/s * s", "m", 2.0),
         ("2 1/m * m", "1", 2.0),
         ("2 deg per s", "rad/s", np.pi / 90),
+        ("5 Nm", "N m", 5.0),
+        ("5 mNm", "N m", 0.005),
     ],
 )
 def test_quantities_become_si(text, unit, value):
