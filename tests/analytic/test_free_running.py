@@ -189,6 +189,17 @@ def test_a_run_ends_after_its_turns_where_a_friction_reverses_at_the_same_instan
     assert run.energy_error <= 1e-10
 
 
+def test_frictions_of_several_joints_hold_a_crank_together():
+    """Each alone is too weak, and that of the ball has a direction only while the ball moves."""
+    drive = catalog.make("rrsrr")
+    friction = tuple(Friction(joint.name, 1e-5, 3e-6) for joint in drive.mechanism.joints)
+    machine = dynamics.dynamic_model(drive, Forces(gravity=DOWN, friction=friction))
+    run = dynamics.free_run(machine, angle=0.0, speed=40.0, turns=1.0, samples=3)
+    assert run.outcome == "stopped"
+    held = dynamics.reduced(machine, run.angle[-1:])
+    assert 3e-6 < abs(held.static[0]) < held.coulomb[0]
+
+
 def test_friction_that_spins_a_rod_between_balls_is_rejected():
     drive = catalog.make("rssr")
     friction = tuple(Friction(joint.name, 1e-5) for joint in drive.mechanism.joints)

@@ -144,6 +144,9 @@ class Contacts:
         ]
         stuck = [int(i) for i in np.flatnonzero(at_rest)]
         mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, contacts)
+        together = None if contacts or not stuck else self._moving_together(state, time, mode, fastest)
+        if together is not None:
+            return together
         least_slip = REVERSAL * fastest**2
         sizes = [friction.magnitude for friction in self.equations.frictions]
         for _ in range(MAX_CHANGES):
@@ -165,8 +168,34 @@ class Contacts:
                 break
         return mode
 
+    def _moving_together(
+        self, state: Kinematics, time: float, mode: ContactMode, fastest: float
+    ) -> ContactMode | None:
+        """Return the mode in which all frictions at rest slide, or all stick; None if neither is certain.
+
+        Just after the instant they slide as the forces without them tend to move the joints, unless they then
+        reverse this motion: in that case they hold it. `mode` has them sticking.
+        """
+        equations, times = self.equations, np.array([time])
+        tendency = self.accelerate(state, times, replace(mode, stuck=[])).acceleration
+        largest = float(np.abs(tendency).max())
+        if not largest > 0.0:
+            return mode
+        seconds = 0.1 * REST * fastest / largest
+        q = equations.loops.displaced(state.q, seconds * state.rates)
+        after = equations.kinematics(q, state.rates + seconds * tendency)
+        rates = equations.friction_rates(after)[:, 0]
+        resting = np.isin(np.arange(len(rates)), mode.stuck)
+        moving = resting & (np.abs(rates) > REST * np.abs(rates[resting]).max())
+        sliding = replace(mode, sliding=np.where(moving, np.sign(rates), mode.sliding), stuck=[])
+        acceleration = self.accelerate(after, times, sliding).acceleration
+        growth = np.sign(rates) * equations.friction_accelerations(after, acceleration)[:, 0]
+        if (growth[moving] <= 0.0).all():
+            return mode
+        return sliding if (growth[moving] > 0.0).all() else None
+
     def _sliding(self, mode: ContactMode, index: int, direction: float) -> ContactMode:
-        """Return a mode in which a sticking friction slides in a direction; the rate of a ball is positive."""
+        """Return a mode in which a sticking friction slides in a direction; that of a ball is positive."""
         sliding, ball = mode.sliding.copy(), KINDS[self.equations.frictions[index].joint.kind].ball
         sliding[index] = 1.0 if ball else np.sign(direction)
         return replace(mode, sliding=sliding, stuck=[i for i in mode.stuck if i != index])

@@ -301,6 +301,14 @@ class EquationsOfMotion:
         )
         return np.einsum("fnk,kn->fn", directions, state.rates[self.free])
 
+    def friction_accelerations(self, state: Kinematics, accelerations: Array) -> Array:
+        """Return the changes of the opposed rates, (frictions, n), at accelerations (count, n)."""
+        directions = friction_directions(
+            self.frictions, self._unit_motion(state), self._link_jacobians(state)
+        )
+        by_acceleration = np.einsum("fnk,kn->fn", directions, accelerations[self.free])
+        return by_acceleration + self._direction_rates(state, range(len(self.frictions))).T
+
     def _unit_motion(self, state: Kinematics) -> UnitMotion:
         """Return the links' motion by time in the form that applied forces need."""
         position = state.poses.position[self.links].transpose(2, 0, 1)
