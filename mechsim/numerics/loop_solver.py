@@ -238,7 +238,7 @@ class LoopSolver(Generic[E, Q]):
         residual, jacobian, poses = self.loops.linearise(q)
         n, u, r = len(q), len(self.loops.unknown), len(self.rows)
         matrix, right = np.empty((n, u, u), jacobian.dtype), np.empty((n, u), jacobian.dtype)
-        matrix[:, :r] = jacobian[np.ix_(self.rows, self.loops.unknown)].transpose(2, 0, 1)
+        matrix[:, :r] = jacobian.take(self.rows, 0).take(self.loops.unknown, 1).transpose(2, 0, 1)
         right[:, :r] = residual[self.rows].T
         if self.nullity:
             reference = self.reference.repeated(n // len(self.reference))

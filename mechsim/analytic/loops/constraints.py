@@ -110,7 +110,7 @@ class Cut:
         """Return residuals (m, n) without units, and Jacobians by the coordinates (m, columns, n)."""
         point_a, frame_a, point_b, frame_b = self.frames(poses)
         columns_a, columns_b, units, targets = self.products
-        unit_twists, k = poses.unit_twists[self.columns], len(self.lengths)
+        unit_twists, k = poses.unit_twists.take(self.columns, 0), len(self.lengths)
         directions_a = frame_a.take(columns_a, 1) * units
         measured = np.empty((3, self.rows, unit_twists.shape[2]), unit_twists.dtype)
         measured[:, :k] = point_b[:, None]
