@@ -94,7 +94,7 @@ def motor_of(text: str) -> PlainMotor:
     numbers = rest.split(",") if rest else []
     _, motor, kinds = MOTORS.get(kind, ("", None, ()))
     if motor is None or len(numbers) != len(kinds):
-        raise InputError(f"--motor is {text!r}; write {', '.join(form for form, *_ in MOTORS.values())}")
+        raise InputError(f"--motor is {text!r}; write {', '.join(row[0] for row in MOTORS.values())}")
     return motor(*(units.parse(number, unit, "--motor") for number, unit in zip(numbers, kinds, strict=True)))
 
 

@@ -23,7 +23,7 @@ def inverse():
 
 
 @pytest.mark.parametrize(
-    ("record", "lines", "said"),
+    ("record", "lines", "output"),
     [
         (lambda: DRIVE.mechanism, 3, "links=(crank, coupler, rocker)"),
         (lambda: run(), 3, "outcome='passed'"),
@@ -37,9 +37,9 @@ def inverse():
     ],
     ids=["mechanism", "run", "motion", "point", "inverse", "efforts", "reaction", "trace", "verdict"],
 )
-def test_results_show_themselves_in_a_few_readable_lines(record, lines, said):
+def test_results_show_themselves_in_a_few_readable_lines(record, lines, output):
     text = repr(record())
-    assert said in text
+    assert output in text
     assert len(text.splitlines()) <= lines
     assert "array(" not in text
 

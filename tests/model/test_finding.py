@@ -4,7 +4,7 @@ from mechsim.model.finding import Finding
 
 
 def test_a_finding_is_printed_in_one_line_with_position_and_remedy():
-    found = Finding(
+    result = Finding(
         kind="gap",
         what="c1",
         by=0.002,
@@ -13,11 +13,11 @@ def test_a_finding_is_printed_in_one_line_with_position_and_remedy():
         remedy="move it",
         line=7,
     )
-    assert found.one_line == "line 7: c1 stands open by 2 mm; move it"
+    assert result.one_line == "line 7: c1 stands open by 2 mm; move it"
     bare = Finding(kind="open", what="tip", by=1, explains=0.0, message="tip can move")
     assert bare.one_line == "tip can move"
 
 
 def test_a_finding_has_the_documented_json_keys():
-    found = Finding(kind="gap", what="c1", by=0.002, explains=0.5, message="open").as_dict()
-    assert {"kind", "what", "by", "explains", "message"} <= set(json.loads(json.dumps(found)))
+    result = Finding(kind="gap", what="c1", by=0.002, explains=0.5, message="open").as_dict()
+    assert {"kind", "what", "by", "explains", "message"} <= set(json.loads(json.dumps(result)))

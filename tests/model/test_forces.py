@@ -14,7 +14,7 @@ FAR = (0.0, 0.0, 1.0)
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "output"),
     [
         (partial(Friction, "crank", -1.0), "viscous friction in joint 'crank' is -1.0"),
         (partial(Friction, "crank", 0.0, np.nan), "Coulomb friction"),
@@ -30,13 +30,13 @@ FAR = (0.0, 0.0, 1.0)
         (partial(motors.TorqueSpeedLine, 1.0, -100.0), "drives nothing"),
     ],
 )
-def test_meaningless_numbers_are_rejected(make, said):
-    with pytest.raises(InputError, match=said):
+def test_meaningless_numbers_are_rejected(make, output):
+    with pytest.raises(InputError, match=output):
         make()
 
 
 @pytest.mark.parametrize(
-    ("forces", "said"),
+    ("forces", "output"),
     [
         (Forces(friction=(Friction("elbow", 1.0),)), "'elbow', but there are only crank, P2, P3, rocker"),
         (Forces(friction=(Friction("P2", 0.0, 1.0, 0.0, 1.0),)), "given in spherical joint 'P2'; only a cyl"),
@@ -47,8 +47,8 @@ def test_meaningless_numbers_are_rejected(make, said):
         (Forces(springs=(Spring("P2", ("crank", FAR), 1.0),)), "both ends of a spring are on link 'crank'"),
     ],
 )
-def test_forces_that_do_not_fit_the_mechanism_are_rejected(forces, said):
-    with pytest.raises(InputError, match=said):
+def test_forces_that_do_not_fit_the_mechanism_are_rejected(forces, output):
+    with pytest.raises(InputError, match=output):
         forces.check(RSSR)
 
 

@@ -16,7 +16,7 @@ def test_an_invalid_mass_is_rejected(mass):
 
 
 @pytest.mark.parametrize(
-    ("moments", "said"),
+    ("moments", "output"),
     [
         ((1.0, 1.0, 2.1), "no body has one above the sum of the others, 2 kg m2"),
         ((1.0, 1.0, 0.0), "all must be above 0"),
@@ -28,8 +28,8 @@ def test_an_invalid_mass_is_rejected(mass):
         (((1.0, 0.5, 0.0), (0.5, 1.0, 0.0), (0.0, 0.0, 2.5)), "no body has one above the sum"),
     ],
 )
-def test_an_impossible_inertia_is_rejected(moments, said):
-    with pytest.raises(InputError, match=said):
+def test_an_impossible_inertia_is_rejected(moments, output):
+    with pytest.raises(InputError, match=output):
         Inertia(1.0, (0.0, 0.0, 0.0), moments)
 
 

@@ -32,9 +32,9 @@ def test_coordinates_are_the_inverse_of_displacements(kind, first, second, angle
     lengths, angles = iter((first, second, first)), iter((angle, other))
     values = [next(lengths if unit == "m" else angles) for unit in kind.units]
     shift, turn = displaced(kind, values, CROSS_ANGLE)
-    found = coordinates(kind, shift, np.eye(3), turn, CROSS_ANGLE)
-    assert found.shape == (len(kind.units),)
-    assert np.abs(found - values).max(initial=0.0) <= 16 * EPS * np.pi
+    result = coordinates(kind, shift, np.eye(3), turn, CROSS_ANGLE)
+    assert result.shape == (len(kind.units),)
+    assert np.abs(result - values).max(initial=0.0) <= 16 * EPS * np.pi
 
 
 def test_kinds_that_satisfy_a_rule_are_listed_by_name():

@@ -37,7 +37,7 @@ def test_harmonics_are_the_sum_of_cosines_and_sines():
 
 
 @pytest.mark.parametrize(
-    ("at", "values", "said"),
+    ("at", "values", "output"),
     [
         ([0.0, 1.0, 0.5, TURN], [0.0] * 4, r"does not increase: angle 0.5 in row 3 follows 1"),
         ([0.0, 1.0, 1.0, TURN], [0.0] * 4, "does not increase"),
@@ -49,8 +49,8 @@ def test_harmonics_are_the_sum_of_cosines_and_sines():
         ([0.0], [0.0], "two rows or more"),
     ],
 )
-def test_an_invalid_load_table_is_rejected(at, values, said):
-    with pytest.raises(InputError, match=said):
+def test_an_invalid_load_table_is_rejected(at, values, output):
+    with pytest.raises(InputError, match=output):
         load_profile.table(at, values)
 
 

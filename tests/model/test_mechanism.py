@@ -118,7 +118,7 @@ def test_the_characteristic_length_is_the_longest_distance_within_a_link():
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "output"),
     [
         ({"links": (Link("arm"), Link("arm"))}, "more than one link called 'arm'"),
         ({"links": (Link("ground"), Link("tip"))}, "more than one link called 'ground'"),
@@ -131,8 +131,8 @@ def test_the_characteristic_length_is_the_longest_distance_within_a_link():
         ({"gears": (Gear("crank", "knee", float("nan")),)}, "ratio of gear 'crank'-'knee' is nan"),
     ],
 )
-def test_a_contradictory_mechanism_is_rejected(changes, said):
-    with pytest.raises(InputError, match=said):
+def test_a_contradictory_mechanism_is_rejected(changes, output):
+    with pytest.raises(InputError, match=output):
         chain(**changes)
 
 
@@ -142,7 +142,7 @@ def test_an_unknown_joint_is_rejected_with_the_known_names():
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "output"),
     [
         (lambda: End("arm", axis=(0.0, 0.0, 0.0)), "zero vector"),
         (lambda: End("arm", axis=EZ, reference=(0.0, 0.0, -2.0)), "lies along its axis"),
@@ -154,8 +154,8 @@ def test_an_unknown_joint_is_rejected_with_the_known_names():
         (lambda: joint("universal", cross_angle=0.0), "cross angle"),
     ],
 )
-def test_an_invalid_end_or_joint_is_rejected(make, said):
-    with pytest.raises(InputError, match=said):
+def test_an_invalid_end_or_joint_is_rejected(make, output):
+    with pytest.raises(InputError, match=output):
         make()
 
 
@@ -176,8 +176,8 @@ def test_a_slide_without_references_has_the_smallest_rotation_that_aligns_its_ax
 
 @given(turns, turns)
 def test_a_slide_without_references_keeps_a_planar_mechanism_planar(first, second):
-    a, b = ((float(np.cos(one)), float(np.sin(one)), 0.0) for one in (first, second))
-    for axis in (b, tuple(-one for one in a)):
+    a, b = ((float(np.cos(item)), float(np.sin(item)), 0.0) for item in (first, second))
+    for axis in (b, tuple(-item for item in a)):
         made = Joint("slide", "prismatic", End(GROUND, axis=a), End("arm", axis=axis))
         assert (made.a.frame @ made.b.frame.T)[2, 2] == pytest.approx(1.0, abs=1e-9)
 
@@ -205,12 +205,12 @@ def test_a_guess_selects_the_orientation_of_a_slide_without_references_unless_it
         roughly = SLIDE.a.frame @ rotation("z", about) @ meant.b.frame.T
         # a rough guess tilts the axis, too
         off[meant.b.reference] = rotation("y", 0.3) @ roughly
-    least = min(abs(about + one) for one in (0.0, 2.0 * np.pi, -2.0 * np.pi))
+    least = min(abs(about + item) for item in (0.0, 2.0 * np.pi, -2.0 * np.pi))
     for reference, turned in off.items():
         if least < 0.4:
-            found = guessed(turned)
-            assert found.joints[0].b.reference == pytest.approx(reference, abs=1e-15)
-            assert found.with_guess({"arm": Pose(np.ones(3), turned)}, 0.0).joints == found.joints
+            result = guessed(turned)
+            assert result.joints[0].b.reference == pytest.approx(reference, abs=1e-15)
+            assert result.with_guess({"arm": Pose(np.ones(3), turned)}, 0.0).joints == result.joints
         elif least > 2.9:
             with pytest.raises(
                 InputError, match="prismatic joint 'slide' has no reference, and the guess rotates"

@@ -31,10 +31,10 @@ def test_parameters_and_times_of_motion_laws_belong_together():
     np.testing.assert_allclose(laws.time(laws.parameter(times)), times, rtol=1e-15, atol=1e-16)
     np.testing.assert_allclose(laws.spread(5), laws.parameter(times), rtol=1e-15, atol=1e-16)
     value, first, second = laws.along_path(laws.parameter(times))
-    for found, expected in zip(
+    for result, expected in zip(
         (value, first * laws.rate, second * laws.rate**2), laws.state(times), strict=True
     ):
-        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-14)
+        np.testing.assert_allclose(result, expected, rtol=1e-13, atol=1e-14)
 
 
 def test_a_revolution_of_a_crank_is_sampled_without_its_end():

@@ -13,9 +13,9 @@ from mechsim.model.mechanism import Mechanism
 
 def test_a_mechanism_is_planar_if_no_joint_leaves_the_plane():
     planar = [catalog.make(name).mechanism for name in ("four_bar", "slider_crank")]
-    assert all(plane_normals(one) for one in [*planar, mechanisms.geared_five_bar()])
+    assert all(plane_normals(item) for item in [*planar, mechanisms.geared_five_bar()])
     spatial = [catalog.make("rssr").mechanism, mechanisms.bennett(), mechanisms.rsup()]
-    assert not any(plane_normals(one) for one in spatial)
+    assert not any(plane_normals(item) for item in spatial)
 
 
 @pytest.mark.parametrize("tilt", [1e-3, 1e-8])

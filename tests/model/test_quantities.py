@@ -38,8 +38,8 @@ DEPENDS_ON = {
 
 def value(name, **dimensions):
     solved = catalog.make("four_bar", **dimensions).solve(ANGLES, 2.0)
-    one = numeric_quantity(name, catalog.make("four_bar").mechanism)
-    return one.number(record_columns(solved, [one]))
+    item = numeric_quantity(name, catalog.make("four_bar").mechanism)
+    return item.number(record_columns(solved, [item]))
 
 
 def verdict(name, factor):
@@ -51,8 +51,8 @@ def verdict(name, factor):
 
 def of_angles(name, angle):
     solved = catalog.make("four_bar").solve(angle, 2.0)
-    one = numeric_quantity(name, catalog.make("four_bar").mechanism)
-    return one.number(record_columns(solved, [one]))
+    item = numeric_quantity(name, catalog.make("four_bar").mechanism)
+    return item.number(record_columns(solved, [item]))
 
 
 def require_understood(name, dimension):
@@ -62,8 +62,10 @@ def require_understood(name, dimension):
     (column,) = table.values
     np.testing.assert_allclose(table.values[column], value(name), rtol=1e-12)
     ahead, behind = (value(name, **{dimension: size * (1.0 + sign * STEP)}) for sign in (1.0, -1.0))
-    slope = (ahead - behind) / (2.0 * STEP * size)
-    np.testing.assert_allclose(table.by[dimension][column], slope, rtol=1e-6, atol=1e-6 * np.abs(slope).max())
+    gradient = (ahead - behind) / (2.0 * STEP * size)
+    np.testing.assert_allclose(
+        table.by[dimension][column], gradient, rtol=1e-6, atol=1e-6 * np.abs(gradient).max()
+    )
     measure = f"at:0.3rad:{name}"
     swept = ms.sweep("four_bar", {dimension: [size, 1.01 * size]}, measure=[measure], speed=2.0)
     gap = swept[measure].values - [value(name)[0], moved[0]]
@@ -118,14 +120,14 @@ def test_columns_of_motions_and_forces_are_names():
     for record in (form.solve(ANGLES, 2.0), study):
         for name, column in record.columns():
             if name not in skipped:
-                one = quantity(name, form.mechanism)
-                np.testing.assert_array_equal(one.number(dict(record.columns())), column)
-                assert [part.name for part in one.scalars()] == [name]
+                item = quantity(name, form.mechanism)
+                np.testing.assert_array_equal(item.number(dict(record.columns())), column)
+                assert [part.name for part in item.scalars()] == [name]
 
 
 def test_a_vector_stands_for_its_components():
     mechanism = catalog.make("rssr").mechanism
-    names = [one.name for one in scalar_quantities(["P3.v", "force:P3", "rocker"], mechanism)]
+    names = [item.name for item in scalar_quantities(["P3.v", "force:P3", "rocker"], mechanism)]
     assert names == ["P3.vx", "P3.vy", "P3.vz", "P3.fx", "P3.fy", "P3.fz", "rocker.q"]
 
 

@@ -134,14 +134,14 @@ def test_a_link_stays_a_link_and_what_it_points_to_is_written(motion, tmp_path):
 
 
 def test_a_named_pipe_takes_the_file_and_stays_one(motion, tmp_path):
-    pipe, told = tmp_path / "pipe.csv", []
+    pipe, reported = tmp_path / "pipe.csv", []
     os.mkfifo(pipe)
-    reader = threading.Thread(target=lambda: told.append(pipe.read_text()))
+    reader = threading.Thread(target=lambda: reported.append(pipe.read_text()))
     reader.start()
     files.write(pipe, motion)
     reader.join()
     files.write(tmp_path / "plain.csv", motion)
-    assert told == [(tmp_path / "plain.csv").read_text()]
+    assert reported == [(tmp_path / "plain.csv").read_text()]
     assert pipe.is_fifo()
     (tmp_path / "full.csv").symlink_to("/dev/full")
     with pytest.raises(OutputError, match="No space left"):

@@ -101,8 +101,8 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_be_used_is_rejected_in_one_sentence(name):
-    wrong, said = REFUSED[name]
-    with pytest.raises(ms.InputError, match=said) as refused:
+    wrong, output = REFUSED[name]
+    with pytest.raises(ms.InputError, match=output) as refused:
         wrong()
     assert "\n" not in str(refused.value)
 
@@ -161,12 +161,12 @@ def test_what_the_documents_name_imports_as_written(line):
 def test_what_type_checkers_see_is_what_there_is():
     tree = ast.parse(Path(ms.__file__).read_text())
     (block,) = [n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"]
-    told = {}
+    reported = {}
     for statement in block.body:
         home = importlib.import_module(statement.module)
-        told |= {one.asname or one.name: (home, one.name) for one in statement.names}
-    assert set(told) == set(NAMES) - {"__version__"}
-    for name, (home, there) in told.items():
+        reported |= {item.asname or item.name: (home, item.name) for item in statement.names}
+    assert set(reported) == set(NAMES) - {"__version__"}
+    for name, (home, there) in reported.items():
         inside = f"{home.__name__}.{there}"
         declared = vars(home).get(there) if there in vars(home) else importlib.import_module(inside)
         assert getattr(ms, name) is declared

@@ -56,7 +56,7 @@ def test_helpers_agree_with_the_parser():
 
 
 @pytest.mark.parametrize(
-    ("text", "unit", "said"),
+    ("text", "unit", "output"),
     [
         ("13 s", "m", "the wrong kind of unit"),
         ("13 furlongpersecond", "m", "not known"),
@@ -84,8 +84,8 @@ def test_helpers_agree_with_the_parser():
         ("13 m**2", "m", "the wrong kind of unit"),
     ],
 )
-def test_what_is_no_such_quantity_is_rejected_in_one_sentence_with_an_example(text, unit, said):
-    with pytest.raises(InputError, match=said) as refused:
+def test_what_is_no_such_quantity_is_rejected_in_one_sentence_with_an_example(text, unit, output):
+    with pytest.raises(InputError, match=output) as refused:
         units.parse(text, unit, "the crank")
     sentence = str(refused.value)
     assert sentence.startswith("the crank ")

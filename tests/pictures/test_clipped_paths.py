@@ -30,8 +30,8 @@ def test_a_picture_is_framed_on_the_links_and_states_which_path_is_cut(tmp_path,
     assert drawn.camera.height > 0.1
     assert ("far" in named(drawn, 0)) == (not cut)
     assert "near" in named(drawn, 0)
-    said = [line for line, _ in legend(drawn) if "framed on the links; cut: the path of far" in line]
-    assert len(said) == cut
+    output = [line for line, _ in legend(drawn) if "framed on the links; cut: the path of far" in line]
+    assert len(output) == cut
     # what is left of it lies outside the picture
     gone = np.abs(drawn.frames.paths["far"] - drawn.frames.paths["near"]).max()
     assert not cut or gone > 0.5 * drawn.camera.height

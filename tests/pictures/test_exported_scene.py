@@ -22,8 +22,8 @@ def full_turn(name):
     return drive if drive.crank_range().full else catalog.make("rssr", crank=0.014, rocker=0.03)
 
 
-def same(one, other):
-    for name, point in one.points.items():
+def same(item, other):
+    for name, point in item.points.items():
         for kind in ("position", "velocity", "acceleration"):
             np.testing.assert_array_equal(getattr(point, kind), getattr(other.points[name], kind))
 
@@ -65,14 +65,14 @@ def test_geoms_neither_weigh_nor_collide(name):
 @pytest.mark.parametrize("name", grid(NAMES))
 def test_an_exported_picture_shows_every_link_to_any_user_of_mujoco(name):
     try:
-        found = gl_backend.choose()
+        result = gl_backend.choose()
     except MissingToolError as missing:
         pytest.skip(str(missing))
     mechanism = catalog.make(name).mechanism
     model = mujoco.MjModel.from_xml_string(mjcf.to_xml(exported(mechanism, Scene(level="picture"))))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    with gl_backend.renderer(model, (320, 240), found) as drawing:
+    with gl_backend.renderer(model, (320, 240), result) as drawing:
         drawing.update_scene(data, CAMERA)
         picture = drawing.render()
     for link, rgba in link_colours(mechanism).items():

@@ -51,8 +51,8 @@ def test_geoms_are_where_the_file_has_them_in_its_colours(form):
     wedge, capsule, ball = bodies["arm"]  # what collides is not what is seen
     assert wedge.rgba == pytest.approx((0.8, 0.1, 0.1, 1.0))
     corners = np.array([[0.1, 0, 0], [0.1, 0.1, 0], [0, 0, 0], [0.1, 0, 0.1]])
-    found = wedge.facets.vertices
-    assert sorted(map(tuple, found.round(6))) == sorted(map(tuple, corners.round(6)))
+    result = wedge.facets.vertices
+    assert sorted(map(tuple, result.round(6))) == sorted(map(tuple, corners.round(6)))
     assert capsule.rgba[1] == pytest.approx(0.5)
     assert sorted([capsule.frm, capsule.to])[1] == pytest.approx((0.2, 0.0, 0.0), abs=1e-12)
     low, high = ball.facets.vertices.min(0), ball.facets.vertices.max(0)
@@ -73,11 +73,11 @@ def test_a_pivot_at_which_a_point_stays_goes_by_the_point_s_name():
     drive = ms.catalog.make("four_bar")
     mechanism = drive.mechanism
     both = {**mechanism.points, "motor": ("crank", (0.0, 0.0, 0.0))}
-    for points, told in ((mechanism.points, {"crank", "rocker"}), (both, {"motor", "rocker"})):
+    for points, reported in ((mechanism.points, {"crank", "rocker"}), (both, {"motor", "rocker"})):
         with_points = replace(mechanism, points=points)
         motion = ms.loops.solve(with_points, [0.0, 1.0])
         names = set(named(Source(with_points, motion).drawn(Look()), 0))
-        assert names == told | {"A", "B", "C"}
+        assert names == reported | {"A", "B", "C"}
 
 
 def test_the_page_holds_them(form):

@@ -45,17 +45,17 @@ def test_an_error_is_found_and_magnified_by_the_factor(drive, motion):
     off = np.array([2e-9, -1e-9, 0.0])
     run = frame_poses(drive.mechanism, moved(motion, "rocker", off)).poses
     exact = frame_poses(drive.mechanism, motion).poses
-    found = ghost.errors(drive.mechanism, run, exact, NONE)
-    np.testing.assert_allclose(found["rocker"][0], np.tile(-off, (25, 1)), atol=1e-15)
-    assert np.abs(found["crank"][0]).max() == 0.0
-    by = ghost.factor(drive.mechanism, found)
+    result = ghost.errors(drive.mechanism, run, exact, NONE)
+    np.testing.assert_allclose(result["rocker"][0], np.tile(-off, (25, 1)), atol=1e-15)
+    assert np.abs(result["crank"][0]).max() == 0.0
+    by = ghost.factor(drive.mechanism, result)
     assert np.log10(by) == pytest.approx(round(np.log10(by)))
     assert (
         0.1 * ghost.MAX_GHOST_DISTANCE * span(drive.mechanism)
         < 2e-9 * by
         <= ghost.MAX_GHOST_DISTANCE * span(drive.mechanism)
     )
-    shown = ghost.magnified(drive.mechanism, run, found, by)["rocker"]
+    shown = ghost.magnified(drive.mechanism, run, result, by)["rocker"]
     np.testing.assert_allclose(
         shown.position - run["rocker"].position, np.tile(-off * by, (25, 1)), atol=1e-8
     )
@@ -73,10 +73,10 @@ def test_a_turn_is_magnified_about_its_own_axis(drive, motion, size):
         else pose
         for name, pose in poses.items()
     }
-    found = ghost.errors(drive.mechanism, poses, turned, NONE)
-    np.testing.assert_allclose(found["crank"][1], np.tile(size * axis, (25, 1)), rtol=1e-3, atol=1e-15)
-    twice = ghost.magnified(drive.mechanism, poses, found, 2.0)["crank"]
-    back = ghost.magnified(drive.mechanism, turned, found, 1.0)["crank"]
+    result = ghost.errors(drive.mechanism, poses, turned, NONE)
+    np.testing.assert_allclose(result["crank"][1], np.tile(size * axis, (25, 1)), rtol=1e-3, atol=1e-15)
+    twice = ghost.magnified(drive.mechanism, poses, result, 2.0)["crank"]
+    back = ghost.magnified(drive.mechanism, turned, result, 1.0)["crank"]
     np.testing.assert_allclose(twice.rotation, back.rotation, atol=2e-3 * size + 1e-15)
 
 
@@ -91,8 +91,8 @@ def test_spin_that_means_nothing_is_no_error():
     first = poses["coupler"].point(tuple(ends[0]))
     other = {**poses, "coupler": Pose(first - spun @ ends[0], spun)}
     assert np.abs(ghost.errors(drive.mechanism, poses, other, NONE)["coupler"][1]).max() > 0.5
-    way, turn = ghost.errors(drive.mechanism, poses, other, motion.spinning)["coupler"]
-    assert max(np.abs(way).max(), np.abs(turn).max()) < 1e-14
+    direction, turn = ghost.errors(drive.mechanism, poses, other, motion.spinning)["coupler"]
+    assert max(np.abs(direction).max(), np.abs(turn).max()) < 1e-14
 
 
 @draws
@@ -104,7 +104,7 @@ def test_the_ghost_is_seen_where_it_differs_and_only_there(drive, motion):
     assert (np.abs(picture(motion).astype(int) - plain).max(2) > 60).mean() < 2e-3
     off = moved(motion, "rocker", np.array([1e-9, 0.0, 0.0]))
     # the framing holds the ghost too, so the whole picture may shift: count dark pixels instead
-    dark = [(one.max(2) < 110).sum() for one in (plain, picture(off))]
+    dark = [(item.max(2) < 110).sum() for item in (plain, picture(off))]
     assert dark[1] > dark[0] + 60
     assert GHOST[3] < 1.0
 
@@ -133,9 +133,11 @@ def test_arrows_point_along_their_vectors_at_one_scale(drive, motion):
 @draws
 @pytest.mark.parametrize("camera", ["shaft", "iso"])
 def test_an_arrow_ends_where_its_vector_points(drive, camera):
-    way = np.array([0.3, 2.0, 4.1])
-    motion = drive.solve(way, 60.0)
-    forces = {"A": 80.0 * np.column_stack([np.cos(3.0 * way), np.sin(3.0 * way), 0.0 * way])}
+    direction = np.array([0.3, 2.0, 4.1])
+    motion = drive.solve(direction, 60.0)
+    forces = {
+        "A": 80.0 * np.column_stack([np.cos(3.0 * direction), np.sin(3.0 * direction), 0.0 * direction])
+    }
     look = Look(size=SIZE, notes=False, labels=False, paths=False, arrows=("force",), camera=camera)
     stage = Source(drive.mechanism, motion, forces=forces).drawn(look)
     (drawn,) = stage.arrows
@@ -146,11 +148,14 @@ def test_an_arrow_ends_where_its_vector_points(drive, camera):
     for frame in range(3):
         start = stage.frames.points["A"][frame]
         tip = start + drawn.scale * forces["A"][frame]
-        seen = np.argwhere(np.abs(pictures[0][frame] - pictures[1][frame]).max(2) > 40)[:, ::-1] + 0.5
+        observed = np.argwhere(np.abs(pictures[0][frame] - pictures[1][frame]).max(2) > 40)[:, ::-1] + 0.5
         # an arrow drawn before all else hides what it covers, and nothing else changes
         start, tip = stage.camera.pixel(start), stage.camera.pixel(tip)
-        way = (tip - start) / np.linalg.norm(tip - start)
-        along, across = (seen - start) @ way, (seen - start) @ np.array([-way[1], way[0]])
+        direction = (tip - start) / np.linalg.norm(tip - start)
+        along, across = (
+            (observed - start) @ direction,
+            (observed - start) @ np.array([-direction[1], direction[0]]),
+        )
         assert along.max() == pytest.approx(np.linalg.norm(tip - start), abs=2.0)
         assert along.min() > -4.0
         assert abs(across.mean()) < 1.5
@@ -192,9 +197,9 @@ def test_both_methods_put_the_same_forces_into_the_joints(name):
     motion = drawn_motion(drive, "closed", profile, 12)
     closed = joint_loads(drive, "closed", profile, motion)
     simulated = joint_loads(drive, "simulated", profile, motion)
-    for kind, found in closed.items():
-        largest = max(np.abs(force).max() for force in found.values())
-        for joint, force in found.items():
+    for kind, result in closed.items():
+        largest = max(np.abs(force).max() for force in result.values())
+        for joint, force in result.items():
             # both solve the poses to rounding; out of a plane a force is not determined
             np.testing.assert_allclose(
                 force[:, :2], simulated[kind][joint][:, :2], atol=1e-6 * largest + 1e-12
@@ -225,16 +230,16 @@ def test_unknown_looks_are_rejected(options, says):
 
 @draws
 def test_every_frame_written_is_reported(drive, motion, tmp_path):
-    told: list[int] = []
+    reported: list[int] = []
     render.write_video(
         tmp_path / "a.gif",
         drive.mechanism,
         motion,
         angles=TURN[:3],
         size=(64, 48),
-        progress=lambda: told.append(1),
+        progress=lambda: reported.append(1),
     )
-    assert len(told) == 3
+    assert len(reported) == 3
 
 
 @pytest.mark.parametrize(("name", "none"), [("four_bar", True), ("rssr", False)])

@@ -48,9 +48,9 @@ def test_a_label_stays_on_its_side_and_leaves_it_for_labels_and_for_nearer_point
 def test_every_label_is_nearest_to_its_own_point():
     for seed in range(20):
         points = [np.array(at) for at in np.random.default_rng(seed).uniform([100, 80], [300, 220], (6, 2))]
-        found = placed(points, [40.0] * 6, 14.0, 8.0, SIZE)
+        result = placed(points, [40.0] * 6, 14.0, 8.0, SIZE)
         own = [
-            min(points, key=spot.distance) is point for (spot, _), point in zip(found, points, strict=True)
+            min(points, key=spot.distance) is point for (spot, _), point in zip(result, points, strict=True)
         ]
         assert sum(own) >= 5
 

@@ -77,7 +77,9 @@ def test_a_figure_looks_the_same_drawn_by_its_user_as_by_the_house(figures):
         with matplotlib.rc_context({"svg.hashsalt": "mechsim", "font.size": 20.0, "grid.color": "red"}):
             out = io.BytesIO()
             figure.savefig(out, format="svg", metadata={"Date": None})
-        sizes = [set(re.findall(rb"scale\(([0-9.]+)", one)) for one in (out.getvalue(), plots.drawn(figure))]
+        sizes = [
+            set(re.findall(rb"scale\(([0-9.]+)", item)) for item in (out.getvalue(), plots.drawn(figure))
+        ]
         assert sizes[0] == sizes[1]
         assert b"#ff0000" not in out.getvalue()
 
@@ -96,8 +98,8 @@ def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, mo
         plots.coupler_curve(drive.mechanism, motion),
     )
     assert {plots.drawn(figure) for figure in again} <= set(vectors)
-    for one in vectors:
-        for element in ET.fromstring(one).iter():
+    for item in vectors:
+        for element in ET.fromstring(item).iter():
             for name, link in element.attrib.items():
                 assert not name.endswith("href") or link.startswith("#")
 
@@ -111,9 +113,9 @@ def test_units_suit_the_numbers():
 
 def test_a_plane_curve_is_seen_once_and_a_space_curve_from_three_sides(drive, motion):
     flat = catalog.make("four_bar")
-    one = plots.coupler_curve(flat.mechanism, flat.solve(TURN))
+    item = plots.coupler_curve(flat.mechanism, flat.solve(TURN))
     three = plots.coupler_curve(drive.mechanism, motion)
-    assert [len(figure.axes) for figure in (one, three)] == [1, 3]
+    assert [len(figure.axes) for figure in (item, three)] == [1, 3]
 
 
 def test_errors_that_are_not_numbers_leave_a_gap():
@@ -174,13 +176,13 @@ def test_efforts_of_motion_laws_are_drawn_over_time_by_both_methods_and_balance(
     source = PlotSource(solver=load("five_bar"), speed=1.0, options=PlotOptions(method="simulated"))
     (ax,) = PLOTS["torque"].draw(source).axes
     assert ax.get_xlabel() == "time [s]"
-    told = dict(zip((line.get_label() for line in ax.get_lines()), ax.get_lines(), strict=True))
+    reported = dict(zip((line.get_label() for line in ax.get_lines()), ax.get_lines(), strict=True))
     study = source.study()
     for name, values in study.forces.drives.items():
-        label = next(one for one in told if one.startswith(name))
-        drawn = told[label].get_ydata()
+        label = next(item for item in reported if item.startswith(name))
+        drawn = reported[label].get_ydata()
         assert drawn / np.abs(drawn).max() == pytest.approx(values / np.abs(values).max())
-    assert "MuJoCo" in told
+    assert "MuJoCo" in reported
     for kind in ("reactions", "power"):
         assert plots.drawn(PLOTS[kind].draw(source)).startswith(b"<?xml")
 
@@ -270,11 +272,17 @@ def test_what_stands_still_to_rounding_is_drawn_flat_and_reports_so(drive, motio
 
 def test_a_difference_of_rounding_is_drawn_as_none():
     exact = 0.1 + 0.02 * np.sin(np.linspace(0.0, 6.0, 50))[:, None]
-    told = {"name": "P.x", "unit": "m", "instants": np.linspace(0.0, 6.0, 50), "over": "rad", "exact": exact}
-    told |= {"components": "x", "tolerance": 1e-9, "source": "own.py", "shares": {}}
+    reported = {
+        "name": "P.x",
+        "unit": "m",
+        "instants": np.linspace(0.0, 6.0, 50),
+        "over": "rad",
+        "exact": exact,
+    }
+    reported |= {"components": "x", "tolerance": 1e-9, "source": "own.py", "shares": {}}
     for gap, drawn, says in ((1e-17, 0.0, "rounding, below"), (1e-11, 1e-11, "at most")):
         claimed = exact + gap * np.cos(np.linspace(0.0, 6.0, 50))[:, None]
-        ax = agreement_plot(TwoCurves(claimed=claimed, **told)).axes[1]
+        ax = agreement_plot(TwoCurves(claimed=claimed, **reported)).axes[1]
         largest = np.abs(ax.get_lines()[0].get_ydata()).max()
         assert largest == pytest.approx(drawn / 1e-6, rel=1e-2)
         assert says in ax.get_title("left")

@@ -154,22 +154,22 @@ def test_a_moving_point_is_drawn_where_the_camera_states():
     stage = DrawnModel(mechanism, frame_poses(mechanism, motion), Look(size=SIZE, camera="shaft"))
     pictures = bare(mechanism, motion, camera="shaft")
     for picture, pin, tip in zip(pictures, np.zeros((9, 3)), stage.frames.points["A"], strict=True):
-        seen = np.argwhere(coloured(picture, PALETTE[0]))[:, ::-1] + 0.5  # pixel centres
+        observed = np.argwhere(coloured(picture, PALETTE[0]))[:, ::-1] + 0.5  # pixel centres
         start, end = stage.camera.pixel(pin), stage.camera.pixel(tip)
-        way = (end - start) / np.linalg.norm(end - start)
-        along = (seen - start) @ way
+        direction = (end - start) / np.linalg.norm(end - start)
+        along = (observed - start) @ direction
         # the ball at the tip is 1.5 rod radii in radius
         ball = 1.5 * stage.radius * stage.camera.scale
         assert along.max() == pytest.approx(np.linalg.norm(end - start) + ball, abs=1.6)
-        near = seen[along > np.linalg.norm(end - start) - 0.5 * ball]
-        assert np.abs(near.mean(0) - end) @ np.abs([way[1], way[0]]) < 1.0
+        near = observed[along > np.linalg.norm(end - start) - 0.5 * ball]
+        assert np.abs(near.mean(0) - end) @ np.abs([direction[1], direction[0]]) < 1.0
 
 
 @draws
 def test_paths_grow_behind_their_points(drive, motion):
     plain = bare(drive.mechanism, motion, angles=TURN[::9])
     grown = list(bare(drive.mechanism, motion, angles=TURN[::9], paths="grow"))
-    drawn = [(one != other).any(2).sum() for one, other in zip(plain, grown, strict=True)]
+    drawn = [(item != other).any(2).sum() for item, other in zip(plain, grown, strict=True)]
     assert len(drawn) == 5
     assert drawn[0] == 0
     assert all(a < b for a, b in pairwise(drawn))
@@ -199,11 +199,11 @@ def test_size_of_the_mechanism_does_not_change_the_picture(drive):
 @draws
 def test_overlaid_positions_show_the_crank_all_round(drive, motion):
     crank = link_colours(drive.mechanism)["crank"]
-    one = render.still(drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False)
+    item = render.still(drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False)
     many = render.still(
         drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False, overlay=12
     )
-    assert coloured(many, crank).sum() > 3 * coloured(one, crank).sum()
+    assert coloured(many, crank).sum() > 3 * coloured(item, crank).sum()
 
 
 @draws
@@ -365,10 +365,10 @@ def test_videos_hold_every_frame_at_the_size_requested_for(extension, drive, mot
     angles = render.turn_angles(drive.mechanism, motion, 12)
     count = render.write_video(path, drive.mechanism, motion, angles=angles, size=SIZE, fps=12.0)
     assert count == 12
-    seen = decoded(path, SIZE)
-    assert len(seen) == 12
+    observed = decoded(path, SIZE)
+    assert len(observed) == 12
     drawn = next(iter(render.frames(drive.mechanism, motion, angles=angles, size=SIZE)))
-    assert np.abs(seen[0].astype(int) - drawn).mean() < 6.0
+    assert np.abs(observed[0].astype(int) - drawn).mean() < 6.0
     assert [left.name for left in tmp_path.iterdir()] == [path.name]
 
 

@@ -47,8 +47,8 @@ def test_shadows_fall_where_a_shadow_map_has_them(name):
             pictures.append(drawing.render().astype(int).sum(2) / 3.0)
         drawing.update_scene(stage.data, CAMERA)
         drawing.enable_segmentation_rendering()
-        seen = drawing.render()[:, :, 0]
-    wall = stage.model.geom_type[seen] == mujoco.mjtGeom.mjGEOM_PLANE
+        observed = drawing.render()[:, :, 0]
+    wall = stage.model.geom_type[observed] == mujoco.mjtGeom.mjGEOM_PLANE
     bare, flat, mapped = pictures
     ours, theirs = (bare - flat > 20.0) & wall, (bare - mapped > 20.0) & wall
     assert theirs.sum() > 600

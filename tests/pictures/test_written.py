@@ -55,7 +55,7 @@ def test_a_picture_leaves_room_for_its_own_legend():
     motion = drive.solve(np.linspace(0.0, 2.0 * np.pi, 25), 60.0)
     look = Look(arrows=("velocity", "acceleration"), caption="slow")
     with_legend, without = (
-        Source(drive.mechanism, motion).drawn(one).camera for one in (look, replace(look, notes=False))
+        Source(drive.mechanism, motion).drawn(item).camera for item in (look, replace(look, notes=False))
     )
     free, taken = 1.0 - 2.0 * camera.BORDER, foot(look.size, 3) - camera.BORDER
     assert with_legend.height * (free - taken) == pytest.approx(without.height * free)

@@ -61,7 +61,7 @@ BROKEN = (check(), check(float("nan"), "P2", "velocity"))
 
 
 def results(**mechanisms):
-    return {"passed": all(one["passed"] for one in mechanisms.values()), "mechanisms": mechanisms}
+    return {"passed": all(item["passed"] for item in mechanisms.values()), "mechanisms": mechanisms}
 
 
 def good():
@@ -75,7 +75,7 @@ def good():
 
 
 def bad():
-    checks = [one.as_dict() for one in BROKEN]
+    checks = [item.as_dict() for item in BROKEN]
     return {"passed": False, "outcome": "diverged", "reason": "MuJoCo warned", "checks": checks}
 
 
@@ -105,10 +105,10 @@ def section():
 def test_the_page_needs_nothing_but_itself(section, tmp_path):
     section = replace(section, video="turn.mp4")
     page = report.write_report(tmp_path / "out", results(rssr=good()), [section]).read_text(encoding="utf-8")
-    seen = Reader(page)
+    observed = Reader(page)
     own = ("validate.json", "turn.mp4")
-    assert all(link.startswith(("data:", "#")) or link in own for link in seen.links)
-    assert sum(link.startswith("data:image/") for link in seen.links) == 2
+    assert all(link.startswith(("data:", "#")) or link in own for link in observed.links)
+    assert sum(link.startswith("data:image/") for link in observed.links) == 2
     assert len(re.findall(r"url\(data:image/png;base64,", page)) == 1
     assert "@import" not in page
     assert not re.search(r"url\((?!data:)", page)
@@ -140,7 +140,7 @@ def test_the_first_screen_states_exactly_what_was_run(section, tmp_path):
     text = Reader(
         report.write_report(tmp_path, results(**steps), [section, posed]).read_text(encoding="utf-8")
     ).text
-    rows = [{"name": one.name, "checks": one.checks} for one in (section, posed)]
+    rows = [{"name": item.name, "checks": item.checks} for item in (section, posed)]
     assert [(row["against"], row["mechanisms"], row["name"]) for row in report.method_rows(rows)] == [
         ("loop equations", 1, "posed"),
         ("MuJoCo, solved poses", 1, "posed"),
@@ -292,10 +292,10 @@ def test_studies_left_in_the_folder_become_part_of_the_page(tmp_path):
     (tmp_path / "extremes.json").write_text(json.dumps(numbers), encoding="utf-8")
     (tmp_path / "tradeoff_rssr.svg").write_bytes(drawing)
     page = report.write_report(tmp_path, results(rssr=good()), [], studies=studies_in(tmp_path))
-    seen = Reader(page.read_text(encoding="utf-8"))
-    assert sum(link.startswith("data:image/svg") for link in seen.links) == 2
+    observed = Reader(page.read_text(encoding="utf-8"))
+    assert sum(link.startswith("data:image/svg") for link in observed.links) == 2
     for words in ("2 of 2 runs", "5e-10: cannot assemble", "Speed against accuracy"):
-        assert words in seen.text
+        assert words in observed.text
     (tmp_path / "extremes.json").write_text("{}", encoding="utf-8")
     with pytest.raises(OutputError, match="run it again or remove"):
         studies_in(tmp_path)
@@ -333,20 +333,20 @@ def test_a_browser_shows_and_plays_everything_without_complaint(section, tmp_pat
     with Browser(tmp_path / "profile") as browser:
         for width, scheme in ((1280, "light"), (400, "dark")):
             browser.open(page, width, scheme)
-            found = browser.run(SURVEY)
+            computed = browser.run(SURVEY)
             assert browser.complaints == []
-            assert found["bare"] == 0
-            assert found["images"] == 2
-            assert found["played"] == [[64, True, True]]
-            assert found["cut"] == []
-            assert found["across"] <= width
-            assert found["smallest"] >= 12.0
-            seen = browser.look()
-            assert seen.shape[1] == width
-            paper, ink = seen[3, 3], seen[: seen.shape[0] // 3].reshape(-1, 3)
+            assert computed["bare"] == 0
+            assert computed["images"] == 2
+            assert computed["played"] == [[64, True, True]]
+            assert computed["cut"] == []
+            assert computed["across"] <= width
+            assert computed["smallest"] >= 12.0
+            observed = browser.look()
+            assert observed.shape[1] == width
+            paper, ink = observed[3, 3], observed[: observed.shape[0] // 3].reshape(-1, 3)
             assert (paper > 225).all() if scheme == "light" else (paper < 60).all()
             assert ink.min() < 60 < 225 < ink.max()
-            assert len(np.unique(seen.reshape(-1, 3), axis=0)) > 100
+            assert len(np.unique(observed.reshape(-1, 3), axis=0)) > 100
 
 
 @in_browser
@@ -358,8 +358,8 @@ def test_a_report_of_all_mechanisms_prints_on_four_pages_and_is_small(section, t
         replace(section, name=f"m{i}", title=f"m{i}", picture=picture, checks=checks, plots=[("Paths", PNG)])
         for i, picture in enumerate(pictures)
     ]
-    found = results(**{one.name: good() for one in sections})
-    page = report.write_report(tmp_path, found, sections)
+    computed = results(**{item.name: good() for item in sections})
+    page = report.write_report(tmp_path, computed, sections)
     assert page.stat().st_size < 3_000_000
     paper = tmp_path / "page.pdf"
     command = [PROGRAM, "--headless", "--no-sandbox", "--disable-gpu", f"--print-to-pdf={paper}"]
@@ -397,8 +397,8 @@ def test_a_browser_finds_what_is_broken(section, tmp_path):
     page.write_text(text, encoding="utf-8")
     with Browser(tmp_path / "profile") as browser:
         browser.open(page, 400, "light")
-        found = browser.run(SURVEY)
-        assert found["bare"] == 1
-        assert found["played"] == [[0, False, False]]
-        assert found["cut"] == ["wide"]
+        computed = browser.run(SURVEY)
+        assert computed["bare"] == 1
+        assert computed["played"] == [[0, False, False]]
+        assert computed["cut"] == ["wide"]
         assert "lost is not defined" in str(browser.complaints)

@@ -26,8 +26,8 @@ def validated(monkeypatch, tmp_path, capsys, *words):
 
 
 def test_the_report_holds_page_numbers_plots_picture_and_video(monkeypatch, tmp_path, capsys):
-    code, said = validated(monkeypatch, tmp_path, capsys, "slider_crank", "--report", "out/", "--json")
-    assert not code, said.err
+    code, output = validated(monkeypatch, tmp_path, capsys, "slider_crank", "--report", "out/", "--json")
+    assert not code, output.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {
         "index.html",
@@ -37,7 +37,7 @@ def test_the_report_holds_page_numbers_plots_picture_and_video(monkeypatch, tmp_
         "slider_crank.view.html",
     }
     beside = json.loads((tmp_path / "out" / "validate.json").read_text())
-    printed = json.loads(said.out)
+    printed = json.loads(output.out)
     assert beside["mechanisms"]["slider_crank"]["checks"] == printed["mechanisms"]["slider_crank"]["checks"]
     page = (tmp_path / "out" / "index.html").read_text()
     assert 'src="slider_crank.mp4"' in page
@@ -70,8 +70,8 @@ def test_a_scene_of_ones_own_is_drawn_as_its_file_draws_it(monkeypatch, tmp_path
     monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
     monkeypatch.setattr(validation, "PLOTS", {})
     words = ("pushed.xml", "--drive", "crank=0.5+0.1*sin(2*pi*t)", "--report", "out")
-    code, said = validated(monkeypatch, tmp_path, capsys, *words)
-    assert not code, said.err
+    code, output = validated(monkeypatch, tmp_path, capsys, *words)
+    assert not code, output.err
     page = (tmp_path / "out" / "index.html").read_text()
     picture = base64.b64decode(re.search(r"url\(data:image/webp;base64,([^)]*)\)", page)[1])
     pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).astype(int)
@@ -83,19 +83,19 @@ def test_a_scene_of_ones_own_is_drawn_as_its_file_draws_it(monkeypatch, tmp_path
 def test_without_opengl_validation_passes_and_one_line_names_the_package(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(gl_backend, "probe", lambda name: None)
     monkeypatch.setattr(validation, "PLOTS", {})
-    code, said = validated(monkeypatch, tmp_path, capsys, "four_bar", "slider_crank", "--report", "out")
-    assert not code, said.err
-    lines = [line for line in said.err.splitlines() if "libegl1" in line or "libosmesa6" in line]
+    code, output = validated(monkeypatch, tmp_path, capsys, "four_bar", "slider_crank", "--report", "out")
+    assert not code, output.err
+    lines = [line for line in output.err.splitlines() if "libegl1" in line or "libosmesa6" in line]
     assert len(lines) == 1
     assert (tmp_path / "out" / "index.html").exists()
     assert not list((tmp_path / "out").glob("*.mp4"))
 
 
 def test_a_report_folder_that_cannot_be_made_is_rejected_before_any_work(monkeypatch, tmp_path, capsys):
-    code, said = validated(monkeypatch, tmp_path, capsys, "four_bar", "--report", "no/such/folder")
+    code, output = validated(monkeypatch, tmp_path, capsys, "four_bar", "--report", "no/such/folder")
     assert code == 2
-    assert len(said.err.strip().splitlines()) == 1
-    assert "no/such" in said.err
+    assert len(output.err.strip().splitlines()) == 1
+    assert "no/such" in output.err
 
 
 def test_a_case_without_steps_is_reported_by_a_still_its_paths_and_what_its_formula_misses(tmp_path):

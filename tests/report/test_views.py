@@ -52,8 +52,8 @@ def test_motion_laws_are_shown_over_their_time():
     time = np.array([0.3217])
     exact = form.solve(t=time)
     for link, moved in exact.links.items():
-        found = interpolated(grid.sliders, grid.position[link], [time[0]])
-        np.testing.assert_allclose(found, moved.position[0], atol=1e-8)
+        result = interpolated(grid.sliders, grid.position[link], [time[0]])
+        np.testing.assert_allclose(result, moved.position[0], atol=1e-8)
 
 
 def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatch):
@@ -71,11 +71,11 @@ def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatc
         .points["P"]
         .position
     )
-    found = [
+    result = [
         interpolated(grid.sliders, part[..., None], list(at.values()))[0]
-        for part in next(one for one in grid.readouts if one.name == "P").components.values()
+        for part in next(item for item in grid.readouts if item.name == "P").components.values()
     ]
-    np.testing.assert_allclose(found, solved, atol=2e-4)
+    np.testing.assert_allclose(result, solved, atol=2e-4)
 
 
 def test_more_than_three_drivers_are_moved_one_at_a_time(monkeypatch):

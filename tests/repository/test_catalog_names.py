@@ -26,7 +26,7 @@ def named(source):
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     names |= {node.name for node in ast.walk(tree) if isinstance(node, ast.alias)}
-    return {one for one in strings if isinstance(one, str)} & catalog.DRIVES.keys() | names & CLASSES
+    return {item for item in strings if isinstance(item, str)} & catalog.DRIVES.keys() | names & CLASSES
 
 
 def chosen(source):
@@ -47,7 +47,7 @@ def test_no_mechanism_is_requested_for_by_name_outside_the_catalogue():
 
 
 @pytest.mark.parametrize(
-    ("source", "found"),
+    ("source", "result"),
     [
         ('if name == "four_bar":\n    pass', {"four_bar"}),
         ('CRITICAL = {"rssr": "coupler"}', {"rssr"}),
@@ -57,8 +57,8 @@ def test_no_mechanism_is_requested_for_by_name_outside_the_catalogue():
         ('help = "as in mechsim show rssr"', set()),
     ],
 )
-def test_the_check_sees_a_mechanism_requested_for_by_name(source, found):
-    assert named(source) == found
+def test_the_check_sees_a_mechanism_requested_for_by_name(source, result):
+    assert named(source) == result
 
 
 def test_the_check_sees_a_choice_by_class():

@@ -86,12 +86,12 @@ def test_the_core_solves_simulates_and_checks(ended):
 def test_what_needs_more_reports_so_in_one_line_with_the_command(ended):
     folder, ends = ended
     for line, library in MORE.items():
-        code, said = ends[line]
+        code, output = ends[line]
         assert code == 2, line
-        told = said.strip().splitlines()[-1]
-        assert told.endswith("pip install 'mechsim[pictures]' installs it"), (line, said)
-        assert f"{library} is not installed" in told or not library
-        assert "Traceback" not in said
+        reported = output.strip().splitlines()[-1]
+        assert reported.endswith("pip install 'mechsim[pictures]' installs it"), (line, output)
+        assert f"{library} is not installed" in reported or not library
+        assert "Traceback" not in output
     assert {path.name for path in folder.iterdir() if path.is_file()} == {
         "four_bar.csv",
         "run.npz",

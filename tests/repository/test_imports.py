@@ -98,7 +98,7 @@ def graph(imports):
 def breaches(graph):
     """Return the imports from one package into another that the table does not allow."""
     packages = [(a, b, structure.package_of(a), structure.package_of(b)) for a, b in graph.edges]
-    return [f"{a} imports {b}" for a, b, one, other in packages if one and not allowed(one, other)]
+    return [f"{a} imports {b}" for a, b, item, other in packages if item and not allowed(item, other)]
 
 
 def allowed(package, other):
@@ -107,8 +107,8 @@ def allowed(package, other):
 
 def foreign(name, imported):
     """Return the libraries among a module's imports that are not for it."""
-    libraries = {one.split(".")[0] for one in imported} & LIBRARIES.keys()
-    return {one for one in libraries if not name.startswith(LIBRARIES[one])}
+    libraries = {item.split(".")[0] for item in imported} & LIBRARIES.keys()
+    return {item for item in libraries if not name.startswith(LIBRARIES[item])}
 
 
 def test_the_top_level_is_small():
@@ -137,13 +137,13 @@ def test_no_files_import_each_other_in_a_circle(graph):
 
 
 def test_a_library_is_imported_only_where_it_belongs(imports):
-    assert {name: wrong for name, found in imports.items() if (wrong := foreign(name, found))} == {}
+    assert {name: wrong for name, result in imports.items() if (wrong := foreign(name, result))} == {}
 
 
 def test_slow_libraries_are_loaded_only_when_requested():
     # an import inside a function is indented
     assert SLOW.search("import numpy\nfrom xarray import Dataset")
-    assert {name: found for name, path in FILES.items() if (found := SLOW.findall(path.read_text()))} == {}
+    assert {name: result for name, path in FILES.items() if (result := SLOW.findall(path.read_text()))} == {}
 
 
 def test_no_module_is_hidden_by_what_its_package_exports():
@@ -162,14 +162,16 @@ def test_no_module_is_hidden_by_what_its_package_exports():
 
 def test_no_function_goes_on_for_more_than_fifty_lines():
     # signature and docstring do not count
-    long = [(name, *one) for name, path in FILES.items() for one in structure.functions(path) if one[0] > 50]
+    long = [
+        (name, *item) for name, path in FILES.items() for item in structure.functions(path) if item[0] > 50
+    ]
     assert long == []
 
 
 def test_no_two_classes_share_a_name():
     named = re.compile(r"^ *class (\w+)", re.MULTILINE)
-    found = Counter(name for path in FILES.values() for name in named.findall(path.read_text()))
-    assert [name for name, count in found.items() if count > 1] == []
+    result = Counter(name for path in FILES.values() for name in named.findall(path.read_text()))
+    assert [name for name, count in result.items() if count > 1] == []
 
 
 @pytest.mark.parametrize(

@@ -40,7 +40,7 @@ def named(source):
 
 def test_no_joint_kind_is_compared_by_name_outside_its_files():
     elsewhere = [name for name in FILES if name not in HOME and not name.startswith(CATALOG)]
-    assert {name: found for name in elsewhere if (found := named(FILES[name].read_text()))} == {}
+    assert {name: result for name in elsewhere if (result := named(FILES[name].read_text()))} == {}
 
 
 def test_the_check_rejects_a_kind_that_is_compared_by_name():

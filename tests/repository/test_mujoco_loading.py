@@ -21,25 +21,25 @@ def test_a_package_that_imports_mujoco_loads_it_first_without_a_back_end_that_fa
     """Else MUJOCO_GL=nonsense ends a command that draws nothing in an internal error."""
     importing = {path.parent for path in PACKAGE.rglob("*.py") if HEAD.search(path.read_text())}
     for folder in importing:
-        above = [one for one in (folder, *folder.parents) if PACKAGE in one.parents]
-        heads = [(one / "__init__.py").read_text() for one in above]
+        above = [item for item in (folder, *folder.parents) if PACKAGE in item.parents]
+        heads = [(item / "__init__.py").read_text() for item in above]
         assert any(FIRST.search(head) for head in heads), folder
     assert len(importing) > 5
 
 
 def test_the_help_of_these_commands_is_reported_without_mujoco():
     names = ["list", "show", "solve", "sensitivity", *LATE]
-    told = f"""
+    reported = f"""
 import sys
 from mechsim.cli import app
 for name in {names}:
     app([name, "--help"], standalone_mode=False)
     assert not {{"mujoco", "scipy", "matplotlib"}} & sys.modules.keys(), name
 """
-    found = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, check=False)
-    assert found.returncode == 0, found.stderr
+    result = subprocess.run([sys.executable, "-c", reported], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
     for name in names:
-        assert f" {name} [OPTIONS]" in found.stdout
+        assert f" {name} [OPTIONS]" in result.stdout
 
 
 INIT = "raise ImportError('repair it by a command') from ImportError('no core bindings')"

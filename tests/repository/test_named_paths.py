@@ -39,8 +39,8 @@ def _is_there(name: str) -> bool:
 
 
 def test_what_files_name_is_there():
-    found = {str(path.relative_to(ROOT)): missing(path.read_text()) for path in [*DOCUMENTS, *SOURCES]}
-    assert {path: names for path, names in found.items() if names} == {}
+    result = {str(path.relative_to(ROOT)): missing(path.read_text()) for path in [*DOCUMENTS, *SOURCES]}
+    assert {path: names for path, names in result.items() if names} == {}
 
 
 def unknown_names(text: str) -> list[str]:
@@ -73,11 +73,11 @@ def test_an_import_of_a_missing_name_is_seen():
 
 
 def test_every_folder_of_validation_is_explained():
-    told = (ROOT / "validation" / "README.md").read_text()
+    reported = (ROOT / "validation" / "README.md").read_text()
     folders = {path.parent.name for path in ROOT.glob("validation/*/*") if path.suffix in (".py", ".csv")}
-    assert all(f"| `{folder}/` |" in told for folder in folders)
+    assert all(f"| `{folder}/` |" in reported for folder in folders)
 
 
 def test_the_check_sees_what_is_not_there():
-    said = "see validation/tradeoff/drive.py, validation/\n# choices/crank_actuation.py and `mechsim.judge`"
-    assert missing(said) == ["validation/tradeoff/drive.py", "mechsim.judge"]
+    output = "see validation/tradeoff/drive.py, validation/\n# choices/crank_actuation.py and `mechsim.judge`"
+    assert missing(output) == ["validation/tradeoff/drive.py", "mechsim.judge"]

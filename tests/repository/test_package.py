@@ -15,8 +15,8 @@ CALLED = {"mujoco-python": "mujoco", "matplotlib-base": "matplotlib", "netcdf4":
 
 def lowest_versions(asked):
     """Return package -> lowest version."""
-    found = [re.fullmatch(r"([\w-]+)(?:\[.*\])?\s*>=([\w.]+)", one.strip()) for one in asked]
-    return {one[1]: one[2] for one in found if one}
+    result = [re.fullmatch(r"([\w-]+)(?:\[.*\])?\s*>=([\w.]+)", item.strip()) for item in asked]
+    return {item[1]: item[2] for item in result if item}
 
 
 def listed(recipe, key):
@@ -52,7 +52,7 @@ def test_extras_make_up_all_and_tests_install_it():
 def test_both_descriptions_for_a_doi_are_whole_and_name_the_authors_of_the_citation():
     (author,) = re.findall(r'- name: "(.+)"', (ROOT / "CITATION.cff").read_text())
     for path, kind in ((".zenodo.json", "software"), ("reference/.zenodo.json", "dataset")):
-        told = json.loads((ROOT / path).read_text())
-        assert {"title", "description", "license", "keywords"} <= set(told)
-        assert told["upload_type"] == kind
-        assert told["creators"] == [{"name": author}]
+        reported = json.loads((ROOT / path).read_text())
+        assert {"title", "description", "license", "keywords"} <= set(reported)
+        assert reported["upload_type"] == kind
+        assert reported["creators"] == [{"name": author}]

@@ -15,27 +15,27 @@ def is_private(name: str) -> bool:
 
 def private_names(source: str) -> list[str]:
     """Return the private names of other modules that a source imports, reads or replaces."""
-    found = []
+    result = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.ImportFrom | ast.Import):
             module = getattr(node, "module", None) or ""
-            found += [name for name in (module, *(one.name for one in node.names)) if is_private(name)]
+            result += [name for name in (module, *(item.name for item in node.names)) if is_private(name)]
         elif isinstance(node, ast.Attribute) and is_private(node.attr):
             if not (isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")):
-                found.append(node.attr)
+                result.append(node.attr)
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute | ast.Name):
             called = node.func.attr if isinstance(node.func, ast.Attribute) else node.func.id
             if called in ("setattr", "delattr", "getattr", "hasattr"):
-                words = [one.value for one in node.args if isinstance(one, ast.Constant)]
-                found += [word for word in words if isinstance(word, str) and is_private(word)]
-    return found
+                words = [item.value for item in node.args if isinstance(item, ast.Constant)]
+                result += [word for word in words if isinstance(word, str) and is_private(word)]
+    return result
 
 
 def test_no_test_reaches_into_private_names():
-    found = {
+    result = {
         path.relative_to(TESTS).as_posix(): private_names(path.read_text()) for path in TESTS.rglob("*.py")
     }
-    assert {path: names for path, names in found.items() if names} == {}
+    assert {path: names for path, names in result.items() if names} == {}
 
 
 @pytest.mark.parametrize(

@@ -34,12 +34,12 @@ def test_a_command_of_the_tour_does_its_work(line, monkeypatch, tmp_path, capsys
     monkeypatch.setattr(sys, "argv", words)
     with pytest.raises(SystemExit) as ended:
         main()
-    said = capsys.readouterr()
-    assert not ended.value.code, said.err
+    text = capsys.readouterr()
+    assert not ended.value.code, text.err
     if "-o" in words:
         assert (tmp_path / words[words.index("-o") + 1]).stat().st_size > 0
     else:
-        assert said.out
+        assert text.out
 
 
 def test_the_first_example_fails_with_the_cause_that_the_readme_prints(monkeypatch, capsys):

@@ -70,8 +70,8 @@ def test_teeth_of_bevel_gears_mesh_at_every_angle(heights, carried):
         out /= np.linalg.norm(out, axis=1)[:, None]
         angle = np.arctan2((rim[0] * tangent).sum(1), (rim[0] * out).sum(1))
         phases.append(angle * len(rim) / (2.0 * np.pi))
-    way = np.sign((np.cross(axes[0], line) * np.cross(axes[1], line)).sum(1))
-    np.testing.assert_allclose((phases[0] - way * phases[1]) % 1.0, 0.5, atol=1e-6)
+    direction = np.sign((np.cross(axes[0], line) * np.cross(axes[1], line)).sum(1))
+    np.testing.assert_allclose((phases[0] - direction * phases[1]) % 1.0, 0.5, atol=1e-6)
 
 
 def test_skew_shafts_have_no_bevel_gears():
@@ -99,12 +99,12 @@ def test_a_pinion_meshes_with_its_rack_over_the_whole_travel(sign):
     tooth = np.arctan2(spokes[0].to[1], spokes[0].to[0])
     step = 2.0 * np.pi * radius / len(spokes)
     shaft, slide = joints["pinion"].a.point, joints["rack"].a.point
-    meeting = -0.5 * np.pi * sign
+    branch_point = -0.5 * np.pi * sign
     assert {round(np.sign(s.to[1] - s.frm[1])) for s in teeth} == {-round(sign)}
     for angle in np.linspace(-1.0, 1.0, 9):
-        way = 0.001 + 0.003 + sign * radius * (angle - 0.2)
-        beside = (teeth[0].frm[0] + slide[0] + way - shaft[0]) / step
-        turned = (tooth + angle - meeting) * len(spokes) / (2.0 * np.pi)
+        direction = 0.001 + 0.003 + sign * radius * (angle - 0.2)
+        beside = (teeth[0].frm[0] + slide[0] + direction - shaft[0]) / step
+        turned = (tooth + angle - branch_point) * len(spokes) / (2.0 * np.pi)
         assert (beside - sign * turned) % 1.0 == pytest.approx(0.5, abs=1e-6)
     ends = [t.frm[0] + slide[0] - shaft[0] for t in teeth]
     assert min(ends) < -0.06 - step

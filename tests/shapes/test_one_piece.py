@@ -30,8 +30,8 @@ def pieces(shapes, radius):
     for i in range(model.ngeom):
         for j in range(i):
             if piece[i] != piece[j] and mujoco.mj_geomDistance(model, data, i, j, 1.0, None) < 0.02:
-                piece = [piece[j] if one == piece[i] else one for one in piece]
-    return [[i for i, one in enumerate(piece) if one == number] for number in set(piece)]
+                piece = [piece[j] if item == piece[i] else item for item in piece]
+    return [[i for i, item in enumerate(piece) if item == number] for number in set(piece)]
 
 
 def in_two_ways(joint):
@@ -121,11 +121,11 @@ def test_rods_connect_all_points_of_a_link_and_pass_through_none(number, dimensi
         ]
         piece = list(range(len(places)))
         for i, j in rods:
-            piece = [piece[i] if one == piece[j] else one for one in piece]
-            way = places[j] - places[i]
+            piece = [piece[i] if item == piece[j] else item for item in piece]
+            direction = places[j] - places[i]
             for k in set(range(len(places))) - {i, j}:
-                share = (places[k] - places[i]) @ way / (way @ way)
-                off = np.linalg.norm(places[i] + share * way - places[k])
+                share = (places[k] - places[i]) @ direction / (direction @ direction)
+                off = np.linalg.norm(places[i] + share * direction - places[k])
                 assert not (0.0 < share < 1.0 and off < 1e-12)
         assert len(set(rods)) == len(rods)
         assert len(set(piece)) == 1

@@ -45,13 +45,17 @@ def test_every_joint_lies_in_a_shape_of_both_its_links(name):
             point = np.asarray(end.point)
             gaps = []
             for shape in shapes[end.link]:
-                start, way = np.asarray(shape.frm), np.subtract(shape.to, shape.frm)
+                start, direction = np.asarray(shape.frm), np.subtract(shape.to, shape.frm)
                 off = point - start
                 if normals:  # layers stand apart along the normal, which nobody minds
                     n = normals[end.link]
-                    off, way = off - n * (off @ n), way - n * (way @ n)
-                share = np.clip(off @ way / (way @ way), 0.0, 1.0) if way @ way > 0.0 else 0.0
-                gaps.append(np.linalg.norm(off - share * way))
+                    off, direction = off - n * (off @ n), direction - n * (direction @ n)
+                share = (
+                    np.clip(off @ direction / (direction @ direction), 0.0, 1.0)
+                    if direction @ direction > 0.0
+                    else 0.0
+                )
+                gaps.append(np.linalg.norm(off - share * direction))
             assert min(gaps) <= 2.7 * rod_radius(mechanism)
 
 
@@ -70,9 +74,9 @@ def test_shapes_grow_with_the_mechanism():
     lengths = {name: 250.0 * getattr(small, name) for name in ("ground", "crank", "coupler", "rocker", "arm")}
     large = link_shapes(replace(small, **lengths).mechanism)
     for link, shapes in link_shapes(small.mechanism).items():
-        for one, other in zip(shapes, large[link], strict=True):
-            np.testing.assert_allclose(np.multiply(250.0, one.half_sizes), other.half_sizes, rtol=1e-9)
-            np.testing.assert_allclose(250.0 * one.centre, other.centre, atol=1e-9)
+        for item, other in zip(shapes, large[link], strict=True):
+            np.testing.assert_allclose(np.multiply(250.0, item.half_sizes), other.half_sizes, rtol=1e-9)
+            np.testing.assert_allclose(250.0 * item.centre, other.centre, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -110,9 +114,9 @@ def test_a_rail_without_a_motion_is_long_enough_for_it(branch):
     drive = catalog.make("slider_crank", branch=branch)
     mechanism = drive.mechanism
     rail = next(shape for shape in link_shapes(mechanism)[GROUND] if shape.kind == "box")
-    way = drive.solve(TURN).links["slider"].position[:, 0]
-    assert min(rail.frm[0], rail.to[0]) < way.min()
-    assert max(rail.frm[0], rail.to[0]) > way.max()
+    direction = drive.solve(TURN).links["slider"].position[:, 0]
+    assert min(rail.frm[0], rail.to[0]) < direction.min()
+    assert max(rail.frm[0], rail.to[0]) > direction.max()
 
 
 def test_a_rail_is_as_long_as_a_known_motion_needs():
@@ -204,8 +208,8 @@ def test_the_displacement_at_the_guess_is_that_of_the_joint():
     mechanism = drive.mechanism
     joint = mechanism.joint("slide")
     guess = {GROUND: STANDING, **mechanism.guess}
-    way = joint_coordinate(joint, guess[joint.a.link], guess[joint.b.link])
-    assert float(way[0]) == pytest.approx(float(mechanism.guess["slider"].position[0]))
+    direction = joint_coordinate(joint, guess[joint.a.link], guess[joint.b.link])
+    assert float(direction[0]) == pytest.approx(float(mechanism.guess["slider"].position[0]))
 
 
 @pytest.mark.parametrize(

@@ -26,9 +26,9 @@ def test_a_control_is_a_constant_or_an_expression_in_its_own_unit(text, value):
 def test_a_control_is_read_from_a_table(tmp_path):
     path = tmp_path / "control.csv"
     path.write_text("t,value\n" + "".join(f"{t},{2 * t}\n" for t in np.linspace(0, 1, 9)))
-    found = control_law(str(path), "servo")
-    assert found(T)[0] == pytest.approx(2 * T)
-    assert found.end_time == 1.0
+    result = control_law(str(path), "servo")
+    assert result(T)[0] == pytest.approx(2 * T)
+    assert result.end_time == 1.0
 
 
 @pytest.mark.parametrize("text", ["fast", "3*kg*t", "t +", ""])

@@ -90,8 +90,8 @@ def test_forces_of_a_file_act_in_a_scene_of_level_dynamics(press):
 def test_forces_of_a_file_act_in_sensitivities_sweeps_and_validation(press):
     form = ms.load(press)
     exact = torque_by_virtual_power(ANGLES)
-    found = dict(ms.sensitivity(form, "torque", "A.at.x", angles=ANGLES, speed=SPEED).values)
-    np.testing.assert_allclose(found["torque"], exact, atol=1e-5)
+    result = dict(ms.sensitivity(form, "torque", "A.at.x", angles=ANGLES, speed=SPEED).values)
+    np.testing.assert_allclose(result["torque"], exact, atol=1e-5)
     largest = ms.sweep(form, {"A.at.x": [0.0]}, "at:1.5:torque", speed=SPEED)
     np.testing.assert_allclose(largest["at:1.5:torque"].values, exact[1], atol=1e-5)
     agrees = ms.validate(

@@ -44,10 +44,10 @@ def test_a_gallery_file_has_the_name_of_its_mechanism_and_a_source(shown):
 def test_a_gallery_mechanism_passes_every_check_and_satisfies_its_law_to_rounding(shown):
     case = case_of(shown, quick=True)
     assert case.passed, case.verdict.reason
-    told = [check for check in case.verdict.checks if check.method == "formula"]
-    assert told
+    reported = [check for check in case.verdict.checks if check.method == "formula"]
+    assert reported
     # far below the bound on a formula of anybody's: two ways to the same place, measured 8 eps apart
-    assert all(check.worst <= 512 * EPS * reach_of(case.exact) for check in told)
+    assert all(check.worst <= 512 * EPS * reach_of(case.exact) for check in reported)
 
 
 @pytest.mark.slow
@@ -64,9 +64,9 @@ def test_the_law_rejects_a_dimension_off_by_a_thousandth(shown):
     scales = scales_of(evaluation, law)
     assert not all(
         candidate_check(
-            one, evaluation.exact(one.quantity), evaluation, formula_tolerance(one, scales, None), None
+            item, evaluation.exact(item.quantity), evaluation, formula_tolerance(item, scales, None), None
         ).passed
-        for one in law
+        for item in law
     )
 
 
@@ -76,8 +76,8 @@ def test_a_formula_of_a_file_is_accepted_to_rounding_only(shown, error, accepted
     evaluation = evaluation_points(form, speed=1.0)
     law = values_of_function(run_object(shown.formula), evaluation, "law", form.parameters)
     wrong = [
-        replace(one, values=one.values + error * evaluation.solver.mechanism.characteristic_length)
-        for one in law
+        replace(item, values=item.values + error * evaluation.solver.mechanism.characteristic_length)
+        for item in law
     ]
     checks = agreement(evaluation, wrong, "law", diagnose=False, exact_formula=True).checks
     assert [check.passed for check in checks] == [accepted] * len(checks)

@@ -45,13 +45,13 @@ ROADS = {
 }
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_a_start_outside_a_range_is_rejected_by_every_method(arm, road):
+@pytest.mark.parametrize("route", ROADS)
+def test_a_start_outside_a_range_is_rejected_by_every_method(arm, route):
     with pytest.raises(AssemblyError, match=r"joint 'wrist' would be at 0\.1 rad, .* of 0\.2 to 1, at "):
-        ROADS[road](arm("0.1rad"))
-    ROADS[road](arm("0.3rad"))
+        ROADS[route](arm("0.1rad"))
+    ROADS[route](arm("0.3rad"))
     off = ARM.replace("<worldbody>", '<option><flag limit="disable"/></option><worldbody>')
-    ROADS[road](arm("0.1rad", off))
+    ROADS[route](arm("0.1rad", off))
 
 
 def test_poses_report_floating_bodies(tmp_path):
@@ -98,9 +98,9 @@ def test_the_crank_range_ends_at_the_limit_of_any_joint(tmp_path, joint):
     np.testing.assert_allclose(arcs.arcs, [(0.1, 0.85)], atol=1e-9)
     assert form.dead_centres() == ()
     assert form.change_points() == ()
-    told = facts(form)
-    np.testing.assert_allclose(told["crank_range"], [0.1, 0.85], atol=1e-9)
-    assert told["change_points"] == []
+    reported = facts(form)
+    np.testing.assert_allclose(reported["crank_range"], [0.1, 0.85], atol=1e-9)
+    assert reported["change_points"] == []
 
 
 def test_a_range_that_is_never_reached_allows_a_full_revolution(tmp_path):
@@ -122,17 +122,17 @@ BETWEEN = {
 }
 
 
-@pytest.mark.parametrize("road", BETWEEN)
+@pytest.mark.parametrize("route", BETWEEN)
 @pytest.mark.parametrize("samples", [3, 4, 91])
 @pytest.mark.parametrize("joint", ["crank", "rocker"])
-def test_ranges_are_checked_between_samples_by_every_method(tmp_path, road, samples, joint):
+def test_ranges_are_checked_between_samples_by_every_method(tmp_path, route, samples, joint):
     # largest at 0.5 s, which is no sample of three or four
     law, limit = "0.4 + 0.2*(1-cos(2*pi*t))", 0.8
     beyond = parallelogram(tmp_path, joint, 0.1, limit - 1e-6, drive={"crank": law}, duration="0.9s")
     with pytest.raises(AssemblyError, match=rf"joint '{joint}' would be at 0\.8 rad, .* at 0\.5 s"):
-        BETWEEN[road](beyond, samples)
+        BETWEEN[route](beyond, samples)
     within = parallelogram(tmp_path, joint, 0.1, limit + 1e-9, drive={"crank": law}, duration="0.9s")
-    BETWEEN[road](within, samples)
+    BETWEEN[route](within, samples)
 
 
 def test_rows_of_driver_coordinates_are_independent_poses(tmp_path):

@@ -71,14 +71,14 @@ def made(tmp_path):
 def test_varying_loads_are_in_si(made):
     forces = made(VARYING).forces
     at = np.array([0.0, 0.3, 2.0])
-    push, table, couple, torque = (one.evaluate(at, at) for one in forces.load_profiles)
+    push, table, couple, torque = (item.evaluate(at, at) for item in forces.load_profiles)
     np.testing.assert_allclose(push[:, 0], 10.0 * np.sin(2 * np.pi * at + np.pi / 6), rtol=1e-14)
     assert (push[:, 1:] == [1.0, 0.0]).all()
     # straight lines over 4 degrees miss a square of sines by 7 h^2/4 at most
     np.testing.assert_allclose(table[:, 0], 7.0 * np.sin(at) ** 2, atol=7.0 * np.deg2rad(4.0) ** 2 / 4.0)
     np.testing.assert_allclose(couple[:, 2], 0.003 * at + 0.01, rtol=1e-14)
     np.testing.assert_allclose(torque, 0.02 * np.cos(3 * at) + 0.1 * np.sin(at), rtol=1e-13)
-    assert [one.over for one in forces.load_profiles] == ["time", "angle", "time", "angle"]
+    assert [item.over for item in forces.load_profiles] == ["time", "angle", "time", "angle"]
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
@@ -101,9 +101,9 @@ def test_varying_loads_are_written_as_read(made, tmp_path):
     path.write_text(to_toml(form))
     again = load(str(path))
     at = np.linspace(0.0, 2.0, 11)
-    for found, wanted in zip(again.forces.load_profiles, form.forces.load_profiles, strict=True):
+    for result, wanted in zip(again.forces.load_profiles, form.forces.load_profiles, strict=True):
         # lengths and angles were in other units, and are computed again
-        np.testing.assert_allclose(found.evaluate(at, at), wanted.evaluate(at, at), rtol=1e-14)
+        np.testing.assert_allclose(result.evaluate(at, at), wanted.evaluate(at, at), rtol=1e-14)
     assert to_toml(again) == to_toml(form)
     push = replace(form.forces.loads[0], force=replace(form.forces.loads[0].force, value=np.sin))
     with pytest.raises(InputError, match="load on B is a function of time without text"):

@@ -44,8 +44,8 @@ def test_the_arm_the_head_and_the_base_are_locked_and_the_loop_moves(robot):
     assert driver_determinacy(form.mechanism).outcome == "determined"
     by_hand = load(robot, drive=drive, lock=("float", "shoulder", "elbow", "neck"))
     times = np.linspace(0.0, 1.0, 3)
-    one, other = form.solve(t=times), by_hand.solve(t=times)
-    path, same = one.points["B1"].position, other.points["B1"].position
+    item, other = form.solve(t=times), by_hand.solve(t=times)
+    path, same = item.points["B1"].position, other.points["B1"].position
     np.testing.assert_allclose(path, same, atol=1e-12)
     assert np.linalg.norm(path[-1] - path[0]) > 1e-3
     assert simulate(form, method="pose", samples=5).outcome == "passed"

@@ -51,7 +51,7 @@ def test_a_loop_of_driven_and_coupled_joints_only_moves_equally_by_both_methods(
     size = form.mechanism.characteristic_length
     assert np.abs(run.motion.points["tip"].position - exact.points["tip"].position).max() < 1e-12 * size
     assert exact.links.keys() == {"crank", "left", "far", "arm"}
-    q = {name: one.value for name, one in exact.joints.items()}
+    q = {name: item.value for name, item in exact.joints.items()}
     wanted = 1.0 + 0.3 * q["crank"] + 0.1 * q["crank"] ** 2
     assert np.abs(q["A"] + 0.3 * q["B"] + 0.2 * q["C"] + 0.3 * q["arm"] - wanted).max() < 1e-12
     assert np.ptp(q["A"]) > 0.1
@@ -60,7 +60,7 @@ def test_a_loop_of_driven_and_coupled_joints_only_moves_equally_by_both_methods(
 def test_dimensions_of_such_a_loop_have_derivatives(bound: str) -> None:
     table = ms.sensitivity(bound, quantities="tip.x", to=["left"], angles=[0.2])
     step = 1e-5
-    there = [ms.load(bound, set={"left": 0.1 + one}).positions([0.2])["tip"][0, 0] for one in (step, -step)]
+    there = [ms.load(bound, set={"left": 0.1 + item}).positions([0.2])["tip"][0, 0] for item in (step, -step)]
     assert dict(table.columns())["tip.x/left"][0] == pytest.approx(
         (there[0] - there[1]) / (2 * step), rel=1e-6
     )

@@ -209,20 +209,20 @@ def test_commands_report_corrections_on_stderr(file, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", words)
     with pytest.raises(SystemExit) as ended:
         main()
-    said = capsys.readouterr()
+    output = capsys.readouterr()
     assert ended.value.code in (0, None)
-    assert said.out.startswith("angle,")
-    assert said.err.startswith("welded: the initial loop-closure error of the file is")
+    assert output.out.startswith("angle,")
+    assert output.err.startswith("welded: the initial loop-closure error of the file is")
 
 
 def test_an_error_states_everything_in_one_message(file, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["mechsim", "solve", file(five_bar())])
     with pytest.raises(SystemExit) as ended:
         main()
-    said = capsys.readouterr().err
+    output = capsys.readouterr().err
     assert ended.value.code == 2
-    assert len(said.splitlines()) == 1
-    assert "left, right have no motion law" in said
+    assert len(output.splitlines()) == 1
+    assert "left, right have no motion law" in output
 
 
 def test_a_wheel_at_the_origin_has_a_characteristic_length(file):
@@ -247,10 +247,10 @@ def test_a_model_without_a_driver_lists_its_joints(file):
 def test_only_motions_need_a_driver(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     form = load(file(text), still=True)
-    said = facts(form)
-    assert said["mobility"]["dofs"] == 2
-    assert said["mobility"]["drivers"] == []
-    assert len(said["mobility"]["open"]) == 2
+    output = facts(form)
+    assert output["mobility"]["dofs"] == 2
+    assert output["mobility"]["drivers"] == []
+    assert len(output["mobility"]["open"]) == 2
     assert scene_findings(form) is not None
     with pytest.raises(InputError, match="nothing is driven; name a driver"):
         form.solve([0.0])

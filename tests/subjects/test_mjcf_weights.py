@@ -52,14 +52,14 @@ def test_the_drives_of_an_arm_are_those_of_mujoco_s_inverse_dynamics(tmp_path):
     moves = make_motion_laws(form.mechanism, states, 1.0)
     bound = type(form)(form.mechanism, forces=form.forces, source=form.source, motion_laws=moves)
     times = np.linspace(0.0, 1.0, 7)
-    found = dynamics.prescribed(dynamics.dynamic_model(bound, form.forces), t=times).forces
+    result = dynamics.prescribed(dynamics.dynamic_model(bound, form.forces), t=times).forces
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     value, rate, second = moves.state(times)
     for i in range(len(times)):
         data.qpos[:], data.qvel[:], data.qacc[:] = value[:, i], rate[:, i], second[:, i]
         mujoco.mj_inverse(model, data)
-        mine = [found.drives[name][i] for name in NAMES]
+        mine = [result.drives[name][i] for name in NAMES]
         assert mine == pytest.approx(data.qfrc_inverse, rel=1e-9, abs=1e-12)
 
 
@@ -68,7 +68,7 @@ def test_coulomb_friction_of_a_file_is_read_and_a_link_without_mass_is_negligibl
     file.write_text(ARM.format(dry=0.2))
     form = read_mjcf(str(file), drivers=NAMES)
     assert form.forces is not None
-    friction = {one.joint: one for one in form.forces.friction}
+    friction = {item.joint: item for item in form.forces.friction}
     assert (friction["shoulder"].viscous, friction["shoulder"].coulomb) == (0.3, 0.2)
     assert form.forces.gravity == (0.5, -9.81, 0.3)
     masses = [link.inertia.mass for link in form.mechanism.links if link.inertia is not None]

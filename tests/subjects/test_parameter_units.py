@@ -37,9 +37,9 @@ tip = { link = "arm", at = ["crank", 0, 0] }
 
 
 def test_lengths_angles_and_plain_numbers_are_distinguished():
-    found = parameter_units(tomllib.loads(FILE))
-    lengths = {name for name, unit in found.items() if unit == "m"}
-    angles = {name for name, unit in found.items() if unit == "rad"}
+    result = parameter_units(tomllib.loads(FILE))
+    lengths = {name for name, unit in result.items() if unit == "m"}
+    angles = {name for name, unit in result.items() if unit == "rad"}
     assert lengths == {"crank", "half", "rod", "reach", "span"}
     assert angles == {"bend", "tilt"}
 

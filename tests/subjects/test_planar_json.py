@@ -159,8 +159,8 @@ def test_a_four_bar_moves_as_that_of_the_catalogue(written, content, name, pin, 
     solution = replace(FOUR_BAR, branch=branch).solve(ANGLES, speed=1.0)
     expected = solution.points["B"]
     for quantity in ("position", "velocity", "acceleration"):
-        found = getattr(motion.points[pin], quantity)
-        np.testing.assert_allclose(found, getattr(expected, quantity), rtol=0, atol=1e-13)
+        computed = getattr(motion.points[pin], quantity)
+        np.testing.assert_allclose(computed, getattr(expected, quantity), rtol=0, atol=1e-13)
     half = 0.5 * (solution.points["A"].position + expected.position)
     np.testing.assert_allclose(motion.points[middle].position, half, rtol=0, atol=1e-13)
 

@@ -163,8 +163,8 @@ def test_a_mechanism_of_the_catalogue_is_driven_by_any_of_its_joints():
     motion = form.solve(t=time)
     exact = catalog.make("slider_crank").solve(20 * np.pi * time, 20 * np.pi)
     for part in ("position", "velocity", "acceleration"):
-        found, wanted = (getattr(one.points["B"], part) for one in (motion, exact))
-        np.testing.assert_allclose(found, wanted, atol=1e-12 * np.abs(wanted).max())
+        result, wanted = (getattr(item.points["B"], part) for item in (motion, exact))
+        np.testing.assert_allclose(result, wanted, atol=1e-12 * np.abs(wanted).max())
 
 
 def test_tracked_points_are_the_only_ones(file):

@@ -28,13 +28,13 @@ def rows(name):
 
 def made(name, digits, row):
     """Return a row that the script computes now, in a process that cannot import mechsim."""
-    told = (
+    reported = (
         "import sys, json; sys.modules['mechsim'] = None; sys.path.insert(0, sys.argv[1]); import make;"
         "(cell, row), = make.solved(sys.argv[2], int(sys.argv[3]), [int(sys.argv[4])]);"
         "print(json.dumps({'cell': cell} | {key: make.written(one) for key, one in row.items()}))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", told, str(WHERE), name, str(digits), str(row)],
+        [sys.executable, "-c", reported, str(WHERE), name, str(digits), str(row)],
         capture_output=True,
         text=True,
         check=True,
@@ -47,27 +47,27 @@ def test_the_script_gives_the_same_digits_at_another_precision(name, row):
     again, kept = made(name, 50, row), rows(name)[row]
     assert again.pop("cell") == next(iter(kept.values()))
     with mp.workdps(40):
-        for key, one in again.items():
+        for key, item in again.items():
             exact = mpf(kept[key])
-            assert abs(mpf(one) - exact) <= abs(exact) * mpf(10) ** -29 + mpf(10) ** -36, key
+            assert abs(mpf(item) - exact) <= abs(exact) * mpf(10) ** -29 + mpf(10) ** -36, key
 
 
 def test_the_data_contain_catalogue_gallery_and_two_problems_of_the_iftomm_library():
     from mechsim.analytic import catalog
 
     assert set(NAMES) == {*catalog.DRIVES, *gallery.files(), "spatial_slider_crank", "bricard"}
-    told = json.loads((WHERE / "datapackage.json").read_text())
-    assert [one["path"] for one in told["resources"]] == [f"data/{name}.csv" for name in NAMES]
-    assert told["licenses"][0]["name"] == "CC-BY-4.0"
-    assert sum(one["bytes"] for one in told["resources"]) < 15e6
+    reported = json.loads((WHERE / "datapackage.json").read_text())
+    assert [item["path"] for item in reported["resources"]] == [f"data/{name}.csv" for name in NAMES]
+    assert reported["licenses"][0]["name"] == "CC-BY-4.0"
+    assert sum(item["bytes"] for item in reported["resources"]) < 15e6
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_table_has_72_rows_of_30_digits_and_the_sums_of_its_files(name):
     reference_data.read(WHERE, name)
-    found = rows(name)
-    assert len(found) == 72
-    cells = [cell for row in found for cell in row.values()]
+    result = rows(name)
+    assert len(result) == 72
+    cells = [cell for row in result for cell in row.values()]
     assert all(cell == "0" or len(re.sub(r"e.*|[-.]", "", cell)) == 30 for cell in cells)
 
 
@@ -83,8 +83,8 @@ def test_velocities_and_accelerations_are_the_derivatives_of_the_places(name):
             np.fft.ifft((rate * order[:, None]) ** k * np.fft.fft(point.position, axis=0), axis=0).real
             for k in (1, 2)
         )
-        for found, exact in ((velocity, point.velocity), (acceleration, point.acceleration)):
-            assert np.abs(found - exact).max() <= 2e-4 * np.abs(exact).max() + 1e-12
+        for result, exact in ((velocity, point.velocity), (acceleration, point.acceleration)):
+            assert np.abs(result - exact).max() <= 2e-4 * np.abs(exact).max() + 1e-12
 
 
 def test_the_spatial_slider_crank_starts_as_the_library_prints():

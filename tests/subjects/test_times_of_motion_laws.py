@@ -71,8 +71,8 @@ def test_invalid_instants_are_rejected_with_the_remedy(swung, tmp_path):
 def test_inverse_dynamics_and_sensitivities_take_times(swung):
     machine = ms.dynamics.dynamic_model(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)))
     run = driven(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)), samples=8, method="pose")
-    found = ms.dynamics.prescribed(machine, t=TIMES).forces.drives["crank"]
-    np.testing.assert_allclose(found, run.forces.drives["crank"], atol=1e-12)
+    result = ms.dynamics.prescribed(machine, t=TIMES).forces.drives["crank"]
+    np.testing.assert_allclose(result, run.forces.drives["crank"], atol=1e-12)
     table = ms.sensitivity(swung, "B.x", "rocker.at.x", t=TIMES)
     np.testing.assert_array_equal(dict(table.columns())["t"], TIMES)
     np.testing.assert_allclose(table.values["B.x"], swung.positions(t=TIMES)["B"][:, 0], atol=1e-14)

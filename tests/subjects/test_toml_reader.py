@@ -50,11 +50,11 @@ def test_lengths_angles_and_expressions_give_the_mechanism_of_the_closed_form(fi
     read = load(file(FOUR_BAR))
     exact = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.09)
     angles = np.linspace(-3.0, 7.0, 41)
-    found, wanted = read.solve(angles, 3.0, -2.0), exact.solve(angles, 3.0, -2.0)
+    result, wanted = read.solve(angles, 3.0, -2.0), exact.solve(angles, 3.0, -2.0)
     for name in ("A", "B"):
-        np.testing.assert_allclose(found.points[name].position, wanted.points[name].position, atol=1e-14)
+        np.testing.assert_allclose(result.points[name].position, wanted.points[name].position, atol=1e-14)
         np.testing.assert_allclose(
-            found.points[name].acceleration, wanted.points[name].acceleration, atol=1e-11
+            result.points[name].acceleration, wanted.points[name].acceleration, atol=1e-11
         )
     assert read.crank_range().full
     coupler = next(link for link in read.mechanism.links if link.name == "coupler")
@@ -248,11 +248,11 @@ def test_invalid_contents_are_rejected_in_one_line_with_their_position(file, cas
     path = file(FOUR_BAR.replace(old, new, 1))
     with pytest.raises(InputError) as error:
         load(path)
-    said = str(error.value)
-    assert "\n" not in said
-    assert "model.toml" in said
+    output = str(error.value)
+    assert "\n" not in output
+    assert "model.toml" in output
     for word in words:
-        assert re.search(re.escape(word), said), said
+        assert re.search(re.escape(word), output), output
 
 
 @pytest.mark.parametrize(

@@ -18,9 +18,9 @@ from mechsim.subjects.toml_keys import ROOT, schema
 from mechsim.subjects.toml_writer import to_toml
 
 VARIANTS = {
-    f"{name}, {variant or 'itself'}": one
+    f"{name}, {variant or 'itself'}": item
     for name in catalog.DRIVES
-    for variant, one in {"": catalog.make(name), **catalog.make(name).variants()}.items()
+    for variant, item in {"": catalog.make(name), **catalog.make(name).variants()}.items()
 }
 
 
@@ -30,14 +30,14 @@ def read_back(mechanism: Mechanism, folder: Path) -> Mechanism:
     return load(str(path)).mechanism
 
 
-def alike(one: Mechanism, other: Mechanism) -> bool:
+def alike(item: Mechanism, other: Mechanism) -> bool:
     """Whether two mechanisms are equal to the last bit."""
-    poses = one.guess.keys() == other.guess.keys() and all(
-        np.array_equal(one.guess[name].position, other.guess[name].position)
-        and np.array_equal(one.guess[name].rotation, other.guess[name].rotation)
-        for name in one.guess
+    poses = item.guess.keys() == other.guess.keys() and all(
+        np.array_equal(item.guess[name].position, other.guess[name].position)
+        and np.array_equal(item.guess[name].rotation, other.guess[name].rotation)
+        for name in item.guess
     )
-    bare = [replace(mechanism, guess={}, points=dict(mechanism.points)) for mechanism in (one, other)]
+    bare = [replace(mechanism, guess={}, points=dict(mechanism.points)) for mechanism in (item, other)]
     return poses and bare[0] == bare[1]
 
 
@@ -214,7 +214,7 @@ def test_couplings_are_read_in_si(press):
     assert (mesh.driver, mesh.driven, mesh.ratio, mesh.phase) == ("crank", "second", -2, np.deg2rad(75))
     assert mesh.pressure_angle == np.deg2rad(20)
     feed, lift, both, twin = mechanism.couplings
-    assert [one.pressure_angle for one in mechanism.couplings] == [0.4, None, None, None]
+    assert [item.pressure_angle for item in mechanism.couplings] == [0.4, None, None, None]
     assert (feed.left, feed.right) == ("rack", "crank")
     np.testing.assert_allclose(feed.coefficients, [0.002, 0.036 / (2 * np.pi)], rtol=1e-15)
     # an angle in degrees over a length in millimetres
@@ -251,9 +251,9 @@ def test_all_contents_read_back_to_the_last_bit(press, tmp_path):
     np.testing.assert_allclose(again.motion_laws.state(time), press.motion_laws.state(time), rtol=1e-14)
     assert Path(again.formula).name == Path(press.formula).name
     # loads hold functions: what they give at an instant stands for them
-    for found, wanted in zip(again.forces.load_profiles, press.forces.load_profiles, strict=True):
-        assert np.array_equal(found.evaluate([0.0]), wanted.evaluate([0.0]))
-    bare = [replace(one.forces, loads=(), couples=(), crank_torque=None) for one in (again, press)]
+    for result, wanted in zip(again.forces.load_profiles, press.forces.load_profiles, strict=True):
+        assert np.array_equal(result.evaluate([0.0]), wanted.evaluate([0.0]))
+    bare = [replace(item.forces, loads=(), couples=(), crank_torque=None) for item in (again, press)]
     assert bare[0] == bare[1]
     assert to_toml(again) == to_toml(press)
 
@@ -269,7 +269,7 @@ def test_forces_of_a_file_are_in_si(press):
     assert (spring.stiffness, spring.rest) == (pytest.approx(5000), pytest.approx(0.04))
     assert (spring.a, spring.b[0]) == ("end", "ground")
     assert (oil.stiffness, oil.damping) == (0.0, 3.0)
-    assert [one.rest for one in forces.joint_springs] == pytest.approx([0.004, np.deg2rad(30)])
+    assert [item.rest for item in forces.joint_springs] == pytest.approx([0.004, np.deg2rad(30)])
     assert forces.friction[1].viscous_turn == 1e-4
 
 

@@ -68,8 +68,8 @@ def _link(
     within: mujoco.MjsBody | None = None,
 ) -> mujoco.MjsBody:
     """Add a rod of 1 kg with a hinge at a place of its parent, pointing to a place or along a vector."""
-    way = towards - place if within is None else towards
-    angle = np.arctan2(way[1], way[0]) - (0.0 if within is None else _turned(within))
+    direction = towards - place if within is None else towards
+    angle = np.arctan2(direction[1], direction[0]) - (0.0 if within is None else _turned(within))
     half = 0.5 * angle
     body = parent.add_body(name=name, pos=place, quat=(np.cos(half), 0.0, 0.0, np.sin(half)))
     body.mass, body.ipos = 1.0, (0.5 * length, 0.0, 0.0)
@@ -89,18 +89,18 @@ def measured(drive: FourBar, n: int) -> list[dict[str, Any]]:
     model = chain(drive, n).compile()
     bare = {name: Bare(model, STEPS, _using(jacobian)) for name, jacobian in JACOBIANS.items()}
     for _ in range(ROUNDS[n]):
-        for one in bare.values():
-            one.turn()
-    places = [one.loops.posed.site_positions(one.qpos) for one in bare.values()]
+        for item in bare.values():
+            item.turn()
+    places = [item.loops.posed.site_positions(item.qpos) for item in bare.values()]
     gap = float(np.abs(places[0] - places[1]).max()) / drive.crank
     assert gap <= SAME, f"dense and sparse differ by {gap:.1e} cranks in a chain of {n}"
     rows = []
-    for name, one in bare.items():
-        pins = drive.positions(one.qpos[:, one.loops.crank_address])["B"]
+    for name, item in bare.items():
+        pins = drive.positions(item.qpos[:, item.loops.crank_address])["B"]
         exact = {f"B{k}": np.add(pins, ((k - 1) * drive.ground, 0.0, 0.0)) for k in range(1, n + 1)}
-        row = {"N": n, "matrices": name, "freedoms": int(model.nv), "rows": one.rows()}
-        row |= {"us/step": f"{one.microseconds:.3g}", "us/step/N": f"{one.microseconds / n:.3g}"}
-        rows.append(row | {"error": one.site_error(exact) / drive.crank, "dense-sparse": gap})
+        row = {"N": n, "matrices": name, "freedoms": int(model.nv), "rows": item.rows()}
+        row |= {"us/step": f"{item.microseconds:.3g}", "us/step/N": f"{item.microseconds / n:.3g}"}
+        rows.append(row | {"error": item.site_error(exact) / drive.crank, "dense-sparse": gap})
     return rows
 
 
@@ -116,9 +116,9 @@ def exponents(rows: list[dict[str, Any]]) -> list[str]:
     lines = []
     for name in JACOBIANS:
         mine = [row for row in rows if row["matrices"] == name and row["N"] >= LONG]
-        found = observed_order([row["N"] for row in mine], [float(row["us/step"]) for row in mine])
-        assert found is not None
-        grown = f"{-found.order:.2f} ({-found.high:.2f} to {-found.low:.2f} between neighbours)"
+        result = observed_order([row["N"] for row in mine], [float(row["us/step"]) for row in mine])
+        assert result is not None
+        grown = f"{-result.order:.2f} ({-result.high:.2f} to {-result.low:.2f} between neighbours)"
         lines.append(f"{name}: cost a step grows as N to the power {grown} from N = {LONG}")
     return lines
 

@@ -35,8 +35,8 @@ def script_of(path: Path) -> ModuleType:
 
 def states_of(script: ModuleType, duration: float) -> tuple[Array, Array]:
     """Return times (n,) and states (n, nq) after every step of a script."""
-    found = [(data.time, data.qpos.copy()) for data in script.steps(duration)]
-    return np.array([time for time, _ in found]), np.array([state for _, state in found])
+    result = [(data.time, data.qpos.copy()) for data in script.steps(duration)]
+    return np.array([time for time, _ in result]), np.array([state for _, state in result])
 
 
 def closure_error(script: ModuleType, duration: float, places: Places, drivers: tuple[str, ...]) -> float:
@@ -60,10 +60,10 @@ def closure_error(script: ModuleType, duration: float, places: Places, drivers: 
     for state in states[:: max(1, len(states) // STATES)]:
         data.qpos[:] = state
         mujoco.mj_fwdPosition(model, data)
-        seen = _points(data, places)
+        observed = _points(data, places)
         if not _close(model, data, free):
             return np.inf
-        worst = max(worst, float(np.linalg.norm(_points(data, places) - seen, axis=1).max()))
+        worst = max(worst, float(np.linalg.norm(_points(data, places) - observed, axis=1).max()))
     return worst
 
 
@@ -97,14 +97,14 @@ def _only_equalities(model: mujoco.MjModel) -> mujoco.MjModel:
 def _close(model: mujoco.MjModel, data: mujoco.MjData, free: NDArray[np.int_]) -> bool:
     """Bring a state onto the nearest one whose loops are closed; say whether there is one."""
     for _ in range(STEPS):
-        gap, slope = data.efc_pos[: data.nefc], data.efc_J.reshape(-1, model.nv)[: data.nefc]
+        gap, gradient = data.efc_pos[: data.nefc], data.efc_J.reshape(-1, model.nv)[: data.nefc]
         step = np.zeros(model.nv)
-        step[free] = -np.linalg.pinv(slope[:, free], rcond=RANK) @ gap
+        step[free] = -np.linalg.pinv(gradient[:, free], rcond=RANK) @ gap
         mujoco.mj_integratePos(model, data.qpos, step, 1.0)
         mujoco.mj_fwdPosition(model, data)
         if np.abs(step).max(initial=0.0) < CLOSED:
             break
-    left = slope[:, free].T @ data.efc_pos[: data.nefc]
+    left = gradient[:, free].T @ data.efc_pos[: data.nefc]
     return bool(np.isfinite(data.qpos).all() and np.abs(left).max(initial=0.0) < CLOSED)
 
 
@@ -115,9 +115,9 @@ def _points(data: mujoco.MjData, places: Places) -> Array:
 
 def _tracked(model: mujoco.MjModel, states: Array, places: Places) -> Array:
     """Return where points are at states, (n, k, 3) in [m]."""
-    data, found = mujoco.MjData(model), []
+    data, result = mujoco.MjData(model), []
     for state in states:
         data.qpos[:] = state
         mujoco.mj_kinematics(model, data)
-        found.append(_points(data, places))
-    return np.array(found)
+        result.append(_points(data, places))
+    return np.array(result)

@@ -49,7 +49,7 @@ def with_noslip(settings, loops, timestep, **options):
 
 def errors(moved):
     """Return the worst place error of runs by each compliance, in [m]."""
-    return [moved(Settings(steps_per_turn=STEPS, compliance=one)).estimate for one in COMPLIANCES]
+    return [moved(Settings(steps_per_turn=STEPS, compliance=item)).estimate for item in COMPLIANCES]
 
 
 def five_bar(period, path):
@@ -67,13 +67,13 @@ def main() -> None:
         cases = {f"five-bar, {period:g} s": five_bar(period, path) for period in PERIODS}
     bennett = catalog.make("bennett")
     cases["bennett"] = lambda settings: simulate(bennett, profile=constant(SPEED, 1.0), settings=settings)
-    found = {name: errors(moved) for name, moved in cases.items()}
-    slow = np.array(found["five-bar, 100 s"])
+    result = {name: errors(moved) for name, moved in cases.items()}
+    slow = np.array(result["five-bar, 100 s"])
     with mock.patch.object(Settings, "apply", with_noslip):
-        found |= {f"{name}, noslip": errors(moved) for name, moved in cases.items()}
+        result |= {f"{name}, noslip": errors(moved) for name, moved in cases.items()}
     rows = [
-        {"motion": name, **{f"{one:.0e}": error for one, error in zip(COMPLIANCES, each, strict=True)}}
-        for name, each in found.items()
+        {"motion": name, **{f"{item:.0e}": error for item, error in zip(COMPLIANCES, each, strict=True)}}
+        for name, each in result.items()
     ]
     sheet.show(rows, out, "compliance")
     falls = slow[1:4] / slow[2:5]

@@ -117,9 +117,9 @@ def plot(rows: list[dict[str, Any]], out: Path) -> None:
 
 def main() -> None:
     out = sheet.folder(__doc__ or "")
-    rows = [measured(name, one) for name, each in ladder().items() for one in each]
+    rows = [measured(name, item) for name, each in ladder().items() for item in each]
     for _ in range(REPEATS - 1):
-        again = [measured(name, one) for name, each in ladder().items() for one in each]
+        again = [measured(name, item) for name, each in ladder().items() for item in each]
         for row, other in zip(rows, again, strict=True):
             row["ms/turn"] = min(row["ms/turn"], other["ms/turn"])
     sheet.show(rows, out, "constraint_settings")

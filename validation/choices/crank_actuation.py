@@ -167,11 +167,11 @@ def main() -> None:
     rows: list[dict[str, Any]] = []
     for name in ("rssr", "four_bar", "slider_crank"):
         rigs = [Rig(name, drive) for drive in DRIVES]
-        found = [rig.run() for rig in rigs]
+        result = [rig.run() for rig in rigs]
         for _ in range(REPEATS - 1):
-            for row, rig in zip(found, rigs, strict=True):
+            for row, rig in zip(result, rigs, strict=True):
                 row["us/step"] = min(row["us/step"], rig.run()["us/step"])
-        rows += found
+        rows += result
     sheet.show(rows, out, "drive")
     if out is not None:
         plot(rows, out)

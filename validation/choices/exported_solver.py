@@ -44,15 +44,18 @@ FALLING = ("four_bar", "rssr", "jansen")
 
 def scenes(work):
     """Yield name and scene."""
-    for one in scene_files(None, work, set()):
-        yield one.name, user_scene(str(one.path), *one.motion(1.0))
+    for item in scene_files(None, work, set()):
+        yield item.name, user_scene(str(item.path), *item.motion(1.0))
     for name in FALLING:
         mechanism = load(name).mechanism
-        for said, friction in (("falls", ()), ("rubs", (Friction(joint=mechanism.crank.name, coulomb=0.1),))):
+        for output, friction in (
+            ("falls", ()),
+            ("rubs", (Friction(joint=mechanism.crank.name, coulomb=0.1),)),
+        ):
             forces = Forces(gravity=(0.0, -9.81, 0.0), friction=friction)
-            path = work / f"{name}-{said}.xml"
+            path = work / f"{name}-{output}.xml"
             path.write_text(mjcf.to_xml(exported(mechanism, Scene(level="dynamics", forces=forces))))
-            yield f"{name} {said}", user_scene(str(path), DriveOptions(), ControlOptions())
+            yield f"{name} {output}", user_scene(str(path), DriveOptions(), ControlOptions())
 
 
 @quiet()
@@ -60,7 +63,7 @@ def main():
     """Print errors and times of every scene."""
     asked = argparse.ArgumentParser()
     asked.add_argument("--only", default="")
-    only = {one for one in asked.parse_args().only.split(",") if one}
+    only = {item for item in asked.parse_args().only.split(",") if item}
     print(f"{'iterations, tolerance':22}", *(f"{name:>17}" for name in SETTINGS))
     worse, ratios = [], []
     with tempfile.TemporaryDirectory() as folder:
@@ -68,7 +71,7 @@ def main():
             if only and name not in only:
                 continue
             scene = replace(scene, duration=DURATION)
-            models = [one.applied(scene.model) for one in SETTINGS.values()]
+            models = [item.applied(scene.model) for item in SETTINGS.values()]
             errors = [SceneEvaluator().errors(run_scene(scene, model)).closure for model in models]
             times = step_times([(scene, model) for model in models])
             ratios.append(times / times[0])

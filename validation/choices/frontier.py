@@ -176,9 +176,9 @@ def cheapest(drive: ClosedForm, subject: Subject) -> Point:
             if errors["position"] <= PART:
                 good.append((seconds, method.name, settings, errors))
                 break
-    good.sort(key=lambda one: one[0])
+    good.sort(key=lambda item: item[0])
     near = good[:6]
-    times = np.median([[built.stepped(one[2])[1].processor for one in near] for _ in range(ROUNDS)], 0)
+    times = np.median([[built.stepped(item[2])[1].processor for item in near] for _ in range(ROUNDS)], 0)
     best = int(np.argmin(times))
     _, name, settings, errors = near[best]
     return Point(f"1 %: {name}", settings.steps_per_turn, errors, lambda: float(times[best]) / TURNS)

@@ -30,7 +30,7 @@ SLOW = {"looper": 20_000, "warp_knitter": 20_000}
 
 def speeds() -> dict[str, float]:
     """Return million poses a second of the mechsim that is imported: places, rates of points, everything."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for name in catalog.DRIVES:
         drive, count = catalog.make(name), SLOW.get(name, POSES)
         angles = np.linspace(0.0, 2.0 * np.pi, count)
@@ -46,8 +46,8 @@ def speeds() -> dict[str, float]:
                 began = time.process_time()
                 call()
                 times.append(time.process_time() - began)
-            found[f"{name} {what}"] = count / median(times) / 1e6
-    return found
+            result[f"{name} {what}"] = count / median(times) / 1e6
+    return result
 
 
 def main() -> None:
@@ -60,22 +60,22 @@ def main() -> None:
         print(json.dumps(speeds()))
         return
     roads = {"here": HERE} | ({"there": given.against} if given.against else {})
-    found: dict[tuple[str, str], list[float]] = defaultdict(list)
+    result: dict[tuple[str, str], list[float]] = defaultdict(list)
     for _ in range(given.rounds):
-        for road, path in roads.items():
+        for route, path in roads.items():
             environment = {**os.environ, "PYTHONPATH": str(path), "OMP_NUM_THREADS": "1"}
             call = [sys.executable, __file__, "--once"]
-            said = subprocess.run(call, env=environment, capture_output=True, text=True, check=True).stdout
-            for key, value in json.loads(said).items():
-                found[road, key].append(value)
+            output = subprocess.run(call, env=environment, capture_output=True, text=True, check=True).stdout
+            for key, value in json.loads(output).items():
+                result[route, key].append(value)
     print("| mechanism | " + " | ".join(f"{what}" for what in ("places", "rates of points", "all")) + " |")
     print("|---|---|---|---|")
     for name in catalog.DRIVES:
         cells = []
         for what in ("places", "rates", "all"):
             key = f"{name} {what}"
-            here = median(found["here", key])
-            there = found.get(("there", key))
+            here = median(result["here", key])
+            there = result.get(("there", key))
             cells.append(f"{median(there):.2f} to {here:.2f}" if there else f"{here:.2f}")
         print(f"| {name} | {' | '.join(cells)} |")
 

@@ -117,18 +117,18 @@ def measured(name: str, spec: mujoco.MjSpec) -> dict[str, Any]:
 def wrong() -> str:
     """Return how often sparse matrices are wrong in random models, and what is taken there."""
     random = np.random.default_rng(SEED)
-    found: list[tuple[float, str]] = []
+    result: list[tuple[float, str]] = []
     for _ in range(RANDOM):
         model = ready(tangle(random))
-        found.append((gap(model)[0], settings.faster_matrices(model)))
-    bad = [(differ, taken) for differ, taken in found if differ > settings.AGREEMENT_TOLERANCE]
-    right = [differ for differ, _ in found if differ <= settings.AGREEMENT_TOLERANCE]
+        result.append((gap(model)[0], settings.faster_matrices(model)))
+    bad = [(differ, taken) for differ, taken in result if differ > settings.AGREEMENT_TOLERANCE]
+    right = [differ for differ, _ in result if differ <= settings.AGREEMENT_TOLERANCE]
     kinds = [taken for _, taken in bad]
     return (
         f"MuJoCo {mujoco.__version__}, {RANDOM} random models: accelerations differ in {len(bad)}, by "
         f"{min(d for d, _ in bad):.1g} to {max(d for d, _ in bad):.2g} of the largest, in the others by "
         f"{max(right):.1g} at most; sparse taken in {kinds.count('sparse')} of the {len(bad)} and in "
-        f"{sum(taken == 'sparse' for _, taken in found)} of all"
+        f"{sum(taken == 'sparse' for _, taken in result)} of all"
     )
 
 

@@ -81,10 +81,10 @@ def main() -> None:
         closed = {steps: errors(machine, steps) for steps in STEPS}
         with stepped:
             open_ = {steps: errors(machine, steps) for steps in STEPS}
-        for road, found in (("closed", closed), ("as stepped", open_)):
+        for route, result in (("closed", closed), ("as stepped", open_)):
             for what in KINDS:
-                row = "".join(f"{found[steps][what]:12.1e}" for steps in STEPS)
-                print(f"{name:30s}{road + ', ' + what:26s}{row}")
+                row = "".join(f"{result[steps][what]:12.1e}" for steps in STEPS)
+                print(f"{name:30s}{route + ', ' + what:26s}{row}")
 
 
 if __name__ == "__main__":

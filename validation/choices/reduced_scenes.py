@@ -41,11 +41,11 @@ def outside(scene: UserScene, spec: mujoco.MjSpec, text: str) -> float:
     evaluator = ReducedSceneEvaluator.from_scene(other_motion(scene, REACH, UNEVEN), spec)
     moved, named, tracked = evaluator.motion, evaluator.named, dict(evaluator.tracked)
     if scene.joint_laws:
-        lean = evaluator.scene(mujoco.MjSpec.from_string(text))
-        return evaluator.errors(lean, compare_forces=False).trajectory
-    lean = mujoco.MjModel.from_xml_string(text)
-    stride = round(float(lean.opt.timestep / named.opt.timestep))
-    far, near = (_looped(moved, model, tracked) for model in (named, lean))
+        tilt = evaluator.scene(mujoco.MjSpec.from_string(text))
+        return evaluator.errors(tilt, compare_forces=False).trajectory
+    tilt = mujoco.MjModel.from_xml_string(text)
+    stride = round(float(tilt.opt.timestep / named.opt.timestep))
+    far, near = (_looped(moved, model, tracked) for model in (named, tilt))
     far = far[:: max(1, stride)]
     count = min(len(far), len(near))
     return float(np.linalg.norm(far[:count] - near[:count], axis=2).max())
@@ -53,24 +53,24 @@ def outside(scene: UserScene, spec: mujoco.MjSpec, text: str) -> float:
 
 def _looped(scene: UserScene, model: mujoco.MjModel, tracked: dict[str, tuple[str, Array]]) -> Array:
     """Return tracked points before each step of a loop that feeds actuators, (n, k, 3) in [m]."""
-    data, found = mujoco.MjData(model), list[list[Array]]()
+    data, result = mujoco.MjData(model), list[list[Array]]()
     for _ in range(int(np.ceil(scene.duration / model.opt.timestep - 1e-6))):
         for name, state in scene.ctrl.items():
             data.actuator(name).ctrl[0] = state(np.array([data.time]))[0][0]
         mujoco.mj_kinematics(model, data)
         bodies = [(data.body(body), place) for body, place in tracked.values()]
-        found.append([body.xpos + body.xmat.reshape(3, 3) @ place for body, place in bodies])
+        result.append([body.xpos + body.xmat.reshape(3, 3) @ place for body, place in bodies])
         mujoco.mj_step(model, data)
-    return np.array(found)
+    return np.array(result)
 
 
 def row(name: str, case: Case, folder: Path) -> dict[str, object]:
     """Return what came of a scene."""
     scene, began = case.scene(folder), process_time()
     bound, spec = PART * scene.characteristic_length, parse_file(scene.path)[0]
-    found = reduce_scene(scene, spec, bound, keep=case.keep)
-    first, second = found.errors
-    third = outside(scene, spec, found.text)
+    result = reduce_scene(scene, spec, bound, keep=case.keep)
+    first, second = result.errors
+    third = outside(scene, spec, result.text)
     return {
         "scene": name,
         "T": bound,
@@ -79,11 +79,11 @@ def row(name: str, case: Case, folder: Path) -> dict[str, object]:
         "outside": third,
         "effort": max(first.torque, second.torque),
         "energy": max(first.energy, second.energy),
-        "ms/s": f"{1e3 * found.time:.3g}",
-        "faster": f"{found.speedup:.2f}",
+        "ms/s": f"{1e3 * result.time:.3g}",
+        "faster": f"{result.speedup:.2f}",
         "s": f"{process_time() - began:.0f}",
-        "left out": "; ".join(one.candidate.what for one in found.left_out),
-        "kept": "yes" if found.kept(bound) and third <= bound else "NO",
+        "left out": "; ".join(item.candidate.what for item in result.left_out),
+        "kept": "yes" if result.kept(bound) and third <= bound else "NO",
     }
 
 
@@ -104,7 +104,7 @@ def main() -> int:
     if asked.out is not None:
         asked.out.mkdir(parents=True, exist_ok=True)
     sheet.show(rows, asked.out, "reduced_scenes")
-    return int(any(one["kept"] == "NO" or float(str(one["faster"])) < FASTER for one in rows))
+    return int(any(item["kept"] == "NO" or float(str(item["faster"])) < FASTER for item in rows))
 
 
 if __name__ == "__main__":

@@ -114,20 +114,20 @@ def doubly_closed(drive: ClosedForm) -> mujoco.MjSpec:
 
 def cases(drive: ClosedForm, ends: tuple[str, str]) -> dict[str, tuple[mujoco.MjSpec, Change | None]]:
     """Return what is compared on a mechanism: name -> specification and a change after the settings."""
-    found: dict[str, tuple[mujoco.MjSpec, Change | None]] = {
+    result: dict[str, tuple[mujoco.MjSpec, Change | None]] = {
         f"level {level}": (spec_of(drive, level), None) for level in LEVELS
     }
-    found["motion, sensors on"] = sensed(drive), sensors_on
-    found["motion, energy on"] = spec_of(drive), energy_on
-    found["picture, contacts left on"] = spec_of(drive, "picture"), contacts_on
-    found["picture, geoms collide"] = colliding(drive), with_contacts
-    found["rod as a length"] = rod_only(drive, ends), hard_rod
-    found["rod as a length, 2 steps"] = rod_only(drive, ends), quick_rod
+    result["motion, sensors on"] = sensed(drive), sensors_on
+    result["motion, energy on"] = spec_of(drive), energy_on
+    result["picture, contacts left on"] = spec_of(drive, "picture"), contacts_on
+    result["picture, geoms collide"] = colliding(drive), with_contacts
+    result["rod as a length"] = rod_only(drive, ends), hard_rod
+    result["rod as a length, 2 steps"] = rod_only(drive, ends), quick_rod
     if drive.name == "four_bar":
-        found["closed as in space"] = doubly_closed(drive), None
+        result["closed as in space"] = doubly_closed(drive), None
     for name, variant in drive.variants().items():
-        found[f"variant {name}"] = spec_of(variant), None
-    return found
+        result[f"variant {name}"] = spec_of(variant), None
+    return result
 
 
 def measured(drive: ClosedForm, ends: tuple[str, str]) -> list[dict[str, Any]]:
@@ -138,9 +138,9 @@ def measured(drive: ClosedForm, ends: tuple[str, str]) -> list[dict[str, Any]]:
         like = whole if name.startswith("rod") else None
         bare[name] = Bare(mjcf.compiled(spec), STEPS, change or (lambda _: None), like)
     for _ in range(ROUNDS):
-        for one in bare.values():
-            one.turn()
-    return [_row(drive, name, one, bare["level motion"].microseconds) for name, one in bare.items()]
+        for item in bare.values():
+            item.turn()
+    return [_row(drive, name, item, bare["level motion"].microseconds) for name, item in bare.items()]
 
 
 def _row(drive: ClosedForm, name: str, bare: Bare, usual: float) -> dict[str, Any]:
@@ -170,7 +170,7 @@ def turned_on_and_off(name: str, folder: str) -> list[dict[str, Any]]:
         duration=0.1,
         points=form.mechanism.points,
     )
-    return [{"mechanism": name} | asdict(one) for one in scene_costs(scene, parse_file(str(path))[0])]
+    return [{"mechanism": name} | asdict(item) for item in scene_costs(scene, parse_file(str(path))[0])]
 
 
 def plot(rows: list[dict[str, Any]], out: Path) -> None:

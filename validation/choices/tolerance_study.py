@@ -62,20 +62,20 @@ def keeping(subject: Subject, built: BuiltModel, part: float) -> list[Settings]:
 
     What takes twice the time of another, and more, is left out.
     """
-    found: list[tuple[float, Settings]] = []
+    result: list[tuple[float, Settings]] = []
     for method in stepping_methods():
         if method.name not in LADDER:
             continue
         for steps in STEPS:
             settings = method.settings(steps, subject.speed)
             motion, seconds = built.motion(settings)
-            if seconds > 2.0 * min((time for time, _ in found), default=np.inf):
+            if seconds > 2.0 * min((time for time, _ in result), default=np.inf):
                 break
             if subject.errors(motion)["position"] <= part:
-                found.append((seconds, settings))
+                result.append((seconds, settings))
                 break
-    best = min(time for time, _ in found)
-    return [settings for time, settings in found if time <= 2.0 * best]
+    best = min(time for time, _ in result)
+    return [settings for time, settings in result if time <= 2.0 * best]
 
 
 def crank_length(drive: ClosedForm) -> float:

@@ -70,7 +70,7 @@ class SceneFile:
     def motion(self, rate: float) -> tuple[DriveOptions, ControlOptions]:
         """Return what moves it: its actuators fed, a turn of the crank, or a swing of every driver."""
         if self.feed:
-            pairs = tuple((name, said.replace("{rate}", f"{rate:g}")) for name, said in self.feed.items())
+            pairs = tuple((name, output.replace("{rate}", f"{rate:g}")) for name, output in self.feed.items())
             return DriveOptions(), ControlOptions(ctrl=pairs)
         if self.mechanism.drivers == ("crank",):
             return DriveOptions(drive=(("crank", f"{60.0 * rate:g}rpm"),)), ControlOptions()

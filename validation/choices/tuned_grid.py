@@ -40,16 +40,16 @@ def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, fl
 
     The time is of a simulated second.
     """
-    found = sorted(_first(scene, tolerance), key=lambda one: one[0])
-    around = [settings for _, settings in found[:AROUND]]
+    result = sorted(_first(scene, tolerance), key=lambda item: item[0])
+    around = [settings for _, settings in result[:AROUND]]
     for settings in around:
-        for one in _second(scene, settings):
-            found += _kept(run_scene(scene, one.applied(scene.model)), one, tolerance, found)
-    found.sort(key=lambda one: one[0])
-    best = [settings for _, settings in found[: 3 * TIMED] if _stands(scene, settings, tolerance)][:TIMED]
+        for item in _second(scene, settings):
+            result += _kept(run_scene(scene, item.applied(scene.model)), item, tolerance, result)
+    result.sort(key=lambda item: item[0])
+    best = [settings for _, settings in result[: 3 * TIMED] if _stands(scene, settings, tolerance)][:TIMED]
     if not best:
         return None
-    times = step_times([(scene, one.applied(scene.model)) for one in best])
+    times = step_times([(scene, item.applied(scene.model)) for item in best])
     least = int(times.argmin())
     return best[least], float(times[least])
 
@@ -57,7 +57,7 @@ def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, fl
 def _first(scene: UserScene, tolerance: float) -> list[Found]:
     own, safe = float(scene.model.opt.timestep), 0.5 * shortest_time_constant(scene.model)
     longest = max(own, min(safe, scene.duration / FEWEST))
-    step, found = LONGEST * own, list[Found]()
+    step, result = LONGEST * own, list[Found]()
     while step >= SHORTEST * own:
         tried = list[float]()
         for integrator, constant, hard in itertools.product(INTEGRATORS, CONSTANTS, (True, False)):
@@ -74,11 +74,11 @@ def _first(scene: UserScene, tolerance: float) -> list[Found]:
             )
             run = run_scene(scene, settings.applied(scene.model))
             tried += [] if run.broken else [run.seconds_per_second]
-            found += _kept(run, settings, tolerance, found)
-        if found and tried and HOPE * min(tried) > min(found)[0]:
+            result += _kept(run, settings, tolerance, result)
+        if result and tried and HOPE * min(tried) > min(result)[0]:
             break
         step /= SHORTER
-    return found
+    return result
 
 
 def _second(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings]:
@@ -96,10 +96,10 @@ def _second(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings
         )
 
 
-def _kept(run: SceneRun, settings: PlainSettings, tolerance: float, found: Sequence[Found]) -> list[Found]:
+def _kept(run: SceneRun, settings: PlainSettings, tolerance: float, result: Sequence[Found]) -> list[Found]:
     """Return settings with their time if they keep the tolerance and are not much slower than others."""
     time = run.seconds_per_second
-    slow = time > SLOWER * min((one[0] for one in found), default=np.inf)
+    slow = time > SLOWER * min((item[0] for item in result), default=np.inf)
     return [] if slow or not SceneEvaluator().errors(run).closure <= tolerance else [(time, settings)]
 
 

@@ -52,7 +52,7 @@ class Count:
     ratios: tuple[float, ...] = ()
 
 
-def outside(scene: UserScene, found: Tuned, best: SceneTrial, work: Path) -> tuple[float, float]:
+def outside(scene: UserScene, result: Tuned, best: SceneTrial, work: Path) -> tuple[float, float]:
     """Write what was found, run it from outside; return its worst error and the reference's own, in [m]."""
     stem = f"tuned-{scene.mechanism.name}".replace(" ", "-")
     file, script = work / f"{stem}.xml", work / f"{stem}.py"
@@ -61,32 +61,41 @@ def outside(scene: UserScene, found: Tuned, best: SceneTrial, work: Path) -> tup
     stands = replace(read, model=best.settings.applied(read.model))
     changed = {} if best.settings.in_file else {"compliance": best.settings.compliance}
     script.write_text(python_of(stands, file, python_laws(scene), changed=changed))
-    if found.by == "trajectory":
+    if result.by == "trajectory":
         return trajectory_error(script_of(script), scene.duration, scene.tracked)
     drivers = scene.closure.drivers
     return closure_error(script_of(script), LONGER * scene.duration, scene.tracked, drivers), 0.0
 
 
 def judged(
-    one: SceneFile, number: int, work: Path, count: Count, budget: float, exhaustive: bool
+    item: SceneFile, number: int, work: Path, count: Count, budget: float, exhaustive: bool
 ) -> list[object]:
     """Tune one scene for one of its cases, run what was written from outside, count and return the row."""
     by, part, rate = CASES[number]
-    scene = user_scene(str(one.path), *one.motion(rate))
+    scene = user_scene(str(item.path), *item.motion(rate))
     tolerance = float(f"{part * scene.characteristic_length:.2g}")
     if by == "closure" and start_error(scene) > AIMED_FRACTION * tolerance:
         scene = with_assembled_start(scene)
-    found = tuned(
+    result = tuned(
         scene, tolerance, by, budget=Budget(budget, now=process_time)
     )  # independent of other programs
-    count.slow += found.seconds > SLOWEST
-    before = found.published
+    count.slow += result.seconds > SLOWEST
+    before = result.published
     row = [by, tolerance, before.errors.by(by), 1e3 * before.seconds]
-    best = found.chosen or found.beyond
+    best = result.chosen or result.beyond
     if best is None:
         count.unreached += 1
-        return [*row, found.closest.errors.by(by), 0.0, 0.0, 0.0, found.seconds, len(found.tried), "is said"]
-    error, bar = outside(scene, found, best, work)
+        return [
+            *row,
+            result.closest.errors.by(by),
+            0.0,
+            0.0,
+            0.0,
+            result.seconds,
+            len(result.tried),
+            "is said",
+        ]
+    error, bar = outside(scene, result, best, work)
     ratio = np.nan
     if exhaustive and number == 0 and (grid := quickest_kept(scene, tolerance)):
         own, other = step_times([(scene, each.applied(scene.model)) for each in (best.settings, grid[0])])
@@ -95,8 +104,8 @@ def judged(
         print(f"    {best.settings.as_dict()}\n    {grid[0].as_dict()}")
     kept = error <= tolerance
     count.promised, count.kept = count.promised + 1, count.kept + kept
-    said = ("" if best.settings.in_file else "by Python") if kept else "NOT KEPT"
-    return [*row, error, bar, 1e3 * best.seconds, ratio, found.seconds, len(found.tried), said]
+    output = ("" if best.settings.in_file else "by Python") if kept else "NOT KEPT"
+    return [*row, error, bar, 1e3 * best.seconds, ratio, result.seconds, len(result.tried), output]
 
 
 @quiet()
@@ -108,21 +117,21 @@ def main() -> int:
     asked.add_argument("--cases", default=",".join(str(i) for i in range(len(CASES))))
     asked.add_argument("--budget", type=float, default=SECONDS)
     asked.add_argument("--exhaustive", action="store_true")
-    told = asked.parse_args()
+    reported = asked.parse_args()
     print("scene".ljust(20), *(name.rjust(width) for name, width in zip(HEAD, WIDTHS, strict=True)))
     count = Count()
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
-        for one in scene_files(told.folder, work, {name for name in told.only.split(",") if name}):
-            for number in map(int, told.cases.split(",")):
+        for item in scene_files(reported.folder, work, {name for name in reported.only.split(",") if name}):
+            for number in map(int, reported.cases.split(",")):
                 try:
-                    row = judged(one, number, work, count, told.budget, told.exhaustive)
+                    row = judged(item, number, work, count, reported.budget, reported.exhaustive)
                 except MechsimError as error:
                     count.promised += 1
                     row = [f"NOT TUNED: {error}"]
                 cells = (f"{value:.3g}" if isinstance(value, float) else str(value) for value in row)
                 print(
-                    one.name.ljust(20),
+                    item.name.ljust(20),
                     *(f"{c:>{w}}" for c, w in zip(cells, (*WIDTHS, 0), strict=False)),
                     flush=True,
                 )

@@ -54,15 +54,15 @@ def row(name: str, settings: str, engine: str, run: Engine) -> dict[str, Any]:
     try:
         states, seconds = run(model, qpos[0], qvel[0], STEPS, np.zeros(model.nu))
     except (ValueError, NotImplementedError, RuntimeError) as error:
-        said = {"place": np.nan, "crank [rad]": np.nan, "ms a turn": " ".join(str(error).split())[:60]}
-        return {"mechanism": name, "settings": settings, "engine": engine} | said
+        output = {"place": np.nan, "crank [rad]": np.nan, "ms a turn": " ".join(str(error).split())[:60]}
+        return {"mechanism": name, "settings": settings, "engine": engine} | output
     time = TURN * (1.0 + np.arange(STEPS)) / STEPS
     angle = states[:, loops.crank_address]
     place = np.inf
     if np.isfinite(states).all():
-        exact, found = drive.positions(angle), loops.posed.site_positions(states)
+        exact, result = drive.positions(angle), loops.posed.site_positions(states)
         gaps = [
-            np.linalg.norm(found[:, model.site(site).id] - at, axis=1).max() for site, at in exact.items()
+            np.linalg.norm(result[:, model.site(site).id] - at, axis=1).max() for site, at in exact.items()
         ]
         place = float(max(gaps)) / drive.crank
     return {

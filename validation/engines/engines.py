@@ -39,12 +39,12 @@ def by_warp(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: A
     there = mjw.put_model(model)
     mjw.step(there, mjw.put_data(model, data))
     state = mjw.put_data(model, data)
-    found = np.empty((steps, model.nq))
+    result = np.empty((steps, model.nq))
     begun = time.process_time()
-    for row in found:
+    for row in result:
         mjw.step(there, state)
         row[:] = state.qpos.numpy()[0]
-    return found, time.process_time() - begun
+    return result, time.process_time() - begun
 
 
 # engine -> the module it needs, how it steps

@@ -44,20 +44,28 @@ def row(path: Path, engine: str, run: Engine, asked: argparse.Namespace) -> dict
     steps = round(asked.duration / model.opt.timestep)
     low, high = model.actuator_ctrlrange.T
     ctrl = np.where(model.actuator_ctrllimited, low + asked.part * (high - low), 0.0)
-    told = {"scene": path.stem, "engine": engine, "timestep [ms]": f"{1e3 * model.opt.timestep:.3g}"}
+    reported = {"scene": path.stem, "engine": engine, "timestep [ms]": f"{1e3 * model.opt.timestep:.3g}"}
     try:
         states, seconds = run(model, qpos, qvel, steps, ctrl)
     except (ValueError, NotImplementedError, RuntimeError) as error:
-        return told | {"error [m]": np.nan, "moved [m]": np.nan, "ms/s": " ".join(str(error).split())[:60]}
+        return reported | {
+            "error [m]": np.nan,
+            "moved [m]": np.nan,
+            "ms/s": " ".join(str(error).split())[:60],
+        }
     every = max(1, steps // 400)
     time = model.opt.timestep * np.arange(1.0, steps + 1.0)[::every]
     kept = states[::every]
-    seen = SceneRun(here, model, time, kept, np.zeros((len(kept), model.nv)), seconds, steps)
+    observed = SceneRun(here, model, time, kept, np.zeros((len(kept), model.nv)), seconds, steps)
     worst = moved = np.inf
     if np.isfinite(states).all():
-        worst = float(here.closure.errors(kept, seen.points).max())
-        moved = float(np.linalg.norm(seen.points - seen.points[:1], axis=2).max())
-    return told | {"error [m]": worst, "moved [m]": moved, "ms/s": f"{1e3 * seconds / asked.duration:.3g}"}
+        worst = float(here.closure.errors(kept, observed.points).max())
+        moved = float(np.linalg.norm(observed.points - observed.points[:1], axis=2).max())
+    return reported | {
+        "error [m]": worst,
+        "moved [m]": moved,
+        "ms/s": f"{1e3 * seconds / asked.duration:.3g}",
+    }
 
 
 @mjcf.quiet()

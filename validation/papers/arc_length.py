@@ -93,7 +93,7 @@ class Road(Protocol):
 
 
 def walk(
-    road: Road,
+    route: Road,
     start: Array,
     *,
     direction: ArrayLike | None = None,
@@ -120,35 +120,35 @@ def walk(
     """
     from scipy.integrate import DOP853
 
-    y, first, newton = _begin(road, start, direction)
+    y, first, newton = _begin(route, start, direction)
     points, arc, frames = [y], [0.0], [first]
     end = np.inf if length is None else length
     solver = DOP853(
-        lambda _, y: road.frame(y, frames[-1].tangent).tangent,
+        lambda _, y: route.frame(y, frames[-1].tangent).tangent,
         0.0,
         y,
         end,
-        first_step=min(1e-3 * road.size, end),
-        max_step=0.25 * road.size if longest is None else longest,
+        first_step=min(1e-3 * route.size, end),
+        max_step=0.25 * route.size if longest is None else longest,
         rtol=tolerance,
-        atol=tolerance * road.size,
+        atol=tolerance * route.size,
     )
     plane = first.mark_rate / (first.mark_rate @ first.mark_rate)
     while str(solver.status) == "running":
         if len(arc) > most_steps:
             raise AssemblyError(
-                f"{road.name}: the curve has not closed after {most_steps} steps over a length of "
+                f"{route.name}: the curve has not closed after {most_steps} steps over a length of "
                 f"{arc[-1]:.6g}; give the length at which to stop, or allow more steps"
             )
-        _advance(road, solver, points[-1])
-        before, after = (float(plane @ road.gap(at, y)) for at in (points[-1], solver.y))
+        _advance(route, solver, points[-1])
+        before, after = (float(plane @ route.gap(at, y)) for at in (points[-1], solver.y))
         if before < 0.0 <= after:
-            home = _homecoming(road, solver, y, plane, first)
+            home = _homecoming(route, solver, y, plane, first)
             if home is not None:
                 end, total, iterations = home
-                frames.append(road.frame(end, frames[-1].tangent))
+                frames.append(route.frame(end, frames[-1].tangent))
                 return _curve([*points, end], [*arc, total], frames, True, newton + iterations)
-        here, frame, iterations = _landed(road, solver, points[-1], frames[-1])
+        here, frame, iterations = _landed(route, solver, points[-1], frames[-1])
         newton += iterations
         points.append(here)
         arc.append(float(solver.t))
@@ -156,7 +156,7 @@ def walk(
     return _curve(points, arc, frames, False, newton)
 
 
-def turns(road: Road, curve: Curve, rate: Callable[[Frame], float]) -> Array:
+def turns(route: Road, curve: Curve, rate: Callable[[Frame], float]) -> Array:
     """Return the points of a curve at which a rate along it vanishes, (k, dim).
 
     Args:
@@ -166,51 +166,51 @@ def turns(road: Road, curve: Curve, rate: Callable[[Frame], float]) -> Array:
 
     Accuracy: the root is sought on points brought back onto the curve, so that it is exact to rounding.
     """
-    found: list[Array] = []
-    rates = np.array([rate(road.frame(y, t)) for y, t in zip(curve.points, curve.tangents, strict=True)])
+    result: list[Array] = []
+    rates = np.array([rate(route.frame(y, t)) for y, t in zip(curve.points, curve.tangents, strict=True)])
     for i in np.flatnonzero((rates[:-1] < 0.0) != (rates[1:] < 0.0)).tolist():
 
         def between(part: float, i: int = i) -> tuple[Array, float]:
-            y = road.corrected(_hermite(curve, i, part))[0]
-            return y, rate(road.frame(y, curve.tangents[i]))
+            y = route.corrected(_hermite(curve, i, part))[0]
+            return y, rate(route.frame(y, curve.tangents[i]))
 
-        found.append(between(root(lambda part: between(part)[1], 0.0, 1.0))[0])
-    return np.array(found).reshape(len(found), curve.points.shape[1])
+        result.append(between(root(lambda part: between(part)[1], 0.0, 1.0))[0])
+    return np.array(result).reshape(len(result), curve.points.shape[1])
 
 
-def _begin(road: Road, start: Array, direction: ArrayLike | None) -> tuple[Array, Frame, int]:
+def _begin(route: Road, start: Array, direction: ArrayLike | None) -> tuple[Array, Frame, int]:
     try:
-        y, newton = road.corrected(start)
+        y, newton = route.corrected(start)
         moved = float(np.linalg.norm(y - start))
     except AssemblyError as error:
-        raise InputError(f"{road.name}: no point of the curve is near the start; {error}") from error
-    if not moved <= 1e-6 * road.size:
+        raise InputError(f"{route.name}: no point of the curve is near the start; {error}") from error
+    if not moved <= 1e-6 * route.size:
         raise InputError(
-            f"{road.name}: the start is {moved:.3g} off the curve; the nearest point of it is {y.tolist()}"
+            f"{route.name}: the start is {moved:.3g} off the curve; the nearest point of it is {y.tolist()}"
         )
     try:
         along = None if direction is None else np.asarray(direction, dtype=np.float64)
-        return y, road.frame(y, along), newton
+        return y, route.frame(y, along), newton
     except AssemblyError as error:
         raise InputError(f"{error}; start somewhere else") from error
 
 
-def _advance(road: Road, solver: "DOP853", at: Array) -> None:
+def _advance(route: Road, solver: "DOP853", at: Array) -> None:
     """Let the solver take a step."""
     solver.step()
     if str(solver.status) == "failed":
         raise AssemblyError(
-            f"{road.name}: no step is short enough at {at.tolist()}; the curve is not smooth there"
+            f"{route.name}: no step is short enough at {at.tolist()}; the curve is not smooth there"
         )
 
 
-def _landed(road: Road, solver: "DOP853", at: Array, last: Frame) -> tuple[Array, Frame, int]:
+def _landed(route: Road, solver: "DOP853", at: Array, last: Frame) -> tuple[Array, Frame, int]:
     """Return the point of the curve nearest to a step's end, from which the solver then goes on."""
-    here, iterations = road.corrected(solver.y)
-    frame = road.frame(here, last.tangent)
+    here, iterations = route.corrected(solver.y)
+    frame = route.frame(here, last.tangent)
     if _crossed(last, frame):
         raise AssemblyError(
-            f"{road.name}: branches of the curve cross between {at.tolist()} and {here.tolist()}; "
+            f"{route.name}: branches of the curve cross between {at.tolist()} and {here.tolist()}; "
             "which one goes on is not determined there; change the dimensions a little"
         )
     solver.y, solver.f = here, frame.tangent
@@ -218,21 +218,23 @@ def _landed(road: Road, solver: "DOP853", at: Array, last: Frame) -> tuple[Array
 
 
 def _homecoming(
-    road: Road, solver: "DOP853", start: Array, plane: Array, first: Frame
+    route: Road, solver: "DOP853", start: Array, plane: Array, first: Frame
 ) -> tuple[Array, float, int] | None:
     """Return the start met again, the length of the curve and the iterations, if the last step passed it."""
     dense = solver.dense_output()
-    at = root(lambda s: float(plane @ road.gap(dense(s), start)), float(solver.t_old or 0.0), float(solver.t))
-    if not np.linalg.norm(road.gap(dense(at), start)) <= 1e-3 * road.size:
+    at = root(
+        lambda s: float(plane @ route.gap(dense(s), start)), float(solver.t_old or 0.0), float(solver.t)
+    )
+    if not np.linalg.norm(route.gap(dense(at), start)) <= 1e-3 * route.size:
         return None
-    y, once = road.corrected(dense(at))
-    frame = road.frame(y, first.tangent)
-    gap, turned = road.gap(y, start), frame.mark_rate - first.mark_rate
+    y, once = route.corrected(dense(at))
+    frame = route.frame(y, first.tangent)
+    gap, turned = route.gap(y, start), frame.mark_rate - first.mark_rate
     same_direction = np.linalg.norm(turned) <= 1e-3 * np.linalg.norm(first.mark_rate)
-    if not (np.linalg.norm(gap) <= 1e-6 * road.size and same_direction):
+    if not (np.linalg.norm(gap) <= 1e-6 * route.size and same_direction):
         return None
     beyond = float(plane @ gap)
-    end, again = road.corrected(y - beyond * frame.tangent)
+    end, again = route.corrected(y - beyond * frame.tangent)
     return end, at - beyond, once + again
 
 

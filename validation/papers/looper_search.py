@@ -55,13 +55,13 @@ def straighter(
         # short and long arms are two valleys; a search over both at once often misses the deeper one
         arms = [(2.0, most / 2.0), (most / 2.0, most)]
         regions = [[*place, (2.0, most), arm, (-np.pi, np.pi)] for arm in arms]
-    kept = [found for bounds in regions if (found := _kept(length, base, wanted, bounds, seed)) is not None]
+    kept = [result for bounds in regions if (result := _kept(length, base, wanted, bounds, seed)) is not None]
     if not kept:
         raise InputError(
             f"no looper was found that keeps the conditions with a straight part of {length:.6g} m; relax "
             "the stroke, the width, the clearance, the transmission angle or the longest link"
         )
-    return min(kept, key=lambda one: one.deviation)
+    return min(kept, key=lambda item: item.deviation)
 
 
 def _kept(
@@ -71,15 +71,15 @@ def _kept(
     kept: list[Synthesis] = []
     for spare in SPARES:
         try:
-            found = _searched(length, base, wanted, bounds, spare, seed)
+            result = _searched(length, base, wanted, bounds, spare, seed)
         except InputError:
             # the trial turns back just before the end of the line
             continue
-        if found is None:
+        if result is None:
             break
-        if not broken(found, wanted):
-            kept.append(found)
-    return min(kept, key=lambda one: one.deviation, default=None)
+        if not broken(result, wanted):
+            kept.append(result)
+    return min(kept, key=lambda item: item.deviation, default=None)
 
 
 def _searched(
@@ -121,9 +121,9 @@ def _searched(
     return synthesize_looper(through, 0.0, length, start, equal_ripple=True, in_space=True)
 
 
-def broken(found: Synthesis, wanted: Conditions) -> list[str]:
+def broken(result: Synthesis, wanted: Conditions) -> list[str]:
     """Return which conditions a linkage does not keep, by exact kinematics; empty if it keeps all."""
-    design, faults = found.design, list[str]()
+    design, faults = result.design, list[str]()
     if not design.crank_range().full:
         return ["full turning of the crank"]
     turn = np.linspace(0.0, 2.0 * np.pi, 3601)
@@ -135,8 +135,8 @@ def broken(found: Synthesis, wanted: Conditions) -> list[str]:
         faults.append(f"the stroke ({stroke:.6g} m)")
     if not np.ptp(x) >= wanted.width:
         faults.append(f"the width ({np.ptp(x):.6g} m)")
-    middle = found.curve.mean(0)
-    outward = np.sign((found.angles[-1] - found.angles[0]) * (found.curve[-1, 1] - found.curve[0, 1]))
+    middle = result.curve.mean(0)
+    outward = np.sign((result.angles[-1] - result.angles[0]) * (result.curve[-1, 1] - result.curve[0, 1]))
     back = (np.gradient(y) * outward < 0.0) & (np.abs(y - middle[1]) <= 0.5 * wanted.needle)
     gap = float(np.abs(x[back] - middle[0]).min(initial=np.inf))
     if not gap >= wanted.clearance:

@@ -58,8 +58,8 @@ def _least_band(x: np.ndarray, nodes: np.ndarray) -> float:
     level = 0.0
     for _ in range(30):
         square = np.column_stack([np.ones(3), nodes[active], [1.0, -1.0, 1.0]])
-        height, slope, level = np.linalg.solve(square, x[active])
-        error = x - height - slope * nodes
+        height, gradient, level = np.linalg.solve(square, x[active])
+        error = x - height - gradient * nodes
         worst = int(np.argmax(np.abs(error)))
         if abs(error[worst]) <= abs(level) * (1.0 + 1e-9):
             break
@@ -93,13 +93,13 @@ def plot(out: Path, improvements: list[Improvement]) -> Path:
 
     out.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(4.0 * len(improvements), 4.0), layout="constrained")
-    for axes, one in zip(figure.subplots(1, len(improvements)), improvements, strict=True):
-        height, error = 1e3 * one.found.curve[:, 1], 1e6 * one.found.error
-        held = list(one.found.alternation)
+    for axes, item in zip(figure.subplots(1, len(improvements)), improvements, strict=True):
+        height, error = 1e3 * item.found.curve[:, 1], 1e6 * item.found.error
+        held = list(item.found.alternation)
         axes.plot(height, error)
         axes.plot(height[held], error[held], "o")
         axes.set(
-            title=f"{1e3 * one.length:g} mm, {'free' if one.free_coupler else 'given'} coupler",
+            title=f"{1e3 * item.length:g} mm, {'free' if item.free_coupler else 'given'} coupler",
             xlabel="y of C, mm",
             ylabel="distance from the line, um",
         )
@@ -118,18 +118,18 @@ def main() -> int:
         f"c {1e3 * again.rocker:.3f} mm; C leaves the line by {1e6 * again.deviation:.2f} um"
     )
     improvements = study()
-    for one in improvements:
-        d = one.found.design
+    for item in improvements:
+        d = item.found.design
         print(
-            f"{1e3 * one.length:4g} mm, {'free ' if one.free_coupler else 'given'} coupler: paper "
-            f"{1e6 * one.paper:.3f} um, found {1e6 * one.found.deviation:.4f} um in {one.seconds:.1f} s; "
+            f"{1e3 * item.length:4g} mm, {'free ' if item.free_coupler else 'given'} coupler: paper "
+            f"{1e6 * item.paper:.3f} um, found {1e6 * item.found.deviation:.4f} um in {item.seconds:.1f} s; "
             f"b {1e3 * d.coupler:.4f} k {1e3 * d.arm:.4f} omega {np.rad2deg(d.arm_angle):.4f} deg "
             f"c {1e3 * d.rocker:.4f} d {1e3 * d.frame:.4f} eta {np.rad2deg(d.frame_angle):.4f} deg "
             f"q {1e3 * d.axis_y:.4f} mm"
         )
     if chosen.out:
         print(plot(chosen.out, improvements), file=sys.stderr)
-    return 0 if all(one.found.deviation < one.paper for one in improvements) else 1
+    return 0 if all(item.found.deviation < item.paper for item in improvements) else 1
 
 
 if __name__ == "__main__":

@@ -79,11 +79,11 @@ def start_points(drive: Rrsrr) -> list[Array]:
     are found without one.
     """
     arcs = reachable_arcs(lambda u2: -_torus_gap(drive, sphere(drive, u2, np.zeros_like(u2))), 2)
-    found = []
+    result = []
     for u2 in () if arcs.full else [end for arc in arcs.arcs for end in arc]:
         u1, v1 = _on_torus(drive, sphere(drive, np.array(u2), np.zeros(())))
-        found.append(np.array([u1, v1, u2, 0.0]))
-    return found
+        result.append(np.array([u1, v1, u2, 0.0]))
+    return result
 
 
 def trace_path(drive: Rrsrr, start: ArrayLike | None = None, *, tolerance: float = 1e-12) -> SpherePath:

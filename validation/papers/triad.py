@@ -61,11 +61,11 @@ class CouplerCurves:
         self.exists = (low <= 1.0) & (high >= -1.0)
         inner, outer = (np.arccos(np.clip(x, -1.0, 1.0)) for x in (high, low))
         self.full = (high >= 1.0) & (low <= -1.0)
-        one = self.full | (high >= 1.0) | (low <= -1.0)
+        item = self.full | (high >= 1.0) | (low <= -1.0)
         around_zero, around_pi = (high >= 1.0) & (low > -1.0), (low <= -1.0) & (high < 1.0)
         self.middle = np.select([around_zero, around_pi], [0.0, np.pi], (inner + outer) / 2.0)
         self.half = np.select([around_zero, around_pi], [outer, np.pi - inner], (outer - inner) / 2.0)
-        self.curves = np.where(self.exists, np.where(one & ~self.full, 1, 2), 0)
+        self.curves = np.where(self.exists, np.where(item & ~self.full, 1, 2), 0)
 
     def pose(self, i: NDArray[np.intp], curve: NDArray[np.intp], t: Array) -> tuple[Array, Array]:
         """Return place of B and turn of the platform for problem i on a curve at parameter t."""
@@ -90,7 +90,7 @@ class CouplerCurves:
         """Return the poses (x, y, theta) of each triad, a list of (m, 3)."""
         n = len(self.a)
         t = 2.0 * np.pi * np.arange(samples) / samples
-        found: list[list[Array]] = [[] for _ in range(n)]
+        result: list[list[Array]] = [[] for _ in range(n)]
         for start in range(0, n, 250):
             i, curve = (x.ravel() for x in np.meshgrid(np.arange(start, min(start + 250, n)), [0, 1]))
             real = curve < self.curves[i]
@@ -110,8 +110,8 @@ class CouplerCurves:
             place, turn = self.pose(i[row], curve[row], self._bisect(i[row], curve[row], low, high))
             place = place - turn * self.b0[i[row]]
             for j, x, z in zip(i[row], place, turn, strict=True):
-                found[j].append(np.array([x.real, x.imag, np.angle(z)]))
-        return [np.array(poses).reshape(-1, 3) for poses in found]
+                result[j].append(np.array([x.real, x.imag, np.angle(z)]))
+        return [np.array(poses).reshape(-1, 3) for poses in result]
 
     def _bisect(self, i: NDArray[np.intp], curve: NDArray[np.intp], low: Array, high: Array) -> Array:
         below = self.miss(i, curve, low) < 0.0

@@ -133,13 +133,13 @@ class Steps:
         context.SetTime(0.0)
         self.linkage.begin(context)
         simulator.Initialize()
-        way, seconds = [self.linkage.angles(context)], 0.0
+        direction, seconds = [self.linkage.angles(context)], 0.0
         for until in self.times[1:]:
             begin = time.process_time()
             simulator.AdvanceTo(until)
             seconds += time.process_time() - begin
-            way.append(self.linkage.angles(context))
-        crank, rocker = np.array(way).T
+            direction.append(self.linkage.angles(context))
+        crank, rocker = np.array(direction).T
         return seconds, self.problem.places(crank, rocker)
 
     def torque(self) -> None:
@@ -174,14 +174,14 @@ class Poses:
         return program
 
     def run(self) -> tuple[float, Places]:
-        here, way, seconds = self.start, [self.start], 0.0
+        here, direction, seconds = self.start, [self.start], 0.0
         for program in self.motion_laws:
             begin = time.process_time()
-            found = self.solver.Solve(program.prog(), here, self.options)
-            here = found.GetSolution(program.q())
+            result = self.solver.Solve(program.prog(), here, self.options)
+            here = result.GetSolution(program.q())
             seconds += time.process_time() - begin
-            way.append(here)
-        states = np.array(way)
+            direction.append(here)
+        states = np.array(direction)
         return seconds, self.problem.places(states[:, self.crank_place], states[:, self.rocker_place])
 
     def torque(self) -> None:

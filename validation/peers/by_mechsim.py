@@ -110,11 +110,11 @@ class Compiled:
         solved = self.solver.library.solve(self.drivers, self.rates, np.zeros_like(self.rates))
         seconds = time.process_time() - begin
         names = list(self.solver.code.formulas.links)
-        found: dict[str, Array] = {}
+        result: dict[str, Array] = {}
         for name, (link, local) in self.places:
             numbers = solved.links[:, names.index(link)]
-            found[name] = numbers[:, :3] + numbers[:, 3:12].reshape(-1, 3, 3) @ np.array(local)
-        return seconds, found
+            result[name] = numbers[:, :3] + numbers[:, 3:12].reshape(-1, 3, 3) @ np.array(local)
+        return seconds, result
 
     def torque(self) -> None:
         """The generated code has the gravity of its model, which these problems lack."""
@@ -137,8 +137,8 @@ class Poses:
 
     def torque(self) -> Array:
         problem = self.problem
-        found = driven(problem.mechanism, speed=problem.speed, samples=len(self.angles) - 1)
-        return found.forces.torque
+        result = driven(problem.mechanism, speed=problem.speed, samples=len(self.angles) - 1)
+        return result.forces.torque
 
 
 class Steps:
@@ -163,10 +163,10 @@ class Steps:
 
     def torque(self) -> Array:
         problem, settings = self.problem, self.settings
-        found = driven(
+        result = driven(
             problem.mechanism, speed=problem.speed, method="step", samples=SAMPLES, settings=settings
         )
-        return found.forces.torque
+        return result.forces.torque
 
 
 def points(loops: ModelLoops, states: Array, names: list[str]) -> Places:

@@ -106,9 +106,9 @@ class Solver:
 
     def run(self) -> tuple[float, Places]:
         begin = time.process_time()
-        way = self.solved() if self.setting.poses else self.stepped()
+        direction = self.solved() if self.setting.poses else self.stepped()
         seconds = time.process_time() - begin
-        self.way, angles = way, np.array([q for q, _ in way])
+        self.way, angles = direction, np.array([q for q, _ in direction])
         return seconds, self.problem.places(angles[:, 0], angles[:, -1])
 
     def torque(self) -> Array | None:
@@ -121,7 +121,7 @@ class Solver:
         """Return the states at the samples, by the classical Runge-Kutta method in the tangent space."""
         model, dt = self.model, self.problem.duration / self.setting.steps
         stride = self.setting.steps // SAMPLES
-        q, v, way = self.q, self.v, [(self.q, self.v)]
+        q, v, direction = self.q, self.v, [(self.q, self.v)]
         for i in range(1, self.setting.steps + 1):
             a1 = self.acceleration(q, v)
             w1 = v
@@ -139,8 +139,8 @@ class Solver:
             q = pin.integrate(model, q, dt / 6.0 * (w1 + 2.0 * (w2 + w3) + w4))
             v = v + dt / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
             if i % stride == 0:
-                way.append((q, v))
-        return way
+                direction.append((q, v))
+        return direction
 
     def acceleration(self, q: Array, v: Array) -> Array:
         """Return the accelerations of all coordinates under the constraint."""
@@ -149,11 +149,11 @@ class Solver:
         )
         return np.array(made)
 
-    def slope(self, way: Array, rate: Array) -> Array:
+    def slope(self, direction: Array, rate: Array) -> Array:
         """Return the rate of the tangent vector `way` at which velocities are `rate`: dexp^-1, right side."""
         if self.problem.planar:
             return rate
-        out, u, w = rate.copy(), way[1:4], rate[1:4]
+        out, u, w = rate.copy(), direction[1:4], rate[1:4]
         turned = np.array([u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]])
         (x, y, z), (a, b, c) = u, turned
         out[1:4] += 0.5 * turned + np.array([y * c - z * b, z * a - x * c, x * b - y * a]) / 12.0
@@ -164,7 +164,7 @@ class Solver:
         model, stride = self.model, TURN / self.setting.steps
         q = self.q
         slope = self.tangent(self.linearised(q)[1])
-        way = [(q, slope)]
+        direction = [(q, slope)]
         start = self.q[0]
         for i in range(1, self.setting.steps + 1):
             q = pin.integrate(model, q, stride * slope)
@@ -175,8 +175,8 @@ class Solver:
                     break
                 q = pin.integrate(model, q, self.least(jacobian, -gap))
             slope = self.tangent(jacobian)
-            way.append((q, slope))
-        return way
+            direction.append((q, slope))
+        return direction
 
     def linearised(self, q: Array) -> tuple[Array, Array]:
         """Return how far the loop stands open and the derivative of that."""

@@ -47,11 +47,11 @@ class Solver:
     def run(self) -> tuple[float, Places]:
         self.linkage.set_coords(self.begun)
         begin = time.process_time()
-        way = self.linkage.step_fast(self.steps)
+        direction = self.linkage.step_fast(self.steps)
         seconds = time.process_time() - begin
         places = {}
         for i, name in enumerate("ABC", 2):
-            flat = np.concatenate([self.start[name].position[:, :2], way[:, i]])
+            flat = np.concatenate([self.start[name].position[:, :2], direction[:, i]])
             places[name] = np.column_stack([flat, np.zeros(len(flat))])
         return seconds, places
 

@@ -42,11 +42,11 @@ class Solver:
     def run(self) -> tuple[float, Places]:
         begin, tolerance = time.process_time(), self.setting.tolerance
         bounds = {"rtol": tolerance, "atol": tolerance}
-        found = solve_ivp(
+        result = solve_ivp(
             self.slope, self.angles[[0, -1]], [self.start], method="DOP853", t_eval=self.angles, **bounds
         )
         seconds = time.process_time() - begin
-        return seconds, self.problem.places(self.angles, found.y[0]) if found.success else {}
+        return seconds, self.problem.places(self.angles, result.y[0]) if result.success else {}
 
     def torque(self) -> None:
         """No masses, no torque."""

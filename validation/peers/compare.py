@@ -93,9 +93,9 @@ def measured(peers: Iterable[str], names: Sequence[str] = NAMES, rounds: int = R
         for asked in problems:
             for setting in peer.settings(asked):
                 solver = peer.build(asked, setting)
-                _, found = solver.run()
+                _, result = solver.run()
                 angles = asked.angles(setting.samples)
-                errors = judge(asked, angles, found)
+                errors = judge(asked, angles, result)
                 torque = judge_torque(asked, angles, solver.torque())
                 entries.append(Entry(asked, setting, solver, errors, torque, []))
     for _ in range(rounds):
@@ -115,13 +115,15 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
 def markdown(rows: Sequence[Row]) -> str:
     """Return rows as a table for a page, the problems side by side, with the `SHOWN` steps alone."""
     names = list(dict.fromkeys(row.problem for row in rows))
-    found = {(row.family, row.note or str(row.steps), row.problem): row for row in rows if row.steps in SHOWN}
+    result = {
+        (row.family, row.note or str(row.steps), row.problem): row for row in rows if row.steps in SHOWN
+    }
     head = ["solver", "steps or poses"]
     for name in names:
         head += [f"{name}: ms a turn", "place", "rocker", "torque"]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
-    for family, steps in dict.fromkeys(key[:2] for key in found):
-        cells = [cell for name in names for cell in _cells(found.get((family, steps, name)))]
+    for family, steps in dict.fromkeys(key[:2] for key in result):
+        cells = [cell for name in names for cell in _cells(result.get((family, steps, name)))]
         lines.append(f"| {' | '.join([family, steps, *cells])} |")
     return "\n".join(lines)
 

@@ -36,7 +36,7 @@ def work_precision(rows: Sequence["Row"]) -> bytes:
         top.set_title(TITLES.get(name, name))
         bottom.set_xlabel("processor time of the solver for one turn [ms]")
     shown = [family for family in looks if family in handles]
-    figure.legend([handles[one] for one in shown], shown, loc="outside right upper", fontsize=7.5)
+    figure.legend([handles[item] for item in shown], shown, loc="outside right upper", fontsize=7.5)
     return _smaller(drawn(figure, "png"))
 
 
@@ -59,10 +59,10 @@ def _curves(ax: "Axes", rows: Sequence["Row"], quantity: str, looks: dict[str, A
 def _looks(families: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return how each family is drawn."""
     looks: dict[str, dict[str, Any]] = {}
-    seen: dict[str, int] = {}
+    observed: dict[str, int] = {}
     for family in families:
         library = next(name for name in LIBRARIES if family.startswith(name))
-        place = seen[library] = seen.get(library, -1) + 1
+        place = observed[library] = observed.get(library, -1) + 1
         number = LIBRARIES.index(library)
         looks[family] = {
             "color": COLOURS[number] if number < len(COLOURS) else GREY,

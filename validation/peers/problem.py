@@ -106,13 +106,13 @@ class Problem:
         return self.begun.links[name]
 
     def inertia(self, link: str) -> Inertia:
-        found = next(one.inertia for one in self.mechanism.links if one.name == link)
-        assert found is not None
-        return found
+        result = next(item.inertia for item in self.mechanism.links if item.name == link)
+        assert result is not None
+        return result
 
-    def joint(self, one: str, other: str) -> Joint:
+    def joint(self, item: str, other: str) -> Joint:
         """Return the joint between two links, its side a on the first."""
-        return next(j for j in self.mechanism.joints if (j.a.link, j.b.link) == (one, other))
+        return next(j for j in self.mechanism.joints if (j.a.link, j.b.link) == (item, other))
 
     def hinge(self, link: str) -> Hinge:
         """Return the joint of the crank or the rocker with the ground."""
@@ -147,13 +147,13 @@ class Problem:
         """
         (at_crank, near), (far, at_rocker) = self.tips
         a, b = self.hinge("crank").carried(at_crank, crank), self.hinge("rocker").carried(at_rocker, rocker)
-        found = {}
+        result = {}
         for name, (link, local) in self.mechanism.points.items():
             if link == "coupler":
-                found[name] = _on_line(a, b, near, far, np.array(local))
+                result[name] = _on_line(a, b, near, far, np.array(local))
             else:
-                found[name] = self.hinge(link).carried(np.array(local), crank if link == "crank" else rocker)
-        return found
+                result[name] = self.hinge(link).carried(np.array(local), crank if link == "crank" else rocker)
+        return result
 
 
 @dataclass(frozen=True)
@@ -174,29 +174,29 @@ def problem(name: str, **dimensions: float) -> Problem:
     return Problem(catalog.make(name, **dimensions))
 
 
-def judge(asked: Problem, angles: Array, found: Places) -> Errors:
+def judge(asked: Problem, angles: Array, result: Places) -> Errors:
     """Return the errors of tracked points (n, 3) against the closed form at the crank angles asked for.
 
     A turn that ended early, a missing point or a number that is none is an infinite error.
     """
     exact = asked.drive.positions(angles)
-    whole = all(name in found and np.shape(found[name]) == place.shape for name, place in exact.items())
-    if not whole or not all(np.isfinite(found[name]).all() for name in exact):
+    whole = all(name in result and np.shape(result[name]) == place.shape for name, place in exact.items())
+    if not whole or not all(np.isfinite(result[name]).all() for name in exact):
         return Errors(np.inf, np.inf)
-    place = max(float(np.sqrt(((found[name] - exact[name]) ** 2).sum(1)).max()) for name in exact)
-    gap = _swing(asked, found) - _swing(asked, exact)
+    place = max(float(np.sqrt(((result[name] - exact[name]) ** 2).sum(1)).max()) for name in exact)
+    gap = _swing(asked, result) - _swing(asked, exact)
     gap -= TURN * np.round(gap / TURN)
     return Errors(place / asked.crank, float(np.abs(gap).max()))
 
 
-def judge_torque(asked: Problem, angles: Array, found: Array | None) -> float:
+def judge_torque(asked: Problem, angles: Array, result: Array | None) -> float:
     """Return the worst error of a drive torque (n,) in units of the largest; NaN where there is none."""
-    if found is None:
+    if result is None:
         return np.nan
     exact = asked.torque(angles)
-    if found.shape != exact.shape or not np.isfinite(found).all():
+    if result.shape != exact.shape or not np.isfinite(result).all():
         return np.inf
-    return float(np.abs(found - exact).max() / np.abs(exact).max())
+    return float(np.abs(result - exact).max() / np.abs(exact).max())
 
 
 def _swing(asked: Problem, places: Places) -> Array:

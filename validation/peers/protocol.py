@@ -79,9 +79,9 @@ def load(module: str) -> Peer:
     """
     package = PEERS[module]
     try:
-        found: Any = importlib.import_module(module)
+        result: Any = importlib.import_module(module)
     except ModuleNotFoundError as error:
         if package is None or error.name is None or error.name.split(".")[0] != package:
             raise
         raise InputError(f"{package} is not installed, so it is left out; to compare it: {EXTRA}") from None
-    return found
+    return result

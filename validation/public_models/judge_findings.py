@@ -235,7 +235,7 @@ JUDGES = {
 }
 
 
-def predicted_gaps(path, found):
+def predicted_gaps(path, computed):
     """Yield MS110 findings of a swing that MuJoCo follows, and the predicted gap over that of its steps."""
     spec = mujoco.MjSpec.from_file(str(path))
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
@@ -243,12 +243,12 @@ def predicted_gaps(path, found):
     motion = driver_swing(scene)
     if motion is None:
         return
-    seen, astray = min((stepped_gap(scene, motion, rate) for rate in RATES), key=lambda result: result[1])
+    observed, astray = min((stepped_gap(scene, motion, rate) for rate in RATES), key=lambda result: result[1])
     if not astray < FOLLOWED:
         return
-    for finding in found:
+    for finding in computed:
         number = next(loop.number for loop in scene.loops if loop.name == finding.object)
-        ratio = finding.value / max(seen.get(number, 0.0), 1e-300)
+        ratio = finding.value / max(observed.get(number, 0.0), 1e-300)
         yield finding, ratio
 
 
@@ -261,12 +261,12 @@ def main(folder, word="", *, steps):
         if word not in name or not path.exists():
             continue
         try:
-            found = [v for v in ms.check(str(path)) if v.severity != "note"]
+            computed = [v for v in ms.check(str(path)) if v.severity != "note"]
             model = compiled_model(str(path))
         except MechsimError as error:
             print(f"{name}: {error}")
             continue
-        for finding in found:
+        for finding in computed:
             judge = JUDGES.get(finding.rule)
             if judge is None:
                 if finding.rule != "MS110":
@@ -276,7 +276,7 @@ def main(folder, word="", *, steps):
             if not judge(model, finding):
                 refuted[finding.rule] += 1
                 print(f"{name}\n    {finding.rule} [{finding.object}]: {finding.message}", flush=True)
-        soft = [v for v in found if v.rule == "MS110"]
+        soft = [v for v in computed if v.rule == "MS110"]
         for finding, ratio in predicted_gaps(path, soft) if steps and soft else ():
             judged["MS110"] += 1
             if not 1.0 / FACTOR <= ratio <= FACTOR:

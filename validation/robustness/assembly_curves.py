@@ -85,7 +85,7 @@ def gap(drive: KinematicSolver, curve: AssemblyCurve) -> float:
 def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
     """Return how far the joints are from what each coupling asks for, in [rad] or parts of the size."""
     values = {column.coordinate: poses.joints[column.name] for column in curve.joints.columns}
-    found = [0.0]
+    result = [0.0]
     for law in curve.mechanism.laws:
         left, right = (
             sum(weight * values[name] for name, weight in terms.items())
@@ -95,19 +95,19 @@ def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
         if law.turns:
             off = off - REVOLUTION * np.round(off / REVOLUTION)
         slides = any(curve.mechanism.unit(name) == "m" for name in law.left_terms)
-        found.append(float(np.abs(off).max()) / (curve.mechanism.characteristic_length if slides else 1.0))
-    return found
+        result.append(float(np.abs(off).max()) / (curve.mechanism.characteristic_length if slides else 1.0))
+    return result
 
 
 def row(name: str, drive: KinematicSolver) -> Row:
     """Return what comes of one mechanism."""
     begun = time.process_time()
-    found = trace(drive)
-    turning = sum(len(curve.turning_points) for curve in found.curves)
+    result = trace(drive)
+    turning = sum(len(curve.turning_points) for curve in result.curves)
     seconds = time.process_time() - begun
-    rarest = min(curve.starts_ended for curve in found.curves) / found.starts
-    worst = max(gap(drive, curve) for curve in found.curves)
-    return Row(name, len(found.curves), rarest, turning, len(found.branch_points), worst, seconds)
+    rarest = min(curve.starts_ended for curve in result.curves) / result.starts
+    worst = max(gap(drive, curve) for curve in result.curves)
+    return Row(name, len(result.curves), rarest, turning, len(result.branch_points), worst, seconds)
 
 
 def flat(count: int, near: bool, seed: int = 11) -> tuple[int, list[str]]:
@@ -116,17 +116,17 @@ def flat(count: int, near: bool, seed: int = 11) -> tuple[int, list[str]]:
     for lengths in random_linkages(count, near, seed):
         drive = catalog.make("four_bar", **dict(zip(NAMES, lengths, strict=True)))
         try:
-            found = trace(drive, starts=8)
+            result = trace(drive, starts=8)
         except MechsimError as error:
             wrong.append(f"{lengths}: {error}")
             continue
         known = 0 if near else len(drive.change_points())
-        worst = max(gap(drive, curve) for curve in found.curves)
-        signs = [np.sign(drive.assembly_sign(curve.samples(73).points)) for curve in found.curves]
+        worst = max(gap(drive, curve) for curve in result.curves)
+        signs = [np.sign(drive.assembly_sign(curve.samples(73).points)) for curve in result.curves]
         changed = near and any(len(set(sign)) > 1 for sign in signs)
-        if len(found.branch_points) != known or not worst <= WRONG or changed or found.left_out:
+        if len(result.branch_points) != known or not worst <= WRONG or changed or result.left_out:
             wrong.append(
-                f"{lengths}: {len(found.branch_points)} of {known} meetings, {worst:.1e} off, {changed}"
+                f"{lengths}: {len(result.branch_points)} of {known} meetings, {worst:.1e} off, {changed}"
             )
     return count - len(wrong), wrong
 
@@ -141,11 +141,11 @@ def main() -> int:
     print("|---|---|---|---|---|---|---|")
     missed = 0
     for name, drive in subjects():
-        found = row(name, drive)
-        missed += not found.worst <= WRONG
+        result = row(name, drive)
+        missed += not result.worst <= WRONG
         print(
-            f"| {name} | {found.curves} | {found.rarest:.0%} | {found.turning} | {found.meetings} "
-            f"| {found.worst:.0e} | {found.seconds:.1f} |",
+            f"| {name} | {result.curves} | {result.rarest:.0%} | {result.turning} | {result.meetings} "
+            f"| {result.worst:.0e} | {result.seconds:.1f} |",
             flush=True,
         )
     for near in (False, True):
@@ -159,10 +159,12 @@ def main() -> int:
 
 def draw(path: str) -> None:
     """Draw the curves of a parallelogram over the angles of crank and rocker."""
-    found = trace(
+    result = trace(
         replace(catalog.make("four_bar"), **special_designs("four_bar").change_points["parallelogram"])
     )
-    plots.write(path, plots.assembly_plot(assembly_table(found, curve_tables(found)), ("angle", "rocker.q")))
+    plots.write(
+        path, plots.assembly_plot(assembly_table(result, curve_tables(result)), ("angle", "rocker.q"))
+    )
 
 
 if __name__ == "__main__":

@@ -128,8 +128,8 @@ def main(arguments: list[str]) -> int:
         if known == "neither":
             continue
         judged += 1
-        seen = {"simulator": run.outcome, "judge": verdict.outcome}
-        for who, outcome in seen.items():
+        observed = {"simulator": run.outcome, "judge": verdict.outcome}
+        for who, outcome in observed.items():
             if (outcome == "changed assembly") != (known == "other"):
                 wrong.append(f"{who} said {outcome}, truth {known}: {drive} {settings}")
     print("truth     simulator         judge             runs")

@@ -49,7 +49,7 @@ Parts = dict[tuple[str, str], list[tuple[float, str]]]
 
 def parts(count: int, seed: int = 1) -> Parts:
     """Return method and quantity -> the part of its bound that each mechanism used, and the mechanism."""
-    found: Parts = defaultdict(list)
+    result: Parts = defaultdict(list)
     begin = clock.perf_counter()
     for i, drive in enumerate(random_catalog_mechanisms(np.random.default_rng(seed), count)):
         if i and i % TOLD == 0:
@@ -69,8 +69,8 @@ def parts(count: int, seed: int = 1) -> Parts:
             key = check.method, check.kind
             worst[key] = max(worst.get(key, 0.0), check.fraction_of_tolerance or 0.0)
         for key, used in worst.items():
-            found[key].append((used, drive.name))
-    return found
+            result[key].append((used, drive.name))
+    return result
 
 
 def _validated(drive: ClosedForm) -> list[Check]:

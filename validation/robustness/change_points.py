@@ -53,10 +53,10 @@ class Tally:
 def random_linkages(count: int, near: bool, seed: int = 11) -> list[Lengths]:
     """Return linkages with change points, or with nearly some, whose cranks turn fully."""
     rng = np.random.default_rng(seed)
-    found: list[Lengths] = []
-    while len(found) < count:
+    result: list[Lengths] = []
+    while len(result) < count:
         ground, crank, coupler = rng.uniform(0.03, 0.15, 3)
-        kind = len(found) % 3
+        kind = len(result) % 3
         coupler = ground if kind == 2 else coupler
         rocker = (ground + crank - coupler, coupler + abs(ground - crank), crank)[kind]
         if near:
@@ -69,8 +69,8 @@ def random_linkages(count: int, near: bool, seed: int = 11) -> list[Lengths]:
         )
         # where crank and frame are alike the coupler turns about both
         if full and abs(ground - crank) > 1e-3:
-            found.append(lengths)
-    return found
+            result.append(lengths)
+    return result
 
 
 def truth(lengths: Lengths, angle: float, sign: int, through: ChangePointPolicy) -> complex:
@@ -125,12 +125,12 @@ def tallied(road: str, linkages: Sequence[Lengths], through: ChangePointPolicy =
     for lengths in linkages:
         drive = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)), change_point=through)
         try:
-            found = ROADS[road](drive)
+            result = ROADS[road](drive)
         except MechsimError as error:
             print(f"refused by {road}: {lengths}: {error}", file=sys.stderr)
             refused += 1
             continue
-        flat = found[:, 0] + 1j * found[:, 1]
+        flat = result[:, 0] + 1j * result[:, 1]
         # the assembly is chosen where the guess stands; from there on it has to be kept
         errors = [
             np.abs(flat - [truth(lengths, at, sign, through) for at in ANGLES]).max() for sign in (1, -1)
@@ -153,9 +153,9 @@ def main() -> None:
     for kind, near, through in KINDS:
         linkages = random_linkages(asked.count, near, asked.seed)
         for road in ROADS:
-            one = tallied(road, linkages, through)
-            counts = f"{one.right:>7}{one.refused:>9}{one.wrong:>7}"
-            print(f"{len(linkages)} {kind:<20}{one.road:<18}{counts}   {one.worst:.1e}", flush=True)
+            item = tallied(road, linkages, through)
+            counts = f"{item.right:>7}{item.refused:>9}{item.wrong:>7}"
+            print(f"{len(linkages)} {kind:<20}{item.road:<18}{counts}   {item.worst:.1e}", flush=True)
 
 
 if __name__ == "__main__":

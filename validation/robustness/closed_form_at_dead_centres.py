@@ -151,7 +151,7 @@ def errors(drive: TwoBranchForm, name: str, angles: Array) -> tuple[Array, Array
 
 def published(drive: Rssr, angles: Array) -> Array:
     """Return the errors of P3 by the published form, in units of the longest link, (n,); 1 for no number."""
-    found = np.empty(len(angles))
+    result = np.empty(len(angles))
     for i, f in enumerate(angles):
         p2 = drive.crank * np.array([[0.0], [np.cos(f)], [np.sin(f)]])
         to_crank, axis = p2 - column(drive.pivot), column(drive.rocker_frame[:, 2])
@@ -162,8 +162,8 @@ def published(drive: Rssr, angles: Array) -> Array:
         point, _ = exact(drive, float(f))
         gaps = [_gap(np.asarray(drive.pivot) + drive.rocker * p[:, 0], point) for p in both]
         # the sign is chosen in its favour
-        found[i] = min([gap / longest(drive) for gap in gaps if np.isfinite(gap)], default=1.0)
-    return found
+        result[i] = min([gap / longest(drive) for gap in gaps if np.isfinite(gap)], default=1.0)
+    return result
 
 
 def _gap(place: Array, point: list[mp.mpf]) -> float:

@@ -17,17 +17,19 @@ class Case:
     files: dict[str, bytes] = field(default_factory=dict)
 
 
-def unclear(code: int | None, said: str) -> Iterator[str]:
+def unclear(code: int | None, output: str) -> Iterator[str]:
     if code not in (0, 1, 2):
         yield f"exit code {code}"
-    if "Traceback" in said:
-        yield f"a traceback on stderr: {said[-300:]!r}"
+    if "Traceback" in output:
+        yield f"a traceback on stderr: {output[-300:]!r}"
     # that code is run is said before it is
     lines = [
-        line for line in said.splitlines() if line.strip() and not line.endswith("(a formula is Python code)")
+        line
+        for line in output.splitlines()
+        if line.strip() and not line.endswith("(a formula is Python code)")
     ]
     if code == 2 and (len(lines) != 1 or not lines[0].startswith("mechsim: ")):
-        yield f"exit code 2 with {len(lines)} lines: {said[:300]!r}"
+        yield f"exit code 2 with {len(lines)} lines: {output[:300]!r}"
 
 
 def untidy(place: Path, case: Case, code: int | None) -> Iterator[str]:

@@ -86,13 +86,13 @@ class Subject:
         made = self.solver if form is None else form
         if isinstance(made, LoopForm) and isinstance(self.solver, LoopForm):
             made = replace(made, motion_laws=changed.pop("motion_laws", self.solver.motion_laws))
-        one = self.evaluation
+        item = self.evaluation
         return EvaluationPoints(
             made,
-            changed.get("angle", one.angle),
-            changed.get("speed", one.speed),
-            one.acceleration,
-            one.time,
+            changed.get("angle", item.angle),
+            changed.get("speed", item.speed),
+            item.acceleration,
+            item.time,
             dynamic_model=changed.get("dynamic_model"),
         )
 
@@ -110,7 +110,7 @@ class Mistake:
         if finding.kind != self.kind:
             return False
         return not self.what or any(
-            finding.what == one or finding.what.startswith(f"{one}.") for one in self.what
+            finding.what == item or finding.what.startswith(f"{item}.") for item in self.what
         )
 
 
@@ -118,40 +118,40 @@ def quantities(subject: Subject, random) -> list:
     """Return some quantities of a subject: points, or points and joints, or with rates."""
     points = list(subject.solver.mechanism.points)
     chosen = list(random.permutation(points)[: max(2, random.integers(1, 4))])
-    names = [(one, 3) for one in chosen]
+    names = [(item, 3) for item in chosen]
     # of links that stand no one draws a curve
     motion = subject.evaluation.motion
     joints = [
-        one
-        for one in motion.joints
-        if one in coordinate_units(subject.solver.mechanism) and one not in subject.solver.mechanism.drivers
+        item
+        for item in motion.joints
+        if item in coordinate_units(subject.solver.mechanism) and item not in subject.solver.mechanism.drivers
     ]
     if random.random() < 0.6:
-        names += [(one, None) for one in random.permutation(joints)[:2] if one not in points]
+        names += [(item, None) for item in random.permutation(joints)[:2] if item not in points]
     if random.random() < 0.3:
-        names += [(f"{one}.v", 3) for one in chosen[:1]]
+        names += [(f"{item}.v", 3) for item in chosen[:1]]
     return [subject.reader.read(str(name), width) for name, width in names]
 
 
 def of_dimension(subject: Subject, named: list, size: float, random) -> Mistake:
     """One dimension larger or smaller."""
-    dimensions = [one for name, one in subject.family.dimensions.items() if ".tilt." not in name]
-    one = dimensions[random.integers(len(dimensions))]
-    whole = subject.solver.mechanism.characteristic_length if one.unit == "m" else 1.0
-    scale = abs(one.value) if abs(one.value) > 1e-3 * whole else whole
-    made = subject.family.make({one.name: one.value + random.choice([-1.0, 1.0]) * size * scale})
+    dimensions = [item for name, item in subject.family.dimensions.items() if ".tilt." not in name]
+    item = dimensions[random.integers(len(dimensions))]
+    whole = subject.solver.mechanism.characteristic_length if item.unit == "m" else 1.0
+    scale = abs(item.value) if abs(item.value) > 1e-3 * whole else whole
+    made = subject.family.make({item.name: item.value + random.choice([-1.0, 1.0]) * size * scale})
     kind = "dimension"
     gear = getattr(subject.solver, "gear", "")
     if gear:
-        kind = {gear: "gear", "phase": "phase"}.get(one.name, kind)
+        kind = {gear: "gear", "phase": "phase"}.get(item.name, kind)
     elif (
-        one.unit != "m"
+        item.unit != "m"
         and subject.solver.mechanism.laws
         and made.mechanism.joints == subject.solver.mechanism.joints
     ):
         slopes = [law.ratio for law in made.mechanism.laws]
         kind = "phase" if slopes == [law.ratio for law in subject.solver.mechanism.laws] else "gear"
-    what = (one.name, one.name.split(".")[0]) if ".at." in one.name else (one.name,)
+    what = (item.name, item.name.split(".")[0]) if ".at." in item.name else (item.name,)
     return Mistake(kind, what, subject.solved(made).all(named))
 
 
@@ -198,7 +198,7 @@ def of_sense(subject, named, size, random) -> Mistake:
 
 
 def of_degrees(subject, named, size, random) -> Mistake:
-    angles = [i for i, one in enumerate(named) if one.unit == "rad"]
+    angles = [i for i, item in enumerate(named) if item.unit == "rad"]
     if not angles:
         driver = driver_of(subject, random)
         if subject.solver.mechanism.unit(driver) == "m":
@@ -222,7 +222,7 @@ def of_phase(subject, named, size, random) -> Mistake:
 def of_delay(subject, named, size, random) -> Mistake:
     late = 1 + SIZES.index(size)
     values = subject.evaluation.all(named)
-    return Mistake("delay", (), [np.concatenate([one[:1].repeat(late, 0), one[:-late]]) for one in values])
+    return Mistake("delay", (), [np.concatenate([item[:1].repeat(late, 0), item[:-late]]) for item in values])
 
 
 def of_units(subject, named, size, random) -> Mistake:
@@ -231,13 +231,13 @@ def of_units(subject, named, size, random) -> Mistake:
     return Mistake(
         "units",
         (),
-        [factor * v if one.unit in ("m", "m/s") else v for one, v in zip(named, values, strict=True)],
+        [factor * v if item.unit in ("m", "m/s") else v for item, v in zip(named, values, strict=True)],
     )
 
 
 def of_swapped(subject, named, size, random) -> Mistake:
-    places = [i for i, one in enumerate(named) if one.kind == "position"]
-    if len(places) < 2 or any(one.kind == "velocity" for one in named):
+    places = [i for i, item in enumerate(named) if item.kind == "position"]
+    if len(places) < 2 or any(item.kind == "velocity" for item in named):
         raise MechsimError("one point")
     values = subject.evaluation.all(named)
     i, j = places[:2]
@@ -248,8 +248,8 @@ def of_swapped(subject, named, size, random) -> Mistake:
 
 def turned(subject, named, matrix, shift) -> list:
     return [
-        v @ matrix.T + (shift if one.kind == "position" else 0.0) if one.axes else v
-        for one, v in zip(named, subject.evaluation.all(named), strict=True)
+        v @ matrix.T + (shift if item.kind == "position" else 0.0) if item.axes else v
+        for item, v in zip(named, subject.evaluation.all(named), strict=True)
     ]
 
 
@@ -279,7 +279,7 @@ def of_assembly(subject, named, size, random) -> Mistake:
         raise MechsimError("no closed form")
     own = {name: getattr(form, name) for name in SELECTORS if hasattr(form, name)}
     middle = float(subject.evaluation.angle[len(subject.evaluation) // 3])
-    others = [one for one in form.assemblies(middle) if {name: getattr(one, name) for name in own} != own]
+    others = [item for item in form.assemblies(middle) if {name: getattr(item, name) for name in own} != own]
     other = others[random.integers(len(others))] if others else None
     if other is None:
         raise MechsimError("one assembly")
@@ -336,9 +336,9 @@ def subjects(scenes: Path | None) -> Iterator[Subject]:
 def judged(subject: Subject, named: list, values: list, random, under=None):
     """Return what is said of claims, with the rounding of another formula on them."""
     candidates = []
-    for one, value in zip(named, values, strict=True):
+    for item, value in zip(named, values, strict=True):
         scale = max(1.0, float(np.abs(value).max()))
-        candidates.append(Candidate(one, value + ROUNDING * scale * random.normal(size=value.shape)))
+        candidates.append(Candidate(item, value + ROUNDING * scale * random.normal(size=value.shape)))
     evaluation = subject.evaluation if under is None else replace(subject.evaluation, dynamic_model=under)
     return agreement(evaluation, candidates, "the study", None, subject.family)
 
@@ -362,11 +362,11 @@ def one_case(number: int, among: list[Subject]) -> dict:
         except (MechsimError, KeyError, ValueError, np.linalg.LinAlgError):
             continue
         begin = time.process_time()
-        found = judged(subject, named, mistake.values, random, subject.under if loads else None)
-        if found.passed:
+        result = judged(subject, named, mistake.values, random, subject.under if loads else None)
+        if result.passed:
             continue
-        findings = [one for one in found.findings if one.kind != "none"]
-        named_right = [mistake.named_by(one) for one in findings]
+        findings = [item for item in result.findings if item.kind != "none"]
+        named_right = [mistake.named_by(item) for item in findings]
         return {
             "case": number,
             "subject": Path(subject.name).stem,
@@ -375,10 +375,10 @@ def one_case(number: int, among: list[Subject]) -> dict:
             "size": size,
             "first": bool(named_right[:1] and named_right[0]),
             "named": any(named_right),
-            "sure_wrong": any(one.certain for one in findings)
-            and not any(right for right, one in zip(named_right, findings, strict=True) if one.certain),
-            "said": [one.message for one in found.findings],
-            "quantities": [one.name for one in named],
+            "sure_wrong": any(item.certain for item in findings)
+            and not any(right for right, item in zip(named_right, findings, strict=True) if item.certain),
+            "said": [item.message for item in result.findings],
+            "quantities": [item.name for item in named],
             "seconds": time.process_time() - begin,
         }
     raise SystemExit(f"case {number}: no mistake could be made")
@@ -391,8 +391,8 @@ def right_ones(among: list[Subject]) -> list[str]:
         random = np.random.default_rng(k)
         for _ in range(3):
             named = quantities(subject, random)
-            found = judged(subject, named, subject.evaluation.all(named), random)
-            if not found.passed or found.findings:
+            result = judged(subject, named, subject.evaluation.all(named), random)
+            if not result.passed or result.findings:
                 accused.append(subject.name)
     return accused
 
@@ -425,8 +425,8 @@ def told(rows: list[dict], accused: list[str], right: int, show: bool) -> int:
         by[row["kind"]].append(row)
     print(f"{'cause':<12}{'cases':>6}{'named':>7}{'first':>7}{'sure, wrong':>13}")
     for kind, some in sorted(by.items()):
-        good, one, bad = (_sum(some, name) for name in ("named", "first", "sure_wrong"))
-        print(f"{kind:<12}{len(some):>6}{good:>7}{one:>7}{bad:>13}")
+        good, item, bad = (_sum(some, name) for name in ("named", "first", "sure_wrong"))
+        print(f"{kind:<12}{len(some):>6}{good:>7}{item:>7}{bad:>13}")
     count = len(rows)
     named, first, wrong = (_sum(rows, name) for name in ("named", "first", "sure_wrong"))
     print(f"{'all':<12}{count:>6}{named:>7}{first:>7}{wrong:>13}")

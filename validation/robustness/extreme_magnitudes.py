@@ -35,8 +35,8 @@ ATTRIBUTES = {
 
 def odd(chance: random.Random, text: str) -> str:
     """Return a model with a number of an odd magnitude in it."""
-    found = [one for one in re.finditer(r"<(\w+)\b[^<>]*>", text) if one[1] in ATTRIBUTES]
-    element = chance.choice(found)
+    result = [item for item in re.finditer(r"<(\w+)\b[^<>]*>", text) if item[1] in ATTRIBUTES]
+    element = chance.choice(result)
     name = chance.choice(list(ATTRIBUTES[element[1]]))
     odd = chance.choice(("", "", "-")) + chance.choice(MAGNITUDES)
     there = re.search(rf'\s{name}="([^"]*)"', element[0])

@@ -67,9 +67,9 @@ def tried(case: Case) -> tuple[int | None, list[str]]:
         if rang:
             # the command takes it for a fault of its own
             faults = [f"still running after {PATIENCE:g} s"]
-        said = err.getvalue()
+        output = err.getvalue()
         faults += [f"warning: {one.category.__name__}: {one.message}" for one in caught]
-        faults += list(unclear(code, said)) if not faults else []
+        faults += list(unclear(code, output)) if not faults else []
         faults += list(untidy(Path(place), case, code))
     return code, faults
 
@@ -101,7 +101,7 @@ def _clock() -> Iterator[list[int]]:
 def fuzz(examples: int) -> tuple[Counter[int | None], list[str]]:
     """Try random commands; return how often each exit code came and every fault."""
     codes: Counter[int | None] = Counter()
-    found: list[str] = []
+    result: list[str] = []
 
     @settings(
         max_examples=examples,
@@ -115,10 +115,10 @@ def fuzz(examples: int) -> tuple[Counter[int | None], list[str]]:
     def one(case: Case) -> None:
         code, faults = tried(case)
         codes[code] += 1
-        found.extend(f"{fault}  <-  {' '.join(map(repr, case.words))}" for fault in faults)
+        result.extend(f"{fault}  <-  {' '.join(map(repr, case.words))}" for fault in faults)
 
     one()
-    return codes, found
+    return codes, result
 
 
 def main(arguments: list[str]) -> int:
@@ -127,17 +127,17 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--interrupts", type=int, default=40)
     parser.add_argument("--kills", type=int, default=30)
     asked = parser.parse_args(arguments)
-    codes, found = fuzz(asked.examples)
+    codes, result = fuzz(asked.examples)
     print("exit codes: " + ", ".join(f"{code}: {count}" for code, count in sorted(codes.items(), key=str)))
-    found += interrupts(asked.interrupts)
+    result += interrupts(asked.interrupts)
     hit, killed = kills(asked.kills)
-    found += killed
+    result += killed
     run = sum(codes.values())
     print(f"{run} commands, {asked.interrupts} interrupted, {asked.kills} killed ({hit} writing)")
-    for text, count in Counter(found).most_common():
+    for text, count in Counter(result).most_common():
         print(f"FAULT x{count}: {text}")
-    print(f"{len(found)} faults")
-    return 1 if found else 0
+    print(f"{len(result)} faults")
+    return 1 if result else 0
 
 
 if __name__ == "__main__":

@@ -153,17 +153,17 @@ def ended(case: Tried) -> tuple[int, float, str, list[str]]:
                 time.sleep(0.01)
             os.killpg(process.pid, case.sent)
         try:
-            said = process.communicate(timeout=PATIENCE)[1]
+            output = process.communicate(timeout=PATIENCE)[1]
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
-            said = process.communicate()[1]
+            output = process.communicate()[1]
             faults.append(f"over {PATIENCE:g} s")
         spent = time.perf_counter() - began
         if process.returncode != case.code:
             faults.append(f"ended with {process.returncode}, not {case.code}")
         # what takes long says how long
-        lines = [one for one in said.splitlines() if not re.match(r"\w+: .* left$", one)]
-        if "Traceback" in said or (case.code == 2 and case.sent is None and len(lines) > 1):
+        lines = [item for item in output.splitlines() if not re.match(r"\w+: .* left$", item)]
+        if "Traceback" in output or (case.code == 2 and case.sent is None and len(lines) > 1):
             faults.append("more than a line")
         # what a stream that takes nothing ends was whole before
         asked = process.returncode == 0 or case.kind == "stream"
@@ -171,7 +171,7 @@ def ended(case: Tried) -> tuple[int, float, str, list[str]]:
         faults += [f"left {name}" for name in sorted(left) if not (asked and f"-o {name}" in case.words)]
         if (place / "read_only.csv").read_text() != "mine":
             faults.append("a protected file was written")
-        line = (said.splitlines() or [""])[-1]
+        line = (output.splitlines() or [""])[-1]
     return process.returncode, spent, line, faults
 
 
@@ -188,9 +188,11 @@ def main() -> int:
         typed = case.words if len(case.words) < 70 else f"{case.words[:60]}..."
         sent = f", {case.sent.name}" if case.sent else ""
         given = f"`MUJOCO_GL={case.graphics}` " if case.graphics else ""
-        said = line.removeprefix("mechsim: ").replace("|", "\\|")[:150]
+        output = line.removeprefix("mechsim: ").replace("|", "\\|")[:150]
         fault = f" **{'; '.join(faults)}**" if faults else ""
-        print(f"| {case.kind} | {given}`{typed}`{sent} | {code} | {spent:.1f} | {said}{fault} |", flush=True)
+        print(
+            f"| {case.kind} | {given}`{typed}`{sent} | {code} | {spent:.1f} | {output}{fault} |", flush=True
+        )
     print(f"\n{len(cases)} cases, {wrong} ended otherwise than they should")
     return 1 if wrong else 0
 

@@ -34,32 +34,32 @@ ODD_TEXT = ["\x00", "\ufeff", "\t", "\r", *"é#\"'[]{}=<>&,"]
 def drawn(chance: random.Random, count: int, sound: float) -> list[Tried]:
     """Return cases, a part of them sound, the rest with something wrong."""
     every, by_command = sound_cases(), defaultdict[str, list[Tried]](list)
-    for one in every:
-        by_command[one.case.words[0]].append(one)
+    for item in every:
+        by_command[item.case.words[0]].append(item)
     often = [command for command in sorted(by_command) for _ in range(1 if command in SLOW else 3)]
     whole = chance.sample(every, min(len(every), round(sound * count)))
     wrong = (spoilt(chance, chance.choice(by_command[chance.choice(often)])) for _ in range(count))
     return [*whole, *islice(wrong, count - len(whole))]
 
 
-def spoilt(chance: random.Random, one: Tried) -> Tried:
+def spoilt(chance: random.Random, item: Tried) -> Tried:
     """Return a sound case with something wrong."""
-    words = list(one.case.words)
-    kinds = ["value", "value", "word", *["file"] * (3 if one.breakable else 0)]
-    scenes = [name for name in one.breakable if name.endswith(".xml")]
+    words = list(item.case.words)
+    kinds = ["value", "value", "word", *["file"] * (3 if item.breakable else 0)]
+    scenes = [name for name in item.breakable if name.endswith(".xml")]
     kind = chance.choice([*kinds, *["odd"] * (3 if scenes else 0)])
     if kind == "odd":
         name = chance.choice(scenes)
-        made = one.case.files[name].decode()
+        made = item.case.files[name].decode()
         for _ in range(chance.randint(1, 2)):
             made = odd(chance, made)
-        return _with_file(one, "odd magnitude", name, made.encode())
+        return _with_file(item, "odd magnitude", name, made.encode())
     if kind == "file":
-        name = chance.choice(one.breakable)
-        text = one.case.files[name]
+        name = chance.choice(item.breakable)
+        text = item.case.files[name]
         for _ in range(chance.randint(1, 3)):
             text = broken(chance, text)
-        return _with_file(one, BROKEN[name.rpartition(".")[2]], name, text)
+        return _with_file(item, BROKEN[name.rpartition(".")[2]], name, text)
     if kind == "value":
         for option in chance.sample(options_of(words[0]), k=chance.randint(1, 2)):
             words += [option, chance.choice(STRANGE)]
@@ -71,13 +71,13 @@ def spoilt(chance: random.Random, one: Tried) -> Tried:
             _slip(chance, words, at, ODD_TEXT[1:])
     kind = "strange value" if kind == "value" else "garbled word"
     return replace(
-        one, kind=kind, case=Case(tuple(words), one.case.files), sound=False, missed_is_wrong=False
+        item, kind=kind, case=Case(tuple(words), item.case.files), sound=False, missed_is_wrong=False
     )
 
 
-def _with_file(one: Tried, kind: str, name: str, content: bytes) -> Tried:
-    made = Case(one.case.words, {**one.case.files, name: content})
-    return replace(one, kind=kind, case=made, sound=False, missed_is_wrong=False)
+def _with_file(item: Tried, kind: str, name: str, content: bytes) -> Tried:
+    made = Case(item.case.words, {**item.case.files, name: content})
+    return replace(item, kind=kind, case=made, sound=False, missed_is_wrong=False)
 
 
 def _slip(chance: random.Random, parts: list[str], at: int, letters: list[str]) -> None:
@@ -109,9 +109,9 @@ def broken(chance: random.Random, content: bytes) -> bytes:
         return content + bytes(chance.randrange(256) for _ in range(9))
     else:
         # half of all: a number, or a word, for another
-        found = list((NUMBERS if change < 8 else WORDS).finditer(text))
-        if found:
-            place = chance.choice(found)
+        result = list((NUMBERS if change < 8 else WORDS).finditer(text))
+        if result:
+            place = chance.choice(result)
             new = chance.choice(ODD_NUMBERS) if change < 8 else chance.choice(WORDS.findall(text))
             return (text[: place.start()] + new + text[place.end() :]).encode(errors="replace")
     return "".join(rows).encode(errors="replace")
@@ -122,4 +122,6 @@ def options_of(command: str) -> list[str]:
     if command not in cli.COMMANDS:
         return ["--set"]
     made = cli.load_command(command).params
-    return [one.opts[0] for one in made if one.opts[0].startswith("-") and not getattr(one, "is_flag", True)]
+    return [
+        item.opts[0] for item in made if item.opts[0].startswith("-") and not getattr(item, "is_flag", True)
+    ]

@@ -164,15 +164,15 @@ def main() -> int:
     for what, content in BROKEN.items():
         if only not in what:
             continue
-        codes, said, faults = [], "", []
+        codes, output, faults = [], "", []
         for line in COMMANDS:
             words = tuple(line.format("model.xml", DRIVEN).split())
             code, last, wrong, _ = run(Tried(what, Case(words, {"model.xml": content})))
             codes.append(str(code))
-            said = said or (last if code else "")
-            faults += [f"{words[0]}: {one}" for one in wrong]
+            output = output or (last if code else "")
+            faults += [f"{words[0]}: {item}" for item in wrong]
         faulty += bool(faults)
-        print(f"{what:36s} {' '.join(codes)}  {said}", flush=True)
+        print(f"{what:36s} {' '.join(codes)}  {output}", flush=True)
         for fault in faults:
             print(f"    FAULT {fault}", flush=True)
     print(f"\n{faulty} files with faults")

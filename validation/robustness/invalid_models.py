@@ -35,27 +35,27 @@ from mechsim import cli
 PATIENCE, ROOM = 60, 16 << 30
 
 
-def run(one: Tried) -> tuple[int, str, list[str], float]:
+def run(item: Tried) -> tuple[int, str, list[str], float]:
     """Run a case in a forked process; return its exit code, last line said, what was wrong, and seconds."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder, "here")
         place.mkdir()
-        for name, content in one.case.files.items():
+        for name, content in item.case.files.items():
             (place / name).write_bytes(content)
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         child = os.fork()
         if child == 0:
-            typed(one.case.words, place, Path(folder))
+            typed(item.case.words, place, Path(folder))
         _, status = os.waitpid(child, 0)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        out, said = (Path(folder, name).read_text(errors="replace") for name in ("out", "err"))
+        out, output = (Path(folder, name).read_text(errors="replace") for name in ("out", "err"))
         code = os.waitstatus_to_exitcode(status)
-        faults = list(_wrong(one, code, out, said)) + list(untidy(place, one.case, code))
+        faults = list(_wrong(item, code, out, output)) + list(untidy(place, item.case, code))
         faults += [
             f"left {path.name}" for path in Path(folder).iterdir() if path.name not in ("here", "out", "err")
         ]
-    return code, (said.strip().splitlines() or [""])[-1], faults, spent
+    return code, (output.strip().splitlines() or [""])[-1], faults, spent
 
 
 def typed(words: tuple[str, ...], place: Path, folder: Path) -> None:
@@ -81,18 +81,18 @@ def typed(words: tuple[str, ...], place: Path, folder: Path) -> None:
     os._exit(code)
 
 
-def _wrong(one: Tried, code: int, out: str, said: str) -> Iterator[str]:
+def _wrong(item: Tried, code: int, out: str, output: str) -> Iterator[str]:
     if code == -signal.SIGXCPU:
         yield f"over {PATIENCE} s"
         return
-    yield from unclear(code, said)
-    if "Warning:" in said:
-        yield f"a warning: {said[:200]!r}"
-    if one.sound and code == 2:
-        yield f"refused: {said.strip()[:300]}"
-    if one.missed_is_wrong and code == 1:
+    yield from unclear(code, output)
+    if "Warning:" in output:
+        yield f"a warning: {output[:200]!r}"
+    if item.sound and code == 2:
+        yield f"refused: {output.strip()[:300]}"
+    if item.missed_is_wrong and code == 1:
         yield "the roads disagree"
-    if "--json" in one.case.words and code in (0, 1) and not {"-h", "--help"} & set(one.case.words):
+    if "--json" in item.case.words and code in (0, 1) and not {"-h", "--help"} & set(item.case.words):
         try:
             json.loads(out, parse_constant=lambda name: 1 / 0)
         except (ValueError, ZeroDivisionError):
@@ -117,26 +117,26 @@ def main() -> int:
     cases = drawn(random.Random(asked.seed), asked.count, asked.sound)
     ended: defaultdict[str, Counter[str]] = defaultdict(Counter)
     faulty, taken = 0, [0.0]
-    for number, one in enumerate(cases):
-        typed = " ".join(one.case.words)
-        if asked.case not in (None, number) or (asked.only not in one.kind and asked.only not in typed):
+    for number, item in enumerate(cases):
+        typed = " ".join(item.case.words)
+        if asked.case not in (None, number) or (asked.only not in item.kind and asked.only not in typed):
             continue
         if number % asked.part[1] != asked.part[0]:
             continue
         if sys.stderr.isatty() or number % 50 == 0:
             print(f"{number} of {len(cases)}, {sum(taken):.0f} s", file=sys.stderr, flush=True)
-        code, said, faults, spent = run(one)
+        code, output, faults, spent = run(item)
         taken.append(spent)
-        ended[one.kind][str(code)] += 1
-        ended[one.kind]["faults"] += bool(faults)
+        ended[item.kind][str(code)] += 1
+        ended[item.kind]["faults"] += bool(faults)
         faulty += bool(faults)
         if code == 1 and not faults:
-            print(f"missed {number} ({one.kind}): {said[:200]}  <-  {typed[:200]}", flush=True)
+            print(f"missed {number} ({item.kind}): {output[:200]}  <-  {typed[:200]}", flush=True)
         for fault in faults:
-            print(f"FAULT {number} ({one.kind}): {fault}  <-  {typed[:200]}", flush=True)
+            print(f"FAULT {number} ({item.kind}): {fault}  <-  {typed[:200]}", flush=True)
         if asked.case is not None:
-            print(f"{code}: {said}")
-            for name, content in one.case.files.items():
+            print(f"{code}: {output}")
+            for name, content in item.case.files.items():
                 Path(tempfile.gettempdir(), f"case-{number}-{name}").write_bytes(content)
     print("\n| class | run | a result | missed | refused in one line | faults |\n|---|---|---|---|---|---|")
     for kind, counts in ended.items():

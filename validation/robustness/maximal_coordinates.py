@@ -76,7 +76,7 @@ class DynamicModel:
     @property
     def count(self) -> int:
         """How many coordinates all joints have."""
-        return sum(len(UNITS[one.kind]) for one in self.joints)
+        return sum(len(UNITS[item.kind]) for item in self.joints)
 
     def poses(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return places (..., n+1, 3) and turning matrices (..., n+1, 3, 3) of all links, the frame first."""
@@ -97,14 +97,14 @@ class DynamicModel:
         place, turn = self.poses(x)
         q = x[..., 7 * self.links :]
         rows = [(x[..., 3 * self.links : 7 * self.links].reshape(*x.shape[:-1], -1, 4) ** 2).sum(-1) - 1.0]
-        for one in self.joints:
-            (point_a, own_a), (point_b, own_b) = one.frame_a, one.frame_b
-            to_a = np.swapaxes(turn[..., one.a, :, :] @ own_a, -1, -2)
-            gap = place[..., one.b, :] + turn[..., one.b, :, :] @ point_b
-            gap = gap - place[..., one.a, :] - turn[..., one.a, :, :] @ point_a
+        for item in self.joints:
+            (point_a, own_a), (point_b, own_b) = item.frame_a, item.frame_b
+            to_a = np.swapaxes(turn[..., item.a, :, :] @ own_a, -1, -2)
+            gap = place[..., item.b, :] + turn[..., item.b, :, :] @ point_b
+            gap = gap - place[..., item.a, :] - turn[..., item.a, :, :] @ point_a
             gap = (to_a @ gap[..., None])[..., 0] / self.size
-            rel = to_a @ turn[..., one.b, :, :] @ own_b
-            rows.append(np.stack(_equations(one, gap, rel, q[..., list(one.coordinates)], self.size), -1))
+            rel = to_a @ turn[..., item.b, :, :] @ own_b
+            rows.append(np.stack(_equations(item, gap, rel, q[..., list(item.coordinates)], self.size), -1))
         laws = [law(q) for law in self.couplings]
         laws += [q[..., i] - program(t) for i, program in self.driven.items()]  # t may be as many as x
         return np.concatenate([*rows, np.stack(laws, -1)] if laws else rows, -1)
@@ -150,14 +150,14 @@ class DynamicModel:
         return (values * on[:, None] ** -power).mean(0).real
 
 
-def _equations(one: Joint, gap: np.ndarray, rel: np.ndarray, q: np.ndarray, size: float) -> list[np.ndarray]:
+def _equations(item: Joint, gap: np.ndarray, rel: np.ndarray, q: np.ndarray, size: float) -> list[np.ndarray]:
     """Return what holds a joint, and what defines its coordinates; `gap` is over the size."""
     along, lies = gap[..., 2], [rel[..., 0, 2], rel[..., 1, 2]]
 
     def turned(by: np.ndarray) -> np.ndarray:
         return rel[..., 1, 0] * np.cos(by) - rel[..., 0, 0] * np.sin(by)
 
-    if one.kind == "planar":
+    if item.kind == "planar":
         return [
             gap[..., 0] - q[..., 0] / size,
             gap[..., 1] - q[..., 1] / size,
@@ -166,24 +166,24 @@ def _equations(one: Joint, gap: np.ndarray, rel: np.ndarray, q: np.ndarray, size
             turned(q[..., 2]),
         ]
     pinned = [gap[..., 0], gap[..., 1], along]
-    if one.kind == "spherical":
+    if item.kind == "spherical":
         return pinned
-    if one.kind == "fixed":
+    if item.kind == "fixed":
         return [*pinned, *lies, rel[..., 1, 0]]
-    if one.kind == "revolute":
+    if item.kind == "revolute":
         return [*pinned, *lies, turned(q[..., 0])]
-    if one.kind == "universal":
+    if item.kind == "universal":
         first, second = q[..., 0], q[..., 1]
         return [
             *pinned,
-            rel[..., 2, 2] - np.cos(one.cross),
+            rel[..., 2, 2] - np.cos(item.cross),
             rel[..., 1, 2] * np.cos(first) - rel[..., 0, 2] * np.sin(first),
             -rel[..., 2, 1] * np.cos(second) - rel[..., 2, 0] * np.sin(second),
         ]
     slides = [*pinned[:2], along - q[..., 0] / size, *lies]
-    if one.kind == "prismatic":
+    if item.kind == "prismatic":
         return [*slides, rel[..., 1, 0]]
-    led = [(q[..., 0] - one.lead * q[..., 1] / (2 * np.pi)) / size] if one.kind == "screw" else []
+    led = [(q[..., 0] - item.lead * q[..., 1] / (2 * np.pi)) / size] if item.kind == "screw" else []
     return [*slides, turned(q[..., 1]), *led]
 
 
@@ -194,7 +194,7 @@ def followed(machine: DynamicModel, x: np.ndarray, times: np.ndarray) -> np.ndar
         TooNearError: where the path comes near to a singular pose.
     """
     x = machine.solved(x, float(times[0]))
-    found, now, step = [x], float(times[0]), float(times[1] - times[0]) / 2
+    result, now, step = [x], float(times[0]), float(times[1] - times[0]) / 2
     for end in times[1:]:
         while now < end:
             pace, bend = machine.rates(x, now)
@@ -212,8 +212,8 @@ def followed(machine: DynamicModel, x: np.ndarray, times: np.ndarray) -> np.ndar
                 continue
             x, now = new, now + step
             step *= 2 if far < 0.003 else 1
-        found.append(x)
-    return np.array(found)
+        result.append(x)
+    return np.array(result)
 
 
 def told(

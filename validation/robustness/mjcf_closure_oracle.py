@@ -162,13 +162,13 @@ class Closure:
     def followed(self, qpos: np.ndarray, instants: np.ndarray) -> np.ndarray:
         """Return the poses at given times, (times, unknowns), on the way from qpos."""
         x = self.solved(self.begun(qpos), float(instants[0]))
-        found = [x]
+        result = [x]
         for t, end in pairwise(instants):
             before = x
             for at in np.linspace(t, end, BETWEEN + 1)[1:]:
                 x, before = self.solved(2.0 * x - before if before is not x else x, float(at)), x
-            found.append(x)
-        return np.array(found)
+            result.append(x)
+        return np.array(result)
 
     def settled(self, x: np.ndarray, t: float) -> list[str]:
         """Return the names of the bodies that no open motion moves."""

@@ -26,7 +26,7 @@ def main() -> None:
         form = load(name)
         mechanism, forces = with_inertia(form.mechanism), busy(form.mechanism)
         missed = [balance(mechanism, forces, *moved(form, mechanism, forces, method)) for method in METHODS]
-        print(f"{name:16s}" + "".join(f"{one:12.1e}" for one in missed), flush=True)
+        print(f"{name:16s}" + "".join(f"{item:12.1e}" for item in missed), flush=True)
 
 
 if __name__ == "__main__":

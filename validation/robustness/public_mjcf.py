@@ -46,14 +46,14 @@ def swing(start, reach):
 
 def reaches(form: MjcfForm, asked):
     """Return by how much each driver swings: 0.3 rad or a tenth of the size, to where limits leave room."""
-    mechanism, found = form.mechanism, {}
+    mechanism, result = form.mechanism, {}
     for name in mechanism.drivers:
         far = 0.3 if mechanism.unit(name) == "rad" else 0.1 * mechanism.characteristic_length
         low, high = form.source.limits.get(name, (-np.inf, np.inf))
         at = mechanism.guess_coordinates[name]
         up, down = high - at, at - low
-        found[name] = asked.get(name, min(far, up) if up >= min(far, down) else -min(far, down))
-    return found
+        result[name] = asked.get(name, min(far, up) if up >= min(far, down) else -min(far, down))
+    return result
 
 
 @quiet()
@@ -90,8 +90,8 @@ def judged(path, options):
     holds = dict.fromkeys(options.get("holds", ()))
     form = read_mjcf(str(path), lock=holds, **{name: options[name] for name in known if name in options})
     loops, at = assembled(form.mechanism)
-    slope = loops.linearise(at)[1][..., 0]
-    rank = int(np.linalg.matrix_rank(slope, tol=1e-9)) if slope.size else 0
+    gradient = loops.linearise(at)[1][..., 0]
+    rank = int(np.linalg.matrix_rank(gradient, tol=1e-9)) if gradient.size else 0
     start = {name: float(at.values[loops.tree.index_of[name], 0]) for name in form.mechanism.drivers}
     far = reaches(form, options.get("reach", {}))
     bound = make_motion_laws(form.mechanism, {name: swing(start[name], far[name]) for name in start}, 1.0)

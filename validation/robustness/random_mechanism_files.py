@@ -59,8 +59,8 @@ def displaced(joint: Joint, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x, y, z = np.eye(3)
     if joint.kind == "universal":
         # at zero b's axis leans from a's axis towards a's reference, and b's reference on to a's axis
-        lean = turn(y, joint.cross) @ turn(z, np.pi)
-        return 0 * z, turn(z, q[0]) @ lean @ turn(z, q[1])
+        tilt = turn(y, joint.cross) @ turn(z, np.pi)
+        return 0 * z, turn(z, q[0]) @ tilt @ turn(z, q[1])
     shift = {"planar": lambda: q[0] * x + q[1] * y}.get(joint.kind, lambda: q[0] * z)
     slides = UNITS[joint.kind].startswith("m")
     return shift() if slides else 0 * z, turn(z, q[-1]) if UNITS[joint.kind].endswith("r") else np.eye(3)
@@ -79,12 +79,12 @@ class Sketch:
         self.q: list[float] = []
 
     def any_turn(self) -> np.ndarray:
-        found = np.linalg.qr(self.chance.normal(size=(3, 3)))[0]
-        return found * np.linalg.det(found)
+        result = np.linalg.qr(self.chance.normal(size=(3, 3)))[0]
+        return result * np.linalg.det(result)
 
     def kinds(self, freedoms: int) -> list[str]:
         """Return kinds of joints of a chain that have so many degrees of freedom in all."""
-        found: list[str] = []
+        result: list[str] = []
         while freedoms:
             if self.mode == "spatial":
                 fits = [kind for kind in SPATIAL if FREEDOMS[kind] <= freedoms]
@@ -92,15 +92,15 @@ class Sketch:
                 fits = ["revolute", "revolute", "revolute", "prismatic"]
             else:
                 fits = ["revolute", "revolute", "universal"][: 2 if freedoms == 1 else 3]
-            found.append(str(self.chance.choice(fits)))
-            freedoms -= FREEDOMS[found[-1]]
+            result.append(str(self.chance.choice(fits)))
+            freedoms -= FREEDOMS[result[-1]]
         looser = {"planar": ["cylindrical", "spherical"], "spherical": ["spherical"]}.get(self.mode)
-        for i, kind in enumerate(found):
+        for i, kind in enumerate(result):
             if looser and kind == "revolute" and self.chance.random() < 0.12:
-                found[i] = str(self.chance.choice(looser))
+                result[i] = str(self.chance.choice(looser))
         if self.chance.random() < 0.1:
-            found.insert(int(self.chance.integers(len(found) + 1)), "fixed")
-        return [str(one) for one in self.chance.permutation(found)]
+            result.insert(int(self.chance.integers(len(result) + 1)), "fixed")
+        return [str(item) for item in self.chance.permutation(result)]
 
     def chain(self, kinds: list[str], first: int, last: int) -> None:
         """Join two links by new ones."""
@@ -156,14 +156,14 @@ def drawn(seed: int) -> Drawn | None:
     places = np.ravel(sketch.places[1:]) / sketch.size
     pose = np.concatenate([places, *map(quaternion, sketch.turns[1:]), sketch.q])
     names, columns, units, drivable = [], [], [], []
-    for one in sketch.joints:
-        kind = UNITS[one.kind]
+    for item in sketch.joints:
+        kind = UNITS[item.kind]
         ends = {1: [""], 2: [".way", ".turn"], 3: [".x", ".y", ".turn"]}.get(len(kind), [])
-        ends = [".1", ".2"] if one.kind == "universal" else ends
-        names += [one.name + end for end in ends]
-        columns += [f"{one.name}.*{i if len(kind) > 1 else ''}" for i in range(len(kind))]
+        ends = [".1", ".2"] if item.kind == "universal" else ends
+        names += [item.name + end for end in ends]
+        columns += [f"{item.name}.*{i if len(kind) > 1 else ''}" for i in range(len(kind))]
         units += kind
-        drivable += [one.kind in DRIVABLE] * len(kind)
+        drivable += [item.kind in DRIVABLE] * len(kind)
     if np.abs(machine.residual(pose, 0.0)).max() > 1e-12:
         raise AssertionError(f"seed {seed}: what was drawn does not stand closed")
     open_ways = null(machine, pose)[:, 7 * n :]
@@ -177,8 +177,8 @@ def drawn(seed: int) -> Drawn | None:
     for i in chance.permutation(np.flatnonzero(drivable)):
         if np.linalg.norm(open_ways[:, i]) > 0.05 and len(open_ways):
             drivers.append(int(i))
-            way = open_ways[:, i : i + 1] / np.linalg.norm(open_ways[:, i])
-            open_ways = open_ways - way @ (way.T @ open_ways)
+            direction = open_ways[:, i : i + 1] / np.linalg.norm(open_ways[:, i])
+            open_ways = open_ways - direction @ (direction.T @ open_ways)
     if not drivers or len(drivers) > 3 or np.abs(open_ways).max(initial=0.0) > 1e-8:
         return None
     for i in drivers:
@@ -186,7 +186,7 @@ def drawn(seed: int) -> Drawn | None:
     guess = str(chance.choice(["whole", "part", "none"], p=[0.5, 0.25, 0.25]))
     text = written(chance, sketch, [names[i] for i in drivers], names, units, couplings, guess)
     reach = [1.0 if units[i] == "r" else 0.4 * sketch.size for i in drivers]
-    kinds = "".join(KIND_LETTERS[one.kind] for one in sketch.joints)
+    kinds = "".join(KIND_LETTERS[item.kind] for item in sketch.joints)
     what = f"{sketch.mode} {kinds}{f' {len(couplings)} coupled' if couplings else ''} of {len(drivers)}"
     return Drawn(text, machine, pose, names, units, columns, drivers, reach, guess, what)
 
@@ -217,20 +217,20 @@ def coupled(chance, names, units, sketch, count):
     """Return a coupling of two coordinates, or a sum of two and a third, as text and as an equation."""
     of = [int(i) for i in chance.permutation(len(names))[:3]]
     q = [sketch.q[i] for i in of]
-    one, two, three = of
-    head = f'[couplings.c{count}]\ndriver = "{names[one]}"\n'
-    kind = units[one] + units[two]
+    item, two, three = of
+    head = f'[couplings.c{count}]\ndriver = "{names[item]}"\n'
+    kind = units[item] + units[two]
     if kind in ("rm", "mr") and chance.random() < 0.6:
         radius = float(chance.uniform(0.2, 0.6) * sketch.size * chance.choice([-1, 1]))
-        slope = radius if kind == "rm" else 1 / radius
-        phase = q[1] - slope * q[0]
+        gradient = radius if kind == "rm" else 1 / radius
+        phase = q[1] - gradient * q[0]
         text = f'driven = "{names[two]}"\nradius = "{radius!r} m"\nphase = "{phase!r} {SI[units[two]]}"\n'
-        return head + text, lambda x: x[..., two] - slope * x[..., one] - phase
+        return head + text, lambda x: x[..., two] - gradient * x[..., item] - phase
     if kind == "rr" and chance.random() < 0.6:
         ratio = float(chance.uniform(0.4, 2.0) * chance.choice([-1, 1]))
         phase = q[1] - ratio * q[0]
         text = f'driven = "{names[two]}"\nratio = {ratio!r}\nphase = "{phase!r} rad"\n'
-        return head + text, lambda x: x[..., two] - ratio * x[..., one] - phase
+        return head + text, lambda x: x[..., two] - ratio * x[..., item] - phase
     scale = [sketch.size if units[i] == "m" else 1.0 for i in of]
     slopes = chance.uniform(-0.6, 0.6, int(chance.integers(1, 4)))
     powers = [float(c * scale[1] / scale[0] ** (i + 1)) for i, c in enumerate(slopes)]
@@ -243,7 +243,7 @@ def coupled(chance, names, units, sketch, count):
     text = f"driven = {driven}\ncoefficients = [{listed}]\n"
 
     def law(x: np.ndarray) -> np.ndarray:
-        right = sum(c * x[..., one] ** (i + 1) for i, c in enumerate(powers))
+        right = sum(c * x[..., item] ** (i + 1) for i, c in enumerate(powers))
         return x[..., two] + 0.7 * extra * x[..., three] - first - right
 
     return head + text, law
@@ -254,7 +254,7 @@ SI = {"m": "m", "r": "rad"}
 
 def written(chance, sketch, drivers, names, units, couplings, guess) -> str:
     """Return the TOML of a sketch; numbers as units, bare numbers, expressions or parameters."""
-    bent = any("coefficients" in one for one in couplings)
+    bent = any("coefficients" in item for item in couplings)
     length, angle = ("m", "rad") if bent else (str(chance.choice([*LENGTHS])), str(chance.choice([*ANGLES])))
     parameters: dict[str, float] = {}
 
@@ -271,20 +271,20 @@ def written(chance, sketch, drivers, names, units, couplings, guess) -> str:
         return repr(bare)
 
     def vector(values: np.ndarray, of=repr) -> str:
-        return f"[{', '.join(of(float(one)) for one in values)}]"
+        return f"[{', '.join(of(float(item)) for item in values)}]"
 
     rows = []
-    for one in sketch.joints:
-        rows.append(f'[joints.{one.name}]\nkind = "{one.kind}"')
-        for side, link, (point, axes) in (("a", one.a, one.frame_a), ("b", one.b, one.frame_b)):
+    for item in sketch.joints:
+        rows.append(f'[joints.{item.name}]\nkind = "{item.kind}"')
+        for side, link, (point, axes) in (("a", item.a, item.frame_a), ("b", item.b, item.frame_b)):
             name = f"k{link}" if link else "ground"
             longer = float(chance.choice([1.0, 3.0]))
             place = f"at = {vector(point, number)}, axis = {vector(longer * axes[:, 2])}"
             rows.append(f'{side} = {{ link = "{name}", {place}, reference = {vector(axes[:, 0])} }}')
-        if one.kind == "universal" and one.cross != np.pi / 2:
-            rows.append(f"cross_angle = {one.cross / ANGLES[angle]!r}")
-        if one.kind == "screw":
-            rows.append(f"lead = {one.lead / LENGTHS[length]!r}")
+        if item.kind == "universal" and item.cross != np.pi / 2:
+            rows.append(f"cross_angle = {item.cross / ANGLES[angle]!r}")
+        if item.kind == "screw":
+            rows.append(f"lead = {item.lead / LENGTHS[length]!r}")
     far = sketch.size / LENGTHS[length]
     n = len(sketch.places)
     points = [
@@ -292,9 +292,11 @@ def written(chance, sketch, drivers, names, units, couplings, guess) -> str:
         for k in range(1, n)
         for name, at in zip("oxy", PROBES, strict=True)
     ]
-    told = {i: "x" for i in range(1, n) if guess == "whole" or (guess == "part" and chance.random() < 0.5)}
+    reported = {
+        i: "x" for i in range(1, n) if guess == "whole" or (guess == "part" and chance.random() < 0.5)
+    }
     guesses = []
-    for k in told:
+    for k in reported:
         place = sketch.places[k] + 3e-3 * sketch.size * chance.normal(size=3)
         matrix = turn(chance.normal(size=3), 3e-3) @ sketch.turns[k]
         rows_of = ", ".join(map(vector, matrix))

@@ -54,9 +54,9 @@ def main() -> int:
     number, done = 1000 * asked.seed if asked.case is None else asked.case, 0
     while done < asked.count and asked.case in (None, number):
         made = drawn(number)
-        if made is not None and (found := judged(made, number, asked.keep, asked.only.split(","))):
+        if made is not None and (result := judged(made, number, asked.keep, asked.only.split(","))):
             done += 1
-            for command, outcome, why in found:
+            for command, outcome, why in result:
                 table[command][outcome] += 1
                 if outcome in OUTCOMES[3:] or asked.case is not None:
                     print(
@@ -67,8 +67,8 @@ def main() -> int:
             print(f"{done} of {asked.count}", file=sys.stderr)
     print("\n| command | " + " | ".join(OUTCOMES) + " |\n|" + "---|" * (len(OUTCOMES) + 1))
     for command, counts in table.items():
-        print(f"| {command} | " + " | ".join(str(counts[one]) for one in OUTCOMES) + " |")
-    return 1 if any(counts[one] for counts in table.values() for one in OUTCOMES[4:]) else 0
+        print(f"| {command} | " + " | ".join(str(counts[item]) for item in OUTCOMES) + " |")
+    return 1 if any(counts[item] for counts in table.values() for item in OUTCOMES[4:]) else 0
 
 
 def judged(made: Drawn, number: int, keep: str, only: list[str]) -> list[tuple[str, str, str]]:
@@ -97,12 +97,12 @@ def judged(made: Drawn, number: int, keep: str, only: list[str]) -> list[tuple[s
         lines["step"] = f"simulate {run} stepped.csv --method step --tolerance {tolerance:.3g}m"
     if number % 4 == 2 and len(made.drivers) == 1:
         lines["trace"] = "trace drawn.toml -o trace.csv --starts 6 --samples 60"
-    found = []
+    result = []
     for words in (line.split() for name, line in lines.items() if name in only):
-        code, said, spent = ran(words, place)
+        code, output, spent = ran(words, place)
         command = words[0] + (" step" if "step" in words else "")
         try:
-            outcome, why = ended(made, code, said, truth, words[0])
+            outcome, why = ended(made, code, output, truth, words[0])
             if outcome == "right":
                 table = np.genfromtxt(
                     place / words[words.index("-o") + 1], delimiter=",", names=True, deletechars=""
@@ -115,8 +115,8 @@ def judged(made: Drawn, number: int, keep: str, only: list[str]) -> list[tuple[s
             outcome, why = "wrong", str(error)
         except TooNearError:
             outcome, why = "undecided", "the pose told leads near a singular one, by the reference"
-        found.append((command, outcome, f"{why} [{spent:.0f} s]"))
-    return found
+        result.append((command, outcome, f"{why} [{spent:.0f} s]"))
+    return result
 
 
 def programmed(made: Drawn, number: int, reach: float) -> list[str]:
@@ -157,20 +157,23 @@ def ran(words: list[str], place: Path) -> tuple[int, str, float]:
     return code, (place.parent / "err").read_text(errors="replace"), spent
 
 
-def ended(made: Drawn, code: int, said: str, truth: np.ndarray | None, command: str) -> tuple[str, str]:
+def ended(made: Drawn, code: int, output: str, truth: np.ndarray | None, command: str) -> tuple[str, str]:
     """Return the outcome by the way a command ended, and what it said."""
     # how far a trace has come is said before what it says
-    lines = [line for line in said.strip().splitlines() if not line.startswith("trace: ")]
+    lines = [line for line in output.strip().splitlines() if not line.startswith("trace: ")]
     if code == -signal.SIGXCPU:
         return "undecided", f"over {PATIENCE} s"
-    if "Traceback" in said or code not in (0, 1, 2) or (code == 2 and len(lines) != 1):
-        return "traceback", f"exit {code}: {said[-600:]}"
+    if "Traceback" in output or code not in (0, 1, 2) or (code == 2 and len(lines) != 1):
+        return "traceback", f"exit {code}: {output[-600:]}"
     why = lines[-1][:400] if lines else "nothing said"
     if code == 0:
         return "right", ""
     machine = made.machine
     points = machine.size * PROBES[None]
-    spun = [told(machine, made.pose, way, 0 * way, points)[1] for way in null(machine, made.pose)]
+    spun = [
+        told(machine, made.pose, direction, 0 * direction, points)[1]
+        for direction in null(machine, made.pose)
+    ]
     if "underdetermined" in why and np.abs(spun).max(initial=0.0) > 1e-9 * machine.size:
         return "rightful refusal", why
     if (truth is None and command != "trace") or "curve of assemblies never closes" in why:
@@ -179,7 +182,7 @@ def ended(made: Drawn, code: int, said: str, truth: np.ndarray | None, command: 
 
 
 def compared(
-    made: Drawn, table: np.ndarray, truth: np.ndarray | None, times: np.ndarray, command: str, said: str
+    made: Drawn, table: np.ndarray, truth: np.ndarray | None, times: np.ndarray, command: str, output: str
 ) -> str:
     """Return by how much a table of a command, which said something, is off the truth, of the size.
 
@@ -196,9 +199,9 @@ def compared(
     elif np.abs(machine.residual(first, 0.0)).max() > (1e-3 if command.endswith("step") else BOUND):
         raise WrongError(f"the first pose stands open by {np.abs(machine.residual(first, 0.0)).max():.1e}")
     apart = np.abs(machine.poses(first)[0] - machine.poses(made.pose)[0])[1:]
-    for way in null(machine, made.pose):
+    for direction in null(machine, made.pose):
         # where a link spins idly its origin says nothing
-        moved = told(machine, made.pose, way, 0 * way, machine.size * PROBES[None])[1][:, 0]
+        moved = told(machine, made.pose, direction, 0 * direction, machine.size * PROBES[None])[1][:, 0]
         apart[np.abs(moved).max(-1) > 1e-9 * machine.size] = 0.0
     known = truth is not None and apart.max()
     if truth is None or known > 1e-3 * machine.size:
@@ -229,7 +232,7 @@ def compared(
     bound = {"p": BOUND, "v": BOUND, "a": BOUND}
     if command.endswith("step"):
         # the tolerance is of places where the drivers were; how far these lag is reported
-        lag = re.search(r"places are up to (\S+) m from where programs", said)
+        lag = re.search(r"places are up to (\S+) m from where programs", output)
         bound = {
             "p": STEPPED + (1.05 * float(lag[1]) / machine.size if lag else 0.0),
             "v": np.inf,
@@ -251,17 +254,17 @@ def reference(made: Drawn, truth: np.ndarray, times: np.ndarray):
     for x, t in zip(truth, times, strict=True):
         pace, bend = machine.rates(x, float(t))
         rows.append((told(machine, x, pace, bend, points), np.array([x, pace, bend])[:, 7 * n :]))
-        for way in machine.split(x, float(t))[1]:
-            free_points |= np.abs(told(machine, x, way, 0 * way, points)[1]) > 1e-9 * machine.size
-            free_q |= np.abs(way[7 * n :]) > 1e-9
+        for direction in machine.split(x, float(t))[1]:
+            free_points |= np.abs(told(machine, x, direction, 0 * direction, points)[1]) > 1e-9 * machine.size
+            free_q |= np.abs(direction[7 * n :]) > 1e-9
     names = [f"{p}{k}" for k in range(1, n + 1) for p in "oxy"]
     tracks, loose = {}, {"point": free_points.ravel()}
-    units = "".join(UNITS[one.kind] for one in machine.joints)
+    units = "".join(UNITS[item.kind] for item in machine.joints)
     for order, ending in enumerate(("", "v", "a")):
         columns = [f"{name}.{ending}{axis}" for name in names for axis in "xyz"]
         tracks["point", order] = columns, np.array([row[0][order].ravel() for row in rows])
         for unit in "mr":
-            of = [i for i, one in enumerate(units) if one == unit]
+            of = [i for i, item in enumerate(units) if item == unit]
             loose[unit] = free_q[of]
             columns = [made.columns[i].replace("*", "qva"[order]) for i in of]
             tracks[unit, order] = columns, np.array([row[1][order][of] for row in rows])

@@ -39,13 +39,13 @@ SOLREFS = {"published": None, "default": (0.02, 1.0), "soft": (0.04, 1.0), "hard
 
 
 def connects(spec):
-    return [one for one in spec.equalities if one.type == CONNECT]
+    return [item for item in spec.equalities if item.type == CONNECT]
 
 
-def ends(spec, one):
+def ends(spec, item):
     """Return both bodies of a connect and its point in each, in [m]."""
     model = spec.copy().compile()
-    i = [other.name for other in spec.equalities].index(one.name)
+    i = [other.name for other in spec.equalities].index(item.name)
     if int(model.eq_objtype[i]) == SITES:
         sites = model.eq_obj1id[i], model.eq_obj2id[i]
         return [(model.body(model.site_bodyid[s]).name, model.site_pos[s]) for s in sites]
@@ -70,16 +70,16 @@ def twice(spec, size):
 
 
 def apart(spec, size):
-    one = connects(spec)[-1]
-    (a, at_a), (b, at_b) = ends(spec, one)
+    item = connects(spec)[-1]
+    (a, at_a), (b, at_b) = ends(spec, item)
     body(spec, a).add_site(name="seeded1", pos=at_a)
     body(spec, b).add_site(name="seeded2", pos=at_b + np.array([0.0, 0.0, 0.01 * size]))
-    one.objtype, one.name1, one.name2 = mujoco.mjtObj.mjOBJ_SITE, "seeded1", "seeded2"
+    item.objtype, item.name1, item.name2 = mujoco.mjtObj.mjOBJ_SITE, "seeded1", "seeded2"
 
 
 def colliding(spec, size):
-    for one in list(spec.excludes):
-        spec.delete(one)
+    for item in list(spec.excludes):
+        spec.delete(item)
     for number, (name, at) in enumerate(ends(spec, connects(spec)[0])):
         body(spec, name).add_geom(
             name=f"seeded{number}",
@@ -103,20 +103,20 @@ def limited(spec, size):
 
 
 def softened(spec, size):
-    for one in spec.equalities:
-        one.solref, one.solimp = [0.2, 1.0], [0.5, 0.5, 0.001, 0.5, 2.0]
+    for item in spec.equalities:
+        item.solref, item.solimp = [0.2, 1.0], [0.5, 0.5, 0.001, 0.5, 2.0]
 
 
 def clamped(spec, size):
-    for one in spec.equalities:
-        one.solref = [0.4 * spec.option.timestep, 1.0]
+    for item in spec.equalities:
+        item.solref = [0.4 * spec.option.timestep, 1.0]
 
 
 def hasty(spec, size):
-    for one in spec.equalities:
+    for item in spec.equalities:
         rate = 3.0 / spec.option.timestep
-        one.solref = [-(rate**2) / 2.0, -rate]
-        one.solimp = [0.99, 0.99, 0.001, 0.5, 2.0]
+        item.solref = [-(rate**2) / 2.0, -rate]
+        item.solimp = [0.99, 0.99, 0.001, 0.5, 2.0]
 
 
 def heaviest(spec):
@@ -151,16 +151,16 @@ def in_millimetres(spec, size):
         part.ipos = 1000.0 * part.ipos
     for part in (*spec.joints, *spec.sites, *spec.geoms):
         part.pos = 1000.0 * part.pos
-    for one in connects(spec):
-        one.data = [*(1000.0 * one.data[:6]), *one.data[6:]]
+    for item in connects(spec):
+        item.data = [*(1000.0 * item.data[:6]), *item.data[6:]]
 
 
 def loosened(spec, size):
     # with those that close the same loop once more
     gone = {name for name, _ in ends(spec, connects(spec)[0])}
-    for one in connects(spec):
-        if {name for name, _ in ends(spec, one)} == gone:
-            spec.delete(one)
+    for item in connects(spec):
+        if {name for name, _ in ends(spec, item)} == gone:
+            spec.delete(item)
 
 
 def second_servo(spec, size):
@@ -221,11 +221,11 @@ def seeded(read: MjcfModel, asked, before):
         except MechsimError as error:
             missed.append(f"{name} ({error})"[:160])
             continue
-        sizes = {(one.rule, one.object, _words(one)): one.value for one in before}
+        sizes = {(item.rule, item.object, _words(item)): item.value for item in before}
         new = [
-            one.rule
-            for one in after
-            if one.value > 1.01 * sizes.get((one.rule, one.object, _words(one)), -np.inf)
+            item.rule
+            for item in after
+            if item.value > 1.01 * sizes.get((item.rule, item.object, _words(item)), -np.inf)
         ]
         if BY_KIND[kind].code not in new:
             missed.append(f"{name} ({', '.join(new) or 'nothing new'})")
@@ -242,9 +242,9 @@ def efforts(scene: Inspected, motion, inputs):
         mujoco.mj_forward(model, data)
         inertia = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, inertia)
-        slope = data.efc_J.reshape(-1, model.nv)[data.efc_type == EQUALITY]
+        gradient = data.efc_J.reshape(-1, model.nv)[data.efc_type == EQUALITY]
         left = inertia @ qacc + data.qfrc_bias - data.qfrc_passive
-        left -= slope.T @ loop_forces(scene, data, qacc, inputs)
+        left -= gradient.T @ loop_forces(scene, data, qacc, inputs)
         moving.append(np.linalg.lstsq(inputs.T, left, rcond=None)[0])
         heavy.append([inertia[d, d] / row[d] for d, row in zip(dofs, inputs, strict=True)])
     return np.array(moving), np.array(heavy), dofs
@@ -289,25 +289,30 @@ def gaps(read: MjcfModel):
     for name, solref in SOLREFS.items():
         spec = read.spec.copy()
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-        for one in spec.equalities:
+        for item in spec.equalities:
             if solref is not None:
-                one.solref = solref
+                item.solref = solref
         changed = Inspected(MjcfModel(**{**vars(read), "spec": spec}))
         motion = driver_swing(changed)
         if motion is None:
             print("    its drivers settle no motion")
             return good
-        told = gaps_in(changed, motion)
+        reported = gaps_in(changed, motion)
         # a servo that is too quick for a scene shakes it, one that is too slow lags
-        seen, _ = min((stepped_gap(changed, motion, rate) for rate in RATES), key=lambda one: one[1])
+        observed, _ = min((stepped_gap(changed, motion, rate) for rate in RATES), key=lambda item: item[1])
         # gaps that do not show are not predicted
-        pairs = [(told[i], seen[i], loop.name) for i, loop in ((one.number, one) for one in changed.loops)]
+        pairs = [
+            (reported[i], observed[i], loop.name)
+            for i, loop in ((item.number, item) for item in changed.loops)
+        ]
         pairs = [pair for pair in pairs if max(pair[:2]) > 1e-5 * changed.length]
-        for by, was, loop in pairs:
-            near = bool(1.0 / FACTOR <= by / was <= FACTOR)
+        for by, previous, loop in pairs:
+            near = bool(1.0 / FACTOR <= by / previous <= FACTOR)
             good &= near
             flag = "" if near else "  MISSED"
-            print(f"    {name:10s} {loop:12s} {by:9.2e} {was:9.2e} {by / was:6.2f}{flag}", flush=True)
+            print(
+                f"    {name:10s} {loop:12s} {by:9.2e} {previous:9.2e} {by / previous:6.2f}{flag}", flush=True
+            )
     return good
 
 
@@ -335,8 +340,8 @@ def main(folder, *, measured):
         if measured:
             good &= gaps(read)
             continue
-        for one in before:
-            print(f"    {one.kind}: {one.one_line}"[:220])
+        for item in before:
+            print(f"    {item.kind}: {item.one_line}"[:220])
         # the specification has no held ball and free joints any more
         kept = {joint.name for joint in read.spec.joints}
         lock = {name: value for name, value in asked["lock"].items() if name in kept}
@@ -344,8 +349,8 @@ def main(folder, *, measured):
         base = found_in(read.spec.copy(), asked)
         missed, tried = seeded(read, asked, base)
         total, lost = total + tried, lost + len(missed)
-        for one in missed:
-            print(f"    MISSED {one}")
+        for item in missed:
+            print(f"    MISSED {item}")
     if not measured:
         print(f"{total - lost} of {total} seeded faults flagged")
     return good and not lost

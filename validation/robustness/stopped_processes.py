@@ -50,7 +50,7 @@ def _heard() -> None:
 
 def interrupts(count: int, seed: int = 1) -> list[str]:
     """End whole processes by Ctrl-C, SIGTERM or SIGHUP after random times; return every fault."""
-    chance, found = random.Random(seed), []
+    chance, result = random.Random(seed), []
     for i in range(count):
         words, number = LONG[i % len(LONG)], SIGNALS[(i + i // len(LONG)) % len(SIGNALS)]
         with tempfile.TemporaryDirectory() as place:
@@ -62,20 +62,20 @@ def interrupts(count: int, seed: int = 1) -> list[str]:
             process.stdout.readline()
             time.sleep(chance.uniform(0.0, 5.0 if i % len(LONG) >= SHORT else 1.5))
             process.send_signal(number)
-            said = process.communicate()[1]
+            output = process.communicate()[1]
             # as if by Ctrl-C, whose exit code is that of a rejection
             ended = 2 if process.returncode == 128 + number else process.returncode
             # before a command listens and after it is done the system ends the process, and nothing is said
-            last = (said.splitlines() or [""])[-1]
+            last = (output.splitlines() or [""])[-1]
             wrong = [] if process.returncode == -number else unclear(ended, last)
             faults = [*wrong, *untidy(Path(place), Case(words), process.returncode)]
-        found += [f"ended by {number.name}: {fault}  <-  {' '.join(words)}" for fault in faults]
-    return found
+        result += [f"ended by {number.name}: {fault}  <-  {' '.join(words)}" for fault in faults]
+    return result
 
 
 def kills(count: int, seed: int = 1) -> tuple[int, list[str]]:
     """Kill whole processes while they write; return in how many a file was being written, and every fault."""
-    chance, found, hit = random.Random(seed), [], 0
+    chance, result, hit = random.Random(seed), [], 0
     for i in range(count):
         words = LONG[i % 2]
         with tempfile.TemporaryDirectory() as place:
@@ -91,7 +91,7 @@ def kills(count: int, seed: int = 1) -> tuple[int, list[str]]:
             hit += any(name.startswith(".out") for name in left)
             asked = Path(place, words[-1])
             if asked.exists() and (why := broken(asked)) is not None:
-                found.append(f"killed: {asked.name} is not whole: {why}")
+                result.append(f"killed: {asked.name} is not whole: {why}")
             # what was being written keeps its hidden name
-            found += [f"killed: left {name}" for name in left if not name.startswith((".out-", "out."))]
-    return hit, found
+            result += [f"killed: left {name}" for name in left if not name.startswith((".out-", "out."))]
+    return hit, result

@@ -94,7 +94,7 @@ def sound_cases() -> list[Tried]:
     rows = "".join(f"{0.01 * i},{0.03 * i}\n" for i in range(12))
     beside = {"crank.csv": f"time,angle\n{rows}".encode(), "law.py": FORMULA.encode()}
     beside["designs.csv"] = b"crank,rocker\n0.03,0.07\n0.032,0.075\n"
-    found: list[Tried] = []
+    result: list[Tried] = []
     for model, needed in subjects():
         mine = dict(beside)
         if model in VARIED:
@@ -106,8 +106,8 @@ def sound_cases() -> list[Tried]:
             }
             breakable = tuple(name for name in files if name in line)
             judged = words[0] == "validate"
-            found.append(Tried("sound", Case(words, files), breakable, True, missed_is_wrong=judged))
-    return found
+            result.append(Tried("sound", Case(words, files), breakable, True, missed_is_wrong=judged))
+    return result
 
 
 def measured(name: str) -> bytes:

@@ -51,58 +51,60 @@ class Found:
 
 def study(numbers: Sequence[int], seed: int = 1) -> Found:
     """Return what came of the random mechanisms of these numbers."""
-    found = Found()
+    result = Found()
     begin = clock.process_time()
-    for done, found.number in enumerate(numbers):
+    for done, result.number in enumerate(numbers):
         if done and done % EVERY == 0:
             print(f"{done} of {len(numbers)} after {clock.process_time() - begin:.0f} s", file=sys.stderr)
-        random = np.random.default_rng((seed, found.number))
-        drive = rough_drive(found.number, random)
-        _validated(drive, found)
+        random = np.random.default_rng((seed, result.number))
+        drive = rough_drive(result.number, random)
+        _validated(drive, result)
         for profile in (
             within_range(drive.mechanism, drive.crank_range(), SPEED),
             rough_swing(drive, random),
         ):
             for method in ("pose", "step"):
-                _run(drive, profile, method, method, found)
+                _run(drive, profile, method, method, result)
         for method, nearest in CLOSE.items():
             profile = close_swing(drive, random, nearest)
             if profile is not None:
-                _run(drive, profile, method, f"{method}, close", found)
-        _long(drive, random, found)
-    return found
+                _run(drive, profile, method, f"{method}, close", result)
+        _long(drive, random, result)
+    return result
 
 
-def _validated(drive: ClosedForm, found: Found) -> None:
-    found.tried["validated"] += 1
+def _validated(drive: ClosedForm, result: Found) -> None:
+    result.tried["validated"] += 1
     try:
         case = case_of(drive)
     except MechsimError as error:
-        found.fault("validated", f"refused: {error}; {drive}")
+        result.fault("validated", f"refused: {error}; {drive}")
         return
     if not case.passed:
-        found.fault("validated", f"{case.verdict.reason}; {drive}")
+        result.fault("validated", f"{case.verdict.reason}; {drive}")
 
 
-def _run(drive: ClosedForm, profile: CrankProfile, method: str, kind: str, found: Found) -> None:
-    found.tried[kind] += 1
+def _run(drive: ClosedForm, profile: CrankProfile, method: str, kind: str, result: Found) -> None:
+    result.tried[kind] += 1
     try:
         settings = Settings() if method == "step" else None
         run = simulate(drive.mechanism, profile=profile, method=method, settings=settings)
         verdict = crosscheck(run, drive)
     except MechsimError as error:
-        found.fault(kind, f"refused: {error}; {drive}")
+        result.fault(kind, f"refused: {error}; {drive}")
         return
     if (run.outcome == "passed") != verdict.passed:
-        found.fault(kind, f"run {run.outcome}, verdict {verdict.outcome}: {verdict.reason}; {drive}")
+        result.fault(kind, f"run {run.outcome}, verdict {verdict.outcome}: {verdict.reason}; {drive}")
 
 
-def _long(drive: ClosedForm, random: np.random.Generator, found: Found) -> None:
+def _long(drive: ClosedForm, random: np.random.Generator, result: Found) -> None:
     """Show the check a mechanism with one length a thousandth too long, by poses and as if stepped."""
     lengths = [
-        one.name
-        for one in fields(drive)
-        if one.metadata["unit"] == "m" and isinstance(one.default, float) and getattr(drive, one.name) != 0.0
+        item.name
+        for item in fields(drive)
+        if item.metadata["unit"] == "m"
+        and isinstance(item.default, float)
+        and getattr(drive, item.name) != 0.0
     ]
     name = lengths[int(random.integers(len(lengths)))]
     wrong = replace(drive, **{name: LONG * getattr(drive, name)})
@@ -117,9 +119,9 @@ def _long(drive: ClosedForm, random: np.random.Generator, found: Found) -> None:
     place = POSITION_TOLERANCE * stroke_of(exact)
     for kind, least, tolerance in (("pose", 1e-9 * place, None), ("step", 2.0 * place, place)):
         if moved > least:
-            found.tried[f"0.1 % long, {kind}"] += 1
+            result.tried[f"0.1 % long, {kind}"] += 1
             if crosscheck(run.motion, drive, tolerance=tolerance).passed:
-                found.fault(f"0.1 % long, {kind}", f"{name} passed, off by {moved:.2g} m; {drive}")
+                result.fault(f"0.1 % long, {kind}", f"{name} passed, off by {moved:.2g} m; {drive}")
 
 
 def main(arguments: list[str]) -> int:
@@ -133,11 +135,11 @@ def main(arguments: list[str]) -> int:
     asked = parser.parse_args(arguments)
     first, step = asked.part
     numbers = range(first, asked.count, step) if asked.case is None else [asked.case]
-    found = study(numbers, asked.seed)
+    result = study(numbers, asked.seed)
     print(f"{'tried':<18} {'times':>6} {'faults':>6}")
-    for kind, times in found.tried.items():
-        print(f"{kind:<18} {times:6} {len(found.faults.get(kind, [])):6}")
-    return 1 if found.faults else 0
+    for kind, times in result.tried.items():
+        print(f"{kind:<18} {times:6} {len(result.faults.get(kind, [])):6}")
+    return 1 if result.faults else 0
 
 
 if __name__ == "__main__":

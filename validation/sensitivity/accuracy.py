@@ -40,7 +40,7 @@ def exactly(place, drive, name, angle):
     whole, _, axis = name.partition(".")
 
     def places(value, at):
-        own = {one: getattr(drive, one) for one in drive.__dataclass_fields__}
+        own = {item: getattr(drive, item) for item in drive.__dataclass_fields__}
         own[whole] = value
         if axis:
             own[whole] = list(getattr(drive, whole))
@@ -61,16 +61,16 @@ def against_digits():
     for name, (point, place) in EXACT.items():
         drive = catalog.make(name)
         of = catalog_designs(drive)
-        found = motion_derivatives(drive, changes(of, [*of.dimensions]), AT)
+        result = motion_derivatives(drive, changes(of, [*of.dimensions]), AT)
         worst = [0.0, 0.0]
-        for dimension, moved in found.by.items():
+        for dimension, moved in result.by.items():
             own = moved.points[point].position, moved.points[point].velocity
             exact = [exactly(place, drive, dimension, angle) for angle in AT]
             for k in (0, 1):
-                told = np.array([one[k] for one in exact])
-                size = np.abs(told).max()
+                reported = np.array([item[k] for item in exact])
+                size = np.abs(reported).max()
                 if size > NONE:
-                    worst[k] = max(worst[k], float(np.abs(own[k] - told).max() / size))
+                    worst[k] = max(worst[k], float(np.abs(own[k] - reported).max() / size))
         print(f"{name:22s} 50 digits   places {worst[0]:.1e}  velocities {worst[1]:.1e}")
 
 
@@ -104,30 +104,34 @@ def beside(name):
     of = parametric_model(name)
     form = of.make({})
     if not form.mechanism.has_crank and form.motion_laws.crank:
-        units = {one: "5mm" if form.mechanism.unit(one) == "m" else "5deg" for one in form.mechanism.drivers}
-        of = parametric_model(name, drive={one: f"{far}*sin(2*pi*t)" for one, far in units.items()})
+        units = {
+            item: "5mm" if form.mechanism.unit(item) == "m" else "5deg" for item in form.mechanism.drivers
+        }
+        of = parametric_model(name, drive={item: f"{far}*sin(2*pi*t)" for item, far in units.items()})
         form = of.make({})
     motion_laws = form.motion_laws
     angles = form.mechanism.start + 0.4 * AT / AT[-1] if motion_laws.crank else motion_laws.rate * AT / 40.0
     rate = 1.0 if motion_laws.crank else motion_laws.rate
-    found = motion_derivatives(form, changes(of, [*of.dimensions]), angles, rate)
+    result = motion_derivatives(form, changes(of, [*of.dimensions]), angles, rate)
     near = followed_motion(form, angles, rate)
     worst = [0.0, 0.0]
-    for dimension, moved in found.by.items():
+    for dimension, moved in result.by.items():
         for i, part in enumerate(("position", "velocity")):
-            size = max(np.abs(getattr(one, part)).max() for one in moved.points.values())
+            size = max(np.abs(getattr(item, part)).max() for item in moved.points.values())
             if size > NONE:
-                told = [np.array([*one.values()]) for one in differences(of, near, dimension, part)]
-                own = np.array([getattr(one, part) for one in moved.points.values()])
+                reported = [np.array([*item.values()]) for item in differences(of, near, dimension, part)]
+                own = np.array([getattr(item, part) for item in moved.points.values()])
                 # that of the steps which agree best, as far as they do
-                best = min(range(len(told) - 1), key=lambda k: np.abs(told[k + 1] - told[k]).max())
-                worst[i] = max(worst[i], float(np.abs(own - told[best]).max() / size))
-    return len(found.by), worst
+                best = min(
+                    range(len(reported) - 1), key=lambda k: np.abs(reported[k + 1] - reported[k]).max()
+                )
+                worst[i] = max(worst[i], float(np.abs(own - reported[best]).max() / size))
+    return len(result.by), worst
 
 
 def main():
     against_digits()
-    every = (*catalog.DRIVES, *(one for one in gallery.files() if one not in catalog.DRIVES))
+    every = (*catalog.DRIVES, *(item for item in gallery.files() if item not in catalog.DRIVES))
     for name in sys.argv[1:] or every:
         try:
             count, worst = beside(name)

@@ -47,11 +47,11 @@ class Exactly:
         self.name, self.path = name, HOUSE / "reference" / "mechanisms" / f"{name}.toml"
         self.text = self.path.read_text(encoding="utf-8")
         given = tomllib.loads(self.text, parse_float=str).get("parameters", {})
-        self.parameters = {one: str(value) for one, value in given.items() if _plain(str(value))}
+        self.parameters = {item: str(value) for item, value in given.items() if _plain(str(value))}
         described = read(self.path)
         wanted = make.instants(described)
         self.drives = [wanted[row][1] for row in ROWS]
-        path = [{one: float(at[0]) for one, at in drive.items()} for drive in self.drives]
+        path = [{item: float(at[0]) for item, at in drive.items()} for drive in self.drives]
         self.stood = followed(in_doubles(described), path)
         self.clock = np.array([float(wanted[row][0]) for row in ROWS])
 
@@ -113,24 +113,24 @@ REVERSED = {("looper", "arm_angle")}
 class ByMechsim:
     """Derivatives by mechsim: of the file itself, or of the catalogue's mechanism of this name."""
 
-    def __init__(self, one, model):
-        speed = float(make.motions()["speeds"].get(one.name, make.motions()["speed"]))
+    def __init__(self, item, model):
+        speed = float(make.motions()["speeds"].get(item.name, make.motions()["speed"]))
         form = ms.load(model) if isinstance(model, str) else model
         if form.motion_laws.crank:
-            subject = ms.moved(model, angles=one.clock, speed=speed)
+            subject = ms.moved(model, angles=item.clock, speed=speed)
         else:
-            subject = ms.moved(model, t=one.clock)
+            subject = ms.moved(model, t=item.clock)
         points = [
             f"{name}.{rate}{axis}"
             for name in subject.form.mechanism.points
             for rate in make.RATES
             for axis in make.AXES
         ]
-        self.catalogued = model == one.name
+        self.catalogued = model == item.name
         efforts = {} if self.catalogued else self._efforts(subject)
-        names = {of: self._named(one, of)[0] for of in one.parameters}
+        names = {of: self._named(item, of)[0] for of in item.parameters}
         self.table = ms.sensitivity(subject, [*points, *efforts], [*dict.fromkeys(names.values())])
-        self.forces, self.one = efforts, one
+        self.forces, self.one = efforts, item
 
     def _efforts(self, subject):
         """Columns of drive efforts, and what the other method calls them."""
@@ -141,18 +141,18 @@ class ByMechsim:
         drivers = form.motion_laws.drivers
         return {f"drive {name}": f"{'force' if name in slides else 'torque'}:{name}" for name in drivers}
 
-    def _named(self, one, parameter):
+    def _named(self, item, parameter):
         if not self.catalogued:
             return parameter, 1
-        name = NAMED.get(one.name, {}).get(parameter, parameter)
-        return name, -1 if (one.name, parameter) in REVERSED else 1
+        name = NAMED.get(item.name, {}).get(parameter, parameter)
+        return name, -1 if (item.name, parameter) in REVERSED else 1
 
     def slopes(self, parameter):
         """Columns as the other method calls them -> derivatives, (n,) per SI."""
         name, sign = self._named(self.one, parameter)
         if name not in self.table.by:
             return {}
-        return {self.forces.get(of, of): sign * one for of, one in self.table.by[name].items()}
+        return {self.forces.get(of, of): sign * item for of, item in self.table.by[name].items()}
 
     def factor(self, parameter):
         """What one unit of the file is in SI, exactly."""
@@ -164,24 +164,24 @@ class ByMechsim:
         return mp.pi / 180 if unit == "rad" and units.get("angle") == "deg" else mpf(1)
 
 
-def errors(one, found, exact):
+def errors(item, result, exact):
     """Largest error of each kind of column by any parameter, by the largest derivative of that kind by it."""
     largest, worst = {}, {}
     for parameter, slopes in exact.items():
-        ours = found.slopes(parameter)
+        ours = result.slopes(parameter)
         for column in ours:
-            told = [abs(float(value / found.factor(parameter))) for value in slopes[column]]
+            reported = [abs(float(value / result.factor(parameter))) for value in slopes[column]]
             at = parameter, kind(column)
-            largest[at] = max(largest.get(at, 0.0), *told)
+            largest[at] = max(largest.get(at, 0.0), *reported)
     for parameter, slopes in exact.items():
-        for column, values in found.slopes(parameter).items():
+        for column, values in result.slopes(parameter).items():
             of = kind(column)
             scale = largest[parameter, of]
             least = NONE * max(size for (_, other), size in largest.items() if other == of)
             if scale <= least:
                 continue
             off = [
-                abs(float(mpf(float(value)) - right / found.factor(parameter)))
+                abs(float(mpf(float(value)) - right / result.factor(parameter)))
                 for value, right in zip(values, slopes[column], strict=True)
             ]
             if max(off) / scale > worst.get(of, (-1.0, ""))[0]:
@@ -189,39 +189,39 @@ def errors(one, found, exact):
     return worst
 
 
-def kept(one, found, exact):
+def kept(item, result, exact):
     """Lines for the tests: the last point's place and velocity and the drive, at the first instant."""
-    last = list(found.table.moved.solver.mechanism.points)[-1]
+    last = list(result.table.moved.solver.mechanism.points)[-1]
     for parameter, slopes in exact.items():
         for column, values in slopes.items():
             wanted = column.rpartition(".")[0] == last and kind(column) in ("place", "velocity")
-            if (wanted or kind(column) == "drive") and column in found.slopes(parameter):
-                value = values[0] / found.factor(parameter)
-                yield f"{one.name},{float(one.clock[0])!r},{parameter},{column},{mp.nstr(value, 25)}"
+            if (wanted or kind(column) == "drive") and column in result.slopes(parameter):
+                value = values[0] / result.factor(parameter)
+                yield f"{item.name},{float(item.clock[0])!r},{parameter},{column},{mp.nstr(value, 25)}"
 
 
 def main(asked):
     write = "--write" in asked
-    names = [one for one in asked if one != "--write"] or (KEEP if write else make.names())
+    names = [item for item in asked if item != "--write"] or (KEEP if write else make.names())
     mp.dps = DIGITS
     lines, worst = ["mechanism,at,parameter,column,derivative"], 0.0
     for name in names:
-        one = Exactly(name)
-        if not one.parameters:
+        item = Exactly(name)
+        if not item.parameters:
             print(f"{name:22s} has no parameters", flush=True)
             continue
-        exact = {parameter: one.slopes(parameter) for parameter in one.parameters}
-        for model in (str(one.path), *((name,) if name in catalog.DRIVES else ())):
-            found = ByMechsim(one, model)
-            told = errors(one, found, exact)
-            text = ", ".join(f"{of} {size:.1e} ({by})" for of, (size, by) in told.items())
+        exact = {parameter: item.slopes(parameter) for parameter in item.parameters}
+        for model in (str(item.path), *((name,) if name in catalog.DRIVES else ())):
+            result = ByMechsim(item, model)
+            reported = errors(item, result, exact)
+            text = ", ".join(f"{of} {size:.1e} ({by})" for of, (size, by) in reported.items())
             print(
                 f"{name:22s} {'catalogue' if model == name else 'file':9s} {len(exact):2d}: {text}",
                 flush=True,
             )
-            worst = max(worst, *(size for size, _ in told.values()))
+            worst = max(worst, *(size for size, _ in reported.values()))
             if write and model != name:
-                lines += kept(one, found, exact)
+                lines += kept(item, result, exact)
     print(f"largest of all: {worst:.1e}")
     if write:
         KEPT.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -31,7 +31,7 @@ def covered(name, columns, vary, offset, told, tables):
     """How many of all fitted dimensions lie within what is stated, and the mean of squares next to one."""
     subject = ms.moved(name, angles=ANGLES)
     exact = subject.values(columns, {subject.offset: ZERO if offset else 0.0})
-    true = {one: subject.designs.dimensions[one].value for one in vary}
+    true = {item: subject.designs.dimensions[item].value for item in vary}
     true |= {subject.offset: ZERO} if offset else {}
     random, hits, squares = np.random.default_rng(7), [], []
     for _ in range(tables):
@@ -41,18 +41,18 @@ def covered(name, columns, vary, offset, told, tables):
             table[column] = values + size * random.standard_normal(len(values))
             if told:
                 table[f"{column}±"] = np.full(len(values), size)
-        found = ms.fit(subject, table, vary, offset=offset)
-        assert found.outcome == "fitted"
-        within = found.within(PART)
-        hits.append([abs(found.values[one] - value) <= within[one] for one, value in true.items()])
-        squares.append(found.spread**2)
+        result = ms.fit(subject, table, vary, offset=offset)
+        assert result.outcome == "fitted"
+        within = result.within(PART)
+        hits.append([abs(result.values[item] - value) <= within[item] for item, value in true.items()])
+        squares.append(result.spread**2)
     return np.mean(hits), np.mean(squares)
 
 
 def main(tables, names):
-    for case in (one for one in CASES if not names or one[0] in names):
+    for case in (item for item in CASES if not names or item[0] in names):
         # of several units alike errors are wanted where none are reported
-        for told in (True, False) if len({one.endswith(".q") for one in case[1]}) == 1 else (True,):
+        for told in (True, False) if len({item.endswith(".q") for item in case[1]}) == 1 else (True,):
             share, square = covered(*case, told, tables)
             words = f"{case[0]:13s} {', '.join(case[2])}{', crank.offset' if case[3] else ''}"
             print(

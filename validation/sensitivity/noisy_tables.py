@@ -66,19 +66,19 @@ def main(tables, causes):
         for _ in range(tables):
             candidates = [noisy(candidate, random) for candidate in right]
             # the verdict alone: what explains a false alarm is not of interest
-            found = agreement(evaluation, candidates, "a right table", diagnose=False)
-            sigma.append(np.mean([noise.size.worst for _, noise in found.measured]))
-            rejected += not found.passed
+            result = agreement(evaluation, candidates, "a right table", diagnose=False)
+            sigma.append(np.mean([noise.size.worst for _, noise in result.measured]))
+            rejected += not result.passed
         for _ in range(causes):
-            found = agreement(
+            result = agreement(
                 evaluation,
                 [noisy(candidate, random) for candidate in wrong],
                 "a wrong table",
                 None,
                 parametric_model(name),
             )
-            detected += not found.passed
-            named += link in [one.what for one in found.findings]
+            detected += not result.passed
+            named += link in [item.what for item in result.findings]
         failed, total = failed + rejected, total + tables
         print(
             f"{name:13s} right: {rejected} of {tables} rejected, noise of {np.mean(sigma):.3f} sigma; "

@@ -33,13 +33,13 @@ def main():
         subject = ms.moved(name)
         point = list(subject.form.mechanism.points)[-1]
         table, derived = spent(lambda subject=subject, point=point: ms.sensitivity(subject, [point]))
-        bounds = {one: 2e-5 if of.unit == "m" else 2e-4 for one, of in table.dimensions.items()}
+        bounds = {item: 2e-5 if of.unit == "m" else 2e-4 for item, of in table.dimensions.items()}
         study, taken = spent(lambda table=table, bounds=bounds: ms.tolerance_study(table, bounds))
-        found, most = study.sampled, max(apart(study, one) for one in table.values)
+        result, most = study.sampled, max(apart(study, item) for item in table.values)
         print(
-            f"{name:14s} {len(bounds):2d} dimensions: derivatives {derived:.2f} s, {found.samples} random "
-            f"mechanisms {taken:.2f} s, to order {found.order or 'none: each solved'}, solved ones "
-            f"{found.miss:.1e} deviations off, "
+            f"{name:14s} {len(bounds):2d} dimensions: derivatives {derived:.2f} s, {result.samples} random "
+            f"mechanisms {taken:.2f} s, to order {result.order or 'none: each solved'}, solved ones "
+            f"{result.miss:.1e} deviations off, "
             f"random and linear deviation within {100.0 * most:.1f} %"
         )
 

@@ -64,9 +64,9 @@ def row(name, size, drawing_on):
         pictures = draw(stage, drawing_on)
         stack.callback(pictures.close)
         ways.append(lambda: next(pictures))
-        for way in ways:
-            way()
-        times = np.array([[measured(way) for way in ways] for _ in range(ROUNDS)])
+        for direction in ways:
+            direction()
+        times = np.array([[measured(direction) for direction in ways] for _ in range(ROUNDS)])
     wall, cpu = 1e3 * np.median(times, axis=0).T
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()

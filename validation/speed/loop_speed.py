@@ -48,18 +48,18 @@ def main() -> None:
     whole: list[list[float]] = [[] for _ in asked]
     known: list[list[float]] = [[] for _ in asked]
     for _ in range(ROUNDS):
-        for one, first, again in zip(asked, whole, known, strict=True):
-            fresh, angles = replace(one.form), one.angles()
+        for item, first, again in zip(asked, whole, known, strict=True):
+            fresh, angles = replace(item.form), item.angles()
             for spent in (first, again):
                 begin = time.process_time()
                 fresh.solve_along(angles)
-                spent.append(1e6 * (time.process_time() - begin) / one.poses)
-    for one, first, again in zip(asked, whole, known, strict=True):
+                spent.append(1e6 * (time.process_time() - begin) / item.poses)
+    for item, first, again in zip(asked, whole, known, strict=True):
         print(
-            f"{one.form.name:<14} {one.poses:>6} poses: {median(first):6.1f} us a pose, the path known "
-            f"{median(again):6.1f}; asked {one.bound:g}"
+            f"{item.form.name:<14} {item.poses:>6} poses: {median(first):6.1f} us a pose, the path known "
+            f"{median(again):6.1f}; asked {item.bound:g}"
         )
-    sys.exit(any(median(first) > one.bound for one, first in zip(asked, whole, strict=True)))
+    sys.exit(any(median(first) > item.bound for item, first in zip(asked, whole, strict=True)))
 
 
 if __name__ == "__main__":

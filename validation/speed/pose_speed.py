@@ -30,14 +30,14 @@ def main() -> None:
     times: dict[tuple[str, int], list[float]] = {(name, n): [] for name in NAMES for n in COUNTS}
     for _ in range(ROUNDS):
         for name, n in times:
-            one = loops[name]
-            start = one.model.qpos0
-            angles = start[one.crank_address] + np.linspace(0.0, 2.0 * np.pi, n)
+            item = loops[name]
+            start = item.model.qpos0
+            angles = start[item.crank_address] + np.linspace(0.0, 2.0 * np.pi, n)
             begin = time.perf_counter()
-            follow.follow(one, start, angles)
+            follow.follow(item, start, angles)
             times[name, n].append(time.perf_counter() - begin)
     for (name, n), spent in times.items():
-        per_pose = [1e6 * one / n for one in spent]
+        per_pose = [1e6 * item / n for item in spent]
         print(f"{name:<13} {n:>6} poses: {median(per_pose):6.2f} us a pose, at best {min(per_pose):6.2f}")
 
 

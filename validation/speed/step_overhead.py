@@ -65,9 +65,9 @@ def main() -> None:
     }
     times: dict[str, list[float]] = {name: [] for name in ways}
     for _ in range(ROUNDS):
-        for name, way in ways.items():
+        for name, direction in ways.items():
             begin = time.process_time()
-            way()
+            direction()
             times[name].append(time.process_time() - begin)
     for name, spent in times.items():
         ratio = median(a / b for a, b in zip(spent, times["bare rollout in C"], strict=True))

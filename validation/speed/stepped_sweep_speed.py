@@ -45,7 +45,7 @@ def timed(what: Callable[[], object]) -> tuple[float, float]:
 
 
 def main() -> None:
-    designs, rounds = (int(one) for one in (*sys.argv[1:], *("10000", "5")[len(sys.argv) - 1 :]))
+    designs, rounds = (int(item) for item in (*sys.argv[1:], *("10000", "5")[len(sys.argv) - 1 :]))
     loops, (qpos, qvel) = bare()
 
     def stepped() -> None:
@@ -54,10 +54,10 @@ def main() -> None:
         sims.rollout(STEPS, record=("qpos",))
 
     def swept(measure: str, count: int = designs) -> None:
-        found = ms.sweep("four_bar", SPANS, measure, sample=f"sobol:{count}", settings=SETTINGS, speed=SPEED)
-        assert (found["outcome"] == "passed").all()
+        result = ms.sweep("four_bar", SPANS, measure, sample=f"sobol:{count}", settings=SETTINGS, speed=SPEED)
+        assert (result["outcome"] == "passed").all()
 
-    runs = {"bare": stepped} | {name: lambda one=one: swept(one) for name, one in MEASURES.items()}
+    runs = {"bare": stepped} | {name: lambda item=item: swept(item) for name, item in MEASURES.items()}
     # libraries are loaded once
     swept("range:rocker", 64)
     times: dict[str, list[tuple[float, float]]] = {name: [] for name in runs}
@@ -66,8 +66,8 @@ def main() -> None:
             times[name].append(timed(run))
     base = np.median(times["bare"], axis=0)
     print(f"{designs:,} designs, medians of {rounds} rounds")
-    for name, found in times.items():
-        wall, busy = np.median(found, axis=0)
+    for name, result in times.items():
+        wall, busy = np.median(result, axis=0)
         print(
             f"{name:<20} wall {wall:7.2f} s ({wall / base[0]:.2f} of bare), processor {busy:7.2f} s "
             f"({busy / base[1]:.2f} of bare), {1e6 * busy / designs:.0f} us a design"

@@ -67,12 +67,14 @@ def main() -> int:
     if asked.into:
         chosen = ["-m", asked.marks] if asked.marks else []
         return int(pytest.main(["-q", "-p", "no:cacheprovider", *chosen, *asked.path], [Clock(asked.into)]))
-    folders = sorted(one.name for one in (ROOT / "tests").iterdir() if any(one.glob("**/test_*.py")))
+    folders = sorted(
+        element.name for element in (ROOT / "tests").iterdir() if any(element.glob("**/test_*.py"))
+    )
     every: list[tuple[str, float]] = []
     totals, begun, failed = [0, 0.0, 0.0], time.time(), 0
     print("| path | tests | collection (s) | tests (s) |\n|---|---|---|---|")
     with tempfile.TemporaryDirectory() as scratch:
-        for path in asked.path or [f"tests/{one}" for one in folders]:
+        for path in asked.path or [f"tests/{element}" for element in folders]:
             code, rows = measured(path, asked.marks, f"{scratch}/seconds.csv")
             collection, tests = rows[0][1] if rows else 0.0, rows[1:]
             taken = sum(seconds for _, seconds in tests)

@@ -15,8 +15,8 @@ def test_quaternions_turn_as_their_rotations_do():
     turns = Rotation.from_quat(RANDOM.normal(size=(200, 4)))
     half = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), [[0.6, 0.0, 0.8]]]))
     for given in (turns, half):
-        found = quaternions(given.as_matrix())
-        again = Rotation.from_quat(found, scalar_first=True).as_matrix()
+        result = quaternions(given.as_matrix())
+        again = Rotation.from_quat(result, scalar_first=True).as_matrix()
         np.testing.assert_allclose(again, given.as_matrix(), atol=1e-15)
     shaped = quaternions(turns.as_matrix().reshape(10, 20, 3, 3))
     assert shaped.shape == (10, 20, 4)
@@ -37,8 +37,8 @@ def ring_error(count):
     nodes = np.linspace(0.0, 2.0 * np.pi, count + 1)
     values = np.stack([np.cos(nodes), np.sin(nodes)], -1)
     middles = nodes[:-1] + np.pi / count
-    found = np.array([interpolated((slider(nodes, ring=True),), values, [at]) for at in middles])
-    return np.abs(found - np.stack([np.cos(middles), np.sin(middles)], -1)).max()
+    result = np.array([interpolated((slider(nodes, ring=True),), values, [at]) for at in middles])
+    return np.abs(result - np.stack([np.cos(middles), np.sin(middles)], -1)).max()
 
 
 def test_a_ring_is_of_fourth_order_across_its_seam_too():
@@ -52,9 +52,9 @@ def test_turns_are_mixed_whichever_sign_they_are_written_with():
     signs = RANDOM.choice([-1.0, 1.0], (12, 1))
     values = signs * turns.as_quat(scalar_first=True)
     for at in (0.03, 0.77, 1.94):
-        found = interpolated((slider(nodes),), values, [at], turns=True)
+        result = interpolated((slider(nodes),), values, [at], turns=True)
         exact = Rotation.from_rotvec(np.array([0.2, -0.9, 1.9]) * at).as_matrix()
-        again = Rotation.from_quat(found, scalar_first=True).as_matrix()
+        again = Rotation.from_quat(result, scalar_first=True).as_matrix()
         np.testing.assert_allclose(again, exact, atol=2e-4)
         plain = interpolated((slider(nodes),), values, [at])
         assert abs(np.linalg.norm(plain) - 1.0) > 1e-3  # without heed to signs it is no turn at all

@@ -28,8 +28,8 @@ def data():
 
 @pytest.fixture(scope="module")
 def window(tmp_path_factory):
-    with Browser(tmp_path_factory.mktemp("profile")) as one:
-        yield one
+    with Browser(tmp_path_factory.mktemp("profile")) as item:
+        yield item
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +58,10 @@ def expected(window, point, degrees):
 
 def seen(window, point):
     """Where the page says that a point falls."""
-    found = window.run(
+    result = window.run(
         f"(one => [+one.dataset.x, +one.dataset.y])(document.querySelector('[data-point={point}]'))"
     )
-    return np.array(found)
+    return np.array(result)
 
 
 def dragged(window, share):
@@ -101,7 +101,7 @@ def test_the_dragged_slider_takes_points_where_the_closed_form_states(window, pl
         assert np.abs(seen(window, "A") - expected(window, "A", degrees + 3.0)).max() > 1.0
     assert window.complaints == []
     loaded = window.run("performance.getEntriesByType('resource').map(one => one.name)")
-    assert [one for one in loaded if not one.startswith("data:")] == []
+    assert [item for item in loaded if not item.startswith("data:")] == []
 
 
 @in_browser
@@ -171,10 +171,10 @@ def test_nothing_runs_over_the_edge_in_either_scheme_and_no_name_covers_another(
         assert window.run("document.documentElement.scrollWidth") <= width
         ground.append(float(np.median(window.look())))
         assert window.complaints == []
-        found = window.run(NAMES)
-        assert len(found) >= 5  # three points, a pivot, the scale
-        for i, a in enumerate(found):
-            for b in found[:i]:
+        result = window.run(NAMES)
+        assert len(result) >= 5  # three points, a pivot, the scale
+        for i, a in enumerate(result):
+            for b in result[:i]:
                 apart = a["right"] <= b["left"] or b["right"] <= a["left"]
                 assert apart or a["bottom"] <= b["top"] + 3 or b["bottom"] <= a["top"] + 3
     assert ground[0] > 200.0 > 60.0 > ground[1]

@@ -114,9 +114,9 @@ def expect_pose(motion, mechanism, link, coordinates, values):
     point = np.array(next(at for name, at in mechanism.points.values() if name == link))
     position = own.position[-1] + own.rotation[-1] @ point  # not compared where the platform only rotates
     angles = Rotation.from_matrix(own.rotation[-1]).as_euler("XYZ")
-    found = dict(zip(("x", "y", "z", "rx", "ry", "rz"), (*position, *angles), strict=True))
+    result = dict(zip(("x", "y", "z", "rx", "ry", "rz"), (*position, *angles), strict=True))
     for coordinate, value in zip(coordinates, values, strict=True):
-        assert found[coordinate] == pytest.approx(value, abs=1e-10)
+        assert result[coordinate] == pytest.approx(value, abs=1e-10)
 
 
 @in_browser
