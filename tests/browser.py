@@ -82,7 +82,7 @@ class Browser:
 
     def _begin(self) -> None:
         self._rest, self._session = b"", None
-        (page,) = [one for one in self._tell("Target.getTargets")["targetInfos"] if one["type"] == "page"]
+        (page,) = [item for item in self._tell("Target.getTargets")["targetInfos"] if item["type"] == "page"]
         attached = self._tell("Target.attachToTarget", targetId=page["targetId"], flatten=True)
         self._session = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log"):
@@ -107,9 +107,9 @@ class Browser:
 
     def run(self, script: str) -> Any:
         """Return what a script comes to, awaited, as plain data."""
-        said = self._tell("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
-        assert "exceptionDetails" not in said, said
-        return said["result"].get("value")
+        output = self._tell("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in output, output
+        return output["result"].get("value")
 
     def drag(self, start: tuple[float, float], *places: tuple[float, float]) -> None:
         """Press the mouse at a place of the page, draw it over others, and let it go at the last."""

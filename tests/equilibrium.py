@@ -72,22 +72,22 @@ def largest_imbalance(
         without: name of an action to leave out.
     """
     at = Posture(motion)
-    acting = [one for one in actions(mechanism, forces, motion, efforts) if one.name != without]
+    acting = [item for item in actions(mechanism, forces, motion, efforts) if item.name != without]
     scale = max(
         float(np.linalg.norm(part, axis=1).max(initial=0.0)) / unit
-        for one in actions(mechanism, forces, motion, efforts)
-        for part, unit in ((one.force, 1.0), (one.moment, mechanism.characteristic_length))
+        for item in actions(mechanism, forces, motion, efforts)
+        for part, unit in ((item.force, 1.0), (item.moment, mechanism.characteristic_length))
     )
     worst = 0.0
     for link in mechanism.links:
         assert link.inertia is not None
         centre = at.point(link.name, link.inertia.centre)
         force, moment = _inertial(at, link.name, link.inertia)
-        for one in acting:
-            for named, sign in ((one.on, -1.0), (one.by, 1.0)):
+        for item in acting:
+            for named, sign in ((item.on, -1.0), (item.by, 1.0)):
                 if named == link.name:
-                    force = force + sign * one.force
-                    moment = moment + sign * (one.moment + np.cross(one.point - centre, one.force))
+                    force = force + sign * item.force
+                    moment = moment + sign * (item.moment + np.cross(item.point - centre, item.force))
         worst = max(
             worst, float(np.abs(force).max()), float(np.abs(moment).max()) / mechanism.characteristic_length
         )
@@ -119,10 +119,10 @@ def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Force
         )
     yield from _springs(mechanism, forces, at)
     yield from _friction(mechanism, forces, at)
-    for name, one in efforts.reactions.items():
-        yield Action(f"reaction of {name}", one.link, one.by, one.force, one.point, one.moment)
-    for name, one in efforts.meshes.items():
-        yield Action(f"teeth of {name}", one.link, one.by, one.force, one.point, none)
+    for name, item in efforts.reactions.items():
+        yield Action(f"reaction of {name}", item.link, item.by, item.force, item.point, item.moment)
+    for name, item in efforts.meshes.items():
+        yield Action(f"teeth of {name}", item.link, item.by, item.force, item.point, none)
     if not efforts.drives:
         yield along_coordinate(mechanism, at, mechanism.crank.name, efforts.torque, "drive")
     for name, effort in {**efforts.drives, **efforts.locked}.items():
@@ -151,8 +151,8 @@ def _ideal_transmissions(mechanism: Mechanism, at: Posture, efforts: ForceRecord
             continue
         joints = at.motion.joints
         right = sum(weight * joints[of].value for of, weight in law.right_terms.items()) - law.zeros[1]
-        slope = np.polynomial.Polynomial(law.coefficients).deriv()(right + np.zeros(at.n))
-        for terms, factor in ((law.left_terms, np.ones(at.n)), (law.right_terms, -slope)):
+        gradient = np.polynomial.Polynomial(law.coefficients).deriv()(right + np.zeros(at.n))
+        for terms, factor in ((law.left_terms, np.ones(at.n)), (law.right_terms, -gradient)):
             for of, weight in terms.items():
                 effort = weight * factor * efforts.gears[name]
                 yield along_coordinate(mechanism, at, of, effort, f"coupling {name} on {of}")
@@ -220,15 +220,15 @@ def largest_work(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> 
     It is a part of the largest force times the largest speed. What geometry transmits does no work.
     """
     at, power, force, speed = Posture(motion), 0.0, 0.0, 0.0
-    pairs = [(one, one.moment) for one in efforts.reactions.values()]
-    pairs += [(one, np.zeros_like(one.force)) for one in efforts.meshes.values()]
-    for one, moment in pairs:
-        velocities = [at.velocity(link, one.point) for link in (one.link, one.by)]
-        spins = [mechanism.characteristic_length * at.spin(link) for link in (one.link, one.by)]
+    pairs = [(item, item.moment) for item in efforts.reactions.values()]
+    pairs += [(item, np.zeros_like(item.force)) for item in efforts.meshes.values()]
+    for item, moment in pairs:
+        velocities = [at.velocity(link, item.point) for link in (item.link, item.by)]
+        spins = [mechanism.characteristic_length * at.spin(link) for link in (item.link, item.by)]
         moment = moment / mechanism.characteristic_length
-        work = one.force * (velocities[0] - velocities[1]) + moment * (spins[0] - spins[1])
+        work = item.force * (velocities[0] - velocities[1]) + moment * (spins[0] - spins[1])
         power = max(power, float(np.abs(work.sum(1)).max()))
-        force = max(force, *(float(np.abs(part).max()) for part in (one.force, moment)))
+        force = max(force, *(float(np.abs(part).max()) for part in (item.force, moment)))
         speed = max(speed, *(float(np.abs(part).max()) for part in (*velocities, *spins)))
     return power / (force * speed)
 
@@ -236,14 +236,14 @@ def largest_work(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> 
 def largest_slip(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> float:
     """Return the largest speed with which pitch circles slip, as a part of the largest speed of any wheel."""
     at, slip, speed = Posture(motion), 0.0, 0.0
-    for one in efforts.meshes.values():
-        velocities = [at.velocity(link, one.point) for link in (one.link, one.by)]
+    for item in efforts.meshes.values():
+        velocities = [at.velocity(link, item.point) for link in (item.link, item.by)]
         slip = max(slip, float(np.abs(velocities[0] - velocities[1]).max()))
         speed = max(
             speed,
             *(
                 mechanism.characteristic_length * float(np.abs(at.spin(link)).max())
-                for link in (one.link, one.by)
+                for link in (item.link, item.by)
             ),
         )
     return slip / speed if efforts.meshes else 0.0

@@ -18,17 +18,17 @@ def named(lengths):
 def flat_linkages(many=12, seed=5):
     """Shortest and longest link are as long as the other two: one or two poses lie in line."""
     rng = np.random.default_rng(seed)
-    found = []
-    while len(found) < many:
+    result = []
+    while len(result) < many:
         ground, crank, coupler = rng.uniform(0.03, 0.15, 3)
-        kind = len(found) % 3
+        kind = len(result) % 3
         rocker = (ground + crank - coupler, coupler + abs(ground - crank), crank)[kind]
         if kind == 2:
             coupler = ground
         lengths = (ground, crank, coupler, rocker)
         if min(lengths) > 0.01 and catalog.make("four_bar", **named(lengths)).crank_range().full:
-            found.append(lengths)
-    return found
+            result.append(lengths)
+    return result
 
 
 def smooth_b(lengths, angle, sign):
@@ -51,9 +51,9 @@ def smooth_b(lengths, angle, sign):
     return a + arm / square * (along + mpmath.mpc(0, 1) * sign * first * second / 2)
 
 
-def worst(exact, found):
+def worst(exact, result):
     """Return the farthest distance of (n, 3) points from exact ones in the plane."""
-    return max(float(abs(z - complex(*p[:2]))) for z, p in zip(exact, found, strict=True))
+    return max(float(abs(z - complex(*p[:2]))) for z, p in zip(exact, result, strict=True))
 
 
 def touching_rrsrr():

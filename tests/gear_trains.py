@@ -20,13 +20,13 @@ class Workshop:
 
     def direction(self) -> np.ndarray:
         """Return any unit vector."""
-        found = self.chance.normal(size=3)
-        return found / np.linalg.norm(found)
+        result = self.chance.normal(size=3)
+        return result / np.linalg.norm(result)
 
     def across(self, axis: np.ndarray) -> np.ndarray:
         """Return any unit vector across another."""
-        found = np.cross(axis, self.direction())
-        return found / np.linalg.norm(found)
+        result = np.cross(axis, self.direction())
+        return result / np.linalg.norm(result)
 
     def link(self, name: str) -> None:
         """Add a link whose frame stands anywhere."""

@@ -16,10 +16,10 @@ def grid(rows: Iterable[Any], always: Sequence[str] = ALWAYS) -> list[Any]:
         rows: names, or tuples that begin with a name; a name may have more words, as "four_bar swinging".
         always: the names whose rows run every time.
     """
-    found = []
+    result = []
     for row in rows:
         values = row if isinstance(row, tuple) else (row,)
-        found.append(
+        result.append(
             row if str(values[0]).split()[0] in always else pytest.param(*values, marks=pytest.mark.slow)
         )
-    return found
+    return result

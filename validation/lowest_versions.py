@@ -15,14 +15,14 @@ def lowest(project: dict) -> list[str]:
     """Return a pin for every floor of what is needed to use and to test; refuse what has none."""
     extras = project["optional-dependencies"]
     names = [name for name in extras if name not in ("dev", "docs", "peers", "engines")]
-    asked = [*project["dependencies"], *(one for name in names for one in extras[name])]
+    asked = [*project["dependencies"], *(item for name in names for item in extras[name])]
     pins = []
-    for one in asked:
-        if not one.startswith(f"{project['name']}["):
-            found = FLOOR.match(one)
-            if found is None:
-                raise SystemExit(f"{one!r} names no lowest version; write it as name>=version")
-            pins.append(f"{found['name']}=={found['version']}")
+    for item in asked:
+        if not item.startswith(f"{project['name']}["):
+            result = FLOOR.match(item)
+            if result is None:
+                raise SystemExit(f"{item!r} names no lowest version; write it as name>=version")
+            pins.append(f"{result['name']}=={result['version']}")
     return pins
 
 

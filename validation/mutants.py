@@ -91,15 +91,15 @@ def unchanged(file: str) -> Mutant:
 
 def mutants(file: str) -> list[Mutant]:
     """All mutants of a file."""
-    text, found = unchanged(file).text, list[Mutant]()
+    text, result = unchanged(file).text, list[Mutant]()
     for k, (node, statement) in enumerate(nodes(ast.parse(text))):
         before = ""
         for m in range(len(list(changes(node)))):
             before = before or ast.unparse(statement)
             after = ast.unparse(_change(ast.parse(text), k, m))
             line = getattr(node, "lineno", 0)
-            found.append(Mutant(file, text, line, *_differing(before, after), (k, m)))
-    return found
+            result.append(Mutant(file, text, line, *_differing(before, after), (k, m)))
+    return result
 
 
 def _change(tree: ast.Module, k: int, m: int) -> ast.AST:
@@ -151,10 +151,10 @@ def others(value: bool | float) -> list[bool | float]:
     return [10.0 * value, 0.1 * value] if value else [1.0]
 
 
-def _alike(one: str, other: str) -> int:
+def _alike(item: str, other: str) -> int:
     """How many letters two texts begin with alike."""
-    pairs = zip(one, other, strict=False)
-    return next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(one), len(other)))
+    pairs = zip(item, other, strict=False)
+    return next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(item), len(other)))
 
 
 def _differing(before: str, after: str) -> tuple[str, str]:

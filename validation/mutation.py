@@ -44,8 +44,8 @@ LOOPS = [
     "simulation/test_motion_laws.py",
 ]
 PATHS = [
-    f"analytic/test_continuation_path.py::test_{one}"
-    for one in (
+    f"analytic/test_continuation_path.py::test_{element}"
+    for element in (
         "a_smooth_path_takes_few_cells_and_none_that_is_tried_fails",
         "a_cell_whose_rows_tell_a_fifth_of_what_they_do_elsewhere_in_it_is_halved",
         "a_first_cell_is_foretold_along_the_tangent_to_second_order",
@@ -140,7 +140,9 @@ def put(mutant: Mutant) -> None:
     old = dict(new)
     mutant.run(new)
     moved = {id(value): name for name, value in old.items() if value is not new[name]}
-    for module in [one for one in sys.modules.values() if str(ROOT) in str(getattr(one, "__file__", ""))]:
+    for module in [
+        element for element in sys.modules.values() if str(ROOT) in str(getattr(element, "__file__", ""))
+    ]:
         for alias, value in list(vars(module).items()):
             name = moved.get(id(value))
             # a small whole number is the same object everywhere
@@ -213,7 +215,9 @@ def pytests(tests: list[str], *plugins: object) -> int:
     silent = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silent, 1)
     os.dup2(silent, 2)
-    return int(pytest.main([*OPTIONS, *(f"tests/{one}" for one in tests)], plugins=[Unshrunk(), *plugins]))
+    return int(
+        pytest.main([*OPTIONS, *(f"tests/{element}" for element in tests)], plugins=[Unshrunk(), *plugins])
+    )
 
 
 def collected(tests: list[str]) -> Connection:
@@ -238,7 +242,7 @@ def passes_anew(tests: list[str], mutant: Mutant, seconds: float) -> bool:
 
 def living(tests: list[str], some: list[Mutant], *, every: bool) -> list[Mutant]:
     """The mutants that no test notices, printed as they come; every one's fate if wished."""
-    file, wire, found = some[0].file, collected(tests), []
+    file, wire, result = some[0].file, collected(tests), []
     wire.send((unchanged(file), 600.0))
     try:
         seconds = wire.recv()
@@ -247,14 +251,14 @@ def living(tests: list[str], some: list[Mutant], *, every: bool) -> list[Mutant]
     if seconds is None:
         raise SystemExit(f"{', '.join(tests)}: a test fails as it is")
     print(f"# {file}: {len(some)} mutants, tests of {seconds:.1f} s of processor", flush=True)
-    for one in some:
-        wire.send((one, 3.0 * seconds + 2.0))
-        lives = wire.recv() is not None and passes_anew(tests, one, 3.0 * seconds + 10.0)
-        found += [one] * lives
+    for element in some:
+        wire.send((element, 3.0 * seconds + 2.0))
+        lives = wire.recv() is not None and passes_anew(tests, element, 3.0 * seconds + 10.0)
+        result += [element] * lives
         if lives or every:
-            print(f"{'SURVIVED' if lives else 'killed'} {one}", flush=True)
+            print(f"{'SURVIVED' if lives else 'killed'} {element}", flush=True)
     wire.send(None)
-    return found
+    return result
 
 
 def main() -> int:
@@ -266,7 +270,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--list", action="store_true", help="print each mutant's fate")
     asked = parser.parse_args()
-    first, last = (int(one or sys.maxsize) for one in asked.lines.split(":"))
+    first, last = (int(element or sys.maxsize) for element in asked.lines.split(":"))
     os.chdir(ROOT)
     sys.path.insert(0, str(ROOT))
     sys.dont_write_bytecode = True
@@ -276,10 +280,10 @@ def main() -> int:
     for file, tests in KILLERS.items():
         if asked.part and not any(part in file for part in asked.part):
             continue
-        every = [one for one in mutants(file) if first <= one.line < last]
+        every = [element for element in mutants(file) if first <= element.line < last]
         drawn = random.Random(f"{asked.seed} {file}").sample(every, min(asked.most, len(every)))
-        tried = every if asked.all else sorted(drawn, key=lambda one: one.line)
-        counted = [one for one in tried if not one.equivalent]
+        tried = every if asked.all else sorted(drawn, key=lambda element: element.line)
+        counted = [element for element in tried if not element.equivalent]
         lived = len(living(tests, counted, every=asked.list)) if counted else 0
         alive += lived
         rows.append((file, len(every), len(counted), len(counted) - lived, len(tried) - len(counted)))

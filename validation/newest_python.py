@@ -23,8 +23,8 @@ def version(program: str) -> tuple[int, ...]:
         done = subprocess.run([program, "-c", ASKED], capture_output=True, text=True, timeout=30, check=True)
     except (OSError, subprocess.SubprocessError):
         return ()
-    found = re.fullmatch(r"(\d+)\.(\d+)\.(\d+)", done.stdout.strip())
-    return tuple(int(part) for part in found.groups()) if found else ()
+    result = re.fullmatch(r"(\d+)\.(\d+)\.(\d+)", done.stdout.strip())
+    return tuple(int(part) for part in result.groups()) if result else ()
 
 
 def newest(motion_laws: list[str]) -> str:

@@ -35,18 +35,18 @@ NO_CODE = {
 
 def imports_of(source: str, package: str) -> set[str]:
     """Return the full names a module imports, inside functions too; `package` is the one it lies in."""
-    found: set[str] = set()
+    result: set[str] = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            result |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             parts = package.split(".")
             base = ".".join(parts[: len(parts) - node.level + 1]) if node.level else ""
             module = ".".join(part for part in (base, node.module) if part)
-            found |= {f"{module}.{alias.name}" for alias in node.names}
+            result |= {f"{module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Call) and _called(node) in ("import_module", "__import__"):
-            found |= {arg.value for arg in node.args if isinstance(arg, ast.Constant)}
-    return found
+            result |= {arg.value for arg in node.args if isinstance(arg, ast.Constant)}
+    return result
 
 
 def modules(package: Path = PACKAGE) -> dict[str, Path]:
@@ -56,20 +56,20 @@ def modules(package: Path = PACKAGE) -> dict[str, Path]:
 
 def imports(package: Path = PACKAGE) -> dict[str, set[str]]:
     """Return what each module of a package imports: dotted name -> full names."""
-    found: dict[str, set[str]] = {}
+    result: dict[str, set[str]] = {}
     for name, path in modules(package).items():
         inside = name if path.name == "__init__.py" else name.rpartition(".")[0]
-        found[name] = imports_of(path.read_text(encoding="utf-8"), inside)
-    return found
+        result[name] = imports_of(path.read_text(encoding="utf-8"), inside)
+    return result
 
 
 def import_graph(imported: Mapping[str, set[str]]) -> nx.DiGraph:
     """Return which module imports which of the same package; a package's name stands for its `__init__`."""
     graph = nx.DiGraph()
     graph.add_nodes_from(imported)
-    for name, found in imported.items():
-        for one in found:
-            target = one if one in imported else one.rpartition(".")[0]
+    for name, result in imported.items():
+        for entry in result:
+            target = entry if entry in imported else entry.rpartition(".")[0]
             if target in imported and target != name:
                 graph.add_edge(name, target)
     return graph
@@ -82,20 +82,20 @@ def package_of(module: str) -> str:
 
 def packages(graph: nx.DiGraph) -> nx.DiGraph:
     """Return which package imports which; the top-level `__init__` does not count."""
-    found = nx.DiGraph()
-    found.add_nodes_from(package_of(name) for name in graph if package_of(name))
-    found.add_edges_from(
+    result = nx.DiGraph()
+    result.add_nodes_from(package_of(name) for name in graph if package_of(name))
+    result.add_edges_from(
         (package_of(a), package_of(b))
         for a, b in graph.edges
         if package_of(a) and package_of(b) and package_of(a) != package_of(b)
     )
-    return found
+    return result
 
 
 def cycles(graph: nx.DiGraph) -> list[list[str]]:
     """Return the sets of modules that import each other, largest first."""
-    found = [sorted(part) for part in nx.strongly_connected_components(graph) if len(part) > 1]
-    return sorted(found, key=len, reverse=True)
+    result = [sorted(part) for part in nx.strongly_connected_components(graph) if len(part) > 1]
+    return sorted(result, key=len, reverse=True)
 
 
 def layers(graph: nx.DiGraph) -> int:
@@ -134,7 +134,7 @@ def code_lines(source: str) -> int:
 def large_classes(source: str) -> list[str]:
     """Return the classes with more than `MAX_METHODS` methods."""
     classes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef)]
-    counts = {one.name: sum(isinstance(item, ast.FunctionDef) for item in one.body) for one in classes}
+    counts = {entry.name: sum(isinstance(item, ast.FunctionDef) for item in entry.body) for entry in classes}
     return [f"{name} ({count})" for name, count in counts.items() if count > MAX_METHODS]
 
 
@@ -168,8 +168,8 @@ def figures(package: Path = PACKAGE) -> dict[str, object]:
     graph = import_graph(imports(package))
     between = packages(graph)
     sizes = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in modules(package).values()}
-    length, name, path = max((*found, str(path)) for path in sizes for found in functions(path))
-    found = cycles(graph)
+    length, name, path = max((*result, str(path)) for path in sizes for result in functions(path))
+    result = cycles(graph)
     largest = max(sizes, key=lambda path: sizes[path])
     sources = [path.read_text(encoding="utf-8") for path in sizes]
     classes = [name for source in sources for name in large_classes(source)]
@@ -178,7 +178,7 @@ def figures(package: Path = PACKAGE) -> dict[str, object]:
         "folders": sum(path.is_dir() and any(path.rglob("*.py")) for path in package.iterdir()),
         "files next to them": len(list(package.glob("*.py"))),
         "imports between packages": between.number_of_edges(),
-        "cycles of files": f"{len(found)}, the largest of {len(found[0])}" if found else "0",
+        "cycles of files": f"{len(result)}, the largest of {len(result[0])}" if result else "0",
         "cycles of packages": len(cycles(between)),
         "layers": layers(between),
         "files": len(sizes),

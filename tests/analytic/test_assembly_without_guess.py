@@ -20,7 +20,7 @@ from mechsim.model.mechanism import Mechanism
 def spherical(seed: int, *, reach: float = 1.0) -> Mechanism:
     """A spherical four-bar drawn around a pose that closes; `reach` scales the coupler's arc."""
     rng = np.random.default_rng(seed)
-    axes = [one / np.linalg.norm(one) for one in rng.normal(size=(4, 3))]
+    axes = [item / np.linalg.norm(item) for item in rng.normal(size=(4, 3))]
     frames = [np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(3)]
     frames = [frame * np.linalg.det(frame) for frame in frames]
     names = ("crank", "coupler", "rocker")
@@ -78,9 +78,9 @@ def test_a_loop_that_closes_at_another_crank_angle_reports_it():
 
     with pytest.raises(
         AssemblyError, match=r"drive = 0.9 m: .* from the guess they close at drive = "
-    ) as said:
+    ) as output:
         assembled(press(0.35, 0.9))
-    value = float(re.search(r"close at drive = ([-\d.e]+) m: start there", str(said.value))[1])
+    value = float(re.search(r"close at drive = ([-\d.e]+) m: start there", str(output.value))[1])
     loops, at = assembled(press(0.35, value))
     assert np.abs(loops.linearise(at)[0]).max() < 1e-12
     with pytest.raises(
@@ -126,23 +126,23 @@ def test_a_universal_joint_starts_with_crossed_axes():
         if joint.kind == "universal":
             own = rough[joint.b.link].rotation @ np.asarray(joint.b.axis)
             assert abs(own @ np.asarray(joint.a.axis)) < 1e-12
-    told, wanted = start_poses(bare)[1], start_poses(mechanism)[1]
-    assert {name: pytest.approx(value, abs=1e-9) for name, value in wanted.items()} == told
+    reported, wanted = start_poses(bare)[1], start_poses(mechanism)[1]
+    assert {name: pytest.approx(value, abs=1e-9) for name, value in wanted.items()} == reported
 
 
 def test_the_search_for_initial_poses_ends_without_progress(monkeypatch):
     mechanism = ms.load("hoeken").mechanism
     name, pose = list(mechanism.guess.items())[-1]
-    told = replace(mechanism, guess={name: pose})
+    reported = replace(mechanism, guess={name: pose})
     steps = []
     looked = oracle.equations
     monkeypatch.setattr(oracle, "equations", lambda *given: steps.append(given) or looked(*given))
-    drawn = oracle.completed_poses(told, rough_poses(told))
+    drawn = oracle.completed_poses(reported, rough_poses(reported))
     # measured 7, the last of which finds nothing left
     assert len(steps) <= 9
     endless = replace(oracle.COMPLETION, last_step=0.0, rounding=0.0)
     monkeypatch.setattr(oracle, "COMPLETION", endless)
-    longer = oracle.completed_poses(told, rough_poses(told))
+    longer = oracle.completed_poses(reported, rough_poses(reported))
     assert len(steps) > 30
     for link in drawn:
         np.testing.assert_allclose(drawn[link].position, longer[link].position, rtol=0, atol=1e-15)

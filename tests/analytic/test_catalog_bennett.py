@@ -123,7 +123,7 @@ def test_it_can_be_cut_at_any_passive_joint(cut):
 
 
 @pytest.mark.parametrize(
-    ("values", "said"),
+    ("values", "output"),
     [
         ({"twist1": np.deg2rad(34.0)}, "two different twists"),
         ({"twist1": -1.0}, "one sign"),
@@ -132,6 +132,6 @@ def test_it_can_be_cut_at_any_passive_joint(cut):
         ({"length0": -1.0}, "above 0"),
     ],
 )
-def test_invalid_dimensions_are_rejected_with_a_remedy(values, said):
-    with pytest.raises(InputError, match=said):
+def test_invalid_dimensions_are_rejected_with_a_remedy(values, output):
+    with pytest.raises(InputError, match=output):
         Bennett(**values)

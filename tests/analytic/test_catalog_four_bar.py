@@ -51,12 +51,12 @@ def test_dead_centres_are_where_coupler_and_rocker_stretch_or_fold(drive):
         cosine = (drive.ground**2 + drive.crank**2 - reach**2) / (2 * drive.ground * drive.crank)
         if abs(cosine) < 1.0:
             ends += [np.arccos(cosine), -np.arccos(cosine)]
-    found = [(f + np.pi) % (2 * np.pi) - np.pi for f in drive.dead_centres()]
-    assert len(found) == len(ends)
+    result = [(f + np.pi) % (2 * np.pi) - np.pi for f in drive.dead_centres()]
+    assert len(result) == len(ends)
     for end in ends:
         # the cosine is known to a few ulp of the squares, the angle to that over its sine
         slack = 64 * EPS * (longest(drive) ** 2 / (drive.ground * drive.crank)) / abs(np.sin(end))
-        assert min(abs((f - end + np.pi) % (2 * np.pi) - np.pi) for f in found) <= slack
+        assert min(abs((f - end + np.pi) % (2 * np.pi) - np.pi) for f in result) <= slack
 
 
 def test_grashof_crank_turns_fully():

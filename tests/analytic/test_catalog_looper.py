@@ -82,14 +82,14 @@ def test_links_keep_their_lengths_and_the_follower_keeps_its_axis(drive):
 @given(loopers())
 def test_every_assembly_mode_is_distinct_and_has_its_sign(drive):
     angle = float(angles_of(drive, 1)[0])
-    found = drive.assemblies(angle)
-    signs = {(one.branch, one.side): one for one in found}
-    assert len(signs) == len(found)
-    for one in found:
-        points = one.positions([angle])
-        assert one.assembly_sign(points)[0] >= 0.0
-        for other in found:
-            if (other.branch, np.sign(other.side)) != (one.branch, np.sign(one.side)):
+    result = drive.assemblies(angle)
+    signs = {(item.branch, item.side): item for item in result}
+    assert len(signs) == len(result)
+    for item in result:
+        points = item.positions([angle])
+        assert item.assembly_sign(points)[0] >= 0.0
+        for other in result:
+            if (other.branch, np.sign(other.side)) != (item.branch, np.sign(item.side)):
                 assert other.assembly_sign(points)[0] <= 0.0
 
 
@@ -110,7 +110,7 @@ def test_all_real_roots_are_found_and_none_invented():
         )
         angle = rng.uniform(-np.pi, np.pi)
         # the circle of C about AB against the cylinder, looked at all around
-        seen = []
+        observed = []
         o2, a = drive.frame * np.exp(1j * drive.frame_angle), drive.crank * np.exp(1j * angle)
         span = a - o2
         cosine = (abs(span) ** 2 + drive.rocker**2 - drive.coupler**2) / (2.0 * abs(span) * drive.rocker)
@@ -123,13 +123,13 @@ def test_all_real_roots_are_found_and_none_invented():
                 z = drive.arm * out * np.sin(cone)
                 gap = (flat.imag - drive.axis_y) ** 2 + (z - drive.axis_z) ** 2 - drive.follower**2
                 at = np.nonzero((gap[1:] > 0.0) != (gap[:-1] > 0.0))[0]
-                seen += [(flat[i].real, flat[i].imag, z[i]) for i in at]
-        found = [one.positions([angle])["C"][0] for one in drive.assemblies(angle)]
-        several = max(several, len(found))
-        assert len(found) == len(seen)
-        for place in seen:
+                observed += [(flat[i].real, flat[i].imag, z[i]) for i in at]
+        result = [item.positions([angle])["C"][0] for item in drive.assemblies(angle)]
+        several = max(several, len(result))
+        assert len(result) == len(observed)
+        for place in observed:
             # a step of the cone angle moves C by no more than arm * 2 pi / 20000
-            assert min(np.linalg.norm(place - c) for c in found) < 2e-5
+            assert min(np.linalg.norm(place - c) for c in result) < 2e-5
     assert several >= 4
 
 
@@ -194,7 +194,7 @@ def test_crank_of_the_paper_turns_fully_and_the_other_side_ends_in_dead_centres_
     # a turn apart the same crank angle has two poses: which one is meant is said by counting turns
     first, second = other.positions([FOURFOLD])["C"], other.positions([FOURFOLD - 2.0 * np.pi])["C"]
     assert np.linalg.norm(first - second) > 1e-3
-    assert {(one.branch, one.side) for one in other.assemblies(FOURFOLD)} == {
+    assert {(item.branch, item.side) for item in other.assemblies(FOURFOLD)} == {
         (1, 1),
         (1, 2),
         (1, -1),

@@ -95,10 +95,10 @@ def test_path_and_rocker_side_agree_with_fifty_digits(drive, speed, acceleration
 @pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
 def test_loop_equations_assembled_from_the_guess_find_the_same_assembly(drive):
     angles = drive.mechanism.start + np.linspace(-0.5, 0.5, 5)
-    found, closed = loops.solve(drive.mechanism, angles, 5.0, 2.0), drive.solve(angles, 5.0, 2.0)
+    result, closed = loops.solve(drive.mechanism, angles, 5.0, 2.0), drive.solve(angles, 5.0, 2.0)
     for name, link in closed.links.items():
-        assert np.abs(found.links[name].position - link.position).max() <= 1e-15
-        assert np.abs(found.links[name].rotation - link.rotation).max() <= 1e-13
+        assert np.abs(result.links[name].position - link.position).max() <= 1e-15
+        assert np.abs(result.links[name].rotation - link.rotation).max() <= 1e-13
     assert loops.dof_count(drive.mechanism, loops.assemble(drive.mechanism, angles[:1])).mobility == 1
 
 
@@ -188,8 +188,8 @@ def test_the_catalogue_makes_it_by_name_and_rejects_unknown_parameters():
 @settings(max_examples=30)
 @given(rrsrrs())
 def test_start_points_lie_on_both_surfaces_and_none_is_missed(drive):
-    found = start_points(drive)
-    for u in found:
+    result = start_points(drive)
+    for u in result:
         apart = torus(drive, u[0], u[1]) - sphere(drive, u[2], u[3])
         assert np.linalg.norm(apart) <= 1e-9 * longest(drive)
     u2 = np.linspace(0.0, 2 * np.pi, 20001)
@@ -199,7 +199,7 @@ def test_start_points_lie_on_both_surfaces_and_none_is_missed(drive):
     inner = np.hypot(-np.hypot(m[1], m[2]) - drive.crank, m[0])
     crossings = sum(int((np.diff(np.sign(d - drive.coupler)) != 0).sum()) for d in (section, inner))
     assume(min(np.abs(d - drive.coupler).min() for d in (section, inner)) > 1e-7 * drive.coupler or crossings)
-    assert len(found) == crossings
+    assert len(result) == crossings
 
 
 @pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])

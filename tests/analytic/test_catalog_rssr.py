@@ -130,18 +130,18 @@ def test_dead_centres_are_where_fifty_digits_put_them(drive):
         k = mpmath.fdot(d, d) + mpmath.mpf(drive.rocker) ** 2 - mpmath.mpf(drive.coupler) ** 2
         return (a * a + b * b - k * k) / mpmath.mpf(longest(drive)) ** 4
 
-    found = drive.dead_centres()
+    result = drive.dead_centres()
     scan = np.linspace(-np.pi, np.pi, 181)
     with mpmath.workdps(40):
         values = [gap(mpmath.mpf(float(f))) for f in scan]
         changes = [i for i in range(180) if values[i] * values[i + 1] < 0]
         # two dead centres within one step of the scan are not looked for here
-        assume(min(abs(value) for value in values) > 1e-6 and len(changes) == len(found))
+        assume(min(abs(value) for value in values) > 1e-6 and len(changes) == len(result))
         for i in changes:
             root = float(mpmath.findroot(gap, (scan[i], scan[i + 1]), solver="anderson", tol=1e-30))
-            slope = abs(float(mpmath.diff(gap, root)))
-            miss = min(abs((f - root + np.pi) % (2 * np.pi) - np.pi) for f in found)
-            assert miss <= 1e-13 / min(slope, 1.0)
+            gradient = abs(float(mpmath.diff(gap, root)))
+            miss = min(abs((f - root + np.pi) % (2 * np.pi) - np.pi) for f in result)
+            assert miss <= 1e-13 / min(gradient, 1.0)
         assert drive.crank_range().full == (not changes and values[0] > 0)
 
 

@@ -42,11 +42,11 @@ def test_dead_centres_are_where_the_rod_is_perpendicular_to_the_slide(drive):
         sine = height / drive.crank
         if abs(sine) < 1.0:
             ends += [np.arcsin(sine), np.pi - np.arcsin(sine)]
-    found = drive.dead_centres()
-    assert len(found) == len(ends)
+    result = drive.dead_centres()
+    assert len(result) == len(ends)
     for end in ends:
         slack = 64 * EPS * (longest(drive) / drive.crank) ** 2 / abs(np.cos(end))
-        assert min(abs((f - end + np.pi) % (2 * np.pi) - np.pi) for f in found) <= slack
+        assert min(abs((f - end + np.pi) % (2 * np.pi) - np.pi) for f in result) <= slack
 
 
 def test_a_slide_out_of_reach_is_rejected():

@@ -238,8 +238,8 @@ def test_the_crank_range_ends_where_the_roots_of_the_sextic_meet(assembly):
     ((low, high),) = arcs.arcs
     for end, inward in ((low, 1.0), (high, -1.0)):
         # two poses inside, none outside, and the end known to 1e-12
-        for way, count in ((1e-12, 2), (-1e-12, 0)):
-            assert len(drive.assembly_points(end + inward * way)) == count
+        for direction, count in ((1e-12, 2), (-1e-12, 0)):
+            assert len(drive.assembly_points(end + inward * direction)) == count
     assert drive.dead_centres() == (low, high)
 
 
@@ -309,11 +309,11 @@ def test_velocities_of_both_cranks_add_up_and_agree_with_the_geared_ones():
     f = np.linspace(0.0, TURN, 13)
     geared = drive.gear_ratio * f + drive.phase
     exact = drive.solve(f, 3.0)
-    one, two = velocities(drive, f, geared, 3.0, 0.0), velocities(drive, f, geared, 0.0, -6.0)
+    item, two = velocities(drive, f, geared, 3.0, 0.0), velocities(drive, f, geared, 0.0, -6.0)
     for name, point in exact.points.items():
         scale = np.abs(point.velocity).max()
-        assert np.abs(one[name] + two[name] - point.velocity).max() <= 1e-13 * scale
-    assert np.abs(one["D"]).max() == 0.0
+        assert np.abs(item[name] + two[name] - point.velocity).max() <= 1e-13 * scale
+    assert np.abs(item["D"]).max() == 0.0
     assert np.abs(two["A"]).max() == 0.0
 
 
@@ -322,9 +322,9 @@ def test_velocities_away_from_the_gears_agree_with_a_drive_geared_otherwise():
     drive, f1, f2 = WarpKnitter(), 0.7, 0.9
     other = replace(drive, gear_ratio=(f2 - drive.phase) / f1)
     exact = other.solve([f1], 3.0)
-    found = velocities(drive, f1, f2, 3.0, 3.0 * other.gear_ratio)
+    result = velocities(drive, f1, f2, 3.0, 3.0 * other.gear_ratio)
     for name, point in exact.points.items():
-        assert np.abs(found[name] - point.velocity).max() <= 1e-14
+        assert np.abs(result[name] - point.velocity).max() <= 1e-14
 
 
 def test_a_crank_that_cannot_rotate_alone_is_rejected():

@@ -32,7 +32,9 @@ MEETINGS = {
 }
 
 
-@pytest.mark.parametrize("lengths", flat_linkages(), ids=lambda one: "-".join(f"{1e3 * x:.0f}" for x in one))
+@pytest.mark.parametrize(
+    "lengths", flat_linkages(), ids=lambda item: "-".join(f"{1e3 * x:.0f}" for x in item)
+)
 def test_the_closed_form_passes_flat_poses_smoothly_with_full_accuracy(lengths):
     drive = catalog.make("four_bar", **named(lengths))
     # where crank and frame lie on each other the coupler could turn about them
@@ -40,7 +42,7 @@ def test_the_closed_form_passes_flat_poses_smoothly_with_full_accuracy(lengths):
     point = drive.solve(angles, 2.0).points["B"]
     with mpmath.workdps(40):
         truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
-        sign = min(truths, key=lambda one: worst(truths[one], point.position))
+        sign = min(truths, key=lambda item: worst(truths[item], point.position))
         slopes = [2 * mpmath.diff(lambda at: smooth_b(lengths, at, sign), mpmath.mpf(at)) for at in angles]
     # measured 4e-15 and 1.4e-14: dimensions known to rounding leave the gap of a flat pose open by that
     assert worst(truths[sign], point.position) <= 2e-14 * drive.mechanism.characteristic_length
@@ -54,9 +56,9 @@ def test_change_points_and_period_are_reported(which):
     assert len(drive.change_points()) == count
     assert drive.crank_range().full
     assert drive.dead_centres() == ()
-    told = facts(drive)
-    assert told["change_points"] == list(drive.change_points())
-    assert told["turns_to_come_round"] == turns == round(drive.period / TURN)
+    reported = facts(drive)
+    assert reported["change_points"] == list(drive.change_points())
+    assert reported["turns_to_come_round"] == turns == round(drive.period / TURN)
     assert len(facts(drive, drive.change_points()[0])["assemblies"]) == 2
     begin = drive.mechanism.start
     for point in drive.positions([begin, begin + drive.period, begin - drive.period]).values():
@@ -67,12 +69,12 @@ def test_change_points_and_period_are_reported(which):
 def test_closed_form_and_loop_equations_pass_change_points_equally(which):
     drive = FLAT_ONES[which]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *drive.change_points()])
-    exact, found = (solve(angles, 3.0, -2.0) for solve in (drive.solve, partial(loops.solve, drive)))
+    exact, result = (solve(angles, 3.0, -2.0) for solve in (drive.solve, partial(loops.solve, drive)))
     # measured 5e-15, 3e-12 and 5e-10
     for part, most in (("position", 1e-13), ("velocity", 2e-11), ("acceleration", 2e-9)):
         for name, point in exact.points.items():
             np.testing.assert_allclose(
-                getattr(found.points[name], part), getattr(point, part), rtol=0, atol=most, err_msg=part
+                getattr(result.points[name], part), getattr(point, part), rtol=0, atol=most, err_msg=part
             )
 
 
@@ -96,9 +98,9 @@ def test_the_branch_policy_keeps_the_sign(which):
     assert (drive.assembly_sign(drive.positions(angles)) >= -1e-15).all()
     smooth = FLAT_ONES[which].assembly_sign(FLAT_ONES[which].positions(angles))
     assert smooth.min() < 0.0 < smooth.max()
-    told = FLAT_ONES[which].positions(angles, change_point="branch")
+    reported = FLAT_ONES[which].positions(angles, change_point="branch")
     for name, places in drive.positions(angles).items():
-        assert (told[name] == places).all()
+        assert (reported[name] == places).all()
 
 
 @pytest.mark.parametrize("which", FOLDING)
@@ -107,16 +109,16 @@ def test_loop_equations_keep_the_branch_as_the_closed_form(which):
     beside = [at + off for at in drive.change_points() for off in (-1e-3, -1e-7, 0.0, 1e-7, 1e-3)]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *beside])
     exact = drive.solve(angles, -2.0, change_point="branch")
-    found = loops.solve(drive.mechanism, angles, -2.0, change_point="branch")
+    result = loops.solve(drive.mechanism, angles, -2.0, change_point="branch")
     smooth = loops.solve(drive.mechanism, angles, -2.0)
     # measured 3e-14 of the size, 2e-12 and 1e-8
     for name, point in exact.points.items():
-        there = found.points[name]
+        there = result.points[name]
         assert np.abs(there.position - point.position).max() <= 1e-12 * drive.mechanism.characteristic_length
         assert np.abs(there.velocity - point.velocity).max() <= 1e-10
         assert np.abs(there.acceleration - point.acceleration).max() <= 1e-6
     leaps = max(
-        np.abs(smooth.points[name].position - there.position).max() for name, there in found.points.items()
+        np.abs(smooth.points[name].position - there.position).max() for name, there in result.points.items()
     )
     assert leaps > 0.1 * drive.mechanism.characteristic_length
 
@@ -177,9 +179,9 @@ def test_the_range_of_a_looper_ends_where_its_four_bar_lies_flat(which):
     assert not any(low < at + lap < high for low, high in arcs.arcs for at in flat for lap in (0.0, TURN))
     low, high = arcs.arcs[0]
     angles = np.linspace(low + 0.1, high - 0.1, 25)
-    found = loops.solve(drive.mechanism, angles)
+    result = loops.solve(drive.mechanism, angles)
     for name, point in drive.solve(angles).points.items():
         assert (
-            np.abs(found.points[name].position - point.position).max()
+            np.abs(result.points[name].position - point.position).max()
             <= 1e-12 * drive.mechanism.characteristic_length
         )

@@ -94,8 +94,8 @@ def test_the_velocity_product_term_is_the_second_derivative_of_the_residual_at_c
 def test_the_rank_determines_mobility_passive_dofs_and_redundant_equations(name, changes, expected):
     mechanism = catalog.make(name, **changes).mechanism
     poses = loops.assemble(mechanism, [0.3])
-    found = loops.dof_count(mechanism, poses)
-    assert (found.mobility, found.passive, found.redundant) == expected
+    result = loops.dof_count(mechanism, poses)
+    assert (result.mobility, result.passive, result.redundant) == expected
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])

@@ -47,24 +47,24 @@ def test_coupled_wheels_have_a_period_of_one_revolution_and_report_change_points
 
 def test_two_linkages_with_a_common_change_point_have_a_period_of_two_revolutions():
     # each is flat once a turn, and goes on in its other assembly
-    one = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
+    item = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     other = catalog.make("four_bar", ground=0.09, crank=0.03, coupler=0.11, rocker=0.05)
-    form = LoopForm(beside(one.mechanism, other.mechanism))
+    form = LoopForm(beside(item.mechanism, other.mechanism))
     assert len(form.change_points()) == 1
-    assert form.period == LoopForm(one.mechanism).period == 4.0 * np.pi
+    assert form.period == LoopForm(item.mechanism).period == 4.0 * np.pi
     angle = np.r_[form.change_points(), np.linspace(-1.0, 12.0, 60)]
-    found = form.solve(angle)
-    for drive in (one, other):
+    result = form.solve(angle)
+    for drive in (item, other):
         exact = drive.starting_at([drive.mechanism.start]).solve(angle)
-        place = found.points["B" if drive is one else "B'"]
+        place = result.points["B" if drive is item else "B'"]
         np.testing.assert_allclose(place.position, exact.points["B"].position, atol=1e-12)
         np.testing.assert_allclose(place.velocity, exact.points["B"].velocity, atol=1e-10)
 
 
-def beside(one: Mechanism, other: Mechanism) -> Mechanism:
+def beside(item: Mechanism, other: Mechanism) -> Mechanism:
     """Two linkages in one plane on one crank."""
-    called = {name: f"{name}'" for name in [link.name for link in other.links]} | {other.driver: one.driver}
-    crank = one.crank.b.link
+    called = {name: f"{name}'" for name in [link.name for link in other.links]} | {other.driver: item.driver}
+    crank = item.crank.b.link
     called[other.crank.b.link] = crank
 
     def moved(end: End) -> End:
@@ -76,11 +76,11 @@ def beside(one: Mechanism, other: Mechanism) -> Mechanism:
         if joint.name != other.driver
     ]
     return replace(
-        one,
-        links=(*one.links, *(Link(called[k.name]) for k in other.links if called[k.name] != crank)),
-        joints=(*one.joints, *joints),
-        points={"B": one.points["B"], "B'": (called[other.points["B"][0]], other.points["B"][1])},
-        guess={**one.guess, **{called[k]: v for k, v in other.guess.items() if called[k] != crank}},
+        item,
+        links=(*item.links, *(Link(called[k.name]) for k in other.links if called[k.name] != crank)),
+        joints=(*item.joints, *joints),
+        points={"B": item.points["B"], "B'": (called[other.points["B"][0]], other.points["B"][1])},
+        guess={**item.guess, **{called[k]: v for k, v in other.guess.items() if called[k] != crank}},
     )
 
 

@@ -67,8 +67,8 @@ def test_behind_a_start_is_looked_only_where_a_change_point_there_could_blur_it(
 
 def test_a_path_that_is_too_long_is_rejected_before_it_is_followed():
     drive = catalog.make("four_bar")
-    said = r"the crank would be traced from 0 rad to 8000000 rad, 1,273,240 revolutions.* 1,274 times"
-    with pytest.raises(InputError, match=said):
+    output = r"the crank would be traced from 0 rad to 8000000 rad, 1,273,240 revolutions.* 1,274 times"
+    with pytest.raises(InputError, match=output):
         loops.solve(drive.mechanism, [0.0, 8e6])
 
 
@@ -85,16 +85,16 @@ def test_a_first_segment_is_predicted_along_the_tangent_to_second_order():
     solver = loop_solver(path.loops, path.start)
     for sense in (1, -1):
         s = begin + sense * np.array([1e-3, 2e-3])
-        told = path.predicted(begin, sense, solver, s)
-        off = np.abs(told - path.closed(solver, s, told).states).max(1)
+        reported = path.predicted(begin, sense, solver, s)
+        off = np.abs(reported - path.closed(solver, s, reported).states).max(1)
         assert 3.9 < off[1] / off[0] < 4.1
         # of the same order as the step squared
         assert 0.05 < off[0] / 1e-6 < 5.0
     # the other way it is predicted by that segment, with all its nodes
     path.reach(begin + 0.1, 1)
     behind = begin - np.array([1e-3, 2e-3])
-    told = path.predicted(begin, -1, solver, behind)
-    assert np.abs(told - path.closed(solver, behind, told).states).max() < 1e-9
+    reported = path.predicted(begin, -1, solver, behind)
+    assert np.abs(reported - path.closed(solver, behind, reported).states).max() < 1e-9
 
 
 @pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
@@ -132,7 +132,7 @@ def test_segments_are_taken_back_as_far_as_the_last_change_point_and_no_farther(
     path = crank_path(drive.mechanism.with_guess(guess, 0.5), passing)
     assert not path.drop_last_segment(sense)
     path.reach(to, sense)
-    (meeting,) = path.change_points
+    (branch_point,) = path.change_points
     cells, before = path.segments[sense], list(path.segments[sense])
     assert path.sign != 0.0
     while path.drop_last_segment(sense):
@@ -140,9 +140,9 @@ def test_segments_are_taken_back_as_far_as_the_last_change_point_and_no_farther(
     assert before[: len(cells)] == cells
     assert len(cells) < len(before)
     # the last is that which begins at the change point, or leads through it
-    assert sense * cells[-1].nodes[0] <= sense * meeting < sense * cells[-1].nodes[-1]
+    assert sense * cells[-1].nodes[0] <= sense * branch_point < sense * cells[-1].nodes[-1]
     path.reach(to, sense)
-    assert path.change_points == [meeting]
+    assert path.change_points == [branch_point]
     other = crank_path(drive.mechanism)
     other.reach(other.initial + sense, sense)
     while other.drop_last_segment(sense):
@@ -150,7 +150,9 @@ def test_segments_are_taken_back_as_far_as_the_last_change_point_and_no_farther(
     assert not other.segments[sense]
 
 
-@pytest.mark.parametrize("lengths", flat_linkages(), ids=lambda one: "-".join(f"{1e3 * x:.0f}" for x in one))
+@pytest.mark.parametrize(
+    "lengths", flat_linkages(), ids=lambda item: "-".join(f"{1e3 * x:.0f}" for x in item)
+)
 def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(lengths):
     mechanism = catalog.make("four_bar", **named(lengths)).mechanism
     # where crank and frame lie on each other the coupler could turn about them
@@ -158,7 +160,7 @@ def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(len
     point = loops.solve(mechanism, angles, 2.0, 0.0).points["B"]
     with mpmath.workdps(40):
         truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
-        sign = min(truths, key=lambda one: worst(truths[one], point.position))
+        sign = min(truths, key=lambda item: worst(truths[item], point.position))
         slopes = [2 * mpmath.diff(lambda at: smooth_b(lengths, at, sign), mpmath.mpf(at)) for at in angles]
     # measured 3e-13 and 8e-11
     assert worst(truths[sign], point.position) <= 1e-11 * mechanism.characteristic_length
@@ -171,9 +173,9 @@ def test_a_parallelogram_stays_one_turn_after_turn():
     path = crank_path(mechanism)
     path.extend(7.0)
     path.extend(-7.0)
-    found = np.sort(path.change_points)
-    np.testing.assert_allclose(found, np.pi * np.round(found / np.pi), atol=1e-9)
-    assert {0, 1, 2} <= set(np.round(found / np.pi).astype(int))
+    result = np.sort(path.change_points)
+    np.testing.assert_allclose(result, np.pi * np.round(result / np.pi), atol=1e-9)
+    assert {0, 1, 2} <= set(np.round(result / np.pi).astype(int))
     # it goes on where it ended
     path.extend(9.0)
     for cells in path.segments.values():
@@ -197,11 +199,11 @@ def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
     lengths = SHARP[which]
     mechanism = catalog.make("four_bar", **named(lengths)).mechanism
     angles = np.unique([*np.linspace(-4.0, 4.0, 33), *np.linspace(-0.02, 0.02, 21), 1e-6, -1e-9])
-    found = loops.solve(mechanism, angles).points["B"].position
+    result = loops.solve(mechanism, angles).points["B"].position
     with mpmath.workdps(40):
         truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
     # measured 4e-12
-    assert min(worst(truth, found) for truth in truths.values()) <= 1e-10 * mechanism.characteristic_length
+    assert min(worst(truth, result) for truth in truths.values()) <= 1e-10 * mechanism.characteristic_length
 
 
 @pytest.mark.parametrize(
@@ -227,17 +229,17 @@ def test_change_points_are_found_wherever_the_path_begins(start):
     path = crank_path(drive.mechanism.with_guess(guess, float(start)))
     path.extend(7.0)
     path.extend(-7.0)
-    found = np.sort(path.change_points) / np.pi
-    np.testing.assert_allclose(found, np.round(found), atol=1e-12)
-    assert np.unique(np.round(found)).size == found.size >= 5
+    result = np.sort(path.change_points) / np.pi
+    np.testing.assert_allclose(result, np.round(result), atol=1e-12)
+    assert np.unique(np.round(result)).size == result.size >= 5
     # each lies amid the segment that leads through it
     ends = np.sort(
         np.concatenate([cell.nodes[[0, -1]] for cells in path.segments.values() for cell in cells])
     )
-    for meeting in path.change_points:
-        after = np.searchsorted(ends, meeting)
+    for branch_point in path.change_points:
+        after = np.searchsorted(ends, branch_point)
         # measured 1.7e-9 to 3.7e-9, as the rounding of three kernels has it
-        assert 2.0 * meeting == pytest.approx(ends[after - 1] + ends[after], abs=1e-8)
+        assert 2.0 * branch_point == pytest.approx(ends[after - 1] + ends[after], abs=1e-8)
 
 
 def test_a_change_point_that_rounding_hides_between_two_segments_is_looked_for_from_before_them(monkeypatch):
@@ -263,19 +265,21 @@ def test_a_path_may_begin_close_to_a_change_point(off):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
     poses = loops.solve(drive.mechanism, [off]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
-    found = loops.solve(drive.mechanism.with_guess(guess, off), ANGLES).points["B"].position
-    assert np.abs(found - drive.positions(ANGLES)["B"]).max() <= 1e-12 * drive.mechanism.characteristic_length
+    result = loops.solve(drive.mechanism.with_guess(guess, off), ANGLES).points["B"].position
+    assert (
+        np.abs(result - drive.positions(ANGLES)["B"]).max() <= 1e-12 * drive.mechanism.characteristic_length
+    )
 
 
 @pytest.mark.parametrize(
-    ("off", "said"),
+    ("off", "output"),
     [*((at, "since its start, .* start elsewhere") for at in (0.0, np.pi)), (1e-7, "start elsewhere")],
 )
-def test_a_path_that_begins_at_a_change_point_is_rejected_with_the_angle_and_the_reason(off, said):
+def test_a_path_that_begins_at_a_change_point_is_rejected_with_the_angle_and_the_reason(off, output):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
     links = drive.solve([off]).links
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
-    with pytest.raises(AssemblyError, match=f"rad.*{said}"):
+    with pytest.raises(AssemblyError, match=f"rad.*{output}"):
         loops.solve(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
 
 
@@ -283,7 +287,9 @@ def test_a_path_that_begins_just_before_its_dead_centre_is_advised_to_stay_there
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.055)
     ((_, high),) = drive.crank_range().arcs
     start = high - 5e-4
-    guess = {name: Pose(one.position[0], one.rotation[0]) for name, one in drive.solve([start]).links.items()}
+    guess = {
+        name: Pose(item.position[0], item.rotation[0]) for name, item in drive.solve([start]).links.items()
+    }
     with pytest.raises(AssemblyError, match=r"cannot pass .*; stay on this side of the dead centre"):
         crank_path(drive.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
 
@@ -293,10 +299,11 @@ def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_f
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
     assert drive.crank_range().full
     angles = np.linspace(-np.pi, 3 * np.pi, 64)
-    found, exact = loops.solve(drive.mechanism, angles).links, drive.solve(angles).links
+    result, exact = loops.solve(drive.mechanism, angles).links, drive.solve(angles).links
     for name, link in exact.items():
         assert (
-            np.abs(found[name].position - link.position).max() <= 1e-9 * drive.mechanism.characteristic_length
+            np.abs(result[name].position - link.position).max()
+            <= 1e-9 * drive.mechanism.characteristic_length
         )
 
 
@@ -308,8 +315,8 @@ def test_a_gap_before_the_flat_pose_is_not_leapt_over(lack):
     path = crank_path(drive.mechanism)
     with pytest.raises(AssemblyError, match="cannot pass") as refused:
         path.extend(high + 2.0 * (2 * np.pi - (high - low)))
-    said = float(str(refused.value).split("cannot pass ")[1].split()[0])
-    assert said == pytest.approx(high, abs=1e-6)
+    output = float(str(refused.value).split("cannot pass ")[1].split()[0])
+    assert output == pytest.approx(high, abs=1e-6)
 
 
 def sarrus(start, length=0.05):
@@ -363,5 +370,5 @@ def test_a_third_parallel_crank_next_to_the_line_of_pivots_leaves_no_change_poin
 
 
 def test_a_third_parallel_crank_on_the_line_of_pivots_leaves_both():
-    found = np.sort(np.abs(LoopForm(three_cranks((0.047, 0.0))).change_points()))
-    assert found == pytest.approx([0.0, np.pi], abs=1e-9)
+    result = np.sort(np.abs(LoopForm(three_cranks((0.047, 0.0))).change_points()))
+    assert result == pytest.approx([0.0, np.pi], abs=1e-9)

@@ -26,7 +26,7 @@ def in_digits(place, drive, parameter, angle):
     whole, _, axis = parameter.partition(".")
 
     def places(value, at):
-        own = {one: getattr(drive, one) for one in drive.__dataclass_fields__}
+        own = {item: getattr(drive, item) for item in drive.__dataclass_fields__}
         own[whole] = value
         if axis:
             own[whole] = list(getattr(drive, whole))
@@ -39,7 +39,7 @@ def in_digits(place, drive, parameter, angle):
     with mp.workdps(DIGITS):
         begin = getattr(drive, whole)
         of = (mp.mpf(begin["xyz".index(axis)] if axis else begin), mp.mpf(float(angle)))
-        return [np.array([float(one) for one in value(of, k)]) * SPEED**k for k in range(3)]
+        return [np.array([float(item) for item in value(of, k)]) * SPEED**k for k in range(3)]
 
 
 @pytest.mark.parametrize(
@@ -51,12 +51,12 @@ def in_digits(place, drive, parameter, angle):
 )
 def test_derivatives_of_places_and_rates_agree_with_50_digits(name, point, place, parameters):
     drive = catalog.make(name)
-    found = motion_derivatives(drive, changes(catalog_designs(drive), parameters), ANGLES, SPEED)
+    result = motion_derivatives(drive, changes(catalog_designs(drive), parameters), ANGLES, SPEED)
     for parameter in parameters:
-        moved = found.by[parameter].points[point]
+        moved = result.by[parameter].points[point]
         for i, angle in enumerate(ANGLES[:1]):
-            told = moved.position[i], moved.velocity[i], moved.acceleration[i]
-            for own, exact in zip(told, in_digits(place, drive, parameter, angle), strict=True):
+            reported = moved.position[i], moved.velocity[i], moved.acceleration[i]
+            for own, exact in zip(reported, in_digits(place, drive, parameter, angle), strict=True):
                 assert np.abs(own - exact).max() <= 2e-12 * np.abs(exact).max()
 
 
@@ -84,29 +84,32 @@ def test_derivatives_are_those_of_the_motions_of_mechanisms_next_to(model, given
     turning = form.mechanism.has_crank and not given
     angles = form.mechanism.start + ANGLES[:3] if turning else ANGLES[:2] / 10.0 * form.motion_laws.rate
     speed = SPEED if turning else form.motion_laws.rate
-    found = motion_derivatives(form, changes(of, names), angles, speed)
+    result = motion_derivatives(form, changes(of, names), angles, speed)
     kinds = {"points": ("position", "velocity", "acceleration"), "joints": ("value", "rate")}
     for name in names:
         beside, step = differences(of, name, angles, speed)
         for kind, part in ((kind, part) for kind, parts in kinds.items() for part in parts):
-            told = {one: getattr(moved, part) for one, moved in getattr(found.by[name], kind).items()}
+            reported = {item: getattr(moved, part) for item, moved in getattr(result.by[name], kind).items()}
             # a closed form does not tell joints of several coordinates
-            shared = [one for one in told if one in getattr(beside[0], kind)]
-            size = max(0.1, *(np.abs(told[one]).max() for one in shared))
-            for one in shared:
-                a, b, c, d = (getattr(getattr(motion, kind)[one], part) for motion in beside)
-                assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - told[one]).max() <= 1e-7 * size
+            shared = [item for item in reported if item in getattr(beside[0], kind)]
+            size = max(0.1, *(np.abs(reported[item]).max() for item in shared))
+            for item in shared:
+                a, b, c, d = (getattr(getattr(motion, kind)[item], part) for motion in beside)
+                assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - reported[item]).max() <= 1e-7 * size
 
 
 def test_a_shift_of_both_sides_of_a_joint_is_that_of_one_link_seen_from_the_other():
     drive = catalog.make("rssr")
     of = placed_designs(LoopForm(drive.mechanism))
     own = changes(of, ["P3.b.at.x"])
-    found = motion_derivatives(drive, own, ANGLES)
+    result = motion_derivatives(drive, own, ANGLES)
     by_rocker = motion_derivatives(drive, changes(catalog_designs(drive), ["rocker"]), ANGLES)
     # the tracked point P3 is of the rocker's length too: the joint's angle tells both alike
-    told = found.by["P3.b.at.x"].joints["rocker"].value
-    assert np.abs(told - by_rocker.by["rocker"].joints["rocker"].value).max() <= 1e-12 * np.abs(told).max()
+    reported = result.by["P3.b.at.x"].joints["rocker"].value
+    assert (
+        np.abs(reported - by_rocker.by["rocker"].joints["rocker"].value).max()
+        <= 1e-12 * np.abs(reported).max()
+    )
 
 
 def test_a_dimension_that_tears_loops_which_repeat_each_other_is_rejected():

@@ -90,9 +90,9 @@ def test_closed_form_and_loop_equations_give_the_same_forces(name):
     closed = dynamics.prescribed(dynamics.dynamic_model(drive, busy(drive)), angles, 80.0).forces
     loops = dynamics.prescribed(dynamics.dynamic_model(drive.mechanism, busy(drive)), angles, 80.0).forces
     assert np.abs(closed.torque - loops.torque).max() <= 1e-11 * np.abs(closed.torque).max()
-    most = max(np.abs(one.force).max() for one in closed.reactions.values())
-    for joint, one in closed.reactions.items():
-        assert np.abs(one.force - loops.reactions[joint].force).max() <= 1e-10 * most
+    most = max(np.abs(item.force).max() for item in closed.reactions.values())
+    for joint, item in closed.reactions.items():
+        assert np.abs(item.force - loops.reactions[joint].force).max() <= 1e-10 * most
 
 
 def slender(drive, masses):
@@ -199,8 +199,8 @@ def test_reduced_equation_gives_the_acceleration_of_the_loop_equations_with_50_d
     machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY))
     for f, w in ((0.4, 12.0), (2.7, -35.0), (5.1, 0.0)):
         part = dynamics.reduced(machine, [f])
-        found = (part.force(w) + 0.7 - 0.5 * part.inertia_derivative * w**2) / part.inertia
-        assert found[0] == pytest.approx(loop_acceleration(drive, f, w, 0.7, GRAVITY), rel=1e-11)
+        result = (part.force(w) + 0.7 - 0.5 * part.inertia_derivative * w**2) / part.inertia
+        assert result[0] == pytest.approx(loop_acceleration(drive, f, w, 0.7, GRAVITY), rel=1e-11)
 
 
 def test_slider_crank_with_a_heavy_slider_has_the_torque_and_side_force_of_textbooks():
@@ -263,8 +263,8 @@ def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
     force, moment = np.zeros((2, len(ANGLES), 3))
     for joint in machine.mechanism.joints:
         if joint.a.link == GROUND:
-            one = study.forces.reactions[joint.name]
-            force, moment = force - one.force, moment - one.moment - np.cross(one.point, one.force)
+            item = study.forces.reactions[joint.name]
+            force, moment = force - item.force, moment - item.moment - np.cross(item.point, item.force)
             if joint.name == machine.mechanism.driver:
                 axis = np.array(joint.a.axis)
                 moment = moment - study.forces.torque[:, None] * axis
@@ -275,11 +275,11 @@ def test_frame_feels_the_sum_of_the_reactions_of_its_joints(drive):
 def test_a_planar_mechanism_leaves_forces_across_its_plane_open_and_a_spatial_one_nothing():
     planar = dynamics.prescribed(dynamics.dynamic_model(catalog.make("four_bar")), [0.5], 10.0)
     assert planar.indeterminacy == 3
-    assert all(one.undetermined == ("fz", "mx", "my") for one in planar.forces.reactions.values())
+    assert all(item.undetermined == ("fz", "mx", "my") for item in planar.forces.reactions.values())
     for name in ("rssr", "rrsrr", "looper"):
         spatial = dynamics.prescribed(dynamics.dynamic_model(catalog.make(name)), [0.5], 10.0)
         assert spatial.indeterminacy == 0
-        assert all(one.undetermined == () for one in spatial.forces.reactions.values())
+        assert all(item.undetermined == () for item in spatial.forces.reactions.values())
 
 
 def test_a_coupler_that_spins_by_itself_carries_what_a_guided_one_does_at_both_ends():
@@ -372,7 +372,7 @@ def test_speed_fluctuation_is_that_of_a_free_run_under_the_constant_torque():
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
+    ("call", "output"),
     [
         (lambda m: dynamics.prescribed(m, [0.0, 1.0], [1.0, 2.0, 3.0]), "crank speed must be"),
         (lambda m: dynamics.prescribed(m, [0.0], np.nan), "crank speed must be"),
@@ -383,9 +383,9 @@ def test_speed_fluctuation_is_that_of_a_free_run_under_the_constant_torque():
         (lambda m: dynamics.free_run(m, duration=np.inf), "duration of a free run is inf"),
     ],
 )
-def test_numbers_that_cannot_be_used_are_rejected(call, said):
+def test_numbers_that_cannot_be_used_are_rejected(call, output):
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=output):
         call(machine)
 
 
@@ -422,7 +422,7 @@ def test_everything_that_acts_is_looked_up_once_for_one_answer(monkeypatch):
     machine = dynamics.dynamic_model(drive, busy(drive))
     dynamics.prescribed(machine, ANGLES, 80.0)
     assert set(counted.values()) == {1}
-    assert sorted(asked) == sorted(one.joint for one in machine.forces.friction)
+    assert sorted(asked) == sorted(item.joint for item in machine.forces.friction)
 
 
 def put_together(study):
@@ -439,10 +439,10 @@ def test_many_instants_solved_in_parts_are_what_they_are_in_one_go(name, monkeyp
     asked = machine, drive.mechanism.start + 3.0 * time**2, 6.0 * time, 6.0
     whole = dynamics.prescribed(*asked, time=time)
     monkeypatch.setattr(prescribed_motion, "BATCH_SIZE", 16)
-    told = []
-    parts = dynamics.prescribed(*asked, time=time, progress=lambda done, part: told.append((done, part)))
-    assert told[0] == ("16 of 41 instants", 16 / 41)
-    assert [part for _, part in told] == [16 / 41, 32 / 41, 1.0]
+    reported = []
+    parts = dynamics.prescribed(*asked, time=time, progress=lambda done, part: reported.append((done, part)))
+    assert reported[0] == ("16 of 41 instants", 16 / 41)
+    assert [part for _, part in reported] == [16 / 41, 32 / 41, 1.0]
     columns = put_together(parts)
     for key, wanted in put_together(whole).items():
         assert columns[key].shape == wanted.shape
@@ -450,5 +450,5 @@ def test_many_instants_solved_in_parts_are_what_they_are_in_one_go(name, monkeyp
         assert np.abs(columns[key] - wanted).max() <= 1e-9 * (1e-3 + np.abs(wanted).max())
     assert parts.indeterminacy == whole.indeterminacy
     np.testing.assert_array_equal(parts.forces.sliding, whole.forces.sliding)
-    for joint, one in whole.forces.reactions.items():
-        np.testing.assert_array_equal(parts.forces.reactions[joint].determined, one.determined)
+    for joint, item in whole.forces.reactions.items():
+        np.testing.assert_array_equal(parts.forces.reactions[joint].determined, item.determined)

@@ -46,24 +46,26 @@ def test_derivatives_of_efforts_are_those_of_the_models_next_to(name, forces, di
     def numbers(values):
         return model_numbers(with_inertia(family.describe(values), diameter=0.004), forces)
 
-    found = effort_derivatives(machine({}), changes(family, [dimension], numbers), 30.0, 50.0)
+    result = effort_derivatives(machine({}), changes(family, [dimension], numbers), 30.0, 50.0)
     value = family.dimensions[dimension].value
     step = 1e-5 * max(abs(value), 0.01)
     near = [
         dict(dynamics.prescribed(machine({dimension: value + k * step}), ANGLES, 30.0, 50.0).columns())
         for k in (-2, -1, 1, 2)
     ]
-    told = found.by[dimension]
+    reported = result.by[dimension]
     reactions = dynamics.prescribed(machine({}), ANGLES, 30.0, 50.0).forces.reactions
-    left_out = {f"{name}.{one}" for name, reaction in reactions.items() for one in reaction.undetermined}
-    compared = [one for one in near[0] if one not in {*left_out, "time", "angle", "speed"}]
+    left_out = {f"{name}.{item}" for name, reaction in reactions.items() for item in reaction.undetermined}
+    compared = [item for item in near[0] if item not in {*left_out, "time", "angle", "speed"}]
     assert "torque" in compared
     assert len(compared) > 10
     for column in compared:
-        a, b, c, d = (one[column] for one in near)
-        beside = [one for one in compared if one.rpartition(".")[2][:1] == column.rpartition(".")[2][:1]]
-        size = max(np.abs(told[one]).max() for one in beside)
-        assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - told[column]).max() <= 2e-7 * max(size, 1e-3)
+        a, b, c, d = (item[column] for item in near)
+        beside = [item for item in compared if item.rpartition(".")[2][:1] == column.rpartition(".")[2][:1]]
+        size = max(np.abs(reported[item]).max() for item in beside)
+        assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - reported[column]).max() <= 2e-7 * max(
+            size, 1e-3
+        )
 
 
 def test_a_springs_place_and_stiffness_have_derivatives_too():
@@ -76,11 +78,11 @@ def test_a_springs_place_and_stiffness_have_derivatives_too():
         return model_numbers(with_inertia(family.describe({}), diameter=0.004), forces(values))
 
     machine = dynamics.dynamic_model(family.make({}), forces({}), diameter=0.004)
-    found = effort_derivatives(machine, changes(family, ["crank"], numbers))
+    result = effort_derivatives(machine, changes(family, ["crank"], numbers))
     near = [
         dynamics.prescribed(machine.with_forces(forces({"crank": 0.032 + step})), ANGLES, 1.0).forces.torque
         for step in (-1e-6, 1e-6)
     ]
-    told = found.by["crank"]["torque"]
-    assert np.abs(told).max() > 0.1
-    assert np.abs((near[1] - near[0]) / 2e-6 - told).max() <= 1e-7 * np.abs(told).max()
+    reported = result.by["crank"]["torque"]
+    assert np.abs(reported).max() > 0.1
+    assert np.abs((near[1] - near[0]) / 2e-6 - reported).max() <= 1e-7 * np.abs(reported).max()

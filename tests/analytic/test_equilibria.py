@@ -26,8 +26,8 @@ def test_a_pendulum_is_stable_below_and_unstable_above():
 
 
 def test_all_four_equilibria_of_a_double_pendulum_are_found():
-    found = ms.dynamics.equilibria(double_pendulum(), WEIGHT, starts=25)
-    assert sorted(equilibrium.stable for equilibrium in found) == [False, False, False, True]
+    result = ms.dynamics.equilibria(double_pendulum(), WEIGHT, starts=25)
+    assert sorted(equilibrium.stable for equilibrium in result) == [False, False, False, True]
 
 
 def test_a_double_pendulum_vibrates_at_its_textbook_frequencies():
@@ -55,10 +55,10 @@ def test_a_damped_oscillator_responds_as_its_transfer_function():
 
 def test_a_four_bar_has_a_stable_and_an_unstable_equilibrium():
     form = ms.catalog.make("four_bar")
-    found = ms.dynamics.equilibria(form, WEIGHT, starts=6)
-    assert [equilibrium.stable for equilibrium in found] == [True, False]
-    assert all(equilibrium.reached for equilibrium in found)
-    for equilibrium in found:
+    result = ms.dynamics.equilibria(form, WEIGHT, starts=6)
+    assert [equilibrium.stable for equilibrium in result] == [True, False]
+    assert all(equilibrium.reached for equilibrium in result)
+    for equilibrium in result:
         torque = ms.dynamics.holding(form, WEIGHT, initial={"crank.q": equilibrium.q["crank"]})
         assert abs(torque["crank"]) <= 1e-12
 
@@ -89,11 +89,11 @@ def test_without_loads_there_is_no_single_equilibrium_to_vibrate_about():
 def test_equilibria_of_other_assemblies_are_found_and_named_as_such():
     crank, rod = 0.05, 0.2
     form = ms.catalog.make("slider_crank", crank=crank, rod=rod, offset=0.0)
-    found = ms.dynamics.equilibria(form, WEIGHT, starts=4, assemblies=12)
-    assert {equilibrium.reached for equilibrium in found} == {True, False}
+    result = ms.dynamics.equilibria(form, WEIGHT, starts=4, assemblies=12)
+    assert {equilibrium.reached for equilibrium in result} == {True, False}
     # crank up or down, the slider on either side: by symmetry the crank is across the guide
     sides = set()
-    for equilibrium in found:
+    for equilibrium in result:
         angle = equilibrium.q["crank"]
         slider = crank * np.cos(angle) + rod * np.cos(angle + equilibrium.q["A"])
         assert abs(np.cos(angle)) < 1e-9

@@ -56,10 +56,10 @@ def test_points_of_one_link_keep_their_distances_over_the_whole_range(name, data
     drive = data.draw(CASES[name].random)
     points, described = drive.positions(angles_of(drive)), drive.mechanism.points
     bound = CASES[name].slack(drive) * CLOSED * longest(drive)
-    for one, (link, local) in described.items():
+    for item, (link, local) in described.items():
         for other, (same, far) in described.items():
             if link == same:
-                gap = np.linalg.norm(points[one] - points[other], axis=1)
+                gap = np.linalg.norm(points[item] - points[other], axis=1)
                 assert np.abs(gap - np.linalg.norm(np.subtract(local, far))).max() <= bound
 
 
@@ -92,7 +92,7 @@ def test_the_mirror_image_moves_as_the_image_of_the_motion(name, data):
 def test_units_scale_the_motion(name, data, scale):
     drive = data.draw(CASES[name].random)
     larger, angles = resized(drive, scale), angles_of(drive, 6, lowest_transmission=1e-3)
-    here, there = (one.solve(angles, 3.0, 2.0, links=False).points for one in (drive, larger))
+    here, there = (item.solve(angles, 3.0, 2.0, links=False).points for item in (drive, larger))
     for point, motion in here.items():
         for part in PARTS:
             expected = scale * getattr(motion, part)

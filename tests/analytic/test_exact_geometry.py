@@ -41,10 +41,10 @@ def test_a_rounded_linkage_locks_and_turns_again_when_corrected(name):
     off = rounded(whole, 1e-6)
     with pytest.raises(MechsimError):
         loops.solve(off, angles)
-    found = corrected(off)
-    assert 0.0 < found.moved < 1e-5 * whole.characteristic_length
-    assert 0.0 < found.rotated < 1e-5
-    exact, motion = loops.solve(whole, angles), loops.solve(found.mechanism, angles)
+    result = corrected(off)
+    assert 0.0 < result.moved < 1e-5 * whole.characteristic_length
+    assert 0.0 < result.rotated < 1e-5
+    exact, motion = loops.solve(whole, angles), loops.solve(result.mechanism, angles)
     for link in exact.links:
         np.testing.assert_allclose(
             motion.links[link].position, exact.links[link].position, atol=3e-5 * whole.characteristic_length
@@ -68,8 +68,8 @@ def test_the_least_change_is_no_larger_than_the_error():
     joints = list(whole.joints)
     tilted = replace(joints[-1].b, axis=(3e-6, 0.0, 1.0), reference=None)
     joints[-1] = replace(joints[-1], b=tilted)
-    found = corrected(replace(whole, joints=tuple(joints)))
-    assert 0.3e-6 < found.rotated < 3e-6
+    result = corrected(replace(whole, joints=tuple(joints)))
+    assert 0.3e-6 < result.rotated < 3e-6
 
 
 def test_the_size_is_measured_a_few_times_a_derivative(monkeypatch):

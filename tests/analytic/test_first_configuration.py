@@ -87,7 +87,7 @@ def test_what_starts_somewhere_keeps_its_assembly_at_any_angle():
     kept = drive.starting_at(np.deg2rad([1.0, 359.0]))
     assert np.abs(kept.positions(later)["B"] - drive.positions(later)["B"]).max() > 0.01
     assert deviation(kept, [200.0, 300.0]) <= 1e-15
-    assert {one.branch for one in kept.assemblies(4.0)} == {1, -1}
+    assert {item.branch for item in kept.assemblies(4.0)} == {1, -1}
     places = [points["B"] for _, points in kept.assembly_points(4.0)]
     assert np.abs(places[0] - places[1]).max() > 0.01
 
@@ -105,5 +105,5 @@ def test_the_torque_is_that_of_the_assembly_at_the_first_configuration():
     # of a parallelogram crank, rocker and coupler rise alike: torque is the weight times one cosine
     assert np.abs(own / np.cos(angles) - own[0] / np.cos(angles[0])).max() <= 1e-9 * np.abs(own).max()
     other = dynamics.dynamic_model(replace(drive, branch=1), machine.forces)
-    found = dynamics.prescribed(other, angles, 1e-6).forces.torque
-    assert np.abs(found / np.cos(angles) - own[0] / np.cos(angles[0])).max() > 0.1 * np.abs(own).max()
+    result = dynamics.prescribed(other, angles, 1e-6).forces.torque
+    assert np.abs(result / np.cos(angles) - own[0] / np.cos(angles[0])).max() > 0.1 * np.abs(own).max()

@@ -133,7 +133,7 @@ def test_a_spring_against_dry_friction_loses_twice_its_band_with_each_swing():
 
 
 @pytest.mark.parametrize(
-    ("forces", "said"),
+    ("forces", "output"),
     [
         (
             Forces(motor=motors.ConstantTorque(1e-3), friction=(Friction("crank", 0.0, 0.1),)),
@@ -144,10 +144,10 @@ def test_a_spring_against_dry_friction_loses_twice_its_band_with_each_swing():
         (Forces(motor=motors.ConstantTorque(-1.0)), "3 turns the other way round"),
     ],
 )
-def test_a_motor_that_cannot_start_its_model_is_reported_so(forces, said):
+def test_a_motor_that_cannot_start_its_model_is_reported_so(forces, output):
     run = dynamics.free_run(dynamics.dynamic_model(catalog.make("four_bar"), forces), turns=3.0)
     assert run.outcome == "cannot start"
-    assert said in run.reason
+    assert output in run.reason
 
 
 def test_runs_that_do_not_make_their_turns_state_how_they_end():
@@ -228,7 +228,8 @@ def root_of_inertia(machine, lengths, short, beside):
     other = away / reach * (beyond + 1j * height) / rocker
     sine, arm = reach * height / (coupler * rocker), crank * np.exp(1j * beside)
     rate, last = (
-        (one.conjugate() * arm).imag / (length * sine) for one, length in ((other, coupler), (turned, rocker))
+        (item.conjugate() * arm).imag / (length * sine)
+        for item, length in ((other, coupler), (turned, rocker))
     )
     links = [link.inertia for link in machine.mechanism.links]
     speeds = (
@@ -237,7 +238,7 @@ def root_of_inertia(machine, lengths, short, beside):
         links[2].centre[0] * last,
     )
     each = zip(links, speeds, (1.0, rate, last), strict=True)
-    return np.sqrt(sum(one.mass * np.abs(v) ** 2 + one.moments[2][2] * w**2 for one, v, w in each))
+    return np.sqrt(sum(item.mass * np.abs(v) ** 2 + item.moments[2][2] * w**2 for item, v, w in each))
 
 
 def test_a_crank_passes_a_dead_centre_that_lies_a_hair_next_to_its_path():
@@ -284,9 +285,9 @@ def test_a_load_on_a_point_does_the_work_it_should():
 def test_a_run_backwards_is_the_mirror_of_the_run_in_the_mirrored_world():
     machine = pendulum(gravity=DOWN, motor=motors.ConstantTorque(12.0))
     mirrored = machine.with_forces(replace(machine.forces, motor=motors.ConstantTorque(-12.0)))
-    one = dynamics.free_run(machine, angle=-np.pi / 2 + 0.4, times=np.linspace(0.0, 2.0, 9))
+    item = dynamics.free_run(machine, angle=-np.pi / 2 + 0.4, times=np.linspace(0.0, 2.0, 9))
     other = dynamics.free_run(mirrored, angle=-np.pi / 2 - 0.4, times=np.linspace(0.0, 2.0, 9))
-    assert one.angle + np.pi / 2 == pytest.approx(-(other.angle + np.pi / 2), rel=1e-9)
+    assert item.angle + np.pi / 2 == pytest.approx(-(other.angle + np.pi / 2), rel=1e-9)
 
 
 @pytest.mark.parametrize("force", [(-5.0, 0.0, 0.0), (0.0, 0.0, 3.0), (-5.0, 2.0, 1.0)])
@@ -298,8 +299,8 @@ def test_a_mechanism_of_ones_own_runs_freely_under_a_load_on_its_slider(force):
     friction = (Friction("crank", 1e-4, 1e-3), Friction("B", 1e-3))
     forces = Forces(loads=loads, couples=(couple,), friction=friction, gravity=(0.0, 0.0, -9.81))
     own, known = (
-        dynamics.free_run(dynamics.dynamic_model(one, forces), speed=60.0, duration=0.05)
-        for one in (drive.mechanism, drive)
+        dynamics.free_run(dynamics.dynamic_model(item, forces), speed=60.0, duration=0.05)
+        for item in (drive.mechanism, drive)
     )
     assert own.outcome == "done"
     np.testing.assert_allclose(own.angle, known.angle, rtol=0, atol=1e-9)

@@ -14,16 +14,16 @@ def test_joints_read_from_links_move_as_the_loop_equations_state(name):
     form = ms.load(name)
     start = form.mechanism.start
     exact = form.solve(np.linspace(start, start + 2.0, 41), 3.0, -2.0)
-    found = with_all_joints(form.mechanism, replace(exact, joints={})).joints
-    assert found.keys() == exact.joints.keys()
+    result = with_all_joints(form.mechanism, replace(exact, joints={})).joints
+    assert result.keys() == exact.joints.keys()
     for joint, wanted in exact.joints.items():
-        turns = np.round((found[joint].value - wanted.value)[0] / (2.0 * np.pi)) * 2.0 * np.pi
+        turns = np.round((result[joint].value - wanted.value)[0] / (2.0 * np.pi)) * 2.0 * np.pi
         shift = turns if wanted.unit == "rad" else 0.0
-        np.testing.assert_allclose(found[joint].value - shift, wanted.value, atol=1e-12)
+        np.testing.assert_allclose(result[joint].value - shift, wanted.value, atol=1e-12)
         scale = max(1.0, np.abs(wanted.rate).max()), max(1.0, np.abs(wanted.acceleration).max())
-        np.testing.assert_allclose(found[joint].rate, wanted.rate, atol=1e-12 * scale[0])
-        np.testing.assert_allclose(found[joint].acceleration, wanted.acceleration, atol=1e-11 * scale[1])
-        assert (found[joint].unit, found[joint].index) == (wanted.unit, wanted.index)
+        np.testing.assert_allclose(result[joint].rate, wanted.rate, atol=1e-12 * scale[0])
+        np.testing.assert_allclose(result[joint].acceleration, wanted.acceleration, atol=1e-11 * scale[1])
+        assert (result[joint].unit, result[joint].index) == (wanted.unit, wanted.index)
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
@@ -34,23 +34,23 @@ def test_turns_between_rows_are_counted_by_the_speed(sense):
     exact = form.solve(angles, sense * 2.0 * np.pi * (1.0 + 0.06 * time), sense * 0.12 * np.pi)
     # seven tenths of a turn apart at first, and farther as the speed grows
     sparse = select_instants(replace(exact, joints={}, time=time), slice(None, None, 35))
-    told = with_all_joints(form.mechanism, sparse).joints
-    assert np.ptp(told["crank"].value) > 8.0 * np.pi
-    for name, one in told.items():
+    reported = with_all_joints(form.mechanism, sparse).joints
+    assert np.ptp(reported["crank"].value) > 8.0 * np.pi
+    for name, item in reported.items():
         dense = exact.joints[name].value
-        wanted = (np.unwrap(dense) if one.unit == "rad" else dense)[::35]
+        wanted = (np.unwrap(dense) if item.unit == "rad" else dense)[::35]
         # measured 3e-14
-        np.testing.assert_allclose(one.value, wanted, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(item.value, wanted, rtol=0, atol=1e-13)
 
 
 def test_what_a_motion_reports_stays_and_joints_of_links_that_it_does_not_report_are_left_out():
     form = ms.load("slider_crank")
     exact = form.solve([0.3, 0.4])
     own = replace(exact.joints["crank"], value=np.array([7.0, 8.0]))
-    links = {name: one for name, one in exact.links.items() if name != "rod"}
+    links = {name: item for name, item in exact.links.items() if name != "rod"}
     some = replace(exact, links=links, joints={"crank": own, "beside": own})
-    found = with_all_joints(form.mechanism, some).joints
+    result = with_all_joints(form.mechanism, some).joints
     of_rod = {j.name for j in form.mechanism.joints if "rod" in (j.a.link, j.b.link)}
     assert of_rod
-    assert found.keys() == {*exact.joints, "beside"} - of_rod
-    assert found["crank"] is found["beside"] is own
+    assert result.keys() == {*exact.joints, "beside"} - of_rod
+    assert result["crank"] is result["beside"] is own

@@ -55,14 +55,14 @@ def test_the_matrix_is_the_derivative_of_what_stands_open_rows_and_gauge(far):
     loops, start = rssr()
     solver = loop_solver(loops, start)
     here, _ = off(loops, start, far)
-    found = solver.linearise(here).matrix[0]
+    result = solver.linearise(here).matrix[0]
     for column, place in enumerate(loops.unknown):
         total = 0.0
         for weight, times in zip(WEIGHTS, (-2, -1, 0, 1, 2), strict=True):
             step = np.zeros((loops.tree.count, 1))
             step[place] = times * STEP
             total = total + weight * solver.linearise(loops.displaced(here, step)).rhs[0]
-        assert total / STEP == pytest.approx(found[:, column], abs=1e-10)
+        assert total / STEP == pytest.approx(result[:, column], abs=1e-10)
 
 
 def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
@@ -86,9 +86,9 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
     assert moved.values[loops.unknown, 0] - at.values[loops.unknown, 0] == pytest.approx(
         0.25 * mechanism.characteristic_length
     )
-    found = solver.linearise(moved)
-    assert found.rhs[0] == pytest.approx([0.25])
-    assert solver.share(found).tolist() == [1.0]
+    result = solver.linearise(moved)
+    assert result.rhs[0] == pytest.approx([0.25])
+    assert solver.share(result).tolist() == [1.0]
 
 
 def test_an_open_dof_is_kept_where_it_stood_when_the_solver_was_made():
@@ -104,16 +104,16 @@ def test_an_open_dof_is_kept_where_it_stood_when_the_solver_was_made():
 @pytest.mark.parametrize("part", [0.0, 0.19, 0.39, 0.41, 0.49, 0.51, 1.0])
 def test_rows_serve_that_report_two_fifths_of_the_best_and_are_kept_that_report_half_in_all(part):
     # all rows have singular values of eight, four and two; of the first three the last is only so much of it
-    slope = np.eye(4, 3)[..., None] * np.array([[8.0], [4.0], [2.0]])
-    slope[2:, 2, 0] = 2.0 * part, 2.0 * np.sqrt(1.0 - part**2)
-    nothing = np.concatenate([slope, 0.0 * slope], -1)
+    gradient = np.eye(4, 3)[..., None] * np.array([[8.0], [4.0], [2.0]])
+    gradient[2:, 2, 0] = 2.0 * part, 2.0 * np.sqrt(1.0 - part**2)
+    nothing = np.concatenate([gradient, 0.0 * gradient], -1)
     matrix = nothing[:3].transpose(2, 0, 1)
-    found = Linearised(slope, nothing, None, matrix, slope, np.arange(3), np.array([3]))
+    result = Linearised(gradient, nothing, None, matrix, gradient, np.arange(3), np.array([3]))
     solver = LoopSolver(SimpleNamespace(rows=4), np.arange(3), np.zeros((0, 3)), None)
-    told = [bool(one[0]) for one in solver.adequate(found)]
-    assert told == [part > 0.4, part > 0.5]
+    reported = [bool(item[0]) for item in solver.adequate(result)]
+    assert reported == [part > 0.4, part > 0.5]
     # where no row tells anything none tells less than it should
-    assert solver.share(found) == pytest.approx([part, 1.0], abs=1e-15)
+    assert solver.share(result) == pytest.approx([part, 1.0], abs=1e-15)
 
 
 def test_rows_that_repeat_each_other_do_not_serve_and_those_chosen_do():
@@ -142,10 +142,10 @@ def test_poses_whose_last_step_is_not_looked_at_are_closed_all_the_same_and_by_f
     path, enough = PathStates(loops, lambda _: start.values[list(loops.driven)]), 1e-12
     guess, _ = off(loops, start, 5e-5)
     nodes = path.closed(loop_solver(loops, start), np.zeros(1), path.loops.flat(guess), enough)
-    at, found = path.unflat(nodes.states, np.zeros(1)), nodes.linearised
-    assert not np.array_equal(found.poses.rotation, loops.linearise(at)[2].rotation)
+    at, result = path.unflat(nodes.states, np.zeros(1)), nodes.linearised
+    assert not np.array_equal(result.poses.rotation, loops.linearise(at)[2].rotation)
     assert np.abs(loops.linearise(at)[0]).max() < enough
-    assert np.abs(found.residual).max() < enough
+    assert np.abs(result.residual).max() < enough
 
 
 def test_rows_that_do_not_close_are_seen_by_the_last_step_too():
@@ -155,33 +155,33 @@ def test_rows_that_do_not_close_are_seen_by_the_last_step_too():
     look = loops.linearise
 
     def torn(at):
-        residual, slope, here = look(at)
+        residual, gradient, here = look(at)
         residual[idle] += 1e-9
-        return residual, slope, here
+        return residual, gradient, here
 
     vars(loops)["linearise"] = torn
     guess, _ = off(loops, start, 5e-5)
     path = PathStates(loops, lambda _: start.values[list(loops.driven)])
     assert path.closed(solver, np.zeros(1), path.loops.flat(guess), 1e-12) is None
-    found = path.closed(solver, np.zeros(1), path.loops.flat(guess), 2e-9).linearised
-    assert np.abs(found.residual).max() == pytest.approx(1e-9, rel=1e-3)
+    result = path.closed(solver, np.zeros(1), path.loops.flat(guess), 2e-9).linearised
+    assert np.abs(result.residual).max() == pytest.approx(1e-9, rel=1e-3)
 
 
 def test_what_all_rows_report_is_what_the_solved_ones_do_only_where_the_others_report_nothing():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
-    found = solver.linearise(start)
-    slope = found.jacobian[:, loops.unknown].transpose(2, 0, 1)
-    wanted = np.linalg.svd(slope, compute_uv=False)
-    assert found.all_singular_values == pytest.approx(wanted, abs=1e-14)
-    assert found.all_singular_values is found.singular_values
-    tilted = slope.transpose(1, 2, 0).copy()
-    tilted[found.others[0]] = 0.5
-    told = replace(found, jacobian=np.insert(tilted, loops.driven, 0.0, axis=1))
-    assert told.all_singular_values == pytest.approx(
+    result = solver.linearise(start)
+    gradient = result.jacobian[:, loops.unknown].transpose(2, 0, 1)
+    wanted = np.linalg.svd(gradient, compute_uv=False)
+    assert result.all_singular_values == pytest.approx(wanted, abs=1e-14)
+    assert result.all_singular_values is result.singular_values
+    tilted = gradient.transpose(1, 2, 0).copy()
+    tilted[result.others[0]] = 0.5
+    reported = replace(result, jacobian=np.insert(tilted, loops.driven, 0.0, axis=1))
+    assert reported.all_singular_values == pytest.approx(
         np.linalg.svd(tilted.transpose(2, 0, 1), compute_uv=False), abs=1e-14
     )
-    assert told.all_singular_values[0, -1] > 1.01 * wanted[0, -1]
+    assert reported.all_singular_values[0, -1] > 1.01 * wanted[0, -1]
 
 
 def test_a_gauge_along_what_the_rows_hold_does_not_serve_though_all_rows_are_solved():
@@ -209,8 +209,8 @@ def test_a_step_whose_bend_would_leave_more_open_than_is_enough_is_looked_at():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     guess, _ = off(loops, start, 5e-5)
-    found = solver.linearise(guess)
-    step = np.abs(solver.step(found.matrix, found.rhs))
+    result = solver.linearise(guess)
+    step = np.abs(solver.step(result.matrix, result.rhs))
     # turns add up along a chain: the bend goes with the square of their sum, not of the largest
     enough = (0.5 * (step.max() + step.sum())) ** 2
     verified, unverified = (

@@ -26,7 +26,7 @@ def designs(name, spread, count=40):
         field, _, axis = parameter.partition(".")
         value = getattr(form, field)
         own[parameter] = value["xyz".index(axis)] if axis else value
-    varied = {one: value * (1.0 + spread * rng.uniform(-1.0, 1.0, count)) for one, value in own.items()}
+    varied = {item: value * (1.0 + spread * rng.uniform(-1.0, 1.0, count)) for item, value in own.items()}
     if "branch" in varied:
         varied["branch"] = rng.choice([-1.0, 1.0], count)
     return form, varied
@@ -49,7 +49,7 @@ def one_of(form, varied, index):
 def test_each_design_moves_as_its_own_closed_form_has_it(name):
     form, varied = designs(name, 0.3)
     full = md.crank_ranges(form, varied).full
-    varied = {one: values[full] for one, values in varied.items()}
+    varied = {item: values[full] for item, values in varied.items()}
     together = md.solved(form, varied, ANGLES, 2.0, rates=True, joints=True)
     assert full.sum() > 5
     for i in range(full.sum()):
@@ -59,32 +59,32 @@ def test_each_design_moves_as_its_own_closed_form_has_it(name):
             ("points", ("position", "velocity", "acceleration")),
             ("joints", ("value", "rate", "acceleration")),
         ):
-            for one, exact in getattr(alone, kind).items():
+            for item, exact in getattr(alone, kind).items():
                 for part in parts:
-                    found = getattr(getattr(together, kind)[one], part)[rows]
+                    result = getattr(getattr(together, kind)[item], part)[rows]
                     wanted = getattr(exact, part)
-                    np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-11 * np.abs(wanted).max())
+                    np.testing.assert_allclose(result, wanted, rtol=1e-10, atol=1e-11 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("name", VARIED)
 def test_full_turns_and_ranges_are_those_of_the_exact_roots(name):
     form, varied = designs(name, 0.8, 60)
-    found = md.crank_ranges(form, varied)
-    widths, ends = md.ranges(found)
-    assert 0 < found.full.sum() < 60
+    result = md.crank_ranges(form, varied)
+    widths, ends = md.ranges(result)
+    assert 0 < result.full.sum() < 60
     for i in range(60):
         alone = one_of(form, varied, i)
         arcs = alone.crank_range()
-        assert arcs.full == found.full[i]
+        assert arcs.full == result.full[i]
         assert widths[i] == pytest.approx(sum(high - low for low, high in arcs.arcs), abs=1e-8)
         assert ends[i] == len(alone.dead_centres())
 
 
 def test_a_linkage_that_can_be_laid_flat_is_in_doubt_and_no_other_is():
     form = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
-    found = md.crank_ranges(form, {"crank": np.array([0.04, 0.039])})
-    assert found.uncertain.tolist() == [True, False]
-    assert not found.full[0]
+    result = md.crank_ranges(form, {"crank": np.array([0.04, 0.039])})
+    assert result.uncertain.tolist() == [True, False]
+    assert not result.full[0]
 
 
 def test_what_the_declarations_reject_is_rejected_for_each_design():

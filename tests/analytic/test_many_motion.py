@@ -26,7 +26,7 @@ def form(name, parameter, value):
 
 
 def designs(name, parameter, values):
-    return [form(name, parameter, float(one)).mechanism for one in values]
+    return [form(name, parameter, float(item)).mechanism for item in values]
 
 
 def moved(name, parameter, values, joints):
@@ -45,22 +45,22 @@ def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0):
 def test_each_design_moves_as_it_does_by_itself(name):
     parameter, middle, joints = JOINTS[name]
     values = middle * np.linspace(0.9, 1.1, 7)
-    motion, told = moved(name, parameter, values, joints)
-    assert told.sum() >= 6
-    for i in np.flatnonzero(told):
+    motion, reported = moved(name, parameter, values, joints)
+    assert reported.sum() >= 6
+    for i in np.flatnonzero(reported):
         alone = form(name, parameter, float(values[i])).solve(ANGLES, 3.0)
         rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
         for point, exact in alone.points.items():
             for part in ("position", "velocity", "acceleration"):
-                wanted, found = getattr(exact, part), getattr(motion.points[point], part)[rows]
-                np.testing.assert_allclose(found, wanted, atol=1e-11 * np.abs(wanted).max())
+                wanted, result = getattr(exact, part), getattr(motion.points[point], part)[rows]
+                np.testing.assert_allclose(result, wanted, atol=1e-11 * np.abs(wanted).max())
         for joint in joints:
-            exact, found = alone.joints[joint], motion.joints[joint]
-            np.testing.assert_allclose(np.unwrap(found.value[rows]), np.unwrap(exact.value), atol=1e-11)
+            exact, result = alone.joints[joint], motion.joints[joint]
+            np.testing.assert_allclose(np.unwrap(result.value[rows]), np.unwrap(exact.value), atol=1e-11)
             for part in ("rate", "acceleration"):
                 wanted = getattr(exact, part)
                 np.testing.assert_allclose(
-                    getattr(found, part)[rows], wanted, atol=1e-11 * np.abs(wanted).max()
+                    getattr(result, part)[rows], wanted, atol=1e-11 * np.abs(wanted).max()
                 )
 
 
@@ -68,15 +68,15 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
     angles = np.random.default_rng(22).uniform(-7.0, 7.0, 40)
     drives = [ms.catalog.make("rssr", crank=length) for length in (0.0186, 0.02, 0.0212)]
     mechanisms = [drive.mechanism for drive in drives]
-    motion, told = together(mechanisms[1], mechanisms, angles=angles, speed=3.0)
-    assert told.all()
+    motion, reported = together(mechanisms[1], mechanisms, angles=angles, speed=3.0)
+    assert reported.all()
     for i, drive in enumerate(drives):
         rows = slice(i * len(angles), (i + 1) * len(angles))
         for point, exact in drive.solve(angles, 3.0).points.items():
             for part in ("position", "velocity", "acceleration"):
-                wanted, found = getattr(exact, part), getattr(motion.points[point], part)[rows]
+                wanted, result = getattr(exact, part), getattr(motion.points[point], part)[rows]
                 # measured 1.3e-15
-                np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
+                np.testing.assert_allclose(result, wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("rows_are_enough", [True, False])
@@ -89,8 +89,8 @@ def test_designs_whose_rows_never_report_enough_take_others_for_every_segment(ro
     )
     if not rows_are_enough:
         monkeypatch.setattr(loop_solver, "MIN_VALUE_RATIO", 2.0)
-    motion, told = together(mechanisms[0], mechanisms)
-    assert told.all()
+    motion, reported = together(mechanisms[0], mechanisms)
+    assert reported.all()
     assert (len(selections) > 6) == (not rows_are_enough)
     for i, points in enumerate(exact):
         rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
@@ -99,12 +99,12 @@ def test_designs_whose_rows_never_report_enough_take_others_for_every_segment(ro
 
 
 def test_designs_that_cannot_turn_or_are_not_alike_are_left_to_themselves():
-    _, told = moved("watt_six_bar", "crank", [0.025, 0.3, 0.024, 0.026, 0.0251], ("output",))
-    assert told.tolist() == [True, False, True, True, True]
+    _, reported = moved("watt_six_bar", "crank", [0.025, 0.3, 0.024, 0.026, 0.0251], ("output",))
+    assert reported.tolist() == [True, False, True, True, True]
     others = designs("watt_six_bar", "crank", [0.025, 0.0251, 0.0252])
     others.append(ms.load("stephenson_six_bar").mechanism)
-    _, told = together(others[0], others, ("output",))
-    assert told.tolist() == [True, True, True, False]
+    _, reported = together(others[0], others, ("output",))
+    assert reported.tolist() == [True, True, True, False]
 
 
 def test_a_design_too_near_a_singular_pose_costs_no_other_design(monkeypatch):
@@ -116,12 +116,12 @@ def test_a_design_too_near_a_singular_pose_costs_no_other_design(monkeypatch):
             raise AssemblyError("too near")
         return close(path, instants)
 
-    whole, told = together(mechanisms[0], mechanisms, ("output",))
-    assert told.all()
+    whole, reported = together(mechanisms[0], mechanisms, ("output",))
+    assert reported.all()
     monkeypatch.setattr(design_motion, "closed_chunks", refusing)
-    motion, told = together(mechanisms[0], mechanisms, ("output",))
-    assert told.tolist() == [True, True, True, False, True]
-    rows = np.repeat(told, len(ANGLES))
+    motion, reported = together(mechanisms[0], mechanisms, ("output",))
+    assert reported.tolist() == [True, True, True, False, True]
+    rows = np.repeat(reported, len(ANGLES))
     for name, point in motion.points.items():
         # closed in other chunks, they differ by rounding
         np.testing.assert_allclose(point.velocity[rows], whole.points[name].velocity[rows], atol=1e-15)
@@ -130,8 +130,8 @@ def test_a_design_too_near_a_singular_pose_costs_no_other_design(monkeypatch):
 
 def test_another_assembly_is_not_taken_for_the_one_that_is_intended():
     both = [ms.catalog.make("four_bar", branch=branch).mechanism for branch in (1, -1)] * 3
-    motion, told = together(both[0], both, ("rocker",))
-    assert told.all()
+    motion, reported = together(both[0], both, ("rocker",))
+    assert reported.all()
     for i, branch in enumerate((1, -1)):
         exact = ms.catalog.make("four_bar", branch=branch).solve(ANGLES).points["B"].position
         rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
@@ -141,22 +141,22 @@ def test_another_assembly_is_not_taken_for_the_one_that_is_intended():
 def flat_and_others():
     """Return a kite that can be laid flat and others next to it, put together at the same crank angle."""
     lengths = {"ground": 0.1, "coupler": 0.1, "rocker": 0.04}
-    found = []
+    result = []
     for crank in (0.04, 0.038, 0.037, 0.036):
         mechanism = ms.catalog.make("four_bar", crank=crank, **lengths).mechanism
         there = ms.loops.solve(mechanism, [2.0]).links
-        found.append(
+        result.append(
             mechanism.with_guess(
                 {name: Pose(link.position[0], link.rotation[0]) for name, link in there.items()}, 2.0
             )
         )
-    return found
+    return result
 
 
 def test_a_design_whose_assemblies_meet_is_not_followed_through_with_others():
     mechanisms = flat_and_others()
-    _, told = together(mechanisms[-1], mechanisms)
-    assert told.tolist() == [False, True, True, True]
+    _, reported = together(mechanisms[-1], mechanisms)
+    assert reported.tolist() == [False, True, True, True]
 
 
 def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
@@ -165,8 +165,8 @@ def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
     monkeypatch.setattr(
         design_motion.np.linalg, "slogdet", lambda matrix: (np.ones(len(matrix)), whole(matrix)[1])
     )
-    _, told = together(mechanisms[-1], mechanisms)
-    assert told[0]
+    _, reported = together(mechanisms[-1], mechanisms)
+    assert reported[0]
 
 
 def test_what_has_no_lone_crank_needs_motion_laws():

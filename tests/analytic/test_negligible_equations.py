@@ -97,8 +97,8 @@ def truth(values):
 @pytest.mark.parametrize("method", ["closed", "pose", "step"])
 def test_a_ball_where_all_axes_meet_takes_no_dof_on_any_method(method, tmp_path):
     linkage = spherical(tmp_path, AXES)
-    found = driver_determinacy(linkage.mechanism)
-    assert (found.dofs, found.outcome, found.redundant_equations) == (3, "determined", 3)
+    result = driver_determinacy(linkage.mechanism)
+    assert (result.dofs, result.outcome, result.redundant_equations) == (3, "determined", 3)
     if method == "closed":
         moves = linkage.motion_laws
         motion = linkage.solve(t=np.linspace(0.0, moves.duration, 9))
@@ -164,9 +164,9 @@ def test_hinges_and_a_ball_where_all_axes_meet_may_push_against_each_other(tmp_p
 
 @pytest.mark.parametrize("exactly", [True, False])
 def test_a_file_with_a_shaft_in_two_bearings_has_three_rows_that_state_nothing(exactly, shaft, tmp_path):
-    (found,) = findings(read_model(written(shaft, tmp_path, exactly=exactly)))
-    assert (found.kind, found.by) == ("redundant", 3)
-    assert "3 constraint equations of the loops have rank 0" in found.message
+    (result,) = findings(read_model(written(shaft, tmp_path, exactly=exactly)))
+    assert (result.kind, result.by) == ("redundant", 3)
+    assert "3 constraint equations of the loops have rank 0" in result.message
 
 
 def test_a_spherical_linkage_of_six_digits_moves_as_it_means_to(tmp_path):

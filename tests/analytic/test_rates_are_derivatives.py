@@ -150,8 +150,8 @@ def plate() -> Mechanism:
 WHOLE = [*mechanisms.everything(), rocking_slide()]
 # what is coupled would turn or slide the other way, were its sides swapped
 KINDS = [*WHOLE, bevel_wheels(), racks(), plate()]
-EVERY = [*KINDS, *(mechanisms.swapped(one) for one in WHOLE)]
-NAMES = [one.name for one in KINDS] + [f"{one.name}, sides swapped" for one in WHOLE]
+EVERY = [*KINDS, *(mechanisms.swapped(item) for item in WHOLE)]
+NAMES = [item.name for item in KINDS] + [f"{item.name}, sides swapped" for item in WHOLE]
 cases = pytest.mark.parametrize("mechanism", EVERY, ids=NAMES)
 
 
@@ -163,7 +163,7 @@ def motions(name: str):
     angle = mechanism.start + 0.2 + SPEED * time + 0.5 * ACCELERATION * time**2
     speed, acceleration = SPEED + ACCELERATION * time, np.full(9, ACCELERATION)
     whole = loops.solve(mechanism, angle, speed, acceleration)
-    poses = {link: Pose(one.position, one.rotation) for link, one in whole.links.items()}
+    poses = {link: Pose(item.position, item.rotation) for link, item in whole.links.items()}
     return loops.rates(mechanism, poses, angle, speed, acceleration), whole
 
 
@@ -179,8 +179,8 @@ def vector_of(rotation):
     return odd * (np.arcsin(sine) / np.where(sine > 0.0, sine, 1.0))[:, None]
 
 
-def near(found, expected, tolerance):
-    assert np.abs(found - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
+def near(result, expected, tolerance):
+    assert np.abs(result - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
 
 
 @cases
@@ -196,9 +196,9 @@ def test_rates_of_joints_are_the_derivatives_of_their_coordinates(mechanism, req
 @cases
 def test_rates_of_points_and_links_are_the_derivatives_of_their_places(mechanism, request):
     for motion in motions(request.node.callspec.id):
-        for one in (*motion.points.values(), *motion.links.values()):
-            near(one.velocity[MIDDLE], derivatives(one.position, FIRST, 1), 1e-10)
-            near(one.acceleration[MIDDLE], derivatives(one.velocity, FIRST, 1), 1e-9)
+        for item in (*motion.points.values(), *motion.links.values()):
+            near(item.velocity[MIDDLE], derivatives(item.position, FIRST, 1), 1e-10)
+            near(item.acceleration[MIDDLE], derivatives(item.velocity, FIRST, 1), 1e-9)
         for link in motion.links.values():
             near(link.angular_velocity[MIDDLE], derivatives(vector_of(link.rotation), FIRST, 1), 1e-10)
             near(link.angular_acceleration[MIDDLE], derivatives(link.angular_velocity, FIRST, 1), 1e-9)
@@ -224,7 +224,7 @@ def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
 @cases
 def test_the_loops_are_closed(mechanism, request):
     motion = motions(request.node.callspec.id)[1]
-    poses = {link: Pose(one.position, one.rotation) for link, one in motion.links.items()}
+    poses = {link: Pose(item.position, item.rotation) for link, item in motion.links.items()}
     open_by, turned_by = loops.residual_norms(mechanism, poses, motion.angle)
     assert open_by.max() <= 1e-14
     assert turned_by.max() <= 1e-13

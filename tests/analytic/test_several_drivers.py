@@ -32,8 +32,8 @@ def require_rates(form: LoopForm):
         assert weights @ link.velocity == pytest.approx(link.acceleration[4], abs=1e-8 * size)
         spin = np.einsum("i,ijk->jk", weights, link.rotation) @ link.rotation[4].T
         size = np.abs(link.angular_velocity).max() + 1e-3
-        seen = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
-        assert seen == pytest.approx(link.angular_velocity[4], abs=1e-9 * size)
+        observed = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+        assert observed == pytest.approx(link.angular_velocity[4], abs=1e-9 * size)
         size = np.abs(link.angular_acceleration).max() + 1e-3
         bent = weights @ link.angular_velocity
         assert bent == pytest.approx(link.angular_acceleration[4], abs=1e-8 * size)
@@ -85,7 +85,7 @@ def shaken(time):
 
 
 @pytest.mark.parametrize(
-    ("states", "said"),
+    ("states", "output"),
     [
         ({"left": steady(0.0, 1.0)}, "right has no motion law"),
         ({"left": steady(0.0, 0.0), "right": steady(0.0, 0.0)}, "all drivers stand still"),
@@ -105,8 +105,8 @@ def shaken(time):
         ({"left": steady(0.0, 1.0), "right": steady(0.0, 0.0), "A": steady(0.0, 0.0)}, "'A'.*not driven"),
     ],
 )
-def test_motion_laws_that_do_not_fit_are_rejected(states, said):
-    with pytest.raises(InputError, match=said):
+def test_motion_laws_that_do_not_fit_are_rejected(states, output):
+    with pytest.raises(InputError, match=output):
         make_motion_laws(five_bar(), states, 1.0)
 
 
@@ -168,8 +168,8 @@ def test_a_planar_joint_leaves_two_ways_and_a_turn(backwards):
     mechanism = table(backwards=backwards)
     form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, {"tool": waving(0.0, 1.0, 3.0)}, 2.0))
     motion = require_rates(form)
-    way = motion.joints["plane.x"].value
-    assert way == pytest.approx(
+    direction = motion.joints["plane.x"].value
+    assert direction == pytest.approx(
         np.polynomial.Polynomial([0.01, 0.03, 0.002])(motion.joints["tool"].value), abs=1e-14
     )
     assert [name for name, _ in motion.columns()][-6:-3] != []

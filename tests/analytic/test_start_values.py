@@ -49,27 +49,27 @@ def test_legs_without_a_guess_are_put_towards_the_plate_that_has_one():
     whole = load("stewart_gough").mechanism
     plate = whole.guess["plate"]
     alone = replace(whole, guess={"plate": Pose(plate.position + 0.005, plate.rotation)})
-    found = start_poses(alone)[0]["plate"]
-    assert found.position == pytest.approx(plate.position, abs=1e-12)
-    assert found.rotation == pytest.approx(plate.rotation, abs=1e-12)
+    result = start_poses(alone)[0]["plate"]
+    assert result.position == pytest.approx(plate.position, abs=1e-12)
+    assert result.rotation == pytest.approx(plate.rotation, abs=1e-12)
 
 
 def test_both_methods_begin_where_the_mechanism_is_put_together():
     mechanism = with_closed_guess(spherical_four_bar())
-    poses = {name: Pose(one.position[None], one.rotation[None]) for name, one in mechanism.guess.items()}
+    poses = {name: Pose(item.position[None], item.rotation[None]) for name, item in mechanism.guess.items()}
     assert max(opened.max() for opened in loops.residual_norms(mechanism, poses, 0.0)) < 1e-14
     assert with_closed_guess(mechanism) is mechanism
-    found = simulate(mechanism, speed=1.0, turns=0.2, method="pose").motion
-    exact = loops.solve(spherical_four_bar(), found.angle)
-    assert max(gap.max() for gap in found.position_errors(exact).values()) < 1e-13
+    result = simulate(mechanism, speed=1.0, turns=0.2, method="pose").motion
+    exact = loops.solve(spherical_four_bar(), result.angle)
+    assert max(gap.max() for gap in result.position_errors(exact).values()) < 1e-13
 
 
 def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):
     rough = tmp_path / "rough.toml"
     rough.write_text(to_toml(spherical_four_bar()), "utf-8")
     begun = load(str(rough)).mechanism
-    told = toml_model(read_source(str(rough))).solver.mechanism.guess["three"].rotation
-    assert np.abs(begun.guess["three"].rotation - told).max() > 0.1
+    reported = toml_model(read_source(str(rough))).solver.mechanism.guess["three"].rotation
+    assert np.abs(begun.guess["three"].rotation - reported).max() > 0.1
     again = tmp_path / "again.toml"
     again.write_text(to_toml(begun), "utf-8")
     back = load(str(again)).mechanism

@@ -34,10 +34,10 @@ def _line(folder, rod, more=""):
 
 
 def test_a_start_from_which_no_step_closes_the_loops_is_reported_where_they_close(tmp_path):
-    with pytest.raises(AssemblyError, match="do not close at the start of the other joints") as told:
+    with pytest.raises(AssemblyError, match="do not close at the start of the other joints") as reported:
         assembled(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
-    said = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", str(told.value)))
-    key = f'<keyframe><key name="on" qpos="{said["crank"]} {said["rod"]} {said["rocker"]}"/></keyframe>'
+    output = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", str(reported.value)))
+    key = f'<keyframe><key name="on" qpos="{output["crank"]} {output["rod"]} {output["rocker"]}"/></keyframe>'
     loops, at = assembled(read_mjcf(str(_line(tmp_path, 0.07, key)), key="on").mechanism)
     assert np.abs(loops.linearise(at)[0]).max() < 1e-12
     # the triangle that is left where the crank stands on the line, by the law of cosines
@@ -61,10 +61,10 @@ def test_a_pin_that_stands_aside_of_the_plane_is_reported_by_how_much(tmp_path):
     path.write_text(bent)
     with pytest.raises(
         AssemblyError, match=r"loop has a gap of .* m that no joint in its loop can close"
-    ) as told:
+    ) as reported:
         assembled(read_mjcf(str(path)).mechanism)
-    way = [float(part) for part in re.findall(r"gap of \((.*)\) m", str(told.value))[0].split(",")]
-    np.testing.assert_allclose(np.abs(way), [0.0, 0.0, 0.002], atol=1e-9)
+    direction = [float(part) for part in re.findall(r"gap of \((.*)\) m", str(reported.value))[0].split(",")]
+    np.testing.assert_allclose(np.abs(direction), [0.0, 0.0, 0.002], atol=1e-9)
     path.write_text(bent.replace(".002", "0"))
     loops, at = assembled(read_mjcf(str(path)).mechanism)
     assert np.abs(loops.linearise(at)[0]).max() < 1e-12

@@ -76,8 +76,8 @@ class Moving:
         self.bias = self.loops.velocity_products(self.at, self.here, self.rates, self.twist, self.drift)
 
 
-def near(found, expected, tolerance=1e-9):
-    assert np.abs(found - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
+def near(result, expected, tolerance=1e-9):
+    assert np.abs(result - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
 
 
 def rotation_of(here, link):
@@ -104,13 +104,13 @@ def test_twists_and_drifts_are_the_rates_of_places_and_of_twists(swap):
 @pytest.mark.parametrize("swap", [0, 1])
 def test_links_are_where_they_are_in_whatever_order_they_are_listed(swap):
     names = ("h", "c", "k", "shaft", "i", "a", "l", "f", "b", "e", "j", "d", "g", "m")
-    one, other = Moving(swap, None), spanning_tree(branched(swap, names))
-    there = link_poses(other, one.at)
+    item, other = Moving(swap, None), spanning_tree(branched(swap, names))
+    there = link_poses(other, item.at)
     for i, name in enumerate(names):
-        k = one.tree.links[name]
-        near(there.position[i], one.here.position[k], 1e-15)
-        near(there.rotation[i], one.here.rotation[k], 1e-15)
-    near(there.unit_twists, one.here.unit_twists, 1e-15)
+        k = item.tree.links[name]
+        near(there.position[i], item.here.position[k], 1e-15)
+        near(there.rotation[i], item.here.rotation[k], 1e-15)
+    near(there.unit_twists, item.here.unit_twists, 1e-15)
 
 
 def test_a_link_on_which_many_hang_puts_each_where_a_chain_of_its_own_would():
@@ -138,15 +138,15 @@ def test_a_link_on_which_many_hang_puts_each_where_a_chain_of_its_own_would():
 @pytest.mark.parametrize("kind", KINDS)
 def test_jacobians_and_biases_of_a_closing_joint_are_derivatives_of_its_residual(kind, sides, swap):
     ends = [
-        at(GROUND if one == "-" else one, (0.05, -0.03, 0.08 + 0.02 * i), (0.3, 1.0 - i, 0.4))
-        for i, one in enumerate(sides)
+        at(GROUND if item == "-" else item, (0.05, -0.03, 0.08 + 0.02 * i), (0.3, 1.0 - i, 0.4))
+        for i, item in enumerate(sides)
     ]
     cut = joint("cut", kind, *ends)
     # a slide without marks takes one that turns the links by the least
     ends = (cut.a, cut.b)
     moving = Moving(swap, cut)
-    residual, slope, _ = moving.loops.linearise(moving.at)
-    rate = np.einsum("mkn,kn->mn", slope, moving.rates / moving.loops.units[:, None])
+    residual, gradient, _ = moving.loops.linearise(moving.at)
+    rate = np.einsum("mkn,kn->mn", gradient, moving.rates / moving.loops.units[:, None])
     near(rate[:, MIDDLE], residual @ FIRST)
     near(moving.bias[:, MIDDLE], rate @ FIRST)
     # by hand, from the links' places
@@ -197,7 +197,7 @@ def test_designs_side_by_side_are_placed_as_each_by_itself(swap):
     constants = {
         i: JointSides(*(np.stack(pair, -1) for pair in zip(*map(astuple, pairs), strict=True)))
         for i in trees[0].constants
-        for pairs in [[one.constants[i] for one in trees]]
+        for pairs in [[item.constants[i] for item in trees]]
     }
     vars(tree)["constants"] = constants
     two = Coordinates(moving.at.values[:, :2], moving.at.turns[..., :2])

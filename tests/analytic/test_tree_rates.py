@@ -35,7 +35,9 @@ def off_by(form: LoopForm, off):
     assert not form.motion_laws.crank
     motion = form.solve(t=np.linspace(0.0, 1.0, 12))
     joints = {
-        name: JointMotion(motion.joints[name].value + by, *(one * np.ones(12) for one in RATES[name]), "rad")
+        name: JointMotion(
+            motion.joints[name].value + by, *(item * np.ones(12) for item in RATES[name]), "rad"
+        )
         for name, by in zip(RATES, off, strict=True)
     }
     return form.solve_as(replace(motion, joints={**motion.joints, **joints}))
@@ -43,14 +45,14 @@ def off_by(form: LoopForm, off):
 
 @pytest.mark.parametrize("off", [(1e-10, -1e-10), (5e-4, -9e-4), (2e-3, 0.0), (0.05, -0.11), (-0.3, 0.2)])
 def test_drivers_off_their_motion_laws_are_followed_to_where_they_are(off):
-    found = off_by(form(), off)
+    result = off_by(form(), off)
     times = STEP * np.arange(-4, 5)
     left, right = (
-        found.joints[name].value[:, None] + rate * times + 0.5 * bend * times**2
+        result.joints[name].value[:, None] + rate * times + 0.5 * bend * times**2
         for name, (rate, bend) in RATES.items()
     )
     near = where_circles_meet(left.ravel(), right.ravel()).reshape(12, 9, 2)
-    point = found.points["P"]
+    point = result.points["P"]
     # measured 6e-17, 5e-14 and 3e-10
     np.testing.assert_allclose(point.position[:, :2], near[:, 4], rtol=0, atol=5e-16)
     np.testing.assert_allclose(point.velocity[:, :2], np.tensordot(near, FIRST, (1, 0)), rtol=0, atol=5e-13)
@@ -120,13 +122,13 @@ def test_where_the_loops_report_nothing_their_matrix_is_one_that_can_be_solved()
 def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they_were_requested_for():
     drive = catalog.make("four_bar")
     angles = np.random.default_rng(22).uniform(-7.0, 7.0, 2 * CHUNK + 300)
-    found, exact = (
+    result, exact = (
         loops.solve(drive.mechanism, angles, 2.0, -3.0).points["B"],
         drive.solve(angles, 2.0, -3.0).points["B"],
     )
     # measured 8e-17, 8e-17 and 4e-16
     for part, most in (("position", 1e-15), ("velocity", 1e-15), ("acceleration", 4e-15)):
-        np.testing.assert_allclose(getattr(found, part), getattr(exact, part), rtol=0, atol=most)
+        np.testing.assert_allclose(getattr(result, part), getattr(exact, part), rtol=0, atol=most)
 
 
 def test_a_block_that_is_driven_along_a_turning_arm_accelerates_as_textbooks_state():
@@ -147,6 +149,6 @@ def test_a_block_that_is_driven_along_a_turning_arm_accelerates_as_textbooks_sta
     rated = speed[:, None] * out + (spin * (0.3 + way))[:, None] * across
     bent = (gain - (0.3 + way) * spin**2)[:, None] * out
     bent += ((0.3 + way) * spun + 2.0 * speed * spin)[:, None] * across
-    found = motion.points["P"]
+    result = motion.points["P"]
     for part, wanted in (("position", radius), ("velocity", rated), ("acceleration", bent)):
-        np.testing.assert_allclose(getattr(found, part), wanted, rtol=0, atol=1e-12, err_msg=part)
+        np.testing.assert_allclose(getattr(result, part), wanted, rtol=0, atol=1e-12, err_msg=part)

@@ -50,9 +50,9 @@ def test_the_reference_triad_has_its_six_printed_poses():
     poses = triad.triad_modes([(0, 0), (52, 0), (49, 42)], [(0, 0), (58, 0), (38, 49)], [16, 21, 12])
     wrapped = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     order = np.lexsort((poses[:, 1], poses[:, 0]))
-    found = np.column_stack([poses[:, :2], wrapped])[order]
+    result = np.column_stack([poses[:, :2], wrapped])[order]
     # printed with six decimals
-    assert np.abs(found - REFERENCE).max() <= 1e-6
+    assert np.abs(result - REFERENCE).max() <= 1e-6
 
 
 def test_legs_of_every_assembly_close_to_rounding():

@@ -74,13 +74,13 @@ def test_a_start_at_a_dead_centre_is_no_dof():
         for name, link in drive.solve([high - 1e-7]).links.items()
     }
     mechanism = drive.mechanism.with_guess(poses, high - 1e-7)
-    found = loops.solve(mechanism, [high - 0.1]).links
+    result = loops.solve(mechanism, [high - 0.1]).links
     assert loops.solve(mechanism, [high - 0.1]).spinning == frozenset()
     exact = drive.solve([high - 0.1]).links
     # the start stands 1e-7 rad from where digits are halved; the pose asked for does not
     for name, link in exact.items():
         np.testing.assert_allclose(
-            found[name].position, link.position, atol=1e-9 * drive.mechanism.characteristic_length
+            result[name].position, link.position, atol=1e-9 * drive.mechanism.characteristic_length
         )
 
 

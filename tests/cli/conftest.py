@@ -18,7 +18,7 @@ def mechsim(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
         monkeypatch.setattr(sys, "argv", ["mechsim", *words])
         with pytest.raises(SystemExit) as ended:
             main()
-        said = capsys.readouterr()
-        return Answer(int(ended.value.code or 0), said.out, said.err)
+        output = capsys.readouterr()
+        return Answer(int(ended.value.code or 0), output.out, output.err)
 
     return call

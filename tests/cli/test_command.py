@@ -34,10 +34,10 @@ def cut(*words):
 
     app = typer.Typer(rich_markup_mode=None)
     app.command()(function)
-    said = CliRunner().invoke(app, ["it", *words])
-    if isinstance(said.exception, InputError):
-        raise said.exception
-    return (given[0] if given else None), said.output
+    output = CliRunner().invoke(app, ["it", *words])
+    if isinstance(output.exception, InputError):
+        raise output.exception
+    return (given[0] if given else None), output.output
 
 
 def test_what_is_left_out_is_the_dataclass_own():
@@ -55,10 +55,10 @@ def test_a_quantity_of_the_wrong_kind_is_rejected_by_the_name_of_its_option():
 
 
 def test_help_shows_every_declared_field_and_no_other():
-    said = cut("--help")[1]
+    output = cut("--help")[1]
     for word in ("--depth", "How deep.", "2mm", "--hole", "--wet"):
-        assert word in said
-    assert "secret" not in said
+        assert word in output
+    assert "secret" not in output
 
 
 def test_every_field_of_a_look_that_people_may_set_is_an_option_of_render():

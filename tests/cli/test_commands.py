@@ -148,19 +148,21 @@ def test_list_names_every_mechanism(mechsim: Call) -> None:
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
 def test_show_lists_every_assembly_and_states_what_is_known(name: str, mechsim: Call) -> None:
-    found = json.loads(mechsim("show", name, "--angle", "30deg", "--json").out)
-    assert found["mobility"] == (2 if name == "rssr" else 1)
-    assert found["crank_range"] == "full turn"
+    result = json.loads(mechsim("show", name, "--angle", "30deg", "--json").out)
+    assert result["mobility"] == (2 if name == "rssr" else 1)
+    assert result["crank_range"] == "full turn"
     # a Bennett linkage closes in one way only
-    assert len(found["assemblies"]) >= (1 if name == "bennett" else 2)
+    assert len(result["assemblies"]) >= (1 if name == "bennett" else 2)
     chosen = catalog.make(name).positions([np.deg2rad(30.0)])
     gaps = [
-        max(float(np.abs(np.array(one["points"][point]) - place[0]).max()) for point, place in chosen.items())
-        for one in found["assemblies"]
+        max(
+            float(np.abs(np.array(item["points"][point]) - place[0]).max()) for point, place in chosen.items()
+        )
+        for item in result["assemblies"]
     ]
     # the assembly selected is among them, once
     assert sum(gap < 1e-12 for gap in gaps) == 1
-    assert found["name"] in mechsim("show", name).out
+    assert result["name"] in mechsim("show", name).out
 
 
 def test_show_takes_a_planar_chain_apart_for_the_driver_requested_for(mechsim: Call) -> None:
@@ -171,11 +173,11 @@ def test_show_takes_a_planar_chain_apart_for_the_driver_requested_for(mechsim: C
 
 
 def test_a_crank_that_only_swings_is_shown_with_its_range(mechsim: Call) -> None:
-    found = json.loads(mechsim("show", "rssr", "--set", "rocker=9mm", "--json").out)
-    low, high = found["crank_range"]
+    result = json.loads(mechsim("show", "rssr", "--set", "rocker=9mm", "--json").out)
+    low, high = result["crank_range"]
     assert 2.30 < low < 2.31
     assert 6.39 < high < 6.40
-    assert found["dead_centres"] == [low, high]
+    assert result["dead_centres"] == [low, high]
 
 
 @pytest.mark.parametrize("extension", [".csv", ".npz"])
@@ -199,13 +201,13 @@ def test_simulate_answers_with_one_json_object_and_writes_time_too(mechsim: Call
     words = ["simulate", "rssr", "--speed", "600rpm", "--turns", "2", "--tolerance", "1e-6", "--json"]
     answer = mechsim(*words, "-o", "run.npz")
     assert answer.code == 0
-    said = json.loads(answer.out)
-    assert said["outcome"] == "passed"
-    assert said["tolerance"] == 1e-6
-    assert 0.0 < said["estimate"] <= 1e-6
-    assert said["steps"] > 0
-    assert said["seconds"] > 0.0
-    assert said["settings"]["integrator"] == "RK4"
+    output = json.loads(answer.out)
+    assert output["outcome"] == "passed"
+    assert output["tolerance"] == 1e-6
+    assert 0.0 < output["estimate"] <= 1e-6
+    assert output["steps"] > 0
+    assert output["seconds"] > 0.0
+    assert output["settings"]["integrator"] == "RK4"
     table = files.read(tmp_path / "run.npz")
     assert next(iter(table)) == "time"
     exact = catalog.make("rssr").positions(table["angle"])["P3"]
@@ -216,10 +218,10 @@ def test_simulate_answers_with_one_json_object_and_writes_time_too(mechsim: Call
 def test_simulate_with_mujocos_own_settings_misses_and_reports_so_by_its_exit_code(mechsim: Call) -> None:
     words = ["simulate", "rssr", "--integrator", "Euler", "--timestep", "1ms", "--compliance", "1"]
     answer = mechsim(*words, "--solref", "0.02,1", "--solimp", "0.9,0.95,0.001", "--json")
-    said = json.loads(answer.out)
+    output = json.loads(answer.out)
     # without a tolerance nothing can be missed, but the estimate tells: a tenth of a millimetre and more
-    assert said["estimate"] > 1e-4
-    assert said["settings"]["timestep"] == 1e-3
+    assert output["estimate"] > 1e-4
+    assert output["settings"]["timestep"] == 1e-3
 
 
 PARALLELOGRAM = [
@@ -230,10 +232,10 @@ PARALLELOGRAM = [
 def test_a_parallelogram_stays_one_linkage_all_the_way(mechsim: Call, tmp_path: Path) -> None:
     table = str(tmp_path / "turn.csv")
     assert mechsim("simulate", "four_bar", *PARALLELOGRAM, "-o", table).code == 0
-    found = files.read(table)
+    result = files.read(table)
     exact = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045)
-    places = exact.positions(found["angle"])["B"]
-    assert np.abs(found["B.x"] - places[:, 0]).max() < 1e-12
+    places = exact.positions(result["angle"])["B"]
+    assert np.abs(result["B.x"] - places[:, 0]).max() < 1e-12
     shown = mechsim("show", "four_bar", *PARALLELOGRAM).out
     assert "crank range: full turn" in shown
     assert "change points of the crank: -180, 0 deg" in shown
@@ -246,18 +248,18 @@ def test_a_fold_keeps_to_the_branch_and_a_stepped_run_states_where_it_is_not_dec
 ) -> None:
     table = str(tmp_path / "turn.csv")
     assert mechsim("solve", "four_bar", *PARALLELOGRAM, "--change-point", "branch", "-o", table).code == 0
-    found = files.read(table)
+    result = files.read(table)
     exact = catalog.make(
         "four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, change_point="branch"
     )
-    points = {name: np.column_stack([found[f"{name}.{axis}"] for axis in "xyz"]) for name in ("A", "B")}
+    points = {name: np.column_stack([result[f"{name}.{axis}"] for axis in "xyz"]) for name in ("A", "B")}
     assert (exact.assembly_sign(points) >= -1e-15).all()
     refused = mechsim("solve", "four_bar", *PARALLELOGRAM, "--change-point", "past")
     assert refused.code == 2
     assert "smooth or branch" in refused.err
-    told = mechsim("simulate", "four_bar", *PARALLELOGRAM, "--method", "step")
-    assert told.code == 2
-    assert "starts at crank angle 0 rad, where two assemblies meet and dynamics alone do not" in told.err
+    reported = mechsim("simulate", "four_bar", *PARALLELOGRAM, "--method", "step")
+    assert reported.code == 2
+    assert "starts at crank angle 0 rad, where two assemblies meet and dynamics alone do not" in reported.err
 
 
 def test_simulate_by_poses_is_exact_to_rounding(mechsim: Call, tmp_path: Path) -> None:
@@ -281,10 +283,10 @@ def test_a_profile_drives_the_crank_along_it(mechsim: Call, tmp_path: Path) -> N
 def test_validate_prints_the_contracts_json_and_nothing_else(mechsim: Call) -> None:
     answer = mechsim("validate", "rssr", "four_bar", "--json")
     assert answer.code == 0
-    said = json.loads(answer.out)
-    assert said["passed"] is True
-    assert list(said["mechanisms"]) == ["rssr", "four_bar"]
-    for case in said["mechanisms"].values():
+    output = json.loads(answer.out)
+    assert output["passed"] is True
+    assert list(output["mechanisms"]) == ["rssr", "four_bar"]
+    for case in output["mechanisms"].values():
         assert case["outcome"] == "passed"
         assert case["steps"] > 0
         for check in case["checks"]:
@@ -317,25 +319,25 @@ def test_validate_of_what_cannot_be_assembled_reports_so_in_json_and_in_one_line
 
 def test_synthesize_finds_the_papers_own_design(mechsim: Call) -> None:
     words = ["--through", "12.8751,29.9574mm", "--tilt", "1.3905deg", "--length", "4mm", "--json"]
-    said = json.loads(mechsim("synthesize", "looper", *words).out)
-    assert round(said["frame"] * 1e3, 1) == 35.4
-    assert round(np.rad2deg(said["frame_angle"]), 1) == 45.0
-    assert round(said["rocker"] * 1e3, 1) == 32.0
+    output = json.loads(mechsim("synthesize", "looper", *words).out)
+    assert round(output["frame"] * 1e3, 1) == 35.4
+    assert round(np.rad2deg(output["frame_angle"]), 1) == 45.0
+    assert round(output["rocker"] * 1e3, 1) == 32.0
 
 
 def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
-    said = json.loads(mechsim("doctor", "--json").out)
-    assert said["versions"]["mujoco"]
-    assert {row["name"] for row in said["opengl"]} >= {"egl", "osmesa"}
-    assert said["ffmpeg"]
+    output = json.loads(mechsim("doctor", "--json").out)
+    assert output["versions"]["mujoco"]
+    assert {row["name"] for row in output["opengl"]} >= {"egl", "osmesa"}
+    assert output["ffmpeg"]
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
 def test_every_command_states_what_it_does_in_one_sentence_and_is_listed_with_one_that_is_not_cut(
     name: str, mechsim: Call
 ) -> None:
-    said = inspect.getdoc(cli.load_command(name).callback) or ""
-    assert re.fullmatch(r"[A-Z].*\.", said.split("\n\n")[0], re.DOTALL)
+    output = inspect.getdoc(cli.load_command(name).callback) or ""
+    assert re.fullmatch(r"[A-Z].*\.", output.split("\n\n")[0], re.DOTALL)
     line = next(line for line in mechsim("--help").out.splitlines() if line.split()[:1] == [name])
     assert line.split(maxsplit=1)[1] == cli.COMMANDS[name][1]
 

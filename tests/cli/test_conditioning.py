@@ -65,10 +65,10 @@ def test_nothing_is_reported_where_rates_are_valid_or_limits():
 def test_solve_states_it_once_and_in_json(mechsim):
     near = max(catalog.make("four_bar", **SWINGS).dead_centres()) - 1e-11
     words = ["solve", "four_bar", *TYPED, "--angles", f"1:{near!r}:0.01"]
-    said = mechsim(*words, "-o", "out.csv").err.splitlines()
-    assert len(said) == 1
-    assert "correct digits" in said[0]
-    assert f"{near:.10g} rad" in said[0]
+    output = mechsim(*words, "-o", "out.csv").err.splitlines()
+    assert len(output) == 1
+    assert "correct digits" in output[0]
+    assert f"{near:.10g} rad" in output[0]
     few = json.loads(mechsim(*words, "--json").out)["few_digits"]
     assert few["over"] == "angle"
     assert few["digits"] < 6

@@ -20,9 +20,9 @@ FEED = ("simulate", "finger.xml", "--ctrl", "servo=0.5*sin(2*pi*t)", "--duration
 
 def test_a_controlled_run_is_what_plain_mujoco_does(mechsim, tmp_path):
     answer = mechsim(*FEED, "--samples", "21", "-o", "run.csv", "--json")
-    told = json.loads(answer.out)
-    assert told["outcome"] in ("passed", "failed")
-    assert answer.code == (0 if told["outcome"] == "passed" else 1)
+    reported = json.loads(answer.out)
+    assert reported["outcome"] in ("passed", "failed")
+    assert answer.code == (0 if reported["outcome"] == "passed" else 1)
     table = files.read(tmp_path / "run.csv")
     model = mujoco.MjModel.from_xml_string(FINGER)
     data = mujoco.MjData(model)
@@ -33,7 +33,7 @@ def test_a_controlled_run_is_what_plain_mujoco_does(mechsim, tmp_path):
     assert table["pad.x"][-1] == pytest.approx(0.07 - 0.06 * np.sin(data.qpos[2]), abs=1e-9)
     speed = np.gradient(table["pad.x"], table["time"])[5:-5]
     assert table["pad.vx"][5:-5] == pytest.approx(speed, abs=0.05 * np.abs(speed).max())
-    assert len(table["effort:servo"]) == told["rows"]
+    assert len(table["effort:servo"]) == reported["rows"]
 
 
 def test_settings_requested_for_replace_those_of_the_file_and_no_others(mechsim):
@@ -43,13 +43,13 @@ def test_settings_requested_for_replace_those_of_the_file_and_no_others(mechsim)
 
 
 def test_a_tolerance_chooses_steps_and_compliance(mechsim):
-    told = json.loads(mechsim(*FEED, "--tolerance", "1um", "--json").out)
-    assert told["outcome"] == "passed"
-    assert told["estimate"] <= 1e-6
+    reported = json.loads(mechsim(*FEED, "--tolerance", "1um", "--json").out)
+    assert reported["outcome"] == "passed"
+    assert reported["estimate"] <= 1e-6
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "output"),
     [
         (("--ctrl", "motor=1"), "actuators of the model are servo"),
         (("--ctrl", "servo"), "has no '='"),
@@ -58,8 +58,8 @@ def test_a_tolerance_chooses_steps_and_compliance(mechsim):
         (("--ctrl", "servo=1", "--steps-per-turn", "50"), "--steps-per-turn"),
     ],
 )
-def test_what_does_not_go_with_it_is_rejected_in_one_line(mechsim, words, said):
+def test_what_does_not_go_with_it_is_rejected_in_one_line(mechsim, words, output):
     answer = mechsim("simulate", "finger.xml", *words)
     assert answer.code == 2
-    assert said in answer.err
+    assert output in answer.err
     assert len(answer.err.strip().splitlines()) == 1

@@ -35,10 +35,10 @@ DRIVE = ["--drive", "lift=20mm/s", "--drive", "turn=0.5*sin(3*t)"]
 
 @pytest.mark.parametrize("command", ["solve", "simulate"])
 def test_both_methods_go_as_the_motion_laws_state(mechsim, command):
-    code, _, said = mechsim(
+    code, _, output = mechsim(
         command, "arm.toml", *DRIVE, "--duration", "2s", "--samples", "11", "-o", "out.csv"
     )
-    assert code == 0, said
+    assert code == 0, output
     table = files.read("out.csv")
     time = np.linspace(0.0, 2.0, 11)
     np.testing.assert_allclose(table["t"], time, atol=1e-15)
@@ -55,9 +55,9 @@ def test_poses_are_read_row_by_row(mechsim, tmp_path):
     assert code == 0
     head, *rows = csv.reader(out.splitlines())
     assert head == ["lift", "turn", "hand.x", "hand.y", "hand.z", "lift.q", "turn.q"]
-    found = np.array(rows, dtype=float)
-    np.testing.assert_allclose(found[:, 2], 0.3 * np.cos([0.5, -0.2]), atol=1e-15)
-    np.testing.assert_allclose(found[:, 4], [0.1, 0.3], atol=1e-15)
+    result = np.array(rows, dtype=float)
+    np.testing.assert_allclose(result[:, 2], 0.3 * np.cos([0.5, -0.2]), atol=1e-15)
+    np.testing.assert_allclose(result[:, 4], [0.1, 0.3], atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -68,8 +68,8 @@ def test_poses_row_by_row_are_the_same_on_both_methods(mechsim, tmp_path, model,
     (tmp_path / "rows.csv").write_text(rows)
     tables = []
     for command in ("solve", "simulate"):
-        code, _, said = mechsim(command, model, "--at", "rows.csv", "-o", f"{command}.csv")
-        assert code == 0, said
+        code, _, output = mechsim(command, model, "--at", "rows.csv", "-o", f"{command}.csv")
+        assert code == 0, output
         tables.append(files.read(f"{command}.csv"))
     assert len(tables[1]["rocker.q" if model == "rssr" else "P.x"]) == rows.count("\n") - 1
     for name, column in tables[1].items():
@@ -79,10 +79,10 @@ def test_poses_row_by_row_are_the_same_on_both_methods(mechsim, tmp_path, model,
 @pytest.mark.parametrize("words", [("--speed", "3"), ("--samples", "5"), ("--tolerance", "1um")])
 def test_poses_row_by_row_are_no_motion(mechsim, tmp_path, words):
     (tmp_path / "rows.csv").write_text("crank\n1.0\n")
-    code, _, said = mechsim("simulate", "rssr", "--at", "rows.csv", *words)
+    code, _, output = mechsim("simulate", "rssr", "--at", "rows.csv", *words)
     assert code == 2
-    assert f"{words[0]} applies to" in said
-    assert said.count("\n") == 1
+    assert f"{words[0]} applies to" in output
+    assert output.count("\n") == 1
 
 
 def test_show_answers_whatever_is_driven(mechsim):
@@ -122,11 +122,11 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_what_cannot_be_is_stated_in_one_line(mechsim, case):
     words, wanted = WRONG[case]
-    code, out, said = mechsim(*words)
+    code, out, output = mechsim(*words)
     assert (code, out) == (2, "")
-    assert len(said.strip().splitlines()) == 1
+    assert len(output.strip().splitlines()) == 1
     for word in wanted:
-        assert word in said
+        assert word in output
 
 
 def test_what_is_exported_under_motion_laws_solves_alike(mechsim):
@@ -153,8 +153,8 @@ def test_driver_errors_beyond_the_tolerance_are_reported(mechsim):
     fine = mechsim(*words, "found.csv", "--tolerance", "1um")
     coarse = mechsim(*words, "coarse.csv", "--tolerance", "1mm")
     assert mechsim(*words, "wanted.csv", "--method", "pose").code == 0
-    found, wanted = files.read("found.csv"), files.read("wanted.csv")
-    gaps = [[found[f"{point}.{axis}"] - wanted[f"{point}.{axis}"] for axis in "xyz"] for point in "ABC"]
+    result, wanted = files.read("found.csv"), files.read("wanted.csv")
+    gaps = [[result[f"{point}.{axis}"] - wanted[f"{point}.{axis}"] for axis in "xyz"] for point in "ABC"]
     far = np.linalg.norm(gaps, axis=1).max()
     assert far > 1e-6
     assert f"positions differ by up to {far:.2g} m from those of the motion laws" in fine.out
@@ -164,8 +164,8 @@ def test_driver_errors_beyond_the_tolerance_are_reported(mechsim):
 
 def test_a_time_step_is_kept_under_motion_laws(mechsim):
     words = ["simulate", "arm.toml", *DRIVE, "--duration", "1s", "--timestep", "2ms", "--json"]
-    said = json.loads(mechsim(*words).out)
-    assert (said["steps"], said["settings"]["timestep"]) == (500, 0.002)
-    code, _, said = mechsim(*words[:-1], "--samples", "72")
-    assert (code, said.count("\n")) == (2, 1)
-    assert "take 50 or 100 intervals (--samples 51 or 101)" in said
+    output = json.loads(mechsim(*words).out)
+    assert (output["steps"], output["settings"]["timestep"]) == (500, 0.002)
+    code, _, output = mechsim(*words[:-1], "--samples", "72")
+    assert (code, output.count("\n")) == (2, 1)
+    assert "take 50 or 100 intervals (--samples 51 or 101)" in output

@@ -23,13 +23,13 @@ def test_a_prescribed_crank_is_reported_as_json_with_a_verdict_and_written_as_a_
     csv, plot = tmp_path / "out.csv", tmp_path / "out.svg"
     words = ("--speed", "3000rpm", "--samples", "36", "--json", "-o", str(csv), "--plot", str(plot))
     code, out, _ = run(capsys, monkeypatch, "four_bar", *words, "--coefficient", "0.02")
-    told = json.loads(out)
+    reported = json.loads(out)
     assert code == 0
-    assert told["outcome"] == "passed"
-    assert told["reactions"]["A"]["not_determined"] == ["fz", "mx", "my"]
-    assert told["with_flywheel"]["coefficient"] == pytest.approx(0.02)
+    assert reported["outcome"] == "passed"
+    assert reported["reactions"]["A"]["not_determined"] == ["fz", "mx", "my"]
+    assert reported["with_flywheel"]["coefficient"] == pytest.approx(0.02)
     table = files.read(csv)
-    assert np.abs(table["torque"]).max() == pytest.approx(abs(told["torque"]["largest"]), rel=1e-15)
+    assert np.abs(table["torque"]).max() == pytest.approx(abs(reported["torque"]["largest"]), rel=1e-15)
     assert {"crank.fx", "rocker.mz", "frame.fx", "kinetic", "power_lost"} <= set(table)
     assert plot.read_bytes().startswith(b"<?xml")
 
@@ -38,13 +38,13 @@ def test_couplings_are_reported_with_what_carries_them(capsys, monkeypatch, tmp_
     csv = tmp_path / "out.csv"
     words = ("--samples", "8", "--json", "-o", str(csv))
     code, out, _ = run(capsys, monkeypatch, "planetary_gear", *words)
-    told = json.loads(out)["couplings"]["carrier-planet"]
+    reported = json.loads(out)["couplings"]["carrier-planet"]
     assert code == 0
     # the ring stands, as the frame does
-    assert (told["by"], told["links"], told["unit"]) == ("teeth", ["planet", "ground"], "N m")
+    assert (reported["by"], reported["links"], reported["unit"]) == ("teeth", ["planet", "ground"], "N m")
     table = files.read(csv)
     force = np.hypot(table["mesh carrier-planet.fx"], table["mesh carrier-planet.fy"])
-    assert force.max() == pytest.approx(told["force"]["largest"], rel=1e-12)
+    assert force.max() == pytest.approx(reported["force"]["largest"], rel=1e-12)
     # a torque over the planet's radius
     assert force == pytest.approx(np.abs(table["gear carrier-planet"]) / 0.018, rel=1e-9)
     words = ("--samples", "8", "--method", "none")
@@ -66,9 +66,9 @@ def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatc
         *("--friction", "rocker=1e-4,1e-3", "--flywheel", "1e-4", "--gravity", "0,0,-9.81"),
     )
     assert (plain[0], busy[0]) == (0, 0)
-    one, other = json.loads(plain[1]), json.loads(busy[1])
-    assert one["outcome"] is None
-    assert other["torque"]["largest"] != one["torque"]["largest"]
+    item, other = json.loads(plain[1]), json.loads(busy[1])
+    assert item["outcome"] is None
+    assert other["torque"]["largest"] != item["torque"]["largest"]
     assert other["power_balance"] <= 1e-12
 
 
@@ -76,11 +76,11 @@ def test_a_motor_runs_the_model_or_states_that_it_cannot(capsys, monkeypatch, tm
     plot = tmp_path / "free.png"
     motor = ("--motor", "line:0.05,3000rpm", "--turns", "2", "--samples", "60", "--method", "none")
     code, out, _ = run(capsys, monkeypatch, "rssr", *motor, "--json", "--plot", str(plot))
-    told = json.loads(out)["free"]
+    reported = json.loads(out)["free"]
     assert code == 0
-    assert told["outcome"] == "done"
-    assert told["turns"] == pytest.approx(2.0)
-    assert told["energy_error"] <= 1e-9
+    assert reported["outcome"] == "done"
+    assert reported["turns"] == pytest.approx(2.0)
+    assert reported["energy_error"] <= 1e-9
     assert plot.read_bytes().startswith(b"\x89PNG")
     code, out, _ = run(capsys, monkeypatch, "four_bar", "--motor", "constant:1e-5")
     assert code == 1
@@ -90,9 +90,9 @@ def test_a_motor_runs_the_model_or_states_that_it_cannot(capsys, monkeypatch, tm
 def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
     words = ("--set", "crank=0.2", "--set", "rocker=0.19", "--set", "coupler=0.05", "--samples", "24")
     code, out, _ = run(capsys, monkeypatch, "four_bar", *words, "--json")
-    told = json.loads(out)
-    assert told["fluctuation"] is None
-    assert (code, told["outcome"]) == (0, "passed")
+    reported = json.loads(out)
+    assert reported["fluctuation"] is None
+    assert (code, reported["outcome"]) == (0, "passed")
 
 
 @pytest.mark.parametrize("motor", ["constant:0.5", "constant:500mNm", "constant:0.5 N m"])
@@ -104,7 +104,7 @@ def test_a_motor_takes_units(capsys, monkeypatch, motor):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "output"),
     [
         (("--motor", "dc:12,1"), "--motor is 'dc:12,1'; write constant:TORQUE"),
         (("--motor", "steam:1"), "--motor is 'steam:1'"),
@@ -136,16 +136,16 @@ def test_a_motor_takes_units(capsys, monkeypatch, motor):
         (("--speed", "1e300rpm"), "1e300rpm; give one other than 0"),
     ],
 )
-def test_bad_input_is_one_clear_line_and_exit_code_2(capsys, monkeypatch, words, said):
+def test_bad_input_is_one_clear_line_and_exit_code_2(capsys, monkeypatch, words, output):
     code, out, err = run(capsys, monkeypatch, "rssr", *words)
     assert code == 2
     assert out == ""
-    assert said in err
+    assert output in err
     assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "output"),
     [
         ("angle,P3.fz\n0,1\n3,2\n6,1\n", "does not span one revolution"),
         ("angle,P3.fz\n0,1\n3,2\n2,1\n", "does not increase"),
@@ -155,12 +155,12 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(capsys, monkeypatch, words,
         ("angle\n0\n6.283185307179586\n", "holds no load"),
     ],
 )
-def test_a_load_table_that_is_none_is_rejected(capsys, monkeypatch, tmp_path, text, said):
+def test_a_load_table_that_is_none_is_rejected(capsys, monkeypatch, tmp_path, text, output):
     load = tmp_path / "load.csv"
     load.write_text(text)
     code, _, err = run(capsys, monkeypatch, "rssr", "--load", str(load))
     assert code == 2
-    assert said in err
+    assert output in err
 
 
 def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch, tmp_path):
@@ -168,7 +168,7 @@ def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch,
     turn = repr(2.0 * np.pi)
     load.write_text(f"angle,rocker.mx,rocker.mz\n0,0.01,0\n3,0,0.02\n{turn},0.01,0\n")
     words = ("rssr", "--json", "--samples", "12", "--method", "pose")
-    said = [
+    output = [
         json.loads(run(capsys, monkeypatch, *words, *more)[1])
         for more in (
             (),
@@ -180,11 +180,11 @@ def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch,
             ("--load", str(load)),
         )
     ]
-    assert all(one["outcome"] == "passed" for one in said)
+    assert all(item["outcome"] == "passed" for item in output)
     # a damper along a rigid link does nothing, all others change the torque
-    torques = [one["torque"]["rms"] for one in said]
+    torques = [item["torque"]["rms"] for item in output]
     assert torques[3] == pytest.approx(torques[0], rel=1e-9)
-    assert len({round(one / torques[0], 6) for one in torques}) == 6
+    assert len({round(item / torques[0], 6) for item in torques}) == 6
     geared = ("--motor", "line:0.005,30000rpm", "--gear", "10")
     plain = ("--motor", "line:0.05,3000rpm")
     free = ("rssr", "--json", "--samples", "12", "--method", "none", "--turns", "0.5")
@@ -194,22 +194,22 @@ def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch,
 
 def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_states_by_what_settings(capsys, monkeypatch):
     code, out, _ = run(capsys, monkeypatch, "rssr", "--tolerance", "1e-5", "--json")
-    told = json.loads(out)["tolerance_report"]
+    reported = json.loads(out)["tolerance_report"]
     assert code == 0
-    assert told["satisfied"]
-    assert told["estimate"] <= 1e-5
-    assert told["safety_factor"] == pytest.approx(1e-5 / told["estimate"])
-    assert told["settings"]["integrator"] == "RK4"
+    assert reported["satisfied"]
+    assert reported["estimate"] <= 1e-5
+    assert reported["safety_factor"] == pytest.approx(1e-5 / reported["estimate"])
+    assert reported["settings"]["integrator"] == "RK4"
     code, out, _ = run(capsys, monkeypatch, "slider_crank", "--turns", "0.02", "--tolerance", "1e-15")
     assert code == 1
     assert "tolerance 1e-15 of torque and reactions FAILED: error" in out
     code, out, _ = run(
         capsys, monkeypatch, "four_bar", "--free", "--turns", "1", "--tolerance", "1e-4", "--json"
     )
-    told = json.loads(out)
+    reported = json.loads(out)
     assert code == 0
-    assert (told["outcome"], told["tolerance_report"]["satisfied"]) == ("passed", True)
-    assert told["free"]["speed"] == pytest.approx(20.0 * np.pi, rel=1e-6)
+    assert (reported["outcome"], reported["tolerance_report"]["satisfied"]) == ("passed", True)
+    assert reported["free"]["speed"] == pytest.approx(20.0 * np.pi, rel=1e-6)
 
 
 FIVE_BAR = """
@@ -235,12 +235,12 @@ def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
     table = tmp_path / "out.csv"
     words = (str(file), *MOVED, "--json", "-o", str(table), "--plot", str(tmp_path / "out.svg"))
     code, out, _ = run(capsys, monkeypatch, *words)
-    told = json.loads(out)
+    reported = json.loads(out)
     assert code == 0
-    assert told["outcome"] == "passed"
-    assert told["drives"].keys() == {"left", "right"}
-    assert {one["unit"] for one in told["drives"].values()} == {"N m"}
-    assert 0.0 <= told["drives"]["left"]["at_time"] <= 1.0
+    assert reported["outcome"] == "passed"
+    assert reported["drives"].keys() == {"left", "right"}
+    assert {item["unit"] for item in reported["drives"].values()} == {"N m"}
+    assert 0.0 <= reported["drives"]["left"]["at_time"] <= 1.0
     # the file's gravity is square to the plane, which the machine then does not feel
     rows = np.genfromtxt(table, delimiter=",", names=True)
     assert np.ptp(rows["potential"]) == pytest.approx(0.0, abs=1e-12)

@@ -42,7 +42,7 @@ def run(words: str, folder: Path, **environment: str) -> subprocess.CompletedPro
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "output"),
     [
         pytest.param("list >&-", 0, "", marks=pytest.mark.slow),
         ("solve rssr -o out.csv <&- >&- 2>&-", 0, ""),
@@ -52,11 +52,11 @@ def run(words: str, folder: Path, **environment: str) -> subprocess.CompletedPro
     ],
 )
 def test_a_stream_that_takes_nothing_leaves_the_exit_code_right(
-    words: str, code: int, said: str, tmp_path: Path
+    words: str, code: int, output: str, tmp_path: Path
 ) -> None:
     done = run(words, tmp_path)
     assert done.returncode == code
-    assert said in done.stderr
+    assert output in done.stderr
     assert len(done.stderr.splitlines()) <= 1
     if "-o" in words:
         # neither output nor messages went into the file that was given a stream's number
@@ -86,9 +86,9 @@ def test_a_signal_that_ends_a_command_leaves_nothing_behind(
     process = begun(words, tmp_path)
     number = getattr(signal, name)
     process.send_signal(number)
-    said = process.communicate(timeout=600)[1]
+    output = process.communicate(timeout=600)[1]
     assert process.returncode == 128 + number
-    assert said.splitlines()[-1] == "mechsim: stopped"
+    assert output.splitlines()[-1] == "mechsim: stopped"
     assert list(tmp_path.iterdir()) == []
     # the encoder, in the same group, is gone as well
     with pytest.raises(ProcessLookupError):
@@ -104,9 +104,9 @@ def test_an_interrupt_from_the_keyboard_that_ends_the_encoder_too_is_no_fault_of
     while process.poll() is None and not any(path.stat().st_size for path in tmp_path.iterdir()):
         time.sleep(0.005)
     os.killpg(process.pid, signal.SIGINT)
-    said = process.communicate(timeout=600)[1]
+    output = process.communicate(timeout=600)[1]
     assert process.returncode == 2
-    assert said.splitlines()[-1] == "mechsim: stopped"
+    assert output.splitlines()[-1] == "mechsim: stopped"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -164,9 +164,9 @@ def test_a_fault_of_the_motion_law_never_looks_like_missed(
         with pytest.raises(SystemExit) as ended:
             cli.main()
         assert ended.value.code == 70
-        said = capsys.readouterr().err
-        assert "mechsim: internal error: IndexError: list index out of range: please report" in said
-        assert ("Traceback" in said) is debug
+        output = capsys.readouterr().err
+        assert "mechsim: internal error: IndexError: list index out of range: please report" in output
+        assert ("Traceback" in output) is debug
 
 
 @pytest.mark.parametrize("asked", grid(("osmesa", "nonsense"), ("nonsense",)))

@@ -18,9 +18,9 @@ def apart(columns):
 
 
 def solved(mechsim, *words):
-    found = mechsim("solve", "four_bar", *PARALLELOGRAM, "--json", *words)
-    assert found.code == 0, found.err
-    return apart(json.loads(found.out)["columns"])
+    result = mechsim("solve", "four_bar", *PARALLELOGRAM, "--json", *words)
+    assert result.code == 0, result.err
+    return apart(json.loads(result.out)["columns"])
 
 
 def test_a_parallelogram_by_its_lengths_is_solved_as_one(mechsim):
@@ -32,9 +32,9 @@ def test_a_parallelogram_by_its_lengths_is_solved_as_one(mechsim):
 
 
 def test_simulate_and_dynamics_agree_with_solve(mechsim):
-    found = mechsim("simulate", "four_bar", *PARALLELOGRAM, "-o", "run.csv")
-    assert found.code == 0, found.err
+    result = mechsim("simulate", "four_bar", *PARALLELOGRAM, "-o", "run.csv")
+    assert result.code == 0, result.err
     rows = np.genfromtxt("run.csv", delimiter=",", names=True, deletechars="")
     assert apart({name: rows[name] for name in rows.dtype.names}) <= 1e-12
-    found = mechsim("dynamics", "four_bar", *PARALLELOGRAM, "--turns", "-0.4", "--samples", "20")
-    assert found.code == 0, found.err
+    result = mechsim("dynamics", "four_bar", *PARALLELOGRAM, "--turns", "-0.4", "--samples", "20")
+    assert result.code == 0, result.err

@@ -27,12 +27,12 @@ def test_a_fit_is_reported_with_its_uncertainty_and_written(fit, table, tmp_path
     asked = ("four_bar", "--to", "measured.csv", "--vary", "coupler")
     code, out, err = fit(*asked, "--json", "-o", "fit.json")
     assert code == 0, err
-    told = json.loads(out)
-    one = told["dimensions"]["coupler"]
-    assert (told["outcome"], one["unit"]) == ("fitted", "m")
-    assert one["value"] == pytest.approx(0.0913, rel=1e-9)
-    assert 0.0 < one["deviation"] < 1e-4
-    assert json.loads((tmp_path / "fit.json").read_text())["dimensions"]["coupler"] == one
+    reported = json.loads(out)
+    item = reported["dimensions"]["coupler"]
+    assert (reported["outcome"], item["unit"]) == ("fitted", "m")
+    assert item["value"] == pytest.approx(0.0913, rel=1e-9)
+    assert 0.0 < item["deviation"] < 1e-4
+    assert json.loads((tmp_path / "fit.json").read_text())["dimensions"]["coupler"] == item
     code, out, err = fit(*asked, "-o", "rows.csv")
     assert code == 0, err
     assert "coupler" in out
@@ -60,7 +60,7 @@ def test_what_cannot_be_distinguished_apart_ends_in_one(fit, table):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "output"),
     [
         (["--vary", "coupler"], "the measured motion is missing; name its table"),
         (["--to", "measured.csv"], "--vary is missing; name the dimensions"),
@@ -68,8 +68,8 @@ def test_what_cannot_be_distinguished_apart_ends_in_one(fit, table):
         (["--to", "measured.csv", "--vary", "cuopler"], "did you mean 'coupler'"),
     ],
 )
-def test_what_cannot_be_is_stated_in_one_line(fit, table, words, said):
+def test_what_cannot_be_is_stated_in_one_line(fit, table, words, output):
     code, out, err = fit("four_bar", *words)
     assert (code, out) == (2, "")
-    assert said in err
+    assert output in err
     assert len(err.strip().splitlines()) == 1

@@ -59,12 +59,12 @@ def test_an_event_that_is_not_reached_is_reported(facts):
 
 
 def test_equilibria_are_listed_with_their_stability(facts):
-    code, found = facts("--statics", "--initial", "crank.q=30deg")
+    code, result = facts("--statics", "--initial", "crank.q=30deg")
     assert code == 0
-    assert [equilibrium["stable"] for equilibrium in found["equilibria"]] == [True, False]
-    assert found["passed"]
-    assert {check["method"] for check in found["checks"]} == {"pose"}
-    assert found["holding"]["crank"] == pytest.approx(0.0035634582077113, rel=1e-9)
+    assert [equilibrium["stable"] for equilibrium in result["equilibria"]] == [True, False]
+    assert result["passed"]
+    assert {check["method"] for check in result["checks"]} == {"pose"}
+    assert result["holding"]["crank"] == pytest.approx(0.0035634582077113, rel=1e-9)
 
 
 def test_without_loads_every_configuration_is_an_equilibrium(command, facts):
@@ -77,26 +77,26 @@ def test_without_loads_every_configuration_is_an_equilibrium(command, facts):
 
 def test_modes_far_from_an_equilibrium_are_those_of_the_stable_one(command, facts):
     _, near = facts("--modes", "--initial", "crank.q=-95deg")
-    code, found = facts("--modes")
+    code, result = facts("--modes")
     assert code == 0
-    assert found["stable"]
-    assert found["modes"][0]["frequency"] == pytest.approx(near["modes"][0]["frequency"], rel=1e-9)
+    assert result["stable"]
+    assert result["modes"][0]["frequency"] == pytest.approx(near["modes"][0]["frequency"], rel=1e-9)
     assert "modes about the stable equilibrium at crank -1.755" in command("--modes")[1]
 
 
 def test_modes_have_frequency_damping_ratio_and_shape(facts):
-    code, found = facts("--modes", "--initial", "crank.q=-95deg", "--friction", "crank=1e-5,0")
+    code, result = facts("--modes", "--initial", "crank.q=-95deg", "--friction", "crank=1e-5,0")
     assert code == 0
-    (mode,) = found["modes"]
+    (mode,) = result["modes"]
     assert mode["frequency"] == pytest.approx(4.19234, rel=1e-5)
     assert 0.0 < mode["damping_ratio"] < 1.0
     assert mode["shape"].keys() == {"crank", "A", "B"}
 
 
 def test_a_frequency_response_is_tabulated(facts):
-    code, found = facts("--response", "crank:B.x", "--initial", "crank.q=-95deg")
+    code, result = facts("--response", "crank:B.x", "--initial", "crank.q=-95deg")
     assert code == 0
-    assert len(found["response"]["frequency"]) == len(found["response"]["magnitude"]) == 200
+    assert len(result["response"]["frequency"]) == len(result["response"]["magnitude"]) == 200
 
 
 @pytest.mark.parametrize(
@@ -164,16 +164,16 @@ def test_an_angle_that_jumps_by_a_revolution_ends_no_run(facts):
 
 
 def test_velocities_respond_with_the_frequency_times_displacements(facts):
-    found = [
+    result = [
         facts("--response", f"crank:{of}", "--initial", "crank.q=-95deg")[1] for of in ("B.x", "B.vx", "B.ax")
     ]
     frequency, displacement, velocity, acceleration = (
-        np.array(found[i]["response"][name])
+        np.array(result[i]["response"][name])
         for i, name in ((0, "frequency"), (0, "magnitude"), (1, "magnitude"), (2, "magnitude"))
     )
     np.testing.assert_allclose(velocity, 2.0 * np.pi * frequency * displacement, rtol=1e-9)
     np.testing.assert_allclose(acceleration, (2.0 * np.pi * frequency) ** 2 * displacement, rtol=1e-9)
-    assert found[0]["unit"] == "m/(N m)"
+    assert result[0]["unit"] == "m/(N m)"
 
 
 def test_runs_modes_and_responses_are_drawn(tmp_path, command):

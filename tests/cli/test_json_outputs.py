@@ -75,21 +75,21 @@ def undescribed(value, schema, path=""):
     """Return where an output holds keys of which its schema says nothing."""
     options = valid_options(value, schema)
     if isinstance(value, dict):
-        known = [one for one in options if "properties" in one or "additionalProperties" in one]
+        known = [item for item in options if "properties" in item or "additionalProperties" in item]
         if not known:
             return []
         own, rest = known[-1].get("properties", {}), known[-1].get("additionalProperties")
-        found = []
-        for key, one in value.items():
-            found += (
-                undescribed(one, own.get(key, rest), f"{path}.{key}")
+        result = []
+        for key, item in value.items():
+            result += (
+                undescribed(item, own.get(key, rest), f"{path}.{key}")
                 if own.get(key, rest) is not None
                 else [f"{path}.{key}"]
             )
-        return found
+        return result
     if isinstance(value, list):
-        items = next((one["items"] for one in options if "items" in one), {})
-        return [where for one in value for where in undescribed(one, items, f"{path}[]")]
+        items = next((item["items"] for item in options if "items" in item), {})
+        return [where for item in value for where in undescribed(item, items, f"{path}[]")]
     return []
 
 
@@ -97,13 +97,13 @@ def undescribed(value, schema, path=""):
 @pytest.mark.parametrize("line", [*LINES, *(pytest.param(line, marks=pytest.mark.slow) for line in SLOW)])
 def test_what_is_printed_is_as_the_schema_states(line, monkeypatch, capsys, tmp_path):
     line = line.format(folder=tmp_path)
-    told, schema = printed(line, monkeypatch, capsys), output_schema(line.split()[0])
+    reported, schema = printed(line, monkeypatch, capsys), output_schema(line.split()[0])
     jsonschema.Draft202012Validator.check_schema(schema)
     as_schema = jsonschema.Draft202012Validator(schema)
-    as_schema.validate(told)
+    as_schema.validate(reported)
     # only a trade's points hold more than is said of them
     assert {
-        re.sub(r"\.(points|pareto|recommended)\b.*", r".\1", one) for one in undescribed(told, schema)
+        re.sub(r"\.(points|pareto|recommended)\b.*", r".\1", item) for item in undescribed(reported, schema)
     } <= {
         ".points",
         ".pareto",
@@ -111,10 +111,10 @@ def test_what_is_printed_is_as_the_schema_states(line, monkeypatch, capsys, tmp_
     }
     # a schema that lets everything pass would say nothing
     # of several kinds of output it is one
-    (kind,) = valid_options(told, schema)
+    (kind,) = valid_options(reported, schema)
     as_schema, first = jsonschema.Draft202012Validator(kind), kind["required"][0]
-    assert not as_schema.is_valid({key: one for key, one in told.items() if key != first})
-    assert not as_schema.is_valid(told | {first: object})
+    assert not as_schema.is_valid({key: item for key, item in reported.items() if key != first})
+    assert not as_schema.is_valid(reported | {first: object})
 
 
 def test_every_command_with_json_has_a_schema(capsys, monkeypatch):

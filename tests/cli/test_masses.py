@@ -55,14 +55,14 @@ def press(tmp_path):
 
 def test_masses_are_listed_with_their_source(press):
     machine = ms.dynamics.dynamic_model(ms.load(press), diameter=0.01)
-    found = {one.link: one for one in machine.masses}
-    assert (found["crank"].mass, found["crank"].source) == (0.5, "given")
-    rod = found["rod"]
+    result = {item.link: item for item in machine.masses}
+    assert (result["crank"].mass, result["crank"].source) == (0.5, "given")
+    rod = result["rod"]
     assert rod.source == "rod"
     assert rod.mass == pytest.approx(7850.0 * pi / 4.0 * 0.01**2 * 0.3, rel=1e-14)
     assert (rod.length, rod.diameter, rod.density) == (pytest.approx(0.3), 0.01, 7850.0)
     # all joints of the slider lie in one point: a pin two diameters long
-    assert found["slider"].length == pytest.approx(0.02)
+    assert result["slider"].length == pytest.approx(0.02)
     study = ms.dynamics.prescribed(machine, [0.1, 0.2], 1.0)
     assert study.masses == machine.masses
     assert driven(machine.mechanism, machine.forces, speed=1.0, samples=4).masses == machine.masses
@@ -72,7 +72,7 @@ def test_a_link_without_mass_in_a_scene_is_listed_as_zero(tmp_path):
     path = tmp_path / "pair.xml"
     path.write_text(SCENE)
     form = ms.load(str(path), lock={"tip": 0.0})
-    assert {one.link: one.source for one in masses_of(form.mechanism)} == {"arm": "given", "tip": "zero"}
+    assert {item.link: item.source for item in masses_of(form.mechanism)} == {"arm": "given", "tip": "zero"}
     assert summary(masses_of(form.mechanism)) == "masses: arm given, 2 kg; tip zero in the file"
 
 
@@ -89,20 +89,20 @@ def test_dynamics_states_which_masses_it_uses(mechsim, press):
     assert "-v lists them" in line
     table = mechsim("dynamics", press, *short, "-v", "--diameter", "10mm").out
     assert "computed: steel rods, length 0.3 m, diameter 0.01 m" in table
-    told = json.loads(mechsim("dynamics", press, *short, "--json").out)["masses"]
-    assert [one["source"] for one in told] == ["given", "rod", "rod"]
-    assert told[1]["length"] == pytest.approx(0.3)
+    reported = json.loads(mechsim("dynamics", press, *short, "--json").out)["masses"]
+    assert [item["source"] for item in reported] == ["given", "rod", "rod"]
+    assert reported[1]["length"] == pytest.approx(0.3)
     free = json.loads(
         mechsim("dynamics", press, *short, "--json", "--motor", "constant:1", "--turns", "0.1").out
     )
-    assert free["masses"] == told
+    assert free["masses"] == reported
 
 
 @pytest.mark.parametrize("kind", ["torque", "reactions", "power"])
 def test_plots_of_efforts_state_which_masses_they_use(mechsim, press, kind):
     words = ("plot", press, "--kind", kind, "-o", "out.svg")
     assert "rod, slider computed as round steel rods" in mechsim(*words).out
-    assert [one["link"] for one in json.loads(mechsim(*words, "--json").out)["masses"]] == [
+    assert [item["link"] for item in json.loads(mechsim(*words, "--json").out)["masses"]] == [
         "crank",
         "rod",
         "slider",
@@ -121,10 +121,10 @@ def test_comparisons_of_torques_state_which_masses_they_use(mechsim, press, tmp_
     words = ("validate", press, "--against", str(table), "--speed", "10rad/s")
     answer = mechsim(*words)
     assert "computed as round steel rods" in " ".join(answer.out.split())
-    told = json.loads(mechsim(*words, "--json").out)["mechanisms"]["press"]
-    assert [one["source"] for one in told["masses"]] == ["given", "rod", "rod"]
+    reported = json.loads(mechsim(*words, "--json").out)["mechanisms"]["press"]
+    assert [item["source"] for item in reported["masses"]] == ["given", "rod", "rod"]
     verdict = ms.validate(press, str(table), speed=10.0, stepped=False)
-    assert [one.link for one in verdict.masses] == ["crank", "rod", "slider"]
+    assert [item.link for item in verdict.masses] == ["crank", "rod", "slider"]
 
 
 def test_sweeps_sensitivities_and_arrows_of_efforts_state_which_masses_they_use(mechsim):

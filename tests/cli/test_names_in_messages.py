@@ -56,7 +56,7 @@ def robot(file):
 )
 def test_a_name_that_is_missing_is_reported_with_what_was_intended(mechsim, robot, words, meant):
     command = "simulate" if "--ctrl" in words else "show"
-    told = mechsim(command, robot, *words.split())
-    assert told.code == 2
-    assert f"(did you mean {meant}?); " in told.err
-    assert len(told.err.splitlines()) == 1
+    reported = mechsim(command, robot, *words.split())
+    assert reported.code == 2
+    assert f"(did you mean {meant}?); " in reported.err
+    assert len(reported.err.splitlines()) == 1

@@ -132,8 +132,8 @@ def test_a_table_in_other_units_reads_back_as_a_reference(mechsim, press):
 
 def test_dynamics_trace_and_show_take_units(mechsim, press, tmp_path):
     asked = ("dynamics", press, "--method", "none", "--samples", "4", "-o", "d.csv")
-    told = mechsim(*asked, "--units", "file").out
-    assert "at [deg]" in told
+    reported = mechsim(*asked, "--units", "file").out
+    assert "at [deg]" in reported
     columns = files.read(tmp_path / "d.csv")
     np.testing.assert_allclose(columns["angle [deg]"], [0, 90, 180, 270, 360], atol=1e-9)
     assert {"time [s]", "torque [N m]", "A.fx [N]", "A.mz [N m]", "kinetic [J]", "inertia [kg m^2]"} <= set(

@@ -33,9 +33,9 @@ def test_a_crank_that_only_swings_is_drawn_wherever_it_can_stand(mechsim, tmp_pa
 
 
 @draws
-@pytest.mark.parametrize("road", ["closed", "simulated", "both"])
-def test_pictures_come_from_either_method_or_both(mechsim, tmp_path, road):
-    code, out, err = mechsim("render", "rssr", "--from", road, "--angle", "40deg", "-o", "a.png", *SMALL)
+@pytest.mark.parametrize("route", ["closed", "simulated", "both"])
+def test_pictures_come_from_either_method_or_both(mechsim, tmp_path, route):
+    code, out, err = mechsim("render", "rssr", "--from", route, "--angle", "40deg", "-o", "a.png", *SMALL)
     assert (code, out) == (0, "wrote a.png\n"), err
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
@@ -43,11 +43,11 @@ def test_pictures_come_from_either_method_or_both(mechsim, tmp_path, road):
 @draws
 def test_what_was_drawn_is_reported_in_json_as_its_schema_states(mechsim):
     for name, frames in (("a.png", None), ("a.gif", 6)):
-        told = json.loads(
+        reported = json.loads(
             mechsim("render", "rssr", "-o", name, "--frames-per-turn", "6", "--json", *SMALL).out
         )
-        assert told == {"mechanism": "rssr", "output": name, "frames": frames}
-        jsonschema.validate(told, output_schema("render"))
+        assert reported == {"mechanism": "rssr", "output": name, "frames": frames}
+        jsonschema.validate(reported, output_schema("render"))
 
 
 @draws
@@ -176,9 +176,9 @@ def test_an_option_of_another_kind_of_plot_is_rejected_in_one_line(mechsim, tmp_
 
 
 def test_a_torque_plot_carries_both_methods(mechsim, tmp_path):
-    for road in ("closed", "simulated"):
-        assert mechsim("plot", "four_bar", "--kind", "torque", "--from", road, "-o", f"{road}.svg")[0] == 0
-    closed, both = ((tmp_path / f"{road}.svg").read_text() for road in ("closed", "simulated"))
+    for route in ("closed", "simulated"):
+        assert mechsim("plot", "four_bar", "--kind", "torque", "--from", route, "-o", f"{route}.svg")[0] == 0
+    closed, both = ((tmp_path / f"{route}.svg").read_text() for route in ("closed", "simulated"))
     assert "MuJoCo" not in closed
     assert "MuJoCo" in both
 

@@ -20,14 +20,16 @@ def test_reduce_writes_a_scene_and_reports_what_each_thing_left_out_costs(
     mechsim, finger, tmp_path, monkeypatch
 ):
     few_trials(monkeypatch)
-    said = mechsim("reduce", finger, "--tolerance", "7um", "--track", "pad", *FED, "-o", "out.xml", "--json")
-    assert said.code == 0, said.err
-    told = json.loads(said.out)
-    assert told["error"] <= 7e-6
-    assert {"what", "error", "time_ratio"} <= set(told["left_out"][0])
+    output = mechsim(
+        "reduce", finger, "--tolerance", "7um", "--track", "pad", *FED, "-o", "out.xml", "--json"
+    )
+    assert output.code == 0, output.err
+    reported = json.loads(output.out)
+    assert reported["error"] <= 7e-6
+    assert {"what", "error", "time_ratio"} <= set(reported["left_out"][0])
     text = (tmp_path / "out.xml").read_text()
     assert text.startswith("<!--")
-    assert all(one["what"] in text for one in told["left_out"])
+    assert all(item["what"] in text for item in reported["left_out"])
 
 
 def test_two_points_may_be_named_at_once(mechsim, finger, monkeypatch):
@@ -61,7 +63,7 @@ def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "output"),
     [
         (("--tolerance", "0"), "above 0"),
         (("--tolerance", "7um", "--by", "closure"), "choose from trajectory, torque"),
@@ -69,9 +71,9 @@ def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatc
         (("--tolerance", "7um", "--track", "nail"), "nail"),
     ],
 )
-def test_reduce_rejects_in_one_line_and_writes_nothing(mechsim, finger, tmp_path, words, said):
+def test_reduce_rejects_in_one_line_and_writes_nothing(mechsim, finger, tmp_path, words, output):
     answer = mechsim("reduce", finger, *words, "-o", "out.xml")
     assert answer.code == 2
-    assert said in answer.err
+    assert output in answer.err
     assert len(answer.err.strip().splitlines()) == 1
     assert not (tmp_path / "out.xml").exists()

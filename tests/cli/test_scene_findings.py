@@ -15,18 +15,18 @@ SOFT = changed(('solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 
 def test_show_lists_what_is_wrong_with_a_scene(mechsim, file, text, kinds):
     code, out, _ = mechsim("show", file(text), "--json")
     assert code == 0
-    found = json.loads(out)["findings"]
-    assert [one["kind"] for one in found] == kinds
-    for one in found:
-        assert {"kind", "what", "by", "explains", "message", "remedy", "line", "file"} <= set(one)
-        assert 0 <= one["explains"] <= 1
+    result = json.loads(out)["findings"]
+    assert [item["kind"] for item in result] == kinds
+    for item in result:
+        assert {"kind", "what", "by", "explains", "message", "remedy", "line", "file"} <= set(item)
+        assert 0 <= item["explains"] <= 1
 
 
 def test_show_reports_people_the_line_and_the_remedy(mechsim, file):
     _, out, _ = mechsim("show", file(SOFT))
-    said = " ".join(out.split())
+    output = " ".join(out.split())
     line = 1 + SOFT[: SOFT.index('name="loop"')].count("\n")
-    assert f" soft {line} loop is soft" in said
+    assert f" soft {line} loop is soft" in output
     assert "findings: none" in mechsim("show", file(SOUND))[1]
 
 
@@ -40,9 +40,9 @@ def test_a_verdict_on_a_scene_begins_with_what_is_wrong_with_it(mechsim, file):
     heads = [line for line in out.splitlines() if not line.startswith(" ")]
     assert [line.split(": line")[0] for line in heads[:2]] == ["actuator", "soft"]
     _, out, _ = mechsim("simulate", path, "--drive", "crank=0.3*sin(2*pi*t)", "--json")
-    found = json.loads(out)["findings"]
+    result = json.loads(out)["findings"]
     # the servo of the file stands at 0 while the crank is driven
-    assert [one["kind"] for one in found] == ["actuator", "soft"]
+    assert [item["kind"] for item in result] == ["actuator", "soft"]
 
 
 def test_what_is_wrong_with_a_scene_that_cannot_be_checked_is_reported(mechsim, file):
@@ -50,7 +50,7 @@ def test_what_is_wrong_with_a_scene_that_cannot_be_checked_is_reported(mechsim, 
     code, out, _ = mechsim("validate", file(text), "--json")
     (case,) = json.loads(out)["mechanisms"].values()
     assert (code, case["outcome"]) == (2, "underdetermined")
-    assert "open" in [one["kind"] for one in case["findings"]]
+    assert "open" in [item["kind"] for item in case["findings"]]
 
 
 @pytest.mark.slow
@@ -59,10 +59,10 @@ def test_validate_states_it_too_whatever_the_scene_is_held_against(mechsim, file
     asked = ("validate", file(SOFT), "--drive", "crank=0.3*sin(2*pi*t)")
     _, out, _ = mechsim(*asked, "--json")
     (case,) = json.loads(out)["mechanisms"].values()
-    assert "soft" in [one["kind"] for one in case["findings"]]
+    assert "soft" in [item["kind"] for item in case["findings"]]
     _, out, _ = mechsim(*asked, "--against", "own.py:still", "--json")
     (case,) = json.loads(out)["mechanisms"].values()
-    kinds = [one["kind"] for one in case["findings"]]
+    kinds = [item["kind"] for item in case["findings"]]
     assert kinds[:2] == ["actuator", "soft"]
     assert len(kinds) > 2
     _, out, _ = mechsim(*asked, "--against", "own.py:still")

@@ -18,13 +18,13 @@ def test_derivatives_are_written_reported_and_drawn(sensitivity, tmp_path):
     asked = ("rssr", "--of", "P3,rocker", "--to", "crank,pivot", "--angles", "0:300:100deg")
     code, out, err = sensitivity(*asked, "-o", "d.csv", "--json")
     assert code == 0, err
-    told = json.loads(out)
+    reported = json.loads(out)
     table = files.read(tmp_path / "d.csv")
-    names = [f"{q}/{p}" for q in ("P3.x", "P3.y", "P3.z", "rocker.q") for p in told["dimensions"]]
+    names = [f"{q}/{p}" for q in ("P3.x", "P3.y", "P3.z", "rocker.q") for p in reported["dimensions"]]
     assert list(table) == ["angle", *names]
-    assert list(told["dimensions"]) == ["crank", "pivot.x", "pivot.y", "pivot.z"]
-    assert told["units"]["rocker.q/crank"] == "rad/m"
-    assert told["columns"]["P3.x/crank"] == table["P3.x/crank"].tolist()
+    assert list(reported["dimensions"]) == ["crank", "pivot.x", "pivot.y", "pivot.z"]
+    assert reported["units"]["rocker.q/crank"] == "rad/m"
+    assert reported["columns"]["P3.x/crank"] == table["P3.x/crank"].tolist()
 
 
 @draws
@@ -35,14 +35,14 @@ def test_tolerances_are_reported_and_their_bands_drawn(sensitivity, tmp_path):
         *asked, "--angles", "0:360:60deg", "--plot", "band.svg", "-o", "t.csv", "--json"
     )
     assert code == 0, err
-    told = json.loads(out)["tolerances"]
-    one = told["quantities"]["C.x"]
-    assert one["worst"] >= one["rss"] >= one["deviation"] > 0.0
-    assert sum(one["shares"].values()) == pytest.approx(1.0)
-    assert told["monte_carlo"]["samples"] == 500
-    assert told["bounds"]["A.clearance"] == pytest.approx(1e-5)
+    reported = json.loads(out)["tolerances"]
+    item = reported["quantities"]["C.x"]
+    assert item["worst"] >= item["rss"] >= item["deviation"] > 0.0
+    assert sum(item["shares"].values()) == pytest.approx(1.0)
+    assert reported["monte_carlo"]["samples"] == 500
+    assert reported["bounds"]["A.clearance"] == pytest.approx(1e-5)
     table = files.read(tmp_path / "t.csv")
-    assert np.abs(table["C.x.worst"].max() - one["worst"]) <= 1e-18
+    assert np.abs(table["C.x.worst"].max() - item["worst"]) <= 1e-18
     assert {"C.x/crank", "C.y/coupler", "C.y.low", "C.y.std"} <= set(table)
     assert (tmp_path / "band.svg").read_text().startswith("<?xml")
 
@@ -56,7 +56,7 @@ def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "output"),
     [
         (["four_bar"], "--of is missing; name the quantities"),
         (["four_bar", "--of", "rockr"], "did you mean 'rocker'"),
@@ -71,8 +71,8 @@ def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
         (["five_bar", "--of", "P", "--speed", "5"], "--speed applies to a crank without a motion law"),
     ],
 )
-def test_what_cannot_be_is_stated_in_one_line(sensitivity, words, said):
+def test_what_cannot_be_is_stated_in_one_line(sensitivity, words, output):
     code, out, err = sensitivity(*words)
     assert (code, out) == (2, "")
-    assert said in err
+    assert output in err
     assert len(err.strip().splitlines()) == 1

@@ -25,9 +25,9 @@ lever = { at = [120, 0, 0], turn = { axis = [0, 0, 1], angle = 0.9 } }
 
 def test_rounding_is_zero_and_what_is_taken_off_has_a_minus(mechsim, tmp_path):
     (tmp_path / "cams.toml").write_text(CAMS)
-    said = mechsim("show", "cams.toml")
-    assert said.code == 0, said.err
-    assert "0.3 crank - 0.02 crank^2" in said.out
-    assert "cam - O4" in said.out
-    row = next(line for line in said.out.splitlines() if " B " in line and "0.151" in line)
+    output = mechsim("show", "cams.toml")
+    assert output.code == 0, output.err
+    assert "0.3 crank - 0.02 crank^2" in output.out
+    assert "cam - O4" in output.out
+    row = next(line for line in output.out.splitlines() if " B " in line and "0.151" in line)
     assert row.split()[-3:] == ["0.151", "0", "0"]

@@ -136,10 +136,10 @@ def test_no_command_ends_in_an_internal_error(mechsim):
         "plot odd.toml --kind reactions -o p.svg",
         "export odd.toml --tolerance 1mm -o x.xml",
     ):
-        told = mechsim(*line.split())
-        assert told.code == 0, (line, told.err)
-        assert "internal error" not in told.err
-        assert "Warning" not in told.err
+        reported = mechsim(*line.split())
+        assert reported.code == 0, (line, reported.err)
+        assert "internal error" not in reported.err
+        assert "Warning" not in reported.err
     assert name in mechsim("show", "odd.toml", "--json").out.replace("\\\\", "\\")
 
 

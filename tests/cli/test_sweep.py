@@ -15,9 +15,9 @@ def test_a_sweep_is_written_and_reported(mechsim):
     assert done.code == 0
     assert "20 of 20 designs built" in done.out
     assert "10 of them swing: they are measured over their reachable ranges" in done.out
-    found = read_sweep("out.nc")
-    assert found["range:rocker"].dims == ("crank", "coupler")
-    assert found.attrs["speed"] == pytest.approx(62.83185307)
+    result = read_sweep("out.nc")
+    assert result["range:rocker"].dims == ("crank", "coupler")
+    assert result.attrs["speed"] == pytest.approx(62.83185307)
 
 
 def test_json_is_one_object(mechsim):
@@ -32,14 +32,14 @@ def test_json_is_one_object(mechsim):
         "out.csv",
         "--json",
     )
-    done = mechsim("sweep", "rssr", *(one.replace("25mm:35mm", "12mm:14mm") for one in words))
-    told = json.loads(done.out)
-    assert (told["designs"], told["built"]) == (16, 16)
-    assert told["seconds"] > 0.0
+    done = mechsim("sweep", "rssr", *(item.replace("25mm:35mm", "12mm:14mm") for item in words))
+    reported = json.loads(done.out)
+    assert (reported["designs"], reported["built"]) == (16, 16)
+    assert reported["seconds"] > 0.0
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "output"),
     [
         (("--vary", "crnk=1mm:2mm:3"), "did you mean 'crank'"),
         (("--vary", "crank=60mm:20mm:5"), "is in descending order"),
@@ -50,18 +50,18 @@ def test_json_is_one_object(mechsim):
         ((*VARY, "--samples", "0"), "0 poses"),
     ],
 )
-def test_bad_input_is_one_line_and_nothing_is_written(mechsim, tmp_path, words, said):
+def test_bad_input_is_one_line_and_nothing_is_written(mechsim, tmp_path, words, output):
     done = mechsim("sweep", "four_bar", *words, "--measure", "range:rocker", "-o", "out.nc")
     assert done.code == 2
-    assert said in done.err
+    assert output in done.err
     assert done.err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_output_that_cannot_be_is_rejected_before_any_work(mechsim):
-    for name, said in (("out.xls", "choose from .nc"), ("nowhere/out.nc", "create it first")):
+    for name, output in (("out.xls", "choose from .nc"), ("nowhere/out.nc", "create it first")):
         done = mechsim("sweep", "four_bar", *VARY, "--measure", "range:rocker", "-o", name)
-        assert (done.code, said in done.err) == (2, True), done.err
+        assert (done.code, output in done.err) == (2, True), done.err
 
 
 def test_random_designs_go_through_mujoco_and_are_checked(mechsim, monkeypatch):
@@ -93,10 +93,10 @@ def test_what_was_swept_is_drawn(mechsim, tmp_path):
 def test_torques_of_designs_stepped_by_themselves_are_of_loops_as_hard_as_dynamics_has_them(mechsim):
     """At 1e-8 of MuJoCo's compliance, which places need, rack_steering's torque was off by 4e-6 of itself."""
     angles = [f"at:{angle}deg:torque" for angle in (7.2, 36.0, 54.0, 79.2, 198.0, 342.0)]
-    words = ("--vary", "radius=5mm:6mm:2", "--samples", "100", *(f"--measure={one}" for one in angles))
+    words = ("--vary", "radius=5mm:6mm:2", "--samples", "100", *(f"--measure={item}" for item in angles))
     for name, method in (("exact.csv", ()), ("stepped.csv", ("--method", "step"))):
         assert mechsim("sweep", "rack_steering", *words, *method, "-o", name).code == 0
     exact, stepped = (
-        np.array([read_sweep(name)[one].values for one in angles]) for name in ("exact.csv", "stepped.csv")
+        np.array([read_sweep(name)[item].values for item in angles]) for name in ("exact.csv", "stepped.csv")
     )
     assert np.abs(stepped - exact).max() < 1e-6 * np.sqrt((exact**2).mean())

@@ -41,12 +41,19 @@ def test_a_trace_is_reported_as_tables_and_written_as_a_table_and_a_plot(trace, 
 def test_json_counts_components_from_one_and_names_branch_points(trace):
     code, out, err = trace(*FLAT, "--json")
     assert (code, err) == (0, "")
-    told = json.loads(out)
-    assert [one["component"] for one in told["components"]] == [1, 2]
-    assert [one["own"] for one in told["components"]] == [True, False]
-    assert sum(one["starts_ended"] for one in told["components"]) == told["closed"] == told["starts"] == 20
-    assert sorted(round(one["angle"] / np.pi, 9) % 2.0 for one in told["branch_points"]) == [0.0, 1.0]
-    assert all([place["component"] for place in one["places"]] == [1, 2] for one in told["branch_points"])
+    reported = json.loads(out)
+    assert [item["component"] for item in reported["components"]] == [1, 2]
+    assert [item["own"] for item in reported["components"]] == [True, False]
+    assert (
+        sum(item["starts_ended"] for item in reported["components"])
+        == reported["closed"]
+        == reported["starts"]
+        == 20
+    )
+    assert sorted(round(item["angle"] / np.pi, 9) % 2.0 for item in reported["branch_points"]) == [0.0, 1.0]
+    assert all(
+        [place["component"] for place in item["places"]] == [1, 2] for item in reported["branch_points"]
+    )
 
 
 def test_a_plot_over_three_coordinates_stands_in_space(trace, tmp_path):
@@ -72,10 +79,10 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_be_traced_ends_in_one_line_and_nothing_written(trace, tmp_path, name):
-    words, said = REFUSED[name]
+    words, output = REFUSED[name]
     code, out, err = trace("four_bar", *words)
     assert (code, out) == (2, "")
-    assert said in err
+    assert output in err
     assert len(err.splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
@@ -94,10 +101,10 @@ def test_a_video_of_a_trace_has_its_frames_and_takes_no_other_method(mechsim, tm
     assert len(list((tmp_path / "film").iterdir())) == 6
     code, out, err = mechsim(*words, "-o", "still.png")
     assert (code, out) == (0, "wrote still.png\n"), err
-    for asked, said in ((("--turns", "2"), "leave out --turns"), (("--from", "both"), "leave out --from")):
+    for asked, output in ((("--turns", "2"), "leave out --turns"), (("--from", "both"), "leave out --from")):
         code, _, err = mechsim(*words, *asked, "-o", "no.mp4")
         assert code == 2
-        assert said in err
+        assert output in err
 
 
 def test_what_is_open_in_a_file_is_held_as_the_rejection_states(trace, file):

@@ -55,7 +55,7 @@ def test_an_export_that_is_advised_has_the_settings_of_the_run_that_was_measured
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "output"),
     [
         ("--compliance 1e-8", "an MJCF file can only contain 1"),
         ("--integrator verlet", "there is no integrator 'verlet'"),
@@ -66,9 +66,9 @@ def test_an_export_that_is_advised_has_the_settings_of_the_run_that_was_measured
         ("--timestep 0", "give a finite time above 0"),
     ],
 )
-def test_settings_that_no_file_can_have_are_rejected_in_one_line(mechsim, tmp_path, words, said):
+def test_settings_that_no_file_can_have_are_rejected_in_one_line(mechsim, tmp_path, words, output):
     answer = mechsim("export", "four_bar", *words.split(), "-o", "out.xml")
     assert (answer.code, answer.out) == (2, "")
-    assert said in answer.err
+    assert output in answer.err
     assert len(answer.err.strip().splitlines()) == 1
     assert not [*tmp_path.iterdir()]

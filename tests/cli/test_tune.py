@@ -61,19 +61,19 @@ def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_states
         "--json",
     )
     assert answer.code == 0, answer.err
-    told = json.loads(answer.out)
-    assert told["reached"]
-    assert told["tolerance"] == 5e-6
-    assert told["tuned"]["error"] <= 5e-6
-    assert told["tuned"]["ms_per_s"] > 0.0
-    assert {"error", "ms_per_s"} <= set(told["published"])
-    assert told["diff"].startswith("--- ")
+    reported = json.loads(answer.out)
+    assert reported["reached"]
+    assert reported["tolerance"] == 5e-6
+    assert reported["tuned"]["error"] <= 5e-6
+    assert reported["tuned"]["ms_per_s"] > 0.0
+    assert {"error", "ms_per_s"} <= set(reported["published"])
+    assert reported["diff"].startswith("--- ")
     states = as_its_comment_says(tmp_path / "out.xml", 0.1)
     folder = tmp_path / "judge"
     folder.mkdir()
     judge = scene(folder, drive={"knuckle": "0.5*sin(2*pi*t)"})
     places = replace(run_scene(judge, records=2), qpos=states).points
-    assert judge.closure.errors(states, places).max() == pytest.approx(told["tuned"]["error"], rel=1e-3)
+    assert judge.closure.errors(states, places).max() == pytest.approx(reported["tuned"]["error"], rel=1e-3)
 
 
 # settings that satisfy 4.9 um and are hard to beat: whatever aims at 0.8 of that takes shorter steps
@@ -99,17 +99,17 @@ def comment_of(path):
 
 def test_a_file_that_satisfies_the_tolerance_is_never_made_slower(mechsim, tmp_path):
     (tmp_path / "cheap.xml").write_text(CHEAP)
-    told = json.loads(tuned_by(mechsim, "4.9um", "cheap.xml", "--json"))
-    assert told["published"]["reached"]
-    assert told["published"]["error"] <= 4.9e-6
-    assert told["tuned"]["ms_per_s"] <= told["published"]["ms_per_s"]
-    assert told["reached"]
-    assert told["tuned"]["error"] <= 4.9e-6
-    assert told["summary"][0].startswith("as published the file satisfies 4.9e-06 m by closure")
-    if not told["tuned"]["settings"]:
-        assert told["tuned"]["error"] == told["published"]["error"]
-        assert "the settings stay as published; no cheaper settings satisfy it" in told["summary"]
-    for sentence in told["summary"]:
+    reported = json.loads(tuned_by(mechsim, "4.9um", "cheap.xml", "--json"))
+    assert reported["published"]["reached"]
+    assert reported["published"]["error"] <= 4.9e-6
+    assert reported["tuned"]["ms_per_s"] <= reported["published"]["ms_per_s"]
+    assert reported["reached"]
+    assert reported["tuned"]["error"] <= 4.9e-6
+    assert reported["summary"][0].startswith("as published the file satisfies 4.9e-06 m by closure")
+    if not reported["tuned"]["settings"]:
+        assert reported["tuned"]["error"] == reported["published"]["error"]
+        assert "the settings stay as published; no cheaper settings satisfy it" in reported["summary"]
+    for sentence in reported["summary"]:
         assert sentence in comment_of(tmp_path / "out.xml")
 
 
@@ -186,7 +186,7 @@ def test_what_no_file_reaches_is_stated_with_what_one_does(mechsim, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "output"),
     [
         (("four_bar", "--tolerance", "1e-5"), "is no MJCF file"),
         (("finger.xml", "--tolerance", "1kg"), "tolerance"),
@@ -198,10 +198,10 @@ def test_what_no_file_reaches_is_stated_with_what_one_does(mechsim, tmp_path):
         (("finger.xml", "--tolerance", "1e-5", "--allow", "gravity"), "contacts, limits, friction"),
     ],
 )
-def test_what_cannot_be_is_stated_in_one_line_and_nothing_is_written(mechsim, tmp_path, words, said):
+def test_what_cannot_be_is_stated_in_one_line_and_nothing_is_written(mechsim, tmp_path, words, output):
     answer = mechsim("tune", *words, "-o", "out.xml")
     assert answer.code == 2
-    assert said in answer.err
+    assert output in answer.err
     assert len(answer.err.strip().splitlines()) == 1
     assert not (tmp_path / "out.xml").exists()
 

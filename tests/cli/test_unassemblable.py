@@ -33,4 +33,4 @@ def test_it_is_rejected_with_the_remedy(words, mechsim, tmp_path):
     assert answer.err.count("\n") == 1
     assert "close" in answer.err
     assert "change the dimensions" in answer.err
-    assert [one.name for one in tmp_path.iterdir()] == ["measured.csv"]
+    assert [item.name for item in tmp_path.iterdir()] == ["measured.csv"]

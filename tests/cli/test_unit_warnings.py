@@ -36,9 +36,9 @@ def test_parameters_far_from_what_is_usual_are_requested_back(questions):
 
 
 def test_they_stand_next_to_a_result_and_in_the_one_line_of_a_rejection(mechsim):
-    said = mechsim("solve", "four_bar", "--angles", "0:1:0.5", "--set", "arm_angle=45")
-    assert said.code == 0
-    assert said.err.splitlines() == ["mechsim: --set arm_angle=45 is 45 rad; was arm_angle=45deg meant?"]
+    output = mechsim("solve", "four_bar", "--angles", "0:1:0.5", "--set", "arm_angle=45")
+    assert output.code == 0
+    assert output.err.splitlines() == ["mechsim: --set arm_angle=45 is 45 rad; was arm_angle=45deg meant?"]
     refused = mechsim(
         "solve", "four_bar", "--angles", "0:1:0.5", "--set", "crank=40", "--set", "arm_angle=45"
     )

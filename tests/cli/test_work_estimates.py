@@ -43,10 +43,10 @@ def test_what_memory_does_not_hold_is_rejected_at_once_with_what_would_fit(
     monkeypatch.setattr("sys.argv", ["mechsim", *words.split()])
     with pytest.raises(SystemExit) as ended:
         cli.main()
-    said = capsys.readouterr().err
+    output = capsys.readouterr().err
     assert ended.value.code == 2
-    assert len(said.splitlines()) == 1
-    assert all(word in said for word in TOO_LARGE[words])
+    assert len(output.splitlines()) == 1
+    assert all(word in output for word in TOO_LARGE[words])
     assert list(tmp_path.iterdir()) == []
 
 
@@ -79,10 +79,10 @@ def one_line(words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     monkeypatch.setattr("sys.argv", ["mechsim", *words.split()])
     with pytest.raises(SystemExit) as ended:
         cli.main()
-    said = capsys.readouterr().err
+    output = capsys.readouterr().err
     assert ended.value.code == 2
-    assert len(said.splitlines()) == 1
-    return said
+    assert len(output.splitlines()) == 1
+    return output
 
 
 @pytest.mark.parametrize("options", TOO_LONG)
@@ -111,8 +111,8 @@ def test_too_many_steps_of_a_scene_are_rejected(
         <actuator><motor name="torque" joint="pivot"/></actuator></mujoco>"""
     )
     words = "simulate pendulum.xml --ctrl torque=1 --duration 1e5"
-    said = one_line(words, monkeypatch, capsys)
-    assert "a motion of 100000 s with a time step of 0.002 s takes 5e+07 time steps, and 2,000,000" in said
+    output = one_line(words, monkeypatch, capsys)
+    assert "a motion of 100000 s with a time step of 0.002 s takes 5e+07 time steps, and 2,000,000" in output
 
 
 def test_memory_that_mujoco_cannot_get_is_no_internal_error(
@@ -133,9 +133,9 @@ def test_a_motor_too_stiff_for_explicit_steps_is_rejected_before_any_is_taken(
         pytest.fail("steps were taken")
 
     monkeypatch.setattr(free_motion, "step_freely", taken)
-    said = one_line(f"dynamics four_bar --motor {motor}", monkeypatch, capsys)
-    assert "and 500,000 are the limit of one run; give a flywheel" in said
-    assert "--method none" in said
+    output = one_line(f"dynamics four_bar --motor {motor}", monkeypatch, capsys)
+    assert "and 500,000 are the limit of one run; give a flywheel" in output
+    assert "--method none" in output
 
 
 def test_a_crank_under_a_stiff_motor_reaches_its_speed() -> None:
@@ -239,11 +239,11 @@ def test_long_work_states_how_long_it_goes_on(
 def test_dynamics_state_on_every_method_how_far_they_have_come(
     method: str, roads: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
 
     @contextmanager
     def recorded_progress(*_: object) -> Iterator[progress.Progress]:
-        yield lambda done="", part=None: told.append((done.split(",")[0], part))
+        yield lambda done="", part=None: reported.append((done.split(",")[0], part))
 
     monkeypatch.setattr(cli_dynamics, "progress", recorded_progress)
     monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "rssr", "--method", method, "--samples", "90"])
@@ -251,8 +251,8 @@ def test_dynamics_state_on_every_method_how_far_they_have_come(
         cli.main()
     assert ended.value.code == 0
     capsys.readouterr()
-    assert list(dict.fromkeys(road for road, _ in told)) == ["formulas", "MuJoCo", "check"][:roads]
-    parts = [part for _, part in told]
+    assert list(dict.fromkeys(route for route, _ in reported)) == ["formulas", "MuJoCo", "check"][:roads]
+    parts = [part for _, part in reported]
     assert parts == sorted(parts)
     assert parts[-1] == 1.0
 

@@ -94,10 +94,10 @@ def test_map_is_the_derivative_of_the_configurations(compiled):
     step = 1e-5
     around = start + step * np.array([[0, 0, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0], [-1, 0, 0, 0, 0, 0]])
     solved = solver.solve_drivers(around)
-    slope = (solved.motion[1, 0] - solved.motion[2, 0]) / (2.0 * step)
+    gradient = (solved.motion[1, 0] - solved.motion[2, 0]) / (2.0 * step)
     balls = solver.code.assembly.loops.tree.ball_indices
-    numbers = np.delete(np.arange(len(slope)), balls)
-    assert np.abs(slope - solved.map[0, :, 0])[numbers].max() < 1e-6
+    numbers = np.delete(np.arange(len(gradient)), balls)
+    assert np.abs(gradient - solved.map[0, :, 0])[numbers].max() < 1e-6
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "jansen", "stephenson_six_bar"])

@@ -19,8 +19,8 @@ def test_other_revolutions_bring_every_target_within_a_revolution_nearest_first(
     near = [
         laps
         for laps in range(-12, 13)
-        if laps and all(abs(angle + laps * REVOLUTION - one) <= REVOLUTION for one in wanted)
+        if laps and all(abs(angle + laps * REVOLUTION - item) <= REVOLUTION for item in wanted)
     ]
-    found = other_revolutions(angle, np.array(wanted))
-    assert sorted(found) == near
-    assert [abs(laps) for laps in found] == sorted(abs(laps) for laps in found)
+    result = other_revolutions(angle, np.array(wanted))
+    assert sorted(result) == near
+    assert [abs(laps) for laps in result] == sorted(abs(laps) for laps in result)

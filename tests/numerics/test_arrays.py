@@ -11,10 +11,10 @@ from mechsim.numerics.arrays import Array
 
 def worked(size: int) -> Array:
     """Calculate in several steps, each with an array of its own."""
-    found = np.zeros(size)
+    result = np.zeros(size)
     for k in range(8):
-        found = np.sqrt(found + k)
-    return found
+        result = np.sqrt(result + k)
+    return result
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="how glibc hands memory back")

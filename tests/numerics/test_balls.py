@@ -21,10 +21,10 @@ def contains(result, exact):
 
 def corners(a, b):
     """Yield exact numbers of two balls: midpoints and ends."""
-    for one in (-1, 0, 1):
+    for item in (-1, 0, 1):
         for other in (-1, 0, 1):
             yield (
-                mpmath.mpf(float(a.mid)) + one * mpmath.mpf(float(a.rad)),
+                mpmath.mpf(float(a.mid)) + item * mpmath.mpf(float(a.rad)),
                 mpmath.mpf(float(b.mid)) + other * mpmath.mpf(float(b.rad)),
             )
 

@@ -56,8 +56,8 @@ def test_a_parameter_at_a_junction_belongs_to_the_next_polynomial():
     for s in (1.0, 1.0 - 1e-13, 1.5, 7.0):
         assert pieces.segment_at(s) is backward
     assert pieces.segment_at(1.0 - 1e-9) is pieces.segment_at(-3.0) is forward
-    found = {id(segment): index.tolist() for segment, index in pieces.groups(np.array([1.2, 0.1, 1.0]))}
-    assert found == {id(forward): [1], id(backward): [0, 2]}
+    result = {id(segment): index.tolist() for segment, index in pieces.groups(np.array([1.2, 0.1, 1.0]))}
+    assert result == {id(forward): [1], id(backward): [0, 2]}
 
 
 def test_piecewise_polynomials_keep_the_order_of_parameters():

@@ -35,16 +35,16 @@ def test_half_extent_is_that_of_the_longest_path():
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
 def test_a_pure_power_has_its_order(order):
-    found = observed_order(STEPS, 7.0 * STEPS**-order)
-    assert found is not None
-    assert (found.order, found.low, found.high) == pytest.approx((order, order, order))
-    assert found.count == len(STEPS)
+    result = observed_order(STEPS, 7.0 * STEPS**-order)
+    assert result is not None
+    assert (result.order, result.low, result.high) == pytest.approx((order, order, order))
+    assert result.count == len(STEPS)
 
 
 def test_steps_may_be_inverse_step_sizes_below_one():
-    found = observed_order(1e-3 * STEPS, STEPS**-2.0)
-    assert found is not None
-    assert (found.order, found.count) == (pytest.approx(2.0), len(STEPS))
+    result = observed_order(1e-3 * STEPS, STEPS**-2.0)
+    assert result is not None
+    assert (result.order, result.count) == (pytest.approx(2.0), len(STEPS))
 
 
 def test_order_does_not_depend_on_the_sequence_of_points():

@@ -24,11 +24,11 @@ def test_reachable_nodes_and_components_are_those_of_networkx(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_a_matching_has_as_many_edges_as_any(seed):
     units = {node: [f"u{i}" for i in others] for node, others in random_successors(seed).items()}
-    found = matching(units)
-    assert all(unit in units[node] for node, unit in found.items())
-    assert len(set(found.values())) == len(found)
+    result = matching(units)
+    assert all(unit in units[node] for node, unit in result.items())
+    assert len(set(result.values())) == len(result)
     largest = nx.bipartite.hopcroft_karp_matching(nx.Graph(units), units)
-    assert len(found) == len(largest) // 2
+    assert len(result) == len(largest) // 2
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -34,9 +34,9 @@ def test_an_array_of_objects_is_no_array_of_numbers_unless_it_is_empty():
         np.array([2.0, 3.0], dtype=object),
         np.array([], dtype=str),
     ):
-        found = numbers(objects)
-        assert found.shape == ()
-        assert np.isnan(found)
+        result = numbers(objects)
+        assert result.shape == ()
+        assert np.isnan(result)
 
 
 def test_a_value_of_the_type_is_returned_and_another_type_is_named():

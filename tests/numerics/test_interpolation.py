@@ -12,13 +12,13 @@ TIME = np.array([0.0, 0.3, 0.5, 1.1, 1.4, 2.0, 2.2])
 def test_a_quintic_spline_reproduces_a_polynomial_of_degree_five():
     power = np.polynomial.Polynomial([1.0, -2.0, 0.5, 0.3, -0.7, 0.2])
     at = np.linspace(0.0, 2.2, 50)
-    found = quintic_spline("it", TIME, power(TIME))(at)
-    for order, values in enumerate(found):
+    result = quintic_spline("it", TIME, power(TIME))(at)
+    for order, values in enumerate(result):
         np.testing.assert_allclose(values, power.deriv(order)(at) if order else power(at), atol=1e-11)
 
 
 @pytest.mark.parametrize(
-    ("time", "value", "said"),
+    ("time", "value", "output"),
     [
         (TIME[:5], TIME[:5], "at least 6 rows"),
         (TIME, TIME[:6], "equal length"),
@@ -26,6 +26,6 @@ def test_a_quintic_spline_reproduces_a_polynomial_of_degree_five():
         (TIME, np.where(TIME > 1.0, np.nan, TIME), "not finite"),
     ],
 )
-def test_an_invalid_table_is_rejected(time, value, said):
-    with pytest.raises(InputError, match=said):
+def test_an_invalid_table_is_rejected(time, value, output):
+    with pytest.raises(InputError, match=output):
         quintic_spline("the table of hip", time, value)

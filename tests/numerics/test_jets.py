@@ -58,10 +58,10 @@ def test_value_and_rates_agree_with_fifty_digits(name, x, y):
             return formula(IN_DIGITS, u, v)
 
         value, first, half_second = (float(part) for part in mp.taylor(at, 0, 2))
-    found = formula(IN_NUMPY, jet(x), jet(y))
+    result = formula(IN_NUMPY, jet(x), jet(y))
     assume(name != "direction" or np.hypot(x[0] - 1.0, y[0]) > 0.1)
     scale = 1.0 + max(abs(value), abs(first), abs(2.0 * half_second))
-    for part, expected in ((found.value, value), (found.rate, first), (found.second, 2.0 * half_second)):
+    for part, expected in ((result.value, value), (result.rate, first), (result.second, 2.0 * half_second)):
         assert abs(part[0] - expected) <= 1e-11 * scale
 
 
@@ -79,10 +79,10 @@ def test_vector_products_have_the_rates_of_their_components(parts):
         "norm": np.sqrt(a0 * a0 + a1 * a1 + a2 * a2),
         "z of cross": a0 * b1 - a1 * b0,
     }
-    found = {"dot": vectors.dot(a, b), "norm": vectors.norm(a), "z of cross": vectors.cross(a, b)[2]}
+    result = {"dot": vectors.dot(a, b), "norm": vectors.norm(a), "z of cross": vectors.cross(a, b)[2]}
     for name, expected in by_parts.items():
         for part in ("value", "rate", "second"):
-            gap = getattr(found[name], part) - getattr(expected, part)
+            gap = getattr(result[name], part) - getattr(expected, part)
             assert np.abs(gap).max() <= 1e-12 * (1.0 + np.abs(getattr(expected, part)).max())
 
 
@@ -102,11 +102,11 @@ def test_a_numerical_root_has_both_derivatives():
     time = np.linspace(0.0, 1.0, 5)
     offset = Jet(np.sin(time), np.cos(time), -np.sin(time))
     # t3 + t = offset
-    found = np.array([np.roots([1.0, 0.0, 1.0, -value]).real[-1] for value in offset.value])
-    t = jets.jet_root(lambda t: t * t * t + t - offset, found, 3.0 * found**2 + 1.0)
-    rate = offset.rate / (3.0 * found**2 + 1.0)
-    second = (offset.second - 6.0 * found * rate**2) / (3.0 * found**2 + 1.0)
-    assert (t.value == found).all()
+    result = np.array([np.roots([1.0, 0.0, 1.0, -value]).real[-1] for value in offset.value])
+    t = jets.jet_root(lambda t: t * t * t + t - offset, result, 3.0 * result**2 + 1.0)
+    rate = offset.rate / (3.0 * result**2 + 1.0)
+    second = (offset.second - 6.0 * result * rate**2) / (3.0 * result**2 + 1.0)
+    assert (t.value == result).all()
     assert np.abs(t.rate - rate).max() <= 8 * EPS
     assert np.abs(t.second - second).max() <= 32 * EPS
 

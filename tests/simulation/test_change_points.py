@@ -31,19 +31,19 @@ WHIPPING = catalog.make(
     coupler=0.11849674876387652,
     rocker=0.12217760580451921,
 )
-FLAT = [WHIPPING, *(catalog.make("four_bar", **named(one)) for one in flat_linkages(9)), *OTHERS]
+FLAT = [WHIPPING, *(catalog.make("four_bar", **named(item)) for item in flat_linkages(9)), *OTHERS]
 
 
 def assert_alike(motion, exact, size, bounds):
     """Points are within bounds: places of the size, velocities and accelerations of their largest."""
     for name, point in exact.points.items():
-        found = motion.points[name]
+        result = motion.points[name]
         scales = size, np.abs(point.velocity).max(), np.abs(point.acceleration).max()
         for part, scale, bound in zip(("position", "velocity", "acceleration"), scales, bounds, strict=True):
-            assert np.abs(getattr(found, part) - getattr(point, part)).max() <= bound * scale, (name, part)
+            assert np.abs(getattr(result, part) - getattr(point, part)).max() <= bound * scale, (name, part)
 
 
-@pytest.mark.parametrize("drive", FLAT, ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")
+@pytest.mark.parametrize("drive", FLAT, ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
 def test_a_run_by_poses_stays_one_linkage_for_two_turns(drive):
     run = simulate(drive, speed=20.0, turns=2.0, method="pose", samples=144)
     assert run.outcome == "passed"
@@ -60,7 +60,7 @@ def test_a_run_by_poses_stays_one_linkage_for_two_turns(drive):
 
 
 @pytest.mark.parametrize("turns", [2.4, -0.9])
-@pytest.mark.parametrize("drive", OTHERS, ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")
+@pytest.mark.parametrize("drive", OTHERS, ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
 def test_a_run_by_poses_folds_as_the_closed_form_does(drive, turns):
     drive = drive.with_change_point("branch")
     run = simulate(drive, speed=20.0 * np.sign(turns), turns=abs(turns), samples=96)
@@ -71,7 +71,7 @@ def test_a_run_by_poses_folds_as_the_closed_form_does(drive, turns):
     assert_alike(motion, exact, drive.mechanism.characteristic_length, (1e-12, 1e-10, 1e-6))
 
 
-@pytest.mark.parametrize("drive", OTHERS[:3], ids=lambda one: f"{one.name} {one.change_points()[0]:.2f}")
+@pytest.mark.parametrize("drive", OTHERS[:3], ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
 def test_efforts_at_a_branch_point_are_limits(drive):
     # begins and ends at the change point
     profile = constant(20.0, 1.0, drive.change_points()[-1])
@@ -136,8 +136,8 @@ def test_branch_points_are_measured_and_next_to_them_there_are_none():
     closed = from_source(drive)
     _, path = follow.follow_path(closed.loops, closed.qpos, np.linspace(-4.0, 4.0, 33))
     assert path.change_points
-    for meeting in path.change_points:
-        assert np.min(np.abs(np.exp(1j * meeting) - np.exp(1j * np.array(drive.change_points())))) < 1e-9
+    for branch_point in path.change_points:
+        assert np.min(np.abs(np.exp(1j * branch_point) - np.exp(1j * np.array(drive.change_points())))) < 1e-9
     away = follow.follow_path(from_source(drive).loops, closed.qpos, [0.3, 1.0])[1]
     assert not away.change_points
 

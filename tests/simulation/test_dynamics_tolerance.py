@@ -82,11 +82,11 @@ def test_only_forces_that_the_loops_settle_are_compared():
     known = determined_components(loaded_model(catalog.make("four_bar").mechanism, Forces()))
     assert known["crank"].tolist() == [True, True, False, False, False, True]
     assert all(
-        one.all()
-        for one in determined_components(loaded_model(catalog.make("rssr").mechanism, Forces())).values()
+        item.all()
+        for item in determined_components(loaded_model(catalog.make("rssr").mechanism, Forces())).values()
     )
     bennett = determined_components(loaded_model(catalog.make("bennett").mechanism, Forces()))
-    assert not any(one.all() for one in bennett.values())
+    assert not any(item.all() for item in bennett.values())
 
 
 @pytest.mark.parametrize(

@@ -40,9 +40,9 @@ def read(tmp_path, name, parts, beside=""):
 def test_the_torque_at_a_crank_is_the_same_whether_its_rod_floats_or_hangs(tmp_path, method):
     torque = [
         driven(
-            one.mechanism, one.forces, motion_laws=one.motion_laws, samples=12, method=method
+            item.mechanism, item.forces, motion_laws=item.motion_laws, samples=12, method=method
         ).forces.torque
-        for one in (read(tmp_path, "hung", HUNG), read(tmp_path, "floating", FLOATING))
+        for item in (read(tmp_path, "hung", HUNG), read(tmp_path, "floating", FLOATING))
     ]
     assert np.ptp(torque[0]) > 0.05
     np.testing.assert_allclose(torque[1], torque[0], atol=1e-6 if method == "step" else 1e-12)

@@ -39,9 +39,9 @@ def test_actuators_lie_where_the_index_states_they_were_made(name):
     loaded = loaded_model(catalog.make(name).mechanism, forces)
     names = np.array([loaded.model.actuator(i).name for i in range(loaded.model.nu)])
     for kind, starts in STARTS.items():
-        found = names[getattr(loaded.actuators, kind)]
-        assert all(one.startswith(starts) for one in found)
-        assert len(found) == sum(one.startswith(starts) for one in names)
+        result = names[getattr(loaded.actuators, kind)]
+        assert all(item.startswith(starts) for item in result)
+        assert len(result) == sum(item.startswith(starts) for item in names)
     controls = loaded.controls(np.zeros(2), np.zeros(2))
     assert controls[0, loaded.actuators.loads].tolist() == [1.0, 2.0, 3.0] * len(forces.loads)
     assert controls[1, loaded.actuators.crank_torque].tolist() == [0.1]

@@ -81,8 +81,8 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
     step, _ = loop_jacobian.newton_step(loops, residual, jacobian)
     turns = np.abs(held[:, 3:9]).max(1)
     assert turns.max() > 0.5
-    for one, whole, turn in zip(step[:, loops.free], held, turns, strict=True):
-        assert one == pytest.approx(whole * min(1.0, 0.5 / turn))
+    for item, whole, turn in zip(step[:, loops.free], held, turns, strict=True):
+        assert item == pytest.approx(whole * min(1.0, 0.5 / turn))
     assert np.abs(step[:, 1:4]).max() > 0.5
     assert (step[:, 0] == 0.0).all()
     # lengths alone, however long, are gone in a single step
@@ -114,10 +114,10 @@ def test_flying_bodies_come_together_and_stay_so_along_the_tangent(loops):
 def test_what_is_solved_is_the_shortest_step_that_does_it(loops):
     _, jacobian = loops.linearise(states(loops))
     right = np.random.default_rng(1).normal(size=(4, jacobian.shape[1], 2))
-    for one, held, wanted in zip(
+    for item, held, wanted in zip(
         loop_jacobian.solve(loops, jacobian, right), jacobian[:, :, loops.free], right, strict=True
     ):
-        assert one == pytest.approx(np.linalg.lstsq(held, wanted, rcond=None)[0], abs=1e-12)
+        assert item == pytest.approx(np.linalg.lstsq(held, wanted, rcond=None)[0], abs=1e-12)
 
 
 def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):

@@ -77,14 +77,14 @@ def test_residual_and_jacobian_are_mujocos_own(kind):
     for state in near(model, 3, 0.1):
         data.qpos[:] = state
         mujoco.mj_forward(model, data)
-        position, slope = data.efc_pos.copy(), data.efc_J.reshape(data.nefc, model.nv).copy()
+        position, gradient = data.efc_pos.copy(), data.efc_J.reshape(data.nefc, model.nv).copy()
         # MuJoCo has the vector part of a quaternion, here it is twice that: an angle
         position[turned] *= 2.0
-        slope[turned] *= 2.0
+        gradient[turned] *= 2.0
         for states in (state[None], np.stack([state] * 2)):
             residual, jacobian = loops.linearise(states)
             assert np.abs(residual - position).max() < 1e-15
-            assert np.abs(jacobian - slope).max() < 4e-15
+            assert np.abs(jacobian - gradient).max() < 4e-15
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -99,13 +99,13 @@ def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
     mujoco.mj_forward(model, data)
     fields = {name: getattr(data, name)[None] for name in ("xpos", "xmat", "sensordata", "qacc")}
     links = link_motions(model, track, fields)
-    found = closure_acceleration(loops, States(np.zeros(1), qpos, rates), data.qacc[None], links)[0]
+    result = closure_acceleration(loops, States(np.zeros(1), qpos, rates), data.qacc[None], links)[0]
     step = 2e-3
     time = step * np.arange(-4, 5)[:, None]
     path = loops.displaced(np.repeat(qpos, 9, 0), rates * time + 0.5 * data.qacc * time**2)
     second = np.array([-9, 128, -1008, 8064, -14350, 8064, -1008, 128, -9]) / 5040.0 / step**2
     # eighth-order differences: rounding over the square of the step
-    assert np.abs(second @ loops.residual(path) - found).max() < 1e-9
+    assert np.abs(second @ loops.residual(path) - result).max() < 1e-9
 
 
 def test_a_tendon_through_sites_is_rejected_by_its_name():
@@ -118,9 +118,9 @@ def test_a_coupling_bends_where_its_polynomial_does(coefficients, bends):
     side = Sum(np.array([0]), np.array([0]), np.zeros(1), np.ones(1))
     coupled = CouplingConstraint(side, side, np.array(coefficients), 0)
     assert coupled.nonlinear == bends
-    value, slope = coupled.evaluate(np.array([0.7]))
+    value, gradient = coupled.evaluate(np.array([0.7]))
     assert value == pytest.approx(np.polynomial.polynomial.polyval(0.7, coefficients))
-    assert slope == pytest.approx(coefficients[1] + 2.0 * 0.7 * coefficients[2])
+    assert gradient == pytest.approx(coefficients[1] + 2.0 * 0.7 * coefficients[2])
     assert not CouplingConstraint(side, None, np.array(coefficients), 0).nonlinear
 
 
@@ -140,4 +140,4 @@ def test_couplings_follow_the_driven_coordinate_in_whatever_order_they_stand():
         Sum(np.array([i]), np.array([i]), zeros=np.array([0.0]), weights=np.array([1.0])) for i in range(3)
     ]
     last, first = (CouplingConstraint(sides[i], sides[i - 1], np.array([0.0, 2.0, 1.0]), i) for i in (2, 1))
-    assert [one.equality for one in chained([last, first], [0])] == [1, 2]
+    assert [item.equality for item in chained([last, first], [0])] == [1, 2]

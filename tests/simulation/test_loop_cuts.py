@@ -109,9 +109,9 @@ def test_a_cut_that_was_requested_for_is_made() -> None:
     ],
 )
 def test_bad_cuts_are_rejected_in_one_sentence(cut: tuple[str, ...], sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence) as told:
+    with pytest.raises(InputError, match=sentence) as reported:
         cut_loops(catalog.make("four_bar").mechanism, cut)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 def test_a_joint_that_no_constraint_closes_is_rejected_as_a_cut() -> None:
@@ -216,8 +216,8 @@ def test_a_loop_of_joints_that_are_all_needed_is_rejected_and_a_held_one_is_call
 @pytest.mark.parametrize("cut", ["A", "B", "C"])
 def test_a_hinge_that_is_cut_turns_as_the_hinges_of_the_tree_that_count_in_it(cut, file):
     arm = ms.load(file(ON_AN_ARM))
-    found = turning_with(arm.mechanism, tree := cut_loops(arm.mechanism, (cut,)), tree.cuts[0])
-    assert len(found) == 3
+    result = turning_with(arm.mechanism, tree := cut_loops(arm.mechanism, (cut,)), tree.cuts[0])
+    assert len(result) == 3
     joints = arm.solve(t=np.linspace(0.0, 1.0, 4)).joints
-    told = sum(share * joints[name].rate for name, share in found.items())
-    np.testing.assert_allclose(told, joints[cut].rate, rtol=0, atol=1e-12)
+    reported = sum(share * joints[name].rate for name, share in result.items())
+    np.testing.assert_allclose(reported, joints[cut].rate, rtol=0, atol=1e-12)

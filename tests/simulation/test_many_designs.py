@@ -57,24 +57,24 @@ def test_designs_step_together_as_each_by_itself(name):
         alone = ms.simulate(form, speed=SPEED, settings=SETTINGS, method="step", samples=STEPS).motion
         part = slice(i * STEPS, (i + 1) * STEPS)
         # the same arithmetic but for the order of sums: measured 4e-16 of the size, 1e-13 of accelerations
-        for point, one in alone.points.items():
+        for point, item in alone.points.items():
             for kind, bound in (("position", 1e-14), ("velocity", 1e-12), ("acceleration", 1e-9)):
-                wanted, got = getattr(one, kind)[:STEPS], getattr(motion.points[point], kind)[part]
+                wanted, got = getattr(item, kind)[:STEPS], getattr(motion.points[point], kind)[part]
                 np.testing.assert_allclose(
                     got, wanted, atol=bound * np.abs(wanted).max(), err_msg=f"{point} {kind}"
                 )
-        for joint, one in alone.joints.items():
-            np.testing.assert_allclose(motion.joints[joint].value[part], one.value[:STEPS], atol=1e-13)
-            size = np.abs(one.acceleration).max()
+        for joint, item in alone.joints.items():
+            np.testing.assert_allclose(motion.joints[joint].value[part], item.value[:STEPS], atol=1e-13)
+            size = np.abs(item.acceleration).max()
             got = motion.joints[joint].acceleration[part]
-            np.testing.assert_allclose(got, one.acceleration[:STEPS], atol=1e-9 * size + 1e-9)
+            np.testing.assert_allclose(got, item.acceleration[:STEPS], atol=1e-9 * size + 1e-9)
 
 
 def test_numbers_by_formula_are_those_of_the_descriptions():
     for name, rows in VARIED.items():
         form = ms.catalog.make(name)
         by_formula = closed_form_starts(form, {key: np.array(values) for key, values in rows.items()})
-        described = started_designs(form.mechanism, [one.mechanism for one in forms_of(name, rows)])
+        described = started_designs(form.mechanism, [item.mechanism for item in forms_of(name, rows)])
         for joint, ends in described.arrays.ends.items():
             for mine, wanted in zip(by_formula.arrays.ends[joint], ends, strict=True):
                 np.testing.assert_allclose(mine, wanted, atol=1e-15)
@@ -82,7 +82,7 @@ def test_numbers_by_formula_are_those_of_the_descriptions():
             np.testing.assert_allclose(by_formula.guess[link].rotation, pose.rotation, atol=1e-14)
         np.testing.assert_array_equal(
             by_formula.arrays.characteristic_length,
-            [one.mechanism.characteristic_length for one in forms_of(name, rows)],
+            [item.mechanism.characteristic_length for item in forms_of(name, rows)],
         )
 
 

@@ -160,9 +160,9 @@ def test_a_loop_that_cannot_close_is_an_assembly_error() -> None:
         replace(joint, a=replace(joint.a, point=(0.5, 0.0, 0.0))) if joint.name == "rocker" else joint
         for joint in good.joints
     )
-    with pytest.raises(AssemblyError, match="the loops do not close at crank angle") as told:
+    with pytest.raises(AssemblyError, match="the loops do not close at crank angle") as reported:
         assembled(replace(good, joints=far), Scene())
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 def test_a_chain_without_loops_is_a_model_without_constraints() -> None:

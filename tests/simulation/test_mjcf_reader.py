@@ -141,12 +141,12 @@ def test_an_equality_stands_as_far_open_as_mujoco_states(file, kind):
     mujoco.mj_fwdPosition(model, data)
     placed = {GROUND: IDENTITY, **poses(model, kinematic_tree(model), state)}
     values = {name: data.joint(name).qpos[0] for name in ("crank", "slide", "swing")}
-    found = opening(read.mechanism, placed, values)
+    result = opening(read.mechanism, placed, values)
     rows = data.efc_pos[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)]
     assert np.linalg.norm(rows[:3]) > 1e-3
-    assert found[0] == pytest.approx(np.linalg.norm(rows[:3]), rel=1e-12)
-    if len(rows) == 6 and len(found) == 2:  # MuJoCo counts a turn as the sine of its half
-        assert np.sin(found[1] / 2.0) == pytest.approx(np.linalg.norm(rows[3:]), rel=1e-7)
+    assert result[0] == pytest.approx(np.linalg.norm(rows[:3]), rel=1e-12)
+    if len(rows) == 6 and len(result) == 2:  # MuJoCo counts a turn as the sine of its half
+        assert np.sin(result[1] / 2.0) == pytest.approx(np.linalg.norm(rows[3:]), rel=1e-7)
 
 
 def test_what_is_not_active_is_left_out_and_stated(file):
@@ -168,7 +168,7 @@ def test_sleep_is_switched_off_and_stated_and_ipc_rejected(file):
     flags = '<option><flag sleep="enable"/></option><worldbody>'
     asleep = TREE.replace("<worldbody>", flags, 1)
     read = read_model(file(asleep))
-    assert any("sleep is switched off" in said for said in read.remarks)
+    assert any("sleep is switched off" in output for output in read.remarks)
     assert not read.spec.compile().opt.enableflags
     with pytest.raises(InputError, match="IPC"):
         read_model(file(asleep.replace("sleep", "ipc")))
@@ -234,11 +234,11 @@ def test_what_mujoco_takes_otherwise_than_it_is_written_is_stated(file):
     text = ACTUATED.replace('axis="1 0 0"', 'axis="1 0 0" range="2 1"').replace("</mujoco>", keys)
     text = text.replace('<position name="p"', '<position name="p" ctrlrange="1 1" forcerange="-1 1"')
     read = read_model(file(text), key="short")
-    said = "which MuJoCo takes as no limit: it goes from low to high"
+    output = "which MuJoCo takes as no limit: it goes from low to high"
     assert read.remarks[:3] == (
         f"keyframe 'short' has 1 of {len(read.qpos)} coordinates: the rest are those of the reference",
-        f"joint 'slide' has range 2 1, {said}",
-        f"actuator 'p' has ctrlrange 1 1, {said}",
+        f"joint 'slide' has range 2 1, {output}",
+        f"actuator 'p' has ctrlrange 1 1, {output}",
     )
     np.testing.assert_array_equal(read.qpos[1:], read_model(file(text)).qpos[1:])
     assert not read.limits
@@ -377,11 +377,11 @@ def test_a_gripper_whose_slides_and_masses_lie_in_one_place_is_as_large_as_its_f
     assert size == pytest.approx(np.hypot(np.hypot(0.02, 0.04), 0.08))
 
 
-@pytest.mark.parametrize(("high", "said"), [(1e-9, ""), (1e-14, "bounds no volume")])
-def test_a_mesh_that_is_nearly_flat_is_read_without_a_word_of_qhull(file, capfd, high, said):
+@pytest.mark.parametrize(("high", "output"), [(1e-9, ""), (1e-14, "bounds no volume")])
+def test_a_mesh_that_is_nearly_flat_is_read_without_a_word_of_qhull(file, capfd, high, output):
     text = f"""<mujoco><asset><mesh name="flat" vertex="0 0 0  1 0 0  0 1 0  1 1 {high}" face="0 1 3  0 3 2"/>
     </asset><worldbody><body name="b"><joint name="crank"/><geom type="mesh" mesh="flat"/></body>
     </worldbody></mujoco>"""
     read = read_model(file(text))
-    assert any(said in remark for remark in read.remarks) or not said
+    assert any(output in remark for remark in read.remarks) or not output
     assert capfd.readouterr() == ("", "")

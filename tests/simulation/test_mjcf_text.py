@@ -26,10 +26,10 @@ TEXT = """<mujoco>
 
 def test_elements_stand_where_the_text_has_them():
     root = elements_of(TEXT)
-    assert [one.tag for one in root.children] == ["compiler", "option", "worldbody", "equality"]
-    for one in root.every():
-        assert TEXT[one.start : one.end].startswith(f"<{one.tag}")
-        assert TEXT[one.end - 1] == ">"
+    assert [item.tag for item in root.children] == ["compiler", "option", "worldbody", "equality"]
+    for item in root.every():
+        assert TEXT[item.start : item.end].startswith(f"<{item.tag}")
+        assert TEXT[item.end - 1] == ">"
     body = next(root.every("body"))
     assert body.attributes["name"] == "a > b"
     assert body.within("worldbody") is root.children[2]

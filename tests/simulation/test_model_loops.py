@@ -77,24 +77,24 @@ def test_one_state_alone_and_among_others_is_the_same(mechanism: Mechanism) -> N
 def test_designs_in_other_sizes_stand_open_in_proportion_one_alone_and_many_together() -> None:
     loops = loops_of(catalog.make("four_bar").mechanism)
     sizes, states = np.array([1.3, 0.7, 2.0]), near(loops, 3, 0.1)
-    plain, slope = loops.linearise(states)
+    plain, gradient = loops.linearise(states)
     for rows in (np.arange(3), np.array([1])):
         fields = {
             name: sizes[rows, None, None] * getattr(loops.model, name) for name in ("site_pos", "body_pos")
         }
         own = loops.with_fields(fields)
-        found, jacobian = own.linearise(states[rows])
-        assert np.abs(found - sizes[rows, None] * plain[rows]).max() < 1e-15
-        assert np.abs(jacobian - sizes[rows, None, None] * slope[rows]).max() < 1e-15
+        result, jacobian = own.linearise(states[rows])
+        assert np.abs(result - sizes[rows, None] * plain[rows]).max() < 1e-15
+        assert np.abs(jacobian - sizes[rows, None, None] * gradient[rows]).max() < 1e-15
         assert own.characteristic_lengths == pytest.approx(sizes[rows] * loops.characteristic_length)
-        assert own.closure_error(found) == pytest.approx(loops.closure_error(plain)[rows])
+        assert own.closure_error(result) == pytest.approx(loops.closure_error(plain)[rows])
 
 
 def test_the_size_of_a_design_is_its_longest_step_from_body_to_body_or_to_a_point_that_closes_a_loop() -> (
     None
 ):
     loops = loops_of(catalog.make("four_bar").mechanism)
-    sites, bodies = (np.repeat(one[None], 2, 0) for one in (loops.model.site_pos, loops.model.body_pos))
+    sites, bodies = (np.repeat(item[None], 2, 0) for item in (loops.model.site_pos, loops.model.body_pos))
     bodies[1, 1] = 0.3, -0.4, 1.2
     assert loops.with_fields({"site_pos": sites, "body_pos": bodies}).characteristic_lengths == pytest.approx(
         [loops.characteristic_length, 1.3]
@@ -265,8 +265,8 @@ def test_how_far_from_singular_loops_are_is_their_least_singular_value_in_units_
 
     loops = read_loops(model(first + second, "crank"))
     states = np.array([[0.3, 0.2, 0.0], [0.1, -0.9, 0.0]])
-    slope = (0.15 + 0.2 * states[:, 1]) / size
-    wanted = [np.linalg.svd([[1.0, 0.0], [-one, 1.0]])[1][-1] for one in slope]
+    gradient = (0.15 + 0.2 * states[:, 1]) / size
+    wanted = [np.linalg.svd([[1.0, 0.0], [-item, 1.0]])[1][-1] for item in gradient]
     assert loop_jacobian.conditioning(loops, loops.linearise(states)[1]) == pytest.approx(wanted)
     # what programs drive is no unknown, and its rows hold nothing
     programmed = model(second, PARAMETER_JOINT)
@@ -290,12 +290,12 @@ def test_what_no_loop_constrains_changes_no_sign_of_the_determinant(monkeypatch)
     sizes: list[tuple[int, ...]] = []
     slogdet = np.linalg.slogdet
     monkeypatch.setattr(np.linalg, "slogdet", lambda square: sizes.append(square.shape) or slogdet(square))
-    wanted, found = (
+    wanted, result = (
         loop_jacobian.determinant_sign(loops, loops.linearise(qpos)[1])
         for loops, qpos in ((plain, states), (beside, swung))
     )
     assert np.abs(wanted).min() == 1.0
-    assert np.abs(found * found[0] - wanted * wanted[0]).max() == 0.0
+    assert np.abs(result * result[0] - wanted * wanted[0]).max() == 0.0
     assert sizes[0] == sizes[1]
 
 

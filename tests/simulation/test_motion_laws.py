@@ -72,9 +72,9 @@ def test_rates_are_the_derivatives_of_places(case):
     mechanism, moves = CASES[case]()
     step = 1e-3
     motion = simulate(mechanism, motion_laws=moves.with_duration(8 * step), samples=8).motion
-    for one in (*motion.points.values(), *motion.links.values()):
-        assert one.velocity[4] == pytest.approx(FIRST @ one.position / step, abs=1e-9)
-        assert one.acceleration[4] == pytest.approx(FIRST @ one.velocity / step, abs=1e-8)
+    for item in (*motion.points.values(), *motion.links.values()):
+        assert item.velocity[4] == pytest.approx(FIRST @ item.position / step, abs=1e-9)
+        assert item.acceleration[4] == pytest.approx(FIRST @ item.velocity / step, abs=1e-8)
     for joint in motion.joints.values():
         assert joint.rate[4] == pytest.approx(FIRST @ joint.value / step, abs=1e-9)
         assert joint.acceleration[4] == pytest.approx(FIRST @ joint.rate / step, abs=1e-8)

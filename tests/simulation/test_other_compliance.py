@@ -68,12 +68,12 @@ def test_a_slow_motion_under_weight_keeps_a_tolerance_by_harder_loops(path):
 def test_a_compliance_that_was_requested_for_is_kept_and_the_miss_states_which_would_do(path):
     words = [word for name, how in DRIVES.items() for word in ("--drive", f"{name}={how}")]
     words = ["simulate", path, *words, "--duration", "100s", "--tolerance", "2e-11"]
-    said = CliRunner().invoke(app, [*words, "--compliance", "1e-8", "--json"])
-    assert said.exit_code == 1
-    told = json.loads(said.stdout)
-    assert told["outcome"] == "failed"
-    assert told["settings"]["compliance"] == 1e-8
-    better = float(told["note"].partition("and by compliance ")[2].split()[0])
+    output = CliRunner().invoke(app, [*words, "--compliance", "1e-8", "--json"])
+    assert output.exit_code == 1
+    reported = json.loads(output.stdout)
+    assert reported["outcome"] == "failed"
+    assert reported["settings"]["compliance"] == 1e-8
+    better = float(reported["note"].partition("and by compliance ")[2].split()[0])
     again = CliRunner().invoke(app, [*words, "--compliance", f"{better:g}"])
     assert again.exit_code == 0, again.output
 

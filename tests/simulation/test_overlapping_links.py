@@ -71,8 +71,8 @@ def test_only_contacts_among_settled_bodies_are_left_out():
     settled = random.random(model.nbody) < 0.5
 
     def meeting(kinds, affinities):
-        found = np.bitwise_and.outer(kinds, affinities) != 0
-        return found | found.T
+        result = np.bitwise_and.outer(kinds, affinities) != 0
+        return result | result.T
 
     def masks():
         return meeting(model.geom_contype, model.geom_conaffinity)

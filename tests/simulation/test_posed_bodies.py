@@ -28,7 +28,7 @@ def turned(angle):
 
 
 def assert_posed(posed, states, pivots):
-    places, rotations, slope = posed.poses(states)
+    places, rotations, gradient = posed.poses(states)
     pivots = np.broadcast_to(pivots, (len(states), 3))
     turns = np.array([turned(angle) for angle, _ in states])
     arms = turns @ (OUT + states[:, 1:] * WAY)[..., None]
@@ -36,7 +36,7 @@ def assert_posed(posed, states, pivots):
     np.testing.assert_allclose(places[:, 2], pivots + arms[..., 0], rtol=0, atol=1e-15)
     np.testing.assert_allclose(rotations[:, 1:], turns[:, None].repeat(2, 1), rtol=0, atol=1e-15)
     arms = arms[..., 0] + turns @ POINT
-    linear, angular = slope(2, pivots + arms)
+    linear, angular = gradient(2, pivots + arms)
     np.testing.assert_allclose(linear[..., 0], np.cross([0.0, 0.0, 1.0], arms), rtol=0, atol=1e-15)
     np.testing.assert_allclose(linear[..., 1], turns @ WAY, rtol=0, atol=1e-15)
     np.testing.assert_array_equal(angular, [[[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]]] * len(states))

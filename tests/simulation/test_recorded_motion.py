@@ -85,7 +85,7 @@ CASES = {
     "curve": lambda: of_text(CURVE, ["P"]),
     "four_bar": lambda: of_mechanism(catalog.make("four_bar").mechanism),
     "guided rssr": lambda: of_mechanism(catalog.make("rssr", guide=True).mechanism),
-    **{one.name: lambda one=one: of_mechanism(one) for one in mechanisms.everything()},
+    **{item.name: lambda item=item: of_mechanism(item) for item in mechanisms.everything()},
 }
 
 
@@ -102,8 +102,8 @@ def along(loops):
     return States(time, qpos, qvel), np.full(9, ACCELERATION)
 
 
-def near(found, expected, tolerance=1e-9):
-    assert np.abs(found - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
+def near(result, expected, tolerance=1e-9):
+    assert np.abs(result - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -115,9 +115,9 @@ def test_rates_are_the_derivatives_of_places(case):
     near(motion.acceleration, acceleration)
     assert motion.closure.max() < 1e-14
     assert motion.joints.keys() >= {loops.model.joint(loops.model.dof_jntid[loops.crank]).name}
-    for one in (*motion.points.values(), *motion.links.values()):
-        near(one.velocity[MIDDLE], FIRST @ one.position)
-        near(one.acceleration[MIDDLE], FIRST @ one.velocity)
+    for item in (*motion.points.values(), *motion.links.values()):
+        near(item.velocity[MIDDLE], FIRST @ item.position)
+        near(item.acceleration[MIDDLE], FIRST @ item.velocity)
     for link in motion.links.values():
         turning = np.tensordot(FIRST, link.rotation, 1) @ link.rotation[MIDDLE].T
         near(link.angular_velocity[MIDDLE], turning[[2, 0, 1], [1, 2, 0]])
@@ -130,7 +130,7 @@ def test_rates_are_the_derivatives_of_places(case):
 def test_hinges_are_angles_and_slides_lengths_and_a_free_body_has_no_coordinate():
     loops, track = CASES["curve"]()
     joints = evaluate(loops, track, along(loops)[0], "pose").joints
-    assert {name: one.unit for name, one in joints.items()} == {
+    assert {name: item.unit for name, item in joints.items()} == {
         "crank": "rad",
         "curve": "rad",
         "slide": "m",

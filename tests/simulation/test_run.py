@@ -64,8 +64,8 @@ def test_solved_poses_are_the_closed_form_to_a_million_millionth_of_the_crank(na
 @pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
 def test_solved_poses_of_any_mechanism_are_those_of_the_loop_equations(mechanism: Mechanism) -> None:
     exact = loops.solve(mechanism, mechanism.start + np.linspace(0.0, TURN, 25), 10.0)
-    for one in (mechanism, mechanisms.swapped(mechanism)):
-        motion = simulate(one, speed=10.0, method="pose", samples=24).motion
+    for item in (mechanism, mechanisms.swapped(mechanism)):
+        motion = simulate(item, speed=10.0, method="pose", samples=24).motion
         assert worst(motion, exact) < 1e-13  # rounding in lengths of a tenth of a metre
         assert worst(motion, exact, "velocity") < 1e-11
         assert worst(motion, exact, "acceleration") < 1e-9
@@ -187,11 +187,11 @@ def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
 def test_a_crank_that_cannot_pass_is_rejected_and_reported_where() -> None:
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     for method in ("step", "pose"):
-        with pytest.raises(AssemblyError, match="the crank cannot pass") as told:
+        with pytest.raises(AssemblyError, match="the crank cannot pass") as reported:
             simulate(drive.mechanism, speed=10.0, method=method)
-        said = float(str(told.value).split("cannot pass ")[1].split()[0])
+        output = float(str(reported.value).split("cannot pass ")[1].split()[0])
         # where the walk gives up lies within its shortest stride of a dead centre
-        nearest = min(abs(np.angle(np.exp(1j * (said - dead)))) for dead in drive.dead_centres())
+        nearest = min(abs(np.angle(np.exp(1j * (output - dead)))) for dead in drive.dead_centres())
         assert nearest < 1e-4
 
 
@@ -331,9 +331,9 @@ def test_a_users_spec_is_left_as_it_was() -> None:
     ],
 )
 def test_values_that_cannot_be_used_are_rejected_in_one_sentence(change: dict, sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence) as told:
+    with pytest.raises(InputError, match=sentence) as reported:
         simulate(catalog.make("four_bar").mechanism, **({"speed": 1.0} | change))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 @pytest.mark.parametrize(
@@ -455,8 +455,8 @@ def test_a_linkage_that_lies_exactly_flat_goes_on_there_as_it_came_on_both_metho
 
 
 def test_forces_of_links_that_all_turn_evenly_are_checked_by_their_speed() -> None:
-    found = driven(load("parallel_gripper").mechanism, speed=60.0, samples=6, method="pose").forces
-    assert found.residual.max() < 1e-11
+    result = driven(load("parallel_gripper").mechanism, speed=60.0, samples=6, method="pose").forces
+    assert result.residual.max() < 1e-11
 
 
 @pytest.mark.parametrize("compliance", [1e-8, 1e-10, 1e-12])

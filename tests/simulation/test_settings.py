@@ -29,44 +29,44 @@ def command(function) -> typer.Typer:
     return app
 
 
-@pytest.mark.parametrize("one", FIELDS, ids=lambda one: one.name)
-def test_a_setting_states_what_it_is_and_keeps_its_default(one) -> None:
-    assert one.metadata["about"].endswith(".")
-    assert getattr(replace(Settings(), **{one.name: one.default}), one.name) == one.default
+@pytest.mark.parametrize("item", FIELDS, ids=lambda item: item.name)
+def test_a_setting_states_what_it_is_and_keeps_its_default(item) -> None:
+    assert item.metadata["about"].endswith(".")
+    assert getattr(replace(Settings(), **{item.name: item.default}), item.name) == item.default
 
 
 @pytest.mark.parametrize(
-    "one", [one for one in FIELDS if not isinstance(one.default, bool)], ids=lambda one: one.name
+    "item", [item for item in FIELDS if not isinstance(item.default, bool)], ids=lambda item: item.name
 )
-def test_every_setting_rejects_what_is_none_of_its_values_in_one_line(one) -> None:
+def test_every_setting_rejects_what_is_none_of_its_values_in_one_line(item) -> None:
     for wrong in ("none of them", np.nan, -1.0, (np.nan, 1.0)):
-        with pytest.raises(InputError) as told:
-            Settings(**{one.name: wrong})
-        assert "\n" not in str(told.value)
-        assert str(wrong) in str(told.value)
+        with pytest.raises(InputError) as reported:
+            Settings(**{item.name: wrong})
+        assert "\n" not in str(reported.value)
+        assert str(wrong) in str(reported.value)
 
 
 def test_the_command_has_the_options_that_settings_declare_and_no_others() -> None:
-    told = CliRunner().invoke(command(simulate), ["--help"], terminal_width=200).output
-    for one in FIELDS:
-        option = f"--{one.name.replace('_', '-')}"
-        assert (option in told) == ("doc" in one.metadata)
-    assert {f"--{name}" for name in VALUES} <= set(told.split())
+    reported = CliRunner().invoke(command(simulate), ["--help"], terminal_width=200).output
+    for item in FIELDS:
+        option = f"--{item.name.replace('_', '-')}"
+        assert (option in reported) == ("doc" in item.metadata)
+    assert {f"--{name}" for name in VALUES} <= set(reported.split())
 
 
 @pytest.mark.parametrize("name", VALUES)
 def test_what_is_written_and_nothing_else_reaches_the_command(name) -> None:
-    found = {}
+    computed = {}
 
     @declare
     def asked_for(asked: Annotated[dict[str, Any], Settings]) -> None:
-        found.update(asked)
+        computed.update(asked)
 
     result = CliRunner().invoke(command(asked_for), [f"--{name}", VALUES[name]])
     assert result.exit_code == 0
     field = name.replace("-", "_")
-    assert set(found) == {field}
-    assert getattr(Settings(**found), field) != getattr(Settings(), field)
+    assert set(computed) == {field}
+    assert getattr(Settings(**computed), field) != getattr(Settings(), field)
 
 
 def test_a_setting_that_is_declared_is_an_option_a_rejection_and_a_row() -> None:

@@ -32,7 +32,7 @@ def rocker_end(coupler, rocker, through, sign):
     pin = np.column_stack([pin, np.full(len(ANGLES), np.cos(crank))])
     axis = np.array([np.sin(ground), 0.0, np.cos(ground)])
     across = np.array([np.cos(ground), 0.0, -np.sin(ground)]), np.array([0.0, 1.0, 0.0])
-    a, b = (np.sin(rocker) * pin @ one for one in across)
+    a, b = (np.sin(rocker) * pin @ item for item in across)
     c = np.cos(coupler) - np.cos(rocker) * pin @ axis
     reach = 2.0 * np.sin(ground) * np.sin(crank)
     outer = np.cos(ground + crank) - np.cos(coupler + rocker)
@@ -62,8 +62,8 @@ def test_poses_of_a_spherical_linkage_pass_its_flat_poses_and_those_next_to(coup
     form = ms.load("spherical_four_bar", set=arcs(coupler, rocker)).with_change_point(through)
     model = from_source(form)
     states = follow.follow(model.loops, model.qpos, ANGLES)
-    found = model.point_positions(states)[:, model.track.points.index("B")]
-    off = min(np.abs(found - rocker_end(coupler, rocker, through, sign)).max() for sign in (1, -1)) / RADIUS
+    result = model.point_positions(states)[:, model.track.points.index("B")]
+    off = min(np.abs(result - rocker_end(coupler, rocker, through, sign)).max() for sign in (1, -1)) / RADIUS
     # measured 1.4e-13, and 2e-10 next to a flat pose that is missed by 1e-5 of a degree
     assert off <= (1e-11 if rocker != 45.0 + 1e-5 else 1e-8)
 
@@ -73,7 +73,7 @@ def test_a_run_by_poses_has_rates_where_a_spherical_linkage_lies_flat_and_a_step
     run = ms.simulate(form, speed=10.0, turns=2.0, method="pose", samples=48)
     exact = form.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
     for kind, bound in (("velocity", 1e-9), ("acceleration", 1e-8)):
-        found, meant = (getattr(one.points["B"], kind) for one in (run.motion, exact))
-        assert np.abs(found - meant).max() <= bound * np.abs(meant).max()
+        result, meant = (getattr(item.points["B"], kind) for item in (run.motion, exact))
+        assert np.abs(result - meant).max() <= bound * np.abs(meant).max()
     stepped = ms.simulate(form, speed=10.0, turns=1.0, method="step")
     assert "two assemblies meet" in stepped.note

@@ -22,14 +22,14 @@ def test_crank_1_alone_and_crank_2_alone_add_up_to_both_in_mujoco_as_in_paper_00
     drive = catalog.make("warp_knitter")
     plan = velocity_plan(drive, angle, SPEED)
     ratio = drive.gear_ratio
-    one = simulated_velocities(one_crank_stopped(drive, "crank2", angle), SPEED)
+    item = simulated_velocities(one_crank_stopped(drive, "crank2", angle), SPEED)
     two = simulated_velocities(one_crank_stopped(drive, "crank1", angle), ratio * SPEED)
     both = drive.solve([angle], SPEED).points
     # rounding of a linear solve on velocities of about 0.6 m/s
     for name in "ABCDK":
-        np.testing.assert_allclose(one[name], plan.crank2_stopped.velocities.get(name, 0.0), atol=1e-12)
+        np.testing.assert_allclose(item[name], plan.crank2_stopped.velocities.get(name, 0.0), atol=1e-12)
         np.testing.assert_allclose(two[name], plan.crank1_stopped.velocities.get(name, 0.0), atol=1e-12)
-        np.testing.assert_allclose(one[name] + two[name], both[name].velocity[0], atol=1e-12)
+        np.testing.assert_allclose(item[name] + two[name], both[name].velocity[0], atol=1e-12)
         np.testing.assert_allclose(plan.velocities[name], both[name].velocity[0], atol=1e-12)
 
 

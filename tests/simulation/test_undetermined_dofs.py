@@ -81,8 +81,8 @@ def test_a_free_body_next_to_a_valid_mechanism_and_an_idle_spin_are_no_dof():
     model = tree(free).replace('<joint name="loose" axis="0 0 1"/>', "")
     assert simulate(model, speed=1.0, turns=0.02, method="pose").outcome == "passed"
     for name in catalog.DRIVES:
-        found = residual_mobility(from_source(catalog.make(name)))
-        assert (found.undetermined, found.immobile_drivers, found.at_change_point) == ((), (), False), name
+        result = residual_mobility(from_source(catalog.make(name)))
+        assert (result.undetermined, result.immobile_drivers, result.at_change_point) == ((), (), False), name
 
 
 def test_a_joint_does_not_leave_its_range_and_the_sentence_states_which():

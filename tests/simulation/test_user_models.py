@@ -81,9 +81,9 @@ def test_a_loop_closed_by_a_weld_is_a_four_bar(weld, method, near):
 
 def test_what_stepping_changes_of_ones_own_model_is_stated():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
-    said = swept(text, drive="motor", speed=2.0, method="step").note
-    assert "own time step" in said
-    assert "virtual inertia" in said
+    output = swept(text, drive="motor", speed=2.0, method="step").note
+    assert "own time step" in output
+    assert "virtual inertia" in output
     assert swept(text, drive="motor", speed=2.0, method="pose").note == ""
 
 

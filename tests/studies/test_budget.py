@@ -59,9 +59,9 @@ def test_a_validation_reports_the_error_that_its_budget_reached(monkeypatch: pyt
 
 
 def test_a_validation_reports_what_it_does() -> None:
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
     models = {"a": ms.load("four_bar"), "b": ms.load("four_bar")}
-    validate.validate_all(models, progress=lambda what, part: told.append((what, part)))
-    assert any(what.startswith("1 of 2, a: stepped run 1: ") and part == 0.0 for what, part in told)
-    assert any(what.startswith("2 of 2, b: poses") and part == 0.5 for what, part in told)
-    assert told[-1] == ("2 of 2, b", 1.0)
+    validate.validate_all(models, progress=lambda what, part: reported.append((what, part)))
+    assert any(what.startswith("1 of 2, a: stepped run 1: ") and part == 0.0 for what, part in reported)
+    assert any(what.startswith("2 of 2, b: poses") and part == 0.5 for what, part in reported)
+    assert reported[-1] == ("2 of 2, b", 1.0)

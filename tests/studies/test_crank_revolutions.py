@@ -109,8 +109,8 @@ def test_where_a_crank_turns_by_more_than_a_turn_all_methods_mean_the_same_pose_
         poses = simulate(drive.mechanism, profile=profile, samples=12, method="pose").motion
         own = loops.solve(drive.mechanism, poses.angle)
         for point, place in drive.positions(poses.angle).items():
-            for road in (poses, own):
-                np.testing.assert_allclose(road.points[point].position, place, rtol=0, atol=1e-11)
+            for route in (poses, own):
+                np.testing.assert_allclose(route.points[point].position, place, rtol=0, atol=1e-11)
 
 
 def test_no_method_goes_on_beyond_a_dead_centre_in_the_pose_of_a_turn_before():

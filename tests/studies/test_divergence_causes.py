@@ -15,8 +15,8 @@ RINGING = PlainSettings(integrator="RK4", solref=(-1e9, -1.0), solimp=(0.9999, 0
 
 
 def broken(folder, text=FINGER, settings=RINGING, **motion):
-    one = scene(folder, text=text, **(motion or {"ctrl": FED}))
-    run = run_scene(one, settings.applied(one.model))
+    item = scene(folder, text=text, **(motion or {"ctrl": FED}))
+    run = run_scene(item, settings.applied(item.model))
     assert run.broken
     return divergence_reason(run)
 
@@ -31,21 +31,21 @@ STIFF = {
 @pytest.mark.parametrize("part", STIFF)
 def test_the_part_that_is_too_stiff_for_a_step_is_named_and_what_it_requests_for_is_enough(tmp_path, part):
     text, rk4 = FINGER.replace(*STIFF[part]), PlainSettings(integrator="RK4", timestep=5e-4)
-    said = broken(tmp_path, text, rk4)
-    assert said.startswith(f"stiffness: {part} needs steps below")
-    enough = float(said.split("below ")[1].split(" s")[0])
-    one = scene(tmp_path, text=text, ctrl=FED, duration=500 * enough)
-    assert not run_scene(one, replace(rk4, timestep=0.8 * enough).applied(one.model)).broken
-    assert run_scene(one, replace(rk4, timestep=3.0 * enough).applied(one.model)).broken
+    output = broken(tmp_path, text, rk4)
+    assert output.startswith(f"stiffness: {part} needs steps below")
+    enough = float(output.split("below ")[1].split(" s")[0])
+    item = scene(tmp_path, text=text, ctrl=FED, duration=500 * enough)
+    assert not run_scene(item, replace(rk4, timestep=0.8 * enough).applied(item.model)).broken
+    assert run_scene(item, replace(rk4, timestep=3.0 * enough).applied(item.model)).broken
 
 
 def test_what_is_too_stiff_for_any_step_is_stepped_implicitly(tmp_path):
-    one = scene(tmp_path, ctrl=FED, text=FINGER.replace(*STIFF["the spring of joint swing"]))
-    run, errors, used = finer(one, PlainSettings(), 1e-5)
+    item = scene(tmp_path, ctrl=FED, text=FINGER.replace(*STIFF["the spring of joint swing"]))
+    run, errors, used = finer(item, PlainSettings(), 1e-5)
     assert not run.broken
     assert errors.closure <= 1e-5
     assert used.integrator == "discrete"
-    asked = finer(one, PlainSettings(integrator="RK4"), 1e-5)[0]
+    asked = finer(item, PlainSettings(integrator="RK4"), 1e-5)[0]
     assert asked.broken
 
 
@@ -54,9 +54,9 @@ def test_a_joint_at_the_end_of_its_range_is_a_limit(tmp_path):
         '<joint name="swing"',
         '<joint name="swing" limited="true" range="-0.001 0.001" solreflimit="-1e12 -1"',
     )
-    found = broken(tmp_path, limited, PlainSettings(refsafe=False), ctrl={"servo": "5*sin(20*t)"})
-    assert "a limit" in found
-    assert "swing" in found
+    result = broken(tmp_path, limited, PlainSettings(refsafe=False), ctrl={"servo": "5*sin(20*t)"})
+    assert "a limit" in result
+    assert "swing" in result
 
 
 def test_a_run_that_is_one_has_no_cause(tmp_path):
@@ -64,11 +64,11 @@ def test_a_run_that_is_one_has_no_cause(tmp_path):
 
 
 def test_a_run_that_diverges_is_followed_by_finer_ones(tmp_path):
-    one = scene(tmp_path, ctrl=FED, text=FINGER.replace('damping="0.001"', 'damping="0.02"'))
+    item = scene(tmp_path, ctrl=FED, text=FINGER.replace('damping="0.001"', 'damping="0.02"'))
     coarse = PlainSettings(integrator="RK4", timestep=5e-4)
-    run, errors, _ = finer(one, coarse, 1e-5, fixed=True)
+    run, errors, _ = finer(item, coarse, 1e-5, fixed=True)
     assert run.broken
-    run, errors, used = finer(one, coarse, 1e-5)
+    run, errors, used = finer(item, coarse, 1e-5)
     assert not run.broken
     assert errors.closure <= 1e-5
     assert used.timestep < 5e-4
@@ -76,7 +76,7 @@ def test_a_run_that_diverges_is_followed_by_finer_ones(tmp_path):
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
 def test_the_steps_are_no_finer_than_a_tolerance_requests_for(tmp_path, tolerance):
-    one = scene(tmp_path, drive={"knuckle": "0.5*sin(2*pi*t)"})
-    _, errors, used = finer(one, PlainSettings(timestep=0.002), tolerance)
+    item = scene(tmp_path, drive={"knuckle": "0.5*sin(2*pi*t)"})
+    _, errors, used = finer(item, PlainSettings(timestep=0.002), tolerance)
     assert errors.closure <= tolerance
     assert used.timestep >= (2e-3 if tolerance == 1e-4 else 5e-4)

@@ -88,13 +88,13 @@ def test_the_drives_power_is_what_the_energies_take(case):
     moves = machine.solver.motion_laws
     step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
     times = middle + step * np.arange(-4, 5)
-    found = dynamics.prescribed(machine, t=times).forces
+    result = dynamics.prescribed(machine, t=times).forces
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / step
-    grown = weights @ (found.kinetic + found.potential)
+    grown = weights @ (result.kinetic + result.potential)
     motion = machine.solver.solve(t=times)
-    given = sum(found.drives[name] * motion.joints[name].rate for name in moves.drivers)[4]
-    assert given - found.power_lost[4] == pytest.approx(grown, rel=1e-8)
-    assert found.power_in[4] == pytest.approx(given, rel=1e-12)
+    given = sum(result.drives[name] * motion.joints[name].rate for name in moves.drivers)[4]
+    assert given - result.power_lost[4] == pytest.approx(grown, rel=1e-8)
+    assert result.power_in[4] == pytest.approx(given, rel=1e-12)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -155,7 +155,7 @@ def test_efforts_stepped_as_if_a_coupling_were_straight_are_rejected(case, monke
             machine.mechanism, machine.forces, motion_laws=moves, method="step", settings=chosen, samples=20
         )
         checks = crosscheck_driven(stepped, machine).checks
-        return {one.kind for one in checks if not one.passed}
+        return {item.kind for item in checks if not item.passed}
 
     # the places of what bends are off by 1e-5 at so few steps, and its efforts are not
     assert judged() == set()
@@ -175,12 +175,12 @@ def test_two_couplings_of_the_same_coordinates_share_what_one_alone_carries():
     twice = replace(alone, couplings=(again,))
     name = "thread.turn-thread.way"
     weight = Forces(gravity=(0.0, 0.0, -9.81))
-    runs = [driven(one, weight, speed=2.0, samples=6, method="pose").forces for one in (alone, twice)]
+    runs = [driven(item, weight, speed=2.0, samples=6, method="pose").forces for item in (alone, twice)]
     studies = [
-        dynamics.prescribed(dynamics.dynamic_model(LoopForm(one), weight), runs[0].angle, 2.0).forces
-        for one in (alone, twice)
+        dynamics.prescribed(dynamics.dynamic_model(LoopForm(item), weight), runs[0].angle, 2.0).forces
+        for item in (alone, twice)
     ]
-    for one, two in (runs, studies):
+    for item, two in (runs, studies):
         assert [*two.gears] == [name, f"{name} 2"]
-        assert np.abs(one.gears[name]).min() > 1e-3
-        np.testing.assert_allclose(two.gears[name] + two.gears[f"{name} 2"], one.gears[name], rtol=1e-9)
+        assert np.abs(item.gears[name]).min() > 1e-3
+        np.testing.assert_allclose(two.gears[name] + two.gears[f"{name} 2"], item.gears[name], rtol=1e-9)

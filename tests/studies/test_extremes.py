@@ -129,9 +129,9 @@ def test_the_command_writes_map_and_numbers_and_answers_in_json(monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as ended:
         main()
-    said = json.loads(capsys.readouterr().out)
+    output = json.loads(capsys.readouterr().out)
     assert ended.value.code == 0
-    assert said["passed"]
-    assert {border["axis"] for border in said["borders"]} >= {"steps", "speed"}
-    assert json.loads((tmp_path / "x" / "extremes.json").read_text()) == said
+    assert output["passed"]
+    assert {border["axis"] for border in output["borders"]} >= {"steps", "speed"}
+    assert json.loads((tmp_path / "x" / "extremes.json").read_text()) == output
     assert (tmp_path / "x" / "extremes.svg").read_text().startswith("<?xml")

@@ -31,12 +31,12 @@ def measured(noise=0.0, seed=0, points="C"):
 
 
 def test_dimensions_are_found_again_to_rounding():
-    found = ms.fit("four_bar", measured(), [*TRUE])
-    assert found.outcome == "fitted"
+    result = ms.fit("four_bar", measured(), [*TRUE])
+    assert result.outcome == "fitted"
     for name, value in TRUE.items():
-        assert found.values[name] == pytest.approx(value, rel=1e-10)
-    assert found.start["coupler"] == 0.091
-    assert max(found.rms.values()) <= 1e-13
+        assert result.values[name] == pytest.approx(value, rel=1e-10)
+    assert result.start["coupler"] == 0.091
+    assert max(result.rms.values()) <= 1e-13
 
 
 def test_uncertainties_are_those_of_many_measurements():
@@ -50,7 +50,7 @@ def test_uncertainties_are_those_of_many_measurements():
 def test_without_deviations_what_is_left_reports_them():
     table = measured(2e-5)
     bare = {name: column for name, column in table.items() if "±" not in name}
-    weighed, plain = (ms.fit("four_bar", one, ["coupler", "rocker"]) for one in (table, bare))
+    weighed, plain = (ms.fit("four_bar", item, ["coupler", "rocker"]) for item in (table, bare))
     assert plain.deviations["coupler"] == pytest.approx(
         weighed.deviations["coupler"] * weighed.spread, rel=1e-6
     )
@@ -59,21 +59,21 @@ def test_without_deviations_what_is_left_reports_them():
 def test_what_a_joint_alone_does_not_report_is_named():
     motion = catalog.make("four_bar", rocker=0.0735).solve(ANGLES)
     table = {"angle": ANGLES, "rocker.q": motion.joints["rocker"].value + 4.0 * np.pi}
-    found = ms.fit("four_bar", table, ["ground", "crank", "coupler", "rocker"])
-    assert found.outcome == "underdetermined"
+    result = ms.fit("four_bar", table, ["ground", "crank", "coupler", "rocker"])
+    assert result.outcome == "underdetermined"
     # all lengths together may be of any size
-    assert found.together == (("ground", "crank", "coupler", "rocker"),)
-    assert not found.deviations
-    shape = np.array([*found.values.values()]) / found.values["ground"]
+    assert result.together == (("ground", "crank", "coupler", "rocker"),)
+    assert not result.deviations
+    shape = np.array([*result.values.values()]) / result.values["ground"]
     assert np.abs(shape - np.array([0.1, 0.032, 0.091, 0.0735]) / 0.1).max() <= 1e-8
 
 
 def test_a_dimension_that_nothing_measured_depends_on_is_named_alone():
     table = measured(points="B")
-    found = ms.fit("four_bar", table, ["coupler", "rocker", "arm"])
-    assert found.together == (("arm",),)
-    assert found.values["coupler"] == pytest.approx(TRUE["coupler"], rel=1e-9)
-    assert set(found.deviations) == {"coupler", "rocker"}
+    result = ms.fit("four_bar", table, ["coupler", "rocker", "arm"])
+    assert result.together == (("arm",),)
+    assert result.values["coupler"] == pytest.approx(TRUE["coupler"], rel=1e-9)
+    assert set(result.deviations) == {"coupler", "rocker"}
 
 
 def test_a_file_of_the_gallery_is_fitted_under_its_motion_laws():
@@ -82,8 +82,8 @@ def test_a_file_of_the_gallery_is_fitted_under_its_motion_laws():
     columns = dict(motion.columns())
     (point,) = motion.points
     table = {"t": columns["t"], f"{point}.x": columns[f"{point}.x"], f"{point}.y": columns[f"{point}.y"]}
-    found = ms.fit("five_bar", table, "arm")
-    assert found.values["arm"] == pytest.approx(0.061, rel=1e-10)
+    result = ms.fit("five_bar", table, "arm")
+    assert result.values["arm"] == pytest.approx(0.061, rel=1e-10)
 
 
 REFERENCE = Path(__file__).parents[2] / "reference"
@@ -95,15 +95,15 @@ REFERENCE = Path(__file__).parents[2] / "reference"
 )
 def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, effort):
     whole = files.read(REFERENCE / "data" / f"{name}.csv")
-    wanted = ["angle" if "angle" in whole else "t", *(one for one in whole if "v" in one), effort]
-    table = {one: whole[one][::9] for one in wanted}
+    wanted = ["angle" if "angle" in whole else "t", *(item for item in whole if "v" in item), effort]
+    table = {item: whole[item][::9] for item in wanted}
     of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), speed=20.0)
-    true = {one: of.designs.dimensions[one].value for one in vary}
-    begun = replace(of, designs=family_at(of.designs, {one: 0.99 * value for one, value in true.items()}))
-    found = ms.fit(begun, table, vary)
-    assert found.outcome == "fitted"
-    assert all(found.values[one] == pytest.approx(value, rel=1e-10) for one, value in true.items())
-    assert {*found.rms} == {*table} - {"angle", "t"}
+    true = {item: of.designs.dimensions[item].value for item in vary}
+    begun = replace(of, designs=family_at(of.designs, {item: 0.99 * value for item, value in true.items()}))
+    result = ms.fit(begun, table, vary)
+    assert result.outcome == "fitted"
+    assert all(result.values[item] == pytest.approx(value, rel=1e-10) for item, value in true.items())
+    assert {*result.rms} == {*table} - {"angle", "t"}
 
 
 @pytest.mark.slow
@@ -113,11 +113,11 @@ def test_the_unknown_zero_of_a_crank_is_found_with_the_dimensions():
     motion = form.solve(ANGLES + ahead, 5.0)
     table = {"angle": ANGLES, "C.x": motion.points["C"].position[:, 0], "torque": efforts.torque}
     table["rocker.a"] = motion.joints["rocker"].acceleration
-    found = ms.fit("four_bar", table, ["coupler"], offset=True, speed=5.0)
-    assert (found.outcome, found.units["crank.offset"]) == ("fitted", "rad")
-    assert found.values["crank.offset"] == pytest.approx(ahead, rel=1e-9)
-    assert found.values["coupler"] == pytest.approx(0.0913, rel=1e-10)
-    assert found.moved.angles == pytest.approx(ANGLES + ahead)
+    result = ms.fit("four_bar", table, ["coupler"], offset=True, speed=5.0)
+    assert (result.outcome, result.units["crank.offset"]) == ("fitted", "rad")
+    assert result.values["crank.offset"] == pytest.approx(ahead, rel=1e-9)
+    assert result.values["coupler"] == pytest.approx(0.0913, rel=1e-10)
+    assert result.moved.angles == pytest.approx(ANGLES + ahead)
     # without it the coupler is taken for what it is not
     assert abs(ms.fit("four_bar", table, ["coupler"], speed=5.0).values["coupler"] - 0.0913) > 1e-4
 
@@ -125,14 +125,14 @@ def test_the_unknown_zero_of_a_crank_is_found_with_the_dimensions():
 def test_a_zero_that_a_phase_may_stand_for_is_named():
     motion = catalog.make("warp_knitter").solve(ANGLES)
     table = {"angle": ANGLES, "D.x": motion.points["D"].position[:, 0]}
-    found = ms.fit("warp_knitter", table, ["phase"], offset=True)
-    assert found.together == (("phase", "crank.offset"),)
+    result = ms.fit("warp_knitter", table, ["phase"], offset=True)
+    assert result.together == (("phase", "crank.offset"),)
 
 
 def test_intervals_are_wider_by_students_t_where_deviations_are_found_from_what_is_left():
     table = {name: column[:3] for name, column in measured(2e-5).items()}
     bare = {name: column for name, column in table.items() if "±" not in name}
-    weighed, plain = (ms.fit("four_bar", one, ["coupler"]) for one in (table, bare))
+    weighed, plain = (ms.fit("four_bar", item, ["coupler"]) for item in (table, bare))
     assert weighed.within()["coupler"] == pytest.approx(1.959964 * weighed.deviations["coupler"])
     assert plain.free == 5
     assert plain.within()["coupler"] == pytest.approx(2.570582 * plain.deviations["coupler"])
@@ -151,7 +151,7 @@ def test_a_zero_is_rejected_where_there_is_none():
 
 
 @pytest.mark.parametrize(
-    ("change", "vary", "said"),
+    ("change", "vary", "output"),
     [
         ({"angle": None}, ["coupler"], "has no column angle"),
         ({"C.x": np.full(13, np.nan)}, ["coupler"], r"column C\.x is no finite number in row 1"),
@@ -165,9 +165,9 @@ def test_a_zero_is_rejected_where_there_is_none():
         ({"C.x": None, "C.y": None}, ["coupler"], "contains no measured quantity"),
     ],
 )
-def test_a_table_that_does_not_serve_is_rejected_in_one_line(change, vary, said):
+def test_a_table_that_does_not_serve_is_rejected_in_one_line(change, vary, output):
     table = {name: column for name, column in {**measured(), **change}.items() if column is not None}
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=output):
         ms.fit("four_bar", table, vary)
 
 

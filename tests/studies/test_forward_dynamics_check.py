@@ -91,9 +91,9 @@ def test_the_error_of_mujoco_falls_with_the_fourth_order_of_its_step():
 
 def test_mujoco_rests_in_the_equilibria_of_a_double_pendulum_and_is_as_stable():
     machine = ms.dynamics.dynamic_model(heavy(double_pendulum()), WEIGHT)
-    found = ms.dynamics.equilibria(machine, starts=25)
-    assert len(found) == 4
-    for equilibrium in found:
+    result = ms.dynamics.equilibria(machine, starts=25)
+    assert len(result) == 4
+    for equilibrium in result:
         verdict = crosscheck_equilibrium(equilibrium, machine)
         assert verdict.passed, verdict
         assert len(verdict.checks) == 3

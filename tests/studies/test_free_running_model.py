@@ -27,8 +27,8 @@ def place_error(model, form, turns=3.0):
         mujoco.mj_step(model, data)
         mujoco.mj_kinematics(model, data)
         angles.append(data.qpos[crank])
-        for name, one in places.items():
-            one.append(data.site(name).xpos.copy())
+        for name, item in places.items():
+            item.append(data.site(name).xpos.copy())
     exact = form.positions(np.array(angles))
     gaps = [np.linalg.norm(np.array(places[name]) - exact[name], axis=1).max() for name in exact]
     return max(gaps), angles[-1]
@@ -38,13 +38,13 @@ def place_error(model, form, turns=3.0):
 def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_states():
     form = catalog.make("four_bar")
     spec = exported(form.mechanism, Scene())
-    text, said = tune_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)
+    text, output = tune_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)
     assert "satisfies 1e-05 m at 60 rad/s" in text
     assert "keyframe turning" in text
     model = mujoco.MjModel.from_xml_string(text)
     error, angle = place_error(model, form)
     assert error <= 1e-5
-    assert error == pytest.approx(said, rel=0.5)
+    assert error == pytest.approx(output, rel=0.5)
     assert angle - model.key_qpos[0][model.joint("crank").qposadr[0]] == pytest.approx(6.0 * np.pi, rel=1e-2)
     # the check rejects loops as soft as MuJoCo has them
     model.eq_solref[:], model.eq_solimp[:] = [0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]

@@ -81,7 +81,7 @@ def linkage(seed: int) -> Case:
         centre = tuple((0.3 * size * chance.normal(size=3)).tolist())
         return Inertia(1.0, centre, tuple(tuple(row) for row in moments.tolist()))
 
-    mechanism = replace(mechanism, links=tuple(replace(one, inertia=inertia()) for one in mechanism.links))
+    mechanism = replace(mechanism, links=tuple(replace(item, inertia=inertia()) for item in mechanism.links))
     start = made.pose[len(made.pose) - len(made.names) :]
     laws = {
         made.names[i]: machines.waving(start[i], 0.05 * swing, 2.0, 0.3)
@@ -173,7 +173,7 @@ def test_the_law_is_requested_of_every_kind_of_joint_and_coupling():
 def test_a_link_is_out_of_equilibrium_where_one_force_is_left_out(case, method):
     made = CASES[case]()
     motion, efforts = solved(made, method)
-    names = {one.name for one in equilibrium.actions(made.mechanism, made.forces, motion, efforts)}
+    names = {item.name for item in equilibrium.actions(made.mechanism, made.forces, motion, efforts)}
     assert len(names) > 20
     for name in names:
         off = equilibrium.largest_imbalance(made.mechanism, made.forces, motion, efforts, without=name)

@@ -93,7 +93,7 @@ def test_a_search_goes_back_from_where_no_crank_turns():
 
 
 @pytest.mark.parametrize(
-    ("vary", "goal", "said"),
+    ("vary", "goal", "output"),
     [
         ({"crnk": (0.1, 0.2)}, "rms:torque", "did you mean 'crank'"),
         ({"crank": (0.2, 0.1)}, "rms:torque", "give its lowest and highest value"),
@@ -110,8 +110,8 @@ def test_a_search_goes_back_from_where_no_crank_turns():
         ({}, "rms:torque", "no dimension may vary"),
     ],
 )
-def test_what_cannot_be_searched_is_rejected_in_one_line(vary, goal, said):
-    with pytest.raises(InputError, match=said):
+def test_what_cannot_be_searched_is_rejected_in_one_line(vary, goal, output):
+    with pytest.raises(InputError, match=output):
         ms.optimise(ms.moved("four_bar", angles=TURN), vary, goal)
 
 
@@ -145,7 +145,7 @@ def test_a_measure_is_the_one_of_a_sweep_and_its_jacobian_that_of_two_sweeps(wor
     start, step = ms.moved("four_bar", angles=TURN, speed=10.0), 2.0**-14
     goal, name = goal_of(word, start), "coupler"
     found = start.derivatives(start.quantities(goal.quantities), [name])
-    alike = {one: stepped(values, found.by[name][one]) for one, values in found.values.items()}
+    alike = {item: stepped(values, found.by[name][item]) for item, values in found.values.items()}
     value = limit_of(MeasureLimit(word, low=0.0), start).function(alike)
     beside = 0.091 + step * np.array([-1.0, 0.0, 1.0])
     swept = ms.sweep("four_bar", {name: beside}, measure=[word], samples=12, speed=10.0)[word].values

@@ -29,7 +29,7 @@ PROGRAMS = ("five_bar", "humanoid_ankle", "stewart_gough")
 
 def busy(mechanism):
     """Forces of every kind, all at once."""
-    single = [one.name for one in mechanism.joints if one.kind in ("revolute", "prismatic")]
+    single = [item.name for item in mechanism.joints if item.kind in ("revolute", "prismatic")]
     point = [name for name, (link, _) in mechanism.points.items() if link != GROUND][-1]
     link = located(mechanism, point)[0]
     return Forces(
@@ -67,32 +67,32 @@ def stored(mechanism, forces, motion):
         spin = np.einsum("nji,nj->ni", moved.rotation, moved.angular_velocity)
         energy += 0.5 * body.mass * (velocity**2).sum(1) + 0.5 * ((spin @ body.matrix) * spin).sum(1)
         energy -= body.mass * place @ np.array(forces.gravity)
-    for one in forces.springs:
-        line = placed(mechanism, motion, one.b)[0] - placed(mechanism, motion, one.a)[0]
-        energy += 0.5 * one.stiffness * (np.linalg.norm(line, axis=1) - one.rest) ** 2
-    for one in forces.joint_springs:
-        moved = joint(mechanism, motion, one.joint)
-        away = moved.value - one.rest
+    for item in forces.springs:
+        line = placed(mechanism, motion, item.b)[0] - placed(mechanism, motion, item.a)[0]
+        energy += 0.5 * item.stiffness * (np.linalg.norm(line, axis=1) - item.rest) ** 2
+    for item in forces.joint_springs:
+        moved = joint(mechanism, motion, item.joint)
+        away = moved.value - item.rest
         if moved.unit == "rad":
             away = np.angle(np.exp(1j * away))
-        energy += 0.5 * one.stiffness * away**2
+        energy += 0.5 * item.stiffness * away**2
     return energy
 
 
 def taken(mechanism, forces, motion):
     """Return the power that friction and dampers take, less what loads give, (n,) in [W]."""
     power = np.zeros(len(motion))
-    for one in forces.friction:
-        rate = joint(mechanism, motion, one.joint).rate
-        power += one.viscous * rate**2 + one.coulomb * np.abs(rate)
-    for one in forces.springs:
-        (a, a_speed), (b, b_speed) = (placed(mechanism, motion, place) for place in (one.a, one.b))
+    for item in forces.friction:
+        rate = joint(mechanism, motion, item.joint).rate
+        power += item.viscous * rate**2 + item.coulomb * np.abs(rate)
+    for item in forces.springs:
+        (a, a_speed), (b, b_speed) = (placed(mechanism, motion, place) for place in (item.a, item.b))
         line = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
-        power += one.damping * (line * (b_speed - a_speed)).sum(1) ** 2
-    for one in forces.loads:
-        power -= placed(mechanism, motion, one.location)[1] @ np.array(PUSH)
-    for one in forces.couples:
-        power -= motion.links[one.link].angular_velocity @ np.array(TWIST)
+        power += item.damping * (line * (b_speed - a_speed)).sum(1) ** 2
+    for item in forces.loads:
+        power -= placed(mechanism, motion, item.location)[1] @ np.array(PUSH)
+    for item in forces.couples:
+        power -= motion.links[item.link].angular_velocity @ np.array(TWIST)
     return power
 
 
@@ -121,8 +121,8 @@ def balance(mechanism, forces, motion, efforts):
     power = given(efforts, motion)
     lacking = power[4:-4] - grown - taken(mechanism, forces, motion)[4:-4]
     smooth = np.ones(len(motion))
-    for one in forces.joint_springs:
-        away = np.angle(np.exp(1j * (joint(mechanism, motion, one.joint).value - one.rest)))
+    for item in forces.joint_springs:
+        away = np.angle(np.exp(1j * (joint(mechanism, motion, item.joint).value - item.rest)))
         smooth *= np.abs(away) < 3.0
     kept = np.convolve(smooth, np.ones(9), "valid") == 9.0
     assert kept.mean() > 0.8

@@ -95,9 +95,9 @@ def test_the_command_prints_both_settings_and_json_has_the_published_run(tmp_pat
             assert "with the file's own settings (timestep 1 ms" in printed
             continue
         jsonschema.validate(json.loads(printed), output_schema("validate"))
-        told = json.loads(printed)["mechanisms"]["four-bar"]
-        assert told["published"]["loop_closure"] > 1e-6
-        assert [one["kind"] for one in told["findings"]][-1] == "published"
+        reported = json.loads(printed)["mechanisms"]["four-bar"]
+        assert reported["published"]["loop_closure"] > 1e-6
+        assert [item["kind"] for item in reported["findings"]][-1] == "published"
 
 
 def test_the_run_as_published_starts_in_the_keyframe_that_is_requested_for(tmp_path):
@@ -124,9 +124,9 @@ def test_the_default_tolerance_is_of_the_size_where_the_stroke_is_shorter():
     mechanism, motion = form.mechanism, form.solve([0.50, 0.51, 0.52])
     stroke, size = stroke_of(motion), mechanism.characteristic_length
     assert stroke < 0.01 * size
-    found = position_tolerance(motion, mechanism)
-    assert found.value == pytest.approx(1e-8 * size)
-    assert "of the mechanism's size" in found.reason
+    result = position_tolerance(motion, mechanism)
+    assert result.value == pytest.approx(1e-8 * size)
+    assert "of the mechanism's size" in result.reason
     tiny = form.solve([0.5, 0.5 + 1e-6])
     assert position_tolerance(tiny, mechanism).value == pytest.approx(1e-4 * stroke_of(tiny))
     assert position_tolerance(motion, mechanism, 1e-5).value == 1e-5

@@ -46,9 +46,9 @@ def test_a_twin_goes_and_what_stays_moves_as_before_unless_it_was_none(tmp_path)
 def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
     smooth = FINGER.replace('name="elbow"', 'name="elbow" damping="0"')
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
-    found = observed(evaluator)
-    assert [(chain.joints, chain.closing) for chain in loose_chains(found)] == [(("elbow",), "closing")]
-    specs = [with_candidate(evaluator.spec, rod) for rod in rods_as_lengths(found)]
+    result = observed(evaluator)
+    assert [(chain.joints, chain.closing) for chain in loose_chains(result)] == [(("elbow",), "closing")]
+    specs = [with_candidate(evaluator.spec, rod) for rod in rods_as_lengths(result)]
     whole, reduced_model = evaluator.spec.copy().compile(), specs[0].copy().compile()
     assert reduced_model.nv == whole.nv - 1
     assert reduced_model.body_mass.sum() == pytest.approx(whole.body_mass.sum(), rel=1e-14)
@@ -63,12 +63,12 @@ def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
 
 def test_a_leaf_of_which_nothing_is_tracked_is_fused_halfway(tmp_path):
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
-    ways = {way.what: way for way in passive_chains(observed(evaluator))}
-    leaf = next(way for what, way in ways.items() if "pad" in what)
+    ways = {direction.what: direction for direction in passive_chains(observed(evaluator))}
+    leaf = next(direction for what, direction in ways.items() if "pad" in what)
     reduced_model = evaluator.scene(with_candidate(evaluator.spec, leaf))
     assert "swing" not in [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)]
     assert evaluator.errors(reduced_model).trajectory < 10 * BOUND
-    loop = next(way for what, way in ways.items() if "closing" in what)
+    loop = next(direction for what, direction in ways.items() if "closing" in what)
     assert evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, loop))).trajectory > 1e-3
 
 

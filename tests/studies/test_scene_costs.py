@@ -11,8 +11,8 @@ from mechsim.studies.reduction.scene_costs import scene_costs
 def costs(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         few_trials(patch)
-        found = scene_costs(*scene(tmp_path_factory.mktemp("costs"), CLUTTER), rounds=1)
-    return {one.what: one for one in found}
+        result = scene_costs(*scene(tmp_path_factory.mktemp("costs"), CLUTTER), rounds=1)
+    return {item.what: item for item in result}
 
 
 def test_each_thing_is_turned_on_or_off_alone_and_checked_against_the_scene_as_it_is(costs):

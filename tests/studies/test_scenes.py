@@ -185,18 +185,18 @@ def test_balls_and_free_bodies_are_closed_in_their_own_coordinates(tmp_path):
       <body name="loose" pos="0 1 0"><freejoint name="free"/><geom size=".01"/></body>
       </worldbody><equality><connect name="end" body1="rod" body2="slider" anchor=".05 .01 .03"/></equality>
       <contact><exclude body1="rod" body2="slider"/></contact></mujoco>"""
-    one = scene(tmp_path, text=text, drive={"crank": "0.5 + 3*t"}, duration=0.1)
-    run = run_scene(one, hardened(one.model, 1e-4, "RK4"), records=100)
+    item = scene(tmp_path, text=text, drive={"crank": "0.5 + 3*t"}, duration=0.1)
+    run = run_scene(item, hardened(item.model, 1e-4, "RK4"), records=100)
     assert SceneEvaluator().errors(run).closure < 1e-8
-    qpos, qvel = one.start
+    qpos, qvel = item.start
     later = qpos.copy()
-    mujoco.mj_integratePos(one.model, later, qvel, 1e-6)
+    mujoco.mj_integratePos(item.model, later, qvel, 1e-6)
     moved = replace(run, qpos=later[None])
-    assert one.closure.errors(moved.qpos, moved.points).max() < 1e-10
+    assert item.closure.errors(moved.qpos, moved.points).max() < 1e-10
 
 
 def test_next_to_flywheels_the_solver_stops_at_the_same_cost_as_without_them(fed, driven):
     # MuJoCo stops where an iteration gains less than tolerance times mean inertia times degrees of freedom
-    plain, wheeled = (one.model.opt.tolerance * one.model.stat.meaninertia for one in (fed, driven))
+    plain, wheeled = (item.model.opt.tolerance * item.model.stat.meaninertia for item in (fed, driven))
     assert driven.model.stat.meaninertia > 1e6 * fed.model.stat.meaninertia
     assert wheeled == pytest.approx(plain, rel=1e-9)

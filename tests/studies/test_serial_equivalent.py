@@ -41,15 +41,15 @@ def test_the_tree_has_the_bodies_where_the_closed_model_has_them(format):
     source = mujoco.MjModel.from_xml_string(ms.export("rssr", scene="dynamics").text)
     source = mujoco.MjModel.from_xml_string(ms.export("four_bar", scene="dynamics").text)
     twin = mujoco.MjModel.from_xml_string(serial_twin("four_bar", format, independent=RANGE).text)
-    one, other = mujoco.MjData(source), mujoco.MjData(twin)
+    item, other = mujoco.MjData(source), mujoco.MjData(twin)
     for i in range(source.njnt):
         name = source.joint(i).name
-        one.joint(name).qpos[:] = other.joint(name).qpos[:] = 0.3 * (i + 1)
-    for model, data in ((source, one), (twin, other)):
+        item.joint(name).qpos[:] = other.joint(name).qpos[:] = 0.3 * (i + 1)
+    for model, data in ((source, item), (twin, other)):
         mujoco.mj_forward(model, data)
     for body in range(1, source.nbody):
         name = source.body(body).name
-        np.testing.assert_allclose(other.body(name).xipos, one.body(name).xipos, atol=1e-12)
+        np.testing.assert_allclose(other.body(name).xipos, item.body(name).xipos, atol=1e-12)
         assert twin.body(name).mass[0] == pytest.approx(source.body(name).mass[0], rel=1e-12)
         moments = np.sort(source.body(name).inertia)
         np.testing.assert_allclose(np.sort(twin.body(name).inertia), moments, rtol=1e-9)

@@ -13,9 +13,9 @@ FORM = ms.catalog.make(RSSR)
 ONE_TURN = ms.units.parse_speed("60rpm")
 
 
-def same(one, other):
+def same(item, other):
     """Whether two records hold the same columns, to the last bit."""
-    first, second = dict(one.columns()), dict(other.columns())
+    first, second = dict(item.columns()), dict(other.columns())
     return first.keys() == second.keys() and all(np.array_equal(first[k], second[k]) for k in first)
 
 

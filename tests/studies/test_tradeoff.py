@@ -239,7 +239,7 @@ def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
     words = ("slider_crank", "--budget", "2.5s", "--json", "-o", str(table), "--plot", str(plot))
     assert run("tradeoff", *words) == 0
     result = json.loads(capsys.readouterr().out)
-    assert [one["limit"] for one in result["recommended"]] == list(BOUNDS)
+    assert [item["limit"] for item in result["recommended"]] == list(BOUNDS)
     with table.open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == result["trials"]
@@ -397,8 +397,8 @@ def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatc
         BuiltModel, "motion", lambda self, s: (None, 0.1) if s.steps_per_turn == 1440 else whole(self, s)
     )
     # 25.2 s are the part of about 63 s that is the reference's
-    told = r"at 1,440 steps a turn with RK4, though not at 2,880, .* --budget 6[34]s has time for .*"
-    with pytest.raises(InputError, match=told):
+    reported = r"at 1,440 steps a turn with RK4, though not at 2,880, .* --budget 6[34]s has time for .*"
+    with pytest.raises(InputError, match=reported):
         subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, now=lambda: 0.0))
 
 

@@ -32,11 +32,11 @@ def point(settings, build=None):
 )
 def test_a_snippet_runs_and_gives_what_was_measured(settings, build):
     lines = snippet(point(settings, build), "slider_crank", SPEED)
-    found = {}
-    exec(lines, found)
+    result = {}
+    exec(lines, result)
     built = build_model(load("slider_crank").mechanism, None, SPEED, build or Build())
     motion, _ = built.motion(settings)
-    places = [motion.points["B"].position, found["motion"].points["B"].position]
+    places = [motion.points["B"].position, result["motion"].points["B"].position]
     assert np.array_equal(*places)
 
 
@@ -53,8 +53,8 @@ def test_a_fragment_is_mjcf_that_states_the_settings():
 
 def test_what_no_file_or_option_can_state_is_not_stated():
     assert fragment(point(HARD), SPEED) is None
-    told = advice(point(HARD, Build(crank_drive="servo")), "slider_crank", SPEED)
-    assert told["command"] is None
-    assert told["export"] is None
-    assert told["xml"] is None
-    assert told["python"]
+    reported = advice(point(HARD, Build(crank_drive="servo")), "slider_crank", SPEED)
+    assert reported["command"] is None
+    assert reported["export"] is None
+    assert reported["xml"] is None
+    assert reported["python"]

@@ -37,25 +37,25 @@ def driven(tmp_path_factory):
 
 def test_settings_are_what_a_model_has_and_those_it_has_are_idle(fed):
     model = HARD.applied(fed.model)
-    told = settings_of(model)
-    assert {name: getattr(told, name) for name in HARD.as_dict()} == HARD.as_dict()
+    reported = settings_of(model)
+    assert {name: getattr(reported, name) for name in HARD.as_dict()} == HARD.as_dict()
     assert HARD.changes_to(model) == PlainSettings()
     assert fed.model.opt.timestep == 0.002  # the copy alone is changed
 
 
 def test_a_search_whose_time_is_up_tries_nothing_more(driven):
     # what keeps no tolerance is looked for among loops harder than a file can say, as long as there is time
-    found = tuned(replace(driven, duration=0.05), 1e-14, budget=1e-3)
-    assert found.chosen is None
-    assert len(found.tried) == 1
+    result = tuned(replace(driven, duration=0.05), 1e-14, budget=1e-3)
+    assert result.chosen is None
+    assert len(result.tried) == 1
 
 
 @pytest.mark.parametrize("which", ["fed", "driven"])
 def test_a_tuned_file_is_what_was_run(which, request, tmp_path):
-    one = request.getfixturevalue(which)
-    text = tuned_text(one, HARD, ["said of it"], tmp_path)
-    outside = write_scene(one, HARD, text.after, tmp_path / "out.xml")
-    meant = run_scene(one, HARD.applied(one.model), records=None)
+    item = request.getfixturevalue(which)
+    text = tuned_text(item, HARD, ["said of it"], tmp_path)
+    outside = write_scene(item, HARD, text.after, tmp_path / "out.xml")
+    meant = run_scene(item, HARD.applied(item.model), records=None)
     assert np.abs(run_scene(outside, records=None).qpos - meant.qpos).max() < 1e-12
     assert "a four-bar under a position servo" in text.after
     assert set(FINGER.splitlines()) - set(text.after.splitlines()) <= {
@@ -97,9 +97,9 @@ def test_the_script_does_in_python_what_was_intended(driven, tmp_path):
 def test_no_step_is_so_long_that_a_limit_gets_softer(tmp_path):
     limited = FINGER.replace('<joint name="swing"', '<joint name="swing" range="-1 1" solreflimit="0.006 1"')
     limited = limited.replace("<option", '<compiler angle="radian" autolimits="true"/><option')
-    one = scene(tmp_path, ctrl=FED, text=limited)
-    assert shortest_time_constant(one.model) == 0.006
-    assert steps_of(one)[0] <= 0.003
+    item = scene(tmp_path, ctrl=FED, text=limited)
+    assert shortest_time_constant(item.model) == 0.006
+    assert steps_of(item)[0] <= 0.003
     assert shortest_time_constant(mujoco.MjModel.from_xml_string(FINGER)) == np.inf
 
 
@@ -111,28 +111,28 @@ LIMITED = FINGER.replace(
 @pytest.mark.slow
 @pytest.mark.parametrize(("most", "same"), [(60, True), (5, False)])
 def test_a_limit_that_is_freed_is_switched_off_only_where_it_is_not_met(tmp_path, most, same):
-    one = scene(tmp_path, ctrl=FED, text=LIMITED.replace("{most}", str(most)), duration=0.2)
-    one = replace(one, allowed=("limits",))
-    assert steps_of(one)[0] > 0.003  # it may become softer
-    found = tuned(one, 1e-4, budget=60.0)
-    off = [trial for trial in found.tried if trial.settings.limit is False]
+    item = scene(tmp_path, ctrl=FED, text=LIMITED.replace("{most}", str(most)), duration=0.2)
+    item = replace(item, allowed=("limits",))
+    assert steps_of(item)[0] > 0.003  # it may become softer
+    result = tuned(item, 1e-4, budget=60.0)
+    off = [trial for trial in result.tried if trial.settings.limit is False]
     assert off
     assert any(trial.errors.trajectory < 1e-3 for trial in off) == same
-    assert same or found.chosen.settings.limit is None
-    text = tuned_text(one, off[0].settings, [], tmp_path).after
+    assert same or result.chosen.settings.limit is None
+    text = tuned_text(item, off[0].settings, [], tmp_path).after
     assert 'limit="disable"' in text
-    assert not disabled(replace(one, allowed=()))
+    assert not disabled(replace(item, allowed=()))
 
 
 @pytest.mark.slow
 def test_a_search_keeps_the_tolerance_for_less_than_the_file_as_it_is(driven):
-    found = tuned(replace(driven, duration=0.1), 5e-6, budget=60.0)
-    assert found.published.errors.closure > 5e-6
-    assert found.chosen.errors.closure <= AIMED_FRACTION * 5e-6
-    assert found.chosen.settings.in_file
-    assert found.beyond is None
+    result = tuned(replace(driven, duration=0.1), 5e-6, budget=60.0)
+    assert result.published.errors.closure > 5e-6
+    assert result.chosen.errors.closure <= AIMED_FRACTION * 5e-6
+    assert result.chosen.settings.in_file
+    assert result.beyond is None
     again = SceneEvaluator().errors(
-        run_scene(driven, found.chosen.settings.applied(driven.model), records=None)
+        run_scene(driven, result.chosen.settings.applied(driven.model), records=None)
     )
     assert again.closure <= 5e-6
 
@@ -140,7 +140,7 @@ def test_a_search_keeps_the_tolerance_for_less_than_the_file_as_it_is(driven):
 @pytest.mark.slow
 def test_settings_that_fail_at_every_step_do_not_hide_others_that_stand(tmp_path):
     # the cheapest two dozen satisfy 5 um at 400 instants, but not at every step of a longer motion
-    found = tuned(scene(tmp_path, ctrl=FED, duration=0.5), 5e-6, budget=8.0)
-    assert found.chosen is not None
-    assert not found.satisfied
-    assert found.chosen.seconds < 0.5 * found.closest.seconds
+    result = tuned(scene(tmp_path, ctrl=FED, duration=0.5), 5e-6, budget=8.0)
+    assert result.chosen is not None
+    assert not result.satisfied
+    assert result.chosen.seconds < 0.5 * result.closest.seconds

@@ -12,8 +12,8 @@ FIVE_BAR = load("five_bar")
 def test_drivers_have_lines_of_their_own_on_both_methods():
     case = case_of(FIVE_BAR)
     assert case.passed, case.verdict.reason
-    told = {check.title for check in case.verdict.checks if "drive" in check.title}
-    assert told == {f"{road}: drive: {name}" for road in ("pose", "step") for name in ("left", "right")}
+    reported = {check.title for check in case.verdict.checks if "drive" in check.title}
+    assert reported == {f"{route}: drive: {name}" for route in ("pose", "step") for name in ("left", "right")}
 
 
 def test_a_formula_is_requested_at_the_coordinates_of_the_drivers():

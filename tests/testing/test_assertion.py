@@ -60,8 +60,8 @@ def test_parameters_changed_stand_in_the_command():
 
 
 def test_in_a_run_of_pytest_a_page_is_written_and_the_junit_file_is_reported(tmp_path):
-    told = {}
-    test = RunningTest("tests/x.py::test_x", tmp_path / "pages", told.__setitem__)
+    reported = {}
+    test = RunningTest("tests/x.py::test_x", tmp_path / "pages", reported.__setitem__)
     with running(test), pytest.raises(AssertionError, match="report: ") as failed:
         ms.testing.assert_agrees("slider_crank", long_rod, tolerance=1e-6)
     (page,) = (tmp_path / "pages").iterdir()
@@ -69,11 +69,11 @@ def test_in_a_run_of_pytest_a_page_is_written_and_the_junit_file_is_reported(tmp
     text = page.read_text()
     assert "slider_crank against long_rod: failed" in text
     assert "<polyline" in text
-    assert told["mechsim.outcome"] == "failed"
-    assert told["mechsim.worst"] == "position of B"
+    assert reported["mechsim.outcome"] == "failed"
+    assert reported["mechsim.worst"] == "position of B"
     with running(test):
         ms.testing.assert_agrees("slider_crank", law)
-    assert told["mechsim.outcome"] == "passed"
+    assert reported["mechsim.outcome"] == "passed"
     assert len(list((tmp_path / "pages").iterdir())) == 1
 
 

@@ -54,13 +54,13 @@ def test_the_sample_project_is_green_but_for_the_test_that_is_red_on_purpose(pro
     (page,) = (project / "reports").iterdir()
     assert f"report: reports/{page.name}" in out
     cases = {case.get("name"): case for case in ET.parse(project / "junit.xml").iter("testcase")}
-    green = {one.get("name"): one.get("value") for one in cases["formula"].iter("property")}
+    green = {item.get("name"): item.get("value") for item in cases["formula"].iter("property")}
     assert green["mechsim.model"] == "pump"
     assert green["mechsim.outcome"] == "passed"
     (red,) = (case for name, case in cases.items() if "red_on_purpose" in name)
-    told = {one.get("name"): one.get("value") for one in red.iter("property")}
-    assert told["mechsim.outcome"] == "failed"
-    assert told["mechsim.worst"] == "position of piston"
+    reported = {item.get("name"): item.get("value") for item in red.iter("property")}
+    assert reported["mechsim.outcome"] == "failed"
+    assert reported["mechsim.worst"] == "position of piston"
 
 
 @pytest.mark.slow

@@ -76,11 +76,11 @@ def test_every_pose_of_every_curve_is_an_assembly_of_the_closed_form(name):
 
 @pytest.mark.parametrize("name", grid(FORMS))
 def test_every_assembly_of_the_closed_form_is_on_a_curve(name):
-    drive, found = FORMS[name], traced(name)
+    drive, result = FORMS[name], traced(name)
     arcs = drive.crank_range()
     low, high = arcs.arcs[0] if not arcs.full else (-np.pi, np.pi)
     for angle in (low + 0.37 * (high - low), low + 0.81 * (high - low)):
-        there = [points for curve in found.curves for points in passing(curve, angle)]
+        there = [points for curve in result.curves for points in passing(curve, angle)]
         for _, points in drive.assembly_points(angle):
             gaps = [max(np.linalg.norm(points[name] - at[name]) for name in points) for at in there]
             assert min(gaps) <= 1e-10 * drive.mechanism.characteristic_length
@@ -113,13 +113,13 @@ def test_a_crank_that_swings_turns_back_at_the_dead_centres_of_the_closed_form(n
 
 @pytest.mark.parametrize("name", grid(name for name in FORMS if FORMS[name].change_points()))
 def test_curves_meet_at_the_change_points_of_the_closed_form_and_nowhere_else(name):
-    found, known = traced(name), FORMS[name].change_points()
-    angles = [meeting.angle for meeting in found.branch_points]
+    result, known = traced(name), FORMS[name].change_points()
+    angles = [branch_point.angle for branch_point in result.branch_points]
     assert apart(angles, known).max() <= 1e-8
     assert apart(known, angles).max() <= 1e-8
-    for meeting in found.branch_points:
-        assert len(meeting.locations) == 2
-        here = [found.curves[i].poses_at(arc).points for i, arc in meeting.locations]
+    for branch_point in result.branch_points:
+        assert len(branch_point.locations) == 2
+        here = [result.curves[i].poses_at(arc).points for i, arc in branch_point.locations]
         for point, place in here[0].items():
             assert np.abs(place - here[1][point]).max() <= 1e-8 * FORMS[name].mechanism.characteristic_length
 
@@ -128,10 +128,10 @@ def test_curves_meet_at_the_change_points_of_the_closed_form_and_nowhere_else(na
 def test_assemblies_that_come_near_each_other_and_do_not_meet_are_stated_not_to():
     near = FourBar(ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
     assert trace(replace(near, coupler=0.1), starts=0).branch_points
-    found = trace(near, starts=2)
-    assert not found.branch_points
+    result = trace(near, starts=2)
+    assert not result.branch_points
     # it rounds the place where it would change over, and its crank swings past neither
-    for curve in found.curves:
+    for curve in result.curves:
         poses = curve.samples(16)
         clear = loops.conditioning(near.mechanism, poses.poses) > 1e-3
         assert max(gap_to_closed_form(near, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
@@ -158,12 +158,15 @@ def test_a_bend_however_sharp_is_rounded_in_the_same_assembly(away):
 
 def test_a_linkage_folded_flat_has_a_curve_on_which_the_crank_stands_still():
     kite = FourBar(ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
-    found = trace(kite, starts=20)
-    swinging, still = found.curves
+    result = trace(kite, starts=20)
+    swinging, still = result.curves
     assert len(swinging.dead_centres) == 2
     assert np.ptp(still.samples(40).angle) <= 1e-12
     assert np.ptp(still.samples(40).joints["rocker.q"]) > 6.0
-    assert [sorted(i for i, _ in meeting.locations) for meeting in found.branch_points] == [[0, 1], [0, 1]]
+    assert [sorted(i for i, _ in branch_point.locations) for branch_point in result.branch_points] == [
+        [0, 1],
+        [0, 1],
+    ]
 
 
 def test_rockers_turn_back_where_crank_and_coupler_lie_in_line():
@@ -213,16 +216,16 @@ def test_the_same_seed_finds_the_same_and_another_the_same_curves():
 
 
 def test_poses_of_one_curve_are_not_taken_for_those_of_another():
-    found = traced("four_bar")
-    loops = found.curves[0].loops
-    for i, curve in enumerate(found.curves):
+    result = traced("four_bar")
+    loops = result.curves[0].loops
+    for i, curve in enumerate(result.curves):
         walked = curve.traced.segments[3]
         marks = walked.features.evaluate(np.linspace(walked.low, walked.high, 7))
-        on = [mechanism_trace.lie_on(other, marks).all() for other in found.curves]
-        assert on == [k == i for k in range(len(found.curves))]
+        on = [mechanism_trace.lie_on(other, marks).all() for other in result.curves]
+        assert on == [k == i for k in range(len(result.curves))]
         astray = marks + 1e-5 * np.eye(marks.shape[1])[0]
         assert not mechanism_trace.lie_on(curve, astray).any()
-    assert loops.features is found.curves[1].loops.features
+    assert loops.features is result.curves[1].loops.features
 
 
 def geared(ratio):
@@ -254,12 +257,12 @@ def test_geared_cranks_come_round_after_as_many_turns_as_the_ratio_requests_for(
 
 def test_a_curve_that_never_comes_round_is_given_up_with_the_reason(monkeypatch):
     monkeypatch.setattr(segments, "MAX_SEGMENTS", 60)
-    told = []
+    reported = []
     with pytest.raises(
         AssemblyError, match=r"geared: the curve has not returned .* 60 segments, .* irrational"
     ):
-        trace(geared(np.sqrt(2.0)), starts=0, progress=lambda *said: told.append(said))
-    assert told[-1] == ("component 1, segment 60 of at most 60", 1.0)
+        trace(geared(np.sqrt(2.0)), starts=0, progress=lambda *output: reported.append(output))
+    assert reported[-1] == ("component 1, segment 60 of at most 60", 1.0)
 
 
 def on_a_rail(kind, *, lead=0.0):
@@ -304,11 +307,11 @@ def test_a_screw_that_is_wound_for_ever_is_given_up_after_as_many_turns_as_are_s
 
 
 def test_random_starts_that_are_closed_a_few_at_a_time_find_the_same_curves(monkeypatch):
-    whole, told = trace(SliderCrank(), starts=40), []
+    whole, reported = trace(SliderCrank(), starts=40), []
     monkeypatch.setattr(start, "CHUNK_BYTES", 4000.0)
-    parts = trace(SliderCrank(), starts=40, progress=lambda *said: told.append(said))
+    parts = trace(SliderCrank(), starts=40, progress=lambda *output: reported.append(output))
     assert [curve.starts_ended for curve in parts.curves] == [curve.starts_ended for curve in whole.curves]
-    done = [part for said, part in told if said.endswith("of 40 random starts")]
+    done = [part for output, part in reported if output.endswith("of 40 random starts")]
     assert len(done) > 2
     assert done[-1] == 1.0
 
@@ -368,7 +371,7 @@ def test_a_video_of_a_curve_goes_round_at_an_even_pace_and_through_both_assembli
     drive = FORMS["rssr swinging"]
     curve = traced("rssr swinging").curves[0]
     motion = even_motion(curve, 96, 3.0)
-    way = sum(
+    direction = sum(
         ((link.position[1:] - link.position[:-1]) ** 2).sum(1) / drive.mechanism.characteristic_length**2
         + 0.5 * ((link.rotation[1:] - link.rotation[:-1]) ** 2).sum((1, 2))
         for name, link in motion.links.items()
@@ -377,8 +380,10 @@ def test_a_video_of_a_curve_goes_round_at_an_even_pace_and_through_both_assembli
     # the crank's and the rocker's ends are the coupler's too
     for name in ("P2", "P3"):
         place = motion.points[name].position
-        way = way + ((place[1:] - place[:-1]) ** 2).sum(1) / drive.mechanism.characteristic_length**2
-    assert np.ptp(np.sqrt(way)) <= 0.02 * np.sqrt(way).mean()
+        direction = (
+            direction + ((place[1:] - place[:-1]) ** 2).sum(1) / drive.mechanism.characteristic_length**2
+        )
+    assert np.ptp(np.sqrt(direction)) <= 0.02 * np.sqrt(direction).mean()
     for point in motion.points.values():
         assert np.abs(point.position[-1] - point.position[0]).max() <= 1e-9
     signs = {
@@ -397,5 +402,5 @@ def test_rates_of_a_video_are_those_of_the_closed_form_at_the_same_crank_speed()
     exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
     for name, point in exact.points.items():
         for rate in ("position", "velocity", "acceleration"):
-            found, wanted = getattr(motion.points[name], rate), getattr(point, rate)
-            assert np.abs(found - wanted).max() <= 1e-7 * max(1e-2, np.abs(wanted).max())
+            result, wanted = getattr(motion.points[name], rate), getattr(point, rate)
+            assert np.abs(result - wanted).max() <= 1e-7 * max(1e-2, np.abs(wanted).max())

@@ -458,10 +458,10 @@ def grown(draw: st.DrawFn, most: int = 3) -> tuple[Mechanism, list[tuple[int, se
         links = [f"{letter}{i}" for letter in "abcd"[: 2 if kind == 2 else 4]]
         inner = {2: ["ab"], 3: ["ab", "ac", "ad"], 4: ["ab", "bc", "cd", "da"]}[kind]
         outer = {2: "ab", 3: "bcd", 4: "ac"}[kind]
-        for one, other in inner:
-            join(f"{one}{other}{i}", f"{one}{i}", f"{other}{i}")
-        for one in outer:
-            join(f"{one}{i}", draw(st.sampled_from(placed)), f"{one}{i}")
+        for item, other in inner:
+            join(f"{item}{other}{i}", f"{item}{i}", f"{other}{i}")
+        for item in outer:
+            join(f"{item}{i}", draw(st.sampled_from(placed)), f"{item}{i}")
         placed += links
         groups.append((kind, set(links)))
     shuffled = draw(st.permutations(list(places)))

@@ -80,13 +80,13 @@ def test_the_optimum_agrees_with_its_four_points_solved_in_forty_digits():
 
 @pytest.mark.parametrize("in_space", [False, True])
 def test_equal_ripple_levels_the_distance_from_the_line(in_space):
-    found = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), equal_ripple=True, in_space=in_space)
-    held = found.error[list(found.alternation)]
+    result = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), equal_ripple=True, in_space=in_space)
+    held = result.error[list(result.alternation)]
     assert len(held) == 4
     assert (np.sign(held[1:]) == -np.sign(held[:-1])).all()
-    assert np.abs(held) == pytest.approx(found.deviation, rel=1e-3)
+    assert np.abs(held) == pytest.approx(result.deviation, rel=1e-3)
     plain = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), in_space=in_space)
-    assert found.deviation < plain.deviation
+    assert result.deviation < plain.deviation
 
 
 @pytest.mark.parametrize("in_space", [False, True])
@@ -94,20 +94,20 @@ def test_the_curve_of_a_linkage_gives_that_linkage_back(in_space):
     made = replace(Looper(), rocker=0.0297, frame=0.0341, frame_angle=0.71)
     angles = np.linspace(2.3, 3.1, 41)
     c = made.positions(angles)["C"] if in_space else made.planar_point(angles)
-    found = follow_curve(c[:, :2], Looper(), in_space=in_space)
-    assert found.rocker == pytest.approx(0.0297, rel=1e-8)
-    assert found.frame == pytest.approx(0.0341, rel=1e-8)
-    assert found.frame_angle == pytest.approx(0.71, rel=1e-8)
-    assert found.deviation < 1e-12
-    assert np.abs(found.angles - angles).max() < 1e-9
+    result = follow_curve(c[:, :2], Looper(), in_space=in_space)
+    assert result.rocker == pytest.approx(0.0297, rel=1e-8)
+    assert result.frame == pytest.approx(0.0341, rel=1e-8)
+    assert result.frame_angle == pytest.approx(0.71, rel=1e-8)
+    assert result.deviation < 1e-12
+    assert np.abs(result.angles - angles).max() < 1e-9
 
 
 def test_in_space_the_spatial_c_keeps_to_the_line_and_the_planar_one_does_not():
-    found = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), in_space=True)
-    angles = np.linspace(*sorted(found.angles[[0, -1]]), 501)
-    space, plane = found.design.positions(angles)["C"], found.design.planar_point(angles)
-    assert np.abs(distance_to_line(space, THROUGH, TILT)).max() == pytest.approx(found.deviation, rel=2e-3)
-    assert np.abs(distance_to_line(plane, THROUGH, TILT)).max() > 5.0 * found.deviation
+    result = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), in_space=True)
+    angles = np.linspace(*sorted(result.angles[[0, -1]]), 501)
+    space, plane = result.design.positions(angles)["C"], result.design.planar_point(angles)
+    assert np.abs(distance_to_line(space, THROUGH, TILT)).max() == pytest.approx(result.deviation, rel=2e-3)
+    assert np.abs(distance_to_line(plane, THROUGH, TILT)).max() > 5.0 * result.deviation
 
 
 def straight_path(frame, frame_angle, rocker):
@@ -145,19 +145,19 @@ def measured(frame, frame_angle, rocker, length):
 @pytest.mark.parametrize("equal_ripple", [False, True])
 @pytest.mark.parametrize("length", [1e-3, 4e-3, 11e-3])
 def test_deviation_agrees_with_a_measure_of_its_own_over_the_whole_line(length, equal_ripple):
-    found = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
-    own = measured(found.frame, found.frame_angle, found.rocker, length)
+    result = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
+    own = measured(result.frame, result.frame_angle, result.rocker, length)
     # 801 points hide 2e-5 of a ripple, 20001 of a turn 1e-5
-    assert found.deviation == pytest.approx(own, rel=1e-4)
+    assert result.deviation == pytest.approx(own, rel=1e-4)
     # the measure sees a frame a thousandth long
-    assert measured(1.001 * found.frame, found.frame_angle, found.rocker, length) > 1.05 * own
+    assert measured(1.001 * result.frame, result.frame_angle, result.rocker, length) > 1.05 * own
 
 
 @pytest.mark.parametrize("length", [4e-3, 11e-3])
 def test_no_linkage_nearby_is_straighter(length):
-    found = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=True)
+    result = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=True)
     plain = synthesize_looper(THROUGH, TILT, length, Looper())
-    best = np.array([found.frame, found.frame_angle, found.rocker])
+    best = np.array([result.frame, result.frame_angle, result.rocker])
     toward = np.array([plain.frame, plain.frame_angle, plain.rocker]) - best
     # long lines decide the linkage well in some directions and badly in others: clouds of many sizes, and
     # the direction of the other optimum, which is nearly the badly decided one
@@ -166,16 +166,16 @@ def test_no_linkage_nearby_is_straighter(length):
     cloud = best * (1.0 + sizes[:, None] * rng.normal(size=(200, 3)))
     cloud[:60] = best + rng.normal(size=(60, 1)) * toward + 1e-3 * (cloud[:60] - best)
     level = measured(*best, length)
-    assert min(measured(*one, length) for one in cloud) >= level * 0.999
+    assert min(measured(*item, length) for item in cloud) >= level * 0.999
     # the same cloud about the paper's optimum finds better ones
     other = measured(*(best + toward), length)
-    assert min(measured(*(one + toward), length) for one in cloud) < other * 0.999
+    assert min(measured(*(item + toward), length) for item in cloud) < other * 0.999
 
 
 def test_eleven_millimetres_are_followed_better_than_an_audit_s_search_did():
-    found = synthesize_looper(THROUGH, TILT, 11e-3, Looper(), equal_ripple=True)
+    result = synthesize_looper(THROUGH, TILT, 11e-3, Looper(), equal_ripple=True)
     audit = measured(28.684e-3, 1.03720, 21.667e-3, 11e-3)
-    assert found.deviation < audit < 105e-6
+    assert result.deviation < audit < 105e-6
 
 
 @pytest.mark.parametrize("length", [1e-12, 1e-6])
@@ -246,10 +246,10 @@ def test_what_is_no_curve_is_rejected(curve):
 
 def test_a_wave_that_no_rocker_can_make_deviates_by_what_it_states():
     y = np.linspace(-1.0, 1.0, 41)
-    found = follow_curve(np.column_stack([0.0126 + 1e-4 * np.sin(6.0 * y), 0.030 + 0.002 * y]), Looper())
+    result = follow_curve(np.column_stack([0.0126 + 1e-4 * np.sin(6.0 * y), 0.030 + 0.002 * y]), Looper())
     # the best circle takes out a line and a bow, and leaves most of a wave
-    assert 3e-5 < found.deviation < 2e-4
-    assert found.deviation == np.abs(found.error).max()
+    assert 3e-5 < result.deviation < 2e-4
+    assert result.deviation == np.abs(result.error).max()
 
 
 def test_the_command_gives_the_papers_linkage_and_the_straightest(paper, capsys):
@@ -257,10 +257,10 @@ def test_the_command_gives_the_papers_linkage_and_the_straightest(paper, capsys)
 
     line = {"through": "12.8751,29.9574mm", "tilt": "1.3905deg", "length": "4mm"}
     synthesize.synthesize(model="looper", **line, as_json=True)
-    said = json.loads(capsys.readouterr().out)
-    best = said.pop("straightest")
-    assert said["rocker"] == pytest.approx(paper.rocker, rel=1e-12)
-    for one in (said, best):
-        own = measured(one["frame"], one["frame_angle"], one["rocker"], LENGTH)
-        assert one["deviation"] == pytest.approx(own, rel=1e-4)
-    assert best["deviation"] < 0.99 * said["deviation"]
+    output = json.loads(capsys.readouterr().out)
+    best = output.pop("straightest")
+    assert output["rocker"] == pytest.approx(paper.rocker, rel=1e-12)
+    for item in (output, best):
+        own = measured(item["frame"], item["frame_angle"], item["rocker"], LENGTH)
+        assert item["deviation"] == pytest.approx(own, rel=1e-4)
+    assert best["deviation"] < 0.99 * output["deviation"]

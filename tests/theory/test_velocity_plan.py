@@ -46,10 +46,10 @@ def test_each_plan_is_the_motion_with_its_crank_stopped():
 
 @pytest.mark.parametrize("first", [1e-3, 250.0, -2.0])
 def test_the_length_of_the_first_vector_is_arbitrary(first):
-    one = velocity_plan(WarpKnitter(), 0.3, 3.0)
+    item = velocity_plan(WarpKnitter(), 0.3, 3.0)
     other = velocity_plan(WarpKnitter(), 0.3, 3.0, first=first)
-    gaps = {name: one.velocities[name] - v for name, v in other.velocities.items()}
-    assert fastest(gaps) <= AGREEMENT * fastest(one.velocities)
+    gaps = {name: item.velocities[name] - v for name, v in other.velocities.items()}
+    assert fastest(gaps) <= AGREEMENT * fastest(item.velocities)
     assert np.linalg.norm(other.crank2_stopped.vectors["c"]) == pytest.approx(abs(first))
     assert np.linalg.norm(other.crank1_stopped.vectors["b"]) == pytest.approx(abs(first))
 
@@ -89,11 +89,11 @@ def test_the_figure_of_the_base_link_in_the_plan_is_similar_to_the_link():
 def test_scale_times_the_length_of_the_crank_vector_is_the_speed_of_the_pin():
     drive = WarpKnitter()
     plan = velocity_plan(drive, 2.0, 3.0)
-    one, two = plan.crank2_stopped, plan.crank1_stopped
-    assert one.scale * np.linalg.norm(one.vectors["a"]) == pytest.approx(3.0 * drive.crank1, rel=1e-14)
+    item, two = plan.crank2_stopped, plan.crank1_stopped
+    assert item.scale * np.linalg.norm(item.vectors["a"]) == pytest.approx(3.0 * drive.crank1, rel=1e-14)
     assert two.scale * np.linalg.norm(two.vectors["d"]) == pytest.approx(6.0 * drive.crank2, rel=1e-14)
-    assert (one.stopped, one.driver, two.stopped, two.driver) == ("crank2", "rod5", "crank1", "rod3")
-    assert {end for line in one.lines for end in line} <= set(one.vectors)
+    assert (item.stopped, item.driver, two.stopped, two.driver) == ("crank2", "rod5", "crank1", "rod3")
+    assert {end for line in item.lines for end in line} <= set(item.vectors)
 
 
 def test_the_velocity_of_k_adds_up_along_one_line():

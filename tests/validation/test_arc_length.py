@@ -45,14 +45,14 @@ def crank_and_rocker(drive: FourBar) -> System:
 @pytest.mark.slow
 @settings(max_examples=15)
 @given(st.floats(0.3, 3.0), st.floats(0.05, 1.0), st.sampled_from([1.0, -1.0]))
-def test_an_ellipse_closes_after_its_circumference_with_every_point_on_it(a, ratio, way):
+def test_an_ellipse_closes_after_its_circumference_with_every_point_on_it(a, ratio, heading):
     b = a * ratio
-    curve = trace_curve(ellipse(a, b), [a, 0.0], direction=[0.0, way])
+    curve = trace_curve(ellipse(a, b), [a, 0.0], direction=[0.0, heading])
     assert curve.closed
     assert abs(curve.length - 4.0 * a * ellipe(1.0 - ratio**2)) <= 1e-8 * a
     x, y = curve.points.T
     assert np.abs((x / a) ** 2 + (y / b) ** 2 - 1.0).max() <= 1e-14
-    assert np.sign(y[1]) == way
+    assert np.sign(y[1]) == heading
     assert np.abs(curve.points[-1] - curve.points[0]).max() <= 1e-12 * a
     assert np.abs(np.linalg.norm(curve.tangents, axis=1) - 1.0).max() <= 1e-14
     assert curve.steps == len(curve.points) - 1 == len(curve.arc) - 1
@@ -115,7 +115,7 @@ def test_both_assemblies_of_a_swinging_four_bar_are_one_curve_through_its_dead_c
     assert len(turned) == 2
     # where the crank turns back its angle is known to the square of the error along the curve
     assert np.abs(np.sort(turned[:, 0]) - np.sort([a for a in dead if a < 0])).max() <= 1e-12
-    seen = set()
+    observed = set()
     for crank, angle in curve.points:
         gaps = [
             abs(
@@ -124,10 +124,10 @@ def test_both_assemblies_of_a_swinging_four_bar_are_one_curve_through_its_dead_c
             )
             for b in (1, -1)
         ]
-        seen.add(int(np.argmin(gaps)))
+        observed.add(int(np.argmin(gaps)))
         # near a dead centre the closed form keeps half the digits
         assert min(gaps) <= 1e-7
-    assert seen == {0, 1}
+    assert observed == {0, 1}
 
 
 def test_a_crank_that_turns_fully_closes_a_whole_turn_on_and_never_turns_back():

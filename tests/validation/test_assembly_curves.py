@@ -30,5 +30,5 @@ def test_a_curve_of_another_linkage_is_found_out(study):
 
 
 def test_a_row_states_what_there_is(study):
-    found = study.row("bennett", study.catalog.make("bennett"))
-    assert (found.curves, found.rarest, found.turning, found.meetings) == (1, 1.0, 0, 0)
+    result = study.row("bennett", study.catalog.make("bennett"))
+    assert (result.curves, result.rarest, result.turning, result.meetings) == (1, 1.0, 0, 0)

@@ -19,10 +19,10 @@ def study():
 
 
 @pytest.mark.parametrize("near", [False, True], ids=["flat", "nearly flat"])
-@pytest.mark.parametrize("road", ["closed form", "loop equations", "MuJoCo, poses"])
-def test_no_linkage_is_wrong_without_a_word(study, road, near):
-    found = study.tallied(road, study.random_linkages(6, near, seed=3))
-    assert (found.right, found.refused, found.wrong) == (6, 0, 0)
+@pytest.mark.parametrize("route", ["closed form", "loop equations", "MuJoCo, poses"])
+def test_no_linkage_is_wrong_without_a_word(study, route, near):
+    result = study.tallied(route, study.random_linkages(6, near, seed=3))
+    assert (result.right, result.refused, result.wrong) == (6, 0, 0)
 
 
 def test_loop_equations_keep_their_assembly_round_the_sharpest_bends(study):
@@ -31,14 +31,14 @@ def test_loop_equations_keep_their_assembly_round_the_sharpest_bends(study):
         (0.038107835611592526, 0.0851754843762121, 0.14693424644299166, 0.19400189520751593),
         (0.037658439604518194, 0.06527316173992515, 0.07922779501300287, 0.10684251714834374),
     ]
-    found = study.tallied("loop equations", sharpest)
-    assert (found.right, found.refused, found.wrong) == (2, 0, 0)
+    result = study.tallied("loop equations", sharpest)
+    assert (result.right, result.refused, result.wrong) == (2, 0, 0)
 
 
 def test_poses_fold_where_the_path_bends_so_sharply_that_little_of_it_is_known(study):
     alike = (0.06679722798869933, 0.07148163874581459, 0.11481950387243817, 0.11950391462955343)
-    found = study.tallied("MuJoCo, poses", [alike], "branch")
-    assert (found.right, found.refused, found.wrong) == (1, 0, 0)
+    result = study.tallied("MuJoCo, poses", [alike], "branch")
+    assert (result.right, result.refused, result.wrong) == (1, 0, 0)
 
 
 def test_a_method_that_folds_is_found_out(study, monkeypatch):

@@ -27,26 +27,26 @@ def judge(monkeypatch):
 @pytest.fixture
 def tuned_script(tmp_path):
     """Return a scene and the script that was written for it."""
-    one = scene(tmp_path, drive={"knuckle": MOTION}, duration=0.2)
-    outside = write_scene(one, HARD, tuned_text(one, HARD, [], tmp_path).after, tmp_path / "out.xml")
+    item = scene(tmp_path, drive={"knuckle": MOTION}, duration=0.2)
+    outside = write_scene(item, HARD, tuned_text(item, HARD, [], tmp_path).after, tmp_path / "out.xml")
     (tmp_path / "run.py").write_text(python_of(outside, tmp_path / "out.xml", {"knuckle": MOTION}))
-    return one, tmp_path / "run.py"
+    return item, tmp_path / "run.py"
 
 
 def test_what_plain_mujoco_closes_is_what_the_loop_equations_close(judge, tuned_script):
-    one, path = tuned_script
-    known = SceneEvaluator().errors(run_scene(one, HARD.applied(one.model), records=None)).closure
+    item, path = tuned_script
+    known = SceneEvaluator().errors(run_scene(item, HARD.applied(item.model), records=None)).closure
     script = judge.script_of(path)
-    found = judge.closure_error(script, one.duration, one.tracked, one.closure.drivers)
-    assert found == pytest.approx(known, rel=1e-6)
+    result = judge.closure_error(script, item.duration, item.tracked, item.closure.drivers)
+    assert result == pytest.approx(known, rel=1e-6)
     script.model.eq_solref[:], script.model.eq_solimp[:] = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
-    assert judge.closure_error(script, one.duration, one.tracked, one.closure.drivers) > 100.0 * known
+    assert judge.closure_error(script, item.duration, item.tracked, item.closure.drivers) > 100.0 * known
 
 
 def test_a_run_of_small_steps_reports_a_trajectory_as_the_limit_of_the_scene_does(judge, tuned_script):
-    one, path = tuned_script
-    evaluator = SceneEvaluator(compute_reference(one, 1e-9).run)
-    known = evaluator.errors(run_scene(one, HARD.applied(one.model), records=None)).trajectory
-    found, own = judge.trajectory_error(judge.script_of(path), one.duration, one.tracked)
-    assert own < 0.2 * found  # of steps sixteen times smaller a sixteenth is left
-    assert found == pytest.approx(known, rel=0.15)
+    item, path = tuned_script
+    evaluator = SceneEvaluator(compute_reference(item, 1e-9).run)
+    known = evaluator.errors(run_scene(item, HARD.applied(item.model), records=None)).trajectory
+    result, own = judge.trajectory_error(judge.script_of(path), item.duration, item.tracked)
+    assert own < 0.2 * result  # of steps sixteen times smaller a sixteenth is left
+    assert result == pytest.approx(known, rel=0.15)

@@ -57,10 +57,10 @@ def test_the_fuzzer_knows_a_fault_when_it_meets_one(study, monkeypatch, tmp_path
         print("one\ntwo", file=sys.stderr)
         sys.exit(2)
 
-    for wrong, said in ((raising, "got through"), (leaving, "left half.csv"), (chatting, "2 lines")):
+    for wrong, output in ((raising, "got through"), (leaving, "left half.csv"), (chatting, "2 lines")):
         monkeypatch.setattr(study, "command_line", wrong)
         _, faults = study.tried(study.Case(("list",)))
-        assert any(said in fault for fault in faults)
+        assert any(output in fault for fault in faults)
     (tmp_path / "out.csv").write_text("a,b\n1,2\n3")
     assert importlib.import_module("command_outcomes").broken(tmp_path / "out.csv") is not None
 
@@ -71,11 +71,11 @@ def test_odd_magnitudes_end_in_a_result_or_one_clear_line(study, capfd):
 
     chance = random.Random(3)
     quick = ("show", "solve", "export")
-    tried = [one for one in invalid_models.drawn(chance, 900, 0.0) if one.kind == "odd magnitude"]
-    tried = [one for one in tried if one.case.words[0] in quick][:5]
+    tried = [item for item in invalid_models.drawn(chance, 900, 0.0) if item.kind == "odd magnitude"]
+    tried = [item for item in tried if item.case.words[0] in quick][:5]
     assert len(tried) == 5
-    for one in tried:
+    for item in tried:
         with capfd.disabled():
-            code, _, faults, _ = invalid_models.run(one)
-        assert faults == [], one.case.words
+            code, _, faults, _ = invalid_models.run(item)
+        assert faults == [], item.case.words
         assert code in (0, 2)

@@ -14,9 +14,9 @@ from mechsim.errors import InputError
 
 @pytest.mark.slow
 def test_a_straighter_looper_with_the_paper_s_coupler_keeps_every_condition():
-    found = straighter(4e-3, Looper())
-    assert broken(found, Conditions()) == []
-    design = found.design
+    result = straighter(4e-3, Looper())
+    assert broken(result, Conditions()) == []
+    design = result.design
     assert (design.crank, design.coupler, design.arm, design.arm_angle) == (
         0.006,
         0.025,
@@ -24,22 +24,22 @@ def test_a_straighter_looper_with_the_paper_s_coupler_keeps_every_condition():
         Looper().arm_angle,
     )
     # the straightest 4 mm of the paper's own linkage leave 3.05 um
-    assert found.deviation < 1.93e-6
-    held = found.error[list(found.alternation)]
-    assert np.abs(held) == pytest.approx(found.deviation, rel=1e-3)
+    assert result.deviation < 1.93e-6
+    held = result.error[list(result.alternation)]
+    assert np.abs(held) == pytest.approx(result.deviation, rel=1e-3)
 
 
 def test_conditions_condemn_linkages_that_break_them():
     paper = looper_synthesis.paper_again()
     assert "the centring of the follower's axis" in str(broken(paper, Conditions(centred=1e-6)))
-    said = str(
+    output = str(
         broken(
             paper,
             Conditions(stroke=(0.01, 0.012), width=0.004, clearance=0.003, transmission=1.1, longest=0.03),
         )
     )
     for word in ("stroke", "width", "clearance", "transmission", "longest"):
-        assert word in said
+        assert word in output
     stiff = replace(paper, design=replace(paper.design, coupler=0.005))
     assert broken(stiff, Conditions()) == ["full turning of the crank"]
 
@@ -53,16 +53,16 @@ def test_a_search_without_an_answer_reports_so():
 @pytest.mark.slow
 def test_the_study_finds_straighter_loopers_for_both_strokes():
     improvements = looper_synthesis.study()
-    assert [(one.length, one.free_coupler) for one in improvements] == [
+    assert [(item.length, item.free_coupler) for item in improvements] == [
         (4e-3, False),
         (4e-3, True),
         (11e-3, False),
         (11e-3, True),
     ]
-    for one in improvements:
-        assert one.found.deviation < one.paper
-        assert broken(one.found, Conditions()) == []
-    assert [round(1e6 * one.paper, 1) for one in improvements] == [3.1, 3.1, 63.0, 63.0]
+    for item in improvements:
+        assert item.found.deviation < item.paper
+        assert broken(item.found, Conditions()) == []
+    assert [round(1e6 * item.paper, 1) for item in improvements] == [3.1, 3.1, 63.0, 63.0]
     # with a free coupler two micrometres become nanometres, and 63 fall below ten
     assert improvements[1].found.deviation < 1e-8
     assert improvements[3].found.deviation < 1e-5

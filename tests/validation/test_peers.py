@@ -39,19 +39,19 @@ def asked(request):
 
 def solved(module: str, asked, family: str, steps: int):
     peer = importlib.import_module(module)
-    setting = next(one for one in peer.settings(asked) if (one.family, one.steps) == (family, steps))
+    setting = next(item for item in peer.settings(asked) if (item.family, item.steps) == (family, steps))
     # what others' code does with tiny numbers is theirs
     with np.errstate(all="ignore"):
-        _, found = peer.build(asked, setting).run()
-    return problems.judge(asked, asked.angles(setting.samples), found)
+        _, result = peer.build(asked, setting).run()
+    return problems.judge(asked, asked.angles(setting.samples), result)
 
 
 def test_joint_angles_of_the_closed_form_put_the_points_where_it_states(asked):
     angles = asked.angles(50)
     joints = asked.drive.solve(angles).joints
-    found = asked.places(joints["crank"].value, joints["rocker"].value)
+    result = asked.places(joints["crank"].value, joints["rocker"].value)
     # rounding of a few additions of lengths
-    assert problems.judge(asked, angles, found).place < 1e-14
+    assert problems.judge(asked, angles, result).place < 1e-14
 
 
 def test_the_start_is_closed_and_its_rates_are_those_of_the_closed_form(asked):
@@ -68,9 +68,9 @@ def test_the_start_is_closed_and_its_rates_are_those_of_the_closed_form(asked):
 
 def test_a_known_displacement_is_the_error_reported(asked):
     angles = asked.angles(20)
-    found = {name: place.copy() for name, place in asked.drive.positions(angles).items()}
-    next(iter(found.values()))[7, 1] += 1e-6 * asked.crank
-    assert problems.judge(asked, angles, found).place == pytest.approx(1e-6, rel=1e-6)
+    result = {name: place.copy() for name, place in asked.drive.positions(angles).items()}
+    next(iter(result.values()))[7, 1] += 1e-6 * asked.crank
+    assert problems.judge(asked, angles, result).place == pytest.approx(1e-6, rel=1e-6)
 
 
 def test_a_coupler_a_thousandth_too_long_is_rejected(asked):
@@ -102,15 +102,15 @@ def test_a_torque_a_thousandth_too_large_or_one_instant_late_is_rejected(asked):
 @pytest.mark.parametrize("broken", ["short", "missing", "not a number"])
 def test_a_turn_that_is_not_whole_errs_without_bound(asked, broken):
     angles = asked.angles(20)
-    found = dict(asked.drive.positions(angles))
-    name = next(iter(found))
+    result = dict(asked.drive.positions(angles))
+    name = next(iter(result))
     if broken == "short":
-        found[name] = found[name][:-1]
+        result[name] = result[name][:-1]
     elif broken == "missing":
-        del found[name]
+        del result[name]
     else:
-        found[name] = np.where(np.arange(21)[:, None] == 3, np.nan, found[name])
-    assert problems.judge(asked, angles, found) == problems.Errors(np.inf, np.inf)
+        result[name] = np.where(np.arange(21)[:, None] == 3, np.nan, result[name])
+    assert problems.judge(asked, angles, result) == problems.Errors(np.inf, np.inf)
 
 
 def test_stepping_errs_as_its_order_states_and_mujocos_defaults_err_by_per_cent(asked):
@@ -139,9 +139,9 @@ def test_a_peer_that_is_not_installed_is_named_with_the_extra_and_the_others_run
     monkeypatch.setattr(importlib.import_module("by_mechsim"), "STEPS", (20,))
     rows = compare.measured(("by_exudyn", "by_mechsim"), names=("four_bar",), rounds=1)
     assert "mechsim, poses" in {row.family for row in rows}
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == 1
-    assert ".[peers]" in said[0]
+    output = capsys.readouterr().err.splitlines()
+    assert len(output) == 1
+    assert ".[peers]" in output[0]
 
 
 def test_the_extra_brings_every_peer():

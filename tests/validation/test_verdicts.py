@@ -19,11 +19,11 @@ def studies():
 def test_no_random_mechanism_is_rejected_and_every_run_agrees_with_its_verdict():
     import verdicts
 
-    found = verdicts.study(range(4), seed=3)
-    assert found.faults == {}
-    assert found.tried["validated"] == 4
-    assert found.tried["0.1 % long, pose"] >= 2
-    assert found.tried["pose, close"] == found.tried["step, close"] >= 1
+    result = verdicts.study(range(4), seed=3)
+    assert result.faults == {}
+    assert result.tried["validated"] == 4
+    assert result.tried["0.1 % long, pose"] >= 2
+    assert result.tried["pose, close"] == result.tried["step, close"] >= 1
 
 
 @pytest.mark.slow
@@ -33,13 +33,13 @@ def test_errors_lie_below_their_tolerances_but_not_far_below(monkeypatch):
     # a thousand steps a turn are too few for the dynamics of a sharp linkage, unless more are asked for
     monkeypatch.setattr(bounds, "prescribed_checks", lambda drive: [])
     monkeypatch.setattr(bounds, "FREELY", {"free, asked": bounds.ASKED})
-    found = bounds.parts(4, seed=3)
-    worst = {key: max(used)[0] for key, used in found.items()}
-    for (road, kind), used in worst.items():
-        assert used <= 1.0, (road, kind)
+    result = bounds.parts(4, seed=3)
+    worst = {key: max(used)[0] for key, used in result.items()}
+    for (route, kind), used in worst.items():
+        assert used <= 1.0, (route, kind)
     # a few mechanisms use less of a bound than the worst of many, which use a hundredth or more
-    for road in ("closed form", "pose", "step"):
+    for route in ("closed form", "pose", "step"):
         for kind in ("velocity", "acceleration", "loop"):
-            assert worst[road, kind] > 1e-4, (road, kind)
+            assert worst[route, kind] > 1e-4, (route, kind)
     assert worst["pose", "position"] > 1e-3
     assert worst["step", "position"] > 1e-3

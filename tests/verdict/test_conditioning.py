@@ -64,7 +64,7 @@ def test_poses_near_a_dead_centre_pass_run_and_verdict(name, part):
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_a_link_too_long_by_a_thousandth_fails_near_a_dead_centre_too(name, method):
     drive, profile = near_a_dead_centre(name, 0.98)
-    longer = next(one for one in ("coupler", "rod", "link", "rod3") if hasattr(drive, one))
+    longer = next(item for item in ("coupler", "rod", "link", "rod3") if hasattr(drive, item))
     wrong = replace(drive, **{longer: 1.001 * getattr(drive, longer)})
     settings = Settings() if method == "step" else None
     run = simulate(wrong.mechanism, profile=profile, method=method, settings=settings, samples=72)
@@ -105,7 +105,7 @@ def test_both_methods_report_the_conditioning_of_the_loops(name):
         conditioning_of(drive.mechanism, drive.solve(run.motion.angle)),
     )
     own = loops.solve(drive.mechanism, run.motion.angle).conditioning
-    for one in (simulated, own):
-        assert 0.05 < (one / exact).min() <= (one / exact).max() < 20.0
-    for one in (simulated, own, exact):
-        assert one[0] < 0.1 * one.max()
+    for item in (simulated, own):
+        assert 0.05 < (item / exact).min() <= (item / exact).max() < 20.0
+    for item in (simulated, own, exact):
+        assert item[0] < 0.1 * item.max()

@@ -33,14 +33,14 @@ LINKS = {
 }
 
 
-def motion_of(mechanism: Mechanism, road: str = "step", speed: float = SPEED, **options) -> Motion:
-    return simulate(mechanism, speed=speed, method=road, **{"samples": 72, **options}).motion
+def motion_of(mechanism: Mechanism, route: str = "step", speed: float = SPEED, **options) -> Motion:
+    return simulate(mechanism, speed=speed, method=route, **{"samples": 72, **options}).motion
 
 
 @cache
-def turned(name: str, road: str = "step") -> Motion:
+def turned(name: str, route: str = "step") -> Motion:
     """Return a revolution of a correct mechanism, for several tests."""
-    return motion_of(DRIVES[name].mechanism, road)
+    return motion_of(DRIVES[name].mechanism, route)
 
 
 def named_as_the_points(drive: ClosedForm):
@@ -51,10 +51,10 @@ def named_as_the_points(drive: ClosedForm):
 
 
 @pytest.mark.parametrize("name", DRIVES)
-@pytest.mark.parametrize("road", ROADS)
-def test_a_correct_mechanism_passes_by_both_methods(name: str, road: str) -> None:
+@pytest.mark.parametrize("route", ROADS)
+def test_a_correct_mechanism_passes_by_both_methods(name: str, route: str) -> None:
     drive = DRIVES[name]
-    verdict = crosscheck(turned(name, road), drive, speed=SPEED)
+    verdict = crosscheck(turned(name, route), drive, speed=SPEED)
     assert verdict.passed, verdict
     assert verdict.outcome == "passed"
     assert all(check.worst <= check.tolerance for check in verdict.checks)
@@ -62,10 +62,10 @@ def test_a_correct_mechanism_passes_by_both_methods(name: str, road: str) -> Non
 
 
 @pytest.mark.parametrize("name", DRIVES)
-@pytest.mark.parametrize("road", ROADS)
-def test_a_function_can_be_the_analytic_motion(name: str, road: str) -> None:
+@pytest.mark.parametrize("route", ROADS)
+def test_a_function_can_be_the_analytic_motion(name: str, route: str) -> None:
     drive = DRIVES[name]
-    verdict = crosscheck(turned(name, road), named_as_the_points(drive))
+    verdict = crosscheck(turned(name, route), named_as_the_points(drive))
     assert verdict.passed, verdict
     assert {check.title.split()[0] for check in verdict.checks} >= {"position", "velocity", "acceleration"}
 
@@ -110,11 +110,11 @@ ONE_ROAD = [
 ]
 
 
-@pytest.mark.parametrize(("name", "link", "road"), ONE_ROAD)
-def test_a_link_too_long_by_a_thousandth_fails(name: str, link: str, road: str) -> None:
+@pytest.mark.parametrize(("name", "link", "route"), ONE_ROAD)
+def test_a_link_too_long_by_a_thousandth_fails(name: str, link: str, route: str) -> None:
     drive = DRIVES[name]
     wrong = replace(drive, **{link: 1.001 * getattr(drive, link)})
-    refused(crosscheck(motion_of(wrong.mechanism, road), drive))
+    refused(crosscheck(motion_of(wrong.mechanism, route), drive))
 
 
 @pytest.mark.parametrize("name", ["rssr", "guided rssr", "four_bar"])
@@ -126,19 +126,19 @@ def test_two_swapped_links_fail(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DRIVES)
-@pytest.mark.parametrize("road", ROADS)
-def test_the_other_assembly_is_named_as_such(name: str, road: str) -> None:
+@pytest.mark.parametrize("route", ROADS)
+def test_the_other_assembly_is_named_as_such(name: str, route: str) -> None:
     drive = DRIVES[name]
     wrong = replace(drive, branch=-drive.branch)
-    refused(crosscheck(motion_of(wrong.mechanism, road), drive), "changed assembly")
+    refused(crosscheck(motion_of(wrong.mechanism, route), drive), "changed assembly")
 
 
 @pytest.mark.parametrize("turned", ["gamma1", "gamma2"])
-@pytest.mark.parametrize("road", ROADS)
-def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(turned: str, road: str) -> None:
+@pytest.mark.parametrize("route", ROADS)
+def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(turned: str, route: str) -> None:
     drive = DRIVES["rssr"]
     wrong = replace(drive, **{turned: getattr(drive, turned) + np.deg2rad(0.1)})
-    refused(crosscheck(motion_of(wrong.mechanism, road), drive))
+    refused(crosscheck(motion_of(wrong.mechanism, route), drive))
 
 
 @pytest.mark.parametrize("name", DRIVES)
@@ -280,9 +280,9 @@ def function(shape: str):
     ],
 )
 def test_an_invalid_function_is_rejected_in_one_sentence(shape: str, sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence) as told:
+    with pytest.raises(InputError, match=sentence) as reported:
         crosscheck(turned("four_bar"), function(shape))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 def test_a_missing_point_of_the_simulation_is_named() -> None:

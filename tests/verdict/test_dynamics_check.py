@@ -36,8 +36,8 @@ SPEED = 60.0
 
 def judged(method, mechanism=RIGHT, forces=FORCES):
     """Return the verdict on MuJoCo's run of a model against the correct model's reduced equation."""
-    found = driven(mechanism, forces, speed=SPEED, method=method, samples=24)
-    return crosscheck_driven(found, dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT))
+    result = driven(mechanism, forces, speed=SPEED, method=method, samples=24)
+    return crosscheck_driven(result, dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT))
 
 
 def with_link(name, change):
@@ -84,23 +84,23 @@ def test_a_wrong_model_fails(method, wrong):
 
 
 def test_a_torque_of_the_wrong_sign_or_a_nan_is_detected():
-    found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
+    result = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
     machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
-    turned = replace(found, forces=replace(found.forces, torque=-found.forces.torque))
+    turned = replace(result, forces=replace(result.forces, torque=-result.forces.torque))
     assert crosscheck_driven(turned, machine).outcome == "failed"
-    torque = found.forces.torque.copy()
+    torque = result.forces.torque.copy()
     torque[5] = np.nan
-    broken = replace(found, forces=replace(found.forces, torque=torque))
+    broken = replace(result, forces=replace(result.forces, torque=torque))
     assert crosscheck_driven(broken, machine).outcome == "diverged"
-    assert crosscheck_driven(replace(found, outcome="diverged"), machine).outcome == "diverged"
+    assert crosscheck_driven(replace(result, outcome="diverged"), machine).outcome == "diverged"
 
 
 def test_a_reaction_on_the_wrong_link_is_detected():
-    found = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
+    result = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
     machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
-    one = found.forces.reactions["S"]
-    other = found.forces.reactions | {"S": replace(one, force=-one.force)}
-    verdict = crosscheck_driven(replace(found, forces=replace(found.forces, reactions=other)), machine)
+    item = result.forces.reactions["S"]
+    other = result.forces.reactions | {"S": replace(item, force=-item.force)}
+    verdict = crosscheck_driven(replace(result, forces=replace(result.forces, reactions=other)), machine)
     assert [check.title for check in verdict.checks if not check.passed] == ["force in S"]
 
 
@@ -109,8 +109,8 @@ def test_every_catalogue_mechanism_satisfies_its_reduced_equation_at_each_pose()
         drive = catalog.make(name)
         if drive.crank_range().full:
             machine = dynamics.dynamic_model(drive, Forces(gravity=(0.3, -9.81, 2.1)))
-            found = driven(machine.mechanism, machine.forces, speed=SPEED, method="pose", samples=12)
-            verdict = crosscheck_driven(found, machine)
+            result = driven(machine.mechanism, machine.forces, speed=SPEED, method="pose", samples=12)
+            verdict = crosscheck_driven(result, machine)
             assert verdict.passed, verdict
 
 
@@ -118,13 +118,13 @@ def test_a_free_run_passes_and_one_with_another_motor_fails():
     drive = catalog.make("four_bar")
     motor = motors.DCMotor(6.0, 2.0, 0.05)
     machine = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
-    found = free_run(machine.mechanism, machine.forces, angle=0.3, speed=20.0, duration=0.1, samples=20)
-    verdict = crosscheck_free(found, machine)
+    result = free_run(machine.mechanism, machine.forces, angle=0.3, speed=20.0, duration=0.1, samples=20)
+    verdict = crosscheck_free(result, machine)
     assert verdict.passed, verdict
     weaker = machine.with_forces(replace(machine.forces, motor=motors.DCMotor(5.99, 2.0, 0.05)))
-    assert crosscheck_free(found, weaker).outcome == "failed"
+    assert crosscheck_free(result, weaker).outcome == "failed"
     assert (
-        crosscheck_free(replace(found, free=replace(found.free, outcome="diverged")), machine).outcome
+        crosscheck_free(replace(result, free=replace(result.free, outcome="diverged")), machine).outcome
         == "diverged"
     )
 
@@ -161,7 +161,7 @@ def test_the_determined_force_in_a_redundant_crank_is_checked():
     wrong = dynamics.dynamic_model(
         machine.solver, machine.forces, mechanism=replace(machine.mechanism, links=links)
     )
-    missed = {(one.kind, one.subject) for one in crosscheck_driven(run, wrong).checks if not one.passed}
+    missed = {(item.kind, item.subject) for item in crosscheck_driven(run, wrong).checks if not item.passed}
     assert {("force", "third"), ("force", "third pin")} <= missed
 
 
@@ -171,16 +171,16 @@ def test_forces_near_a_change_point_are_continuous():
     angle = np.array([0.0, 0.7, 2.0, np.pi, 4.0])
     whole, part = (dynamics.prescribed(machine, at, 50.0).forces for at in (angle, angle[[1, 2, 4]]))
     assert whole.unbounded.tolist() == [True, False, False, True, False]
-    for name, one in part.reactions.items():
-        assert one.undetermined == whole.reactions[name].undetermined
-        np.testing.assert_allclose(whole.reactions[name].force[[1, 2, 4]], one.force, rtol=1e-9, atol=1e-9)
+    for name, item in part.reactions.items():
+        assert item.undetermined == whole.reactions[name].undetermined
+        np.testing.assert_allclose(whole.reactions[name].force[[1, 2, 4]], item.force, rtol=1e-9, atol=1e-9)
 
 
 def test_records_do_not_decide_where_they_are_checked():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).forces
-    doubled = {name: replace(one, force=2.0 * one.force) for name, one in exact.reactions.items()}
+    doubled = {name: replace(item, force=2.0 * item.force) for name, item in exact.reactions.items()}
     wrong = replace(exact, at_branch_point=np.ones(5, dtype=np.bool_), reactions=doubled)
     for name in doubled:
         error = of_reactions("force")(wrong, exact, name)
@@ -235,7 +235,7 @@ def test_links_too_light_for_mujoco_are_rejected_with_a_working_remedy():
     with pytest.raises(InputError, match=r"link 'crank' has a moment of inertia of .* as large"):
         driven(small.mechanism, speed=50.0)
     angle = np.linspace(0.1, 6.0, 9)
-    torques = [dynamics.prescribed(one, angle, 50.0).forces.torque for one in (large, small)]
+    torques = [dynamics.prescribed(item, angle, 50.0).forces.torque for item in (large, small)]
     np.testing.assert_allclose(torques[0], 1e15 * torques[1], rtol=1e-9)
 
 
@@ -251,10 +251,10 @@ def test_a_stepped_torque_is_within_its_tolerance_near_dead_centres_and_if_it_is
 
 def test_consistent_redundant_loops_are_stiff_in_a_free_run():
     agreeing, other = three_armed((0.05, 0.03)), dynamics.dynamic_model(catalog.make("bennett"), Forces())
-    found = free_run(agreeing.mechanism, agreeing.forces, speed=60.0, turns=1.0)
-    verdict = crosscheck_free(found, agreeing)
+    result = free_run(agreeing.mechanism, agreeing.forces, speed=60.0, turns=1.0)
+    verdict = crosscheck_free(result, agreeing)
     assert verdict.passed, verdict
-    assert found.settings == AGREEING
+    assert result.settings == AGREEING
     assert free_run(other.mechanism, other.forces, speed=60.0, turns=0.05).settings == REDUNDANT
 
 
@@ -263,34 +263,34 @@ def test_a_free_crank_with_nonlinear_couplings_keeps_its_tolerance_and_order():
     errors = []
     for steps in (125, 250):
         settings = Settings(steps_per_turn=steps)
-        found = free_run(
+        result = free_run(
             machine.mechanism, machine.forces, speed=40.0, duration=0.06, settings=settings, samples=40
         )
-        verdict = crosscheck_free(found, machine)
+        verdict = crosscheck_free(result, machine)
         errors.append(next(check.worst for check in verdict.checks if check.kind == "crank angle"))
     assert verdict.passed, verdict
     assert 3.5 < np.log2(errors[0] / errors[1]) < 5.0, errors
 
 
 def test_poor_conditioning_is_reported_with_stepped_forces():
-    said = {}
+    output = {}
     for aside in (1e-4, 0.03):
         machine = dynamics.dynamic_model(three_cranks((0.047, aside), start=0.0), Forces())
         settings = Settings(steps_per_turn=288)
         run = driven(machine.mechanism, machine.forces, speed=50.0, method="step", settings=settings)
-        said[aside] = run.note
-    assert "the loops hardly hold the links" in said[1e-4]
-    assert said[0.03] == ""
+        output[aside] = run.note
+    assert "the loops hardly hold the links" in output[1e-4]
+    assert output[0.03] == ""
 
 
 def test_the_energy_of_a_start_with_a_stiff_motor_balances_and_another_motor_fails():
     motor = motors.TorqueSpeedLine(100.0, 60.0)
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
-    found = free_run(machine.mechanism, machine.forces, turns=0.2, samples=20)
-    verdict = crosscheck_free(found, machine)
+    result = free_run(machine.mechanism, machine.forces, turns=0.2, samples=20)
+    verdict = crosscheck_free(result, machine)
     assert verdict.passed, verdict
     # the motor is at its speed before the second record
-    assert found.free.speed[1] == pytest.approx(60.0, rel=1e-2)
-    assert found.free.energy_error <= 1e-6
+    assert result.free.speed[1] == pytest.approx(60.0, rel=1e-2)
+    assert result.free.energy_error <= 1e-6
     weaker = machine.with_forces(replace(machine.forces, motor=motors.TorqueSpeedLine(100.0, 59.99)))
-    assert not crosscheck_free(found, weaker).passed
+    assert not crosscheck_free(result, weaker).passed

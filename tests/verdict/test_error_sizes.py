@@ -64,8 +64,8 @@ def efforts(**fields):
 def test_the_orientation_error_is_the_angle_of_rotation(turn):
     for axis in (*np.eye(3), *RANDOM.normal(size=(5, 3))):
         start = about(RANDOM.normal(size=3), 1.1)
-        found, exact = motion(about(axis, turn) @ start), motion(start)
-        for one, other in ((found, exact), (exact, found)):
+        result, exact = motion(about(axis, turn) @ start), motion(start)
+        for one, other in ((result, exact), (exact, result)):
             assert_allclose(errors.orientation(one, other, "rod"), turn, rtol=1e-6)
 
 
@@ -78,9 +78,9 @@ def test_point_errors_are_distances():
     gaps = RANDOM.normal(size=(3, N, 3))
     base = RANDOM.normal(size=(3, N, 3))
     exact = motion(points={"P": PointMotion(*base)})
-    found = motion(points={"P": PointMotion(*(base + gaps))})
+    result = motion(points={"P": PointMotion(*(base + gaps))})
     for kind, gap in zip(("position", "velocity", "acceleration"), gaps, strict=True):
-        assert_allclose(errors.of_points(kind)(found, exact, "P"), np.hypot(np.hypot(*gap.T[:2]), gap[:, 2]))
+        assert_allclose(errors.of_points(kind)(result, exact, "P"), np.hypot(np.hypot(*gap.T[:2]), gap[:, 2]))
 
 
 @pytest.mark.parametrize("turns", [-3, -1, 0, 1, 2])
@@ -88,20 +88,20 @@ def test_point_errors_are_distances():
 def test_joint_angles_are_compared_modulo_a_revolution(turns, off):
     exact = motion(joints={"hinge": joint(0.4), "slide": joint(0.4, "m")})
     value = 0.4 + off + 2.0 * np.pi * turns
-    found = motion(joints={"hinge": joint(value), "slide": joint(value, "m")})
-    assert_allclose(errors.of_joints("rad")(found, exact, "hinge"), abs(off), rtol=1e-8)
-    assert_allclose(errors.of_joints("m")(found, exact, "slide"), abs(value - 0.4))
-    assert errors.of_joints("rad")(found, exact, "slide") is None
-    assert errors.of_joints("m")(found, exact, "hinge") is None
+    result = motion(joints={"hinge": joint(value), "slide": joint(value, "m")})
+    assert_allclose(errors.of_joints("rad")(result, exact, "hinge"), abs(off), rtol=1e-8)
+    assert_allclose(errors.of_joints("m")(result, exact, "slide"), abs(value - 0.4))
+    assert errors.of_joints("rad")(result, exact, "slide") is None
+    assert errors.of_joints("m")(result, exact, "hinge") is None
 
 
 def test_only_common_joints_and_links_are_compared_without_the_crank_and_passive_rotations():
     known = {name: joint(0.0) for name in ("crank", "one", "two")}
     exact = motion(joints=known, links=("rod", "arm", "loose"), spinning=frozenset({"loose"}))
-    found = motion(joints={"crank": joint(0.0), "two": joint(0.0)}, links=("arm", "loose"))
-    assert list(errors.joints(found, exact)) == ["two"]
-    assert list(errors.links(found, exact)) == ["arm"]
-    assert list(errors.points(found, exact)) == ["P"]
+    result = motion(joints={"crank": joint(0.0), "two": joint(0.0)}, links=("arm", "loose"))
+    assert list(errors.joints(result, exact)) == ["two"]
+    assert list(errors.links(result, exact)) == ["arm"]
+    assert list(errors.points(result, exact)) == ["P"]
 
 
 def test_the_drive_error_is_the_lag_or_lead_of_the_crank():
@@ -113,22 +113,22 @@ def test_the_drive_error_is_the_lag_or_lead_of_the_crank():
 
 
 def test_a_field_error_is_a_difference_or_the_field_itself():
-    found, exact = efforts(torque=np.full(N, -3.0)), efforts(torque=np.full(N, 1.0))
-    assert_allclose(errors.field_error("torque")(found, exact, ""), 4.0)
-    assert_allclose(errors.field_value("torque")(found, exact, ""), 3.0)
-    assert errors.field_value("time")(found, exact, "") is None
+    result, exact = efforts(torque=np.full(N, -3.0)), efforts(torque=np.full(N, 1.0))
+    assert_allclose(errors.field_error("torque")(result, exact, ""), 4.0)
+    assert_allclose(errors.field_value("torque")(result, exact, ""), 3.0)
+    assert errors.field_value("time")(result, exact, "") is None
 
 
 def test_the_torque_is_ignored_where_a_crank_with_coulomb_friction_stands_still():
-    found, true = efforts(torque=np.full(N, -2.0)), np.full(N, -3.0)
+    result, true = efforts(torque=np.full(N, -2.0)), np.full(N, -3.0)
     # a part of 1e-7 of the fastest counts as standing
     speed = np.full(N, 20.0)
     speed[:4] = 0.0, 1e-6, -1.9e-6, 2.1e-6
     standing = np.ones((N, 2))
     standing[[0, 1, 2, 3, 5], 1] = 0.0
     exact = efforts(torque=true, speed=speed, sliding=standing)
-    assert errors.torque(found, exact, "").tolist() == [0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
-    assert errors.torque(found, efforts(torque=true, speed=speed), "").tolist() == [1.0] * N
+    assert errors.torque(result, exact, "").tolist() == [0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]
+    assert errors.torque(result, efforts(torque=true, speed=speed), "").tolist() == [1.0] * N
 
 
 def test_only_determined_components_of_reactions_are_compared():
@@ -140,26 +140,26 @@ def test_only_determined_components_of_reactions_are_compared():
     )
     there = replace(wrong, force=FLAT + 1.0, moment=FLAT - 1.0, determined=known)
     exact = efforts(reactions={"A": there})
-    found = efforts(reactions={"A": replace(wrong, force=wrong.force + 1.0, moment=wrong.moment - 1.0)})
-    assert_allclose(errors.of_reactions("force")(found, exact, "A"), 5.0)
-    assert_allclose(errors.of_reactions("moment")(found, exact, "A"), 2.0)
+    result = efforts(reactions={"A": replace(wrong, force=wrong.force + 1.0, moment=wrong.moment - 1.0)})
+    assert_allclose(errors.of_reactions("force")(result, exact, "A"), 5.0)
+    assert_allclose(errors.of_reactions("moment")(result, exact, "A"), 2.0)
     none = replace(exact.reactions["A"], determined=np.array([False] * 3 + [True] * 3))
-    assert errors.of_reactions("force")(found, replace(exact, reactions={"A": none}), "A") is None
-    assert errors.of_reactions("moment")(found, replace(exact, reactions={"A": none}), "A") is not None
+    assert errors.of_reactions("force")(result, replace(exact, reactions={"A": none}), "A") is None
+    assert errors.of_reactions("moment")(result, replace(exact, reactions={"A": none}), "A") is not None
     for i, kind in enumerate(("force",) * 3 + ("moment",) * 3):
         alone = replace(exact.reactions["A"], determined=np.arange(6) == i)
-        size = errors.of_reactions(kind)(found, replace(exact, reactions={"A": alone}), "A")
+        size = errors.of_reactions(kind)(result, replace(exact, reactions={"A": alone}), "A")
         assert_allclose(size, np.abs(np.array([3.0, 100.0, 4.0, 7.0, 100.0, -2.0]))[i])
 
 
 def test_force_errors_of_slides_and_racks_are_multiplied_by_the_characteristic_length():
-    found, exact = (
+    result, exact = (
         efforts(gears={"a-b": np.full(N, one)}, drives={"ram": np.full(N, 2.0 * one)}) for one in (5.0, 2.0)
     )
     straight = replace(exact, straight=frozenset({"a-b", "ram"}))
     for true, size in ((exact, 1.0), (straight, 0.1)):
-        assert_allclose(errors.gear_torque(found, true, "a-b"), 3.0 * size)
-        assert_allclose(errors.drive_effort(found, true, "ram"), 6.0 * size)
+        assert_allclose(errors.gear_torque(result, true, "a-b"), 3.0 * size)
+        assert_allclose(errors.drive_effort(result, true, "ram"), 6.0 * size)
 
 
 def test_reactions_and_gears_are_ignored_where_coulomb_friction_reverses():
@@ -167,9 +167,9 @@ def test_reactions_and_gears_are_ignored_where_coulomb_friction_reverses():
     sliding = np.ones((N, 2))
     sliding[2, 1] = 0.0
     exact = efforts(sliding=sliding, gears={"a-b": np.zeros(N)})
-    found = efforts(reactions={"A": wrong}, gears={"a-b": np.full(N, -1.0)})
+    result = efforts(reactions={"A": wrong}, gears={"a-b": np.full(N, -1.0)})
     counts = [0.0 if i == 2 else 1.0 for i in range(N)]
-    assert_allclose(errors.of_reactions("force")(found, exact, "A"), np.sqrt(3.0) * np.array(counts))
-    assert errors.gear_torque(found, exact, "a-b").tolist() == counts
-    assert list(errors.gears(found, exact)) == ["a-b"]
-    assert list(errors.reactions(found, exact)) == ["A"]
+    assert_allclose(errors.of_reactions("force")(result, exact, "A"), np.sqrt(3.0) * np.array(counts))
+    assert errors.gear_torque(result, exact, "a-b").tolist() == counts
+    assert list(errors.gears(result, exact)) == ["a-b"]
+    assert list(errors.reactions(result, exact)) == ["A"]

@@ -35,7 +35,7 @@ def of(kind):
 
 
 def without(machine, **parts):
-    friction = tuple(replace(one, **parts) for one in machine.forces.friction)
+    friction = tuple(replace(item, **parts) for item in machine.forces.friction)
     return machine.with_forces(replace(machine.forces, friction=friction))
 
 
@@ -54,10 +54,10 @@ def test_friction_in_a_cut_joint_opposes_its_motion_for_either_direction_of_its_
     mechanism = catalog.make("four_bar").mechanism
     down = {"axis": (0.0, 0.0, -1.0)}
     turned = tuple(
-        replace(one, a=replace(one.a, **down), b=replace(one.b, **down)) if one.name in opposed else one
-        for one in mechanism.joints
+        replace(item, a=replace(item.a, **down), b=replace(item.b, **down)) if item.name in opposed else item
+        for item in mechanism.joints
     )
-    friction = tuple(Friction(one.name, 1e-4, 2e-3) for one in turned)
+    friction = tuple(Friction(item.name, 1e-4, 2e-3) for item in turned)
     machine = dynamics.dynamic_model(replace(mechanism, joints=turned), Forces(friction=friction))
     run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, samples=12)
     verdict = crosscheck_driven(run, machine)
@@ -74,16 +74,16 @@ def test_each_missing_component_of_friction_in_a_cylindrical_joint_is_detected(p
 def test_friction_power_follows_from_joint_rates_and_both_torques_agree():
     machine = of("cylindrical")
     study = dynamics.prescribed(machine, np.linspace(0.7, 1.4, 9), 30.0)
-    found = study.forces
+    result = study.forces
     bare = dynamics.prescribed(
-        without(machine, **dict.fromkeys(("viscous", "coulomb"), 0.0)), found.angle, 30.0
+        without(machine, **dict.fromkeys(("viscous", "coulomb"), 0.0)), result.angle, 30.0
     ).forces
     bare_turn = dynamics.prescribed(
-        without(machine, **dict.fromkeys(("viscous_turn", "coulomb_turn"), 0.0)), found.angle, 30.0
+        without(machine, **dict.fromkeys(("viscous_turn", "coulomb_turn"), 0.0)), result.angle, 30.0
     ).forces
-    assert (found.power_lost > bare.power_lost).all()
-    assert found.power_lost == pytest.approx(bare.power_lost + bare_turn.power_lost, rel=1e-12)
-    assert study.second_torque == pytest.approx(found.torque, rel=1e-10)
+    assert (result.power_lost > bare.power_lost).all()
+    assert result.power_lost == pytest.approx(bare.power_lost + bare_turn.power_lost, rel=1e-12)
+    assert study.second_torque == pytest.approx(result.torque, rel=1e-10)
 
 
 def test_coulomb_friction_of_a_ball_opposes_its_angular_velocity():
@@ -124,8 +124,8 @@ def test_a_couple_agrees_by_both_methods_and_fails_on_another_link():
     other = machine.with_forces(Forces(couples=(Couple("coupler", moment),)))
     assert crosscheck_driven(run, other).outcome == "failed"
     spin = machine.solver.solve(run.motion.angle, 30.0).links["link"].angular_velocity
-    found = dynamics.prescribed(machine, run.motion.angle, 30.0).forces
-    assert found.power_loads == pytest.approx((moment.evaluate(found.angle) * spin).sum(1), abs=1e-12)
+    result = dynamics.prescribed(machine, run.motion.angle, 30.0).forces
+    assert result.power_loads == pytest.approx((moment.evaluate(result.angle) * spin).sum(1), abs=1e-12)
 
 
 @pytest.mark.parametrize("motor", [TorqueSpeedLine(0.02, 900.0), DCMotor(12.0, 4.0, 0.012)])
@@ -144,7 +144,7 @@ def test_a_geared_motor_satisfies_the_reduced_equation_and_a_wrong_ratio_fails(m
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "output"),
     [
         (lambda: Geared(ConstantTorque(1.0), 0.0), "gear ratio of the motor is 0.0"),
         (lambda: Couple("link", load_profile.constant(1.0)), "has one component"),
@@ -160,6 +160,6 @@ def test_a_geared_motor_satisfies_the_reduced_equation_and_a_wrong_ratio_fails(m
         ),
     ],
 )
-def test_meaningless_friction_couples_and_ratios_are_rejected(make, said):
-    with pytest.raises(InputError, match=said):
+def test_meaningless_friction_couples_and_ratios_are_rejected(make, output):
+    with pytest.raises(InputError, match=output):
         make()

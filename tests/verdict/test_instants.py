@@ -34,12 +34,12 @@ def late(form, by):
 def test_a_verdict_under_motion_laws_names_times(swung):
     run = ms.simulate(swung, samples=200)
     verdict = ms.crosscheck(run, late(ms.catalog.make("four_bar"), 0.3))
-    check = next(one for one in verdict.checks if one.kind == "position")
+    check = next(item for item in verdict.checks if item.kind == "position")
     assert not check.passed
     assert check.at_unit == "s"
     # the crank stands at 0.3 rad at a quarter of each second
     assert min(abs(check.instant - 0.25), abs(check.instant - 1.25)) < 1e-9
-    assert {one["at_unit"] for one in verdict.as_dict()["checks"]} == {"s"}
+    assert {item["at_unit"] for item in verdict.as_dict()["checks"]} == {"s"}
     assert f"at {check.instant:7.4f} s" in str(check)
     assert "at [s]" in verdict_html(verdict)
 
@@ -47,7 +47,7 @@ def test_a_verdict_under_motion_laws_names_times(swung):
 def test_a_verdict_on_a_crank_names_crank_angles():
     drive = ms.catalog.make("four_bar")
     verdict = ms.crosscheck(ms.simulate(drive, speed=3.0, samples=72), late(drive, np.pi / 3))
-    check = next(one for one in verdict.checks if one.kind == "position")
+    check = next(item for item in verdict.checks if item.kind == "position")
     assert (check.instant, check.at_unit) == (pytest.approx(np.pi / 3), "rad")
     assert "at [rad]" in verdict_html(verdict)
 
@@ -55,17 +55,17 @@ def test_a_verdict_on_a_crank_names_crank_angles():
 def test_forces_under_motion_laws_are_checked_at_times(swung):
     run = driven(swung, samples=20)
     verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(swung))
-    assert {one.at_unit for one in verdict.checks} == {"s"}
-    assert max(one.instant for one in verdict.checks) <= 2.0
+    assert {item.at_unit for item in verdict.checks} == {"s"}
+    assert max(item.instant for item in verdict.checks) <= 2.0
 
 
 def test_agreement_with_a_formula_under_motion_laws_names_times(swung):
-    found = ms.validate(swung, late(ms.catalog.make("four_bar"), 0.3))
-    (check,) = found.checks
+    result = ms.validate(swung, late(ms.catalog.make("four_bar"), 0.3))
+    (check,) = result.checks
     assert check.at_unit == "s"
     assert min(abs(check.instant - 0.25), abs(check.instant - 1.25)) < 0.01
-    assert found.attribution["at_unit"] == "s"
-    assert found.attribution["at"] % 1.0 == pytest.approx(0.25, abs=0.01)
+    assert result.attribution["at_unit"] == "s"
+    assert result.attribution["at"] % 1.0 == pytest.approx(0.25, abs=0.01)
 
 
 def test_a_table_of_driver_positions_without_times_names_rows(tmp_path):
@@ -77,8 +77,8 @@ def test_a_table_of_driver_positions_without_times_names_rows(tmp_path):
     columns = [motion.joints[name].value for name in ("left", "right")]
     rows = np.column_stack([*columns, place])
     np.savetxt(path, rows, delimiter=",", header="left,right,P.x,P.y,P.z", comments="", fmt="%.17g")
-    found = ms.validate(ms.load("five_bar"), path, stepped=False)
-    check = next(one for one in found.checks if not one.passed)
+    result = ms.validate(ms.load("five_bar"), path, stepped=False)
+    check = next(item for item in result.checks if not item.passed)
     assert (check.instant, check.at_unit) == (7.0, "row")
 
 

@@ -36,9 +36,9 @@ def lagging(by: float) -> LoopForm:
 def test_a_motion_that_follows_its_laws_passes_with_a_check_for_each_driver(source):
     verdict = crosscheck(record(FORM, source), FORM)
     assert verdict.passed, verdict
-    told = {check.subject: check.worst for check in verdict.checks if check.kind == "driver angle"}
-    assert told.keys() == {"left", "right"}
-    assert max(told.values()) < 1e-14
+    reported = {check.subject: check.worst for check in verdict.checks if check.kind == "driver angle"}
+    assert reported.keys() == {"left", "right"}
+    assert max(reported.values()) < 1e-14
 
 
 def test_drivers_are_not_checked_without_motion_laws():
@@ -56,19 +56,21 @@ def test_a_driver_that_lags_fails_only_its_own_check():
 
 @pytest.mark.parametrize("form", [FORM, LIFTING], ids=["arms", "cylinder"])
 def test_accelerations_are_relative_to_the_fastest_driver(form):
-    found = record(form, "pose")
-    verdict = crosscheck(found, form)
+    result = record(form, "pose")
+    verdict = crosscheck(result, form)
     bound = next(c for c in verdict.checks if c.kind == "acceleration").tolerance
-    reach = max(np.abs(one.position).max() for one in (*found.points.values(), *found.links.values()))
-    drivers = [found.joints[name] for name in found.drivers]
-    quickest = max(np.abs(one.acceleration).max() / (1.0 if one.unit == "rad" else reach) for one in drivers)
+    reach = max(np.abs(item.position).max() for item in (*result.points.values(), *result.links.values()))
+    drivers = [result.joints[name] for name in result.drivers]
+    quickest = max(
+        np.abs(item.acceleration).max() / (1.0 if item.unit == "rad" else reach) for item in drivers
+    )
     assert bound == pytest.approx(8192 * np.finfo(np.float64).eps * reach * quickest, rel=1e-9)
 
 
 def test_a_motion_without_a_solver_at_driver_positions_is_solved_at_its_times():
-    found = record(FORM, "step")
+    result = record(FORM, "step")
     by_clock = SimpleNamespace(solve=FORM.solve, motion_laws=MOVES, assembly_sign=FORM.assembly_sign)
-    assert crosscheck(found, by_clock).passed
+    assert crosscheck(result, by_clock).passed
     late = record(lagging(0.05), "step")
     missed = {check.kind for check in crosscheck(late, by_clock).checks if not check.passed}
     assert missed >= {"driver angle", "position"}

@@ -74,10 +74,10 @@ def test_a_single_record_is_no_change_of_assembly():
     assert elsewhere(lifted(up_from(4, 0.2, 6)), RIGHT, solver) == pytest.approx(ANGLE[4])
 
 
-@pytest.mark.parametrize(("apart", "told"), [(0.009, False), (0.011, True)])
-def test_assemblies_closer_than_a_fiftieth_of_the_stroke_are_not_distinguished(apart, told):
-    found = elsewhere(lifted(up_from(0, apart)), RIGHT, TwoAssemblies(np.full(N, apart)))
-    assert (found == pytest.approx(ANGLE[0])) if told else (found is None)
+@pytest.mark.parametrize(("apart", "reported"), [(0.009, False), (0.011, True)])
+def test_assemblies_closer_than_a_fiftieth_of_the_stroke_are_not_distinguished(apart, reported):
+    result = elsewhere(lifted(up_from(0, apart)), RIGHT, TwoAssemblies(np.full(N, apart)))
+    assert (result == pytest.approx(ANGLE[0])) if reported else (result is None)
 
 
 def test_assemblies_that_separate_are_distinguished_from_there_on():
@@ -126,9 +126,9 @@ def test_one_record_is_not_sufficient_and_two_are():
         def assembly_points(self, angle):
             yield "other", {"P": np.array([0.0, 0.2, 0.0])}
 
-    for n, told in ((1, None), (2, ANGLE[0])):
+    for n, reported in ((1, None), (2, ANGLE[0])):
         flat = np.zeros((n, 3))
         path = np.linspace([0.0, 0.0, 0.0], [0.1, 0.0, 0.0], n)
         exact = Motion("user", ANGLE[:n], flat[:, 0], flat[:, 0], {"P": PointMotion(path, flat, flat)})
         gone = replace(exact, points={"P": PointMotion(flat + np.array([0.0, 0.2, 0.0]), flat, flat)})
-        assert elsewhere(gone, exact, Above()) == told
+        assert elsewhere(gone, exact, Above()) == reported

@@ -66,7 +66,7 @@ def spoiled_motion(kind):
         return replace(motion, points=changed(motion.points, "B", **{kind: larger}))
     if kind in ("angle", "displacement"):
         unit = {"angle": "rad", "displacement": "m"}[kind]
-        name = next(one for one, joint in motion.joints.items() if joint.unit == unit and one != "crank")
+        name = next(item for item, joint in motion.joints.items() if joint.unit == unit and item != "crank")
         return replace(motion, joints=changed(motion.joints, name, value=motion.joints[name].value + off))
     if kind == "orientation":
         turned = motion.links["rod"].rotation[:, :, [1, 2, 0]]
@@ -119,12 +119,12 @@ def test_the_scale_of_potential_energy_without_work_is_that_of_forces():
     assert missed(crosscheck_forces(wrong, exact, method="pose")) == {"potential energy"}
 
 
-@pytest.mark.parametrize("road", ["pose", "step"])
+@pytest.mark.parametrize("route", ["pose", "step"])
 @pytest.mark.parametrize("kind", [row.name for row in FORCES])
-def test_each_wrong_quantity_of_forces_fails_alone(kind, road):
-    assert crosscheck_forces(EXACT, EXACT, method=road).passed
-    assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=road)) == {kind}
-    assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=road, tolerance=1e-7)) == {kind}
+def test_each_wrong_quantity_of_forces_fails_alone(kind, route):
+    assert crosscheck_forces(EXACT, EXACT, method=route).passed
+    assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=route)) == {kind}
+    assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=route, tolerance=1e-7)) == {kind}
 
 
 @pytest.mark.parametrize(
@@ -148,9 +148,9 @@ def test_each_wrong_quantity_of_a_free_run_fails(field, kinds):
 def test_a_free_run_longer_than_the_exact_one_or_too_short_is_reported():
     short = replace(RUN, **{name: values[:5] for name, values in RUN.columns()}, reason="held")
     assert "ends after" in crosscheck_free_run(RUN, short).reason
-    one = replace(RUN, **{name: values[:1] for name, values in RUN.columns()})
+    item = replace(RUN, **{name: values[:1] for name, values in RUN.columns()})
     with pytest.raises(InputError, match="at least two instants"):
-        crosscheck_free_run(one, RUN)
+        crosscheck_free_run(item, RUN)
 
 
 def test_given_tolerances_replace_those_of_the_table_relative_or_absolute():

@@ -149,11 +149,11 @@ STATED = re.compile(r"measured (?P<number>[\d.]+(e-\d+)?)")
 
 @pytest.mark.parametrize("name", PROMISED)
 def test_tolerances_have_the_documented_values(name):
-    found = {
-        road: (bound.fixed, bound.requested, bound.growth, bound.power)
-        for road, bound in QUANTITIES[name].bounds.items()
+    result = {
+        route: (bound.fixed, bound.requested, bound.growth, bound.power)
+        for route, bound in QUANTITIES[name].bounds.items()
     }
-    assert found == {road: pytest.approx(row, rel=1e-12, abs=0.0) for road, row in PROMISED[name].items()}
+    assert result == {route: pytest.approx(row, rel=1e-12, abs=0.0) for route, row in PROMISED[name].items()}
 
 
 def test_every_quantity_has_a_unique_name_and_a_documented_tolerance():
@@ -165,13 +165,13 @@ def test_tolerances_exceed_their_measured_errors_at_most_a_hundredfold():
     stated = 0
     for row in QUANTITIES.values():
         for bound in row.bounds.values():
-            said = STATED.search(bound.reason)
-            if said:
+            output = STATED.search(bound.reason)
+            if output:
                 unit = EPS if " eps" in bound.reason else 1.0
                 stated += 1
                 # of those by rounding all were measured over random drives, and none is far from that
                 low, high = (3.0, 30.0) if " eps" in bound.reason else (1.2, 100.01)
-                assert low <= bound.fixed / (float(said["number"]) * unit) <= high, (row.name, bound.reason)
+                assert low <= bound.fixed / (float(output["number"]) * unit) <= high, (row.name, bound.reason)
     assert stated >= 10
 
 

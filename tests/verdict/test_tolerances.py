@@ -148,11 +148,11 @@ def test_given_tolerances_are_in_the_unit_or_relative_to_the_scale():
     rows = [QUANTITIES[name] for name in ("position", "acceleration", "accelerations under these forces")]
     scales = {**motion_scales(0.5, 2.0, 0.8), "1": 1.0}
     given = {row.name: Tolerance(0.1, unit, "own") for row, unit in zip(rows, ("m", "1", "1"), strict=True)}
-    found = tolerances_of(rows, "pose", scales, Requested(), given)
-    assert found["position"].value == 0.1
-    assert found["acceleration"].value == pytest.approx(0.1 * 0.5 * 4.0)
-    assert found["acceleration"].unit == "m/s2"
-    assert found["accelerations under these forces"].value == 0.1
+    result = tolerances_of(rows, "pose", scales, Requested(), given)
+    assert result["position"].value == 0.1
+    assert result["acceleration"].value == pytest.approx(0.1 * 0.5 * 4.0)
+    assert result["acceleration"].unit == "m/s2"
+    assert result["accelerations under these forces"].value == 0.1
     assert set(tolerances_of(rows, "function", scales, Requested())) == {"acceleration"}
     assert set(tolerances_of(rows, "function", scales, Requested(), {})) == {"acceleration"}
 
@@ -202,7 +202,7 @@ def test_a_record_without_a_solver_has_the_same_angles_to_rounding(off, same):
 
 
 def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0.0, 0.0), **more):
-    one = Reaction(link="a", by="b", force=np.asarray(force), moment=FLAT, point=FLAT)
+    item = Reaction(link="a", by="b", force=np.asarray(force), moment=FLAT, point=FLAT)
     names = ("acceleration", "potential", "power_in", "power_loads", "power_lost", "residual")
     zeros = dict.fromkeys(names, np.zeros(N))
     given = {
@@ -214,12 +214,12 @@ def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0
         **zeros,
     }
     given |= {"torque": np.array(torque), "kinetic": np.array(kinetic), "sliding": np.ones((N, 1))}
-    return ForceRecord(**{**given, "reactions": {"A": one}, **more})
+    return ForceRecord(**{**given, "reactions": {"A": item}, **more})
 
 
 def test_scales_of_efforts_are_root_mean_squares_of_forces_and_largest_energies():
-    found = efforts(FLAT + np.array([2.0, 0.0, 1.5]), potential=np.array([1.0, -7.0, 0.0, 0.0, 0.0]))
-    scales, torque = force_scales(found), np.sqrt(5.0)
+    result = efforts(FLAT + np.array([2.0, 0.0, 1.5]), potential=np.array([1.0, -7.0, 0.0, 0.0, 0.0]))
+    scales, torque = force_scales(result), np.sqrt(5.0)
     assert scales["torque"] == pytest.approx(torque)
     assert (scales["force"], scales["moment"]) == pytest.approx((2.5, 0.5))
     assert (scales["kinetic energy"], scales["potential energy"]) == (2.0, 7.0)
@@ -276,8 +276,8 @@ def test_a_stepped_motion_has_the_requested_tolerance_or_a_ten_thousandth_of_the
     simulated = replace(EXACT, source="step")
     given = replace(EXACT, source="closed form")
     for size, passed in ((0.99 * bound, True), (1.01 * bound, False)):
-        found = replace(simulated, points=off_by(size).points)
-        verdict = crosscheck(found, given, tolerance=tolerance)
+        result = replace(simulated, points=off_by(size).points)
+        verdict = crosscheck(result, given, tolerance=tolerance)
         assert verdict.passed == passed
         assert verdict.checks[0].worst == pytest.approx(size)
         assert verdict.checks[0].tolerance == pytest.approx(bound)
@@ -287,7 +287,7 @@ def test_a_stepped_motion_has_the_requested_tolerance_or_a_ten_thousandth_of_the
 def test_a_stepped_run_has_its_own_tolerance_and_a_solved_one_rounding(source, bound):
     given = replace(EXACT, source="closed form")
     run = SimpleNamespace(motion=replace(EXACT, source=source), tolerance=3e-3, outcome="passed")
-    places, alone = (crosscheck(one, given).checks[0].tolerance for one in (run, run.motion))
+    places, alone = (crosscheck(item, given).checks[0].tolerance for item in (run, run.motion))
     assert places == (alone if bound is None else pytest.approx(bound))
     assert crosscheck(run, given, tolerance=0.2).checks[0].tolerance == pytest.approx(0.2)
 
@@ -304,8 +304,8 @@ def test_only_rates_of_a_users_function_are_allowed_the_rounding_of_differences(
     simulated = replace(EXACT, source="step")
     user, closed = (
         {
-            one.kind: one.tolerance
-            for one in crosscheck(simulated, replace(EXACT, source=by), tolerance=1e-14).checks
+            item.kind: item.tolerance
+            for item in crosscheck(simulated, replace(EXACT, source=by), tolerance=1e-14).checks
         }
         for by in ("user", "closed form")
     )
@@ -316,9 +316,9 @@ def test_only_rates_of_a_users_function_are_allowed_the_rounding_of_differences(
 
 def test_the_conditioning_is_that_of_the_exact_motion_else_of_the_simulation():
     class Solver:
-        def __init__(self, told=None, links=True):
+        def __init__(self, reported=None, links=True):
             self.exact = replace(
-                EXACT, source="loop equations", conditioning=told, links={"a": BAR} if links else {}
+                EXACT, source="loop equations", conditioning=reported, links={"a": BAR} if links else {}
             )
 
         def solve(self, *_):
@@ -331,9 +331,9 @@ def test_the_conditioning_is_that_of_the_exact_motion_else_of_the_simulation():
     power = QUANTITIES["velocity"].bounds["step"].power
 
     def widened(solver):
-        check = next(one for one in crosscheck(simulated, solver).checks if one.kind == "velocity")
+        check = next(item for item in crosscheck(simulated, solver).checks if item.kind == "velocity")
         sound = crosscheck(replace(simulated, conditioning=None), Solver(WELL_CONDITIONED * ONES)).checks
-        return check.tolerance / next(one.tolerance for one in sound if one.kind == "velocity")
+        return check.tolerance / next(item.tolerance for item in sound if item.kind == "velocity")
 
     assert widened(Solver(0.125 * WELL_CONDITIONED * ONES)) == pytest.approx(8.0**power)
     assert widened(Solver()) == pytest.approx(4.0**power)
@@ -343,9 +343,11 @@ def test_the_conditioning_is_that_of_the_exact_motion_else_of_the_simulation():
 def test_a_single_instant_is_compared_at_the_speed_of_the_analytic_one():
     names = ("angle", "speed", "acceleration")
     point = PointMotion(PATH[:1], FLAT[:1], FLAT[:1])
-    one = replace(EXACT, points={"P": point}, **{name: getattr(EXACT, name)[:1] for name in names})
-    assert crosscheck(replace(one, source="pose"), replace(one, source="closed form")).passed
-    slow = crosscheck(replace(one, source="pose", speed=0.9 * one.speed), replace(one, source="closed form"))
+    item = replace(EXACT, points={"P": point}, **{name: getattr(EXACT, name)[:1] for name in names})
+    assert crosscheck(replace(item, source="pose"), replace(item, source="closed form")).passed
+    slow = crosscheck(
+        replace(item, source="pose", speed=0.9 * item.speed), replace(item, source="closed form")
+    )
     assert [check.kind for check in slow.checks if not check.passed] == ["drive speed"]
 
 
@@ -395,10 +397,10 @@ def test_numbers_that_are_not_finite_are_a_diverged_run(field):
 
 def test_forces_have_the_requested_tolerance_or_that_of_their_method():
     exact = efforts(FLAT + 1.0)
-    for road, tolerance, bound in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
+    for route, tolerance, bound in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
         for part, passed in ((0.99, True), (1.01, False)):
-            found = replace(exact, torque=exact.torque + part * bound * np.sqrt(5.0))
-            assert crosscheck_forces(found, exact, method=road, tolerance=tolerance).passed == passed
+            result = replace(exact, torque=exact.torque + part * bound * np.sqrt(5.0))
+            assert crosscheck_forces(result, exact, method=route, tolerance=tolerance).passed == passed
 
 
 def test_free_runs_are_bounded_over_ten_turns_and_their_angle_by_the_square_of_more():
@@ -418,10 +420,10 @@ def test_free_runs_are_bounded_over_ten_turns_and_their_angle_by_the_square_of_m
 def test_the_largest_error_is_relative_to_its_scale():
     row = replace(QUANTITIES["crank speed"], error=field_error("speed"))
     exact = free()
-    found = replace(exact, speed=exact.speed + np.linspace(0.0, 0.5, N))
-    assert row.largest(found, exact, {"crank speed": 2.0}) == pytest.approx(0.25)
+    result = replace(exact, speed=exact.speed + np.linspace(0.0, 0.5, N))
+    assert row.largest(result, exact, {"crank speed": 2.0}) == pytest.approx(0.25)
     silent = replace(row, error=lambda *_: None)
-    assert silent.largest(found, exact, {"crank speed": 2.0}) == 0.0
+    assert silent.largest(result, exact, {"crank speed": 2.0}) == 0.0
     assert EPS == 2.0**-52
 
 

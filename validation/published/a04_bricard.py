@@ -27,9 +27,9 @@ SECTION = 0.1
 
 
 def bricard() -> ms.Mechanism:
-    way = PLACES[1:] - PLACES[:-1]
-    ends = [tuple(one.tolist()) for one in way]
-    links = tuple(ms.Link(f"rod{i + 1}", inertia=_rod(one)) for i, one in enumerate(way))
+    direction = PLACES[1:] - PLACES[:-1]
+    ends = [tuple(item.tolist()) for item in direction]
+    links = tuple(ms.Link(f"rod{i + 1}", inertia=_rod(item)) for i, item in enumerate(direction))
     joints = []
     for i, axis in enumerate(AXES):
         a = ms.End("ground", tuple(PLACES[i].tolist()), axis)
@@ -41,10 +41,10 @@ def bricard() -> ms.Mechanism:
     return ms.Mechanism("bricard", links, tuple(joints), "J1", {"P3": ("rod2", ends[1])}, guess=guess)
 
 
-def _rod(way: np.ndarray) -> Inertia:
+def _rod(direction: np.ndarray) -> Inertia:
     along, across = SECTION**2 / 6.0, (1.0 + SECTION**2) / 12.0
-    centre = tuple((way / 2.0).tolist())
-    return Inertia(1.0, centre, across * np.eye(3) + (along - across) * np.outer(way, way))
+    centre = tuple((direction / 2.0).tolist())
+    return Inertia(1.0, centre, across * np.eye(3) + (along - across) * np.outer(direction, direction))
 
 
 def rows(duration: float = 10.0, timestep: float = 2.5e-4, balance: float = 1e-6) -> list[Row]:

@@ -90,19 +90,19 @@ def moment_about_shaft(angle: float) -> tuple[float, float]:
     cos, sin = np.cos(angle), np.sin(angle)
     fixed = ALONG + SLIDER * CUBE**2 / 6.0
     value = fixed + 2.0 * (ALONG * sin**2 + ACROSS * cos**2)
-    slope = 4.0 * (ALONG - ACROSS) * sin * cos
+    gradient = 4.0 * (ALONG - ACROSS) * sin * cos
     for mass, distance in ((ROD, 0.5 * LENGTH), (BALL, LENGTH)):
         radius = OFFSET + distance * cos
         value += 2.0 * mass * radius**2
-        slope -= 4.0 * mass * radius * distance * sin
-    return value, slope
+        gradient -= 4.0 * mass * radius * distance * sin
+    return value, gradient
 
 
 def rates(_: float, state: Array, momentum: float) -> list[float]:
     """Return the rates of shaft angle, arm angle, slider height, and of the last two's rates."""
     _, angle, height, angle_rate, height_rate = state
     cos, sin = np.cos(angle), np.sin(angle)
-    moment, slope = moment_about_shaft(angle)
+    moment, gradient = moment_about_shaft(angle)
     speed = momentum / moment
     across, above = 0.5 * LENGTH * cos, LENGTH - 0.5 * LENGTH * sin - height
     length = np.hypot(across, above)
@@ -111,7 +111,7 @@ def rates(_: float, state: Array, momentum: float) -> list[float]:
     force = 2.0 * (STIFFNESS * (length - REST) + DAMPING * (by_angle * angle_rate + by_height * height_rate))
     arm = 2.0 * (ACROSS + ROD * 0.25 * LENGTH**2 + BALL * LENGTH**2)
     weight = 2.0 * GRAVITY * (0.5 * ROD + BALL) * LENGTH * cos
-    second = (0.5 * slope * speed**2 + weight - force * by_angle) / arm
+    second = (0.5 * gradient * speed**2 + weight - force * by_angle) / arm
     return [speed, angle_rate, height_rate, second, -GRAVITY - force * by_height / SLIDER]
 
 

@@ -55,8 +55,8 @@ def energies(angle: Array | complex) -> tuple[Array, Array, Array]:
 def rates(_: float, state: Array) -> list[float]:
     """Return the rates of crank angle and rate."""
     moment, potential, _ = energies(state[0] + 1j * STEP)
-    slope, pull = np.imag(moment) / STEP, np.imag(potential) / STEP
-    return [state[1], float(-(0.5 * slope * state[1] ** 2 + pull) / np.real(moment))]
+    gradient, pull = np.imag(moment) / STEP, np.imag(potential) / STEP
+    return [state[1], float(-(0.5 * gradient * state[1] ** 2 + pull) / np.real(moment))]
 
 
 def stop(_: float, state: Array) -> float:

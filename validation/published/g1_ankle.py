@@ -36,14 +36,14 @@ def about_y(angle, vector):
 
 def rods(pitch, roll, drivers):
     """Return by how much the square of each rod's length is off, (2, n)."""
-    found = []
+    result = []
     for name, (ball, axis, arm) in SIDES.items():
         turned = about_x(roll, ball)
         foot = about_y(pitch, turned + ROLL[:, None])
         end = np.array(axis)[:, None] + about_x(drivers[name], arm)
         length = np.linalg.norm(np.array(axis) + arm - np.array(ball) - ROLL)
-        found.append(((foot - end) ** 2).sum(0) - length**2)
-    return np.array(found)
+        result.append(((foot - end) ** 2).sum(0) - length**2)
+    return np.array(result)
 
 
 def ankle(drivers):
@@ -51,12 +51,12 @@ def ankle(drivers):
     count = len(drivers["left_motor_joint"])
     x = np.zeros((2, count))
     for _ in range(20):
-        slope = np.empty((count, 2, 2))
+        gradient = np.empty((count, 2, 2))
         for i in range(2):
             step = x.astype(complex)
             step[i] += 1e-30j
-            slope[:, :, i] = rods(*step, drivers).imag.T * 1e30
-        x = x - np.linalg.solve(slope, rods(*x, drivers).T[..., None])[..., 0].T
+            gradient[:, :, i] = rods(*step, drivers).imag.T * 1e30
+        x = x - np.linalg.solve(gradient, rods(*x, drivers).T[..., None])[..., 0].T
     return {"pitch_joint": x[0], "roll_joint": x[1]}
 
 
@@ -67,14 +67,14 @@ def main() -> int:
             "right_motor_joint": f"{-size / 2:g}*sin(2*pi*0.6*t)",
         }
         model = ms.load(sys.argv[1], drive=drive, duration=1.7)
-        found = ms.validate(model, against=ankle)
-        print(f"motors by {size:g} rad: {found.why}")
-        for check in found.checks:
+        result = ms.validate(model, against=ankle)
+        print(f"motors by {size:g} rad: {result.why}")
+        for check in result.checks:
             print(f"  formula against exact closure, {check.title}: {check.worst:.1e} {check.unit}")
-        for one in found.attribution["quantities"].values():
-            parts = ", ".join(f"{name} {value:.2e}" for name, value in one["largest"].items())
-            total = sum(one[name] for name in ("formula", "softness", "time step", "drive"))
-            print(f"  run against {one['quantity']}: {one['whole']:.3e} rad, parts add up to {total:.3e}")
+        for item in result.attribution["quantities"].values():
+            parts = ", ".join(f"{name} {value:.2e}" for name, value in item["largest"].items())
+            total = sum(item[name] for name in ("formula", "softness", "time step", "drive"))
+            print(f"  run against {item['quantity']}: {item['whole']:.3e} rad, parts add up to {total:.3e}")
             print(f"    at the most: {parts}")
     return 0
 

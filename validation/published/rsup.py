@@ -76,8 +76,8 @@ def rows(duration: float = 5.0, timestep: float = 5e-4, compared: float = 0.5) -
     ]
 
 
-def _start(what: str, found: np.ndarray, exact: tuple[float, float, float], unit: str) -> Row:
-    return Row(what, float(np.abs(found[0] - exact).max()), 1e-14, unit, "rounding")
+def _start(what: str, result: np.ndarray, exact: tuple[float, float, float], unit: str) -> Row:
+    return Row(what, float(np.abs(result[0] - exact).max()), 1e-14, unit, "rounding")
 
 
 if __name__ == "__main__":

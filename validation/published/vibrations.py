@@ -82,9 +82,9 @@ def main() -> None:
         modes = ms.dynamics.modes(model, initial=near)
         eigenvalues = [transition_eigenvalues(case, step) for step in STEPS]
         for number, mode in enumerate(modes):
-            found = [nearest(values, mode.eigenvalue) for values in eigenvalues]
-            extrapolated = 2.0 * found[1] - found[0]
-            errors = [abs(value / mode.eigenvalue - 1.0) for value in (*found, extrapolated)]
+            result = [nearest(values, mode.eigenvalue) for values in eigenvalues]
+            extrapolated = 2.0 * result[1] - result[0]
+            errors = [abs(value / mode.eigenvalue - 1.0) for value in (*result, extrapolated)]
             distances = [ring_down(case, number, amplitude) for amplitude in AMPLITUDES]
             ringing, differences = (
                 ", ".join(f"{value:.1e}" for value in values) for values in (distances, errors)

@@ -38,10 +38,10 @@ def test_a_finding_names_the_included_file_and_the_line_in_it(tmp_path):
         ("loops.xml", LOOPS),
     ):
         (tmp_path / name).write_text(text)
-    found = {one.kind: one for one in findings(read_model(str(tmp_path / "main.xml")))}
-    assert (found["gap"].file, found["gap"].line) == ("loops.xml", 4)
-    assert (found["limit"].file, found["limit"].line) == ("rocker.xml", 3)
-    assert found["limit"].one_line.startswith("rocker.xml, line 3: joint C starts")
+    result = {item.kind: item for item in findings(read_model(str(tmp_path / "main.xml")))}
+    assert (result["gap"].file, result["gap"].line) == ("loops.xml", 4)
+    assert (result["limit"].file, result["limit"].line) == ("rocker.xml", 3)
+    assert result["limit"].one_line.startswith("rocker.xml, line 3: joint C starts")
 
 
 def test_a_finding_in_the_file_itself_names_its_line_alone(tmp_path):
@@ -52,7 +52,7 @@ def test_a_finding_in_the_file_itself_names_its_line_alone(tmp_path):
         '  <include file="loops.xml"/>', loops
     )
     (tmp_path / "whole.xml").write_text(whole)
-    found = {one.kind: one for one in findings(read_model(str(tmp_path / "whole.xml")))}
+    result = {item.kind: item for item in findings(read_model(str(tmp_path / "whole.xml")))}
     for kind, mark in (("gap", "<connect"), ("limit", '<joint name="C"')):
-        assert found[kind].file == ""
-        assert mark in whole.splitlines()[found[kind].line - 1]
+        assert result[kind].file == ""
+        assert mark in whole.splitlines()[result[kind].line - 1]

@@ -12,10 +12,10 @@ MODELS = Path(__file__).parents[3] / "models"
 
 @pytest.mark.parametrize("name", ["bennett", "four_bar", "looper", "rrsrr", "rssr", "slider_crank"])
 def test_a_scene_of_the_catalogue_is_reported_of_nothing_but_rows_that_repeat(name):
-    found = findings(read_model(str(MODELS / f"{name}.xml")))
+    result = findings(read_model(str(MODELS / f"{name}.xml")))
     # a flat linkage has a row across its plane, and Bennett's are overconstrained
-    repeats = [(one.what, one.by) for one in found if one.kind == "redundant"]
-    assert len(found) == len(repeats)
+    repeats = [(item.what, item.by) for item in result if item.kind == "redundant"]
+    assert len(result) == len(repeats)
     assert repeats == {
         "bennett": [("B, B+", 4)],
         "four_bar": [("loops", 1)],

@@ -51,28 +51,28 @@ def stepped(scene, *, moving):
 
 @pytest.mark.parametrize("softness", SOFT)
 def test_the_gap_predicted_of_a_motion_is_what_steps_show(scene, softness):
-    found = scene(softness)
-    motion = driver_swing(found)
+    result = scene(softness)
+    motion = driver_swing(result)
     assert motion is not None
-    (told,) = gaps_in(found, motion).values()
-    seen = stepped(found, moving=True)
-    assert told > 1e-6
-    assert 0.5 <= told / seen <= 2.0
+    (reported,) = gaps_in(result, motion).values()
+    observed = stepped(result, moving=True)
+    assert reported > 1e-6
+    assert 0.5 <= reported / observed <= 2.0
 
 
 @pytest.mark.parametrize("softness", SOFT)
 def test_the_gap_predicted_at_rest_is_what_steps_show(scene, softness):
-    found = scene(softness, ('gravity="0 0 -9.81"', 'gravity="0 -9.81 0"'))
-    (told,) = gaps_at_rest(found).values()
-    seen = stepped(found, moving=False)
-    assert 0.5 <= told / seen <= 2.0
+    result = scene(softness, ('gravity="0 0 -9.81"', 'gravity="0 -9.81 0"'))
+    (reported,) = gaps_at_rest(result).values()
+    observed = stepped(result, moving=False)
+    assert 0.5 <= reported / observed <= 2.0
 
 
 def test_harder_loops_are_predicted_to_open_by_less(scene):
     gaps = []
     for softness in (SOFT[0], 'solref="0.002 1" solimp="0.9999 0.9999 0.001 0.5 2"'):
-        found = scene(softness)
-        gaps += gaps_in(found, driver_swing(found)).values()
+        result = scene(softness)
+        gaps += gaps_in(result, driver_swing(result)).values()
     assert gaps[1] < 0.2 * gaps[0]
 
 

@@ -24,43 +24,43 @@ def found(tmp_path, text):
 @pytest.mark.parametrize(
     ("kind", "fault", "repaired"),
     [
-        ("redundant", ("  </equality>", AGAIN + "  </equality>"), lambda text, one: text.replace(AGAIN, "")),
+        ("redundant", ("  </equality>", AGAIN + "  </equality>"), lambda text, item: text.replace(AGAIN, "")),
         (
             "collision",
             (ROD, FAT_ROD),
-            lambda text, one: text.replace("  <actuator>", one.remedy.partition(",")[0] + "<actuator>"),
+            lambda text, item: text.replace("  <actuator>", item.remedy.partition(",")[0] + "<actuator>"),
         ),
-        ("actuator", ("  </actuator>", OTHER + "  </actuator>"), lambda text, one: text.replace(OTHER, "")),
+        ("actuator", ("  </actuator>", OTHER + "  </actuator>"), lambda text, item: text.replace(OTHER, "")),
         (
             "limit",
             ('range="-2 2"', 'range="0.2 2"'),
-            lambda text, one: text.replace('range="0.2 2"', f'range="{0.2 - 1.01 * one.by:g} 2"'),
+            lambda text, item: text.replace('range="0.2 2"', f'range="{0.2 - 1.01 * item.by:g} 2"'),
         ),
         (
             "refsafe",
             ('solref="0.002 1"', 'solref="0.0005 1"'),
-            lambda text, one: text.replace(
-                'timestep="0.001"', f'timestep="{one.remedy.split()[4]}"'
+            lambda text, item: text.replace(
+                'timestep="0.001"', f'timestep="{item.remedy.split()[4]}"'
             ),
         ),
         (
             "timestep",
             ('solref="0.002 1"', 'solref="-4e6 -4000"'),
-            lambda text, one: text.replace('timestep="0.001"', f'timestep="{one.remedy.split()[4]}"'),
+            lambda text, item: text.replace('timestep="0.001"', f'timestep="{item.remedy.split()[4]}"'),
         ),
         (
             "soft",
             (HARD, ""),
-            lambda text, one: text.replace(
-                'anchor="0.1 0 0" ', 'anchor="0.1 0 0" ' + one.remedy.partition(" leaves")[0]
+            lambda text, item: text.replace(
+                'anchor="0.1 0 0" ', 'anchor="0.1 0 0" ' + item.remedy.partition(" leaves")[0]
             ),
         ),
     ],
 )  # fmt: skip
 def test_a_remedy_done_as_it_is_reported_takes_the_finding_away(kind, fault, repaired, tmp_path):
     wrong = changed(fault)
-    (one,) = [one for one in found(tmp_path, wrong) if one.kind == kind]
-    right = repaired(wrong, one)
+    (item,) = [item for item in found(tmp_path, wrong) if item.kind == kind]
+    right = repaired(wrong, item)
     assert right != wrong
     assert found(tmp_path, right) == ()
 
@@ -68,7 +68,7 @@ def test_a_remedy_done_as_it_is_reported_takes_the_finding_away(kind, fault, rep
 @pytest.mark.parametrize(("solref", "grows"), [("-4e6 -4000", True), ("0.002 1", False)])
 def test_the_gap_of_a_loop_that_is_called_too_stiff_grows(solref, grows, tmp_path):
     text = SOUND.replace('solref="0.002 1"', f'solref="{solref}"')
-    told = {one.kind for one in found(tmp_path, text)}
+    reported = {item.kind for item in found(tmp_path, text)}
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     widest = 0.0
@@ -76,5 +76,5 @@ def test_the_gap_of_a_loop_that_is_called_too_stiff_grows(solref, grows, tmp_pat
         mujoco.mj_step(model, data)
         gap = data.efc_pos[data.efc_type == EQUALITY]
         widest = max(widest, float(np.linalg.norm(gap)))
-    assert ("timestep" in told) == grows
+    assert ("timestep" in reported) == grows
     assert (widest > 1e-3) == grows

@@ -11,10 +11,10 @@ def seeded(tmp_path, *changes, **asked):
     """Return what is found in the sound scene with pieces of its text changed, by kind."""
     path = tmp_path / "scene.xml"
     path.write_text(changed(*changes))
-    found = {}
-    for one in findings(read_model(str(path), **asked)):
-        found.setdefault(one.kind, one)
-    return found
+    result = {}
+    for item in findings(read_model(str(path), **asked)):
+        result.setdefault(item.kind, item)
+    return result
 
 
 def test_a_valid_scene_is_not_reported(tmp_path):
@@ -93,11 +93,11 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_seeded_fault_is_found_with_its_part_its_line_and_a_remedy(fault, tmp_path):
     change, (kind, what, mark) = FAULTS[fault]
-    found = seeded(tmp_path, change)
-    assert kind in found, {kind: one.told for kind, one in found.items()}
-    assert found[kind].what == what
-    assert found[kind].remedy
-    assert found[kind].by > 0 or fault == "a link without mass"
+    result = seeded(tmp_path, change)
+    assert kind in result, {kind: item.told for kind, item in result.items()}
+    assert result[kind].what == what
+    assert result[kind].remedy
+    assert result[kind].by > 0 or fault == "a link without mass"
     lines = changed(change).splitlines()
-    assert (found[kind].line is None) == (mark is None)
-    assert mark is None or mark in lines[found[kind].line - 1]
+    assert (result[kind].line is None) == (mark is None)
+    assert mark is None or mark in lines[result[kind].line - 1]

@@ -15,22 +15,22 @@ def slider(angle):
 
 
 def changed(**parts):
-    return lambda angle: slider(angle) | {name: one(slider(angle)) for name, one in parts.items()}
+    return lambda angle: slider(angle) | {name: item(slider(angle)) for name, item in parts.items()}
 
 
 def test_a_right_formula_of_points_in_a_plane_and_of_a_joint_is_met():
-    found = ms.validate("slider_crank", against=slider)
-    assert found.passed, found.why
-    assert {candidate.quantity.kind for candidate in found.candidates} == {"position", "joint"}
-    assert not found.findings
+    result = ms.validate("slider_crank", against=slider)
+    assert result.passed, result.why
+    assert {candidate.quantity.kind for candidate in result.candidates} == {"position", "joint"}
+    assert not result.findings
 
 
 def test_a_formula_a_thousandth_off_is_missed():
-    function = changed(B=lambda one: one["B"] * 1.001)
-    found = ms.validate("slider_crank", against=function, stepped=False)
-    assert not found.passed
-    assert "position of B" in found.why
-    assert [check.passed for check in found.checks] == [True, False, True]
+    function = changed(B=lambda item: item["B"] * 1.001)
+    result = ms.validate("slider_crank", against=function, stepped=False)
+    assert not result.passed
+    assert "position of B" in result.why
+    assert [check.passed for check in result.checks] == [True, False, True]
 
 
 def test_what_a_table_of_ours_states_of_itself_is_met(tmp_path):
@@ -57,9 +57,9 @@ def test_velocities_accelerations_and_efforts_have_names():
             "A.v": motion.joints["A"].rate,
         }
 
-    found = ms.validate(model, against=own)
-    assert found.passed, found
-    assert [check.unit for check in found.checks] == ["m/s", "m/s2", "m/s", "N m", "N", "rad", "rad/s"]
+    result = ms.validate(model, against=own)
+    assert result.passed, result
+    assert [check.unit for check in result.checks] == ["m/s", "m/s2", "m/s", "N m", "N", "rad", "rad/s"]
 
 
 def test_several_drivers_come_by_name():
@@ -73,11 +73,11 @@ def test_several_drivers_come_by_name():
 
     assert ms.validate("five_bar", against=tool).passed
     wrong = ms.validate("five_bar", against=lambda d: {"P": 1e3 * tool(d)["P"]}, stepped=False)
-    assert [one.kind for one in wrong.findings] == ["units"]
+    assert [item.kind for item in wrong.findings] == ["units"]
 
 
 @pytest.mark.parametrize(
-    ("function", "said"),
+    ("function", "output"),
     [
         (lambda angle: 1 / 0, "ends in ZeroDivisionError: division by zero"),
         (lambda angle: [1], "gives a list; give a dictionary"),
@@ -94,8 +94,8 @@ def test_several_drivers_come_by_name():
         (lambda angle: {"A": "here"}, "gives no numbers for 'A'"),
     ],
 )
-def test_what_is_no_formula_is_rejected_in_one_line(function, said):
-    with pytest.raises(ms.InputError, match=said) as refused:
+def test_what_is_no_formula_is_rejected_in_one_line(function, output):
+    with pytest.raises(ms.InputError, match=output) as refused:
         ms.validate("slider_crank", against=function)
     assert "\n" not in str(refused.value)
 
@@ -115,8 +115,8 @@ def told(monkeypatch, capsys, *words):
     monkeypatch.setattr("sys.argv", ["mechsim", *words])
     with pytest.raises(SystemExit) as ended:
         main()
-    said = capsys.readouterr()
-    return int(ended.value.code or 0), said.out, said.err
+    output = capsys.readouterr()
+    return int(ended.value.code or 0), output.out, output.err
 
 
 def test_the_command_states_that_it_runs_code_and_keeps_to_eighty_columns(monkeypatch, capsys, tmp_path):
@@ -145,11 +145,11 @@ def test_the_command_states_that_it_runs_code_and_keeps_to_eighty_columns(monkey
 
 
 def test_the_distance_of_a_run_is_taken_apart_and_its_parts_add_up():
-    found = ms.validate("slider_crank", against=lambda angle: {"B": 1.001 * slider(angle)["B"]}).attribution
-    parts = [found[name] for name in ("formula", "compliance", "time step", "drive")]
-    assert found["unit"] == "m"
-    assert sum(parts) == pytest.approx(found["whole"], rel=0.05)
-    assert found["formula"] == pytest.approx(2.5e-4, rel=1e-3)
+    result = ms.validate("slider_crank", against=lambda angle: {"B": 1.001 * slider(angle)["B"]}).attribution
+    parts = [result[name] for name in ("formula", "compliance", "time step", "drive")]
+    assert result["unit"] == "m"
+    assert sum(parts) == pytest.approx(result["whole"], rel=0.05)
+    assert result["formula"] == pytest.approx(2.5e-4, rel=1e-3)
     assert max(map(abs, parts[1:])) < 1e-8
 
 

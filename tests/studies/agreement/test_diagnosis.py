@@ -69,7 +69,7 @@ CASES = {
     "zero": (on("rocker", lambda v: v + 0.1), "offset", "rocker", 0.1),
     "joint's sense": (on("rocker", np.negative), "sense", "rocker", -1.0),
     "late": (
-        valued(lambda v: {name: np.roll(one, 2, 0) for name, one in v.items()}),
+        valued(lambda v: {name: np.roll(item, 2, 0) for name, item in v.items()}),
         "delay",
         "samples",
         2.0,
@@ -80,42 +80,42 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_the_cause_of_a_difference_is_named_with_its_size(name):
     function, kind, what, by = CASES[name]
-    found = said(function)
-    first = found.findings[0]
-    assert not found.passed
-    assert (first.kind, first.what) == (kind, what), found.why
+    result = said(function)
+    first = result.findings[0]
+    assert not result.passed
+    assert (first.kind, first.what) == (kind, what), result.why
     assert first.certain
     assert first.explains > 0.999
     assert by is None or first.by == pytest.approx(by, rel=1e-3)
 
 
 def test_a_right_formula_is_not_reported():
-    found = said(bar())
-    assert found.passed
-    assert not found.findings
+    result = said(bar())
+    assert result.passed
+    assert not result.findings
 
 
 def test_what_nothing_explains_is_stated_to_be_so():
-    found = said(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
-    assert not found.passed
-    assert not any(one.certain for one in found.findings)
-    assert "none of the tested causes" in found.findings[-1].message
+    result = said(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
+    assert not result.passed
+    assert not any(item.certain for item in result.findings)
+    assert "none of the tested causes" in result.findings[-1].message
 
 
 def test_a_difference_hardly_beyond_its_bound_is_not_explained():
-    found = said(points(lambda v: v + HARDLY), tolerance=1e-6)
-    assert not found.passed
-    assert [one.kind for one in found.findings] == ["none"]
+    result = said(points(lambda v: v + HARDLY), tolerance=1e-6)
+    assert not result.passed
+    assert [item.kind for item in result.findings] == ["none"]
 
 
 def test_of_two_that_explain_alike_both_are_stated():
     # a point on a circle about the ground's origin cannot tell them apart
-    found = said(lambda angle: {"A": ms.catalog.make("four_bar").solve(angle + 0.02).points["A"].position})
-    assert {(one.kind, one.what) for one in found.findings} == {
+    result = said(lambda angle: {"A": ms.catalog.make("four_bar").solve(angle + 0.02).points["A"].position})
+    assert {(item.kind, item.what) for item in result.findings} == {
         ("offset", "crank"),
         ("frame", "turn about z"),
     }
-    assert "as does another" in found.why
+    assert "as does another" in result.why
 
 
 def test_a_motion_law_out_of_phase_is_named():
@@ -160,10 +160,10 @@ def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
     x, y, z = joint.a.point
     moved = replace(joint, a=replace(joint.a, point=(x + 1e-4, y, z)))
     other = replace(mechanism, joints=(*mechanism.joints[:-1], moved))
-    found = said(lambda angle: {"B": ms.loops.solve(other, angle).points["B"].position}, mechanism)
-    assert found.findings[0].kind == "dimension"
-    assert found.findings[0].what.startswith(f"{joint.name}.")
-    assert found.findings[0].certain
+    result = said(lambda angle: {"B": ms.loops.solve(other, angle).points["B"].position}, mechanism)
+    assert result.findings[0].kind == "dimension"
+    assert result.findings[0].what.startswith(f"{joint.name}.")
+    assert result.findings[0].certain
 
 
 @pytest.mark.parametrize(
@@ -174,18 +174,18 @@ def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
     machine = dynamics.dynamic_model(form, Forces(gravity=(0.0, -9.81, 0.0)))
     evaluation = replace(evaluation_points(form, SPEED), dynamic_model=machine)
     if factor is None:
-        one, *rest = machine.mechanism.links
-        heavy = replace(one.inertia, mass=1.1 * one.inertia.mass)
+        item, *rest = machine.mechanism.links
+        heavy = replace(item.inertia, mass=1.1 * item.inertia.mass)
         other = replace(
-            machine, mechanism=replace(machine.mechanism, links=(replace(one, inertia=heavy), *rest))
+            machine, mechanism=replace(machine.mechanism, links=(replace(item, inertia=heavy), *rest))
         )
     else:
         other = machine.with_forces(Forces(gravity=(0.0, -9.81 * factor, 0.0)))
     named = quantity("torque:crank", form.mechanism)
     candidate = Candidate(named, replace(evaluation, dynamic_model=other).exact(named))
-    found = agreement(evaluation, [candidate], "the test", None, parametric_model(form))
-    assert found.findings[0].kind == kind, found.why
-    assert found.findings[0].certain
+    result = agreement(evaluation, [candidate], "the test", None, parametric_model(form))
+    assert result.findings[0].kind == kind, result.why
+    assert result.findings[0].certain
 
 
 def test_a_table_with_uncertainty_is_met_within_it_and_diagnosed_beyond_it(tmp_path):
@@ -197,10 +197,10 @@ def test_a_table_with_uncertainty_is_met_within_it_and_diagnosed_beyond_it(tmp_p
         rows = [f"{a:.12g},{x:.12g},{y:.12g},0.011,0.011" for a, (x, y) in zip(angle, noisy, strict=True)]
         path = tmp_path / f"{name}.csv"
         path.write_text("\n".join(["angle,B.x [mm],B.y [mm],B.x ± [mm],± B.y [mm]", *rows]))
-        found = ms.validate("four_bar", against=path, stepped=False)
-        assert found.passed == passed, found.why
-    assert (found.findings[0].kind, found.findings[0].what) == ("dimension", "coupler")
-    assert found.findings[0].by == pytest.approx(0.05, abs=2e-3)
+        result = ms.validate("four_bar", against=path, stepped=False)
+        assert result.passed == passed, result.why
+    assert (result.findings[0].kind, result.findings[0].what) == ("dimension", "coupler")
+    assert result.findings[0].by == pytest.approx(0.05, abs=2e-3)
 
 
 def test_instants_moved_past_a_change_point_stay_in_the_assembly_of_the_first_one():

@@ -45,51 +45,51 @@ def judged(path, model="four_bar", **asked):
 
 
 def test_a_right_table_with_normal_noise_of_the_stated_size_passes(tmp_path):
-    found = judged(measured(tmp_path / "right.csv", "four_bar", ("B.x", "B.y")))
-    assert found.passed, found.why
-    assert "noise of 0.85 sigma, nothing systematic" in found.why
-    assert "120 degrees of freedom" in found.why
+    result = judged(measured(tmp_path / "right.csv", "four_bar", ("B.x", "B.y")))
+    assert result.passed, result.why
+    assert "noise of 0.85 sigma, nothing systematic" in result.why
+    assert "120 degrees of freedom" in result.why
 
 
 def test_a_rod_a_tenth_of_a_millimetre_short_fails_with_its_cause(tmp_path):
     columns = ("A.x", "A.y", "B.x")
-    found = judged(measured(tmp_path / "short.csv", "slider_crank", columns, rod=0.1999), "slider_crank")
-    assert not found.passed
-    assert [check.passed for check in found.checks] == [True, False]
-    assert (found.findings[0].kind, found.findings[0].what) == ("dimension", "rod")
-    assert found.findings[0].certain
-    assert found.findings[0].by == pytest.approx(-5e-4, rel=0.05)
-    assert "not noise alone" in found.why
+    result = judged(measured(tmp_path / "short.csv", "slider_crank", columns, rod=0.1999), "slider_crank")
+    assert not result.passed
+    assert [check.passed for check in result.checks] == [True, False]
+    assert (result.findings[0].kind, result.findings[0].what) == ("dimension", "rod")
+    assert result.findings[0].certain
+    assert result.findings[0].by == pytest.approx(-5e-4, rel=0.05)
+    assert "not noise alone" in result.why
 
 
 def test_a_systematic_error_below_one_standard_deviation_is_found_by_its_smooth_part(tmp_path):
     columns = ("B.x", "B.y", "C.x", "C.y")
-    found = judged(measured(tmp_path / "short.csv", "four_bar", columns, seed=3, coupler=0.090986))
-    noise = dict(found.measured)["B"]
+    result = judged(measured(tmp_path / "short.csv", "four_bar", columns, seed=3, coupler=0.090986))
+    noise = dict(result.measured)["B"]
     assert noise.total.passed
     assert not noise.smooth.passed
-    assert found.findings[0].what == "coupler"
+    assert result.findings[0].what == "coupler"
 
 
 def test_causes_that_noise_hides_from_each_other_are_all_reported(tmp_path):
-    found = judged(measured(tmp_path / "short.csv", "slider_crank", ("B.x",), rod=0.1999), "slider_crank")
-    assert {(one.kind, one.what) for one in found.findings} == {("dimension", "rod"), ("frame", "x")}
+    result = judged(measured(tmp_path / "short.csv", "slider_crank", ("B.x",), rod=0.1999), "slider_crank")
+    assert {(item.kind, item.what) for item in result.findings} == {("dimension", "rod"), ("frame", "x")}
 
 
 def test_one_wrong_row_of_many_is_named(tmp_path):
     def spoil(table):
         table["B.x"][16] += 7 * SIGMA
 
-    found = judged(measured(tmp_path / "row.csv", "four_bar", ("B.x", "B.y"), edit=spoil))
-    assert not found.passed
-    assert "row 17 of B" in found.why
+    result = judged(measured(tmp_path / "row.csv", "four_bar", ("B.x", "B.y"), edit=spoil))
+    assert not result.passed
+    assert "row 17 of B" in result.why
 
 
 def test_noise_of_twice_the_stated_size_fails_and_smaller_noise_passes(tmp_path):
     assert not judged(measured(tmp_path / "a.csv", "four_bar", ("B.x", "B.y"), stated=SIGMA / 2)).passed
-    found = judged(measured(tmp_path / "b.csv", "four_bar", ("B.x", "B.y"), stated=5 * SIGMA))
-    assert found.passed
-    assert "(less than stated)" in found.why
+    result = judged(measured(tmp_path / "b.csv", "four_bar", ("B.x", "B.y"), stated=5 * SIGMA))
+    assert result.passed
+    assert "(less than stated)" in result.why
 
 
 def test_a_systematic_error_within_the_tolerance_is_allowed_next_to_noise(tmp_path):
@@ -152,14 +152,18 @@ def test_right_tables_fail_as_rarely_as_is_stated():
     for _ in range(300):
         candidates = [
             Candidate(
-                one, evaluation.exact(one) + SIGMA * random.standard_normal((60, 2)), np.full((60, 2), SIGMA)
+                item,
+                evaluation.exact(item) + SIGMA * random.standard_normal((60, 2)),
+                np.full((60, 2), SIGMA),
             )
-            for one in named
+            for item in named
         ]
-        found = agreement(evaluation, candidates, "a right table", diagnose=False)
-        failed += not found.passed
-        sigmas += [noise.total.worst for _, noise in found.measured]
-        assert all(0.0 <= one.probability <= 1.0 for _, noise in found.measured for one in noise.statistics)
+        result = agreement(evaluation, candidates, "a right table", diagnose=False)
+        failed += not result.passed
+        sigmas += [noise.total.worst for _, noise in result.measured]
+        assert all(
+            0.0 <= item.probability <= 1.0 for _, noise in result.measured for item in noise.statistics
+        )
     assert failed <= 3
     assert FALSE_ALARM == 1e-3
     assert np.mean(sigmas) == pytest.approx(1.0, abs=0.01)

@@ -27,7 +27,9 @@ def judged(name, rows, spoil=lambda values: values):
     laws = not ms.load(path).motion_laws.crank
     of = ms.moved(path, t=[at]) if laws else ms.moved(path, angles=[at], speed=20.0)
     drives = {
-        f"{word}:{one}": f"drive {one}" for word in ("torque", "force") for one in of.solver.mechanism.drivers
+        f"{word}:{item}": f"drive {item}"
+        for word in ("torque", "force")
+        for item in of.solver.mechanism.drivers
     }
     drives |= {f"torque:{of.solver.mechanism.drivers[0]}": "torque"} if of.offset else {}
     table = ms.sensitivity(of, [*{drives.get(row["column"], row["column"]) for row in rows}])
@@ -38,9 +40,9 @@ def judged(name, rows, spoil=lambda values: values):
         exact, own = float(row["derivative"]), float(spoil(table.by[row["parameter"]][column])[0])
         off[kind] = max(off.get(kind, 0.0), abs(own - exact))
         size[kind] = max(size.get(kind, 0.0), abs(exact))
-    largest = {unit: max(one for (_, other), one in size.items() if other == unit) for _, unit in size}
+    largest = {unit: max(item for (_, other), item in size.items() if other == unit) for _, unit in size}
     # a dimension that does not count has no derivative to be relative to
-    return max(one / max(size[kind], 1e-6 * largest[kind[1]]) for kind, one in off.items())
+    return max(item / max(size[kind], 1e-6 * largest[kind[1]]) for kind, item in off.items())
 
 
 @pytest.mark.parametrize("name", grid(KEPT, ("four_bar", "rssr", "bennett", "five_bar")))

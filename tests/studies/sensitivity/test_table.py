@@ -21,7 +21,7 @@ def test_a_table_names_each_quantity_by_each_dimension():
     table = derivative_table(moved("slider_crank"), ["B", "B.vx", "torque"], ["crank", "rod"])
     names = [name for name, _ in table.columns()]
     wanted = ["B.x", "B.y", "B.z", "B.vx", "torque"]
-    assert names == ["angle", *(f"{one}/{by}" for one in wanted for by in ("crank", "rod"))]
+    assert names == ["angle", *(f"{item}/{by}" for item in wanted for by in ("crank", "rod"))]
     assert table.unit("torque", "crank") == "N m/m"
     assert table.unit("B.x", "crank") == "1"
 
@@ -66,7 +66,7 @@ def test_motion_laws_are_tabled_over_time():
 
 
 @pytest.mark.parametrize(
-    ("of", "to", "said"),
+    ("of", "to", "output"),
     [
         (["Q"], "all", "has no quantity 'Q'; choose from points and joints"),
         (["rockr"], "all", "did you mean 'rocker'"),
@@ -75,8 +75,8 @@ def test_motion_laws_are_tabled_over_time():
         ([], "all", "no quantity is requested"),
     ],
 )
-def test_what_is_no_quantity_or_dimension_is_rejected_with_the_nearest(of, to, said):
-    with pytest.raises(InputError, match=said):
+def test_what_is_no_quantity_or_dimension_is_rejected_with_the_nearest(of, to, output):
+    with pytest.raises(InputError, match=output):
         derivative_table(moved("four_bar"), of, to)
 
 
@@ -96,8 +96,8 @@ def test_a_motion_is_looked_at_aside_of_where_assemblies_meet():
 
 
 def test_efforts_are_requested_for_by_the_joint_that_is_driven():
-    found = derivative_table(moved("four_bar"), ["torque:crank"], ["rocker"])
-    assert [*found.values] == ["torque"]
+    result = derivative_table(moved("four_bar"), ["torque:crank"], ["rocker"])
+    assert [*result.values] == ["torque"]
     with pytest.raises(InputError, match="no quantity 'torque:rocker'"):
         derivative_table(moved("four_bar"), ["torque:rocker"])
 

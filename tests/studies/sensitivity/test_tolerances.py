@@ -23,9 +23,9 @@ def table(model="four_bar", of=("C.x", "C.y", "C.z", "rocker")):
 
 
 def test_the_worst_case_is_where_all_conspire_and_the_root_of_squares_lies_below():
-    found = table()
-    study = tolerance_study(found, {"crank": 1e-5, "coupler": "±0.02mm"}, samples=0)
-    by = found.derivatives("C.x")
+    result = table()
+    study = tolerance_study(result, {"crank": 1e-5, "coupler": "±0.02mm"}, samples=0)
+    by = result.derivatives("C.x")
     parts = np.abs(by["crank"]) * 1e-5, np.abs(by["coupler"]) * 2e-5
     assert np.allclose(study.worst("C.x"), parts[0] + parts[1], rtol=1e-14)
     assert np.allclose(study.squares("C.x"), np.hypot(*parts), rtol=1e-14)
@@ -36,8 +36,8 @@ def test_the_worst_case_is_where_all_conspire_and_the_root_of_squares_lies_below
 
 
 def test_no_random_mechanism_is_farther_off_than_the_worst_case():
-    found = table(of=("rocker",))
-    study = tolerance_study(found, {"crank": 1e-6, "coupler": 2e-6}, samples=20_000)
+    result = table(of=("rocker",))
+    study = tolerance_study(result, {"crank": 1e-6, "coupler": 2e-6}, samples=20_000)
     worst = study.worst("rocker.q")
     assert (study.random("rocker.q")["most"] <= worst).all()
     assert (study.random("rocker.q")["most"] >= 0.9 * worst).all()
@@ -45,12 +45,12 @@ def test_no_random_mechanism_is_farther_off_than_the_worst_case():
 
 @pytest.mark.parametrize("distribution", ["uniform", "normal"])
 def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
-    found = table("hoeken", of=("rocker",))
+    result = table("hoeken", of=("rocker",))
     given = {"crank": 1e-6, "arm": 2e-6, "A.clearance": 1e-6}
     asked = parsed_tolerances(
-        given, found.moved.designs.dimensions, found.moved.solver.mechanism, distribution
+        given, result.moved.designs.dimensions, result.moved.solver.mechanism, distribution
     )
-    study = tolerance_study(found, asked, samples=40_000)
+    study = tolerance_study(result, asked, samples=40_000)
     random = study.random("rocker.q")
     assert study.sampled.sampling.order == 1
     assert np.abs(random["std"] / study.deviation("rocker.q") - 1.0).max() <= 0.02
@@ -59,22 +59,22 @@ def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
 
 def test_large_tolerances_are_taken_to_second_order_and_agree_with_mechanisms_that_are_solved():
     names = ("crank", "arm", "ground")
-    found = table("hoeken", of=("rocker",))
-    study = tolerance_study(found, dict.fromkeys(names, 2e-3), samples=20_000)
+    result = table("hoeken", of=("rocker",))
+    study = tolerance_study(result, dict.fromkeys(names, 2e-3), samples=20_000)
     assert study.sampled.sampling.order == 2
     assert study.sampled.sampling.expansion_error <= 0.02
-    values, solved, weights = found.moved.designs.values(), [], []
+    values, solved, weights = result.moved.designs.values(), [], []
     # Gauss's points, three a dimension, are exact for terms up to the fifth order
     for places in product(zip(*np.polynomial.legendre.leggauss(3), strict=True), repeat=len(names)):
         off = {name: values[name] + 2e-3 * at for name, (at, _) in zip(names, places, strict=True)}
-        solved.append(found.moved.values(["rocker.q"], off)["rocker.q"])
+        solved.append(result.moved.values(["rocker.q"], off)["rocker.q"])
         weights.append(np.prod([0.5 * weight for _, weight in places]))
     mean = np.average(solved, 0, weights)
     deviation = np.sqrt(np.average((solved - mean) ** 2, 0, weights))
     random = study.random("rocker.q")
     # 20,000 samples tell a deviation to half a hundredth
     assert np.abs(random["std"] / deviation - 1.0).max() <= 0.015
-    assert np.abs(random["mean"] - (mean - found.values["rocker.q"])).max() <= 0.03 * deviation.max()
+    assert np.abs(random["mean"] - (mean - result.values["rocker.q"])).max() <= 0.03 * deviation.max()
     # without the second order the mean would stay where it was
     assert np.abs(random["mean"]).max() > 0.01 * deviation.max()
 
@@ -84,17 +84,17 @@ def test_where_no_expansion_holds_each_is_solved_and_what_cannot_be_put_together
 
     monkeypatch.setattr(monte_carlo, "MAX_SOLVED", 60)
     monkeypatch.setattr(monte_carlo, "MAX_VERIFIED", 20)
-    found = derivative_table(MovedFamily(parametric_model("hoeken"), np.array([1.0]), 1.0), ["rocker"])
-    study = tolerance_study(found, {"crank": 0.06, "ground": 0.06, "arm": 0.06}, samples=500)
+    result = derivative_table(MovedFamily(parametric_model("hoeken"), np.array([1.0]), 1.0), ["rocker"])
+    study = tolerance_study(result, {"crank": 0.06, "ground": 0.06, "arm": 0.06}, samples=500)
     assert (study.sampled.sampling.order, study.sampled.samples) == (0, 60)
 
 
 def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
-    found = table(of=("C", "rocker", "C.vx"))
-    moved, bounds = found.moved, {"crank": 1e-2, "ground": 1e-2, "arm_angle": 0.5}
-    values = np.concatenate([*found.values.values()])
-    angular = np.repeat([found.units[one] == "rad" for one in found.values], len(found))
-    solved = DesignSolver(moved, [*found.values], bounds, values, angular)
+    result = table(of=("C", "rocker", "C.vx"))
+    moved, bounds = result.moved, {"crank": 1e-2, "ground": 1e-2, "arm_angle": 0.5}
+    values = np.concatenate([*result.values.values()])
+    angular = np.repeat([result.units[item] == "rad" for item in result.values], len(result))
+    solved = DesignSolver(moved, [*result.values], bounds, values, angular)
     parts = np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3))
     # in a row that it cannot be: the crank is longer than all
     samples, lost = formula_samples(solved, np.concatenate([parts, [[30.0, 0.0, 0.0]]]))
@@ -102,9 +102,9 @@ def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
     off = np.empty((40, len(values)))
     for which, block in samples.blocks():
         off[:, which] = block
-    exact = np.array([solved.deviations(one) for one in parts])
+    exact = np.array([solved.deviations(item) for item in parts])
     assert np.abs(off - exact).max() <= 1e-12
-    study = tolerance_study(found, bounds, samples=5_000)
+    study = tolerance_study(result, bounds, samples=5_000)
     assert (study.sampled.sampling.order, study.sampled.sampling.solved, study.sampled.sampling.failed) == (
         0,
         5_000,
@@ -113,15 +113,15 @@ def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
 
 
 def test_a_dimension_and_what_it_is_computed_from_cannot_both_be_off():
-    found = derivative_table(MovedFamily(parametric_model("klann"), ANGLES, 1.0), ["G.x"])
-    assert not {"hx", "fy"} & set(found.by)
+    result = derivative_table(MovedFamily(parametric_model("klann"), ANGLES, 1.0), ["G.x"])
+    assert not {"hx", "fy"} & set(result.by)
     with pytest.raises(InputError, match="hx is computed from CF, so that they cannot both vary"):
-        tolerance_study(found, {"hx": 1e-5, "CF": 1e-5})
+        tolerance_study(result, {"hx": 1e-5, "CF": 1e-5})
 
 
 def test_a_pin_loose_in_its_hole_moves_a_point_by_its_radius():
-    found = table("slider_crank", of=("B.x",))
-    study = tolerance_study(found, {"A.clearance": "0.01mm"}, samples=30_000)
+    result = table("slider_crank", of=("B.x",))
+    study = tolerance_study(result, {"A.clearance": "0.01mm"}, samples=30_000)
     # the rod pushes the slider along itself: by the play over the cosine of its slant at most
     slant = np.arcsin((0.05 * np.sin(ANGLES) - 0.01) / 0.2)
     assert np.allclose(study.worst("B.x"), 1e-5 / np.cos(slant), rtol=1e-9)
@@ -130,9 +130,9 @@ def test_a_pin_loose_in_its_hole_moves_a_point_by_its_radius():
 
 def test_the_band_of_a_path_lies_across_it():
     of = MovedFamily(parametric_model("four_bar"), np.linspace(0.0, 2.0 * np.pi, 73), 1.0)
-    found = derivative_table(of, ["A"])
-    study = tolerance_study(found, {"crank": 1e-5}, samples=0)
-    (band,) = path_bands(found, study)
+    result = derivative_table(of, ["A"])
+    study = tolerance_study(result, {"crank": 1e-5}, samples=0)
+    (band,) = path_bands(result, study)
     # A runs on a circle, which the crank's length widens
     # also where the path closes
     assert np.abs(band.worst - 1e-5).max() <= 1e-12
@@ -141,15 +141,15 @@ def test_the_band_of_a_path_lies_across_it():
 def test_a_table_of_tolerances_is_read(tmp_path):
     path = tmp_path / "tolerances.csv"
     path.write_text("dimension,tolerance\ncrank,±0.02mm\narm_angle,+-0.1 deg\n")
-    found = table()
+    result = table()
     read = parsed_tolerances(
-        written_tolerances(str(path)), found.moved.designs.dimensions, found.moved.solver.mechanism
+        written_tolerances(str(path)), result.moved.designs.dimensions, result.moved.solver.mechanism
     )
     assert read.bounds == {"crank": pytest.approx(2e-5), "arm_angle": pytest.approx(np.deg2rad(0.1))}
 
 
 @pytest.mark.parametrize(
-    ("written", "said"),
+    ("written", "output"),
     [
         ("crank", "which is not NAME=BOUND"),
         ("crnk=1mm", "has no dimension 'crnk'; did you mean 'crank'"),
@@ -160,11 +160,11 @@ def test_a_table_of_tolerances_is_read(tmp_path):
         ("", "no tolerance is given"),
     ],
 )
-def test_what_is_no_tolerance_is_rejected_in_one_line(written, said):
-    found = table()
-    with pytest.raises(InputError, match=said):
+def test_what_is_no_tolerance_is_rejected_in_one_line(written, output):
+    result = table()
+    with pytest.raises(InputError, match=output):
         parsed_tolerances(
-            written_tolerances(written), found.moved.designs.dimensions, found.moved.solver.mechanism
+            written_tolerances(written), result.moved.designs.dimensions, result.moved.solver.mechanism
         )
 
 
@@ -174,17 +174,20 @@ def test_tolerances_that_leave_no_assembly_are_rejected():
 
 
 def test_a_slide_has_no_radial_clearance():
-    found = table("slider_crank", of=("B.x",))
+    result = table("slider_crank", of=("B.x",))
     with pytest.raises(InputError, match="radial clearances exist for revolute or spherical joints only"):
-        tolerance_study(found, {"slide.clearance": 1e-5}, samples=0)
+        tolerance_study(result, {"slide.clearance": 1e-5}, samples=0)
 
 
 def test_derivatives_are_drawn_per_mm_or_degree_and_what_has_none_is_left_out():
     from mechsim.pictures import plots
 
     pytest.importorskip("matplotlib")
-    angles, slope = np.linspace(0.0, 6.0, 5), np.ones(5)
-    curves = {"P.x": {"crank": slope, "tilt": slope}, "P.z": {"crank": 0.0 * slope, "tilt": 0.0 * slope}}
+    angles, gradient = np.linspace(0.0, 6.0, 5), np.ones(5)
+    curves = {
+        "P.x": {"crank": gradient, "tilt": gradient},
+        "P.z": {"crank": 0.0 * gradient, "tilt": 0.0 * gradient},
+    }
     units = {"P.x": "m", "P.z": "m"}
     figure = plots.sensitivity_plot("angle", angles, curves, units, {"crank": "m", "tilt": "rad"})
     (ax,) = figure.axes

@@ -53,7 +53,7 @@ def path(tmp_path):
     ("name", "value", "unit"), [("pressure", 20.0, "deg"), ("across", 30.0, "mm"), ("radius", 12.0, "mm")]
 )
 def test_derivatives_of_tooth_forces_are_those_of_models_next_to_it(path, name, value, unit):
-    found = ms.sensitivity(str(path), COLUMNS, [name], angles=ANGLES, speed=30.0)
+    result = ms.sensitivity(str(path), COLUMNS, [name], angles=ANGLES, speed=30.0)
     step = 1e-3
 
     def columns(changed):
@@ -64,10 +64,10 @@ def test_derivatives_of_tooth_forces_are_those_of_models_next_to_it(path, name, 
     in_si = np.deg2rad(step) if unit == "deg" else 1e-3 * step
     for column in COLUMNS:
         wanted = (more[column] - less[column]) / (2.0 * in_si)
-        np.testing.assert_allclose(found.by[name][column], wanted, rtol=1e-6, atol=1e-5)
+        np.testing.assert_allclose(result.by[name][column], wanted, rtol=1e-6, atol=1e-5)
 
 
 def test_a_rack_is_pushed_away_by_its_load_times_the_tangent_of_the_pressure_angle(path):
-    found = ms.sensitivity(str(path), ["rack.fy"], ["pressure"], angles=ANGLES, speed=30.0)
+    result = ms.sensitivity(str(path), ["rack.fy"], ["pressure"], angles=ANGLES, speed=30.0)
     wanted = 20.0 / np.cos(np.deg2rad(20.0)) ** 2
-    np.testing.assert_allclose(np.abs(found.by["pressure"]["rack.fy"]), wanted, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(result.by["pressure"]["rack.fy"]), wanted, rtol=1e-12)

@@ -58,8 +58,8 @@ def test_a_link_that_spins_is_followed_with_what_it_belongs_to(monkeypatch):
 
 
 def test_what_does_not_turn_fully_swings():
-    found = measured_designs(swept_task("looper", {"crank": [0.05, 0.006]}, "max:C.x", samples=24), 0, 2)
-    assert [OUTCOMES[i] for i in found.outcome] == ["swings", "passed"]
+    result = measured_designs(swept_task("looper", {"crank": [0.05, 0.006]}, "max:C.x", samples=24), 0, 2)
+    assert [OUTCOMES[i] for i in result.outcome] == ["swings", "passed"]
     # a further root of one sign is numbered by all it does over the turn, which no start tells
     task = swept_task("looper", {"crank": [0.006]}, "max:C.x", set={"side": "2"})
     assert task.subject.closed.start_frames(1) is None

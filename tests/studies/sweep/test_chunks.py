@@ -30,20 +30,20 @@ def started(*words):
     env = {**os.environ, "DASK_DISTRIBUTED__DASHBOARD__LINK": "", "OPENBLAS_NUM_THREADS": "1"}
     with subprocess.Popen(
         [sys.executable, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env
-    ) as one:
+    ) as item:
         try:
-            yield one
+            yield item
         finally:
-            one.kill()
+            item.kill()
 
 
 def waited(what, seconds=60.0):
     """Return what comes true, or fail."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        found = what()
-        if found:
-            return found
+        result = what()
+        if result:
+            return result
         time.sleep(0.02)
     pytest.fail("waited in vain")
 
@@ -99,14 +99,14 @@ def test_a_cluster_gives_what_one_process_gives_though_a_worker_is_killed(tmp_pa
 @pytest.mark.slow
 def test_a_process_that_is_killed_leaves_parts_from_which_the_same_file_comes(tmp_path):
     cut, whole = tmp_path / "cut.nc", tmp_path / "whole.nc"
-    with started("-m", "mechsim", "sweep", *WORDS.split(), "-o", str(cut)) as one:
+    with started("-m", "mechsim", "sweep", *WORDS.split(), "-o", str(cut)) as item:
         parts = tmp_path / "cut.nc.parts"
         waited(lambda: len(list(parts.glob("0*.npz"))) >= 1 if parts.exists() else False)
-        one.send_signal(signal.SIGKILL)
-        one.wait(10.0)
+        item.send_signal(signal.SIGKILL)
+        item.wait(10.0)
     assert not cut.exists()
     speed = ms.units.rpm(600)
     ms.sweep("four_bar", VARY, MEASURES, output=cut, resume=True, speed=speed)
     ms.sweep("four_bar", VARY, MEASURES, output=whole, speed=speed)
     assert cut.read_bytes() == whole.read_bytes()
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["cut.nc", "whole.nc"]
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["cut.nc", "whole.nc"]

@@ -45,13 +45,13 @@ def test_samples_fill_their_spans_and_are_the_same_each_time():
 def test_a_file_gives_designs_with_units_in_its_segments(tmp_path):
     path = tmp_path / "designs.csv"
     path.write_text("crank,rocker\n13 mm,0.027\n0.014,28mm\n")
-    found = read_designs(str(path), "rssr", THERE)
-    assert found.rows(0, 2)["crank"].tolist() == [0.013, 0.014]
-    assert found.dims == ("design",)
+    result = read_designs(str(path), "rssr", THERE)
+    assert result.rows(0, 2)["crank"].tolist() == [0.013, 0.014]
+    assert result.dims == ("design",)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "output"),
     [
         ("crnk=1mm:2mm:3", "did you mean 'crank'"),
         ("crank=15mm:12mm:3", "is in descending order"),
@@ -63,8 +63,8 @@ def test_a_file_gives_designs_with_units_in_its_segments(tmp_path):
         ("crank=1mm:2mm:1000000000000000", "fit: reduce the number"),
     ],
 )
-def test_what_is_no_range_is_rejected(text, said):
-    with pytest.raises(InputError, match=said):
+def test_what_is_no_range_is_rejected(text, output):
+    with pytest.raises(InputError, match=output):
         ranged(text)
 
 
@@ -75,13 +75,13 @@ def test_other_designs_that_cannot_be_are_rejected(tmp_path):
     with pytest.raises(InputError, match="lower and its upper end"):
         sampled_designs("sobol:8", {"crank": (2.0, 1.0)}, "rssr", THERE)
     path = tmp_path / "designs.csv"
-    for text, said in (
+    for text, output in (
         ("crank\n", "no row"),
         ("crank,crank\n1,1\n", "twice"),
         ("crank,rocker\n1\n", "line 2"),
     ):
         path.write_text(text)
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=output):
             read_designs(str(path), "rssr", THERE)
     with pytest.raises(InputError, match="there is no file"):
         read_designs(str(tmp_path / "none.csv"), "rssr", THERE)

@@ -18,7 +18,7 @@ def turns():
 
     form = catalog.make("rssr")
     motions = [form.solve(ANGLES, speed) for speed in (1.0, 3.0)]
-    motion = join([type(one)(**{k: getattr(one, k) for k in FIELDS}) for one in motions])
+    motion = join([type(item)(**{k: getattr(item, k) for k in FIELDS}) for item in motions])
     return Turns(2, len(ANGLES), motion)
 
 
@@ -26,8 +26,8 @@ FIELDS = ("source", "angle", "speed", "acceleration", "points", "joints")
 
 
 def value(text, turns):
-    found = measure(text, catalog.make("rssr").mechanism)
-    return found, table_of((found,), turns, {})[text]
+    result = measure(text, catalog.make("rssr").mechanism)
+    return result, table_of((result,), turns, {})[text]
 
 
 def test_measures_are_those_of_the_motion(turns):
@@ -45,8 +45,8 @@ def test_measures_are_those_of_the_motion(turns):
         "max:acceleration:P3": (np.linalg.norm(p3.acceleration, axis=1).max(), "m/s2"),
     }
     for text, (number, unit) in wanted.items():
-        found, values = value(text, turns)
-        assert found.unit == unit
+        result, values = value(text, turns)
+        assert result.unit == unit
         assert values[1] == pytest.approx(number, rel=1e-12)
 
 
@@ -55,10 +55,10 @@ def test_angles_are_counted_on_over_the_turn(turns):
 
 
 def test_a_value_at_an_angle_is_taken_at_its_own_pose(turns):
-    found = measure("at:350deg:rocker", catalog.make("rssr").mechanism)
-    both = table_of((found,), turns, {found.angle: 35})
+    result = measure("at:350deg:rocker", catalog.make("rssr").mechanism)
+    both = table_of((result,), turns, {result.angle: 35})
     alone = catalog.make("rssr").solve(ANGLES[35:]).joints["rocker"].value[0]
-    assert both[found.name][0] == pytest.approx(alone)
+    assert both[result.name][0] == pytest.approx(alone)
 
 
 def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):
@@ -69,7 +69,7 @@ def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "output"),
     [
         ("rnage:rocker", "range:J"),
         ("range:rockr", "'rocker'"),
@@ -80,8 +80,8 @@ def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):
         ("nothing", "choose from"),
     ],
 )
-def test_what_is_no_measure_is_rejected_with_the_nearest(text, said):
-    with pytest.raises(InputError, match=said):
+def test_what_is_no_measure_is_rejected_with_the_nearest(text, output):
+    with pytest.raises(InputError, match=output):
         measure(text, catalog.make("rssr").mechanism)
 
 

@@ -14,76 +14,78 @@ COUPLERS = np.array([0.03, 0.085, 0.091, 0.1])
 
 
 def test_a_formula_for_all_measures_as_each_by_itself():
-    found = ms.sweep(
+    result = ms.sweep(
         "four_bar", {"coupler": COUPLERS, "arm_angle": [0.3, 0.5]}, ["range:rocker", "max:C.v"], speed=3.0
     )
-    assert found["range:rocker"].dims == ("coupler", "arm_angle")
-    assert found["outcome"].values[:, 0].tolist() == ["swings", "passed", "passed", "passed"]
+    assert result["range:rocker"].dims == ("coupler", "arm_angle")
+    assert result["outcome"].values[:, 0].tolist() == ["swings", "passed", "passed", "passed"]
     for coupler in COUPLERS[1:]:
         motion = ms.catalog.make("four_bar", coupler=coupler, arm_angle=0.5).solve(TURN, 3.0)
-        one = found.sel(coupler=coupler, arm_angle=0.5)
-        assert float(one["range:rocker"]) == pytest.approx(np.ptp(motion.joints["rocker"].value), rel=1e-12)
+        item = result.sel(coupler=coupler, arm_angle=0.5)
+        assert float(item["range:rocker"]) == pytest.approx(np.ptp(motion.joints["rocker"].value), rel=1e-12)
         fastest = np.linalg.norm(motion.points["C"].velocity, axis=1).max()
-        assert float(one["max:C.v"]) == pytest.approx(fastest, rel=1e-12)
+        assert float(item["max:C.v"]) == pytest.approx(fastest, rel=1e-12)
 
 
 def test_a_mechanism_laid_flat_is_measured_by_its_own_closed_form():
     lengths = {"ground": [0.1, 0.1], "coupler": [0.1, 0.1], "crank": [0.04, 0.039], "rocker": [0.04, 0.04]}
-    found = ms.sweep("four_bar", measure="range:rocker", design=lengths)
+    result = ms.sweep("four_bar", measure="range:rocker", design=lengths)
     flat = ms.catalog.make("four_bar", **{name: values[0] for name, values in lengths.items()})
-    assert found["outcome"].values.tolist() == ["passed", "passed"]
+    assert result["outcome"].values.tolist() == ["passed", "passed"]
     wanted = np.ptp(np.unwrap(flat.solve(TURN).joints["rocker"].value))
-    assert float(found["range:rocker"][0]) == pytest.approx(wanted)
+    assert float(result["range:rocker"][0]) == pytest.approx(wanted)
 
 
 def test_bad_designs_state_why_and_end_nothing():
     design = {"crank": [0.032, -1.0, 1e40, np.inf, 0.09, 0.5], "branch": [1, 1, 1, 1, 1, 7]}
-    found = ms.sweep("four_bar", measure=["range:rocker", "crank_range"], design=design)
-    assert found["outcome"].values.tolist() == ["passed"] + ["cannot assemble"] * 3 + [
+    result = ms.sweep("four_bar", measure=["range:rocker", "crank_range"], design=design)
+    assert result["outcome"].values.tolist() == ["passed"] + ["cannot assemble"] * 3 + [
         "swings",
         "cannot assemble",
     ]
-    assert np.isnan(found["range:rocker"].values[[1, 2, 3, 5]]).all()
-    said = found["reason"].values.tolist()
-    assert said[0] == ""
+    assert np.isnan(result["range:rocker"].values[[1, 2, 3, 5]]).all()
+    output = result["reason"].values.tolist()
+    assert output[0] == ""
     for word, reason in zip(
-        ("above 0", "finite", "finite", "the crank swings from", "branch"), said[1:], strict=True
+        ("above 0", "finite", "finite", "the crank swings from", "branch"), output[1:], strict=True
     ):
         assert word in reason
     # how far a crank swings is known though it does not turn
     arcs = ms.catalog.make("four_bar", crank=0.09).crank_range().arcs
-    assert float(found["crank_range"][4]) == pytest.approx(sum(high - low for low, high in arcs))
+    assert float(result["crank_range"][4]) == pytest.approx(sum(high - low for low, high in arcs))
 
 
 def test_any_other_subject_is_measured_by_its_loop_equations():
-    found = ms.sweep("watt_six_bar", {"crank": [0.02, 0.025, 0.3]}, ["range:output", "at:90deg:D.x"])
-    assert found["outcome"].values.tolist() == ["passed", "passed", "cannot assemble"]
+    result = ms.sweep("watt_six_bar", {"crank": [0.02, 0.025, 0.3]}, ["range:output", "at:90deg:D.x"])
+    assert result["outcome"].values.tolist() == ["passed", "passed", "cannot assemble"]
     alone = ms.load("watt_six_bar", {"crank": 0.02})
     wanted = np.ptp(alone.solve(TURN).joints["output"].value)
-    assert float(found["range:output"][0]) == pytest.approx(wanted, rel=1e-9)
+    assert float(result["range:output"][0]) == pytest.approx(wanted, rel=1e-9)
     at = alone.solve([np.pi / 2]).points["D"].position[0, 0]
-    assert float(found["at:90deg:D.x"][0]) == pytest.approx(at, rel=1e-9)
+    assert float(result["at:90deg:D.x"][0]) == pytest.approx(at, rel=1e-9)
 
 
 def test_forces_and_transmission_angles_are_measured():
-    found = ms.sweep(
+    result = ms.sweep(
         "rssr", {"crank": [0.012, 0.013]}, ["max:torque", "max:force:P3", "min:transmission"], speed=50.0
     )
     form = ms.catalog.make("rssr", crank=0.012)
     study = dynamics.prescribed(dynamics.dynamic_model(form), TURN, 50.0)
-    assert float(found["max:torque"][0]) == pytest.approx(study.forces.torque.max())
+    assert float(result["max:torque"][0]) == pytest.approx(study.forces.torque.max())
     force = np.linalg.norm(study.forces.reactions["P3"].force, axis=1).max()
-    assert float(found["max:force:P3"][0]) == pytest.approx(force)
-    assert float(found["min:transmission"][0]) == pytest.approx(form.transmission_angle(TURN).min())
-    assert found["max:force:P3"].attrs["units"] == "N"
+    assert float(result["max:force:P3"][0]) == pytest.approx(force)
+    assert float(result["min:transmission"][0]) == pytest.approx(form.transmission_angle(TURN).min())
+    assert result["max:force:P3"].attrs["units"] == "N"
 
 
 def test_facts_alone_need_no_turn():
-    found = ms.sweep("four_bar", {"crank": [0.032, 0.09, 9.0]}, ["crank_range", "dead_centres", "assemblies"])
+    result = ms.sweep(
+        "four_bar", {"crank": [0.032, 0.09, 9.0]}, ["crank_range", "dead_centres", "assemblies"]
+    )
     dead = ms.catalog.make("four_bar", crank=0.09).dead_centres()
-    assert found["dead_centres"].values.tolist() == [0.0, len(dead), 0.0]
-    assert found["assemblies"].values.tolist() == [2.0, 2.0, 0.0]
-    assert found["outcome"].values.tolist() == ["passed", "passed", "cannot assemble"]
+    assert result["dead_centres"].values.tolist() == [0.0, len(dead), 0.0]
+    assert result["assemblies"].values.tolist() == [2.0, 2.0, 0.0]
+    assert result["outcome"].values.tolist() == ["passed", "passed", "cannot assemble"]
 
 
 def test_only_what_formulas_take_as_arrays_goes_by_one_formula():

@@ -31,9 +31,9 @@ def test_arguments_with_numbers_as_defaults_are_parameters(model):
     assert parsed_range("crank=20mm:3cm:2", model, there, sampled=False)[1].tolist() == [0.02, 0.03]
     assert parsed_range("ratio=1,2", model, there, sampled=False)[1].tolist() == [1.0, 2.0]
     # the names are those of a four-bar's own, and what they do is the function's
-    found = ms.sweep(model, {"crank": [0.02], "ratio": [1.0, 2.0]}, "range:rocker", set={"branch": -1})
+    result = ms.sweep(model, {"crank": [0.02], "ratio": [1.0, 2.0]}, "range:rocker", set={"branch": -1})
     wanted = ms.sweep("four_bar", {"crank": [0.02, 0.04]}, "range:rocker", set={"branch": -1})
-    np.testing.assert_allclose(found["range:rocker"].values[0], wanted["range:rocker"], rtol=1e-12)
+    np.testing.assert_allclose(result["range:rocker"].values[0], wanted["range:rocker"], rtol=1e-12)
     assert ms.load(model, {"crank": "25mm"}).crank == 0.025
 
 

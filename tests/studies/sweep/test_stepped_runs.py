@@ -54,18 +54,18 @@ def test_what_decides_by_forces_is_stepped_by_itself():
 
 def test_outcomes_of_stepped_designs():
     designs = {"crank": [0.02, 0.045, 0.08, -1.0]}
-    found = ms.sweep("four_bar", designs, "range:rocker", settings=Settings(steps_per_turn=8), speed=40.0)
-    assert found["outcome"].values.tolist() == ["failed", "failed", "diverged", "cannot assemble"]
-    assert "from the solved poses (tolerance" in str(found["reason"].values[0])
-    assert np.isfinite(found["range:rocker"].values[:2]).all()
-    assert np.isnan(found["range:rocker"].values[2:]).all()
+    result = ms.sweep("four_bar", designs, "range:rocker", settings=Settings(steps_per_turn=8), speed=40.0)
+    assert result["outcome"].values.tolist() == ["failed", "failed", "diverged", "cannot assemble"]
+    assert "from the solved poses (tolerance" in str(result["reason"].values[0])
+    assert np.isfinite(result["range:rocker"].values[:2]).all()
+    assert np.isnan(result["range:rocker"].values[2:]).all()
     hard = Settings(steps_per_turn=8, solref=(-1e12, -1e3))
-    found = ms.sweep("four_bar", {"crank": [0.02]}, "range:rocker", settings=hard, speed=40.0)
-    assert found["outcome"].values.tolist() == ["diverged"]
+    result = ms.sweep("four_bar", {"crank": [0.02]}, "range:rocker", settings=hard, speed=40.0)
+    assert result["outcome"].values.tolist() == ["diverged"]
 
 
 @pytest.mark.parametrize(
-    ("measure", "said"),
+    ("measure", "printed"),
     [
         ("crank_range", "crank_range needs formulas"),
         ("max:transmission", "leave out --method step"),
@@ -73,18 +73,18 @@ def test_outcomes_of_stepped_designs():
         ("at:10deg:rocker", "no instant is recorded at"),
     ],
 )
-def test_what_no_stepped_motion_reports_is_rejected(measure, said):
-    with pytest.raises(InputError, match=said):
+def test_what_no_stepped_motion_reports_is_rejected(measure, printed):
+    with pytest.raises(InputError, match=printed):
         swept_task("four_bar", {"crank": [0.03]}, measure, settings=FEW, samples=30)
 
 
 def test_a_check_finds_a_table_that_is_wrong():
     for given in (ASKED, {"samples": 12}):
         task = swept_task("watt_six_bar", {"crank": [0.02, 0.03]}, "range:output", **given)
-        found = run_sweep(task)
-        assert check_sweep(task, found, 2).passed == 2
-        found["range:output"].values[1] *= 1.0 + 1e-6
-        checked = check_sweep(task, found, 2)
+        result = run_sweep(task)
+        assert check_sweep(task, result, 2).passed == 2
+        result["range:output"].values[1] *= 1.0 + 1e-6
+        checked = check_sweep(task, result, 2)
         assert checked.passed == 1
         assert "in the table and" in checked.failed[1]
 

@@ -16,13 +16,13 @@ MEASURES = ["range:rocker", "crank_range"]
 @pytest.mark.parametrize("ending", ["nc", "zarr", "parquet", "csv"])
 def test_what_is_written_reads_back(tmp_path, ending):
     path = tmp_path / f"out.{ending}"
-    found = ms.sweep("four_bar", VARY, MEASURES, output=path)
+    result = ms.sweep("four_bar", VARY, MEASURES, output=path)
     again = read_sweep(path)
-    np.testing.assert_array_equal(again["range:rocker"], found["range:rocker"])
-    np.testing.assert_array_equal(again["crank"], found["crank"])
-    assert again["reason"].values.tolist() == found["reason"].values.tolist()
+    np.testing.assert_array_equal(again["range:rocker"], result["range:rocker"])
+    np.testing.assert_array_equal(again["crank"], result["crank"])
+    assert again["reason"].values.tolist() == result["reason"].values.tolist()
     assert again["range:rocker"].dims == ("crank", "coupler")
-    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    assert [item.name for item in tmp_path.iterdir()] == [path.name]
     if ending != "csv":
         assert again["range:rocker"].attrs["units"] == "rad"
         assert again.attrs["model"] == "four_bar"
@@ -58,7 +58,7 @@ def test_a_sweep_that_was_stopped_goes_on_and_gives_the_same_file(tmp_path, monk
         sweeping, "run_chunks", lambda task, parts, *rest: left.append(parts) or run(task, parts, *rest)
     )
     ms.sweep("four_bar", VARY, MEASURES, output=cut, resume=True)
-    assert [one[0] for one in left[0]] == [2, 3, 4]
+    assert [item[0] for item in left[0]] == [2, 3, 4]
     ms.sweep("four_bar", VARY, MEASURES, output=whole)
     assert cut.read_bytes() == whole.read_bytes()
 
@@ -71,15 +71,17 @@ def test_a_part_that_was_cut_off_is_made_again(tmp_path, monkeypatch):
     part = next(path.with_name("out.nc.parts").glob("*1.npz"))
     part.write_bytes(part.read_bytes()[:100])
     monkeypatch.setattr(sweeping, "run_chunks", run)
-    found = ms.sweep("four_bar", VARY, MEASURES, output=path, resume=True)
-    np.testing.assert_array_equal(found["range:rocker"], ms.sweep("four_bar", VARY, MEASURES)["range:rocker"])
+    result = ms.sweep("four_bar", VARY, MEASURES, output=path, resume=True)
+    np.testing.assert_array_equal(
+        result["range:rocker"], ms.sweep("four_bar", VARY, MEASURES)["range:rocker"]
+    )
 
 
 def test_another_sweeps_output_is_not_written_over(tmp_path):
     path = tmp_path / "out.nc"
-    found = ms.sweep("four_bar", VARY, MEASURES, output=path)
+    result = ms.sweep("four_bar", VARY, MEASURES, output=path)
     before = path.read_bytes()
-    assert built(ms.sweep("four_bar", VARY, MEASURES, output=path, resume=True)) == built(found)
+    assert built(ms.sweep("four_bar", VARY, MEASURES, output=path, resume=True)) == built(result)
     for other in ({"samples": 10}, {"speed": 2.0}, {"set": {"rocker": 0.08}}):
         with pytest.raises(InputError, match="contains another sweep"):
             ms.sweep("four_bar", VARY, MEASURES, output=path, **other)

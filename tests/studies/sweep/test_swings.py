@@ -51,14 +51,14 @@ def model(request, tmp_path):
 @pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
 def test_designs_that_swing_are_built_together_over_their_reachable_range(model, monkeypatch):
     left = []
-    monkeypatch.setattr(methods, "one_by_one", lambda task, rows, index, found: left.extend(index))
-    found = ms.sweep(model, {"rocker": ROCKERS}, ["range:rocker", "at:90deg:rocker"])
+    monkeypatch.setattr(methods, "one_by_one", lambda task, rows, index, result: left.extend(index))
+    result = ms.sweep(model, {"rocker": ROCKERS}, ["range:rocker", "at:90deg:rocker"])
     # designs one by one took a second each
     assert left == []
-    assert found["outcome"].values.tolist() == ["swings"] * len(ROCKERS)
-    assert built(found) == len(ROCKERS)
+    assert result["outcome"].values.tolist() == ["swings"] * len(ROCKERS)
+    assert built(result) == len(ROCKERS)
     for rocker, reason, wide in zip(
-        ROCKERS, found["reason"].values, found["range:rocker"].values, strict=True
+        ROCKERS, result["reason"].values, result["range:rocker"].values, strict=True
     ):
         end = np.rad2deg(reach(rocker))
         assert reason == f"the crank swings from {-end:.6g} to {end:.6g} deg"
@@ -69,31 +69,31 @@ def test_designs_that_swing_are_built_together_over_their_reachable_range(model,
 @pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
 def test_designs_that_swing_agree_with_mujoco_and_with_each_by_itself(model):
     task = swept_task(model, {"rocker": [0.034, 0.046]}, ["range:rocker", "max:B.vx", "max:B.ax"], speed=3.0)
-    found = run_sweep(task)
-    assert found["outcome"].values.tolist() == ["swings", "passed"]
-    checked = check_sweep(task, found, 2)
+    result = run_sweep(task)
+    assert result["outcome"].values.tolist() == ["swings", "passed"]
+    checked = check_sweep(task, result, 2)
     assert checked.passed == checked.count == 2, checked.failed
-    broken = found.copy(deep=True)
+    broken = result.copy(deep=True)
     broken["range:rocker"][0] += 1e-4
     assert check_sweep(task, broken, 2).passed == 1
 
 
 def test_forces_of_a_swing_are_those_of_a_run():
-    found = ms.sweep("four_bar", {"rocker": [0.034]}, "max:torque", set={"branch": -1})
-    assert found["outcome"].values.tolist() == ["swings"]
-    assert float(found["max:torque"][0]) > 0.0
+    result = ms.sweep("four_bar", {"rocker": [0.034]}, "max:torque", set={"branch": -1})
+    assert result["outcome"].values.tolist() == ["swings"]
+    assert float(result["max:torque"][0]) > 0.0
 
 
 def test_what_closes_nowhere_is_no_swing():
-    found = ms.sweep("four_bar", {"coupler": [0.01, 0.2]}, "range:rocker", set={"rocker": 0.01})
-    assert found["outcome"].values.tolist() == ["cannot assemble"] * 2
-    assert built(found) == 0
-    found = ms.sweep("four_bar", {"rocker": [0.034]}, "at:170deg:rocker")
-    assert found["outcome"].values.tolist() == ["cannot assemble"]
+    result = ms.sweep("four_bar", {"coupler": [0.01, 0.2]}, "range:rocker", set={"rocker": 0.01})
+    assert result["outcome"].values.tolist() == ["cannot assemble"] * 2
+    assert built(result) == 0
+    result = ms.sweep("four_bar", {"rocker": [0.034]}, "at:170deg:rocker")
+    assert result["outcome"].values.tolist() == ["cannot assemble"]
 
 
 def test_a_swing_is_stepped_too():
     settings = ms.Settings(steps_per_turn=1000)
-    found = ms.sweep("four_bar", {"rocker": [0.034, 0.046]}, "range:rocker", settings=settings, speed=3.0)
-    assert found["outcome"].values.tolist() == ["swings", "passed"]
-    assert 0.8 * extent(0.034) < float(found["range:rocker"][0]) < extent(0.034)
+    result = ms.sweep("four_bar", {"rocker": [0.034, 0.046]}, "range:rocker", settings=settings, speed=3.0)
+    assert result["outcome"].values.tolist() == ["swings", "passed"]
+    assert 0.8 * extent(0.034) < float(result["range:rocker"][0]) < extent(0.034)
