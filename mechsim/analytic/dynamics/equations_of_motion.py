@@ -198,7 +198,7 @@ class EquationsOfMotion:
         mass = self._mass(jacobians, inertia)
         acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
         wrenches = acting.gravity + acting.springs + acting.damping + loaded.wrenches
-        at_joints = self._at_joints(state, time, loaded.crank)
+        at_joints = _actuator_forces(self, state, time, loaded.crank)
         directions = friction_directions(self.frictions, unit, jacobians)
         rubbing = np.zeros_like(at_joints)
         for friction, direction, sign in zip(self.frictions, directions, sliding, strict=True):
@@ -326,19 +326,6 @@ class EquationsOfMotion:
         scaled = state.poses.unit_twists[self.free] * self.loops.units[self.free, None, None]
         return moved[None, :, None, :] * scaled.transpose(2, 1, 0)[:, None]
 
-    def _at_joints(self, state: Kinematics, time: Array, torque: Array) -> Array:
-        """Return the generalised force of motor, controllers and load torque on the crank, (n, free)."""
-        total = np.zeros((len(self.loops.units), len(time)))
-        if self.crank is not None:
-            total[self.crank] = torque + self.model.forces.motor_torque(state.rates[self.crank])
-        index_of, units = self.loops.tree.index_of, self.loops.units
-        for controller in self.model.forces.controllers:
-            values = {name: state.q.values[index_of[name]] for name in controller.coordinates}
-            rates = {name: state.rates[i] * units[i] for name, i in index_of.items() if name in values}
-            index = index_of[controller.coordinate]
-            total[index] += controller.effort(values, rates, time) * units[index]
-        return total[self.free].T
-
     def _direction_rates(self, state: Kinematics, stuck: Sequence[int]) -> Array:
         """Return the velocity-product terms of the coordinates with sticking friction, (n, stuck)."""
         displaced: list[Array] = []
@@ -349,6 +336,20 @@ class EquationsOfMotion:
             )
         change = (displaced[0] - displaced[1])[list(stuck)] / (2.0 * DIFFERENCE)
         return np.einsum("fnk,kn->nf", change, state.rates[self.free])
+
+
+def _actuator_forces(equations: EquationsOfMotion, state: Kinematics, time: Array, torque: Array) -> Array:
+    """Return the generalised force of motor, controllers and load torque on the crank, (n, free)."""
+    forces, tree, units = equations.model.forces, equations.loops.tree, equations.loops.units
+    total = np.zeros((len(units), len(time)))
+    if equations.crank is not None:
+        total[equations.crank] = torque + forces.motor_torque(state.rates[equations.crank])
+    for controller in forces.controllers:
+        values = {name: state.q.values[tree.index_of[name]] for name in controller.coordinates}
+        rates = {name: state.rates[i] * units[i] for name, i in tree.index_of.items() if name in values}
+        index = tree.index_of[controller.coordinate]
+        total[index] += controller.effort(values, rates, time) * units[index]
+    return total[equations.free].T
 
 
 def with_locked_rows(equations: EquationsOfMotion, jacobian: Array, indices: Sequence[int]) -> Array:
