@@ -70,18 +70,19 @@ def link_poses(tree: SpanningTree, q: Coordinates) -> LinkPoses:
     for branch, relative in zip(tree.branches, _relative_rotations(tree, q), strict=True):
         sides, i, parent = tree.constants[branch.child], branch.child, branch.parent
         if parent < 0:
-            on_parent, rotation[i] = _wide(sides.parent_point, 1), relative
+            origin, arm, rotation[i] = 0.0, _wide(sides.parent_point, 1), relative
         else:
-            on_parent = position[parent] + carried_point(sides.parent_point, rotation[parent])
+            origin, arm = position[parent], carried_point(sides.parent_point, rotation[parent])
             rotation[i] = matrix_product(rotation[parent], relative)
-        on_child = on_parent
+        slid = np.zeros((3, 1), dtype)
         for k, (link, axis) in enumerate(tree.axes[i], branch.first):
             axes[:, k] = _wide(axis, 1) if link < 0 else carried_point(axis, rotation[link])
             # axes of rotations pass through side b's point
-            centres[:, k] = on_child if branch.forward else on_parent
+            centres[:, k] = origin + (arm + slid if branch.forward else arm)
             if k < branch.first_angle:
-                on_child = on_child + axes[:, k] * q.values[k]
-        position[i] = on_child - carried_point(sides.child_point, rotation[i])
+                slid = slid + axes[:, k] * q.values[k]
+        # a link's displacement from its parent first: rods of equal length then cancel exactly
+        position[i] = origin + (arm - carried_point(sides.child_point, rotation[i]) + slid)
     return LinkPoses(position, rotation, _unit_twists(tree, axes, centres))
 
 
