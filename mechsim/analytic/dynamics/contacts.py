@@ -190,6 +190,8 @@ class Contacts:
         sliding = replace(mode, sliding=np.where(moving, np.sign(rates), mode.sliding), stuck=[])
         acceleration = self.accelerate(after, times, sliding).acceleration
         growth = np.sign(rates) * equations.friction_accelerations(after, acceleration)[:, 0]
+        # a friction that balances the forces to rounding holds
+        growth -= 0.5 * BALANCED * np.abs(equations.friction_accelerations(after, tendency)[:, 0])
         if (growth[moving] <= 0.0).all():
             return mode
         return sliding if (growth[moving] > 0.0).all() else None
