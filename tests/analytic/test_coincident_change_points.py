@@ -49,7 +49,7 @@ def test_two_linkages_with_a_common_change_point_have_a_period_of_two_revolution
     # each is flat once a turn, and goes on in its other assembly
     item = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     other = catalog.make("four_bar", ground=0.09, crank=0.03, coupler=0.11, rocker=0.05)
-    form = LoopForm(beside(item.mechanism, other.mechanism))
+    form = LoopForm(side_by_side(item.mechanism, other.mechanism))
     assert len(form.change_points()) == 1
     assert form.period == LoopForm(item.mechanism).period == 4.0 * np.pi
     angle = np.r_[form.change_points(), np.linspace(-1.0, 12.0, 60)]
@@ -61,7 +61,7 @@ def test_two_linkages_with_a_common_change_point_have_a_period_of_two_revolution
         np.testing.assert_allclose(place.velocity, exact.points["B"].velocity, atol=1e-10)
 
 
-def beside(item: Mechanism, other: Mechanism) -> Mechanism:
+def side_by_side(item: Mechanism, other: Mechanism) -> Mechanism:
     """Two linkages in one plane on one crank."""
     called = {name: f"{name}'" for name in [link.name for link in other.links]} | {other.driver: item.driver}
     crank = item.crank.b.link
@@ -96,8 +96,8 @@ def test_separate_flat_poses_are_passed_and_nearly_coincident_ones_rejected():
 @pytest.mark.parametrize("at", [-0.93, -0.2, 0.4, 0.97])
 def test_a_determinant_that_touches_zero_is_distinguished_from_one_that_does_not(pairs, at):
     nodes = np.cos(np.linspace(np.pi, 0.0, 9))
-    beside = np.exp(0.7 * nodes) * (1.3 + 0.2 * np.sin(2.0 * nodes))
-    behind = even_change_point(pairs * np.log(np.abs(nodes - at) * beside))
+    side_by_side = np.exp(0.7 * nodes) * (1.3 + 0.2 * np.sin(2.0 * nodes))
+    behind = even_change_point(pairs * np.log(np.abs(nodes - at) * side_by_side))
     assert behind is not None
     assert nodes[behind] <= at <= nodes[behind + 1]
-    assert even_change_point(np.log((nodes - at) ** 2 + 0.3) + pairs * np.log(beside)) is None
+    assert even_change_point(np.log((nodes - at) ** 2 + 0.3) + pairs * np.log(side_by_side)) is None

@@ -87,14 +87,14 @@ def test_derivatives_are_those_of_the_motions_of_mechanisms_next_to(model, given
     result = motion_derivatives(form, changes(of, names), angles, speed)
     kinds = {"points": ("position", "velocity", "acceleration"), "joints": ("value", "rate")}
     for name in names:
-        beside, step = differences(of, name, angles, speed)
+        neighbours, step = differences(of, name, angles, speed)
         for kind, part in ((kind, part) for kind, parts in kinds.items() for part in parts):
             reported = {item: getattr(moved, part) for item, moved in getattr(result.by[name], kind).items()}
             # a closed form does not tell joints of several coordinates
-            shared = [item for item in reported if item in getattr(beside[0], kind)]
+            shared = [item for item in reported if item in getattr(neighbours[0], kind)]
             size = max(0.1, *(np.abs(reported[item]).max() for item in shared))
             for item in shared:
-                a, b, c, d = (getattr(getattr(motion, kind)[item], part) for motion in beside)
+                a, b, c, d = (getattr(getattr(motion, kind)[item], part) for motion in neighbours)
                 assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - reported[item]).max() <= 1e-7 * size
 
 

@@ -61,8 +61,10 @@ def test_derivatives_of_efforts_are_those_of_the_models_next_to(name, forces, di
     assert len(compared) > 10
     for column in compared:
         a, b, c, d = (item[column] for item in near)
-        beside = [item for item in compared if item.rpartition(".")[2][:1] == column.rpartition(".")[2][:1]]
-        size = max(np.abs(reported[item]).max() for item in beside)
+        same_kind = [
+            item for item in compared if item.rpartition(".")[2][:1] == column.rpartition(".")[2][:1]
+        ]
+        size = max(np.abs(reported[item]).max() for item in same_kind)
         assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - reported[column]).max() <= 2e-7 * max(
             size, 1e-3
         )

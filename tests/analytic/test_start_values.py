@@ -67,13 +67,13 @@ def test_both_methods_begin_where_the_mechanism_is_put_together():
 def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):
     rough = tmp_path / "rough.toml"
     rough.write_text(to_toml(spherical_four_bar()), "utf-8")
-    begun = load(str(rough)).mechanism
+    started = load(str(rough)).mechanism
     reported = toml_model(read_source(str(rough))).solver.mechanism.guess["three"].rotation
-    assert np.abs(begun.guess["three"].rotation - reported).max() > 0.1
+    assert np.abs(started.guess["three"].rotation - reported).max() > 0.1
     again = tmp_path / "again.toml"
-    again.write_text(to_toml(begun), "utf-8")
+    again.write_text(to_toml(started), "utf-8")
     back = load(str(again)).mechanism
-    assert all((back.guess[link].rotation == pose.rotation).all() for link, pose in begun.guess.items())
+    assert all((back.guess[link].rotation == pose.rotation).all() for link, pose in started.guess.items())
 
 
 def test_a_floating_joint_is_rejected_where_no_model_can_have_it():

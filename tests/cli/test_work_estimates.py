@@ -234,10 +234,10 @@ def test_long_work_states_how_long_it_goes_on(
 
 
 @pytest.mark.parametrize(
-    ("method", "roads"), [("pose", 3), pytest.param("step", 3, marks=fourth_order_only), ("none", 1)]
+    ("method", "count"), [("pose", 3), pytest.param("step", 3, marks=fourth_order_only), ("none", 1)]
 )
 def test_dynamics_state_on_every_method_how_far_they_have_come(
-    method: str, roads: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    method: str, count: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     reported: list[tuple[str, float]] = []
 
@@ -251,7 +251,7 @@ def test_dynamics_state_on_every_method_how_far_they_have_come(
         cli.main()
     assert ended.value.code == 0
     capsys.readouterr()
-    assert list(dict.fromkeys(route for route, _ in reported)) == ["formulas", "MuJoCo", "check"][:roads]
+    assert list(dict.fromkeys(route for route, _ in reported)) == ["formulas", "MuJoCo", "check"][:count]
     parts = [part for _, part in reported]
     assert parts == sorted(parts)
     assert parts[-1] == 1.0

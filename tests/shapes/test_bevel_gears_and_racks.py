@@ -103,9 +103,9 @@ def test_a_pinion_meshes_with_its_rack_over_the_whole_travel(sign):
     assert {round(np.sign(s.to[1] - s.frm[1])) for s in teeth} == {-round(sign)}
     for angle in np.linspace(-1.0, 1.0, 9):
         direction = 0.001 + 0.003 + sign * radius * (angle - 0.2)
-        beside = (teeth[0].frm[0] + slide[0] + direction - shaft[0]) / step
+        offset = (teeth[0].frm[0] + slide[0] + direction - shaft[0]) / step
         turned = (tooth + angle - branch_point) * len(spokes) / (2.0 * np.pi)
-        assert (beside - sign * turned) % 1.0 == pytest.approx(0.5, abs=1e-6)
+        assert (offset - sign * turned) % 1.0 == pytest.approx(0.5, abs=1e-6)
     ends = [t.frm[0] + slide[0] - shaft[0] for t in teeth]
     assert min(ends) < -0.06 - step
     assert max(ends) > 0.05 + step

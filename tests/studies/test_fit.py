@@ -99,8 +99,8 @@ def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, 
     table = {item: whole[item][::9] for item in wanted}
     of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), speed=20.0)
     true = {item: of.designs.dimensions[item].value for item in vary}
-    begun = replace(of, designs=family_at(of.designs, {item: 0.99 * value for item, value in true.items()}))
-    result = ms.fit(begun, table, vary)
+    initial = replace(of, designs=family_at(of.designs, {item: 0.99 * value for item, value in true.items()}))
+    result = ms.fit(initial, table, vary)
     assert result.outcome == "fitted"
     assert all(result.values[item] == pytest.approx(value, rel=1e-10) for item, value in true.items())
     assert {*result.rms} == {*table} - {"angle", "t"}

@@ -53,7 +53,7 @@ def test_a_search_whose_time_is_up_tries_nothing_more(driven):
 @pytest.mark.parametrize("which", ["fed", "driven"])
 def test_a_tuned_file_is_what_was_run(which, request, tmp_path):
     item = request.getfixturevalue(which)
-    text = tuned_text(item, HARD, ["said of it"], tmp_path)
+    text = tuned_text(item, HARD, ["a comment"], tmp_path)
     outside = write_scene(item, HARD, text.after, tmp_path / "out.xml")
     meant = run_scene(item, HARD.applied(item.model), records=None)
     assert np.abs(run_scene(outside, records=None).qpos - meant.qpos).max() < 1e-12

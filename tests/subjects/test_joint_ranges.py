@@ -36,7 +36,7 @@ def prescribed(form):
     return dynamics.prescribed(machine, t=np.linspace(0.0, 1.0, 5))
 
 
-ROADS = {
+ROUTES = {
     "solved": lambda form: form.solve(t=np.linspace(0.0, 1.0, 5)),
     "row by row": lambda form: poses_of_table(form, {"crank": np.array([0.0, 0.1])}, "rows.csv"),
     "posed": lambda form: simulate(form, method="pose"),
@@ -45,13 +45,13 @@ ROADS = {
 }
 
 
-@pytest.mark.parametrize("route", ROADS)
+@pytest.mark.parametrize("route", ROUTES)
 def test_a_start_outside_a_range_is_rejected_by_every_method(arm, route):
     with pytest.raises(AssemblyError, match=r"joint 'wrist' would be at 0\.1 rad, .* of 0\.2 to 1, at "):
-        ROADS[route](arm("0.1rad"))
-    ROADS[route](arm("0.3rad"))
+        ROUTES[route](arm("0.1rad"))
+    ROUTES[route](arm("0.3rad"))
     off = ARM.replace("<worldbody>", '<option><flag limit="disable"/></option><worldbody>')
-    ROADS[route](arm("0.1rad", off))
+    ROUTES[route](arm("0.1rad", off))
 
 
 def test_poses_report_floating_bodies(tmp_path):

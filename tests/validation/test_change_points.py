@@ -43,6 +43,6 @@ def test_poses_fold_where_the_path_bends_so_sharply_that_little_of_it_is_known(s
 
 def test_a_method_that_folds_is_found_out(study, monkeypatch):
     monkeypatch.setitem(
-        study.ROADS, "folding", lambda drive: drive.positions(study.ANGLES, change_point="branch")["B"]
+        study.ROUTES, "folding", lambda drive: drive.positions(study.ANGLES, change_point="branch")["B"]
     )
     assert study.tallied("folding", study.random_linkages(3, False)).wrong == 3

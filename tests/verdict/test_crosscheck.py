@@ -23,7 +23,7 @@ DRIVES: dict[str, ClosedForm] = {
     "four_bar": catalog.make("four_bar"),
     "slider_crank": catalog.make("slider_crank"),
 }
-ROADS = ("pose", "step")
+ROUTES = ("pose", "step")
 # what each mechanism's second and third link are called among its parameters
 LINKS = {
     "rssr": ("coupler", "rocker"),
@@ -51,7 +51,7 @@ def named_as_the_points(drive: ClosedForm):
 
 
 @pytest.mark.parametrize("name", DRIVES)
-@pytest.mark.parametrize("route", ROADS)
+@pytest.mark.parametrize("route", ROUTES)
 def test_a_correct_mechanism_passes_by_both_methods(name: str, route: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(turned(name, route), drive, speed=SPEED)
@@ -62,7 +62,7 @@ def test_a_correct_mechanism_passes_by_both_methods(name: str, route: str) -> No
 
 
 @pytest.mark.parametrize("name", DRIVES)
-@pytest.mark.parametrize("route", ROADS)
+@pytest.mark.parametrize("route", ROUTES)
 def test_a_function_can_be_the_analytic_motion(name: str, route: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(turned(name, route), named_as_the_points(drive))
@@ -105,12 +105,12 @@ def refused(verdict: Verdict, outcome: str = "failed") -> None:
 
 
 # each link by one method, each mechanism by both
-ONE_ROAD = [
-    (name, link, ROADS[i % 2]) for name, links in LINKS.items() for i, link in enumerate(("crank", *links))
+ONE_ROUTE = [
+    (name, link, ROUTES[i % 2]) for name, links in LINKS.items() for i, link in enumerate(("crank", *links))
 ]
 
 
-@pytest.mark.parametrize(("name", "link", "route"), ONE_ROAD)
+@pytest.mark.parametrize(("name", "link", "route"), ONE_ROUTE)
 def test_a_link_too_long_by_a_thousandth_fails(name: str, link: str, route: str) -> None:
     drive = DRIVES[name]
     wrong = replace(drive, **{link: 1.001 * getattr(drive, link)})
@@ -126,7 +126,7 @@ def test_two_swapped_links_fail(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DRIVES)
-@pytest.mark.parametrize("route", ROADS)
+@pytest.mark.parametrize("route", ROUTES)
 def test_the_other_assembly_is_named_as_such(name: str, route: str) -> None:
     drive = DRIVES[name]
     wrong = replace(drive, branch=-drive.branch)
@@ -134,7 +134,7 @@ def test_the_other_assembly_is_named_as_such(name: str, route: str) -> None:
 
 
 @pytest.mark.parametrize("turned", ["gamma1", "gamma2"])
-@pytest.mark.parametrize("route", ROADS)
+@pytest.mark.parametrize("route", ROUTES)
 def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(turned: str, route: str) -> None:
     drive = DRIVES["rssr"]
     wrong = replace(drive, **{turned: getattr(drive, turned) + np.deg2rad(0.1)})

@@ -59,10 +59,10 @@ def main() -> None:
     if given.once:
         print(json.dumps(speeds()))
         return
-    roads = {"here": HERE} | ({"there": given.against} if given.against else {})
+    routes = {"here": HERE} | ({"there": given.against} if given.against else {})
     result: dict[tuple[str, str], list[float]] = defaultdict(list)
     for _ in range(given.rounds):
-        for route, path in roads.items():
+        for route, path in routes.items():
             environment = {**os.environ, "PYTHONPATH": str(path), "OMP_NUM_THREADS": "1"}
             call = [sys.executable, __file__, "--once"]
             output = subprocess.run(call, env=environment, capture_output=True, text=True, check=True).stdout

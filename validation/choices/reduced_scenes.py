@@ -44,9 +44,9 @@ def outside(scene: UserScene, spec: mujoco.MjSpec, text: str) -> float:
         tilt = evaluator.scene(mujoco.MjSpec.from_string(text))
         return evaluator.errors(tilt, compare_forces=False).trajectory
     tilt = mujoco.MjModel.from_xml_string(text)
-    stride = round(float(tilt.opt.timestep / named.opt.timestep))
+    step_ratio = round(float(tilt.opt.timestep / named.opt.timestep))
     far, near = (_looped(moved, model, tracked) for model in (named, tilt))
-    far = far[:: max(1, stride)]
+    far = far[:: max(1, step_ratio)]
     count = min(len(far), len(near))
     return float(np.linalg.norm(far[:count] - near[:count], axis=2).max())
 

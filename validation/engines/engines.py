@@ -22,9 +22,9 @@ def by_c(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: Arra
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = qpos, qvel
     sims.bind("ctrl")[:] = ctrl
-    begun = time.process_time()
+    before = time.process_time()
     out = sims.rollout(steps, record=("qpos",))
-    return out["qpos"][0], time.process_time() - begun
+    return out["qpos"][0], time.process_time() - before
 
 
 def by_warp(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: Array) -> tuple[Array, float]:
@@ -40,11 +40,11 @@ def by_warp(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: A
     mjw.step(there, mjw.put_data(model, data))
     state = mjw.put_data(model, data)
     result = np.empty((steps, model.nq))
-    begun = time.process_time()
+    before = time.process_time()
     for row in result:
         mjw.step(there, state)
         row[:] = state.qpos.numpy()[0]
-    return result, time.process_time() - begun
+    return result, time.process_time() - before
 
 
 # engine -> the module it needs, how it steps

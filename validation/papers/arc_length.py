@@ -66,7 +66,7 @@ class Frame:
     mark_rate: Array
 
 
-class Road(Protocol):
+class Route(Protocol):
     """What can be walked along: a manifold of one dimension."""
 
     @property
@@ -93,7 +93,7 @@ class Road(Protocol):
 
 
 def walk(
-    route: Road,
+    route: Route,
     start: Array,
     *,
     direction: ArrayLike | None = None,
@@ -156,7 +156,7 @@ def walk(
     return _curve(points, arc, frames, False, newton)
 
 
-def turns(route: Road, curve: Curve, rate: Callable[[Frame], float]) -> Array:
+def turns(route: Route, curve: Curve, rate: Callable[[Frame], float]) -> Array:
     """Return the points of a curve at which a rate along it vanishes, (k, dim).
 
     Args:
@@ -178,7 +178,7 @@ def turns(route: Road, curve: Curve, rate: Callable[[Frame], float]) -> Array:
     return np.array(result).reshape(len(result), curve.points.shape[1])
 
 
-def _begin(route: Road, start: Array, direction: ArrayLike | None) -> tuple[Array, Frame, int]:
+def _begin(route: Route, start: Array, direction: ArrayLike | None) -> tuple[Array, Frame, int]:
     try:
         y, newton = route.corrected(start)
         moved = float(np.linalg.norm(y - start))
@@ -195,7 +195,7 @@ def _begin(route: Road, start: Array, direction: ArrayLike | None) -> tuple[Arra
         raise InputError(f"{error}; start somewhere else") from error
 
 
-def _advance(route: Road, solver: "DOP853", at: Array) -> None:
+def _advance(route: Route, solver: "DOP853", at: Array) -> None:
     """Let the solver take a step."""
     solver.step()
     if str(solver.status) == "failed":
@@ -204,7 +204,7 @@ def _advance(route: Road, solver: "DOP853", at: Array) -> None:
         )
 
 
-def _landed(route: Road, solver: "DOP853", at: Array, last: Frame) -> tuple[Array, Frame, int]:
+def _landed(route: Route, solver: "DOP853", at: Array, last: Frame) -> tuple[Array, Frame, int]:
     """Return the point of the curve nearest to a step's end, from which the solver then goes on."""
     here, iterations = route.corrected(solver.y)
     frame = route.frame(here, last.tangent)
@@ -218,7 +218,7 @@ def _landed(route: Road, solver: "DOP853", at: Array, last: Frame) -> tuple[Arra
 
 
 def _homecoming(
-    route: Road, solver: "DOP853", start: Array, plane: Array, first: Frame
+    route: Route, solver: "DOP853", start: Array, plane: Array, first: Frame
 ) -> tuple[Array, float, int] | None:
     """Return the start met again, the length of the curve and the iterations, if the last step passed it."""
     dense = solver.dense_output()

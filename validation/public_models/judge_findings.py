@@ -243,8 +243,10 @@ def predicted_gaps(path, computed):
     motion = driver_swing(scene)
     if motion is None:
         return
-    observed, astray = min((stepped_gap(scene, motion, rate) for rate in RATES), key=lambda result: result[1])
-    if not astray < FOLLOWED:
+    observed, deviation = min(
+        (stepped_gap(scene, motion, rate) for rate in RATES), key=lambda result: result[1]
+    )
+    if not deviation < FOLLOWED:
         return
     for finding in computed:
         number = next(loop.number for loop in scene.loops if loop.name == finding.object)

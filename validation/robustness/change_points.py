@@ -111,7 +111,7 @@ def by_poses(drive: catalog.FourBar) -> Array:
     ]
 
 
-ROADS: dict[str, Callable[[catalog.FourBar], Array]] = {
+ROUTES: dict[str, Callable[[catalog.FourBar], Array]] = {
     "closed form": by_closed_form,
     "loop equations": by_loop_equations,
     "MuJoCo, poses": by_poses,
@@ -125,7 +125,7 @@ def tallied(road: str, linkages: Sequence[Lengths], through: ChangePointPolicy =
     for lengths in linkages:
         drive = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)), change_point=through)
         try:
-            result = ROADS[road](drive)
+            result = ROUTES[road](drive)
         except MechsimError as error:
             print(f"refused by {road}: {lengths}: {error}", file=sys.stderr)
             refused += 1
@@ -152,7 +152,7 @@ def main() -> None:
     print(f"{'linkages':<24}{'road':<18}{'right':>7}{'refused':>9}{'wrong':>7}   worst error / size")
     for kind, near, through in KINDS:
         linkages = random_linkages(asked.count, near, asked.seed)
-        for road in ROADS:
+        for road in ROUTES:
             item = tallied(road, linkages, through)
             counts = f"{item.right:>7}{item.refused:>9}{item.wrong:>7}"
             print(f"{len(linkages)} {kind:<20}{item.road:<18}{counts}   {item.worst:.1e}", flush=True)

@@ -27,7 +27,7 @@ ZERO = 0.02
 PART = 0.95
 
 
-def covered(name, columns, vary, offset, told, tables):
+def covered(name, columns, vary, offset, errors_known, tables):
     """How many of all fitted dimensions lie within what is stated, and the mean of squares next to one."""
     subject = ms.moved(name, angles=ANGLES)
     exact = subject.values(columns, {subject.offset: ZERO if offset else 0.0})
@@ -39,7 +39,7 @@ def covered(name, columns, vary, offset, told, tables):
         for column, values in exact.items():
             size = NOISE["rad" if column.endswith(".q") else "m"]
             table[column] = values + size * random.standard_normal(len(values))
-            if told:
+            if errors_known:
                 table[f"{column}±"] = np.full(len(values), size)
         result = ms.fit(subject, table, vary, offset=offset)
         assert result.outcome == "fitted"
@@ -52,12 +52,12 @@ def covered(name, columns, vary, offset, told, tables):
 def main(tables, names):
     for case in (item for item in CASES if not names or item[0] in names):
         # of several units alike errors are wanted where none are reported
-        for told in (True, False) if len({item.endswith(".q") for item in case[1]}) == 1 else (True,):
-            share, square = covered(*case, told, tables)
+        for errors_known in (True, False) if len({item.endswith(".q") for item in case[1]}) == 1 else (True,):
+            share, square = covered(*case, errors_known, tables)
             words = f"{case[0]:13s} {', '.join(case[2])}{', crank.offset' if case[3] else ''}"
             print(
-                f"{words}: {100.0 * share:.1f} % within 95 %, errors {'told' if told else 'not told'}"
-                + (f", mean square {square:.2f}" if told else ""),
+                f"{words}: {100.0 * share:.1f} % within 95 %, errors {'known' if errors_known else 'unknown'}"
+                + (f", mean square {square:.2f}" if errors_known else ""),
                 flush=True,
             )
             assert 0.93 <= share <= 0.97 or tables < 200

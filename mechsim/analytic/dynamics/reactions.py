@@ -33,7 +33,8 @@ class Balance:
         holds: locked coordinate -> torque or force that locks it, as in `drives`.
         reactions: joint -> reaction.
         gears: "driver-driven" of gears and other couplings -> torque on the driven joint's link b about its
-            axis, or force along it, (n,) in [N m] or [N]; on the driver it is -slope times as large.
+            axis, or force along it, (n,) in [N m] or [N]; the driver has this multiplied by minus the
+            derivative of the driven by the driving coordinate.
         meshes: gear, bevel and rack pair -> force at its pitch point.
         undetermined: couplings whose force self-stresses change.
         residual: largest imbalance of any link, relative to the largest wrench, (n,).

@@ -94,7 +94,7 @@ FAULTS = {
 def test_a_seeded_fault_is_found_with_its_part_its_line_and_a_remedy(fault, tmp_path):
     change, (kind, what, mark) = FAULTS[fault]
     result = seeded(tmp_path, change)
-    assert kind in result, {kind: item.told for kind, item in result.items()}
+    assert kind in result, {kind: item.message for kind, item in result.items()}
     assert result[kind].what == what
     assert result[kind].remedy
     assert result[kind].by > 0 or fault == "a link without mass"

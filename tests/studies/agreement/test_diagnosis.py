@@ -17,7 +17,7 @@ from mechsim.subjects.readers import parametric_model
 SPEED = 20 * np.pi
 
 
-def said(function, model="four_bar", **asked):
+def findings_of(function, model="four_bar", **asked):
     return ms.validate(model, against=function, stepped=False, **asked)
 
 
@@ -80,7 +80,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_the_cause_of_a_difference_is_named_with_its_size(name):
     function, kind, what, by = CASES[name]
-    result = said(function)
+    result = findings_of(function)
     first = result.findings[0]
     assert not result.passed
     assert (first.kind, first.what) == (kind, what), result.why
@@ -90,27 +90,29 @@ def test_the_cause_of_a_difference_is_named_with_its_size(name):
 
 
 def test_a_right_formula_is_not_reported():
-    result = said(bar())
+    result = findings_of(bar())
     assert result.passed
     assert not result.findings
 
 
 def test_what_nothing_explains_is_stated_to_be_so():
-    result = said(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
+    result = findings_of(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
     assert not result.passed
     assert not any(item.certain for item in result.findings)
     assert "none of the tested causes" in result.findings[-1].message
 
 
 def test_a_difference_hardly_beyond_its_bound_is_not_explained():
-    result = said(points(lambda v: v + HARDLY), tolerance=1e-6)
+    result = findings_of(points(lambda v: v + HARDLY), tolerance=1e-6)
     assert not result.passed
     assert [item.kind for item in result.findings] == ["none"]
 
 
 def test_of_two_that_explain_alike_both_are_stated():
     # a point on a circle about the ground's origin cannot tell them apart
-    result = said(lambda angle: {"A": ms.catalog.make("four_bar").solve(angle + 0.02).points["A"].position})
+    result = findings_of(
+        lambda angle: {"A": ms.catalog.make("four_bar").solve(angle + 0.02).points["A"].position}
+    )
     assert {(item.kind, item.what) for item in result.findings} == {
         ("offset", "crank"),
         ("frame", "turn about z"),
@@ -127,7 +129,7 @@ def test_a_motion_law_out_of_phase_is_named():
     def values_of_function(other):
         return lambda drivers, t: {"P": other.solve(t=t).points["P"].position}
 
-    first = said(values_of_function(late), form).findings[0]
+    first = findings_of(values_of_function(late), form).findings[0]
     assert (first.kind, first.what, first.certain) == ("phase", "left", True)
     assert first.by == pytest.approx(0.01, rel=1e-3)
 
@@ -147,7 +149,7 @@ def test_a_gear_that_turns_the_other_way_or_is_turned_over_is_named(model, slip)
     def function(angle):
         return {name: point.position for name, point in wrong.solve(angle).points.items()}
 
-    cause = said(function, model).findings[0]
+    cause = findings_of(function, model).findings[0]
     assert (cause.kind, cause.explains) == ("gear", pytest.approx(1.0))
     assert cause.by == pytest.approx((slip - ratio) / abs(ratio))
     assert f"is {slip:g} instead of {ratio:g}" in cause.message
@@ -160,7 +162,7 @@ def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
     x, y, z = joint.a.point
     moved = replace(joint, a=replace(joint.a, point=(x + 1e-4, y, z)))
     other = replace(mechanism, joints=(*mechanism.joints[:-1], moved))
-    result = said(lambda angle: {"B": ms.loops.solve(other, angle).points["B"].position}, mechanism)
+    result = findings_of(lambda angle: {"B": ms.loops.solve(other, angle).points["B"].position}, mechanism)
     assert result.findings[0].kind == "dimension"
     assert result.findings[0].what.startswith(f"{joint.name}.")
     assert result.findings[0].certain
