@@ -21,7 +21,7 @@ from mechsim.analytic.dynamics.mode_motion import mode_motions
 from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import InitialOptions, ModelOptions
-from mechsim.cli.output import number, print_table, print_text, without_noise
+from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import Progress, progress
 from mechsim.cli.schema import CheckJson
 from mechsim.cli.verdict_text import print_verdicts
@@ -30,7 +30,7 @@ from mechsim.model.finding import Outcome
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
-from mechsim.model.quantities import quantity_names
+from mechsim.model.quantities import coordinate_units, quantity_names
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
@@ -274,10 +274,10 @@ def _run(
             for name, joint in result.motion.joints.items()
         }
         ends = {name: float(joint.rate[-1]) for name, joint in result.motion.joints.items()}
-        rows = [
-            (name, extent["least"], extent["largest"], extent["final"], extent["unit"], ends.get(name))
-            for name, extent in [*extents.items(), *quantities.items()]
-        ]
+        rows: list[tuple[Value, ...]] = []
+        for quantity, extent in [*extents.items(), *quantities.items()]:
+            numbers = without_noise([extent["least"], extent["largest"], extent["final"]])
+            rows.append((quantity, *numbers, extent["unit"], ends.get(quantity)))
         head = ("quantity", "least", "largest", "at the end", "unit", "rate at the end")
         rows += [
             (f"drive {name}", float(effort.min()), float(effort.max()), float(effort[-1]), unit, None)
@@ -367,15 +367,22 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
     ]
     searched = f"found from {STARTS + 1} configurations along the motion"
     other = f" and {assemblies} random ones of any assembly" if assemblies else ""
+    if not rows:
+        hint = "" if assemblies else "; --assemblies N also searches from N random ones of any assembly"
+        print_text(f"{mechanism.name}: no equilibrium {searched}{other}{hint}")
     title = f"{mechanism.name}: {len(solutions)} equilibria {searched}{other}"
-    head = ("at [rad, m]", "stable", "reached", "potential [J]", "frequencies [Hz]")
+    head = ("at", "stable", "reached", "potential [J]", "frequencies [Hz]")
     print_table(title, head, rows)
 
 
 def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
     """Return the drivers' coordinates at an equilibrium; without drivers, the first coordinate."""
-    names = mechanism.drivers or tuple(equilibrium.q)[:1]
-    return ", ".join(f"{name} {number(equilibrium.q[name])}" for name in names)
+    units, texts = coordinate_units(mechanism), list[str]()
+    for name in mechanism.drivers or tuple(equilibrium.q)[:1]:
+        scale = mechanism.characteristic_length if units[name] == "m" else 1.0
+        value = without_noise([equilibrium.q[name], scale])[0]
+        texts.append(f"{name} {number(value)} {units[name]}")
+    return ", ".join(texts)
 
 
 def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
@@ -415,7 +422,7 @@ def _modes(model: DynamicModel, initial: Mapping[str, str], plot: str | None) ->
             rows.append((number(mode.frequency), number(damping), amplitudes))
         state = "stable" if equilibrium.stable else "unstable"
         position = _position(model.mechanism, equilibrium)
-        title = f"{name}: modes about the {state} equilibrium at {position} [rad, m]"
+        title = f"{name}: modes about the {state} equilibrium at {position}"
         print_table(title, ("frequency [Hz]", "damping ratio", "shape"), rows)
 
     return Result(_equilibrium_facts(equilibrium), text, equilibrium.stable)

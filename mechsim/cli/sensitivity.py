@@ -10,7 +10,7 @@ from mechsim import files, units
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, output_file, warn_about_angles, writable
-from mechsim.cli.output import Value, number, print_table, print_text
+from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError
@@ -257,12 +257,15 @@ def _instant_head(table: Sensitivity) -> str:
 
 def _print_derivatives(table: Sensitivity) -> None:
     _, instants = table.moved.over
-    rows = [
-        (quantity, name, float(values[i]), table.unit(quantity, name), float(instants[i]))
-        for quantity in table.values
-        for name, values in table.derivatives(quantity).items()
-        for i in (int(np.argmax(np.abs(values))),)
-    ]
+    rows: list[tuple[Value, ...]] = []
+    for quantity, own in table.values.items():
+        largest = float(np.abs(own).max())
+        for name, values in table.derivatives(quantity).items():
+            i = int(np.argmax(np.abs(values)))
+            # 0 if a change as large as the dimension changes the quantity by rounding errors only
+            dimension = abs(table.dimensions[name].value) or 1.0
+            derivative = without_noise([float(values[i]), largest / dimension])[0]
+            rows.append((quantity, name, derivative, table.unit(quantity, name), float(instants[i])))
     print_table(f"{table.name}: derivatives", ("of", "by", "largest", "unit", _instant_head(table)), rows)
 
 

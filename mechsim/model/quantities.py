@@ -413,7 +413,11 @@ def _distance(mechanism: Mechanism, text: str) -> tuple[Sequence[Column], Functi
     columns: list[Column] = []
     frame: list[Sequence[float]] = []
     for point in _pair("distance:P,Q", text):
-        link, position = mechanism.points.get(point, ("", ()))
+        if point not in mechanism.points:
+            raise InputError(
+                f"{mechanism.name} has no point {point!r}; choose from {', '.join(mechanism.points)}"
+            )
+        link, position = mechanism.points[point]
         if link == GROUND:
             frame.append(position)
         else:

@@ -78,10 +78,10 @@ def coordinates_of(values: Values, read: Mapping[str, Any]) -> FileCoordinates:
 
 
 def drivers_of(coordinates: FileCoordinates, requested: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the driven coordinates: of the file, else the requested ones, else the joint called crank."""
-    read = coordinates.read
-    only_crank = "drivers" not in read and CRANK in read["joints"]
-    drivers = read.get("drivers") or requested or ((CRANK,) if only_crank else ())
+    """Return the driven coordinates: of the file, else the requested ones, else the default ones."""
+    drivers = coordinates.read.get("drivers") or requested
+    if not drivers and "drivers" not in coordinates.read:
+        drivers = default_drivers(coordinates)
     if not drivers:
         raise InputError('no joint is driven; add drivers = ["NAME OF A JOINT"], or --drive JOINT=LAW')
     for name in drivers:
@@ -92,6 +92,17 @@ def drivers_of(coordinates: FileCoordinates, requested: tuple[str, ...]) -> tupl
             reason = f"names {kind} joint {name!r}; only a {only} one can be driven"
             raise coordinates.error(("drivers",), reason)
     return tuple(drivers)
+
+
+def default_drivers(coordinates: FileCoordinates) -> tuple[str, ...]:
+    """Return the joint called crank; of an open chain all joints that can be driven: they are independent."""
+    joints = coordinates.read["joints"]
+    if CRANK in joints:
+        return (CRANK,)
+    links = {joint[end]["link"] for joint in joints.values() for end in ("a", "b")}
+    if len(joints) >= len(links) or coordinates.read.get("couplings"):
+        return ()
+    return tuple(name for name, kind in coordinates.kinds.items() if KINDS[kind].drivable)
 
 
 def start_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> tuple[float, dict[str, float]]:

@@ -292,7 +292,7 @@ ROOT = Table(
         ),
         "drivers": ListOf(
             Text("name of a revolute or prismatic joint, or NAME.way or NAME.turn of a cylindrical one"),
-            "driven coordinates; a single revolute joint is the crank",
+            "driven coordinates; one revolute joint is the crank; default crank, or all of an open chain",
         ),
         "parameters": TableOf(
             Number("1", "a number, a quantity, or an expression of parameters before it"),

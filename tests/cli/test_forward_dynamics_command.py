@@ -199,3 +199,23 @@ def test_what_acts_in_a_file_and_not_in_the_model_is_noted(tmp_path, monkeypatch
         cli.main()
     assert ended.value.code in (0, None)
     assert "left out of the dynamics: armature, servos" in capsys.readouterr().err
+
+
+def test_a_weight_that_falls_without_end_has_no_equilibrium(tmp_path, mechsim):
+    (tmp_path / "fall.toml").write_text(
+        """name = "fall"
+[joints.slide]
+kind = "prismatic"
+a = { link = "ground", axis = [0, 1, 0] }
+b = { link = "weight", axis = [0, 1, 0] }
+[points]
+bottom = { link = "weight", at = [0, -1, 0] }
+[links.weight]
+inertia = { mass = 1, centre = [0, 0, 0], moments = [1, 1, 1] }
+"""
+    )
+    code, out, _ = mechsim("dynamics", str(tmp_path / "fall.toml"), "--statics")
+    assert code == 0
+    assert "fall: no equilibrium found from 21 configurations along the motion; --assemblies N" in " ".join(
+        out.split()
+    )

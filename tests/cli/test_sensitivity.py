@@ -76,3 +76,12 @@ def test_what_cannot_be_is_stated_in_one_line(sensitivity, words, output):
     assert (code, out) == (2, "")
     assert output in err
     assert len(err.strip().splitlines()) == 1
+
+
+def test_derivatives_that_are_rounding_errors_are_zero(sensitivity):
+    """The distance of two points of the coupler depends on no other link."""
+    code, out, _ = sensitivity("four_bar", "--of", "distance:B,C", "--angles", "0:300:60deg")
+    assert code == 0
+    derivatives = {row.split()[1]: row.split()[2] for row in out.splitlines()[2:]}
+    zero = {name for name, derivative in derivatives.items() if derivative == "0"}
+    assert zero == {"ground", "crank", "rocker"}

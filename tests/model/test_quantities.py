@@ -135,7 +135,7 @@ def test_a_vector_stands_for_its_components():
     ("name", "message"),
     [
         ("distance:A", "write it as distance:P,Q"),
-        ("distance:A,Z", "has no quantity 'Z"),
+        ("distance:A,rocker", "has no point 'rocker'; choose from A, B, C"),
         ("angle:crank,arm", "has no link 'arm'; choose from ground, crank"),
         ("expr:A.x + rocker", "puts a length and an angle together"),
         ("expr:sin(A.x)", "gives sin a length"),

@@ -285,3 +285,27 @@ def test_an_unknown_parameter_is_rejected_with_the_nearest(file):
 def test_a_file_too_large_is_not_read(file):
     with pytest.raises(InputError, match="1000000 at most"):
         load(file(FOUR_BAR + "#" * 1_000_000))
+
+
+def test_without_drivers_the_joints_of_an_open_chain_are_driven(file):
+    arm = """name = "arm"
+[links.upper]
+[links.lower]
+[joints.shoulder]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "upper" }
+[joints.elbow]
+kind = "revolute"
+a = { link = "upper", at = [1, 0, 0] }
+b = { link = "lower" }
+"""
+    assert load(file(arm)).mechanism.drivers == ("shoulder", "elbow")
+    pendulum = arm[: arm.index("[joints.elbow]")].replace("[links.lower]", "")
+    assert load(file(pendulum)).mechanism.driver == "shoulder"
+    # coordinates of a loop, or coupled ones, are not independent
+    loop = FOUR_BAR.replace('drivers = ["crank"]\n', "").replace("start = 10\n", "")
+    coupled = arm + '[couplings.gear]\ndriver = "shoulder"\ndriven = "elbow"\nratio = 2\n'
+    for text in (loop.replace("[joints.crank]", "[joints.handle]"), coupled):
+        with pytest.raises(InputError, match="no joint is driven"):
+            load(file(text))
