@@ -102,3 +102,12 @@ def test_equilibria_of_other_assemblies_are_found_and_named_as_such():
     assert (True, True) in sides
     assert (True, False) not in sides
     assert (False, False) in sides
+
+
+def test_each_motion_without_restoring_force_is_one_mode():
+    free = ms.dynamics.modes(double_pendulum(), Forces())
+    assert [mode.frequency for mode in free] == [0.0, 0.0]
+    rigid, elastic = ms.dynamics.modes(double_pendulum(), Forces(joint_springs=(JointSpring("B", 2.0),)))
+    assert rigid.frequency == 0.0
+    assert abs(rigid.shape["B"]) < 1e-12
+    assert elastic.frequency > 0.1

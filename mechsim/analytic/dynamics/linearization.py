@@ -18,7 +18,7 @@ from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.start import CLOSED, close_nearest
 from mechsim.errors import AssemblyError
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import least_norm, significant
+from mechsim.numerics.rank import least_norm, null_spaces, significant
 
 # displacements of the eighth-order central difference in steps, and their weights
 MULTIPLES = np.array([1.0, 2.0, 3.0, 4.0, -1.0, -2.0, -3.0, -4.0])
@@ -77,16 +77,22 @@ class LinearModel:
         return bool(values.real.max(initial=-np.inf) <= NEUTRAL * np.abs(values).max(initial=0.0))
 
     def modes(self) -> tuple[Mode, ...]:
-        """Return the modes by increasing frequency; a complex pair of eigenvalues is one mode."""
+        """Return the modes by increasing frequency.
+
+        A complex pair of eigenvalues is one mode, and so is a displacement without restoring force, whose
+        eigenvalue 0 is double without damping.
+        """
         values, vectors = np.linalg.eig(self.matrix)
-        values = np.where(np.abs(values) < NEUTRAL * np.abs(values).max(initial=0.0), 0.0, values)
         dof = self.basis.shape[1]
+        _, neutral = null_spaces(self.matrix[dof:, :dof], NEUTRAL**2)
+        pairs = [(0j, displacement) for displacement in neutral]
+        for i in np.argsort(np.abs(values)):
+            if values[i].imag >= 0.0 and abs(values[i]) > NEUTRAL * np.abs(values).max():
+                pairs.append((values[i], vectors[:dof, i]))
         modes: list[Mode] = []
-        for value, vector in sorted(zip(values, vectors.T, strict=True), key=lambda pair: abs(pair[0])):
-            if value.imag < 0.0:
-                continue
+        for value, displacement in pairs:
             magnitude = abs(value)
-            scaled: Complex = self.basis @ vector[:dof]
+            scaled: Complex = self.basis @ displacement
             scaled = scaled / scaled[np.argmax(np.abs(scaled))]
             ratio = float(-value.real / magnitude + 0.0) if magnitude > 0.0 else 0.0
             modes.append(Mode(float(magnitude / (2.0 * np.pi)), ratio, complex(value), self._by_name(scaled)))
