@@ -82,13 +82,14 @@ class LinearModel:
         A complex pair of eigenvalues is one mode, and so is a displacement without restoring force, whose
         eigenvalue 0 is double without damping.
         """
-        values, vectors = np.linalg.eig(self.matrix)
+        eigenvalues, vectors = np.linalg.eig(self.matrix)
+        values = np.asarray(eigenvalues, np.complex128)
         dof = self.basis.shape[1]
         _, neutral = null_spaces(self.matrix[dof:, :dof], NEUTRAL**2)
-        pairs = [(0j, displacement) for displacement in neutral]
+        pairs = [(0j, displacement.astype(np.complex128)) for displacement in neutral]
         for i in np.argsort(np.abs(values)):
             if values[i].imag >= 0.0 and abs(values[i]) > NEUTRAL * np.abs(values).max():
-                pairs.append((values[i], vectors[:dof, i]))
+                pairs.append((complex(values[i]), vectors[:dof, i]))
         modes: list[Mode] = []
         for value, displacement in pairs:
             magnitude = abs(value)
