@@ -31,6 +31,10 @@ class AssemblyError(MechsimError, ValueError):
     """The loops cannot be closed at a requested configuration."""
 
 
+class SingularStartError(AssemblyError):
+    """A motion that cannot leave its start: a dead centre, or a change point, where assemblies meet."""
+
+
 # remedy if configurations are undetermined, for any command
 STEPPED = "use time stepping instead (mechsim simulate --method step)"
 

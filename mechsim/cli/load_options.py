@@ -64,7 +64,7 @@ def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> "Us
 
 Element = TypeVar("Element")
 # default gravity in [m/s2]
-WEIGHT = (0.0, -9.81, 0.0)
+GRAVITY = (0.0, -9.81, 0.0)
 # kind -> its form, class, and the units of its numbers
 MOTORS: dict[str, tuple[str, type[PlainMotor], tuple[units.Unit, ...]]] = {
     "constant": ("constant:TORQUE in N m", motors.ConstantTorque, ("N m",)),
@@ -196,11 +196,10 @@ def loads_of(solver: KinematicSolver, path: str) -> dict[str, Any]:
 class LoadOptions:
     """Masses of the links, and loads."""
 
-    gravity: tuple[float, float, float] = option(
-        WEIGHT,
-        "Acceleration of gravity in m/s2. Default: that of the file, else along -y.",
+    gravity: tuple[float, float, float] | None = option(
+        None,
+        "Acceleration of gravity in m/s2. Default: that of the file, else 0,-9.81,0.",
         read=gravity_of,
-        text="0,-9.81,0",
     )
     load: str | None = option(
         None,
@@ -243,7 +242,7 @@ class LoadOptions:
         many=True,
         metavar="J=EXPRESSION",
     )
-    flywheel: float = option(0.0, "Additional moment of inertia on the crank, in kg m2.")
+    flywheel: float | None = option(None, "Additional moment of inertia on the crank, in kg m2.")
     density: float = option(
         7850.0, "Density in kg/m3 of links without masses, which are taken as round rods."
     )
@@ -262,14 +261,14 @@ class LoadOptions:
         if motor is not None and self.gear is not None:
             motor = Geared(motor, self.gear)
         elements = (*self.spring, *self.damper)
-        own = solver.forces or Forces(gravity=self.gravity)
+        own = solver.forces or Forces(gravity=GRAVITY)
         return replace(
             own,
-            gravity=own.gravity if self.gravity == WEIGHT else self.gravity,
+            gravity=own.gravity if self.gravity is None else self.gravity,
             friction=(*own.friction, *self.friction, *_of_type(Friction, elements)),
             springs=(*own.springs, *_of_type(Spring, elements)),
             joint_springs=(*own.joint_springs, *_of_type(JointSpring, elements)),
-            flywheel=self.flywheel or own.flywheel,
+            flywheel=own.flywheel if self.flywheel is None else self.flywheel,
             motor=motor or own.motor,
             controllers=(*own.controllers, *self.controller),
             **loads,

@@ -14,7 +14,7 @@ from typing import Generic, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, SingularStartError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.branch_points import (
     branch_segment,
@@ -172,7 +172,7 @@ class ContinuationPath(PathStates[E, Q]):
             if segment is not None:
                 segments.append(segment)
             elif length < _shortest(self, current):
-                raise AssemblyError(_end_message(self, current) + self.remaining_text(current, target))
+                raise _end_error(self, current, self.remaining_text(current, target))
 
     def require_travel(self, start: float, target: float) -> None:
         """Reject a path that is too long; the default has no limit."""
@@ -394,15 +394,15 @@ def _shortest(path: ContinuationPath[E, Q], current: float) -> float:
     return max(path.control.min_length, LEAST_SPACINGS * float(np.spacing(abs(current))))
 
 
-def _end_message(path: ContinuationPath[E, Q], parameter: float) -> str:
-    """Return the message with the reason why a path ends."""
+def _end_error(path: ContinuationPath[E, Q], parameter: float, remaining: str) -> AssemblyError:
+    """Return the error with the reason why a path ends."""
     text = f"{path.name}: {path.words.mover} cannot pass {path.words.position(parameter)} in this assembly"
     if abs(parameter - path.initial) < AT_START and _singular_start(path):
-        return (
+        return SingularStartError(
             f"{text}, since its start, {path.words.position(path.initial)}, is a dead centre or a "
-            "change point, where assembly modes cannot be distinguished; start elsewhere"
+            f"change point, where assembly modes cannot be distinguished; start elsewhere{remaining}"
         )
-    return f"{text}; stay on this side of the dead centre or change the dimensions"
+    return AssemblyError(f"{text}; stay on this side of the dead centre or change the dimensions{remaining}")
 
 
 def _singular_start(path: ContinuationPath[E, Q]) -> bool:

@@ -1,6 +1,7 @@
 """Properties of a mechanism for `mechsim show` and the report."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import MechsimError, several
+from mechsim.errors import MechsimError, SingularStartError, several
 from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
@@ -47,7 +48,10 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
         ):
             return record
     mechanism = solver.mechanism
-    arcs = solver.crank_range()
+    try:
+        arcs = solver.crank_range()
+    except SingularStartError as error:
+        return {**record, "mobility_explained": [*record["mobility_explained"], str(error)]}
     listed_angle = arcs.start() if angle is None else angle
     ranges = [list(arc) for arc in arcs.arcs]
     count = mobility(mechanism)
@@ -130,7 +134,8 @@ def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
     if dofs not in (None, drivers):
         words.append(several(drivers, "driver"))
     elif solver.motion_laws.crank and mechanism.has_crank:
-        words.append("full rotation" if solver.crank_range().full else "limited rotation")
+        with suppress(SingularStartError):
+            words.append("full rotation" if solver.crank_range().full else "limited rotation")
     return ", ".join(words)
 
 

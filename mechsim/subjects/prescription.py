@@ -165,7 +165,7 @@ def _motion_laws(
     if requested is not None:
         raise InputError(
             f"{mechanism.name} has no motion laws for a duration of {requested:g} s; "
-            "give --drive JOINT=LAW too"
+            "give --drive JOINT=LAW too; a run from an initial state needs --initial J.q=VALUE"
         )
     return CRANK
 

@@ -244,6 +244,10 @@ def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
     # the file's gravity is square to the plane, which the machine then does not feel
     rows = np.genfromtxt(table, delimiter=",", names=True)
     assert np.ptp(rows["potential"]) == pytest.approx(0.0, abs=1e-12)
+    # gravity of the command line replaces it, also if it is the default of mechanisms without loads
+    code, _, _ = run(capsys, monkeypatch, *words, "--gravity", "0,-9.81,0", "--method", "none")
+    assert code == 0
+    assert np.ptp(np.genfromtxt(table, delimiter=",", names=True)["potential"]) > 1e-3
 
 
 def test_a_crank_that_motion_laws_move_does_not_run_free(capsys, monkeypatch, tmp_path):

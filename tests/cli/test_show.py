@@ -31,3 +31,26 @@ def test_rounding_is_zero_and_what_is_taken_off_has_a_minus(mechsim, tmp_path):
     assert "cam - O4" in output.out
     row = next(line for line in output.out.splitlines() if " B " in line and "0.151" in line)
     assert row.split()[-3:] == ["0.151", "0", "0"]
+
+
+def test_a_start_at_a_change_point_has_no_range(mechsim, tmp_path):
+    """A four-bar that starts collinear: it leaves its start in two assembly modes."""
+    collinear = """name = "collinear"
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
+A = { kind = "revolute", a = { link = "crank", at = [3, 0, 0] }, b = { link = "coupler" } }
+B = { kind = "revolute", a = { link = "coupler", at = [9, 0, 0] }, b = { link = "rocker", at = [2, 0, 0] } }
+rocker = { kind = "revolute", a = { link = "ground", at = [10, 0, 0] }, b = { link = "rocker" } }
+[guess]
+coupler = { at = [3, 0, 0] }
+"""
+    (tmp_path / "collinear.toml").write_text(collinear)
+    code, out, _ = mechsim("show", "collinear.toml")
+    assert code == 0
+    assert "crank range" not in out
+    assert "dead centre or a change point" in " ".join(out.split())
+    for command in (("view", "-o", "view.html"), ("dynamics", "--statics", "--gravity", "0,0,0")):
+        code, _, error = mechsim(command[0], "collinear.toml", *command[1:])
+        assert code == 2
+        assert "change point" in error
+        assert not (tmp_path / "view.html").exists()

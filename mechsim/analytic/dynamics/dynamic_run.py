@@ -177,7 +177,7 @@ def run(
         names.update(event.quantity.subjects("joint"))
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0), laws)
     q, rates = initial_state(equations, values)
-    _require_regular(equations, q, rates)
+    require_regular(equations, q, rates)
     stops = stops_of(equations, ranges)
     _require_within(equations, q, stops)
     integration = Integration(equations, q, rates, tolerance, stops, restitution, progress)
@@ -271,7 +271,7 @@ def _prescribed_laws(model: DynamicModel, names: Sequence[str]) -> dict[str, Sta
     return {name: laws[name] for name in names}
 
 
-def _require_regular(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
+def require_regular(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
     """Raise InputError for a singular initial configuration: the motion from it is undetermined."""
     state = equations.kinematics(q, rates)
     limit = SINGULAR_START * float(np.linalg.norm(state.jacobian))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.dynamics.dynamic_run import initial_values
+from mechsim.analytic.dynamics.dynamic_run import initial_values, require_regular
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.analytic.dynamics.initial_state import initial_state, projected
 from mechsim.analytic.dynamics.linearization import (
@@ -105,7 +105,7 @@ def equilibria(
         seed: seed of the random numbers.
 
     Raises:
-        InputError: for invalid values.
+        InputError: for invalid values, and for a singular initial configuration without loads.
         AssemblyError: where the loops do not close at the initial values.
 
     Accuracy: coordinates to about 1e-11 at a regular equilibrium.
@@ -117,6 +117,7 @@ def equilibria(
     starting = [*_starts(equations, initial_q, starts, assemblies, np.random.default_rng(seed))]
     configurations = joined_configurations([q for q, _ in starting])
     if _all_at_rest(equations, configurations):
+        require_regular(equations, initial_q, np.zeros_like(initial_q.values))
         return (replace(_described(equations, initial_q), everywhere=True),)
     solutions: list[Equilibrium] = []
     downhill = np.repeat([False, True], len(starting))

@@ -18,7 +18,7 @@ from mechsim.analytic.loops.path import LoopPath
 from mechsim.analytic.loops.path_rates import Instants
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, SingularStartError
 from mechsim.model.forces import Forces
 from mechsim.model.limits import INSTANTS, ROUNDING, Ranges, check_instants, extremes, require_within
 from mechsim.model.mechanism import Mechanism
@@ -276,6 +276,9 @@ class LoopForm:
 
         It ends at dead centres, and at limits of joints. Under motion laws it is the interval of their path
         parameter.
+
+        Raises:
+            SingularStartError: if the start is a change point.
         """
         return self._range
 
@@ -365,12 +368,19 @@ class LoopForm:
         if not self.motion_laws.crank:
             path.extend(self.period)
             return Arcs(False, ((0.0, self.period),))
-        ends: list[float] = []
+        ends, singular = list[float](), list[SingularStartError]()
         for direction in (1, -1):
-            with suppress(AssemblyError):
+            try:
                 path.extend(start + direction * REVOLUTION)
+            except SingularStartError as error:
+                singular.append(error)
+            except AssemblyError:
+                pass
+            else:
                 return Arcs(True, ((-np.pi, np.pi),))
             ends.append(float(path.segments[direction][-1].nodes[-1]) if path.segments[direction] else start)
+        if len(singular) == 2:
+            raise singular[0]
         high, low = ends
         revolution = REVOLUTION * np.floor((low + np.pi) / REVOLUTION)
         return Arcs(False, ((low - revolution, high - revolution),) if high - low > SAME_ANGLE else ())
