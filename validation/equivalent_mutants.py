@@ -112,11 +112,6 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "fraction = np.divide(error, allowed, out=np.where(error > 0.0, np.inf, error), where=allowed > 0.0)",
         "fraction = np.divide(error, allowed, out=np.where(error > 1.0, np.inf, error), where=allowed > 0.0)",
     ): "where nothing is allowed at any instant, any of the errors may be the one that is told",
-    (
-        CROSSCHECK,
-        "allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 0.0, turns=turns), bounds)",
-        "allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 1.0, turns=turns), bounds)",
-    ): "bounds of a run that was asked for nothing have no part of what was asked",
     **{
         (
             "numerics/newton.py",

@@ -11,6 +11,7 @@ import typer
 from mechsim import files
 from mechsim.analytic.dynamics import (
     DynamicModel,
+    FreeRun,
     InverseDynamics,
     actuator_forces,
     fluctuation,
@@ -41,14 +42,13 @@ from mechsim.cli.output import (
 )
 from mechsim.cli.progress import Progress, progress
 from mechsim.errors import InputError
-from mechsim.model.force_record import Fluctuation, FreeRun
+from mechsim.model.force_record import Fluctuation
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MIN_TURNS
 from mechsim.model.quantities import quantity
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts, turn_facts
-from mechsim.simulation.dynamics import free_motion
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.reference import driven_as, profile_of
@@ -288,23 +288,14 @@ def _free(
     """Return data, text and success of a free motion."""
     speed = options.speed if options.free else 0.0
     run = free_run(model, speed=speed, turns=options.turns, samples=options.instants + 1)
-    stepped, verdict = None, None
+    verdict = None
     if options.mujoco_method != "none" and run.outcome == "done":
-        with progress("dynamics", None) as report:
-            stepped = free_motion.free_run(
-                model.mechanism,
-                model.forces,
-                speed=speed,
-                turns=options.turns,
-                tolerance=options.tolerance,
-                samples=options.instants,
-                progress=report,
-            )
-        verdict = crosscheck_free(stepped, model)
+        with progress("check in MuJoCo", None) as report:
+            verdict = crosscheck_free(run, model, tolerance=options.tolerance, progress=report)
     _write(options.output, run, model.mechanism, shown if labelled else None)
     if options.plot is not None:
         plots.write(options.plot, plots.free_plot(run))
-    facts, tolerance = run_facts(run), free_tolerance(stepped)
+    facts, tolerance = run_facts(run), free_tolerance(verdict, options.tolerance)
 
     def text() -> None:
         print_text(

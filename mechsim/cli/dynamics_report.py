@@ -14,8 +14,9 @@ from mechsim.model.links import GROUND
 from mechsim.model.masses import LinkMass
 from mechsim.numerics.arrays import Array
 from mechsim.report.facts import study_facts
-from mechsim.simulation.result import Driven, SteppedFreeRun
+from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Verdict
+from mechsim.verdict.tolerances import EPS
 
 
 class Peak(TypedDict):
@@ -90,13 +91,13 @@ class ToleranceJson(TypedDict):
     """Result of a run with a tolerance."""
 
     quantity: str
-    by: str
+    by: NotRequired[str]
     reason: str
     tolerance: float
     satisfied: bool
     estimate: float
     safety_factor: float
-    steps: int
+    steps: NotRequired[int]
     order: NotRequired[float]
     trials: NotRequired[int]
     settings: NotRequired[Settings | None]
@@ -148,13 +149,19 @@ def driven_tolerance(run: Driven | None) -> dict[str, Any] | None:
     }
 
 
-def free_tolerance(run: SteppedFreeRun | None) -> dict[str, Any] | None:
-    """Return the result of a free run with a tolerance as plain data; None without a tolerance."""
-    if run is None or run.tolerance_report is None:
+def free_tolerance(verdict: Verdict | None, tolerance: float | None) -> dict[str, Any] | None:
+    """Return the largest error of joint angles in a free run as plain data; None if none is compared."""
+    if verdict is None or tolerance is None or not verdict.checks:
         return None
-    return _tolerance_data(run, run.tolerance_report) | {
-        "quantity": "rad of the crank",
-        "by": "by halved steps",
+    coordinates = (check for check in verdict.checks if check.kind.startswith("coordinate"))
+    error = max(check.worst for check in coordinates if check.unit == "rad")
+    return {
+        "tolerance": tolerance,
+        "satisfied": verdict.passed,
+        "estimate": error,
+        "safety_factor": tolerance / max(error, EPS),
+        "reason": verdict.reason,
+        "quantity": "rad of joint angles",
     }
 
 
@@ -182,7 +189,7 @@ def print_comparison(
         f"{'satisfied' if tolerance['satisfied'] else 'FAILED'}: error {number(tolerance['estimate'], 2)}, "
         f"a safety factor of {number(tolerance['safety_factor'], 3)}{reason}"
     )
-    settings = tolerance["settings"]
+    settings = tolerance.get("settings")
     if settings:
         print_text(
             f"{settings['integrator']}, {settings['steps_per_turn']} steps a turn of "

@@ -1,4 +1,4 @@
-"""Records of forces and energies: inverse dynamics, free runs and speed fluctuation, by both methods."""
+"""Records of forces and energies: inverse dynamics and speed fluctuation, by both methods."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.model.finding import Outcome
 from mechsim.model.motion import short_repr
 from mechsim.numerics.arrays import Array
 
@@ -195,74 +194,6 @@ def wrench_columns(name: str, force: Array, moment: Array) -> Iterator[tuple[str
     values = np.concatenate([force, moment], 1)
     for component, column in zip(COMPONENTS, values.T, strict=True):
         yield f"{name}.{component}", column
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FreeRun:
-    """A free run at n instants, in SI, and its outcome.
-
-    Attributes:
-        time: (n,) in [s].
-        angle: crank angle, not wrapped, (n,) in [rad].
-        speed: crank speed, (n,) in [rad/s].
-        acceleration: crank acceleration, (n,) in [rad/s2].
-        kinetic: kinetic energy, (n,) in [J].
-        potential: potential energy of gravity and springs, (n,) in [J].
-        work: work of motor and loads since the start, (n,) in [J].
-        lost: energy lost in friction and dampers since the start, (n,) in [J].
-        motor: torque of the motor on the crank, (n,) in [N m].
-        outcome: "done" (made the requested turns or time), "time over" (fewer turns in the time), "cannot
-            start" (did not move, or swung back before a full turn), "turned back" (ran, but did not
-            make the turns), "stopped" (friction locks it), "dead centre", "diverged", "failed" (done,
-            but not within the requested tolerance).
-        reason: one sentence if the outcome is not "done".
-    """
-
-    time: Array
-    angle: Array
-    speed: Array
-    acceleration: Array
-    kinetic: Array
-    potential: Array
-    work: Array
-    lost: Array
-    motor: Array
-    outcome: Outcome
-    reason: str = ""
-
-    __repr__ = short_repr
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    @property
-    def imbalance(self) -> Array:
-        """Error of the energy balance, (n,) in [J]; zero for an exact solution."""
-        total = self.kinetic + self.potential
-        return total - total[0] - self.work + self.lost
-
-    @property
-    def largest_energy(self) -> float:
-        """Largest of kinetic energy, change of potential energy, work and loss, in [J]."""
-        energies = (
-            np.abs(self.kinetic).max(),
-            np.ptp(self.potential),
-            np.abs(self.work).max(),
-            self.lost.max(),
-        )
-        return max(float(energy) for energy in energies)
-
-    @property
-    def energy_error(self) -> float:
-        """Largest error of the energy balance relative to the largest energy."""
-        energy = self.largest_energy
-        return float(np.abs(self.imbalance).max()) / energy if energy > 0.0 else 0.0
-
-    def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the run as columns of a table in SI."""
-        for name in ("time", "angle", "speed", "acceleration", "kinetic", "potential", "work", "lost"):
-            yield name, getattr(self, name)
-        yield "motor", self.motor
 
 
 @dataclass(frozen=True, slots=True)

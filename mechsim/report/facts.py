@@ -8,11 +8,12 @@ import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.dynamics.free_motion import FreeRun
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError, SingularStartError, several
-from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
+from mechsim.model.force_record import Fluctuation, Reaction
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mechsim.model.finding import Outcome
-from mechsim.model.force_record import ForceRecord, FreeRun
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion, short_repr
 from mechsim.simulation.settings import Settings
@@ -85,20 +85,4 @@ class Driven(RunRecord):
     forces: ForceRecord
     outcome: Outcome
     method: Method
-    masses: tuple[LinkMass, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class SteppedFreeRun(RunRecord):
-    """Result of a free run in MuJoCo.
-
-    Attributes:
-        forces: forces at the recorded instants; no drive acts, so that its torque is the residual of MuJoCo's
-            equation of motion.
-        free: crank motion, energies and outcome, at the same instants.
-        masses: masses of the links, with their sources.
-    """
-
-    forces: ForceRecord
-    free: FreeRun
     masses: tuple[LinkMass, ...] = ()

@@ -6,20 +6,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, free_run, prescribed
+from mechsim.analytic.dynamics import DynamicModel, DynamicRun, Equilibrium, FreeRun, prescribed
 from mechsim.analytic.dynamics.dynamic_run import RunSegment
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.analytic.loops.oracle import conditioning_of
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.forward_run import SteppedRun, stepped_run
-from mechsim.simulation.dynamics.free_motion import SteppedFreeRun
 from mechsim.simulation.dynamics.static_state import static_state
 from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict, check_of, concluded
-from mechsim.verdict.crosscheck import crosscheck_forces, crosscheck_free_run
+from mechsim.verdict.crosscheck import crosscheck_forces
 from mechsim.verdict.record_errors import lengths
 from mechsim.verdict.tolerances import RecordInstants, Tolerance
 
@@ -32,6 +31,11 @@ MAX_STEPS, MAX_SEGMENTS = 400_000, 8
 # tolerance relative to the largest value, for rounding and the compliance of MuJoCo's constraints; MuJoCo
 # models Coulomb friction by a soft constraint
 RELATIVE_TOLERANCE, FRICTION_TOLERANCE = 1e-9, 1e-4
+# the same for redundant loops, whose constraints are compliant: rates of Bennett's linkage vibrate by 3e-8
+COMPLIANT_TOLERANCE = 1e-7
+# order with which the error is extrapolated if the changes by two halvings of the step show at least this
+# order; otherwise the whole change of the last halving counts
+HIGH_ORDER = 3.4
 # largest error of an equilibrium, in [rad] or sizes: finite differences of MuJoCo's accelerations leave 1e-8
 CONFIGURATION_TOLERANCE = 1e-6
 # relative to the largest eigenvalue: square root of the error of a zero stiffness by finite differences
@@ -74,21 +78,23 @@ def crosscheck_driven(
 
 
 def crosscheck_free(
-    run: SteppedFreeRun, model: DynamicModel, *, bounds: Mapping[str, Tolerance] | None = None
+    run: FreeRun,
+    model: DynamicModel,
+    *,
+    tolerance: float | None = None,
+    progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> Verdict:
-    """Compare a free run with the analytic run from the same start, at the same instants.
+    """Compare the run of a free crank with MuJoCo, as `crosscheck_forward` does.
 
     Args:
-        run: from `simulation.dynamics.free_running.free_run`.
-        model: the analytic side.
-        bounds: as in `crosscheck_free_run`.
+        run: of the analytic side.
+        model: the model of the run, or another one that the check is to reject.
+        tolerance: requested tolerance of joint angles in MuJoCo, in [rad]; None requests rounding.
+        progress: called with a text and the finished fraction of a run in MuJoCo.
     """
-    record = run.free
-    if record.outcome == "diverged" or len(record) < 2:
-        return crosscheck_free_run(record, record)
-    exact = free_run(model, angle=float(record.angle[0]), speed=float(record.speed[0]), times=record.time)
-    tolerance = None if run.tolerance_report is None else run.tolerance_report.tolerance
-    return crosscheck_free_run(record, exact, tolerance=tolerance, bounds=bounds)
+    name = model.mechanism.crank.name
+    initial = InitialValues({name: float(run.angle[0])}, {name: float(run.speed[0])})
+    return crosscheck_forward(run, model, initial, tolerance=tolerance, progress=progress)
 
 
 def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:
@@ -117,20 +123,28 @@ def crosscheck_forward(
     dynamic_model: DynamicModel,
     initial: InitialValues,
     *,
+    tolerance: float | None = None,
     progress: Callable[[str, float], None] = lambda _, __: None,
 ) -> Verdict:
     """Compare a run of forward dynamics with MuJoCo, stepped from the start of each compared segment.
 
     All joints start in MuJoCo at their values of the run, since `initial` may leave some out. MuJoCo runs
-    again with half the step until that changes the motion by less than the rounding that is tolerated, or the
-    step is short enough. The largest change between the last two runs bounds the error of the last.
+    again with half the step until the error is below the rounding that is tolerated, or the step is short
+    enough. The changes between the last three runs give the error of the last.
 
     Args:
         run: of the analytic side.
         dynamic_model: the model of the run.
         initial: its initial values.
+        tolerance: requested tolerance of joint angles in MuJoCo, in [rad]; other quantities have the same
+            tolerance relative to their largest values. None requests rounding.
         progress: called with a text and the finished fraction of a run in MuJoCo.
+
+    Raises:
+        InputError: for a tolerance that is not above 0.
     """
+    if tolerance is not None and not 0.0 < tolerance < np.inf:
+        raise InputError(f"tolerance of a free run is {tolerance}; give a finite number above 0")
     segments, checks = compared_segments(run), list[Check]()
     if not segments:
         return Verdict("failed", (), "no segment of the run is comparable: friction sticks or stops touch")
@@ -141,7 +155,7 @@ def crosscheck_forward(
             motion=select_instants(run.motion, rows),
             driving={name: effort[rows] for name, effort in run.driving.items()},
         )
-        compared = _compared_with_mujoco(run, section, dynamic_model, initial, progress)
+        compared = _compared_with_mujoco(run, section, dynamic_model, initial, tolerance, progress)
         if isinstance(compared, Verdict):
             return compared
         title = f"{segment.first:.4g} to {segment.last:.4g} s" if run.events else ""
@@ -154,9 +168,10 @@ def _compared_with_mujoco(
     section: DynamicRun,
     dynamic_model: DynamicModel,
     initial: InitialValues,
+    tolerance: float | None,
     progress: Callable[[str, float], None],
 ) -> list[Check] | Verdict:
-    """Return the checks of a section of a run; a verdict if MuJoCo diverges."""
+    """Return the checks of a section of a run; a verdict if MuJoCo diverges or misses the tolerance."""
     times, joints = section.time, section.motion.joints
     kept = {*initial.coordinates, *initial.rates, *run.driving}
     for controller in dynamic_model.forces.controllers:
@@ -175,32 +190,69 @@ def _compared_with_mujoco(
             progress=progress,
         )
 
-    dry = any(friction.dry for friction in dynamic_model.forces.friction)
-    floor = FRICTION_TOLERANCE if dry else RELATIVE_TOLERANCE
     intervals = len(run.time) - 1
     most = min(MAX_STEPS, 2 * STEPS_PER_STEP * run.steps) // intervals
     substeps = max(1, min(most, MIN_STEPS_PER_STEP * run.steps // intervals))
-    coarse = stepped(substeps)
+    coarse, before = stepped(substeps), dict[str, float]()
+    floor = _floor(run, dynamic_model, coarse, tolerance)
     while True:
         fine, substeps = stepped(2 * substeps), 2 * substeps
-        if fine.diverged or coarse.diverged:
-            return Verdict("diverged", (), "MuJoCo's state became invalid; give a shorter run")
-        compared = _forward_quantities(section, dynamic_model.mechanism, coarse, fine)
-        largest = _largest_values(run, compared)
-        changes = ((unit, _change(coarse, fine)) for _, unit, _, coarse, fine in compared)
-        if 2 * substeps > most or all(change <= floor * largest[unit] for unit, change in changes):
-            break
+        finest = 2 * substeps > most
+        if not (coarse.diverged or fine.diverged):
+            compared = _forward_quantities(section, dynamic_model.mechanism, coarse, fine)
+            largest = _largest_values(run, compared)
+            changes = {name: _change(coarse, fine) for name, _, _, coarse, fine in compared}
+            errors = {name: _remaining(change, before.get(name, 0.0)) for name, change in changes.items()}
+            converged = all(errors[name] <= floor * largest[unit] for name, unit, *_ in compared)
+            if converged or (finest and tolerance is None):
+                return [
+                    _forward_check(row, times, fine.timestep, errors[row[0]], floor * largest[row[1]])
+                    for row in compared
+                ]
+            before = changes
+        if finest:
+            return _not_converged(fine, tolerance)
         coarse = fine
-    return [
-        _forward_check(name, unit, times, values, floor * largest[unit]) for name, unit, *values in compared
-    ]
+
+
+def _floor(
+    run: DynamicRun, dynamic_model: DynamicModel, stepped: SteppedRun, tolerance: float | None
+) -> float:
+    """Return the tolerance relative to the largest value of a quantity, besides the error of the steps."""
+    if tolerance is not None:
+        # the other half is for the steps
+        return 0.5 * tolerance / max(_largest_angle(run), tolerance)
+    if any(friction.dry for friction in dynamic_model.forces.friction):
+        return FRICTION_TOLERANCE
+    return COMPLIANT_TOLERANCE if stepped.compliant else RELATIVE_TOLERANCE
+
+
+def _remaining(change: float, before: float) -> float:
+    """Return the error after halving the step: the change, or less if it falls with high order."""
+    return change / (2.0**HIGH_ORDER - 1.0) if change * 2.0**HIGH_ORDER <= before else change
+
+
+def _not_converged(finest: SteppedRun, tolerance: float | None) -> Verdict:
+    """Return the verdict on runs that diverge or miss the tolerance with the shortest steps."""
+    remedy = "give a shorter run, weaker motors and dampers, or --method none"
+    if tolerance is None or finest.diverged:
+        reason = f"MuJoCo's state became invalid with steps of {finest.timestep:.3g} s; {remedy}"
+        return Verdict("diverged", (), reason)
+    reason = f"steps of {finest.timestep:.3g} s do not reach the tolerance of {tolerance:.3g} rad; {remedy}"
+    return Verdict("failed", (), reason)
+
+
+def _largest_angle(run: DynamicRun) -> float:
+    """Return the largest joint angle of a run in [rad]; 0 without revolute joints."""
+    angles = (joint.value for joint in run.motion.joints.values() if joint.unit == "rad")
+    return max((float(np.abs(angle).max()) for angle in angles), default=0.0)
 
 
 def _forward_quantities(
     run: DynamicRun, mechanism: Mechanism, coarse: SteppedRun, fine: SteppedRun
 ) -> list[tuple[str, str, Array, Array, Array]]:
     """Return name, unit and values of the quantities of a run and of two runs in MuJoCo."""
-    compared = [*_compared(run.motion, coarse.motion, fine.motion)]
+    compared = [*_compared(run.motion, coarse.motion, fine.motion, rates_only=fine.compliant)]
     for name, effort in run.driving.items():
         unit = mechanism.effort_unit(name)
         compared.append((f"drive of {name}", unit, effort, coarse.driving[name], fine.driving[name]))
@@ -283,30 +335,41 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
     )
 
 
-def _compared(exact: Motion, coarse: Motion, fine: Motion) -> Iterator[tuple[str, str, Array, Array, Array]]:
-    """Yield name, unit and values of the quantities that all three motions have."""
+def _compared(
+    exact: Motion, coarse: Motion, fine: Motion, *, rates_only: bool = False
+) -> Iterator[tuple[str, str, Array, Array, Array]]:
+    """Yield name, unit and values of the quantities that all three motions have.
+
+    With `rates_only`, accelerations are omitted.
+    """
+    derivatives = 2 if rates_only else 3
     motions = exact, coarse, fine
     for name in fine.points:
-        for what, unit in (("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s2")):
+        for what, unit in (("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))[:derivatives]:
             yield f"{what} of {name}", unit, *(getattr(motion.points[name], what) for motion in motions)
     for name, joint in fine.joints.items():
         for what, label, unit in (
             ("value", "coordinate", joint.unit),
             ("rate", "rate", f"{joint.unit}/s"),
             ("acceleration", "acceleration", f"{joint.unit}/s2"),
-        ):
+        )[:derivatives]:
             yield f"{label} of {name}", unit, *(getattr(motion.joints[name], what) for motion in motions)
 
 
-def _forward_check(name: str, unit: str, times: Array, values: list[Array], floor: float) -> Check:
-    exact, coarse, fine = (value.reshape(len(times), -1) for value in values)
-    change = _change(coarse, fine)
-    reason = f"change by halving MuJoCo's step, and {floor:.1e} {unit} of compliance and rounding"
+def _forward_check(
+    row: tuple[str, str, Array, Array, Array], times: Array, timestep: float, error: float, floor: float
+) -> Check:
+    name, unit, *values = row
+    exact, _, fine = (value.reshape(len(times), -1) for value in values)
+    reason = (
+        f"{error:.1e} {unit} by halving MuJoCo's step to {timestep:.3g} s, and {floor:.1e} {unit} of "
+        "compliance and rounding"
+    )
     check = check_of(
         name,
         "",
         lengths(fine - exact),
         RecordInstants(times, "s"),
-        Tolerance(change + floor, unit, reason),
+        Tolerance(error + floor, unit, reason),
     )
     return replace(check, method="step")

@@ -1,4 +1,4 @@
-"""Comparisons of two motions, two force records or two free runs; each returns a verdict."""
+"""Comparisons of two motions or two force records; each returns a verdict."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import POSITION_TOLERANCE
-from mechsim.model.force_record import ForceRecord, FreeRun
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import Motion, PointMotion, Solver
 from mechsim.model.motion_laws import CRANK, MotionLaws
 from mechsim.numerics.arrays import Array
@@ -18,10 +18,8 @@ from mechsim.verdict.quantities import (
     CRANK_DRIVE,
     DRIVERS,
     FORCES,
-    FREE,
     MOTION,
     force_scales,
-    free_scales,
     largest_acceleration,
     motion_scales,
     reach_of,
@@ -206,33 +204,6 @@ def crosscheck_forces(
     by = "requested" if tolerance is not None else method
     allowed = tolerances_of(FORCES, by, force_scales(exact), requested, bounds)
     return concluded(checks_of(FORCES, computed, exact, allowed, conditioning))
-
-
-def crosscheck_free_run(
-    computed: FreeRun, exact: FreeRun, *, tolerance: float | None = None, bounds: Tolerances | None = None
-) -> Verdict:
-    """Compare a free run with the exact one from the same initial state, at the same instants.
-
-    Args:
-        computed: the run to check.
-        exact: the reference run; the verdict reports if it ends earlier.
-        tolerance: requested tolerance of the crank angle in [rad]; None for no request.
-        bounds: tolerances that replace those of `FREE`, by name; fractions of the scale if their unit is "1".
-
-    Raises:
-        InputError: for a run of fewer than two instants.
-    """
-    if computed.outcome == "diverged":
-        return Verdict("diverged", (), computed.reason)
-    if len(computed) < 2:
-        raise InputError("a free run needs at least two instants to compare; run it longer")
-    if len(exact) < len(computed):
-        reason = f"the analytic run ends after {exact.time[-1]:.6g} s: {exact.reason}"
-        return Verdict("failed", (), reason)
-    turns = float(np.ptp(exact.angle)) / (2.0 * np.pi)
-    by = "step" if tolerance is None else "requested"
-    allowed = tolerances_of(FREE, by, free_scales(exact), Requested(tolerance or 0.0, turns=turns), bounds)
-    return concluded(checks_of(FREE, computed, exact, allowed))
 
 
 def _motion_and_tolerance(

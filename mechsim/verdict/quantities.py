@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.model.force_record import ForceRecord, FreeRun
+from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import rms, worst
 from mechsim.numerics.convergence import half_extent
@@ -37,7 +37,7 @@ class ComparedQuantity:
         name: its kind.
         unit: unit of the error.
         error: (computed, exact, subject) -> errors >= 0, (n,); None if the quantity is undefined.
-        scale: scale of errors and tolerances; a key of `motion_scales`, `force_scales` or `free_scales`.
+        scale: scale of errors and tolerances; a key of `motion_scales` or `force_scales`.
         bounds: method -> tolerance rule.
         over: (computed, exact) -> the points, links or joints to compare.
         text: label with {} for the subject; the default is the name.
@@ -293,31 +293,7 @@ FORCES = (
     ComparedQuantity("accelerations under these forces", "1", field_value("residual"), "1", RESIDUAL),
 )
 
-GROWING = "1e-6 over 10 turns: a constant growth of the energy error shifts the angle by its square"
-FOLLOWS = f"{FRACTION_OF}ten times the angle: the speed varies with the inertia over the turn"
-SUMMED = f"{FRACTION_OF}a hundred times the angle: work is summed over records as far apart as the steps"
-ANGLE = {
-    "step": ToleranceRule(GROWING, 1e-6, growth=2),
-    "requested": ToleranceRule("requested", requested=1.0),
-}
-SPEED = {
-    "step": ToleranceRule(f"{FRACTION_OF}1e-6 over 10 turns, with constant growth", 1e-6, growth=1),
-    "requested": ToleranceRule(FOLLOWS, 1e-6, requested=10.0, growth=1),
-}
-BALANCE = {
-    "step": ToleranceRule(f"{FRACTION_OF}energy of all turns; a frictionless run conserves it to 4e-7", 1e-6),
-    "requested": ToleranceRule(SUMMED, 1e-6, requested=100.0),
-}
-
-FREE = (
-    ComparedQuantity("crank angle", "rad", field_error("angle"), "rad", ANGLE),
-    ComparedQuantity("crank speed", "rad/s", field_error("speed"), "crank speed", SPEED),
-    ComparedQuantity("energy balance", "J", field_value("imbalance"), "energy", BALANCE),
-    ComparedQuantity("work of motor and loads", "J", field_error("work"), "energy", BALANCE),
-    ComparedQuantity("energy lost", "J", field_error("lost"), "energy", BALANCE),
-)
-
-QUANTITIES = {row.name: row for row in (*MOTION, *CRANK_DRIVE, *DRIVERS, *FORCES, *FREE)}
+QUANTITIES = {row.name: row for row in (*MOTION, *CRANK_DRIVE, *DRIVERS, *FORCES)}
 
 
 def motion_scales(
@@ -361,16 +337,6 @@ def force_scales(exact: ForceRecord) -> dict[str, float]:
         ),
         "power": torque * float(np.abs(exact.speed).max()),
         "1": 1.0,
-    }
-
-
-def free_scales(exact: FreeRun) -> dict[str, float]:
-    """Return the scales of a free run: the fastest speed and the largest energy."""
-    kinetic, potential = float(np.abs(exact.kinetic).max()), float(np.ptp(exact.potential))
-    return {
-        "rad": 1.0,
-        "crank speed": float(np.abs(exact.speed).max()),
-        "energy": max(kinetic, potential, float(exact.lost.max())),
     }
 
 

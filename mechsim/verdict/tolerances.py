@@ -19,8 +19,6 @@ EPS = 2.0**-52
 # conditioning of the loops below which tolerances widen. Measured over random mechanisms:
 # validation/robustness/bounds.py
 WELL_CONDITIONED = 0.1
-# revolutions over which tolerances of a free run are constant; over more they may grow
-FREE_TURNS = 10.0
 # start of the reason of a tolerance relative to a measured scale
 FRACTION_OF = "{part:.0e} of {scale:.3g} {unit}; "
 
@@ -62,17 +60,15 @@ RATES = Tolerance(
 
 @dataclass(frozen=True, slots=True)
 class Requested:
-    """The requested tolerance of a run, and its length.
+    """The requested tolerance of a run.
 
     Attributes:
         tolerance: requested tolerance; 0 for no request.
         scale: scale of its quantity, in the unit of the tolerance.
-        turns: revolutions of a free crank.
     """
 
     tolerance: float = 0.0
     scale: float = 1.0
-    turns: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +79,6 @@ class ToleranceRule:
         reason: text with {part}, the tolerance relative to the scale, {scale} and {unit}.
         fixed: fraction of the scale that is always allowed.
         requested: multiple of the requested tolerance that is allowed.
-        growth: power of (revolutions / `FREE_TURNS`) by which the fixed fraction grows.
         power: power of the conditioning, as in `Tolerance`.
         scale: scale of the fixed fraction; empty for that of the quantity.
     """
@@ -91,15 +86,15 @@ class ToleranceRule:
     reason: str
     fixed: float = 0.0
     requested: float = 0.0
-    growth: int = 0
     power: int = 0
     scale: str = ""
 
     def tolerance(self, unit: str, scale: float, requested: Requested) -> Tolerance:
         """Return the tolerance of a quantity with a scale in its unit."""
-        fixed = self.fixed * max(1.0, abs(requested.turns) / FREE_TURNS) ** self.growth
-        fraction = max(fixed, self.requested * requested.tolerance / requested.scale)
-        tolerance = max(fixed * scale, self.requested * (requested.tolerance * (scale / requested.scale)))
+        fraction = max(self.fixed, self.requested * requested.tolerance / requested.scale)
+        tolerance = max(
+            self.fixed * scale, self.requested * (requested.tolerance * (scale / requested.scale))
+        )
         reason = self.reason.format(part=fraction, scale=scale, unit=unit)
         return Tolerance(tolerance, unit, reason, self.power)
 
@@ -122,7 +117,7 @@ class RecordInstants:
 
 
 def instants_of(record: Any) -> RecordInstants:
-    """Return the instants of a motion, a force record or a free run.
+    """Return the instants of a motion or a force record.
 
     The angle of a record under motion laws is an internal path parameter; its times are used instead.
     """

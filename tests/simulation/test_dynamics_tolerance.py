@@ -13,7 +13,6 @@ from mechsim.model.motors import TorqueSpeedLine
 from mechsim.simulation import Settings, swing, tolerance
 from mechsim.simulation.dynamics import torque_tolerance
 from mechsim.simulation.dynamics.determinacy import determined_components
-from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
@@ -99,36 +98,32 @@ def test_only_forces_that_the_loops_settle_are_compared():
 def test_a_free_crank_keeps_its_tolerance(name, tolerance):
     motor = TorqueSpeedLine(0.5, 100.0)
     machine = of(name, motor=motor, friction=(Friction("crank", 1e-4),), flywheel=1e-3)
-    run = free_run(machine.mechanism, machine.forces, speed=20.0, turns=1.0, tolerance=tolerance)
-    verdict = crosscheck_free(run, machine)
-    assert run.free.outcome == "done"
-    assert run.tolerance_report.satisfied
+    run = dynamics.free_run(machine, speed=20.0, turns=1.0, samples=61)
+    verdict = crosscheck_free(run, machine, tolerance=tolerance)
     assert verdict.passed, verdict
-    true = next(check.worst for check in verdict.checks if check.title == "crank angle")
-    # the reduced equation itself is good to 1e-11 rad a turn
-    assert true <= 1.5 * run.tolerance_report.estimate + 2e-11
+    angles = [
+        check for check in verdict.checks if check.kind.startswith("coordinate") and check.unit == "rad"
+    ]
+    assert angles
+    assert all(check.worst <= check.tolerance <= tolerance for check in angles)
 
 
-def test_a_free_run_of_given_time_keeps_its_tolerance_and_one_below_what_is_spent_is_missed(monkeypatch):
+def test_a_tolerance_of_rounding_is_missed_with_a_reason_in_a_free_run():
     machine = of("four_bar")
-    run = free_run(machine.mechanism, machine.forces, speed=30.0, duration=0.2, tolerance=1e-6)
-    assert crosscheck_free(run, machine).passed
-    assert run.motion.time[-1] == pytest.approx(0.2, rel=1e-12)
-    monkeypatch.setattr(tolerance, "MAX_STEPS", 500)
-    below = free_run(machine.mechanism, machine.forces, speed=30.0, duration=0.05, tolerance=1e-14)
-    assert below.free.outcome == "failed"
-    assert "leave the crank angle off by" in below.free.reason
+    run = dynamics.free_run(machine, speed=30.0, duration=0.01, samples=3)
+    verdict = crosscheck_free(run, machine, tolerance=1e-16)
+    assert verdict.outcome == "failed"
+    assert "do not reach the tolerance of 1e-16 rad" in verdict.reason
 
 
 def test_what_cannot_be_kept_is_bad_input():
-    mechanism = catalog.make("four_bar").mechanism
+    mechanism, machine = catalog.make("four_bar").mechanism, of("four_bar")
+    run = dynamics.free_run(machine, speed=1.0, duration=0.01, samples=2)
     for wrong in (0.0, -1.0, np.nan):
         with pytest.raises(InputError, match="tolerance of torque is"):
             driven(mechanism, speed=1.0, tolerance=wrong)
         with pytest.raises(InputError, match="tolerance of a free run is"):
-            free_run(mechanism, speed=1.0, turns=1.0, tolerance=wrong)
-    with pytest.raises(InputError, match="leave one of them out"):
-        free_run(mechanism, speed=1.0, turns=1.0, tolerance=1e-3, timestep=1e-3)
+            crosscheck_free(run, machine, tolerance=wrong)
 
 
 def test_settings_given_are_kept_but_for_their_number_of_steps():

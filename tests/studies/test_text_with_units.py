@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 RSSR = "rssr"
@@ -67,8 +66,6 @@ def test_dynamics_take_speeds_and_sizes_as_text():
     assert free.time[-1] == 0.005
     # rates are projected onto the loops: rounding
     assert free.speed[0] == pytest.approx(ONE_TURN, rel=1e-14)
-    stepped = free_run(machine.mechanism, speed="60rpm", duration="5 ms", timestep="0.1ms", samples=5)
-    assert stepped.timestep == 1e-4
 
 
 def test_comparisons_take_speeds_and_tolerances_as_text():

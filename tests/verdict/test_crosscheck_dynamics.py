@@ -14,7 +14,6 @@ from mechsim.model.links import Inertia
 from mechsim.model.motors import ConstantTorque, DCMotor, TorqueSpeedLine
 from mechsim.model.scene import Scene
 from mechsim.simulation import Settings, mjcf, swing
-from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.source import assembled
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
@@ -135,8 +134,8 @@ def test_a_torque_of_the_wrong_sign_and_a_nan_fail(method):
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr"), ("four_bar",)))
 def test_a_free_run_without_friction_follows_the_reduced_equation_over_four_turns(name):
     machine = of(name, Forces(gravity=GRAVITY))
-    run = free_run(machine.mechanism, machine.forces, speed=60.0, turns=4.0)
-    assert run.free.outcome == "done"
+    run = dynamics.free_run(machine, speed=60.0, turns=4.0, samples=81)
+    assert run.outcome == "done"
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict
 
@@ -151,8 +150,8 @@ def test_a_free_run_without_friction_follows_the_reduced_equation_over_four_turn
 )
 def test_a_motor_starts_the_mechanism_as_in_the_reduced_equation(motor):
     machine = of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
-    run = free_run(machine.mechanism, machine.forces, turns=1.0)
-    assert run.free.outcome == "done"
+    run = dynamics.free_run(machine, turns=1.0, samples=61)
+    assert run.outcome == "done"
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict
 
@@ -160,7 +159,7 @@ def test_a_motor_starts_the_mechanism_as_in_the_reduced_equation(motor):
 def test_each_wrong_model_fails_in_its_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
     machine = of("four_bar", forces)
-    run = free_run(machine.mechanism, machine.forces, turns=0.5)
+    run = dynamics.free_run(machine, turns=0.5, samples=31)
     for wrong in (heavier, upside_down, frictionless):
         assert crosscheck_free(run, wrong(machine)).outcome == "failed", wrong
 
@@ -170,20 +169,19 @@ def test_a_load_over_the_crank_angle_acts_at_every_stage_of_every_step():
         motor=TorqueSpeedLine(5.0, 100.0), crank_torque=load_profile.harmonics([-0.2, 0.1]), flywheel=0.01
     )
     machine = of("four_bar", forces)
-    run = free_run(machine.mechanism, machine.forces, turns=1.0, settings=Settings(steps_per_turn=500))
+    run = dynamics.free_run(machine, turns=1.0, samples=61)
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict
     assert mujoco.get_mjcb_control() is None
 
 
 def test_a_motor_weaker_than_friction_or_weight_cannot_start():
-    mechanism = catalog.make("four_bar").mechanism
-    held = Forces(motor=ConstantTorque(0.01), friction=(Friction("crank", 0.0, 0.02),))
-    assert free_run(mechanism, held, turns=1.0).free.outcome == "cannot start"
+    locked = Forces(motor=ConstantTorque(0.01), friction=(Friction("crank", 0.0, 0.02),))
+    assert dynamics.free_run(of("four_bar", locked), turns=1.0).outcome == "cannot start"
     weak = Forces(gravity=(0.0, -9.81, 0.0), motor=ConstantTorque(1e-3))
-    run = free_run(mechanism, weak, turns=1.0)
-    assert run.free.outcome == "cannot start"
-    assert "turns back" in run.free.reason
+    run = dynamics.free_run(of("four_bar", weak), turns=1.0)
+    assert run.outcome == "cannot start"
+    assert "turns back" in run.reason
 
 
 def test_forces_of_a_slow_crank_under_gravity_are_correct():
@@ -196,9 +194,9 @@ def test_forces_of_a_slow_crank_under_gravity_are_correct():
 
 def test_a_free_run_without_an_end_is_invalid_input():
     with pytest.raises(InputError, match="needs turns of the crank, or a duration"):
-        free_run(catalog.make("four_bar").mechanism)
-    with pytest.raises(InputError, match="duration of a free run is 0"):
-        free_run(catalog.make("four_bar").mechanism, duration=0.0)
+        dynamics.free_run(of("four_bar", Forces()))
+    with pytest.raises(InputError, match="or a duration above 0"):
+        dynamics.free_run(of("four_bar", Forces()), duration=0.0)
 
 
 @pytest.mark.parametrize("name", grid(catalog.DRIVES))

@@ -10,7 +10,6 @@ from mechsim import catalog, dynamics, load_profile
 from mechsim.errors import InputError
 from mechsim.model.forces import Couple, Forces, Friction
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, TorqueSpeedLine
-from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 
@@ -101,7 +100,7 @@ def test_coulomb_friction_of_a_ball_opposes_its_angular_velocity():
 def test_a_free_run_loses_the_energy_of_the_reduced_equation(kind):
     machine = of(kind)
     machine = machine.with_forces(replace(machine.forces, flywheel=1e-3))
-    run = free_run(machine.mechanism, machine.forces, speed=60.0, duration=0.01, timestep=1e-5, samples=20)
+    run = dynamics.free_run(machine, speed=60.0, duration=0.01, samples=21)
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict
     assert crosscheck_free(run, without(machine, coulomb=0.0)).outcome == "failed"
@@ -111,7 +110,6 @@ def test_a_crank_locked_by_ball_friction_cannot_start():
     held = Forces(friction=(Friction("S", 0.0, 0.5),), motor=ConstantTorque(0.01))
     machine = dynamics.dynamic_model(catalog.make("rrsrr"), held)
     assert dynamics.free_run(machine, turns=1.0).outcome == "cannot start"
-    assert free_run(machine.mechanism, machine.forces, turns=1.0).free.outcome == "cannot start"
 
 
 def test_a_couple_agrees_by_both_methods_and_fails_on_another_link():
@@ -133,7 +131,7 @@ def test_a_geared_motor_satisfies_the_reduced_equation_and_a_wrong_ratio_fails(m
     machine = dynamics.dynamic_model(
         catalog.make("four_bar"), Forces(gravity=GRAVITY, motor=Geared(motor, 9.0))
     )
-    run = free_run(machine.mechanism, machine.forces, duration=0.02, timestep=2e-5, samples=20)
+    run = dynamics.free_run(machine, duration=0.02, samples=21)
     verdict = crosscheck_free(run, machine)
     assert verdict.passed, verdict
     wrong = machine.with_forces(replace(machine.forces, motor=Geared(motor, 9.01)))

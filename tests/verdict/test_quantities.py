@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from mechsim import catalog, dynamics
-from mechsim.errors import InputError
 from mechsim.model.forces import Forces, Friction
 from mechsim.verdict.checks import Check, check_of, checks_of, concluded, tolerances_of
-from mechsim.verdict.crosscheck import crosscheck, crosscheck_forces, crosscheck_free_run
+from mechsim.verdict.crosscheck import crosscheck, crosscheck_forces
 from mechsim.verdict.quantities import (
     CRANK_DRIVE,
     DRIVERS,
     FORCES,
-    FREE,
     MOTION,
     QUANTITIES,
     ComparedQuantity,
@@ -127,32 +125,6 @@ def test_each_wrong_quantity_of_forces_fails_alone(kind, route):
     assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=route, tolerance=1e-7)) == {kind}
 
 
-@pytest.mark.parametrize(
-    ("field", "kinds"),
-    [
-        ("angle", {"crank angle"}),
-        ("speed", {"crank speed"}),
-        ("kinetic", {"energy balance"}),
-        ("work", {"energy balance", "work of motor and loads"}),
-        ("lost", {"energy balance", "energy lost"}),
-    ],
-)
-def test_each_wrong_quantity_of_a_free_run_fails(field, kinds):
-    assert crosscheck_free_run(RUN, RUN).passed
-    drifting = np.linspace(0.0, 1e-2, len(RUN))
-    wrong = replace(RUN, **{field: getattr(RUN, field) + drifting})
-    assert missed(crosscheck_free_run(wrong, RUN)) == kinds
-    assert missed(crosscheck_free_run(wrong, RUN, tolerance=1e-5)) == kinds
-
-
-def test_a_free_run_longer_than_the_exact_one_or_too_short_is_reported():
-    short = replace(RUN, **{name: values[:5] for name, values in RUN.columns()}, reason="held")
-    assert "ends after" in crosscheck_free_run(RUN, short).reason
-    item = replace(RUN, **{name: values[:1] for name, values in RUN.columns()})
-    with pytest.raises(InputError, match="at least two instants"):
-        crosscheck_free_run(item, RUN)
-
-
 def test_given_tolerances_replace_those_of_the_table_relative_or_absolute():
     off = replace(EXACT, torque=EXACT.torque + 1e-3)
     size = force_scales(EXACT)["torque"]
@@ -183,20 +155,15 @@ def test_a_check_names_its_variant_method_quantity_and_subject():
     assert replace(check, kind="loop", subject="").title == "loop residual"
 
 
-def test_longer_free_runs_and_larger_requests_have_wider_tolerances():
-    row = QUANTITIES["crank angle"]
-    bounds = [
-        row.bounds["step"].tolerance("rad", 1.0, Requested(turns=turns)).value for turns in (1, 10, 100)
-    ]
-    assert bounds == pytest.approx([1e-6, 1e-6, 1e-4])
+def test_larger_requests_have_wider_tolerances():
     place = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Requested(1e-6, scale=0.3))
     assert place.value == 1e-6
     assert place.reason == "requested: 3e-06 of the stroke of 0.3 m"
 
 
 def test_every_quantity_has_a_scale_and_a_reason_for_each_tolerance():
-    known = {*motion_scales(1.0, 1.0), *force_scales(EXACT), "energy"}
-    assert len(QUANTITIES) == len(MOTION) + len(CRANK_DRIVE) + len(DRIVERS) + len(FORCES) + len(FREE)
+    known = {*motion_scales(1.0, 1.0), *force_scales(EXACT)}
+    assert len(QUANTITIES) == len(MOTION) + len(CRANK_DRIVE) + len(DRIVERS) + len(FORCES)
     for row in QUANTITIES.values():
         assert row.scale in known
         assert row.bounds

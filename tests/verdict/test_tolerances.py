@@ -7,19 +7,17 @@ import numpy as np
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.model.force_record import ForceRecord, FreeRun, Reaction
+from mechsim.model.force_record import ForceRecord, Reaction
 from mechsim.model.motion import LinkMotion, Motion, PointMotion
 from mechsim.verdict.checks import Verdict, check_of, combined, concluded, tolerances_of
-from mechsim.verdict.crosscheck import crosscheck, crosscheck_forces, crosscheck_free_run
+from mechsim.verdict.crosscheck import crosscheck, crosscheck_forces
 from mechsim.verdict.quantities import (
     QUANTITIES,
     force_scales,
-    free_scales,
     motion_scales,
     reach_of,
     stroke_of,
 )
-from mechsim.verdict.record_errors import field_error
 from mechsim.verdict.tolerances import EPS, RATES, WELL_CONDITIONED, Requested, Tolerance, ToleranceRule
 
 N = 5
@@ -32,18 +30,10 @@ ONES = np.ones(N)
 
 
 def test_no_tolerance_is_requested_by_default():
-    assert (Requested().tolerance, Requested().scale, Requested().turns) == (0.0, 1.0, 0.0)
+    assert (Requested().tolerance, Requested().scale) == (0.0, 1.0)
     plain = ToleranceRule("why", 1e-3)
-    assert (plain.requested, plain.growth, plain.power, plain.scale) == (0.0, 0, 0, "")
-    # without growth more turns change nothing
-    assert plain.tolerance("m", 2.0, Requested(turns=1000.0)).value == pytest.approx(2e-3)
-
-
-@pytest.mark.parametrize("turns", [0.0, 3.0, 10.0, -20.0, 40.0])
-@pytest.mark.parametrize("growth", [0, 1, 2])
-def test_the_fixed_tolerance_grows_by_its_power_beyond_ten_revolutions(turns, growth):
-    bound = ToleranceRule("", 1e-6, growth=growth).tolerance("rad", 3.0, Requested(turns=turns)).value
-    assert bound == pytest.approx(3e-6 * max(1.0, abs(turns) / 10.0) ** growth)
+    assert (plain.requested, plain.power, plain.scale) == (0.0, 0, "")
+    assert plain.tolerance("m", 2.0, Requested()).value == pytest.approx(2e-3)
 
 
 def test_the_larger_of_fixed_and_requested_tolerance_applies():
@@ -233,30 +223,6 @@ def test_forces_and_torques_of_zero_use_another_scale():
     assert idle["force"] == pytest.approx(2e-3 / 0.2)
 
 
-def free(n=N, **more):
-    zeros = np.zeros(n)
-    names = ("acceleration", "kinetic", "potential", "work", "lost", "motor")
-    angle = np.linspace(0.0, 30.0, n)
-    return FreeRun(
-        **{
-            **dict.fromkeys(names, zeros),
-            "time": angle,
-            "angle": angle,
-            "speed": zeros - 2.0,
-            "outcome": "done",
-            **more,
-        }
-    )
-
-
-def test_scales_of_a_free_run_are_its_fastest_speed_and_its_largest_energy():
-    up = np.linspace(0.0, 1.0, N)
-    for name, values in (("kinetic", -3.0 * up), ("potential", 5.0 + 3.0 * up), ("lost", 3.0 * up)):
-        scales = free_scales(free(**{name: values}))
-        assert (scales["crank speed"], scales["rad"]) == (2.0, 1.0)
-        assert scales["energy"] == pytest.approx(3.0)
-
-
 # judges
 
 
@@ -403,27 +369,13 @@ def test_forces_have_the_requested_tolerance_or_that_of_their_method():
             assert crosscheck_forces(result, exact, method=route, tolerance=tolerance).passed == passed
 
 
-def test_free_runs_are_bounded_over_ten_turns_and_their_angle_by_the_square_of_more():
-    for turns, bound in ((5.0, 1e-6), (10.0, 1e-6), (30.0, 9e-6)):
-        angle = np.linspace(1.0, 1.0 + turns * 2.0 * np.pi, N)
-        exact = free(angle=angle, kinetic=ONES)
-        for part, passed in ((0.99, True), (1.01, False)):
-            assert crosscheck_free_run(replace(exact, angle=angle + part * bound), exact).passed == passed
-    asked = free(kinetic=ONES)
-    assert crosscheck_free_run(replace(asked, angle=asked.angle + 0.9e-3), asked, tolerance=1e-3).passed
-    assert not crosscheck_free_run(replace(asked, angle=asked.angle + 1.1e-3), asked, tolerance=1e-3).passed
-    assert crosscheck_free_run(free(outcome="diverged", reason="why"), asked).reason == "why"
-    assert crosscheck_free_run(free(2), free(2, kinetic=np.ones(2))).checks
-    assert "ends after" in crosscheck_free_run(asked, free(3)).reason
-
-
 def test_the_largest_error_is_relative_to_its_scale():
-    row = replace(QUANTITIES["crank speed"], error=field_error("speed"))
-    exact = free()
-    result = replace(exact, speed=exact.speed + np.linspace(0.0, 0.5, N))
-    assert row.largest(result, exact, {"crank speed": 2.0}) == pytest.approx(0.25)
+    row = QUANTITIES["kinetic energy"]
+    exact = efforts(FLAT)
+    result = replace(exact, kinetic=exact.kinetic + np.linspace(0.0, 0.5, N))
+    assert row.largest(result, exact, {"kinetic energy": 2.0}) == pytest.approx(0.25)
     silent = replace(row, error=lambda *_: None)
-    assert silent.largest(result, exact, {"crank speed": 2.0}) == 0.0
+    assert silent.largest(result, exact, {"kinetic energy": 2.0}) == 0.0
     assert EPS == 2.0**-52
 
 

@@ -1,11 +1,9 @@
-"""Is the tolerance of `--tolerance` kept for torque, reactions and free running, and at what price?
+"""Is the tolerance of `--tolerance` kept for torque and reactions, and at what price?
 
 Random sound dimensions of all catalogue mechanisms, weight included, 1 to 20,000 rpm, ten turns.
 
-- prescribed crank: T = 1e-2 to 1e-8 of torque and reactions. The true error is the worst of any instant
-  against the closed form's dynamics at the angle, speed and acceleration reached.
-- free crank, let go at 600 to 20,000 rpm, three turns: T = 1e-2 to 1e-8 rad. The true error is the worst
-  distance from the reduced equation integrated to 1e-12.
+T = 1e-2 to 1e-8 of torque and reactions. The true error is the worst of any instant against the closed form's
+dynamics at the angle, speed and acceleration reached.
 
 The price is that of all steps, trials included, over the fewest steps of a ladder that keep T, which a user
 could know only by the closed form.
@@ -30,13 +28,12 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.dynamics import DynamicModel
 from mechsim.model.forces import Forces
 from mechsim.simulation import Settings
-from mechsim.simulation.dynamics.free_motion import free_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 
-TURNS, FREE_TURNS = 10.0, 3.0
-RPM, FREE_RPM, PART = (1.0, 20_000.0), (600.0, 20_000.0), (1e-2, 1e-8)
+TURNS = 10.0
+RPM, PART = (1.0, 20_000.0), (1e-2, 1e-8)
 STEPS = (48, 72, 96, 144, 192, 288, 384, 576, 768, 1152, 1536, 2304, 3072, 4608, 6144, 9216)
 WEIGHT = (0.3, -9.81, 0.5)
 TIMED = 5
@@ -71,43 +68,13 @@ def prescribed(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
     run = driven(machine.mechanism, machine.forces, speed=speed, turns=TURNS, tolerance=part)
     assert run.tolerance_report is not None
     least = fewest(keeps) if run.outcome == "passed" else None
-    return _row("prescribed", drive, speed, part, run, true_error(run, machine), least, TURNS)
-
-
-def free(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
-    """Return one free run's error, estimate and price."""
-    machine = dynamics.dynamic_model(drive, Forces(gravity=WEIGHT))
-
-    def off(**options: Any) -> tuple[Any, float]:
-        run = free_run(machine.mechanism, machine.forces, speed=speed, turns=FREE_TURNS, **options)
-        angle, times = run.motion.angle, run.motion.time
-        exact = dynamics.free_run(machine, angle=float(angle[0]), speed=speed, times=times)
-        n = len(exact)
-        return run, float(np.abs(angle[:n] - exact.angle).max())
-
-    run, error = off(tolerance=part)
-    given = {name: getattr(run.settings, name) for name in ("compliance", "constant_steps")}
-
-    def keeps(steps: int) -> bool:
-        return off(settings=Settings(steps_per_turn=steps, **given))[1] <= part
-
-    least = fewest(keeps) if run.tolerance_report.satisfied else None
-    turns = run.steps / run.settings.steps_per_turn
-    return _row("free", drive, speed, part, run, error, least, turns)
+    return _row(drive, speed, part, run, true_error(run, machine), least)
 
 
 def _row(
-    kind: str,
-    drive: ClosedForm,
-    speed: float,
-    part: float,
-    run: Any,
-    error: float,
-    least: int | None,
-    turns: float,
+    drive: ClosedForm, speed: float, part: float, run: Any, error: float, least: int | None
 ) -> dict[str, Any]:
     return {
-        "crank": kind,
         "mechanism": drive.name,
         "rpm": speed / units.rpm(1.0),
         "T": part,
@@ -116,7 +83,7 @@ def _row(
         "estimate/error": run.tolerance_report.estimate / error,
         "order": float(run.tolerance_report.order),
         "steps a turn": run.settings.steps_per_turn,
-        "price": (run.steps + run.tolerance_report.trials) / (turns * least) if least else float("nan"),
+        "price": (run.steps + run.tolerance_report.trials) / (TURNS * least) if least else float("nan"),
     }
 
 
@@ -144,34 +111,31 @@ def ladder() -> Iterator[dict[str, Any]]:
 
 
 def fractions(rows: Sequence[sheet.Row]) -> Iterator[str]:
-    """Yield what the study says, a sentence a line."""
-    for kind in dict.fromkeys(row["crank"] for row in rows):
-        mine = [row for row in rows if row["crank"] == kind]
-        kept = [row for row in mine if row["met"]]
-        error, ratio, price = (
-            np.array([row[key] for row in kept]) for key in ("error/T", "estimate/error", "price")
-        )
-        price = price[np.isfinite(price)]
-        yield (
-            f"{kind}: {len(mine)} runs, {len(kept)} say they met T; of these "
-            f"{100.0 * (error <= 1.0).mean():.1f} % are within T, worst {error.max():.2g} T"
-        )
-        yield (
-            f"  estimate over true error: median {np.median(ratio):.3g}, {ratio.min():.3g} to "
-            f"{ratio.max():.3g}"
-        )
-        yield (
-            f"  price: median {np.median(price):.2f}, nine of ten below {np.quantile(price, 0.9):.2f}, "
-            f"worst {price.max():.2f}"
-        )
-        for row in mine:
-            if not row["met"]:
-                yield f"  missed: {row['mechanism']} T = {row['T']:.1e}, error {row['error/T']:.2g} T"
+    """Yield the results of the study, a sentence a line."""
+    kept = [row for row in rows if row["met"]]
+    error, ratio, price = (
+        np.array([row[key] for row in kept]) for key in ("error/T", "estimate/error", "price")
+    )
+    price = price[np.isfinite(price)]
+    yield (
+        f"{len(rows)} runs, {len(kept)} report that they met T; of these "
+        f"{100.0 * (error <= 1.0).mean():.1f} % are within T, worst {error.max():.2g} T"
+    )
+    yield (
+        f"  estimate over true error: median {np.median(ratio):.3g}, {ratio.min():.3g} to {ratio.max():.3g}"
+    )
+    yield (
+        f"  price: median {np.median(price):.2f}, nine of ten below {np.quantile(price, 0.9):.2f}, "
+        f"worst {price.max():.2f}"
+    )
+    for row in rows:
+        if not row["met"]:
+            yield f"  missed: {row['mechanism']} T = {row['T']:.1e}, error {row['error/T']:.2g} T"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=35, help="runs of each kind")
+    parser.add_argument("--count", type=int, default=35, help="runs")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--ladder", action="store_true")
     parser.add_argument("--out", type=Path, help="folder for the table as CSV")
@@ -182,11 +146,10 @@ def main() -> None:
         sheet.show(list(ladder()), asked.out, "torque_ladder")
         return
     rows, begin = [], time.perf_counter()
-    for study, rpm in ((prescribed, RPM), (free, FREE_RPM)):
-        random = np.random.default_rng(asked.seed)
-        for drive in drives(random, asked.count):
-            speed, part = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (rpm, PART))
-            rows.append(study(drive, units.rpm(speed), part))
+    random = np.random.default_rng(asked.seed)
+    for drive in drives(random, asked.count):
+        speed, part = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, PART))
+        rows.append(prescribed(drive, units.rpm(speed), part))
     sheet.show(rows, asked.out, "torque_tolerance")
     print(*fractions(rows), f"{time.perf_counter() - begin:.0f} s", sep="\n")
 

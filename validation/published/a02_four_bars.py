@@ -28,7 +28,7 @@ from table import Row, show
 import mechsim as ms
 from mechsim.model.forces import Forces
 from mechsim.model.masses import slender_rod
-from mechsim.simulation.dynamics.free_motion import free_run
+from mechsim.simulation.dynamics.forward_run import stepped_run
 
 GRAVITY = 9.81
 SETTINGS = ms.Settings(integrator="discrete", constant_steps=1e-3, compliance=1e-4)
@@ -78,16 +78,11 @@ def tip(angle: np.ndarray) -> np.ndarray:
 
 def rows(n: int, duration: float, timestep: float, place: float, rate: float) -> list[Row]:
     began = time.perf_counter()
-    run = free_run(
-        chain(n),
-        Forces(gravity=(0.0, -GRAVITY, 0.0)),
-        speed=-1.0,
-        duration=duration,
-        timestep=timestep,
-        samples=20,
-        settings=SETTINGS,
-        cut=tuple(f"C{i}" for i in range(n)),
-    )
+    times, weight = np.linspace(0.0, duration, 21), Forces(gravity=(0.0, -GRAVITY, 0.0))
+    start, substeps = {"A0": np.pi / 2.0}, round(duration / 20 / timestep)
+    # loops are cut at the joints C
+    kept = {f"A{i}" for i in range(n + 1)} | {f"B{i}" for i in range(n)}
+    run = stepped_run(chain(n), weight, start, {"A0": -1.0}, times, substeps, SETTINGS, kept=kept)
     seconds = time.perf_counter() - began
     motion = run.motion
     assert motion.time is not None

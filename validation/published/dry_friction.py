@@ -12,7 +12,7 @@ import numpy as np
 
 from mechsim import catalog, dynamics
 from mechsim.model.forces import Forces, Friction
-from mechsim.simulation.dynamics.free_motion import free_run
+from mechsim.simulation.dynamics.forward_run import stepped_run
 
 STEPS = (1e-4, 2.5e-5)
 TILTED = (0.3, -9.81, 0.5)
@@ -49,12 +49,11 @@ def error(case: Case, timestep: float) -> float:
     friction = tuple(Friction(joint, 0.0, case.torque) for joint in case.joints)
     forces = Forces(gravity=case.gravity, friction=friction, flywheel=case.flywheel)
     machine = dynamics.dynamic_model(catalog.make(case.name), forces)
-    run = free_run(
-        machine.mechanism, forces, timestep=timestep, samples=50, speed=case.speed, duration=case.duration
-    )
-    start = float(run.motion.angle[0])
-    exact = dynamics.free_run(machine, angle=start, speed=case.speed, times=run.motion.time)
-    return float(np.abs(run.motion.angle[: len(exact)] - exact.angle).max())
+    exact = dynamics.free_run(machine, speed=case.speed, duration=case.duration, samples=51)
+    name = machine.mechanism.crank.name
+    start = {name: float(exact.angle[0])}, {name: case.speed}
+    run = stepped_run(machine.mechanism, forces, *start, exact.time, round(exact.time[1] / timestep))
+    return float(np.abs(run.motion.angle - exact.angle).max())
 
 
 def main() -> None:

@@ -3,6 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
+from mechsim.simulation.dynamics.forward_run import SteppedRun
+
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -18,6 +22,13 @@ class Row:
     def passed(self) -> bool:
         """Whether the error is within the bound; NaN is not."""
         return self.error <= self.bound
+
+
+def energy_error(run: SteppedRun, work: np.ndarray | float = 0.0) -> float:
+    """Return the largest error of the energy balance relative to the exchanged energy; work in [J], (n,)."""
+    balance = run.kinetic + run.potential - work
+    exchanged = max(np.abs(run.kinetic).max(), np.ptp(run.potential), np.abs(work).max())
+    return float(np.abs(balance - balance[0]).max() / exchanged)
 
 
 def show(title: str, rows: Iterable[Row]) -> int:

@@ -2,7 +2,7 @@
 
 from mechsim.analytic.dynamics.dynamic_run import DynamicRun, run
 from mechsim.analytic.dynamics.flywheel import fluctuation, flywheel_for
-from mechsim.analytic.dynamics.free_motion import free_run
+from mechsim.analytic.dynamics.free_motion import FreeRun, free_run
 from mechsim.analytic.dynamics.linearization import Mode
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
@@ -17,7 +17,7 @@ from mechsim.analytic.dynamics.statics import (
     nearest_equilibrium,
     response,
 )
-from mechsim.model.force_record import Fluctuation, FreeRun, Reaction
+from mechsim.model.force_record import Fluctuation, Reaction
 
 __all__ = [
     "Balance",

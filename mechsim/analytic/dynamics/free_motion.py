@@ -1,7 +1,8 @@
 """Free motion of a crank: a run of forward dynamics that ends after revolutions of the crank."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.dynamics.applied_forces import applied, loads
 from mechsim.analytic.dynamics.contacts import EventFunction
-from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, run_at
+from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, DynamicRun, run_at
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, equations_of_motion
 from mechsim.analytic.dynamics.forward_dynamics import Integration, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state
@@ -17,7 +18,6 @@ from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reduced_equation import reduced_coefficients
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
-from mechsim.model.force_record import FreeRun
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
@@ -25,6 +25,50 @@ from mechsim.numerics.arrays import Array
 PATIENCE = 100.0
 # rounding: angle in [rad] of a crank that has not moved, and speed of a crank at rest relative to the mean
 MOVED, SLOW = 1e-9, 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeRun(DynamicRun):
+    """A run of a free crank at n instants, in SI.
+
+    Attributes:
+        motor: torque of the motor on the crank, (n,) in [N m].
+        outcome: "done" (made the requested turns or time), "time over" (fewer turns in the time), "cannot
+            start" (did not move, or swung back before a full turn), "turned back" (ran, but did not
+            make the turns), "stopped" (friction locks it), "dead centre", "diverged" or "failed".
+    """
+
+    motor: Array
+
+    @property
+    def angle(self) -> Array:
+        """Crank angle, not wrapped, (n,) in [rad]."""
+        return self.motion.angle
+
+    @property
+    def speed(self) -> Array:
+        """Crank speed, (n,) in [rad/s]."""
+        return self.motion.speed
+
+    @property
+    def acceleration(self) -> Array:
+        """Crank acceleration, (n,) in [rad/s2]."""
+        return self.motion.acceleration
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Yield the run as columns of a table in SI."""
+        for name in (
+            "time",
+            "angle",
+            "speed",
+            "acceleration",
+            "kinetic",
+            "potential",
+            "work",
+            "lost",
+            "motor",
+        ):
+            yield name, getattr(self, name)
 
 
 def free_run(
@@ -84,21 +128,10 @@ def free_run(
     if instants is None:
         instants = np.linspace(0.0, end, samples)
     run = run_at(equations, trajectory, instants[instants <= end])
-    joint = run.motion.joints[name]
     outcome, reason = crank.outcome(trajectory, integration.kinematics(), latest)
-    return FreeRun(
-        time=run.time,
-        angle=joint.value,
-        speed=joint.rate,
-        acceleration=joint.acceleration,
-        kinetic=run.kinetic,
-        potential=run.potential,
-        work=run.work,
-        lost=run.lost,
-        motor=model.forces.motor_torque(joint.rate),
-        outcome=outcome,
-        reason=reason,
-    )
+    values: dict[str, Any] = {field.name: getattr(run, field.name) for field in fields(run)}
+    values |= {"outcome": outcome, "reason": reason}
+    return FreeRun(**values, motor=model.forces.motor_torque(run.motion.speed))
 
 
 def _require_determined(model: DynamicModel, angle: float) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from mechsim.model.force_record import Fluctuation, ForceRecord, FreeRun
+from mechsim.model.force_record import Fluctuation, ForceRecord
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import readable
 from mechsim.pictures.plots.figure import (
@@ -107,7 +107,7 @@ def energy_plot(study: Prescribed) -> "Figure":
 
 
 @styled()
-def free_plot(run: FreeRun) -> "Figure":
+def free_plot(run: "FreeCrank") -> "Figure":
     """Draw speed, motor torque and energies of a free run over time."""
     figure, axes = blank(3, 1, (5.8, 6.0), sharex=True)
     factor, unit = readable(run.time, "s")
@@ -158,6 +158,25 @@ def draw_energies(ax: "Axes", time: Array, run: WithEnergies) -> None:
     }
     draw_curves(ax, time, energies, "energy", "J")
     ax.legend(**LEGEND_RIGHT)
+
+
+class FreeCrank(WithEnergies, Protocol):
+    """A run of a free crank."""
+
+    @property
+    def time(self) -> Array:
+        """Instants, (n,) in [s]."""
+        ...
+
+    @property
+    def speed(self) -> Array:
+        """Crank speed, (n,) in [rad/s]."""
+        ...
+
+    @property
+    def motor(self) -> Array:
+        """Torque of the motor, (n,) in [N m]."""
+        ...
 
 
 @styled()

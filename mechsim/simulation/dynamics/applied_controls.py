@@ -1,7 +1,7 @@
 """Forces applied to a freely moving model at every stage of a MuJoCo step, and its preparation."""
 
 import copy
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -47,20 +47,17 @@ class AppliedControls:
         model: the mechanism and its forces.
         loops: of the prepared model.
         laws: prescribed coordinate -> its motion law.
-        soft: speeds below which dry friction by controls is proportional to the speed.
     """
 
     def __init__(
-        self,
-        model: LoadedModel,
-        loops: ModelLoops,
-        laws: Mapping[str, State] | None = None,
-        soft: Sequence[float] | None = None,
+        self, model: LoadedModel, loops: ModelLoops, laws: Mapping[str, State] | None = None
     ) -> None:
-        self.model, self.loops, self.soft = model, loops, soft
+        self.model, self.loops = model, loops
         self.controllers = Controllers(model)
         self.drives = Drives(model, loops.model, laws or {})
         self.crank = loops.crank_address if model.mechanism.has_crank else None
+        varying = any(profile.over is not None for profile in model.forces.load_profiles)
+        self.constant = not (model.dry or varying or self.drives.names or self.controllers.used)
 
     def apply(self, data: mujoco.MjData) -> None:
         """Set controls and applied forces at MuJoCo's state."""
@@ -68,18 +65,20 @@ class AppliedControls:
             return
         angle = data.qpos[[self.crank]] if self.crank is not None else np.zeros(1)
         controls = self.model.controls(angle, np.array([data.time]))
-        oppose(self.model.dry, data.actuator_velocity[None], controls, self.soft)
+        oppose(self.model.dry, data.actuator_velocity[None], controls)
         data.ctrl[:] = controls[0]
         data.qfrc_applied[:] = 0.0
         self.controllers.apply(data)
         self.drives.apply(data)
 
     @contextmanager
-    def installed(self) -> Generator[None]:
-        """Apply them at every stage of a step; restore MuJoCo's callbacks afterwards."""
+    def installed(self, data: mujoco.MjData) -> Generator[None]:
+        """Apply them at every stage of a step of `data`; restore MuJoCo's callbacks afterwards."""
         before = mujoco.get_mjcb_control()
-        if self.loops.model.nu or self.drives.names or self.controllers.used:
-            mujoco.set_mjcb_control(lambda _, data: self.apply(data))
+        if self.constant:
+            self.apply(data)
+        else:
+            mujoco.set_mjcb_control(lambda _, state: self.apply(state))
         try:
             with _velocity_products(self.loops):
                 yield

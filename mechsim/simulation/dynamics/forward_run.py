@@ -26,6 +26,7 @@ from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import compiled, quiet
 from mechsim.simulation.mjcf.force_elements import actuator_slices
 from mechsim.simulation.mjcf.joints import model_names
+from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.recording import States, add_sensors
 from mechsim.simulation.settings import COMPLIANCE, Settings
@@ -33,8 +34,12 @@ from mechsim.simulation.source import assembled
 from mechsim.simulation.state import HINGE, SLIDE
 from mechsim.simulation.stepping import Progress, no_progress
 
-# RK4 with stiff equalities, as for a free crank (dynamics/free_motion.py)
+# RK4 with stiff equalities
 FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)
+# for constraints that are redundant only while the loops are closed: stiff ones brake the mechanism by their
+# inconsistency. Of compliances 1e-8 to 1e4 and time constants of 3 to 20 steps these conserve the energy best
+# (Bennett linkage: angle to 4e-9 rad with steps that leave 9e-3 rad by stiff equalities)
+REDUNDANT = Settings(compliance=100.0, constant_steps=5.0, steps_per_turn=4000)
 # longest step of a coordinate towards its initial value, in [rad] or characteristic lengths
 STEP = 0.05
 # constraint violation in characteristic lengths up to which the loops are closed
@@ -53,6 +58,7 @@ class SteppedRun:
         driving: prescribed coordinate -> torque or force that moves it, (n,) in [N m] or [N].
         potential: of gravity and springs, (n,) in [J].
         diverged: whether the state of MuJoCo became invalid; the records then end before.
+        compliant: whether redundant loops have compliant constraints, which make accelerations vibrate.
         timestep: in [s].
         steps: number of steps taken.
         seconds: time spent stepping.
@@ -63,6 +69,7 @@ class SteppedRun:
     potential: Array
     driving: Mapping[str, Array]
     diverged: bool
+    compliant: bool
     timestep: float
     steps: int
     seconds: float
@@ -76,7 +83,7 @@ def stepped_run(
     rates: Mapping[str, float],
     times: Array,
     substeps: int,
-    settings: Settings = FREE,
+    settings: Settings | None = None,
     *,
     kept: set[str] | None = None,
     prescribed: Mapping[str, State] | None = None,
@@ -91,7 +98,8 @@ def stepped_run(
         rates: initial rates per second, likewise.
         times: instants to record, evenly spaced, the first of the initial state, (n,) in [s].
         substeps: number of steps between two recorded instants.
-        settings: of the integrator and the constraints.
+        settings: of the integrator and the constraints; None chooses `FREE`, or `REDUNDANT` if loop
+            constraints depend on one another.
         kept: coordinates at which no loop is cut. Values of other coordinates are ignored if a loop is cut
             there. None keeps all coordinates that have a value.
         prescribed: coordinate -> its motion law; a force gives the prescribed acceleration.
@@ -111,6 +119,7 @@ def stepped_run(
     )
     qvel = _rates(model, qpos, rates)
     timestep = float(times[1] - times[0]) / substeps
+    settings = settings or (REDUNDANT if is_redundant(model.loops, qpos) else FREE)
     loops = prepared(model, settings, timestep, ITERATIONS)
     controls = AppliedControls(model, loops, prescribed)
     begin = timer.perf_counter()
@@ -123,6 +132,7 @@ def stepped_run(
         potential=potential,
         driving=driving,
         diverged=diverged,
+        compliant=settings == REDUNDANT,
         timestep=timestep,
         steps=substeps * (len(states.time) - 1),
         seconds=seconds,
@@ -132,10 +142,12 @@ def stepped_run(
 def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedModel:
     """Return the model of a mechanism and its forces; no loop is cut at the coordinates to keep."""
     described = with_inertia(mechanism)
-    drivers = tuple(dict.fromkeys((*mechanism.drivers, *sorted(kept))))
-    if not mechanism.has_crank or kept - {*mechanism.drivers}:
+    drivers, cut = tuple(dict.fromkeys((*mechanism.drivers, *sorted(kept)))), None
+    if not mechanism.has_crank:
         described = replace(described, driver=drivers)
-    spec = assembled(described, Scene(level="dynamics", forces=forces))
+    elif kept - {*mechanism.drivers}:
+        cut = _cuts_elsewhere(mechanism, forces, kept)
+    spec = assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
     points = tuple(name for name, (link, _) in mechanism.points.items() if link != GROUND)
     track = add_sensors(spec, points)
     compiled_model = compiled(spec)
@@ -162,6 +174,14 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
         actuators=actuator_slices(described, forces, compiled_model.nu),
         dry=dry_frictions(compiled_model, forces.friction),
     )
+
+
+def _cuts_elsewhere(mechanism: Mechanism, forces: Forces, kept: set[str]) -> tuple[str, ...] | None:
+    """Return joints to cut other than those of coordinates to keep and of friction; None if none suffice."""
+    joints = {joint.name for joint in mechanism.joints if kept.intersection(joint.coordinates)}
+    joints |= {friction.joint for friction in forces.friction if friction.dry}
+    cuts = tuple(joint.name for joint in cut_loops(mechanism, keep=joints, splits=True).cuts)
+    return cuts if {*cuts} <= {joint.name for joint in mechanism.joints} else None
 
 
 def without_cuts(model: LoadedModel, values: Mapping[str, float]) -> dict[str, float]:
@@ -213,6 +233,15 @@ def _rates(model: LoadedModel, qpos: Array, rates: Mapping[str, float]) -> Array
     return solution * loops.units
 
 
+def is_redundant(loops: ModelLoops, qpos: Array) -> bool:
+    """Return whether loop constraints depend on one another in a state (nq,); rows of zeros are ignored."""
+    _, jacobian = loops.linearise(qpos[None])
+    sizes = np.abs(jacobian[0]).max(1, initial=0.0)
+    largest = float(sizes.max(initial=0.0))
+    rows = jacobian[0][sizes > max(RANK_TOLERANCE * largest, loop_jacobian.rounding(loops))]
+    return len(rows) > 0 and int(np.linalg.matrix_rank(rows, RANK_TOLERANCE * largest)) < len(rows)
+
+
 def _steps(
     controls: AppliedControls,
     start: tuple[Array, Array],
@@ -226,7 +255,7 @@ def _steps(
     data.qpos[:], data.qvel[:] = start
     data.time = times[0]
     records = [(data.qpos.copy(), data.qvel.copy())]
-    with controls.installed():
+    with controls.installed(data):
         for time in times[1:].tolist():
             mujoco.mj_step(stepped, data, nstep=substeps)
             finished = (time - times[0]) / (times[-1] - times[0])
@@ -250,7 +279,7 @@ def _recorded(controls: AppliedControls, states: States) -> tuple[Motion, Array,
     bodies = {name: (np.empty((n, 3)), np.empty((n, 3, 3))) for name in model.track.links}
     energies = np.empty((n, 2))
     driving = {name: np.empty(n) for name in drives.names}
-    with controls.installed():
+    with controls.installed(data):
         for i in range(n):
             data.qpos[:], data.qvel[:], data.time = states.qpos[i], states.qvel[i], states.time[i]
             mujoco.mj_forward(stepped, data)

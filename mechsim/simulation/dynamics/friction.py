@@ -3,8 +3,7 @@
 MuJoCo's own dry friction acts on single coordinates: on a hinge or a slide, or on a sum of hinge angles. The
 friction of a ball joint opposes its spin and does not act about three separate axes. Ball joints, and
 revolute joints at which a spatial loop is cut, therefore have controls. These are exact while the joint
-moves. Below the speed that friction removes in two steps, they are proportional to the speed; otherwise the
-joint would oscillate about rest.
+moves; they do not hold a joint at rest.
 """
 
 from collections.abc import Sequence
@@ -18,8 +17,6 @@ from mechsim.model.forces import Friction
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.force_elements import AXES, coulomb_name
 
-# number of steps in which friction stops a joint near rest
-STEPS = 2.0
 # smallest divisor of a speed, in [rad/s], which avoids a division by zero at rest
 TINY = 1e-300
 
@@ -43,34 +40,15 @@ def dry_frictions(model: mujoco.MjModel, friction: Sequence[Friction]) -> list[D
     return joints
 
 
-def oppose(
-    dry: Sequence[DryJoint], velocity: Array, controls: Array, soft: Sequence[float] | None = None
-) -> None:
+def oppose(dry: Sequence[DryJoint], velocity: Array, controls: Array) -> None:
     """Set the controls (n, nu) that oppose the velocities of actuators (n, nu).
 
     Args:
         dry: the frictions.
         velocity: of all actuators, in [rad/s].
         controls: of all actuators; those of dry friction are set.
-        soft: speed in [rad/s] below which each friction is proportional to the speed.
     """
-    for i, joint in enumerate(dry):
+    for joint in dry:
         rate = velocity[:, joint.actuators]
         fast = np.sqrt((rate * rate).sum(1))[:, None]
-        least = max(soft[i], TINY) if soft is not None else TINY
-        controls[:, joint.actuators] = -joint.magnitude * rate / np.maximum(fast, least)
-
-
-def compliance(dry: Sequence[DryJoint], velocity: Array, inertia: float, timestep: float) -> list[float]:
-    """Return for each friction the speed in [rad/s] that it removes in two steps.
-
-    Args:
-        dry: the frictions.
-        velocity: of all actuators at unit crank speed, (nu,).
-        inertia: generalised inertia of the crank, in [kg m2].
-        timestep: in [s].
-    """
-    return [
-        STEPS * timestep * joint.magnitude * float((velocity[joint.actuators] ** 2).sum()) / inertia
-        for joint in dry
-    ]
+        controls[:, joint.actuators] = -joint.magnitude * rate / np.maximum(fast, TINY)
