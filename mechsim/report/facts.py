@@ -8,7 +8,6 @@ import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.dynamics.free_motion import FreeRun
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
@@ -23,6 +22,7 @@ from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.verdict.record_errors import lengths
 
 if TYPE_CHECKING:
+    from mechsim.analytic.dynamics.free_motion import FreeRun
     from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
 
 
@@ -310,7 +310,7 @@ def turn_facts(fluctuation: Fluctuation | None) -> dict[str, float] | None:
     return {name: getattr(fluctuation, name) for name in names}
 
 
-def run_facts(run: FreeRun) -> dict[str, Any]:
+def run_facts(run: "FreeRun") -> dict[str, Any]:
     """Return the end of a free run."""
     return {
         "outcome": run.outcome,
