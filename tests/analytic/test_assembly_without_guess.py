@@ -53,7 +53,7 @@ def test_a_loop_that_cannot_close_is_rejected():
         assembled(spherical(3, reach=0.01))
 
 
-def test_a_loop_that_closes_at_another_crank_angle_reports_it():
+def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
     # a slide that starts out of the rod's reach, and a rod that is too short wherever the slide stands
     def press(rod: float, start: float) -> Mechanism:
         def joint(name: str, kind: str, *ends: tuple[str, tuple[float, float, float]], axis=(0.0, 0.0, 1.0)):
@@ -92,7 +92,7 @@ def test_a_loop_that_closes_at_another_crank_angle_reports_it():
 @pytest.mark.parametrize(
     ("lead", "near", "stands"), [(0.008, 0.05, 0.048), (-0.008, 0.053, 0.056), (0.03, 0.001, 0.0)]
 )
-def test_a_nut_has_the_revolution_of_its_screw_in_the_guess(lead, near, stands):
+def test_the_guess_selects_the_revolution_of_the_screw(lead, near, stands):
     ex = (1.0, 0.0, 0.0)
     jack = Mechanism(
         "jack",
@@ -130,7 +130,7 @@ def test_a_universal_joint_starts_with_crossed_axes():
     assert {name: pytest.approx(value, abs=1e-9) for name, value in wanted.items()} == reported
 
 
-def test_the_search_for_initial_poses_ends_without_progress(monkeypatch):
+def test_the_search_for_initial_poses_ends_once_it_stops_improving(monkeypatch):
     mechanism = ms.load("hoeken").mechanism
     name, pose = list(mechanism.guess.items())[-1]
     reported = replace(mechanism, guess={name: pose})

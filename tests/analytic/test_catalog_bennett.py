@@ -23,7 +23,7 @@ def poses_of(motion) -> dict[str, Pose]:
 
 
 @given(bennetts())
-def test_loop_closes_with_every_axis_at_every_crank_angle(drive):
+def test_points_and_axes_close_the_loop_at_every_crank_angle(drive):
     motion = drive.solve(ANGLES)
     open_by, turned_by = loops.residual_norms(drive.mechanism, poses_of(motion), ANGLES)
     assert open_by.max() <= CLOSED * longest(drive)
@@ -48,7 +48,7 @@ def test_rates_satisfy_the_differentiated_loop_equations(drive):
 
 
 @given(bennetts())
-def test_half_angle_tangents_keep_one_ratio(drive):
+def test_half_angle_tangents_have_a_constant_ratio(drive):
     motion = drive.solve(ANGLES)
     rocker, crank = np.tan(0.5 * motion.joints["rocker"].value), np.tan(0.5 * ANGLES)
     assert np.abs(rocker / crank / drive.ratio - 1.0).max() <= 1e-13 * (1.0 + 1.0 / np.abs(crank).min())
@@ -88,7 +88,7 @@ def test_the_assembly_sign_distinguishes_the_opposite_twist(drive):
     assert (drive.assembly_sign(other.positions(angles)) < 0.0).all()
 
 
-def test_mobility_names_three_redundant_constraints_and_why():
+def test_mobility_reports_three_redundant_constraints_and_their_reason():
     freedom = mobility(Bennett().mechanism)
     assert freedom.actual == 1
     assert freedom.somov_malyshev == -2
@@ -96,7 +96,7 @@ def test_mobility_names_three_redundant_constraints_and_why():
     assert any("3 redundant constraints" in line and "special dimensions" in line for line in freedom.lines())
 
 
-def test_with_a_link_too_long_by_a_thousandth_the_loop_does_not_close():
+def test_the_loop_does_not_close_with_a_link_too_long_by_a_thousandth():
     mechanism = Bennett().mechanism
     joints = tuple(
         replace(joint, a=replace(joint.a, point=(1.001 * joint.a.point[0], 0.0, 0.0)))
@@ -108,12 +108,12 @@ def test_with_a_link_too_long_by_a_thousandth_the_loop_does_not_close():
         loops.assemble(replace(mechanism, joints=joints), [1.0])
 
 
-def test_it_passes_validation_by_every_method():
+def test_a_bennett_linkage_passes_validation_by_every_method():
     assert case_of(Bennett()).verdict.outcome == "passed"
 
 
 @pytest.mark.parametrize("cut", ["A", "B", "rocker"])
-def test_it_can_be_cut_at_any_passive_joint(cut):
+def test_every_passive_joint_can_be_the_cut_joint(cut):
     from mechsim.model.scene import Scene
 
     drive = Bennett()

@@ -11,7 +11,7 @@ from mechsim.errors import AssemblyError
 
 
 @given(four_bars())
-def test_links_keep_their_lengths_and_the_coupler_triangle_its_shape(drive):
+def test_links_keep_their_lengths_and_the_coupler_its_angle(drive):
     points = drive.positions(angles_of(drive))
     a, b, c = (points[name] for name in "ABC")
     for vectors, length in (
@@ -36,7 +36,7 @@ def test_the_coupler_point_lies_on_the_side_of_its_angle(drive):
 
 
 @given(four_bars())
-def test_branch_is_the_side_of_the_rocker(drive):
+def test_branch_selects_the_side_of_the_rocker(drive):
     points = drive.positions(angles_of(drive))
     line = np.array([drive.ground, 0.0, 0.0]) - points["A"]
     left = np.cross(line, points["B"] - points["A"])[:, 2]
@@ -45,7 +45,7 @@ def test_branch_is_the_side_of_the_rocker(drive):
 
 
 @given(four_bars())
-def test_dead_centres_are_where_coupler_and_rocker_stretch_or_fold(drive):
+def test_coupler_and_rocker_are_collinear_at_dead_centres(drive):
     ends = []
     for reach in (drive.coupler + drive.rocker, abs(drive.coupler - drive.rocker)):
         cosine = (drive.ground**2 + drive.crank**2 - reach**2) / (2 * drive.ground * drive.crank)
@@ -59,20 +59,20 @@ def test_dead_centres_are_where_coupler_and_rocker_stretch_or_fold(drive):
         assert min(abs((f - end + np.pi) % (2 * np.pi) - np.pi) for f in result) <= slack
 
 
-def test_grashof_crank_turns_fully():
+def test_a_grashof_crank_turns_fully():
     assert FourBar().crank_range().full
     assert FourBar().dead_centres() == ()
 
 
 @given(four_bars())
-def test_both_assemblies_share_the_pin_and_differ_in_the_rocker(drive):
+def test_assembly_modes_share_the_crank_pin_and_differ_in_the_rocker(drive):
     f = float(angles_of(drive, count=3, lowest_transmission=0.05)[0])
     first, second = (each.positions([f]) for each in drive.assemblies(f))
     assert (first["A"] == second["A"]).all()
     assert np.linalg.norm(first["B"] - second["B"]) > 0.0
 
 
-def test_a_loop_that_cannot_close_reports_its_range():
+def test_a_loop_that_cannot_close_reports_the_crank_range():
     drive = replace(FourBar(), crank=0.08)
     (low, high), *_ = drive.crank_range().arcs
     with pytest.raises(
@@ -88,7 +88,7 @@ def test_a_loop_that_cannot_close_reports_its_range():
     [(0.1, 0.04, 0.1, 0.04), (0.1, 0.04, 0.04, 0.1), (0.05, 0.05, 0.05, 0.05), (0.05, 0.05, 0.08, 0.08)],
     ids=["parallelogram", "kite", "rhombus", "galloway"],
 )
-def test_equal_links_that_fold_flat_start_where_the_assemblies_differ(lengths, branch):
+def test_linkages_with_change_points_start_away_from_them(lengths, branch):
     drive = FourBar(
         **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True)), branch=branch
     )

@@ -36,7 +36,7 @@ def test_an_invalid_parameter_is_rejected_with_the_valid_values(parameter, value
 
 
 @pytest.mark.parametrize("pivot", [[0.043, -0.01, -0.024], np.array([0.043, -0.01, -0.024])])
-def test_vectors_may_be_given_as_lists_and_arrays(pivot):
+def test_lists_and_arrays_are_valid_vectors(pivot):
     drive = catalog.make("rssr", pivot=pivot)
     assert drive == catalog.make("rssr")
     assert hash(drive) == hash(catalog.make("rssr"))
@@ -48,7 +48,7 @@ def test_an_unknown_parameter_is_rejected_with_the_known_ones(name):
         catalog.make("rssr", **{name: 0.01})
 
 
-def test_an_unknown_mechanism_is_rejected_with_the_nearest():
+def test_an_unknown_mechanism_is_rejected_with_the_closest_name():
     with pytest.raises(InputError, match="there is no mechanism 'rsr'; did you mean 'rssr'"):
         catalog.make("rsr")
 
@@ -67,7 +67,7 @@ def test_invalid_crank_rates_are_rejected(which, rate):
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
-def test_shorter_and_shorter_couplers_end_in_numbers_or_in_a_sentence(name):
+def test_every_coupler_length_gives_finite_numbers_or_an_error(name):
     link = {"slider_crank": "rod"}.get(name, "coupler")
     angles = np.linspace(-np.pi, np.pi, 41)
     outcomes = set()
@@ -88,7 +88,7 @@ def test_shorter_and_shorter_couplers_end_in_numbers_or_in_a_sentence(name):
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
-def test_many_angles_give_the_same_as_single_angles(name):
+def test_many_angles_give_the_same_motion_as_single_angles(name):
     drive = catalog.make(name)
     count = 2 * CHUNK + 1000
     angles = np.linspace(0.0, 40.0, count)

@@ -55,7 +55,7 @@ def exact_c(drive: Looper, f: float, near: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=12)
 @given(loopers())
-def test_links_keep_their_lengths_and_the_follower_keeps_its_axis(drive):
+def test_links_keep_their_lengths_and_the_follower_its_axis(drive):
     points = drive.positions(angles_of(drive))
     a, b, c, d, e = (points[name] for name in "ABCDE")
     bound = CLOSED * longest(drive)
@@ -80,7 +80,7 @@ def test_links_keep_their_lengths_and_the_follower_keeps_its_axis(drive):
 
 @settings(max_examples=4)
 @given(loopers())
-def test_every_assembly_mode_is_distinct_and_has_its_sign(drive):
+def test_every_assembly_mode_has_its_own_sign(drive):
     angle = float(angles_of(drive, 1)[0])
     result = drive.assemblies(angle)
     signs = {(item.branch, item.side): item for item in result}
@@ -93,7 +93,7 @@ def test_every_assembly_mode_is_distinct_and_has_its_sign(drive):
                 assert other.assembly_sign(points)[0] <= 0.0
 
 
-def test_all_real_roots_are_found_and_none_invented():
+def test_assembly_modes_match_a_scan_of_the_coupler_circle():
     rng = np.random.default_rng(11)
     cone = np.linspace(-np.pi, np.pi, 20001)
     several = 0
@@ -159,7 +159,7 @@ def test_poses_and_rates_agree_with_the_loop_equations(drive):
         assert np.abs(joint.acceleration - other.acceleration).max() <= 1e-11 * speed**2
 
 
-def test_loops_close_to_eight_ulp_with_one_degree_of_freedom():
+def test_residuals_are_eight_ulp_at_most_with_one_degree_of_freedom():
     drive, angles = Looper(), np.linspace(0.0, 2.0 * np.pi, 181)
     poses = {name: Pose(link.position, link.rotation) for name, link in drive.solve(angles).links.items()}
     lengths_open, angles_open = loops.residual_norms(drive.mechanism, poses, angles)
@@ -180,7 +180,7 @@ def test_c_agrees_with_forty_digits(drive):
         assert np.abs(point.acceleration[i] - acceleration).max() <= 1e5 * EPS * longest(drive)
 
 
-def test_crank_of_the_paper_turns_fully_and_the_other_side_ends_in_dead_centres_after_more_than_a_turn():
+def test_the_other_assembly_mode_has_a_crank_range_above_one_revolution():
     assert Looper().crank_range().full
     other = Looper(side=-1)
     ((low, high),) = other.crank_range().arcs
@@ -202,7 +202,7 @@ def test_crank_of_the_paper_turns_fully_and_the_other_side_ends_in_dead_centres_
     }
 
 
-def test_the_result_depends_only_on_the_crank_angle_and_is_continuous():
+def test_positions_are_a_continuous_function_of_the_crank_angle():
     angles = np.linspace(0.0, 4.0 * np.pi, 4001)
     drive = Looper()
     c = drive.positions(angles)["C"]
@@ -211,7 +211,7 @@ def test_the_result_depends_only_on_the_crank_angle_and_is_continuous():
     assert np.array_equal(drive.positions(angles[order])["C"], c[order])
 
 
-def test_default_assembly_is_the_one_of_the_paper():
+def test_the_default_assembly_mode_matches_the_paper():
     c = Looper().planar_point(np.linspace(0.0, 2.0 * np.pi, 2001))
     assert np.round(1e3 * c.min(0), 2).tolist() == [9.50, 23.68, 0.0]
     assert np.round(1e3 * c.max(0), 2).tolist() == [12.98, 37.29, 0.0]
@@ -219,7 +219,7 @@ def test_default_assembly_is_the_one_of_the_paper():
     assert other[:, 1].max() < 0.0
 
 
-def test_the_cylinder_along_z_as_misprinted_does_not_match():
+def test_the_misprinted_cylinder_axis_is_rejected():
     drive, angles = Looper(), np.linspace(0.0, 2.0 * np.pi, 5)
     sound = drive.mechanism
     line = End(GROUND, (0.0, drive.axis_y, drive.axis_z), axis=EZ, reference=EX)
@@ -255,7 +255,7 @@ def test_a_cylinder_out_of_reach_cannot_close():
         drive.positions([0.3])
 
 
-def test_a_coupler_that_lies_along_x_loses_no_root():
+def test_a_vanishing_leading_coefficient_loses_no_root():
     # there the quartic in the half angle loses its highest power
     for opposite in (0.0, 1e-17, 1e-9):
         polynomial = np.array([[1.0 + opposite], [1.0], [0.3], [0.0], [0.0]])
@@ -274,13 +274,13 @@ def table():
     return module
 
 
-def test_every_printed_number_of_the_paper_is_reproduced(table):
+def test_every_number_of_the_paper_is_reproduced(table):
     rows = table.table()
     assert len(rows) == 11
     assert [row.quantity for row in rows if not row.passed] == []
 
 
-def test_the_table_of_the_paper_rejects_another_depth_of_the_axis(table):
+def test_the_table_of_the_paper_rejects_another_axis_height(table):
     missed = {row.quantity for row in table.table(Looper(axis_z=0.0115)) if not row.passed}
     assert {"C: plane against space", "E: half the band over 33 mm"} <= missed
 

@@ -48,7 +48,7 @@ def exact(drive: Rrsrr, f: float) -> np.ndarray:
 
 
 @given(rrsrrs())
-def test_links_keep_their_lengths_and_the_coupler_stays_in_the_plane_of_the_shaft(drive):
+def test_links_keep_their_lengths_and_the_coupler_its_plane(drive):
     points = drive.positions(angles_of(drive))
     c, s = points["C"], points["S"]
     bound = CLOSED * longest(drive)
@@ -59,7 +59,7 @@ def test_links_keep_their_lengths_and_the_coupler_stays_in_the_plane_of_the_shaf
 
 
 @given(rrsrrs())
-def test_branch_is_the_side_of_the_coupler_and_both_assemblies_exist_together(drive):
+def test_branch_selects_one_of_two_assembly_modes(drive):
     angles = angles_of(drive)
     assert (drive.assembly_sign(drive.positions(angles)) > 0.0).all()
     other = replace(drive, branch=-drive.branch)
@@ -69,7 +69,7 @@ def test_branch_is_the_side_of_the_coupler_and_both_assemblies_exist_together(dr
 
 @settings(max_examples=8)
 @given(rrsrrs(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))
-def test_path_and_rocker_side_agree_with_fifty_digits(drive, speed, acceleration):
+def test_the_path_and_the_rocker_motion_agree_with_fifty_digits(drive, speed, acceleration):
     angles = angles_of(drive, count=3, lowest_transmission=0.1)
     motion = drive.solve(angles, speed, acceleration)
     second_hinge = motion.joints["link"].value
@@ -93,7 +93,7 @@ def test_path_and_rocker_side_agree_with_fifty_digits(drive, speed, acceleration
 
 
 @pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
-def test_loop_equations_assembled_from_the_guess_find_the_same_assembly(drive):
+def test_loop_equations_agree_with_the_closed_form(drive):
     angles = drive.mechanism.start + np.linspace(-0.5, 0.5, 5)
     result, closed = loops.solve(drive.mechanism, angles, 5.0, 2.0), drive.solve(angles, 5.0, 2.0)
     for name, link in closed.links.items():
@@ -102,7 +102,7 @@ def test_loop_equations_assembled_from_the_guess_find_the_same_assembly(drive):
     assert loops.dof_count(drive.mechanism, loops.assemble(drive.mechanism, angles[:1])).mobility == 1
 
 
-def test_the_default_layout_swings_as_in_the_digest():
+def test_the_rocker_swings_through_the_published_angles():
     motion = Rrsrr().solve(np.linspace(0.0, 2 * np.pi, 3601))
     assert Rrsrr().crank_range().full
     assert abs(np.rad2deg(np.ptp(motion.joints["rocker"].value)) - 42.2) <= 0.05
@@ -113,7 +113,7 @@ def test_the_default_layout_swings_as_in_the_digest():
 
 @settings(max_examples=30)
 @given(rrsrrs())
-def test_dead_centres_are_where_both_assemblies_meet_and_the_output_locks(drive):
+def test_both_assembly_modes_coincide_at_dead_centres(drive):
     for end in drive.dead_centres():
         before, after = drive.discriminant(np.array([end - 1e-6, end + 1e-6]))
         assert before * after < 0.0
@@ -123,7 +123,7 @@ def test_dead_centres_are_where_both_assemblies_meet_and_the_output_locks(drive)
         assert np.abs(first - second).max() <= 0.02 * longest(drive)
 
 
-def test_the_transmission_angle_is_that_of_the_only_transmitted_force():
+def test_the_transmission_angle_follows_from_the_transmitted_force():
     drive = SWINGING
     low, high = drive.crank_range().arcs[0]
     angles = low + (high - low) * (np.arange(9) + 0.37) / 9
@@ -139,7 +139,7 @@ def test_the_transmission_angle_is_that_of_the_only_transmitted_force():
     assert drive.transmission_angle([low + 1e-9, high - 1e-9]).max() <= 1e-3
 
 
-def test_a_crank_that_only_swings_has_its_range_and_its_guess_inside():
+def test_a_swinging_crank_starts_inside_its_range():
     arcs = SWINGING.crank_range()
     assert not arcs.full
     assert any(low < SWINGING.mechanism.start < high for low, high in arcs.arcs)
@@ -149,7 +149,7 @@ def test_a_crank_that_only_swings_has_its_range_and_its_guess_inside():
     assert SWINGING.assemblies(outside) == []
 
 
-def test_a_rocker_axis_through_the_spherical_centre_is_reported_and_the_path_still_known():
+def test_a_rocker_axis_through_the_spherical_joint_is_rejected():
     rough, f = Rrsrr(), 0.7
     x, y, z = (rough.positions([f])["S"][0] - rough.pivot) / rough.link
     # the axis TY(gamma1) TX(gamma2) eZ along P02S
@@ -161,7 +161,7 @@ def test_a_rocker_axis_through_the_spherical_centre_is_reported_and_the_path_sti
     assert abs(drive.solve([f + 1e-3]).joints["link"].value[0]) < np.pi / 2
 
 
-def test_a_flipped_sign_of_gamma2_leaves_the_path_but_not_the_rocker():
+def test_the_sign_of_gamma2_changes_the_rocker_and_not_the_path():
     angles = np.linspace(0.0, 6.0, 13)
     right, wrong = (Rrsrr(gamma2=sign * np.deg2rad(15.0)).solve(angles) for sign in (1, -1))
     assert (right.points["S"].position == wrong.points["S"].position).all()
@@ -170,14 +170,14 @@ def test_a_flipped_sign_of_gamma2_leaves_the_path_but_not_the_rocker():
 
 
 @pytest.mark.parametrize("name", ["crank", "coupler", "link"])
-def test_a_link_a_thousandth_long_moves_the_path_by_far_more_than_any_tolerance(name):
+def test_a_link_too_long_by_a_thousandth_moves_the_path(name):
     angles = np.linspace(0.0, 6.0, 13)
     longer = replace(Rrsrr(), **{name: 1.001 * getattr(Rrsrr(), name)})
     moved = np.abs(Rrsrr().positions(angles)["S"] - longer.positions(angles)["S"]).max()
     assert 1e-6 < moved < 1e-3
 
 
-def test_the_catalogue_makes_it_by_name_and_rejects_unknown_parameters():
+def test_the_catalogue_rejects_unknown_parameters_and_negative_lengths():
     assert catalog.make("rrsrr", branch=-1) == Rrsrr(branch=-1)
     with pytest.raises(InputError, match="no parameter 'rocker'"):
         catalog.make("rrsrr", rocker=0.1)
@@ -187,7 +187,7 @@ def test_the_catalogue_makes_it_by_name_and_rejects_unknown_parameters():
 
 @settings(max_examples=30)
 @given(rrsrrs())
-def test_start_points_lie_on_both_surfaces_and_none_is_missed(drive):
+def test_start_points_are_all_points_on_both_surfaces(drive):
     result = start_points(drive)
     for u in result:
         apart = torus(drive, u[0], u[1]) - sphere(drive, u[2], u[3])
@@ -203,7 +203,7 @@ def test_start_points_lie_on_both_surfaces_and_none_is_missed(drive):
 
 
 @pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
-def test_the_arc_length_method_of_the_paper_agrees_with_the_closed_form_and_closes(drive):
+def test_the_arc_length_method_agrees_with_the_closed_form(drive):
     path = trace_path(drive)
     u1 = path.parameters[:, 0]
     assert path.curve.closed
@@ -233,7 +233,7 @@ def test_the_arc_length_method_detects_a_link_too_long_by_a_thousandth():
     assert gap.min() > 1e-6
 
 
-def test_the_length_of_the_path_is_that_of_the_closed_form():
+def test_the_path_length_agrees_with_the_closed_form():
     speed = np.linalg.norm(Rrsrr().solve(np.linspace(0.0, 2 * np.pi, 400)[:-1]).points["S"].velocity, axis=1)
     # the rectangle rule on a periodic function is exact to rounding
     assert abs(trace_path(Rrsrr()).curve.length - 2 * np.pi * speed.mean()) <= 1e-12

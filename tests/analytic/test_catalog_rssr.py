@@ -33,7 +33,7 @@ SWINGS = {"general": 47.7, "looper": 51.1, "needle": 51.7}
 
 
 @given(rssrs())
-def test_links_keep_their_lengths_and_the_rocker_stays_across_its_axis(drive):
+def test_links_keep_their_lengths_and_the_rocker_its_plane(drive):
     points = drive.positions(angles_of(drive))
     arm = points["P3"] - np.array(drive.pivot)
     bound = CLOSED * longest(drive)
@@ -47,12 +47,12 @@ def test_links_keep_their_lengths_and_the_rocker_stays_across_its_axis(drive):
 
 
 @given(rssrs())
-def test_branch_is_the_sign_of_rocker_against_the_plane_of_crank_pin_and_axis(drive):
+def test_branch_is_the_sign_of_the_assembly(drive):
     assert (drive.assembly_sign(drive.positions(angles_of(drive))) > 0.0).all()
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_layouts_of_the_paper_agree_with_fifty_digits_and_swing_as_they_should(name):
+def test_published_layouts_agree_with_fifty_digits_and_published_swings(name):
     drive = LAYOUTS[name]
     angles = np.linspace(0.0, 2 * np.pi, 7)[:-1] + 0.1
     point = drive.solve(angles, 2.0).points["P3"]
@@ -79,9 +79,7 @@ def test_layouts_of_the_paper_agree_with_fifty_digits_and_swing_as_they_should(n
     st.integers(1000, 2100).map(lambda value: value * 1e-3),
     st.sampled_from([1, -1]),
 )
-def test_guided_coupler_keeps_the_angles_of_pin_and_rod_and_its_side(
-    drive, psi1, psi2, beta1, beta2, guide_branch
-):
+def test_a_guided_coupler_keeps_its_angles_to_pin_and_rod(drive, psi1, psi2, beta1, beta2, guide_branch):
     guide = {"psi1": psi1, "psi2": psi2, "beta1": beta1, "beta2": beta2, "guide_branch": guide_branch}
     drive = replace(drive, guide=True, **guide)
     angles = angles_of(drive, count=4, lowest_transmission=0.1)
@@ -112,7 +110,7 @@ def test_guided_coupler_keeps_the_angles_of_pin_and_rod_and_its_side(
     agrees_with_loop_equations(drive, motion)
 
 
-def test_guide_does_not_change_the_rocker():
+def test_the_guide_does_not_change_the_rocker_motion():
     angles = np.linspace(0.0, 6.0, 20)
     free, guided = (Rssr(guide=guide).solve(angles).points["P3"] for guide in (False, True))
     assert (free.position == guided.position).all()
@@ -120,7 +118,7 @@ def test_guide_does_not_change_the_rocker():
 
 @settings(max_examples=12)
 @given(rssrs())
-def test_dead_centres_are_where_fifty_digits_put_them(drive):
+def test_dead_centres_agree_with_forty_digits(drive):
     def gap(f):
         """cos2 - 1 of the angle between rocker and P4P2, times what never vanishes."""
         x, y, _ = ([mpmath.mpf(float(v)) for v in column] for column in drive.rocker_frame.T)
@@ -146,7 +144,7 @@ def test_dead_centres_are_where_fifty_digits_put_them(drive):
 
 
 @given(rssrs())
-def test_both_assemblies_are_listed_and_are_all_there_are(drive):
+def test_the_two_assembly_modes_match_a_scan_of_the_rocker(drive):
     f = float(angles_of(drive, count=3, lowest_transmission=0.05)[1 if drive.crank_range().full else 0])
     listed = [each.positions([f])["P3"][0] for each in drive.assemblies(f)]
     # brute force: swing the rocker through a turn and count where the coupler fits
@@ -160,7 +158,7 @@ def test_both_assemblies_are_listed_and_are_all_there_are(drive):
         assert min(np.linalg.norm(place - point) for point in listed) <= 4e-4 * drive.rocker
 
 
-def test_with_parallel_shafts_it_is_the_planar_four_bar():
+def test_parallel_shafts_give_the_planar_four_bar():
     planar = FourBar()
     spatial = Rssr(
         crank=planar.crank,
@@ -189,7 +187,7 @@ def test_the_motion_is_smooth_where_the_published_form_is_singular(step):
         assert np.linalg.norm(measured - exact) <= 1e-13 * np.linalg.norm(exact)
 
 
-def test_a_loop_that_cannot_close_reports_its_range():
+def test_a_loop_that_cannot_close_reports_the_crank_range():
     drive = catalog.make("rssr", coupler=0.030)
     low, high = drive.crank_range().arcs[0]
     with pytest.raises(
@@ -199,7 +197,7 @@ def test_a_loop_that_cannot_close_reports_its_range():
     assert np.isfinite(drive.positions([low + 1e-12, high - 1e-12])["P3"]).all()
 
 
-def test_rates_at_a_dead_centre_are_rejected_or_huge_but_never_nan():
+def test_rates_at_a_dead_centre_are_rejected_or_finite():
     drive = catalog.make("rssr", coupler=0.030)
     for end in drive.dead_centres():
         for f in (end, np.nextafter(end, 10), np.nextafter(end, -10)):
@@ -211,7 +209,7 @@ def test_rates_at_a_dead_centre_are_rejected_or_huge_but_never_nan():
                 assert np.isfinite(motion.points["P3"].acceleration).all()
 
 
-def test_a_loop_that_never_closes_is_reported():
+def test_a_loop_without_assembly_mode_is_rejected():
     drive = catalog.make("rssr", coupler=0.001)
     assert drive.assemblies(0.3) == []
     with pytest.raises(AssemblyError, match="cannot close at any crank angle"):

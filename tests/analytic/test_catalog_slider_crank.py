@@ -18,14 +18,14 @@ def test_links_keep_their_lengths_and_the_slider_its_height(drive):
 
 
 @given(slider_cranks())
-def test_branch_is_the_side_of_the_slider(drive):
+def test_branch_selects_the_side_of_the_slider(drive):
     points = drive.positions(angles_of(drive))
     assert (np.sign(points["B"][:, 0] - points["A"][:, 0]) == drive.branch).all()
     assert (drive.assembly_sign(points) > 0.0).all()
 
 
 @given(slider_cranks())
-def test_mirror_images_are_the_other_offset_and_the_other_branch(drive):
+def test_mirror_images_have_the_opposite_offset_and_branch(drive):
     angles = angles_of(drive)
     here = drive.positions(angles)["B"]
     below = replace(drive, offset=-drive.offset).positions(-angles)["B"]
@@ -36,7 +36,7 @@ def test_mirror_images_are_the_other_offset_and_the_other_branch(drive):
 
 
 @given(slider_cranks())
-def test_dead_centres_are_where_the_rod_is_perpendicular_to_the_slide(drive):
+def test_the_rod_is_perpendicular_to_the_slide_at_dead_centres(drive):
     ends = []
     for height in (drive.offset + drive.rod, drive.offset - drive.rod):
         sine = height / drive.crank

@@ -61,7 +61,7 @@ def test_links_keep_their_lengths_over_the_whole_range(seed):
     assert (drive.assembly_sign(points) > 0.0).all()
 
 
-def test_the_default_is_the_assembly_of_the_paper_digest():
+def test_the_default_assembly_mode_matches_the_paper():
     drive = WarpKnitter()
     motion = drive.solve([0.0])
     base = motion.links["base"]
@@ -72,7 +72,7 @@ def test_the_default_is_the_assembly_of_the_paper_digest():
     assert np.rad2deg(swing) == pytest.approx(37.6, abs=0.06)
 
 
-def test_the_catalogue_makes_it_with_the_public_parameter_names():
+def test_the_catalogue_uses_the_documented_parameter_names():
     names = """crank1 crank2 rod3 rod5 rocker pivot2 pivot_rocker base_c base_k
     phase gear_ratio assembly"""
     drive = catalog.make("warp_knitter", crank1=0.008)
@@ -103,7 +103,7 @@ def test_motion_agrees_with_the_loop_equations_of_the_description(drive):
 
 @settings(max_examples=6)
 @given(seeds)
-def test_position_velocity_and_acceleration_of_k_agree_with_fifty_digits(seed):
+def test_the_motion_of_k_agrees_with_fifty_digits(seed):
     drive = random_knitter(seed)
     angles = angles_of(drive, 5)
     angles = angles[np.abs(drive.assembly_sign(drive.positions(angles))) > 0.2][:2]
@@ -153,7 +153,7 @@ def k_by_fifty_digits(drive, f, b, rotation):
 
 
 @pytest.mark.parametrize("assembly", [1, 2])
-def test_the_assembly_closes_on_itself_over_the_double_cycle_and_never_jumps(assembly):
+def test_the_motion_is_continuous_and_periodic(assembly):
     drive = WarpKnitter(assembly=assembly)
     angles = np.linspace(0.0, 2 * TURN, 4001)
     points = drive.positions(angles)
@@ -166,7 +166,7 @@ def test_the_assembly_closes_on_itself_over_the_double_cycle_and_never_jumps(ass
     assert (drive.assembly_sign(points) > 0.3).all()
 
 
-def test_every_pose_is_one_of_the_roots_of_the_sextic():
+def test_every_pose_is_a_root_of_the_sextic():
     drive = WarpKnitter()
     for f in np.linspace(0.0, TURN, 50):
         pivots = [(z.real, z.imag) for z in drive.pivots.positions(f)]
@@ -175,7 +175,7 @@ def test_every_pose_is_one_of_the_roots_of_the_sextic():
         assert np.nanmin(np.linalg.norm(poses[:, :2] - b, axis=1)) <= 1e-15
 
 
-def test_angles_in_any_order_give_the_same_poses_to_the_last_bit():
+def test_the_order_of_angles_does_not_change_the_poses():
     angles = np.linspace(-9.0, 9.0, 101)
     shuffled = np.random.default_rng(1).permutation(101)
     here, there = WarpKnitter().positions(angles), WarpKnitter().positions(angles[shuffled])
@@ -183,7 +183,7 @@ def test_angles_in_any_order_give_the_same_poses_to_the_last_bit():
         assert (here[name][shuffled] == there[name]).all()
 
 
-def test_a_ratio_of_three_to_two_repeats_after_two_turns_of_crank_one():
+def test_a_gear_ratio_of_three_to_two_has_a_period_of_two_revolutions():
     drive = WarpKnitter(gear_ratio=-1.5)
     angles = np.linspace(0.0, TURN, 40)
     here, once, twice = (drive.positions(angles + n * TURN) for n in range(3))
@@ -198,7 +198,7 @@ def test_an_irrational_ratio_is_traced_revolution_by_revolution():
 
 @settings(max_examples=6)
 @given(seeds)
-def test_assemblies_are_numbered_by_rising_angle_of_the_base_link(seed):
+def test_assembly_modes_are_numbered_by_increasing_base_angle(seed):
     drives = random_knitter(seed).assemblies(0.0)
     bases = [drive.solve([0.0]).links["base"].rotation[0] for drive in drives]
     angles = [float(np.arctan2(base[1, 0], base[0, 0])) % TURN for base in bases]
@@ -208,7 +208,7 @@ def test_assemblies_are_numbered_by_rising_angle_of_the_base_link(seed):
 
 @settings(max_examples=6)
 @given(seeds)
-def test_every_assembly_at_a_crank_angle_is_listed_with_its_number_or_none(seed):
+def test_every_assembly_mode_at_a_crank_angle_is_listed(seed):
     drive = random_knitter(seed)
     f = 0.8
     listed = [(chosen["assembly"], points) for chosen, points in drive.assembly_points(f)]
@@ -224,14 +224,14 @@ def test_every_assembly_at_a_crank_angle_is_listed_with_its_number_or_none(seed)
             assert max(np.abs(there[name][0] - points[name]).max() for name in points) <= 1e-12
 
 
-def test_an_assembly_without_a_path_from_zero_has_no_number():
+def test_an_assembly_mode_without_a_path_from_zero_has_no_number():
     drive = random_knitter(7)
     listed = [drive.assembly_points(f) for f in np.linspace(0, TURN, 40)]
     assert any(chosen["assembly"] is None for here in listed for chosen, _ in here)
 
 
 @pytest.mark.parametrize("assembly", [1, 2])
-def test_the_crank_range_ends_where_the_roots_of_the_sextic_meet(assembly):
+def test_roots_of_the_sextic_coincide_at_the_ends_of_the_crank_range(assembly):
     drive = replace(BLOCKED, assembly=assembly)
     arcs = drive.crank_range()
     assert not arcs.full
@@ -243,7 +243,7 @@ def test_the_crank_range_ends_where_the_roots_of_the_sextic_meet(assembly):
     assert drive.dead_centres() == (low, high)
 
 
-def test_poses_exist_up_to_the_dead_centres_only():
+def test_poses_exist_only_up_to_the_dead_centres():
     ((low, high),) = BLOCKED.crank_range().arcs
     near = np.logspace(-15, -6, 19)
     angles = np.concatenate([low + near, high - near])
@@ -254,12 +254,12 @@ def test_poses_exist_up_to_the_dead_centres_only():
             BLOCKED.positions([beyond])
 
 
-def test_a_crank_angle_a_revolution_away_is_reached_in_the_other_direction():
+def test_crank_angles_one_revolution_apart_give_the_same_pose():
     here, there = BLOCKED.positions([2.5]), BLOCKED.positions([2.5 - TURN])
     assert max(np.abs(here[name] - there[name]).max() for name in here) <= 1e-15
 
 
-def test_a_path_longer_than_a_revolution_is_not_left_for_another():
+def test_a_crank_range_above_one_revolution_stays_on_its_branch():
     # found among random ones: the triad passes into another assembly before it meets a dead centre
     long = random_knitter(LONG)
     assert not long.crank_range().full
@@ -275,7 +275,7 @@ def test_a_path_longer_than_a_revolution_is_not_left_for_another():
     assert max(np.abs(alone[name] - before[name]).max() for name in alone) <= 1e-15
 
 
-def test_transmission_angle_vanishes_at_a_dead_centre_and_nowhere_else():
+def test_the_transmission_angle_vanishes_only_at_dead_centres():
     ((low, high),) = BLOCKED.crank_range().arcs
     assert BLOCKED.transmission_angle([low + 1e-9, high - 1e-9]).max() < 1e-3
     open_ = WarpKnitter().transmission_angle(np.linspace(0, TURN, 361))
@@ -283,7 +283,7 @@ def test_transmission_angle_vanishes_at_a_dead_centre_and_nowhere_else():
     assert open_.max() <= np.pi / 2
 
 
-def test_transmission_angle_is_that_of_the_line_from_k_to_where_the_rods_cross():
+def test_the_transmission_angle_follows_from_the_instant_centre():
     drive = WarpKnitter()
     angles = np.linspace(0.2, 6.0, 9)
     points = drive.positions(angles)
@@ -304,7 +304,7 @@ def test_without_gears_the_mechanism_has_two_degrees_of_freedom():
     assert loops.dof_count(drive.mechanism, poses).redundant == 6
 
 
-def test_velocities_of_both_cranks_add_up_and_agree_with_the_geared_ones():
+def test_velocities_of_both_cranks_superpose():
     drive = WarpKnitter()
     f = np.linspace(0.0, TURN, 13)
     geared = drive.gear_ratio * f + drive.phase
@@ -317,7 +317,7 @@ def test_velocities_of_both_cranks_add_up_and_agree_with_the_geared_ones():
     assert np.abs(two["A"]).max() == 0.0
 
 
-def test_velocities_away_from_the_gears_agree_with_a_drive_geared_otherwise():
+def test_velocities_agree_with_another_gear_ratio_at_the_same_angles():
     # the same two crank angles reached by another gear, whose motion passes through them
     drive, f1, f2 = WarpKnitter(), 0.7, 0.9
     other = replace(drive, gear_ratio=(f2 - drive.phase) / f1)
@@ -327,7 +327,7 @@ def test_velocities_away_from_the_gears_agree_with_a_drive_geared_otherwise():
         assert np.abs(result[name] - point.velocity).max() <= 1e-14
 
 
-def test_a_crank_that_cannot_rotate_alone_is_rejected():
+def test_a_second_crank_without_full_rotation_is_rejected():
     # lengthened, crank 2 meets a dead centre of its own
     drive = WarpKnitter(crank2=0.028)
     with pytest.raises(AssemblyError, match="crank 2 cannot turn"):
@@ -335,7 +335,7 @@ def test_a_crank_that_cannot_rotate_alone_is_rejected():
 
 
 @pytest.mark.parametrize("assembly", [0, 3, -1])
-def test_an_impossible_assembly_is_rejected_with_the_number_of_assemblies(assembly):
+def test_an_invalid_assembly_number_is_rejected(assembly):
     with pytest.raises(InputError, match=rf"assembly is {assembly}, but at crank angle 0 there are 2"):
         WarpKnitter(assembly=assembly)
 
@@ -349,7 +349,7 @@ def test_invalid_parameters_are_rejected_by_name(name, value):
         WarpKnitter(**{name: value})
 
 
-def test_dimensions_that_never_close_are_rejected_when_solved():
+def test_dimensions_without_assembly_mode_are_rejected_when_solved():
     drive = WarpKnitter(rod3=0.2)
     assert drive.crank_range().arcs == ()
     assert drive.assembly_points(0.3) == []
@@ -357,7 +357,7 @@ def test_dimensions_that_never_close_are_rejected_when_solved():
         drive.positions([0.0])
 
 
-def test_a_gear_off_by_one_tooth_in_a_hundred_moves_the_points_far_beyond_any_bound():
+def test_a_gear_ratio_wrong_by_a_hundredth_moves_the_points():
     angles = np.linspace(0.0, TURN, 73)
     right, wrong = WarpKnitter().positions(angles), WarpKnitter(gear_ratio=-2.02).positions(angles)
     assert max(np.abs(right[name] - wrong[name]).max() for name in right) > 1e-4
@@ -378,14 +378,14 @@ def test_scaling_all_lengths_scales_the_motion():
             assert np.abs(gap).max() <= 1e-13 * np.abs(getattr(other, part)).max()
 
 
-def test_the_other_assembly_differs_in_sign_and_position():
+def test_the_other_assembly_mode_differs_in_sign_and_position():
     angles = np.linspace(0.0, TURN, 73)
     mine, other = WarpKnitter(), WarpKnitter(assembly=1).positions(angles)
     assert (mine.assembly_sign(other) < 0.0).all()
     assert np.abs(mine.positions(angles)["K"] - other["K"]).max() > 0.01
 
 
-def test_a_description_with_a_wrong_rod_does_not_close_on_the_closed_form():
+def test_a_wrong_rod_or_gear_ratio_violates_the_loop_equations():
     drive = WarpKnitter()
     motion = drive.solve(np.linspace(0.0, 6.0, 9))
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}

@@ -35,7 +35,7 @@ MEETINGS = {
 @pytest.mark.parametrize(
     "lengths", flat_linkages(), ids=lambda item: "-".join(f"{1e3 * x:.0f}" for x in item)
 )
-def test_the_closed_form_passes_flat_poses_smoothly_with_full_accuracy(lengths):
+def test_the_closed_form_is_smooth_through_change_points(lengths):
     drive = catalog.make("four_bar", **named(lengths))
     # where crank and frame lie on each other the coupler could turn about them
     angles = ANGLES[np.abs(lengths[1] * np.exp(1j * ANGLES) - lengths[0]) > 1e-3 * lengths[0]]
@@ -66,7 +66,7 @@ def test_change_points_and_period_are_reported(which):
 
 
 @pytest.mark.parametrize("which", FLAT_ONES)
-def test_closed_form_and_loop_equations_pass_change_points_equally(which):
+def test_loop_equations_and_closed_form_agree_through_change_points(which):
     drive = FLAT_ONES[which]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *drive.change_points()])
     exact, result = (solve(angles, 3.0, -2.0) for solve in (drive.solve, partial(loops.solve, drive)))
@@ -79,7 +79,7 @@ def test_closed_form_and_loop_equations_pass_change_points_equally(which):
 
 
 @pytest.mark.parametrize("which", FLAT_ONES)
-def test_links_keep_their_lengths_and_motions_are_continuous_at_a_change_point(which):
+def test_motions_are_continuous_at_change_points(which):
     drive = FLAT_ONES[which]
     for at in drive.change_points():
         near = at + np.array([-1e-3, -1e-6, -1e-9, -1e-13, 0.0, 1e-13, 1e-9, 1e-6, 1e-3])
@@ -92,7 +92,7 @@ def test_links_keep_their_lengths_and_motions_are_continuous_at_a_change_point(w
 
 
 @pytest.mark.parametrize("which", FOLDING)
-def test_the_branch_policy_keeps_the_sign(which):
+def test_the_branch_policy_keeps_the_assembly_sign(which):
     drive = FLAT_ONES[which].with_change_point("branch")
     angles = np.linspace(-TURN, TURN, 41)
     assert (drive.assembly_sign(drive.positions(angles)) >= -1e-15).all()
@@ -104,7 +104,7 @@ def test_the_branch_policy_keeps_the_sign(which):
 
 
 @pytest.mark.parametrize("which", FOLDING)
-def test_loop_equations_keep_the_branch_as_the_closed_form(which):
+def test_loop_equations_and_closed_form_agree_with_the_branch_policy(which):
     drive = FLAT_ONES[which]
     beside = [at + off for at in drive.change_points() for off in (-1e-3, -1e-7, 0.0, 1e-7, 1e-3)]
     angles = np.unique([*np.linspace(-TURN, TURN, 33), *beside])
@@ -124,7 +124,7 @@ def test_loop_equations_keep_the_branch_as_the_closed_form(which):
 
 
 @pytest.mark.parametrize("which", ["kite round its frame", "rhombus"])
-def test_a_branch_without_continuation_is_rejected_by_both_methods(which):
+def test_a_branch_that_ends_is_rejected_by_both_methods(which):
     drive = FLAT_ONES[which]
     with pytest.raises(AssemblyError, match="no assembly mode leads into another; use change_point=smooth"):
         drive.positions([0.5], change_point="branch")
@@ -132,7 +132,7 @@ def test_a_branch_without_continuation_is_rejected_by_both_methods(which):
         loops.solve(drive.mechanism, [-0.5, 0.5], change_point="branch")
 
 
-def test_a_user_defined_mechanism_can_keep_its_branch():
+def test_the_branch_policy_applies_to_user_defined_mechanisms():
     drive = FLAT_ONES["parallelogram"]
     form = LoopForm(drive.mechanism).with_change_point("branch")
     angles = np.linspace(-TURN, TURN, 17)
@@ -143,7 +143,7 @@ def test_a_user_defined_mechanism_can_keep_its_branch():
     assert np.sort(np.abs(form.change_points())) == pytest.approx([0.0, np.pi], abs=1e-9)
 
 
-def test_a_linkage_without_change_points_has_none():
+def test_catalogue_defaults_have_no_change_points():
     for name in catalog.DRIVES:
         drive = catalog.make(name)
         assert drive.change_points() == ()
@@ -151,7 +151,7 @@ def test_a_linkage_without_change_points_has_none():
 
 
 @pytest.mark.parametrize("lack", [1e-3, 1e-6, 1e-9, 1e-12])
-def test_a_polynomial_that_nearly_touches_zero_does_not_touch(lack):
+def test_a_double_root_is_distinguished_from_a_near_miss(lack):
     near = sampled_polynomial(lambda f: 1.0 - np.cos(f) + lack, 1)
     assert near.touching() == ()
     assert signed_root(near).over(np.zeros(1))[0] == pytest.approx(np.sqrt(lack), rel=1e-3)
@@ -169,7 +169,7 @@ FLAT_LOOPERS = {
 
 
 @pytest.mark.parametrize("which", FLAT_LOOPERS)
-def test_the_range_of_a_looper_ends_where_its_four_bar_lies_flat(which):
+def test_the_crank_range_of_a_looper_ends_at_change_points(which):
     drive, count = FLAT_LOOPERS[which]
     flat = drive.change_points()
     assert len(flat) == count

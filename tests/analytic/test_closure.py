@@ -72,7 +72,7 @@ def test_jacobian_is_the_derivative_of_the_residual(somewhere):
     assert np.abs(error[:, JOINT_ROWS]).max() <= 1e-9
 
 
-def test_the_velocity_product_term_is_the_second_derivative_of_the_residual_at_constant_twist(somewhere):
+def test_the_velocity_product_term_is_the_second_derivative_of_the_residual(somewhere):
     poses, twists = somewhere
     step = 1e-3
     values = [loops.equations(EVERYTHING, moved(poses, twists, i * step), 0.2).residual for i in range(-2, 3)]
@@ -100,7 +100,7 @@ def test_the_rank_determines_mobility_passive_dofs_and_redundant_equations(name,
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
 @pytest.mark.parametrize("branch", [1, -1])
-def test_solving_without_the_closed_form_gives_the_closed_form(name, branch):
+def test_loop_equations_agree_with_the_closed_form(name, branch):
     drive = catalog.make(name, branch=branch)
     angles = np.linspace(0.1, 2 * np.pi, 5)
     exact, expected = loops.solve(drive.mechanism, angles, 3.0, 2.0), drive.solve(angles, 3.0, 2.0)
@@ -112,7 +112,7 @@ def test_solving_without_the_closed_form_gives_the_closed_form(name, branch):
 
 @settings(max_examples=10)
 @given(rssrs())
-def test_assembly_from_a_guess_finds_the_selected_branch(drive):
+def test_assembly_from_a_guess_gives_the_selected_branch(drive):
     assume(drive.crank_range().arcs)
     mechanism = drive.mechanism
     start = np.array([mechanism.start])
@@ -127,7 +127,7 @@ def test_assembly_from_a_guess_finds_the_selected_branch(drive):
 
 @settings(max_examples=10)
 @given(four_bars())
-def test_a_revolution_and_back_ends_at_its_start(drive):
+def test_motion_forth_and_back_ends_at_its_start(drive):
     arcs = drive.crank_range()
     assume(arcs.arcs)
     mechanism = drive.mechanism
@@ -138,7 +138,7 @@ def test_a_revolution_and_back_ends_at_its_start(drive):
         assert np.abs(there[name].position[1] - pose.position).max() <= 1e-9 * mechanism.characteristic_length
 
 
-def test_a_gear_rotates_the_second_crank_beyond_a_revolution():
+def test_a_geared_crank_turns_beyond_one_revolution():
     mechanism = Mechanism(
         name="pair",
         links=(Link("one"), Link("two")),
@@ -159,7 +159,7 @@ def test_a_gear_rotates_the_second_crank_beyond_a_revolution():
     assert np.abs(motion.joints["second"].acceleration + 1.5).max() <= 1e-12
 
 
-def test_loops_that_cannot_close_report_where_and_by_how_much():
+def test_loops_that_cannot_close_report_crank_angle_and_residual():
     drive = catalog.make("four_bar", crank=0.08)
     mechanism = drive.mechanism
     out_of_reach = drive.crank_range().arcs[0][1] + 0.3
@@ -167,7 +167,7 @@ def test_loops_that_cannot_close_report_where_and_by_how_much():
         loops.assemble(mechanism, [out_of_reach])
 
 
-def test_a_link_without_a_joint_is_named():
+def test_a_link_without_a_joint_is_rejected_by_name():
     mechanism = catalog.make("four_bar").mechanism
     loose = replace(mechanism, links=(*mechanism.links, Link("loose")), guess={})
     with pytest.raises(AssemblyError, match="link loose has no joint"):
@@ -175,14 +175,14 @@ def test_a_link_without_a_joint_is_named():
 
 
 @pytest.mark.parametrize("angles", [[np.nan], [np.inf], [0.1, np.nan]])
-def test_invalid_crank_angles_give_no_poses(angles):
+def test_invalid_crank_angles_are_rejected(angles):
     mechanism = catalog.make("four_bar").mechanism
     for solve in (loops.assemble, loops.solve):
         with pytest.raises((AssemblyError, InputError), match="crank angle"):
             solve(mechanism, angles)
 
 
-def test_singular_values_vanish_at_a_dead_centre():
+def test_a_singular_value_vanishes_at_a_dead_centre():
     drive = catalog.make("four_bar", crank=0.08)
     (low, high), *_ = drive.crank_range().arcs
 

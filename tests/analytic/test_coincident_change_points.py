@@ -21,7 +21,7 @@ BOUNDS = (2e-12, 2e-9, 2e-8)
 
 
 @pytest.mark.parametrize("wheels", [2, 3, 4, 5])
-def test_coupled_wheels_rotate_equally_where_all_rods_lie_flat(wheels):
+def test_coupled_wheels_rotate_equally_through_coincident_change_points(wheels):
     mechanism = wheel_linkages(wheels)
     # the change points themselves, poses close by, and a turn and a half in steps that fall between
     angle = np.r_[0.0, np.pi, np.pi + np.array([-1e-2, -1e-5, 1e-8, 3e-3]), np.arange(-1.0, 8.0, 0.173)]
@@ -29,7 +29,7 @@ def test_coupled_wheels_rotate_equally_where_all_rods_lie_flat(wheels):
 
 
 @pytest.mark.parametrize("steps", [61, 400])
-def test_a_change_point_of_two_pairs_is_found_from_any_start(steps):
+def test_a_change_point_of_two_pairs_is_detected_for_any_step(steps):
     path = crank_path(wheel_linkages(3))
     for end in np.linspace(START, START + 2.0 * np.pi, steps):
         path.extend(end)
@@ -37,7 +37,7 @@ def test_a_change_point_of_two_pairs_is_found_from_any_start(steps):
 
 
 @pytest.mark.parametrize("wheels", [3, 4])
-def test_coupled_wheels_have_a_period_of_one_revolution_and_report_change_points(wheels):
+def test_coupled_wheels_have_a_period_of_one_revolution(wheels):
     form = LoopForm(wheel_linkages(wheels))
     assert form.crank_range().full
     assert form.period == 2.0 * np.pi
@@ -45,7 +45,7 @@ def test_coupled_wheels_have_a_period_of_one_revolution_and_report_change_points
     assert sorted(np.cos(form.change_points())) == pytest.approx([-1.0, 1.0], abs=1e-15)
 
 
-def test_two_linkages_with_a_common_change_point_have_a_period_of_two_revolutions():
+def test_two_linkages_on_one_crank_have_a_period_of_two_revolutions():
     # each is flat once a turn, and goes on in its other assembly
     item = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     other = catalog.make("four_bar", ground=0.09, crank=0.03, coupler=0.11, rocker=0.05)
@@ -84,7 +84,7 @@ def side_by_side(item: Mechanism, other: Mechanism) -> Mechanism:
     )
 
 
-def test_separate_flat_poses_are_passed_and_nearly_coincident_ones_rejected():
+def test_nearly_coincident_change_points_are_rejected():
     apart = wheel_linkages(3, lag=0.3)
     angle = np.r_[np.pi, np.pi + 0.3, np.arange(0.0, 6.4, 0.1)]
     assert_all_turn_alike(apart, loops.solve(apart, angle, 3.0), BOUNDS)
@@ -94,7 +94,7 @@ def test_separate_flat_poses_are_passed_and_nearly_coincident_ones_rejected():
 
 @pytest.mark.parametrize("pairs", [2, 4])
 @pytest.mark.parametrize("at", [-0.93, -0.2, 0.4, 0.97])
-def test_a_determinant_that_touches_zero_is_distinguished_from_one_that_does_not(pairs, at):
+def test_an_even_zero_of_the_determinant_is_detected(pairs, at):
     nodes = np.cos(np.linspace(np.pi, 0.0, 9))
     side_by_side = np.exp(0.7 * nodes) * (1.3 + 0.2 * np.sin(2.0 * nodes))
     behind = even_change_point(pairs * np.log(np.abs(nodes - at) * side_by_side))

@@ -32,7 +32,7 @@ def cells_tried(path, stops):
 
 
 @pytest.mark.parametrize(("name", "most"), [("four_bar", 25), ("rssr", 39), ("slider_crank", 22)])
-def test_a_smooth_path_takes_few_segments_and_none_that_is_tried_fails(name, most):
+def test_a_smooth_path_needs_few_segments_and_none_is_rejected(name, most):
     path = crank_path(catalog.make(name).mechanism)
     tried, held = cells_tried(path, (1.0, 4.0, 2 * np.pi, -1.0, -2 * np.pi))
     # measured 24, 37 and 21: each is as long as the smoothness of the one before allows
@@ -43,7 +43,7 @@ def test_a_smooth_path_takes_few_segments_and_none_that_is_tried_fails(name, mos
 
 
 @pytest.mark.parametrize(("name", "most"), [("four_bar", 31), ("rssr", 46)])
-def test_a_turn_distinguished_from_the_description_on_looks_at_the_loops_few_times(name, most, monkeypatch):
+def test_one_revolution_needs_few_evaluations_of_the_loop_equations(name, most, monkeypatch):
     looks, look = [], TreeLoops.linearise
     monkeypatch.setattr(TreeLoops, "linearise", lambda loops, at: looks.append(len(at)) or look(loops, at))
     mechanism = catalog.make(name).mechanism
@@ -52,7 +52,7 @@ def test_a_turn_distinguished_from_the_description_on_looks_at_the_loops_few_tim
     assert len(looks) <= most
 
 
-def test_behind_a_start_is_looked_only_where_a_change_point_there_could_blur_it():
+def test_a_path_is_traced_backwards_only_near_a_change_point():
     held = crank_path(catalog.make("four_bar").mechanism)
     held.extend(held.initial)
     assert not held.segments[-1]
@@ -65,20 +65,20 @@ def test_behind_a_start_is_looked_only_where_a_change_point_there_could_blur_it(
     assert blurred.change_points == pytest.approx([0.0], abs=1e-9)
 
 
-def test_a_path_that_is_too_long_is_rejected_before_it_is_followed():
+def test_a_path_that_is_too_long_is_rejected_before_it_is_traced():
     drive = catalog.make("four_bar")
     output = r"the crank would be traced from 0 rad to 8000000 rad, 1,273,240 revolutions.* 1,274 times"
     with pytest.raises(InputError, match=output):
         loops.solve(drive.mechanism, [0.0, 8e6])
 
 
-def test_no_segment_is_longer_than_a_fifth_of_a_turn_however_little_moves():
+def test_segments_are_at_most_a_fifth_of_a_revolution():
     path = crank_path(catalog.make("slider_crank", crank=1e-6).mechanism)
     path.extend(4 * np.pi)
     assert 1.1 < max(np.ptp(cell.nodes) for cell in path.segments[1]) < 0.2 * 2 * np.pi
 
 
-def test_a_first_segment_is_predicted_along_the_tangent_to_second_order():
+def test_the_tangent_predictor_has_second_order():
     mechanism = catalog.make("rssr").mechanism
     path = crank_path(mechanism)
     begin = path.initial
@@ -98,7 +98,7 @@ def test_a_first_segment_is_predicted_along_the_tangent_to_second_order():
 
 
 @pytest.mark.parametrize(("moved", "before"), [(0.01, 0.3), (0.06, 0.2), (0.004, 0.9)])
-def test_the_next_segment_is_so_long_that_it_is_predicted_as_well_as_is_aimed_at(moved, before):
+def test_step_control_reaches_the_target_correction(moved, before):
     path, step = crank_path(catalog.make("four_bar").mechanism), 0.4
     path.reach(path.initial + 0.3, 1)
     path.segments[1][-1] = path.segments[1][-1].restricted(path.initial, path.initial + before)
@@ -115,7 +115,7 @@ def test_the_next_segment_is_so_long_that_it_is_predicted_as_well_as_is_aimed_at
 
 
 @pytest.mark.parametrize(("least", "holds"), [(0.19, False), (0.21, True)])
-def test_a_segment_whose_equations_lose_four_fifths_of_their_rank_margin_is_halved(least, holds, monkeypatch):
+def test_a_segment_that_loses_most_of_its_rank_margin_is_halved(least, holds, monkeypatch):
     path = crank_path(catalog.make("four_bar").mechanism)
     monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * least, 3.0, CONTROL.nodes))
     cell, length = path.next_segment(path.initial, 1, 0.05)
@@ -125,7 +125,7 @@ def test_a_segment_whose_equations_lose_four_fifths_of_their_rank_margin_is_halv
 
 @pytest.mark.parametrize("passing", ["smooth", "branch"])
 @pytest.mark.parametrize(("sense", "to"), [(1, 8.0), (-1, -2.0)])
-def test_segments_are_taken_back_as_far_as_the_last_change_point_and_no_farther(sense, to, passing):
+def test_segments_are_dropped_back_to_the_last_change_point(sense, to, passing):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
     poses = loops.solve(drive.mechanism, [0.5]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
@@ -153,7 +153,7 @@ def test_segments_are_taken_back_as_far_as_the_last_change_point_and_no_farther(
 @pytest.mark.parametrize(
     "lengths", flat_linkages(), ids=lambda item: "-".join(f"{1e3 * x:.0f}" for x in item)
 )
-def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(lengths):
+def test_the_motion_is_smooth_through_change_points(lengths):
     mechanism = catalog.make("four_bar", **named(lengths)).mechanism
     # where crank and frame lie on each other the coupler could turn about them
     angles = ANGLES[np.abs(lengths[1] * np.exp(1j * ANGLES) - lengths[0]) > 1e-3 * lengths[0]]
@@ -167,7 +167,7 @@ def test_a_linkage_passes_its_flat_poses_smoothly_and_rates_there_are_limits(len
     assert worst(slopes, point.velocity) <= 1e-8 * mechanism.characteristic_length
 
 
-def test_a_parallelogram_stays_one_turn_after_turn():
+def test_a_parallelogram_keeps_its_assembly_mode_over_revolutions():
     drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=1)
     mechanism = drive.mechanism
     path = crank_path(mechanism)
@@ -195,7 +195,7 @@ SHARP = {
 
 
 @pytest.mark.parametrize("which", SHARP)
-def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
+def test_a_path_of_high_curvature_is_resolved(which):
     lengths = SHARP[which]
     mechanism = catalog.make("four_bar", **named(lengths)).mechanism
     angles = np.unique([*np.linspace(-4.0, 4.0, 33), *np.linspace(-0.02, 0.02, 21), 1e-6, -1e-9])
@@ -214,7 +214,7 @@ def test_a_path_that_bends_sharply_at_its_flat_pose_is_resolved(which):
         ((0.1, 0.04, 0.12, 0.06 + 1e-9), 260),
     ],
 )
-def test_few_segments_lead_round_a_sharp_bend_and_through_a_change_point(lengths, most):
+def test_paths_of_high_curvature_need_few_segments(lengths, most):
     path = crank_path(catalog.make("four_bar", **named(lengths)).mechanism)
     # measured 116 to 121, 160 to 164, 160 to 164, 95 to 99, 67 to 72 and 222 to 247, as the rounding of five
     # kernels has it: how often segments are halved, and how much longer they are then
@@ -222,7 +222,7 @@ def test_few_segments_lead_round_a_sharp_bend_and_through_a_change_point(lengths
 
 
 @pytest.mark.parametrize("start", np.linspace(-2.0, -0.4, 17))
-def test_change_points_are_found_wherever_the_path_begins(start):
+def test_change_points_are_detected_from_any_start(start):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
     poses = loops.solve(drive.mechanism, [start]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
@@ -243,7 +243,7 @@ def test_change_points_are_found_wherever_the_path_begins(start):
         assert 2.0 * branch_point == pytest.approx(ends[after - 1] + ends[after], abs=3e-8)
 
 
-def test_a_change_point_that_rounding_hides_between_two_segments_is_looked_for_from_before_them(monkeypatch):
+def test_a_change_point_between_two_segments_is_bracketed_again(monkeypatch):
     path = crank_path(catalog.make("four_bar").mechanism)
     side, hidden = Linearised.signed_distance.func, []
 
@@ -262,7 +262,7 @@ def test_a_change_point_that_rounding_hides_between_two_segments_is_looked_for_f
 
 
 @pytest.mark.parametrize("off", [3e-3, -2e-5])
-def test_a_path_may_begin_close_to_a_change_point(off):
+def test_a_path_can_start_close_to_a_change_point(off):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
     poses = loops.solve(drive.mechanism, [off]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
@@ -276,7 +276,7 @@ def test_a_path_may_begin_close_to_a_change_point(off):
     ("off", "output"),
     [*((at, "since its start, .* start elsewhere") for at in (0.0, np.pi)), (1e-7, "start elsewhere")],
 )
-def test_a_path_that_begins_at_a_change_point_is_rejected_with_the_angle_and_the_reason(off, output):
+def test_a_start_at_a_change_point_is_rejected(off, output):
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
     links = drive.solve([off]).links
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
@@ -284,7 +284,7 @@ def test_a_path_that_begins_at_a_change_point_is_rejected_with_the_angle_and_the
         loops.solve(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
 
 
-def test_a_path_that_begins_just_before_its_dead_centre_is_advised_to_stay_there():
+def test_a_path_beyond_a_dead_centre_is_rejected_with_a_remedy():
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.055)
     ((_, high),) = drive.crank_range().arcs
     start = high - 5e-4
@@ -296,7 +296,7 @@ def test_a_path_that_begins_just_before_its_dead_centre_is_advised_to_stay_there
 
 
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
-def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_form_states(excess):
+def test_the_assembly_mode_is_kept_close_to_a_change_point(excess):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
     assert drive.crank_range().full
     angles = np.linspace(-np.pi, 3 * np.pi, 64)
@@ -309,7 +309,7 @@ def test_near_a_change_point_the_assembly_is_kept_round_the_bend_as_the_closed_f
 
 
 @pytest.mark.parametrize("lack", [1e-4, 1e-6, 1e-9])
-def test_a_gap_before_the_flat_pose_is_not_leapt_over(lack):
+def test_a_path_ends_at_a_dead_centre_close_to_a_change_point(lack):
     drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - lack)
     ((low, high),) = drive.crank_range().arcs
     assert high - low < 2 * np.pi
@@ -347,7 +347,7 @@ def about(axis, angle):
 
 
 @pytest.mark.parametrize("start", [0.5, 1e-3, -2.0])
-def test_change_points_of_an_overconstrained_linkage_are_reported_whichever_rows_are_solved(start):
+def test_change_points_of_an_overconstrained_linkage_are_reported(start):
     mechanism = sarrus(start)
     angles = np.linspace(-3.0, 3.0, 24)
     height = loops.solve(mechanism, angles).points["P"].position[:, 2]
@@ -361,7 +361,7 @@ def test_change_points_of_an_overconstrained_linkage_are_reported_whichever_rows
 
 
 @pytest.mark.parametrize("aside", [0.013, 0.06, -0.0002])
-def test_a_third_parallel_crank_next_to_the_line_of_pivots_leaves_no_change_point(aside):
+def test_a_third_crank_off_the_line_of_pivots_removes_change_points(aside):
     mechanism = three_cranks((0.047, aside))
     angles = np.concatenate([[np.pi, 2.0 * np.pi], np.linspace(-4.0, 7.0, 50)])
     motion = loops.solve(mechanism, angles)
@@ -370,6 +370,6 @@ def test_a_third_parallel_crank_next_to_the_line_of_pivots_leaves_no_change_poin
     assert LoopForm(mechanism).change_points() == ()
 
 
-def test_a_third_parallel_crank_on_the_line_of_pivots_leaves_both():
+def test_a_third_crank_on_the_line_of_pivots_keeps_change_points():
     result = np.sort(np.abs(LoopForm(three_cranks((0.047, 0.0))).change_points()))
     assert result == pytest.approx([0.0, np.pi], abs=1e-9)

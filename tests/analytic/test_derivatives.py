@@ -49,7 +49,7 @@ def in_digits(place, drive, parameter, angle):
         ("four_bar", "B", four_bar_b_place, ["ground", "crank", "coupler", "rocker"]),
     ],
 )
-def test_derivatives_of_places_and_rates_agree_with_50_digits(name, point, place, parameters):
+def test_derivatives_of_positions_and_rates_agree_with_50_digits(name, point, place, parameters):
     drive = catalog.make(name)
     result = motion_derivatives(drive, changes(catalog_designs(drive), parameters), ANGLES, SPEED)
     for parameter in parameters:
@@ -78,7 +78,7 @@ def differences(of: DesignFamily, name, angles, speed, part=1e-5):
         ("humanoid_ankle", {"drive": dict.fromkeys(("left", "right"), "9deg*sin(2*pi*t)")}, ["crank"]),
     ],
 )
-def test_derivatives_are_those_of_the_motions_of_mechanisms_next_to(model, given, names):
+def test_derivatives_agree_with_finite_differences(model, given, names):
     of = parametric_model(model, **given)
     form = of.make({})
     turning = form.mechanism.has_crank and not given
@@ -98,7 +98,7 @@ def test_derivatives_are_those_of_the_motions_of_mechanisms_next_to(model, given
                 assert np.abs((a - 8 * b + 8 * c - d) / (12 * step) - reported[item]).max() <= 1e-7 * size
 
 
-def test_a_shift_of_both_sides_of_a_joint_is_that_of_one_link_seen_from_the_other():
+def test_joint_position_and_rocker_length_have_the_same_derivative():
     drive = catalog.make("rssr")
     of = placed_designs(LoopForm(drive.mechanism))
     own = changes(of, ["P3.b.at.x"])
@@ -112,7 +112,7 @@ def test_a_shift_of_both_sides_of_a_joint_is_that_of_one_link_seen_from_the_othe
     )
 
 
-def test_a_dimension_that_tears_loops_which_repeat_each_other_is_rejected():
+def test_a_dimension_that_violates_redundant_equations_is_rejected():
     drive = catalog.make("four_bar")
     of = placed_designs(drive)
     motion_derivatives(drive, changes(of, ["A.a.at.x"]), ANGLES)
@@ -120,14 +120,14 @@ def test_a_dimension_that_tears_loops_which_repeat_each_other_is_rejected():
         motion_derivatives(drive, changes(of, ["A.a.at.z"]), ANGLES)
 
 
-def test_there_are_no_derivatives_where_assemblies_meet():
+def test_derivatives_at_a_change_point_are_rejected():
     drive = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
     change = changes(catalog_designs(drive), ["coupler"])
     with pytest.raises(AssemblyError, match="is a change point, where derivatives"):
         motion_derivatives(drive, change, [1.0, np.pi - 1e-6])
 
 
-def test_a_kink_in_a_description_is_no_derivative():
+def test_a_description_with_a_kink_is_rejected():
     drive = catalog.make("four_bar")
     plain = catalog_designs(drive)
     bent = replace(
@@ -137,14 +137,14 @@ def test_a_kink_in_a_description_is_no_derivative():
         changes(bent, ["crank"])
 
 
-def test_numbers_of_another_mechanism_are_rejected():
+def test_derivatives_of_another_mechanism_are_rejected():
     drive = catalog.make("four_bar")
     other = changes(catalog_designs(catalog.make("rssr")), ["crank"])
     with pytest.raises(InputError, match="has shape"):
         motion_derivatives(drive, other, ANGLES)
 
 
-def test_a_file_next_to_is_described_without_being_put_together(monkeypatch):
+def test_a_perturbed_file_is_described_without_assembly(monkeypatch):
     of, near = parametric_model("hoeken"), {"arm": 0.176}
     made = of.make(near).mechanism
 

@@ -37,7 +37,7 @@ def effort_derivatives(machine, change, speed=1.0, acceleration=0.0):
         ("bennett", WEIGHED, "twist1"),
     ],
 )
-def test_derivatives_of_efforts_are_those_of_the_models_next_to(name, forces, dimension):
+def test_derivatives_of_forces_agree_with_finite_differences(name, forces, dimension):
     family = catalog_designs(catalog.make(name))
 
     def machine(values):
@@ -70,7 +70,7 @@ def test_derivatives_of_efforts_are_those_of_the_models_next_to(name, forces, di
         )
 
 
-def test_a_springs_place_and_stiffness_have_derivatives_too():
+def test_derivatives_by_the_position_of_a_spring_are_exact():
     family = catalog_designs(catalog.make("four_bar"))
 
     def forces(values):

@@ -16,7 +16,7 @@ from test_forward_dynamics import GRAVITY, WEIGHT, double_pendulum, pendulum, sl
 OSCILLATOR = Forces(friction=(Friction("s", viscous=8.0),), joint_springs=(JointSpring("s", 200.0),))
 
 
-def test_a_pendulum_is_stable_below_and_unstable_above():
+def test_a_hanging_pendulum_is_stable_and_an_upright_one_unstable():
     below, above = ms.dynamics.equilibria(pendulum(), WEIGHT, starts=4)
     assert below.q["pivot"] == pytest.approx(-np.pi / 2.0, abs=1e-11)
     assert below.stable
@@ -30,7 +30,7 @@ def test_all_four_equilibria_of_a_double_pendulum_are_found():
     assert sorted(equilibrium.stable for equilibrium in result) == [False, False, False, True]
 
 
-def test_a_double_pendulum_vibrates_at_its_textbook_frequencies():
+def test_a_double_pendulum_has_its_textbook_frequencies():
     modes = ms.dynamics.modes(double_pendulum(), WEIGHT, initial={"A.q": "-80deg", "B.q": "5deg"})
     exact = np.sqrt(GRAVITY * (2.0 + np.array([-1.0, 1.0]) * np.sqrt(2.0))) / (2.0 * np.pi)
     assert [mode.frequency for mode in modes] == pytest.approx(exact, rel=1e-10)
@@ -46,7 +46,7 @@ def test_a_damped_oscillator_has_its_frequency_and_damping_ratio():
     assert mode.damping_ratio == pytest.approx(8.0 / (2.0 * 2.0 * 10.0), rel=1e-9)
 
 
-def test_a_damped_oscillator_responds_as_its_transfer_function():
+def test_a_damped_oscillator_has_its_transfer_function():
     frequency = np.array([0.1, 1.5, 1.6, 5.0])
     response = ms.dynamics.response(slider(), "s", "P.x", frequency, OSCILLATOR)
     s = 2j * np.pi * frequency
@@ -63,7 +63,7 @@ def test_a_four_bar_has_a_stable_and_an_unstable_equilibrium():
         assert abs(torque["crank"]) <= 1e-12
 
 
-def test_the_torque_that_holds_a_crank_is_that_of_inverse_dynamics_at_rest():
+def test_the_holding_torque_agrees_with_inverse_dynamics_at_rest():
     form = ms.catalog.make("four_bar")
     exact = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form, WEIGHT), [0.5], speed=0.0).forces.torque[0]
     assert ms.dynamics.holding(form, WEIGHT, initial={"crank.q": 0.5})["crank"] == pytest.approx(
@@ -81,12 +81,12 @@ def test_small_vibrations_of_the_nonlinear_run_have_the_linear_frequency():
     assert swing[[0, 2, 4]] == pytest.approx([1e-4, -1e-4, 1e-4], rel=1e-3)
 
 
-def test_without_loads_there_is_no_single_equilibrium_to_vibrate_about():
+def test_a_model_without_equilibrium_is_rejected():
     with pytest.raises(AssemblyError, match="no equilibrium"):
         ms.dynamics.modes(slider(), Forces(gravity=(1.0, 0.0, 0.0)))
 
 
-def test_equilibria_of_other_assemblies_are_found_and_named_as_such():
+def test_equilibria_of_other_assembly_modes_are_labelled():
     crank, rod = 0.05, 0.2
     form = ms.catalog.make("slider_crank", crank=crank, rod=rod, offset=0.0)
     result = ms.dynamics.equilibria(form, WEIGHT, starts=4, assemblies=12)

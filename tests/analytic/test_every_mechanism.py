@@ -34,13 +34,13 @@ def held(drive, angles, **rates):
         assume(False)
 
 
-def test_every_mechanism_of_the_catalogue_has_its_row():
+def test_every_mechanism_of_the_catalogue_has_a_test_case():
     assert CASES.keys() == catalog.DRIVES.keys()
 
 
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data())
-def test_links_close_the_loops_and_move_as_their_rates_ask(name, data):
+def test_motions_satisfy_the_loop_equations_and_their_derivatives(name, data):
     drive = data.draw(CASES[name].random)
     angles = angles_of(drive, count=4, lowest_transmission=0.1)
     motion = held(drive, angles, speed=7.0, acceleration=-3.0)
@@ -52,7 +52,7 @@ def test_links_close_the_loops_and_move_as_their_rates_ask(name, data):
 
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data())
-def test_points_of_one_link_keep_their_distances_over_the_whole_range(name, data):
+def test_points_of_one_link_keep_their_distances(name, data):
     drive = data.draw(CASES[name].random)
     points, described = drive.positions(angles_of(drive)), drive.mechanism.points
     bound = CASES[name].slack(drive) * CLOSED * longest(drive)
@@ -65,7 +65,7 @@ def test_points_of_one_link_keep_their_distances_over_the_whole_range(name, data
 
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data())
-def test_a_mechanism_is_in_the_assembly_it_states(name, data):
+def test_the_assembly_sign_is_positive(name, data):
     drive = data.draw(CASES[name].random)
     away = angles_of(drive, lowest_transmission=1e-6)
     assert (drive.assembly_sign(drive.positions(away)) >= 0.0).all()
@@ -73,7 +73,7 @@ def test_a_mechanism_is_in_the_assembly_it_states(name, data):
 
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data())
-def test_the_mirror_image_moves_as_the_image_of_the_motion(name, data):
+def test_the_mirrored_mechanism_has_the_mirrored_motion(name, data):
     case = CASES[name]
     if case.mirror is None:
         pytest.skip("its assemblies are numbered by angle, which a mirror turns about")
@@ -89,7 +89,7 @@ def test_the_mirror_image_moves_as_the_image_of_the_motion(name, data):
 
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data(), st.sampled_from([2.0**-7, 2.0**5]))
-def test_units_scale_the_motion(name, data, scale):
+def test_larger_dimensions_scale_the_motion(name, data, scale):
     drive = data.draw(CASES[name].random)
     larger, angles = resized(drive, scale), angles_of(drive, 6, lowest_transmission=1e-3)
     here, there = (item.solve(angles, 3.0, 2.0, links=False).points for item in (drive, larger))
@@ -104,7 +104,7 @@ def test_units_scale_the_motion(name, data, scale):
 @pytest.mark.parametrize("name", DIGITS)
 @settings(max_examples=12)
 @given(st.data(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))
-def test_position_velocity_and_acceleration_agree_with_fifty_digits(name, data, speed, acceleration):
+def test_motions_agree_with_fifty_digits(name, data, speed, acceleration):
     drive = data.draw(CASES[name].random)
     point, by_digits = DIGITS[name]
     angles = angles_of(drive, count=3, lowest_transmission=0.05)
@@ -120,7 +120,7 @@ def test_position_velocity_and_acceleration_agree_with_fifty_digits(name, data, 
 
 
 @pytest.mark.parametrize("name", grid(CASES))
-def test_a_description_with_a_fault_does_not_close_on_the_closed_form(name):
+def test_a_faulty_description_violates_the_loop_equations(name):
     drive = catalog.make(name)
     motion = drive.solve(np.linspace(0.1, 6.0, 9), 7.0, -3.0)
     agrees_with_loop_equations(drive, motion)

@@ -35,7 +35,7 @@ def rounded(mechanism: Mechanism, by: float) -> Mechanism:
 
 
 @pytest.mark.parametrize("name", OVERCONSTRAINED)
-def test_a_rounded_linkage_locks_and_turns_again_when_corrected(name):
+def test_a_rounded_linkage_moves_after_correction(name):
     whole = catalog.make(name).mechanism
     angles = whole.start + np.linspace(-0.4, 0.4, 5)
     off = rounded(whole, 1e-6)
@@ -52,18 +52,18 @@ def test_a_rounded_linkage_locks_and_turns_again_when_corrected(name):
 
 
 @pytest.mark.parametrize("name", OVERCONSTRAINED)
-def test_what_is_off_by_more_than_digits_is_left_as_it_is(name):
+def test_errors_above_rounding_are_not_corrected(name):
     off = rounded(catalog.make(name).mechanism, 1000.0 * DIMENSION_TOLERANCE)
     assert corrected(off).mechanism is off
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
-def test_exact_dimensions_are_not_touched(name):
+def test_exact_dimensions_are_not_changed(name):
     mechanism = catalog.make(name).mechanism
     assert corrected(mechanism).mechanism is mechanism
 
 
-def test_the_least_change_is_no_larger_than_the_error():
+def test_the_correction_is_no_larger_than_the_error():
     whole = catalog.make("four_bar").mechanism
     joints = list(whole.joints)
     tilted = replace(joints[-1].b, axis=(3e-6, 0.0, 1.0), reference=None)
@@ -72,7 +72,7 @@ def test_the_least_change_is_no_larger_than_the_error():
     assert 0.3e-6 < result.rotated < 3e-6
 
 
-def test_the_size_is_measured_a_few_times_a_derivative(monkeypatch):
+def test_the_characteristic_length_is_evaluated_a_few_times(monkeypatch):
     """Of a robot of 74 joints, the size measured for each of them took minutes."""
     mechanism = rounded(catalog.make("bennett").mechanism, 1e-6)
     measured, perturbed = [], []

@@ -34,7 +34,7 @@ def deviation(drive, angles, speed=1.0):
         ([180, 190, 300], 1.0, -1),
     ],
 )
-def test_a_parallelogram_stays_one_and_the_other_sign_is_the_antiparallelogram(angles, speed, branch):
+def test_the_branch_selects_parallelogram_or_antiparallelogram(angles, speed, branch):
     assert deviation(catalog.make("four_bar", **PARALLELOGRAM, branch=branch), angles, speed) <= 1e-15
     if len(angles) > 1:
         assert deviation(catalog.make("four_bar", **PARALLELOGRAM, branch=-branch), angles, speed) > 0.01
@@ -42,7 +42,7 @@ def test_a_parallelogram_stays_one_and_the_other_sign_is_the_antiparallelogram(a
 
 @pytest.mark.parametrize("which", FLAT_ONES)
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_every_mechanism_with_change_points_starts_with_its_sign_wherever_it_starts(which, direction):
+def test_the_branch_applies_at_any_first_configuration(which, direction):
     drive = FLAT_ONES[which]
     for first in [*np.linspace(-7.0, 7.0, 9), *drive.change_points()]:
         angles = first + direction * np.linspace(0.0, TURN, 41)
@@ -63,7 +63,7 @@ def test_every_mechanism_with_change_points_starts_with_its_sign_wherever_it_sta
 
 
 @pytest.mark.parametrize("which", FLAT_ONES)
-def test_loop_equations_start_with_the_sign_too(which):
+def test_the_branch_applies_to_the_loop_equations(which):
     drive = FLAT_ONES[which]
     angles = 3.7 + np.linspace(0.0, 3.0, 12)
     exact, by_loops = drive.solve(angles), loops.solve(drive, angles)
@@ -75,13 +75,13 @@ def test_loop_equations_start_with_the_sign_too(which):
 
 
 @pytest.mark.parametrize("which", FOLDING)
-def test_what_folds_has_its_sign_at_the_first_configuration(which):
+def test_the_branch_policy_starts_with_its_sign(which):
     drive = FLAT_ONES[which].with_change_point("branch")
     for first in (0.3, 2.0, 3.9, 5.5):
         assert drive.assembly_sign(drive.positions([first, first + 1e-3]))[0] > 0.0
 
 
-def test_what_starts_somewhere_keeps_its_assembly_at_any_angle():
+def test_starting_at_an_angle_selects_the_assembly_mode():
     drive = catalog.make("four_bar", **PARALLELOGRAM)
     later = np.deg2rad([200.0, 300.0])
     kept = drive.starting_at(np.deg2rad([1.0, 359.0]))
@@ -92,12 +92,12 @@ def test_what_starts_somewhere_keeps_its_assembly_at_any_angle():
     assert np.abs(places[0] - places[1]).max() > 0.01
 
 
-def test_a_mechanism_without_change_points_is_the_same_from_anywhere():
+def test_the_start_does_not_matter_without_change_points():
     drive = catalog.make("four_bar")
     assert drive.starting_at([3.0]) is drive
 
 
-def test_the_torque_is_that_of_the_assembly_at_the_first_configuration():
+def test_the_torque_belongs_to_the_first_assembly_mode():
     drive = catalog.make("four_bar", **PARALLELOGRAM, branch=-1)
     angles = np.deg2rad(np.linspace(195.0, 255.0, 7))
     machine = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.81, 0.0)))

@@ -58,7 +58,7 @@ def slider(**more):
     return ms.Mechanism("slider", (block,), (rail,), "s", {"P": ("block", (1.0, 0.0, 0.0))}, **more)
 
 
-def test_a_pendulum_swings_as_elliptic_functions_state():
+def test_a_pendulum_agrees_with_elliptic_functions():
     duration = 2.0 * a01_pendulum.PERIOD
     run = ms.dynamics.run(pendulum(), WEIGHT, duration=duration, samples=80, tolerance=3e-14)
     swing = run.motion.joints["pivot"].value + np.pi / 2.0
@@ -68,7 +68,7 @@ def test_a_pendulum_swings_as_elliptic_functions_state():
     assert run.energy_error <= 5e-12
 
 
-def test_the_check_notices_a_pendulum_of_another_length():
+def test_a_pendulum_of_another_length_disagrees():
     longer = replace(
         pendulum(), links=(ms.Link("arm", inertia=point_mass(at=(1.0001, 0.0, 0.0))),), points={}
     )
@@ -78,7 +78,7 @@ def test_the_check_notices_a_pendulum_of_another_length():
     assert np.abs(swing - a01_pendulum.exact(run.time)).max() > 1e-5
 
 
-def test_a_double_pendulum_moves_as_its_textbook_equations():
+def test_a_double_pendulum_agrees_with_textbook_equations():
     run = ms.dynamics.run(
         double_pendulum(), WEIGHT, initial={"A.q": 0.3, "B.q": "40deg", "B.v": 1.5}, duration=2.0, samples=40
     )
@@ -99,13 +99,13 @@ def test_a_double_pendulum_moves_as_its_textbook_equations():
     assert np.abs(joints["A"].value + joints["B"].value + np.pi / 2.0 - exact[1]).max() <= 1e-10
 
 
-def test_a_row_of_four_bars_passes_the_pose_where_its_mobility_jumps():
+def test_coupled_four_bars_pass_a_singular_configuration():
     run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.0}, duration=2.0, samples=20)
     angle, _ = a02_four_bars.exact(2, run.time[1:])
     assert np.abs(run.motion.points["B0"].position[1:, :2] - a02_four_bars.tip(angle)).max() <= 1e-10
 
 
-def test_a_row_of_four_bars_crosses_five_singular_poses_without_loss_of_digits():
+def test_coupled_four_bars_pass_five_singular_configurations_accurately():
     run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.3}, duration=6.0, samples=12)
     right = [np.pi / 2.0, -1.3]
     exact = solve_ivp(
@@ -123,7 +123,7 @@ FLAT = 0.63743126
 
 
 @pytest.mark.parametrize("later", [-2e-3, 0.0, 2e-3])
-def test_a_run_ends_at_its_duration_near_a_singular_pose(later):
+def test_a_run_ends_at_its_duration_near_a_singular_configuration(later):
     duration = FLAT + later
     run = ms.dynamics.run(
         a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.3}, duration=duration, samples=3
@@ -132,7 +132,7 @@ def test_a_run_ends_at_its_duration_near_a_singular_pose(later):
 
 
 @pytest.mark.parametrize("height", [1e-3, 0.0, -1e-3])
-def test_an_event_near_a_singular_pose_ends_the_run(height):
+def test_an_event_near_a_singular_configuration_ends_the_run(height):
     start, until = {"A0.v": -1.3}, f"B0.y={height}"
     run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial=start, duration=1.0, until=until, samples=3)
     assert run.motion.points["B0"].position[-1, 1] == pytest.approx(height, abs=1e-11)
@@ -157,7 +157,7 @@ class Oscillator:
 
 
 @pytest.mark.parametrize(("distance", "crosses"), [(0.0, True), (1e-6, False)])
-def test_a_crossing_is_rejected_whose_nodes_are_off_the_loops(distance, crosses):
+def test_a_crossing_that_violates_the_loop_equations_is_rejected(distance, crosses):
     def ahead(times):
         return np.stack([np.sin(times), np.cos(times)], 1)
 
@@ -195,7 +195,7 @@ def test_bricards_overconstrained_linkage_keeps_its_energy():
     assert run.energy_error <= 1e-10
 
 
-def test_a_crank_runs_as_by_the_reduced_equation():
+def test_a_run_agrees_with_the_reduced_equation():
     form = ms.catalog.make("four_bar")
     run = ms.dynamics.run(form, WEIGHT, initial={"crank.q": "30deg"}, duration=0.5, samples=25)
     machine = ms.dynamics.dynamic_model(form, WEIGHT)
@@ -211,7 +211,7 @@ def test_a_run_ends_at_its_event():
     assert "P.x=0 was not reached within 0.1 s" in late.reason
 
 
-def test_a_block_bounces_off_its_stop_by_the_law_of_impact():
+def test_a_block_rebounds_with_the_coefficient_of_restitution():
     fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
     down = Forces(gravity=(-8.0, 0.0, 0.0))
     run = ms.dynamics.run(fall, down, duration=1.2, restitution=0.5, samples=240)
@@ -221,7 +221,7 @@ def test_a_block_bounces_off_its_stop_by_the_law_of_impact():
     assert run.lost[-1] == pytest.approx(16.0 * (1.0 - 0.5**4), rel=1e-9)
 
 
-def test_ever_shorter_bounces_end_at_rest_on_the_stop():
+def test_accumulating_impacts_end_at_rest_on_the_stop():
     fall = LoopForm(slider(), ranges={"s": (-1.0, 5.0)})
     run = ms.dynamics.run(fall, Forces(gravity=(-8.0, 0.0, 0.0)), duration=3.0, restitution=0.5, samples=50)
     # the flights add up to 1 s after the first 0.5 s; the last ones are too short to count
@@ -238,7 +238,7 @@ def test_a_start_beyond_a_stop_is_rejected():
         ms.dynamics.run(LoopForm(slider(), ranges={"s": (-1.0, 5.0)}), initial={"s.q": 6.0}, duration=1.0)
 
 
-def test_a_start_at_a_change_point_is_rejected_and_one_next_to_it_runs():
+def test_a_start_at_a_change_point_is_rejected():
     parallelogram = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.1, rocker=0.04)
     with pytest.raises(InputError, match="initial configuration is singular"):
         ms.dynamics.run(parallelogram, WEIGHT, initial={"crank.q": 0.0}, duration=0.1)
@@ -256,7 +256,7 @@ def test_friction_that_never_releases_is_reported_from_the_start():
     assert (run.outcome, run.reason) == ("stopped", "friction holds the mechanism at rest from 0 s on")
 
 
-def test_a_load_that_grows_wakes_a_block_that_friction_held():
+def test_a_growing_load_overcomes_static_friction():
     push = load_profile.table([0.0, 1.0, 2.0], [[0.0] * 3, [0.0] * 3, [8.0, 0.0, 0.0]], over="time")
     held = Forces(loads=(Load("P", push),), friction=(Friction("s", coulomb=2.0),))
     run = ms.dynamics.run(slider(), held, duration=2.0, samples=8)
@@ -265,7 +265,7 @@ def test_a_load_that_grows_wakes_a_block_that_friction_held():
     assert run.motion.joints["s"].value == pytest.approx(2.0 / 3.0 * late**3, abs=1e-9)
 
 
-def test_a_brief_load_is_noticed():
+def test_a_brief_load_is_integrated():
     """2 kg pushed by 8 N for 0.02 s in a run of 2 s: 0.08 m/s."""
     times = [0.0, 1.0, 1.001, 1.02, 1.021, 2.0]
     push = load_profile.table(
@@ -275,7 +275,7 @@ def test_a_brief_load_is_noticed():
     assert run.motion.joints["s"].rate[-1] == pytest.approx(8.0 * 0.02 / 2.0, rel=1e-9)
 
 
-def test_a_four_bar_passes_close_to_a_singular_pose():
+def test_a_four_bar_passes_close_to_a_singular_configuration():
     """The coupler is a micrometre too short for all links to lie in line."""
     hair = ms.catalog.make("four_bar", ground=0.05, crank=0.02, coupler=0.07 - 1e-6, rocker=0.04)
     run = ms.dynamics.run(
@@ -295,13 +295,13 @@ def test_a_block_without_restitution_stays_on_its_stop():
 
 
 @pytest.mark.parametrize(("pull", "moves"), [(3.0, False), (5.0, True)])
-def test_coulomb_friction_sticks_below_its_size_and_slides_above(pull, moves):
+def test_coulomb_friction_sticks_below_its_limit_and_slides_above(pull, moves):
     friction = Forces(gravity=(pull / 2.0, 0.0, 0.0), friction=(Friction("s", coulomb=4.0),))
     run = ms.dynamics.run(slider(), friction, duration=1.0, samples=10)
     assert run.motion.joints["s"].value[-1] == pytest.approx(0.25 * (pull - 4.0) if moves else 0.0, abs=1e-12)
 
 
-def test_a_sliding_block_comes_to_rest_and_the_spring_holds_it_there():
+def test_coulomb_friction_brings_a_sliding_block_to_rest():
     # decelerates at 2 m/s2 from 1 m/s: 0.25 m in 0.5 s
     run = ms.dynamics.run(
         slider(),
@@ -315,7 +315,7 @@ def test_a_sliding_block_comes_to_rest_and_the_spring_holds_it_there():
     assert run.motion.joints["s"].value[-1] == pytest.approx(0.25, abs=1e-9)
 
 
-def test_a_spring_and_friction_make_half_swings_that_shrink_by_the_same_length():
+def test_coulomb_friction_shortens_each_half_swing_equally():
     forces = Forces(friction=(Friction("s", coulomb=4.0),), joint_springs=(JointSpring("s", 200.0),))
     half = np.pi / 10.0  # of 2 kg on 200 N/m
     run = ms.dynamics.run(slider(), forces, initial={"s.q": 0.1}, duration=3.0, samples=2)
@@ -337,17 +337,17 @@ def test_a_spring_and_friction_make_half_swings_that_shrink_by_the_same_length()
         ({"samples": 0}, "samples of a run are 0"),
     ],
 )
-def test_input_that_cannot_be_used_ends_in_one_sentence(more, message):
+def test_invalid_input_is_rejected(more, message):
     with pytest.raises(InputError, match=message.replace("(", r"\(")) as error:
         ms.dynamics.run(double_pendulum(), WEIGHT, **{"duration": 1.0, **more})
     assert "\n" not in str(error.value)
 
 
-def test_values_beyond_the_range_of_a_linkage_do_not_assemble():
+def test_initial_values_out_of_range_are_rejected():
     with pytest.raises(AssemblyError, match="do not close at the initial values"):
         ms.dynamics.run(ms.catalog.make("four_bar"), WEIGHT, initial={"B.q": 9.0}, duration=1.0)
 
 
-def test_rates_that_contradict_the_loops_are_rejected():
+def test_initial_rates_that_violate_the_loop_equations_are_rejected():
     with pytest.raises(InputError, match="contradict the loops"):
         ms.dynamics.run(ms.catalog.make("four_bar"), initial={"crank.v": 1.0, "A.v": 50.0}, duration=1.0)

@@ -32,7 +32,7 @@ def pendulum(**forces):
     return dynamics.dynamic_model(arm, Forces(**forces))
 
 
-def test_pendulum_released_level_swings_as_elliptic_functions_state():
+def test_a_pendulum_agrees_with_elliptic_functions():
     times = np.linspace(0.0, 2.3 * PERIOD, 47)
     run = dynamics.free_run(pendulum(gravity=DOWN), angle=0.0, times=times)
     with mp.workdps(30):
@@ -47,7 +47,7 @@ def test_pendulum_released_level_swings_as_elliptic_functions_state():
     assert run.outcome == "done"
 
 
-def test_pendulum_carries_three_times_its_weight_at_the_bottom():
+def test_the_bearing_of_a_pendulum_carries_three_times_its_weight():
     machine = pendulum(gravity=DOWN)
     run = dynamics.free_run(machine, angle=0.0, times=np.linspace(0.0, PERIOD / 4.0, 5))
     study = dynamics.prescribed(machine, run.angle, run.speed, run.acceleration)
@@ -58,7 +58,7 @@ def test_pendulum_carries_three_times_its_weight_at_the_bottom():
 
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter"), ("four_bar",)))
-def test_a_model_without_losses_keeps_its_energy_over_eight_turns(name):
+def test_a_model_without_losses_keeps_its_energy(name):
     machine = dynamics.dynamic_model(catalog.make(name), Forces(gravity=DOWN))
     run = dynamics.free_run(machine, angle=0.3, speed=40.0, turns=8.0, samples=81)
     assert run.outcome == "done"
@@ -66,7 +66,7 @@ def test_a_model_without_losses_keeps_its_energy_over_eight_turns(name):
     assert run.angle[-1] - run.angle[0] == pytest.approx(16.0 * np.pi, rel=1e-12)
 
 
-def test_without_forces_the_time_of_a_turn_is_the_integral_of_the_root_of_inertia():
+def test_the_period_without_forces_follows_from_the_reduced_inertia():
     machine = dynamics.dynamic_model(catalog.make("rrsrr"))
     angle = np.arange(512) * (2.0 * np.pi / 512)
     inertia = dynamics.reduced(machine, angle).inertia
@@ -76,7 +76,7 @@ def test_without_forces_the_time_of_a_turn_is_the_integral_of_the_root_of_inerti
     assert run.speed[-1] == pytest.approx(30.0, rel=1e-11)
 
 
-def test_closed_form_and_loop_equations_run_freely_alike():
+def test_closed_form_and_loop_equations_give_the_same_run():
     drive = catalog.make("four_bar")
     forces = Forces(gravity=DOWN, motor=motors.TorqueSpeedLine(0.01, 50.0), friction=(Friction("B", 1e-5),))
     times = np.linspace(0.0, 0.1, 5)
@@ -100,7 +100,7 @@ def test_closed_form_and_loop_equations_run_freely_alike():
     )
 
 
-def test_a_damped_wheel_slows_down_exponentially_and_a_dc_motor_brings_it_to_its_speed():
+def test_damped_and_motor_driven_wheels_follow_exponentials():
     drag = (Friction("crank", 0.2),)
     wheel = pendulum(friction=drag)
     run = dynamics.free_run(wheel, angle=0.0, speed=5.0, duration=8.0, samples=17)
@@ -111,7 +111,7 @@ def test_a_damped_wheel_slows_down_exponentially_and_a_dc_motor_brings_it_to_its
     assert driven.speed == pytest.approx(6.0 / 0.45 * (1.0 - np.exp(-0.45 * driven.time)), rel=1e-9)
 
 
-def test_dry_friction_stops_a_wheel_after_the_time_of_a_constant_braking_torque_and_holds_it():
+def test_coulomb_friction_stops_a_wheel_and_locks_it():
     wheel = pendulum(friction=(Friction("crank", 0.0, 2.0),))
     run = dynamics.free_run(wheel, angle=0.0, speed=5.0, duration=4.0, samples=41)
     assert run.outcome == "stopped"
@@ -120,7 +120,7 @@ def test_dry_friction_stops_a_wheel_after_the_time_of_a_constant_braking_torque_
     assert run.lost[-1] == pytest.approx(12.5, rel=1e-11)
 
 
-def test_a_spring_against_dry_friction_loses_twice_its_band_with_each_swing():
+def test_coulomb_friction_reduces_each_half_swing_equally():
     """x'' = -k x - T sign x': every half swing ends 2 T / k nearer, until it sticks within T / k."""
     machine = pendulum(friction=(Friction("crank", 0.0, 0.3),), joint_springs=(JointSpring("crank", 4.0),))
     run = dynamics.free_run(machine, angle=1.0, duration=12.0, samples=2401)
@@ -144,13 +144,13 @@ def test_a_spring_against_dry_friction_loses_twice_its_band_with_each_swing():
         (Forces(motor=motors.ConstantTorque(-1.0)), "3 turns the other way round"),
     ],
 )
-def test_a_motor_that_cannot_start_its_model_is_reported_so(forces, output):
+def test_a_motor_too_weak_to_start_is_reported(forces, output):
     run = dynamics.free_run(dynamics.dynamic_model(catalog.make("four_bar"), forces), turns=3.0)
     assert run.outcome == "cannot start"
     assert output in run.reason
 
 
-def test_runs_that_do_not_make_their_turns_state_how_they_end():
+def test_incomplete_runs_report_their_outcome():
     rising = dynamics.free_run(pendulum(gravity=DOWN), angle=-np.pi / 2, speed=6.0, turns=1.0)
     assert rising.outcome == "turned back"
     # v2 = 4 g l at the top is needed; 36 = 2 g (1 - cos t) is where it turns
@@ -178,7 +178,7 @@ def test_a_crank_turns_back_at_its_dead_centre():
     assert run.energy_error <= 1e-9
 
 
-def test_a_run_ends_after_its_turns_where_a_friction_reverses_at_the_same_instant():
+def test_a_run_ends_at_a_simultaneous_reversal_of_friction():
     """The rocker reverses at the start, and so at the end of each turn."""
     drive = catalog.make("four_bar")
     friction = tuple(Friction(joint.name, 1e-5, 1e-5) for joint in drive.mechanism.joints)
@@ -189,7 +189,7 @@ def test_a_run_ends_after_its_turns_where_a_friction_reverses_at_the_same_instan
     assert run.energy_error <= 1e-10
 
 
-def test_frictions_of_several_joints_hold_a_crank_together():
+def test_friction_torques_of_several_joints_add_up():
     """Each alone is too weak, and that of the ball has a direction only while the ball moves."""
     drive = catalog.make("rrsrr")
     friction = tuple(Friction(joint.name, 1e-5, 3e-6) for joint in drive.mechanism.joints)
@@ -200,7 +200,7 @@ def test_frictions_of_several_joints_hold_a_crank_together():
     assert 3e-6 < abs(held.static[0]) < held.coulomb[0]
 
 
-def test_friction_that_spins_a_rod_between_balls_is_rejected():
+def test_friction_on_a_passive_spin_is_rejected():
     drive = catalog.make("rssr")
     friction = tuple(Friction(joint.name, 1e-5) for joint in drive.mechanism.joints)
     machine = dynamics.dynamic_model(drive, Forces(friction=friction))
@@ -241,7 +241,7 @@ def root_of_inertia(machine, lengths, short, beside):
     return np.sqrt(sum(item.mass * np.abs(v) ** 2 + item.moments[2][2] * w**2 for item, v, w in each))
 
 
-def test_a_crank_passes_a_dead_centre_that_lies_a_hair_next_to_its_path():
+def test_a_crank_passes_close_to_a_singular_configuration():
     # a ten-millionth of the size, where rounding is 1e-9 of the inertia
     lengths, short = (0.05, 0.02, 0.07 - 1e-8, 0.04), 1e-8
     drive = catalog.make(
@@ -262,7 +262,7 @@ def test_a_crank_passes_a_dead_centre_that_lies_a_hair_next_to_its_path():
     assert run.time[-1] == pytest.approx(exact, rel=1e-9)
 
 
-def test_a_load_over_time_wakes_a_model_that_friction_held():
+def test_a_growing_load_overcomes_static_friction():
     push = load_profile.table([0.0, 1.0, 2.0], [0.0, 0.0, 4.0], over="time")
     wheel = pendulum(friction=(Friction("crank", 0.0, 1.0),), crank_torque=push)
     run = dynamics.free_run(wheel, angle=0.0, times=[0.0, 1.0, 1.24, 1.5, 2.0])
@@ -272,7 +272,7 @@ def test_a_load_over_time_wakes_a_model_that_friction_held():
     assert run.angle == pytest.approx(2.0 / 3.0 * late**3, abs=1e-9)
 
 
-def test_a_load_on_a_point_does_the_work_it_should():
+def test_a_load_on_a_point_does_its_work():
     drive = catalog.make("slider_crank")
     against = load_profile.constant((-3.0, 0.0, 0.0))
     machine = dynamics.dynamic_model(drive, Forces(loads=(Load("B", against),)))
@@ -282,7 +282,7 @@ def test_a_load_on_a_point_does_the_work_it_should():
     assert run.energy_error <= 1e-10
 
 
-def test_a_run_backwards_is_the_mirror_of_the_run_in_the_mirrored_world():
+def test_mirrored_forces_give_the_mirrored_run():
     machine = pendulum(gravity=DOWN, motor=motors.ConstantTorque(12.0))
     mirrored = machine.with_forces(replace(machine.forces, motor=motors.ConstantTorque(-12.0)))
     item = dynamics.free_run(machine, angle=-np.pi / 2 + 0.4, times=np.linspace(0.0, 2.0, 9))
@@ -291,7 +291,7 @@ def test_a_run_backwards_is_the_mirror_of_the_run_in_the_mirrored_world():
 
 
 @pytest.mark.parametrize("force", [(-5.0, 0.0, 0.0), (0.0, 0.0, 3.0), (-5.0, 2.0, 1.0)])
-def test_a_mechanism_of_ones_own_runs_freely_under_a_load_on_its_slider(force):
+def test_user_defined_and_catalogue_mechanisms_give_the_same_run(force):
     """Along two axes the slider never moves: what the load has of a lever there is rounding."""
     drive = catalog.make("slider_crank")
     loads = (Load("B", load_profile.constant(force)),)

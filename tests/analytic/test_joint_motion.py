@@ -10,7 +10,7 @@ from mechsim.model.motion import select_instants
 
 # joints that turn and slide on moving links: a slide on a lever, crosses of a shaft, a rod's sleeve
 @pytest.mark.parametrize("name", ["quick_return", "double_cardan", "rsur"])
-def test_joints_read_from_links_move_as_the_loop_equations_state(name):
+def test_joint_motion_from_links_agrees_with_the_loop_equations(name):
     form = ms.load(name)
     start = form.mechanism.start
     exact = form.solve(np.linspace(start, start + 2.0, 41), 3.0, -2.0)
@@ -27,7 +27,7 @@ def test_joints_read_from_links_move_as_the_loop_equations_state(name):
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
-def test_turns_between_rows_are_counted_by_the_speed(sense):
+def test_revolutions_between_samples_are_counted_from_the_speed(sense):
     form = ms.load("slider_crank")
     time = 0.02 * np.arange(246)
     angles = sense * 2.0 * np.pi * (time + 0.03 * time**2)
@@ -43,7 +43,7 @@ def test_turns_between_rows_are_counted_by_the_speed(sense):
         np.testing.assert_allclose(item.value, wanted, rtol=0, atol=1e-13)
 
 
-def test_what_a_motion_reports_stays_and_joints_of_links_that_it_does_not_report_are_left_out():
+def test_reported_joints_are_kept_and_unknown_ones_omitted():
     form = ms.load("slider_crank")
     exact = form.solve([0.3, 0.4])
     own = replace(exact.joints["crank"], value=np.array([7.0, 8.0]))

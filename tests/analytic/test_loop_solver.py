@@ -40,7 +40,7 @@ def off(loops, at, far):
     return loops.displaced(at, step), step
 
 
-def test_the_gauge_measures_how_far_the_open_dof_has_gone():
+def test_the_null_space_basis_measures_undetermined_displacement():
     loops, start = rssr()
     solver = loop_solver(loops, start)
     assert solver.nullity == 1
@@ -51,7 +51,7 @@ def test_the_gauge_measures_how_far_the_open_dof_has_gone():
 
 
 @pytest.mark.parametrize("far", [0.0, 0.3])
-def test_the_matrix_is_the_derivative_of_what_stands_open_rows_and_gauge(far):
+def test_the_solver_matrix_is_the_jacobian_of_its_residual(far):
     loops, start = rssr()
     solver = loop_solver(loops, start)
     here, _ = off(loops, start, far)
@@ -65,7 +65,7 @@ def test_the_matrix_is_the_derivative_of_what_stands_open_rows_and_gauge(far):
         assert total / STEP == pytest.approx(result[:, column], abs=1e-10)
 
 
-def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
+def test_an_undetermined_slide_keeps_its_scaled_displacement():
     mechanism = Mechanism(
         "arm",
         (Link("arm"), Link("block")),
@@ -91,7 +91,7 @@ def test_what_no_loop_holds_is_kept_where_it_is_in_units_of_the_size():
     assert solver.share(result).tolist() == [1.0]
 
 
-def test_an_open_dof_is_kept_where_it_stood_when_the_solver_was_made():
+def test_undetermined_dofs_keep_their_initial_values():
     loops, at = rssr()
     loops = replace(loops, driven=())
     here, _ = off(loops, at, 0.2)
@@ -102,7 +102,7 @@ def test_an_open_dof_is_kept_where_it_stood_when_the_solver_was_made():
 
 
 @pytest.mark.parametrize("part", [0.0, 0.19, 0.39, 0.41, 0.49, 0.51, 1.0])
-def test_rows_serve_that_report_two_fifths_of_the_best_and_are_kept_that_report_half_in_all(part):
+def test_equation_selection_requires_a_minimum_rank_margin(part):
     # all rows have singular values of eight, four and two; of the first three the last is only so much of it
     gradient = np.eye(4, 3)[..., None] * np.array([[8.0], [4.0], [2.0]])
     gradient[2:, 2, 0] = 2.0 * part, 2.0 * np.sqrt(1.0 - part**2)
@@ -116,7 +116,7 @@ def test_rows_serve_that_report_two_fifths_of_the_best_and_are_kept_that_report_
     assert solver.share(result) == pytest.approx([part, 1.0], abs=1e-15)
 
 
-def test_rows_that_repeat_each_other_do_not_serve_and_those_chosen_do():
+def test_redundant_equations_are_not_selected():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     assert all(solver.adequate(solver.linearise(start)))
@@ -126,7 +126,7 @@ def test_rows_that_repeat_each_other_do_not_serve_and_those_chosen_do():
     assert not any(other.adequate(other.linearise(start)))
 
 
-def test_loops_are_closed_to_rounding_from_a_guess_next_to_them_and_state_how_far_they_went():
+def test_newton_converges_to_rounding_and_reports_its_displacement():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     guess, step = off(loops, start, 0.02)
@@ -137,7 +137,7 @@ def test_loops_are_closed_to_rounding_from_a_guess_next_to_them_and_state_how_fa
 
 
 @pytest.mark.parametrize("make", [rssr, six_bar])
-def test_poses_whose_last_step_is_not_looked_at_are_closed_all_the_same_and_by_fewer_looks(make):
+def test_poses_converge_without_verifying_the_last_step(make):
     loops, start = make()
     path, enough = PathStates(loops, lambda _: start.values[list(loops.driven)]), 1e-12
     guess, _ = off(loops, start, 5e-5)
@@ -148,7 +148,7 @@ def test_poses_whose_last_step_is_not_looked_at_are_closed_all_the_same_and_by_f
     assert np.abs(result.residual).max() < enough
 
 
-def test_rows_that_do_not_close_are_seen_by_the_last_step_too():
+def test_violated_redundant_equations_are_detected():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     idle = next(row for row in range(loops.rows) if row not in solver.rows)
@@ -167,7 +167,7 @@ def test_rows_that_do_not_close_are_seen_by_the_last_step_too():
     assert np.abs(result.residual).max() == pytest.approx(1e-9, rel=1e-3)
 
 
-def test_what_all_rows_report_is_what_the_solved_ones_do_only_where_the_others_report_nothing():
+def test_all_singular_values_include_the_unsolved_equations():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     result = solver.linearise(start)
@@ -184,7 +184,7 @@ def test_what_all_rows_report_is_what_the_solved_ones_do_only_where_the_others_r
     assert reported.all_singular_values[0, -1] > 1.01 * wanted[0, -1]
 
 
-def test_a_gauge_along_what_the_rows_hold_does_not_serve_though_all_rows_are_solved():
+def test_a_wrong_null_space_basis_is_rejected():
     loops, start = rssr()
     solver = loop_solver(loops, start)
     assert solver.nullity == 1
@@ -196,7 +196,7 @@ def test_a_gauge_along_what_the_rows_hold_does_not_serve_though_all_rows_are_sol
     assert other.share(other.at_reference) < 1e-12
 
 
-def test_a_new_gauge_follows_the_one_before_if_as_much_is_open():
+def test_a_new_null_space_basis_follows_the_previous_one():
     loops, at = rssr()
     loops = replace(loops, driven=())
     gauge = loop_solver(loops, at).null_space
@@ -205,7 +205,7 @@ def test_a_new_gauge_follows_the_one_before_if_as_much_is_open():
     assert loop_solver(loops, at, before[:1]).null_space == pytest.approx(gauge, abs=1e-13)
 
 
-def test_a_step_whose_bend_would_leave_more_open_than_is_enough_is_looked_at():
+def test_a_step_with_a_large_second_order_error_is_verified():
     loops, start = six_bar()
     solver = loop_solver(loops, start)
     guess, _ = off(loops, start, 5e-5)
@@ -227,7 +227,7 @@ def test_a_step_whose_bend_would_leave_more_open_than_is_enough_is_looked_at():
     )
 
 
-def test_the_side_is_the_least_singular_value_with_the_determinant_s_sign():
+def test_signed_distance_has_the_sign_of_the_determinant():
     right, left = (np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0] for seed in (3, 4))
     matrix = np.stack([right @ np.diag([0.9, 0.5, 0.2]) @ left, right @ np.diag([0.9, -0.5, 0.1]) @ left])
     nothing = np.zeros((3, 0))

@@ -46,7 +46,7 @@ def one_of(form, varied, index):
 
 
 @pytest.mark.parametrize("name", VARIED)
-def test_each_design_moves_as_its_own_closed_form_has_it(name):
+def test_each_design_agrees_with_its_own_closed_form(name):
     form, varied = designs(name, 0.3)
     full = md.crank_ranges(form, varied).full
     varied = {item: values[full] for item, values in varied.items()}
@@ -67,7 +67,7 @@ def test_each_design_moves_as_its_own_closed_form_has_it(name):
 
 
 @pytest.mark.parametrize("name", VARIED)
-def test_full_turns_and_ranges_are_those_of_the_exact_roots(name):
+def test_crank_ranges_agree_with_the_exact_roots(name):
     form, varied = designs(name, 0.8, 60)
     result = md.crank_ranges(form, varied)
     widths, ends = md.ranges(result)
@@ -80,14 +80,14 @@ def test_full_turns_and_ranges_are_those_of_the_exact_roots(name):
         assert ends[i] == len(alone.dead_centres())
 
 
-def test_a_linkage_that_can_be_laid_flat_is_in_doubt_and_no_other_is():
+def test_only_a_design_with_a_change_point_is_uncertain():
     form = catalog.make("four_bar", ground=0.1, coupler=0.1, crank=0.04, rocker=0.04)
     result = md.crank_ranges(form, {"crank": np.array([0.04, 0.039])})
     assert result.uncertain.tolist() == [True, False]
     assert not result.full[0]
 
 
-def test_what_the_declarations_reject_is_rejected_for_each_design():
+def test_each_design_with_invalid_parameters_is_rejected():
     form = catalog.make("four_bar")
     varied = {
         "crank": np.array([0.03, -0.03, np.nan, np.inf, 0.03]),
@@ -99,6 +99,6 @@ def test_what_the_declarations_reject_is_rejected_for_each_design():
             one_of(form, varied, i)
 
 
-def test_parameters_that_formulas_take_one_by_one_are_not_many():
+def test_scalar_parameters_are_not_vectorised():
     assert not md.can_be_many(catalog.make("rssr", guide=True), {"psi1": np.zeros(2)})
     assert not md.can_be_many(catalog.make("looper"), {"crank": np.ones(2)})

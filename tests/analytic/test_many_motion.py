@@ -42,7 +42,7 @@ def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0):
 
 
 @pytest.mark.parametrize("name", ["watt_six_bar", "quick_return"])
-def test_each_design_moves_as_it_does_by_itself(name):
+def test_designs_solved_together_agree_with_single_designs(name):
     parameter, middle, joints = JOINTS[name]
     values = middle * np.linspace(0.9, 1.1, 7)
     motion, reported = moved(name, parameter, values, joints)
@@ -64,7 +64,7 @@ def test_each_design_moves_as_it_does_by_itself(name):
                 )
 
 
-def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_order():
+def test_designs_with_a_passive_spin_agree_with_the_closed_form():
     angles = np.random.default_rng(22).uniform(-7.0, 7.0, 40)
     drives = [ms.catalog.make("rssr", crank=length) for length in (0.0186, 0.02, 0.0212)]
     mechanisms = [drive.mechanism for drive in drives]
@@ -80,7 +80,7 @@ def test_designs_with_a_rod_that_spins_are_followed_either_way_to_angles_in_any_
 
 
 @pytest.mark.parametrize("rows_are_enough", [True, False])
-def test_designs_whose_rows_never_report_enough_take_others_for_every_segment(rows_are_enough, monkeypatch):
+def test_ill_conditioned_designs_select_equations_for_every_segment(rows_are_enough, monkeypatch):
     mechanisms = [ms.catalog.make("bennett", length0=length).mechanism for length in (0.05, 0.049, 0.051)]
     exact = [ms.loops.solve(mechanism, ANGLES).points for mechanism in mechanisms]
     selections, select = [], continuation.loop_solver
@@ -98,7 +98,7 @@ def test_designs_whose_rows_never_report_enough_take_others_for_every_segment(ro
             np.testing.assert_allclose(motion.points[name].position[rows], point.position, atol=1e-13)
 
 
-def test_designs_that_cannot_turn_or_are_not_alike_are_left_to_themselves():
+def test_designs_that_cannot_turn_or_differ_in_structure_are_excluded():
     _, reported = moved("watt_six_bar", "crank", [0.025, 0.3, 0.024, 0.026, 0.0251], ("output",))
     assert reported.tolist() == [True, False, True, True, True]
     others = designs("watt_six_bar", "crank", [0.025, 0.0251, 0.0252])
@@ -107,7 +107,7 @@ def test_designs_that_cannot_turn_or_are_not_alike_are_left_to_themselves():
     assert reported.tolist() == [True, True, True, False]
 
 
-def test_a_design_too_near_a_singular_pose_costs_no_other_design(monkeypatch):
+def test_a_singular_design_does_not_affect_the_others(monkeypatch):
     mechanisms = designs("watt_six_bar", "crank", 0.025 * np.linspace(0.95, 1.05, 5))
     close = design_motion.closed_chunks
 
@@ -128,7 +128,7 @@ def test_a_design_too_near_a_singular_pose_costs_no_other_design(monkeypatch):
     assert not motion.joints["output"].rate[~rows].any()
 
 
-def test_another_assembly_is_not_taken_for_the_one_that_is_intended():
+def test_each_design_keeps_its_own_assembly_mode():
     both = [ms.catalog.make("four_bar", branch=branch).mechanism for branch in (1, -1)] * 3
     motion, reported = together(both[0], both, ("rocker",))
     assert reported.all()
@@ -153,13 +153,13 @@ def flat_and_others():
     return result
 
 
-def test_a_design_whose_assemblies_meet_is_not_followed_through_with_others():
+def test_a_design_with_a_change_point_is_excluded():
     mechanisms = flat_and_others()
     _, reported = together(mechanisms[-1], mechanisms)
     assert reported.tolist() == [False, True, True, True]
 
 
-def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
+def test_the_sign_of_the_determinant_excludes_change_points(monkeypatch):
     mechanisms = flat_and_others()
     whole = np.linalg.slogdet
     monkeypatch.setattr(
@@ -169,5 +169,5 @@ def test_a_side_that_is_not_watched_is_found_out_by_that(monkeypatch):
     assert reported[0]
 
 
-def test_what_has_no_lone_crank_needs_motion_laws():
+def test_mechanisms_with_several_drivers_need_motion_laws():
     assert shared_loops(ms.load("five_bar").mechanism, ()) is None

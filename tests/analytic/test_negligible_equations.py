@@ -95,7 +95,7 @@ def truth(values):
 
 
 @pytest.mark.parametrize("method", ["closed", "pose", "step"])
-def test_a_ball_where_all_axes_meet_takes_no_dof_on_any_method(method, tmp_path):
+def test_a_redundant_ball_joint_removes_no_dof_in_any_method(method, tmp_path):
     linkage = spherical(tmp_path, AXES)
     result = driver_determinacy(linkage.mechanism)
     assert (result.dofs, result.outcome, result.redundant_equations) == (3, "determined", 3)
@@ -114,7 +114,7 @@ def test_a_ball_where_all_axes_meet_takes_no_dof_on_any_method(method, tmp_path)
     np.testing.assert_allclose(values, meant, rtol=0, atol=1e-5 if method == "step" else 1e-14)
 
 
-def test_what_a_ball_where_all_axes_meet_leaves_open_is_named_by_both_methods(tmp_path):
+def test_undetermined_joints_are_reported_by_both_methods(tmp_path):
     linkage = spherical(tmp_path, ["crank", "A"])
     with pytest.raises(MobilityError, match="underdetermined: with the drivers locked, B can still move"):
         linkage.solve(t=np.linspace(0.0, 1.0, 5))
@@ -145,31 +145,31 @@ def written(linkage, tmp_path, *, exactly):
 
 @pytest.mark.parametrize("length", ["m", "km"])
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_shaft_in_two_bearings_turns(method, length, tmp_path):
+def test_a_shaft_in_two_bearings_can_turn(method, length, tmp_path):
     run = ms.simulate(shaft_in(length, tmp_path), method=method, speed=6.0, turns=0.3, samples=5)
     assert run.outcome == "passed"
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_bearing_that_nothing_can_open_is_pushed_by_nothing(method, shaft):
+def test_a_redundant_bearing_has_no_reaction(method, shaft):
     forces = Forces(gravity=(0.3, -9.81, 0.5))
     run = driven(shaft.mechanism, forces, method=method, speed=6.0, turns=0.3, samples=5)
     assert np.abs(run.forces.reactions["bearing"].force).max() <= 1e-12
 
 
-def test_hinges_and_a_ball_where_all_axes_meet_may_push_against_each_other(tmp_path):
+def test_reactions_of_redundant_joints_are_undetermined(tmp_path):
     known = determinacy.determined_components(loaded_model(spherical(tmp_path, AXES).mechanism, Forces()))
     assert not np.any([settles[:3] for settles in known.values()])
 
 
 @pytest.mark.parametrize("exactly", [True, False])
-def test_a_file_with_a_shaft_in_two_bearings_has_three_rows_that_state_nothing(exactly, shaft, tmp_path):
+def test_three_redundant_equations_of_a_shaft_are_reported(exactly, shaft, tmp_path):
     (result,) = findings(read_model(written(shaft, tmp_path, exactly=exactly)))
     assert (result.kind, result.by) == ("redundant", 3)
     assert "3 constraint equations of the loops have rank 0" in result.message
 
 
-def test_a_spherical_linkage_of_six_digits_moves_as_it_means_to(tmp_path):
+def test_a_spherical_linkage_with_six_digits_has_the_exact_motion(tmp_path):
     path = written(spherical(tmp_path, AXES), tmp_path, exactly=False)
     moves = {"crank": "1.1rad/s", "A": "0.4rad + 0.7rad*sin(t)", "B": "-0.3rad - 0.9rad*t"}
     model = ms.load(path, drive=moves)
@@ -180,7 +180,7 @@ def test_a_spherical_linkage_of_six_digits_moves_as_it_means_to(tmp_path):
         np.testing.assert_allclose(place, truth(at), rtol=0, atol=1e-6)
 
 
-def test_what_no_row_holds_and_no_driver_moves_stays_at_rest(tmp_path):
+def test_undetermined_joints_stay_at_rest(tmp_path):
     path = written(spherical(tmp_path, AXES), tmp_path, exactly=True)
     read = read_model(path, drivers=("crank", "A"))
     model = compiled(read.spec)
@@ -189,7 +189,7 @@ def test_what_no_row_holds_and_no_driver_moves_stays_at_rest(tmp_path):
     assert rates.tolist() == [1.1, -0.7, 0.0]
 
 
-def test_a_shaft_that_two_bearings_hold_has_one_dof_wherever_it_stands(shaft):
+def test_a_shaft_in_two_bearings_has_one_dof_at_every_angle(shaft):
     loops, own = assembled(shaft.mechanism)
     search = CurveSearch(free_loops(replace(loops, driven=()), own), lambda *_: None)
     search.add(Coordinates(own.values + np.linspace(0.0, 3.0, 7), np.repeat(own.turns, 7, -1)), counted=True)

@@ -194,7 +194,7 @@ def test_rates_of_joints_are_the_derivatives_of_their_coordinates(mechanism, req
 
 
 @cases
-def test_rates_of_points_and_links_are_the_derivatives_of_their_places(mechanism, request):
+def test_rates_of_points_and_links_are_the_derivatives_of_positions(mechanism, request):
     for motion in motions(request.node.callspec.id):
         for item in (*motion.points.values(), *motion.links.values()):
             near(item.velocity[MIDDLE], derivatives(item.position, FIRST, 1), 1e-10)
@@ -222,7 +222,7 @@ def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
 
 
 @cases
-def test_the_loops_are_closed(mechanism, request):
+def test_solutions_satisfy_the_loop_equations(mechanism, request):
     motion = motions(request.node.callspec.id)[1]
     poses = {link: Pose(item.position, item.rotation) for link, item in motion.links.items()}
     open_by, turned_by = loops.residual_norms(mechanism, poses, motion.angle)
@@ -230,7 +230,7 @@ def test_the_loops_are_closed(mechanism, request):
     assert turned_by.max() <= 1e-13
 
 
-def test_a_crank_turns_evenly_unless_it_is_stated_otherwise_and_its_rates_are_one_or_as_many_as_angles():
+def test_crank_rates_are_scalars_or_one_per_angle():
     mechanism, angles = KINDS[0], np.array([0.7, 0.8, 0.9])
     poses = loops.assemble(mechanism, angles)
     even = loops.rates(mechanism, poses, angles, SPEED)

@@ -23,13 +23,13 @@ def power(forces, joints):
     return sum(force * joints[name].rate for name, force in forces.items())
 
 
-def test_as_many_actuators_as_drivers_have_the_drivers_forces(study):
+def test_actuators_at_the_drivers_have_the_forces_of_the_drivers(study):
     forces = ms.dynamics.actuator_forces(study, ("left", "right"))
     for name, force in forces.items():
         np.testing.assert_allclose(force, study.forces.drives[name], atol=1e-14)
 
 
-def test_a_third_actuator_takes_its_share(study, joints):
+def test_a_third_actuator_reduces_the_weighted_norm(study, joints):
     forces = ms.dynamics.actuator_forces(study, {"left": 1.0, "right": 1.0, "elbow_l": 4.0})
     expected = power(study.forces.drives, joints)
     np.testing.assert_allclose(power(forces, joints), expected, atol=1e-13)
@@ -49,7 +49,7 @@ def test_no_other_balanced_forces_have_a_smaller_norm(study):
     assert np.abs(difference).max() > 1e-4
 
 
-def test_a_crank_shares_its_torque():
+def test_a_second_actuator_shares_the_power_of_the_crank():
     model = ms.dynamics.dynamic_model(ms.load("four_bar"), WEIGHT)
     study = ms.dynamics.prescribed(model, "0:360:30deg", speed=10.0)
     motion = ms.load("four_bar").solve("0:360:30deg", 10.0)
@@ -66,6 +66,6 @@ def test_a_crank_shares_its_torque():
         ({"left": 1.0, "right": float("nan")}, "above 0"),
     ],
 )
-def test_wrong_actuators_end_in_one_sentence(study, actuators, message):
+def test_invalid_actuators_are_rejected(study, actuators, message):
     with pytest.raises(ms.InputError, match=message):
         ms.dynamics.actuator_forces(study, actuators)

@@ -40,7 +40,7 @@ def require_rates(form: LoopForm):
     return motion
 
 
-def test_a_five_bar_goes_where_two_circles_meet():
+def test_a_five_bar_agrees_with_the_intersection_of_two_circles():
     mechanism = five_bar()
     states = {"left": waving(2.0, 0.3, 6.0, 0.2), "right": waving(1.0, 0.4, 9.0, 1.0)}
     form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 2.0))
@@ -52,21 +52,21 @@ def test_a_five_bar_goes_where_two_circles_meet():
     require_rates(form)
 
 
-def test_what_the_drivers_leave_open_is_named():
+def test_an_undetermined_joint_is_reported_by_name():
     mechanism = replace(five_bar(), driver=("left",), guess_coordinates={})
     form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, {"left": steady(2.0, 1.0)}, 1.0))
     with pytest.raises(MobilityError, match=r"underdetermined: .* right can still move"):
         at_times(form)
 
 
-def test_a_held_coordinate_is_no_dof():
+def test_a_locked_joint_removes_a_dof():
     mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, guess_coordinates={})
     motion = LoopForm(mechanism).solve(np.linspace(1.8, 2.2, 5))
     truth = where_circles_meet(motion.angle, np.full(5, 1.2))
     assert motion.points["P"].position[:, :2] == pytest.approx(truth, abs=1e-15)
 
 
-def test_drivers_that_go_where_the_loops_do_not_close_are_stopped_with_the_time():
+def test_drivers_out_of_reach_are_rejected_with_the_time():
     mechanism = five_bar()
     states = {"left": steady(2.0, 1.0), "right": steady(1.0, -1.0)}
     form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0))
@@ -105,7 +105,7 @@ def shaken(time):
         ({"left": steady(0.0, 1.0), "right": steady(0.0, 0.0), "A": steady(0.0, 0.0)}, "'A'.*not driven"),
     ],
 )
-def test_motion_laws_that_do_not_fit_are_rejected(states, output):
+def test_invalid_motion_laws_are_rejected(states, output):
     with pytest.raises(InputError, match=output):
         make_motion_laws(five_bar(), states, 1.0)
 
@@ -126,12 +126,12 @@ def test_a_table_is_a_motion_law():
         {"couplings": (Coupling("c", "A", "nothing", (0.0, 1.0)),)},
     ],
 )
-def test_what_is_no_coordinate_or_prescribed_twice_is_rejected(change):
+def test_unknown_or_twice_prescribed_coordinates_are_rejected(change):
     with pytest.raises(InputError):
         replace(five_bar(), **change)
 
 
-def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
+def test_a_boom_on_a_cylinder_follows_the_law_of_cosines():
     mechanism = boom()
     form = LoopForm(
         mechanism, motion_laws=make_motion_laws(mechanism, {"stroke": waving(0.8, 0.1, 2.0)}, 3.0)
@@ -142,7 +142,7 @@ def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
     assert motion.joints["lift"].value == pytest.approx(np.arccos(cosine) - np.arctan2(0.2, 0.5), abs=1e-14)
 
 
-def test_a_rack_goes_as_far_as_its_pinion_rolls_and_a_polynomial_as_it_states():
+def test_racks_and_polynomial_couplings_follow_their_formulas():
     mechanism = rack_and_cam()
     motion = LoopForm(mechanism).solve(np.linspace(-9.0, 9.0, 37), 2.0, 0.5)
     angle = motion.angle
@@ -155,7 +155,7 @@ def test_a_rack_goes_as_far_as_its_pinion_rolls_and_a_polynomial_as_it_states():
     assert motion.points["Q"].acceleration[:, 1] == pytest.approx(bent, rel=1e-12, abs=1e-12)
 
 
-def test_a_screw_lifts_its_nut_by_its_lead_a_turn():
+def test_a_screw_moves_its_nut_by_one_lead_per_revolution():
     mechanism = press()
     motion = LoopForm(mechanism).solve(np.linspace(0.0, 20.0, 21))
     height = motion.points["P"].position[:, 2] - 0.1
@@ -164,7 +164,7 @@ def test_a_screw_lifts_its_nut_by_its_lead_a_turn():
 
 
 @pytest.mark.parametrize("backwards", [False, True])
-def test_a_planar_joint_leaves_two_ways_and_a_turn(backwards):
+def test_a_planar_joint_has_two_displacements_and_a_rotation(backwards):
     mechanism = table(backwards=backwards)
     form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, {"tool": waving(0.0, 1.0, 3.0)}, 2.0))
     motion = require_rates(form)
@@ -177,7 +177,7 @@ def test_a_planar_joint_leaves_two_ways_and_a_turn(backwards):
     assert {"plane.q0", "plane.q1", "plane.q2", "plane.a2", "tool.q"} <= {*names}
 
 
-def test_a_platform_on_six_legs_goes_where_its_legs_were_measured():
+def test_a_hexapod_reproduces_the_motion_of_its_leg_lengths():
     """The legs' lengths of a chosen motion of the platform are elementary; they lead back to it."""
     mechanism, moves, stood = platform()
     assert isinstance(moves, MotionLaws)

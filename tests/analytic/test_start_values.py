@@ -45,7 +45,7 @@ def spherical_four_bar() -> Mechanism:
     )
 
 
-def test_legs_without_a_guess_are_put_towards_the_plate_that_has_one():
+def test_links_without_a_guess_assemble_with_the_given_plate():
     whole = load("stewart_gough").mechanism
     plate = whole.guess["plate"]
     alone = replace(whole, guess={"plate": Pose(plate.position + 0.005, plate.rotation)})
@@ -54,7 +54,7 @@ def test_legs_without_a_guess_are_put_towards_the_plate_that_has_one():
     assert result.rotation == pytest.approx(plate.rotation, abs=1e-12)
 
 
-def test_both_methods_begin_where_the_mechanism_is_put_together():
+def test_both_methods_start_from_the_assembled_configuration():
     mechanism = with_closed_guess(spherical_four_bar())
     poses = {name: Pose(item.position[None], item.rotation[None]) for name, item in mechanism.guess.items()}
     assert max(opened.max() for opened in loops.residual_norms(mechanism, poses, 0.0)) < 1e-14
@@ -64,7 +64,7 @@ def test_both_methods_begin_where_the_mechanism_is_put_together():
     assert max(gap.max() for gap in result.position_errors(exact).values()) < 1e-13
 
 
-def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):
+def test_an_assembled_file_is_written_and_read_back(tmp_path):
     rough = tmp_path / "rough.toml"
     rough.write_text(to_toml(spherical_four_bar()), "utf-8")
     started = load(str(rough)).mechanism
@@ -76,7 +76,7 @@ def test_a_file_is_loaded_as_it_is_put_together_and_comes_back_so(tmp_path):
     assert all((back.guess[link].rotation == pose.rotation).all() for link, pose in started.guess.items())
 
 
-def test_a_floating_joint_is_rejected_where_no_model_can_have_it():
+def test_an_unsupported_floating_joint_is_rejected():
     crank = spherical_four_bar()
     beside = (*crank.joints, Joint("free", "floating", End(GROUND), End("body")))
     with pytest.raises(InputError, match="joint 'free' floats"):

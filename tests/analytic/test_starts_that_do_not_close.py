@@ -33,7 +33,7 @@ def _line(folder, rod, more=""):
     return path
 
 
-def test_a_start_from_which_no_step_closes_the_loops_is_reported_where_they_close(tmp_path):
+def test_an_unassembled_start_reports_joint_values_that_assemble(tmp_path):
     with pytest.raises(AssemblyError, match="do not close at the start of the other joints") as reported:
         assembled(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
     output = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", str(reported.value)))
@@ -45,17 +45,17 @@ def test_a_start_from_which_no_step_closes_the_loops_is_reported_where_they_clos
     assert abs(at.values[loops.tree.index_of["rod"], 0]) == pytest.approx(angle, abs=1e-12)
 
 
-def test_show_reports_the_same(tmp_path):
+def test_mobility_analysis_reports_an_unassembled_start(tmp_path):
     with pytest.raises(AssemblyError, match="do not close at the start of the other joints"):
         driver_determinacy(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
 
 
-def test_loops_that_close_nowhere_are_still_advised_to_change_dimensions(tmp_path):
+def test_loops_that_cannot_close_are_rejected_with_a_remedy(tmp_path):
     with pytest.raises(AssemblyError, match=r"a gap of .* remains.* change the dimensions"):
         assembled(read_mjcf(str(_line(tmp_path, 0.15))).mechanism)
 
 
-def test_a_pin_that_stands_aside_of_the_plane_is_reported_by_how_much(tmp_path):
+def test_an_out_of_plane_pin_is_reported_with_its_offset(tmp_path):
     path = _line(tmp_path, 0.07)
     bent = path.read_text().replace('pos="-.08 0 0"', 'pos="0 .07 .002"')
     path.write_text(bent)
@@ -91,7 +91,7 @@ TWO_RODS = """<mujoco>
 </mujoco>"""
 
 
-def test_loops_that_lock_each_other_by_digits_are_named_and_move_with_one_left_out(tmp_path):
+def test_loops_that_lock_a_driver_are_reported_by_name(tmp_path):
     path = tmp_path / "rods.xml"
     drive = {"crank": "0.3*sin(2*pi*t)"}
     path.write_text(TWO_RODS.format(active="true"))

@@ -86,7 +86,7 @@ def rotation_of(here, link):
 
 
 @pytest.mark.parametrize("swap", [0, 1])
-def test_twists_and_drifts_are_the_rates_of_places_and_of_twists(swap):
+def test_twists_and_velocity_products_are_derivatives(swap):
     moving = Moving(swap, None)
     for link in range(len(moving.tree.branches)):
         turned, place, twist = (
@@ -102,7 +102,7 @@ def test_twists_and_drifts_are_the_rates_of_places_and_of_twists(swap):
 
 
 @pytest.mark.parametrize("swap", [0, 1])
-def test_links_are_where_they_are_in_whatever_order_they_are_listed(swap):
+def test_the_order_of_links_does_not_change_their_poses(swap):
     names = ("h", "c", "k", "shaft", "i", "a", "l", "f", "b", "e", "j", "d", "g", "m")
     item, other = Moving(swap, None), spanning_tree(branched(swap, names))
     there = link_poses(other, item.at)
@@ -113,7 +113,7 @@ def test_links_are_where_they_are_in_whatever_order_they_are_listed(swap):
     near(there.unit_twists, item.here.unit_twists, 1e-15)
 
 
-def test_a_link_on_which_many_hang_puts_each_where_a_chain_of_its_own_would():
+def test_links_on_a_common_link_agree_with_separate_chains():
     random, count = np.random.default_rng(4), 16
     names = [f"l{i}" for i in range(count)]
     ends = [
@@ -136,7 +136,7 @@ def test_a_link_on_which_many_hang_puts_each_where_a_chain_of_its_own_would():
 @pytest.mark.parametrize("swap", [0, 1])
 @pytest.mark.parametrize("sides", ["dh", "hd", "d-", "-d"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_jacobians_and_biases_of_a_closing_joint_are_derivatives_of_its_residual(kind, sides, swap):
+def test_jacobian_and_velocity_products_are_derivatives_of_the_residual(kind, sides, swap):
     ends = [
         at(GROUND if item == "-" else item, (0.05, -0.03, 0.08 + 0.02 * i), (0.3, 1.0 - i, 0.4))
         for i, item in enumerate(sides)
@@ -171,7 +171,7 @@ def test_jacobians_and_biases_of_a_closing_joint_are_derivatives_of_its_residual
     near(residual, np.array([row.sum(1) for row in expected]), 1e-13)
 
 
-def test_a_tree_without_angles_is_placed_as_its_joints_state():
+def test_a_tree_without_revolute_joints_has_its_exact_poses():
     joints = (
         Joint(
             "slide",
@@ -191,7 +191,7 @@ def test_a_tree_without_angles_is_placed_as_its_joints_state():
 
 
 @pytest.mark.parametrize("swap", [0, 1])
-def test_designs_side_by_side_are_placed_as_each_by_itself(swap):
+def test_poses_of_stacked_designs_agree_with_single_designs(swap):
     moving, trees = Moving(swap, None), [spanning_tree(branched(swap, seed=seed)) for seed in (3, 4)]
     tree = replace(trees[0])
     constants = {

@@ -44,7 +44,7 @@ def off_by(form: LoopForm, off):
 
 
 @pytest.mark.parametrize("off", [(1e-10, -1e-10), (5e-4, -9e-4), (2e-3, 0.0), (0.05, -0.11), (-0.3, 0.2)])
-def test_drivers_off_their_motion_laws_are_followed_to_where_they_are(off):
+def test_drivers_off_their_motion_laws_have_the_exact_motion(off):
     result = off_by(form(), off)
     times = STEP * np.arange(-4, 5)
     left, right = (
@@ -61,13 +61,13 @@ def test_drivers_off_their_motion_laws_are_followed_to_where_they_are(off):
     )
 
 
-def test_drivers_off_beyond_where_the_loops_close_are_rejected_with_the_time():
+def test_drivers_out_of_reach_are_rejected_with_the_time():
     for off in ((0.9, -0.9), (1.5, 0.0)):
         with pytest.raises(AssemblyError, match=r"the pose at .* s is too near"):
             off_by(form(), off)
 
 
-def test_conditioning_is_the_least_singular_value_in_units_of_the_size():
+def test_conditioning_is_the_smallest_scaled_singular_value():
     motion = form().solve(t=np.linspace(0.0, 1.0, 9))
     rods = []
     for pivot, arm, turn in ((0.0, 0.05, "left"), (0.1, 0.05, "right")):
@@ -100,7 +100,7 @@ def twice(mechanism):
     return both.with_guess({**mechanism.guess, **guess}, mechanism.start)
 
 
-def test_rates_read_off_a_paths_polynomials_are_those_of_its_loops_turns_of_balls_too():
+def test_polynomial_rates_agree_with_the_loop_equations():
     path = crank_path(twice(catalog.make("rssr").mechanism))
     angle = path.initial + np.linspace(0.1, 2.0, 7)
     _, motion = motion_along(path, angle, np.ones(7), np.zeros(7))
@@ -113,13 +113,13 @@ def test_rates_read_off_a_paths_polynomials_are_those_of_its_loops_turns_of_ball
     np.testing.assert_allclose(second, motion.second, rtol=0, atol=3e-6)
 
 
-def test_where_the_loops_report_nothing_their_matrix_is_one_that_can_be_solved():
+def test_singular_matrices_are_replaced_by_the_identity():
     whole, blind = np.arange(8.0).reshape(2, 2, 2), np.array([False, True])
     assert np.array_equal(regularised(whole, blind), [whole[0], np.eye(2)])
     assert regularised(whole, ~blind & blind) is whole
 
 
-def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they_were_requested_for():
+def test_several_chunks_keep_the_order_of_instants():
     drive = catalog.make("four_bar")
     angles = np.random.default_rng(22).uniform(-7.0, 7.0, 2 * CHUNK + 300)
     result, exact = (
@@ -131,7 +131,7 @@ def test_more_instants_than_are_solved_in_one_go_come_in_the_order_in_which_they
         np.testing.assert_allclose(getattr(result, part), getattr(exact, part), rtol=0, atol=most)
 
 
-def test_a_block_that_is_driven_along_a_turning_arm_accelerates_as_textbooks_state():
+def test_a_slide_on_a_rotating_arm_has_its_coriolis_acceleration():
     joints = (
         Joint("turn", "revolute", at(GROUND), at("arm")),
         Joint("way", "prismatic", at("arm", axis=EX), at("block", axis=EX)),

@@ -46,7 +46,7 @@ def same_poses(here: np.ndarray, there: np.ndarray, bound: float) -> bool:
     return len(study.disagreements(here, [real(poses) for poses in there], bound)) == 0
 
 
-def test_the_reference_triad_has_its_six_printed_poses():
+def test_the_reference_triad_has_its_six_published_poses():
     poses = triad.triad_modes([(0, 0), (52, 0), (49, 42)], [(0, 0), (58, 0), (38, 49)], [16, 21, 12])
     wrapped = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     order = np.lexsort((poses[:, 1], poses[:, 0]))
@@ -55,7 +55,7 @@ def test_the_reference_triad_has_its_six_printed_poses():
     assert np.abs(result - REFERENCE).max() <= 1e-6
 
 
-def test_legs_of_every_assembly_close_to_rounding():
+def test_legs_of_every_pose_keep_their_lengths():
     pivots, platform, legs = study.random_triads(2000, seed=1)
     poses = triad.triad_modes(pivots, platform, legs)
     ends = plane(poses[..., :2])[..., None] + np.exp(1j * poses[..., 2:]) * plane(platform)[:, None]
@@ -65,7 +65,7 @@ def test_legs_of_every_assembly_close_to_rounding():
     assert np.isfinite(gaps).any()
 
 
-def test_assemblies_come_by_rising_angle_of_the_link_in_one_turn():
+def test_poses_are_sorted_by_angle_within_one_revolution():
     poses = triad.triad_modes(*study.random_triads(500, seed=2))
     for angles in poses[..., 2]:
         angles = angles[np.isfinite(angles)]
@@ -73,7 +73,7 @@ def test_assemblies_come_by_rising_angle_of_the_link_in_one_turn():
         assert (np.diff(angles) >= 0.0).all()
 
 
-def test_no_assembly_is_missed_or_invented_against_coupler_curves():
+def test_poses_agree_with_intersections_of_coupler_curves():
     problems = study.random_triads(1000, seed=3)
     poses = triad.triad_modes(*problems)
     assert study.disagreements(poses, study.CouplerCurves(*problems).roots()).size == 0
@@ -82,7 +82,7 @@ def test_no_assembly_is_missed_or_invented_against_coupler_curves():
     assert (counts[[0, 2, 4, 6]] > 0).all()
 
 
-def test_sixty_digits_count_the_same_assemblies():
+def test_sixty_digits_give_the_same_number_of_poses():
     problems = study.random_triads(30, seed=4)
     poses = triad.triad_modes(*problems)
     for pose, *problem in zip(poses, *problems, strict=True):
@@ -104,7 +104,7 @@ def test_the_comparison_of_methods_rejects_a_wrong_list_of_poses(fault):
     assert study.disagreements(poses, others).tolist() == [wrong]
 
 
-def test_the_study_reports_no_missed_or_invented_assembly(capsys):
+def test_the_study_reports_no_disagreement(capsys):
     assert study.main(100) == 0
     assert "disagreements: 0" in capsys.readouterr().out
 
@@ -123,7 +123,7 @@ def test_the_mirror_image_has_mirrored_poses():
     assert same_poses(triad.triad_modes(pivots, platform, legs), there, 1e-9)
 
 
-def test_moving_and_scaling_the_pivots_moves_and_scales_the_poses():
+def test_poses_move_and_scale_with_the_pivots():
     pivots, platform, legs = study.random_triads(300, seed=8)
     poses = triad.triad_modes(pivots, platform, legs)
     scale, turn, shift = 1e-6, np.exp(0.7j), 3e-6 - 5e-6j
@@ -134,7 +134,7 @@ def test_moving_and_scaling_the_pivots_moves_and_scales_the_poses():
     assert same_poses(poses, there, 1e-9)
 
 
-def test_two_poses_with_one_angle_are_both_found():
+def test_two_poses_of_equal_angle_are_both_returned():
     # a platform similar to its pivots, all on one line: every pose has a twin of the same angle, and
     # the sextic has double roots only
     pivots = np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
@@ -148,13 +148,13 @@ def test_two_poses_with_one_angle_are_both_found():
     assert np.abs(abs(ends - plane(pivots)) - legs).max() <= 16 * EPS
 
 
-def test_legs_too_short_or_too_long_give_no_assembly():
+def test_legs_of_impossible_length_give_no_pose():
     pivots, platform = [(0, 0), (1, 0.1), (0.3, 0.9)], [(0, 0), (3, 0.2), (1.1, 2.7)]
     assert np.isnan(triad.triad_modes(pivots, platform, [0.2, 0.3, 0.25])).all()
     assert np.isnan(triad.triad_modes(pivots, platform, [0.2, 0.3, 9.0])).all()
 
 
-def test_a_double_root_counts_as_two_poses_before_and_none_behind_the_dead_centre():
+def test_two_poses_vanish_together_at_a_dead_centre():
     pivots, platform, legs = (part[0] for part in study.random_triads(1, seed=11))
 
     def count(longer: float) -> int:

@@ -21,7 +21,7 @@ def apart(roots):
     st.lists(turns, min_size=2, max_size=4).filter(lambda roots: len(roots) != 3),
     st.sampled_from([1e-9, -1e6]),
 )
-def test_arcs_end_at_the_roots_and_hold_only_what_is_positive(roots, scale):
+def test_arcs_end_at_the_roots_and_contain_positive_values(roots, scale):
     assume(apart(roots) > 0.05)
     margin = with_roots(roots, scale)
     arcs = reachable_arcs(margin, 2 if len(roots) == 4 else 1)
@@ -37,7 +37,7 @@ def test_arcs_end_at_the_roots_and_hold_only_what_is_positive(roots, scale):
 
 
 @given(turns)
-def test_a_double_root_is_no_end(double):
+def test_a_double_root_does_not_end_an_arc(double):
     arcs = reachable_arcs(with_roots([double, double]), 1)
     assert arcs.full
     assert arcs.arcs == ((-np.pi, np.pi),)
@@ -45,7 +45,7 @@ def test_a_double_root_is_no_end(double):
 
 
 @given(turns, turns, turns)
-def test_a_double_root_next_to_two_simple_ones_is_no_end(double, low, high):
+def test_a_double_root_between_simple_roots_does_not_end_an_arc(double, low, high):
     assume(apart([double, low, high]) > 0.1)
     arcs = reachable_arcs(with_roots([double, double, low, high]), 2)
     assert len(arcs.arcs) == 1
@@ -55,12 +55,12 @@ def test_a_double_root_next_to_two_simple_ones_is_no_end(double, low, high):
 
 @pytest.mark.parametrize("degree", [1, 2, 4])
 @pytest.mark.parametrize("level", [3.0, 1e-12, 1e12])
-def test_a_constant_is_full_or_nothing(degree, level):
+def test_a_constant_has_a_full_arc_or_none(degree, level):
     assert reachable_arcs(lambda f: np.full_like(f, level), degree).full
     assert reachable_arcs(lambda f: np.full_like(f, -level), degree).arcs == ()
 
 
-def test_a_degree_too_high_for_the_polynomial_does_no_harm():
+def test_a_degree_above_that_of_the_polynomial_gives_the_same_arcs():
     arcs = reachable_arcs(with_roots([-0.5, 1.25]), 4)
     assert len(arcs.arcs) == 1
     assert sorted(end % REVOLUTION for end in arcs.arcs[0]) == pytest.approx(
@@ -68,7 +68,7 @@ def test_a_degree_too_high_for_the_polynomial_does_no_harm():
     )
 
 
-def test_start_is_zero_where_the_crank_can_stand_there_else_amid_the_longest_arc():
+def test_the_start_is_zero_or_the_middle_of_the_longest_arc():
     assert Arcs(True, ((-np.pi, np.pi),)).start() == 0.0
     assert Arcs(False, ((-0.2, 0.1),)).start() == 0.0
     assert Arcs(False, ((3.0, 7.0),)).start() == 0.0  # wraps past a whole turn
@@ -76,6 +76,6 @@ def test_start_is_zero_where_the_crank_can_stand_there_else_amid_the_longest_arc
     assert Arcs(False, ()).start() == 0.0
 
 
-def test_arcs_read_as_a_sentence():
+def test_arcs_are_printed_in_words():
     assert str(Arcs(True, ((-np.pi, np.pi),))) == "anywhere in the turn"
     assert str(Arcs(False, ((0.25, 1.5),))) == "from 0.25 to 1.5 rad"

@@ -34,24 +34,24 @@ def five_bar(*gears):
     return whole.with_guess(guess, 0.0)
 
 
-def test_a_five_bar_with_one_driver_is_rejected_with_what_is_open():
+def test_a_five_bar_with_one_driver_is_rejected():
     with pytest.raises(MobilityError, match=r"underdetermined: .* A can still move") as refused:
         loops.solve(five_bar(), [0.0, 0.1])
     assert refused.value.outcome == "underdetermined"
 
 
-def test_geared_to_its_crank_it_is_determined():
+def test_a_gear_pair_determines_a_five_bar():
     motion = loops.solve(five_bar(Gear("crank", "D", 1.0)), [0.0, 0.1])
     assert motion.joints["D"].rate == pytest.approx([1.0, 1.0])
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
-def test_an_idle_spin_is_no_dof(name):
+def test_a_passive_spin_is_not_underdetermined(name):
     drive = catalog.make(name)
     assert len(loops.solve(drive.mechanism, [drive.mechanism.start])) == 1
 
 
-def test_a_ball_that_no_loop_holds_and_no_point_reports_of_is_no_dof():
+def test_an_unobserved_ball_is_not_underdetermined():
     mechanism = Mechanism(
         "beside",
         (Link("crank"), Link("ball")),
@@ -66,7 +66,7 @@ def test_a_ball_that_no_loop_holds_and_no_point_reports_of_is_no_dof():
     np.testing.assert_allclose(motion.points["P"].position[1], [0.0, 0.1, 0.0], atol=1e-16)
 
 
-def test_a_start_at_a_dead_centre_is_no_dof():
+def test_a_start_at_a_dead_centre_is_not_underdetermined():
     drive = catalog.make("four_bar", rocker=0.035)
     ((_, high), *_) = drive.crank_range().arcs
     poses = {
@@ -84,7 +84,7 @@ def test_a_start_at_a_dead_centre_is_no_dof():
         )
 
 
-def test_a_coordinate_held_takes_one_dof_and_leaves_the_others_whole():
+def test_locking_a_coordinate_removes_one_dof():
     freedoms = np.linalg.qr(np.random.default_rng(3).standard_normal((9, 9)))[0][:5]
     left = with_coordinate_locked(freedoms, 4)
     assert left.shape == (4, 9)
@@ -93,7 +93,7 @@ def test_a_coordinate_held_takes_one_dof_and_leaves_the_others_whole():
     assert np.linalg.matrix_rank(np.vstack([freedoms, left]), tol=1e-12) == 5
 
 
-def test_what_dozens_of_loose_bodies_leave_open_is_known():
+def test_undetermined_coordinates_of_many_bodies_are_counted():
     names = [f"b{i}" for i in range(60)]
     joints = [Joint(f"j{name}", "floating", End(GROUND), End(name)) for name in names]
     pose = Pose(np.zeros(3), np.eye(3))

@@ -12,13 +12,13 @@ triples = st.tuples(offsets, offsets, offsets).map(lambda v: 100.0 * np.array(v)
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
-def test_a_rotation_about_a_coordinate_axis_is_that_of_scipy(axis):
+def test_rotations_about_coordinate_axes_agree_with_scipy(axis):
     expected = Rotation.from_rotvec(0.83 * np.eye(3)["xyz".index(axis)]).as_matrix()
     assert np.abs(vectors.rotation(axis, 0.83) - expected).max() <= 4 * EPS
 
 
 @given(triples, triples, turns, turns, branches)
-def test_unit_vector_keeps_both_angles_and_its_side(v1, v2, first, second, sign):
+def test_a_unit_vector_has_both_angles_and_its_side(v1, v2, first, second, sign):
     angle1, angle2 = abs(first), abs(second)
     between = np.linalg.norm(np.cross(v1, v2)) / (np.linalg.norm(v1) * np.linalg.norm(v2))
     assume(between > 1e-3)
@@ -33,9 +33,7 @@ def test_unit_vector_keeps_both_angles_and_its_side(v1, v2, first, second, sign)
 
 
 @given(triples, triples, st.integers(300, 1200), st.integers(300, 1200), branches)
-def test_unit_vector_agrees_with_fifty_digits_where_no_coordinate_frame_is_special(
-    v1, v2, first, second, sign
-):
+def test_a_unit_vector_agrees_with_fifty_digits(v1, v2, first, second, sign):
     angle1, angle2 = first * 1e-3, second * 1e-3
     g = v1 @ v2 / (np.linalg.norm(v1) * np.linalg.norm(v2))
     assume(abs(g) < 0.99)
@@ -46,20 +44,20 @@ def test_unit_vector_agrees_with_fifty_digits_where_no_coordinate_frame_is_speci
 
 @pytest.mark.parametrize("gap", [0.0, 1e-9, -1e-9, 1e-5])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_unit_vector_is_exact_where_the_published_form_divides_by_nothing(gap, sign):
+def test_a_unit_vector_is_exact_where_the_published_form_is_singular(gap, sign):
     v1, v2 = np.array([1.3, 0.4, 0.0]), np.array([-0.2, 0.9, gap])  # v1 x v2 along Z but for the gap
     p = vectors.unit_at_angles(v1, v2, 0.9, 0.7, sign)
     assert np.abs(p - exact.unit_at_angles(v1, v2, 0.9, 0.7, sign)).max() <= 4 * EPS
 
 
-def test_angles_that_no_vector_has_give_no_number():
+def test_impossible_angles_give_nan():
     x, y = np.array([1.0, 0.1, 0.0]), np.array([0.2, 1.0, 0.0])
     with np.errstate(invalid="ignore"):
         assert np.isnan(vectors.unit_at_angles(x, y, 0.1, 0.1, 1)).all()
 
 
 @given(triples, turns, turns, lengths, lengths, triples, branches)
-def test_circle_meets_sphere_on_both(centre, first, second, radius, reach, away, sign):
+def test_a_circle_and_a_sphere_intersect_on_both(centre, first, second, radius, reach, away, sign):
     radius, reach = 100 * radius, 100 * reach
     frame = vectors.rotation("y", first) @ vectors.rotation("x", second)
     column, axis = vectors.column, vectors.column(frame[:, 2])

@@ -59,14 +59,14 @@ def test_compiled_code_agrees_with_reference_data(compiled, name):
     )
 
 
-def test_wrong_dimensions_do_not_agree_with_reference_data(compiled):
+def test_wrong_dimensions_disagree_with_reference_data(compiled):
     table = reference_data.read(reference_data.folder(), "rssr")
     wrong = ms.compile(table.mechanism, set={"coupler": "46.000001mm"})
     assert errors(wrong, "rssr")["position"] > 1e-9
 
 
 @pytest.mark.parametrize("name", ["rssr", "jansen", "parallel_gripper", "slider_crank"])
-def test_record_equals_that_of_the_loop_equations(compiled, name):
+def test_the_record_agrees_with_the_loop_equations(compiled, name):
     solver = compiled(name)
     source = solver.code.assembly.source
     angles = np.linspace(*((0.0, 6.0) if source.period > 6.0 else (0.0, source.period)), 25)
@@ -88,7 +88,7 @@ def test_record_equals_that_of_the_loop_equations(compiled, name):
             assert np.abs(difference).max() < 1e-10
 
 
-def test_map_is_the_derivative_of_the_configurations(compiled):
+def test_the_map_is_the_derivative_of_configurations(compiled):
     solver = compiled("stewart_gough")
     start = solver.code.assembly.start.values[solver.code.assembly.driven, 0]
     step = 1e-5
@@ -101,7 +101,7 @@ def test_map_is_the_derivative_of_the_configurations(compiled):
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "jansen", "stephenson_six_bar"])
-def test_random_order_and_long_steps_stay_in_the_assembly(compiled, name):
+def test_random_order_and_long_steps_keep_the_assembly_mode(compiled, name):
     solver, rng = compiled(name), np.random.default_rng(5)
     angles = rng.uniform(-np.pi, np.pi, 60)
     exact = LoopForm(solver.code.assembly.source.mechanism).solve(np.sort(angles))
@@ -111,7 +111,7 @@ def test_random_order_and_long_steps_stay_in_the_assembly(compiled, name):
         assert np.abs(mine.points[point].position[order] - motion.position).max() < 1e-11
 
 
-def test_near_a_change_point_no_configuration_is_of_another_assembly(compiled):
+def test_configurations_near_a_change_point_keep_the_assembly_mode(compiled):
     # nearly a parallelogram: two assemblies come near each other at 0 and 180 deg
     rng = np.random.default_rng(6)
     for miss in 10.0 ** rng.uniform(-6.0, -1.0, 4):
@@ -127,7 +127,7 @@ def test_near_a_change_point_no_configuration_is_of_another_assembly(compiled):
             assert np.abs(mine - form.solve([angle]).points["B"].position).max() < 1e-7
 
 
-def test_outside_the_range_nothing_is_solved(compiled):
+def test_angles_outside_the_range_are_rejected(compiled):
     solver = compiled("bricard")
     low, high = solver.code.assembly.interval
     with pytest.raises(AssemblyError, match=r"does not solve crank = 3\.7.*outside -0\.52"):
@@ -142,7 +142,7 @@ def test_outside_the_range_nothing_is_solved(compiled):
             compiled("rssr").solve_drivers([[bad]])
 
 
-def test_a_link_that_would_spin_within_a_step_is_followed_in_shorter_ones(compiled):
+def test_a_fast_spin_within_a_step_is_resolved(compiled):
     # both cranks end nearly in one point, about which the other links turn
     ends = np.array([[2.452152, 0.477330], [1.564885, 1.936591]])
     solver = compiled("five_bar")
@@ -150,14 +150,14 @@ def test_a_link_that_would_spin_within_a_step_is_followed_in_shorter_ones(compil
     assert np.abs(long - short).max() < 1e-9
 
 
-def test_beyond_the_workspace_of_several_drivers_a_status_reports_so(compiled):
+def test_driver_values_outside_the_workspace_are_rejected(compiled):
     solver = compiled("stewart_gough")
     start = solver.code.assembly.start.values[solver.code.assembly.driven, 0]
     with pytest.raises(AssemblyError, match=r"beyond a singular|not reached"):
         solver.solve_drivers(start + np.array([3.0, 0, 0, 0, 0, 0]))
 
 
-def test_a_certified_range_is_proven_and_what_is_not_proven_is_rejected():
+def test_angles_outside_a_certified_range_are_rejected():
     solver = ms.compile("elliptic_trammel", certify=True)
     low, high = solver.code.assembly.interval
     assert "Certified by interval arithmetic from -1.567" in solver.header
@@ -176,7 +176,7 @@ def test_a_library_is_compiled_once(compiled, monkeypatch):
     assert build.shared_library(code) == path
 
 
-def test_without_a_compiler_one_sentence_reports_so(monkeypatch):
+def test_a_missing_compiler_is_reported(monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(MissingToolError, match="CC=no-such-compiler is not found; install gcc or clang"):
         ms.compile("rssr")
@@ -186,21 +186,21 @@ def test_without_a_compiler_one_sentence_reports_so(monkeypatch):
         ms.compile("rssr")
 
 
-def test_a_cache_that_cannot_be_written_is_one_sentence(monkeypatch, tmp_path):
+def test_an_unwritable_cache_is_reported(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     with pytest.raises(OutputError, match=r"cannot keep compiled code in .*set XDG_CACHE_HOME"):
         ms.compile("four_bar")
 
 
-def test_a_compiler_that_fails_is_named(monkeypatch, tmp_path):
+def test_a_failing_compiler_is_reported_by_name(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("CC", "false")
     with pytest.raises(MissingToolError, match=r"the C compiler .*false fails: no message; set CC"):
         ms.compile("four_bar")
 
 
-def test_invalid_input_is_one_sentence(compiled):
+def test_invalid_input_is_rejected(compiled):
     with pytest.raises(InputError, match="columns; give 6: l1"):
         compiled("stewart_gough").solve_drivers([[0.0, 1.0]])
     with pytest.raises(InputError, match="are not finite"):

@@ -17,7 +17,7 @@ def run(lines, values):
     return out["out"]
 
 
-def test_zeros_ones_and_numbers_disappear():
+def test_constants_are_folded():
     table = ExpressionTable()
     x, y = table.symbol("x"), table.symbol("y")
     assert x + 0.0 is x
@@ -35,7 +35,7 @@ def test_zeros_ones_and_numbers_disappear():
     assert (table.expression(2.0) * table.expression(0.25)).number == 0.5
 
 
-def test_equal_expressions_are_one_and_computed_once():
+def test_common_subexpressions_are_computed_once():
     table = ExpressionTable()
     x, y = table.symbol("x"), table.symbol("y")
     assert x * y + 1.0 is 1.0 + y * x
@@ -68,7 +68,7 @@ def test_code_has_the_value_of_the_expression():
         assert math.isclose(out[i], value, rel_tol=1e-9, abs_tol=1e-9)
 
 
-def test_arrays_of_expressions_multiply_as_numbers_do():
+def test_arrays_of_expressions_multiply_like_numbers():
     rng, table = np.random.default_rng(4), ExpressionTable()
     matrix, vector = rng.standard_normal((3, 3)), rng.standard_normal(3)
     symbols = np.array([table.symbol(f"v{i}") for i in range(3)], dtype=object)
@@ -79,7 +79,7 @@ def test_arrays_of_expressions_multiply_as_numbers_do():
     assert np.allclose([out[i] for i in range(3)], matrix @ vector, rtol=1e-14)
 
 
-def test_numbers_keep_all_digits_and_integers_stay_short():
+def test_numbers_keep_all_digits():
     assert number_text(2.0) == "2"
     assert number_text(-1.0) == "-1"
     assert eval(number_text(1.0 / 3.0), {"R": float}) == 1.0 / 3.0

@@ -45,7 +45,7 @@ def built(compiler, source, *flags):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_gcc_and_clang_report_nothing_and_the_test_passes(compiled, tmp_path, name):
+def test_code_compiles_without_warnings_and_passes_its_test(compiled, tmp_path, name):
     source = written(compiled(name), tmp_path)
     for compiler in ("gcc", "clang"):
         if not shutil.which(compiler) and compiler == "clang":
@@ -64,14 +64,14 @@ def test_sanitizers_find_no_undefined_behaviour(compiled, tmp_path, name):
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_a_float_solver_agrees_to_its_digits(compiled, tmp_path):
+def test_a_float_solver_agrees_to_single_precision(compiled, tmp_path):
     source = written(compiled("jansen"), tmp_path)
     result = run(built("gcc", source, "-O2", "-DMECHSIM_REAL=float"))
     assert result.returncode == 0, result.stdout
     assert 1e-8 < float(result.stdout.split("error ")[1].split(",")[0]) < 1e-4
 
 
-def test_the_test_rejects_a_changed_solver(compiled, tmp_path):
+def test_the_self_test_rejects_a_changed_solver(compiled, tmp_path):
     solver = compiled("rssr")
     source = written(solver, tmp_path)
     right = "MECHSIM_C(-0.046)"
@@ -80,7 +80,7 @@ def test_the_test_rejects_a_changed_solver(compiled, tmp_path):
     assert run(built("gcc", source)).returncode == 1
 
 
-def test_the_test_rejects_a_solver_that_leaves_its_range(compiled, tmp_path):
+def test_the_self_test_rejects_a_missing_range_check(compiled, tmp_path):
     solver = compiled("bricard")
     source = written(solver, tmp_path)
     (tmp_path / "solver.h").write_text(
@@ -118,7 +118,7 @@ UNIT = "10deg*sin(2*pi*t)"
 """
 
 
-def test_names_that_no_language_takes(tmp_path):
+def test_invalid_identifiers_are_renamed(tmp_path):
     (tmp_path / "arm.toml").write_text(ARM)
     solver = ms.compile(tmp_path / "arm.toml")
     (tmp_path / "DATA.h").write_text(solver.header)
@@ -146,7 +146,7 @@ int joints_at(double angle, double speed, double acceleration, double *out) {
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "jansen", "oldham_coupling", "quick_return"])
-def test_joints_that_close_loops_have_values_and_rates(compiled, tmp_path, name):
+def test_cut_joints_have_values_and_rates(compiled, tmp_path, name):
     solver = compiled(name)
     written(solver, tmp_path)
     (tmp_path / "joints.c").write_text(JOINTS.replace("@", f"{name}_"))
@@ -175,7 +175,7 @@ int after_garbage(double angle, double rate, double garbage) {
 """
 
 
-def test_garbage_and_numbers_that_are_not_finite_are_not_solved(compiled, tmp_path):
+def test_invalid_states_and_nonfinite_numbers_are_rejected(compiled, tmp_path):
     solver = compiled("jansen")
     written(solver, tmp_path)
     (tmp_path / "garbage.c").write_text(GARBAGE.replace("@", "jansen_"))
@@ -210,7 +210,7 @@ def node(*arguments):
 
 
 @pytest.mark.parametrize("name", IN_JAVASCRIPT)
-def test_javascript_passes_its_test(compiled, tmp_path, name):
+def test_javascript_passes_its_self_test(compiled, tmp_path, name):
     solver = compiled(name)
     (tmp_path / "solver.js").write_text(solver.javascript)
     (tmp_path / "test.js").write_text(javascript_test(solver.code, "solver.js"))
@@ -231,7 +231,7 @@ def command(monkeypatch, capsys, *arguments):
     return ended.value.code or 0, captured.out, captured.err
 
 
-def test_the_command_writes_solver_and_test(tmp_path, monkeypatch, capsys):
+def test_the_command_writes_solver_and_self_test(tmp_path, monkeypatch, capsys):
     header, test = tmp_path / "leg.h", tmp_path / "leg.c"
     code, out, _ = command(
         monkeypatch, capsys, REFERENCE / "bricard.toml", "-o", header, "--test", test, "--json"
@@ -257,7 +257,7 @@ def test_the_command_writes_solver_and_test(tmp_path, monkeypatch, capsys):
         (["no_such_model", "-o", "solver.h"], "no_such_model"),
     ],
 )
-def test_invalid_input_ends_with_2(tmp_path, monkeypatch, capsys, arguments, message):
+def test_invalid_input_ends_with_exit_code_2(tmp_path, monkeypatch, capsys, arguments, message):
     monkeypatch.chdir(tmp_path)
     code, _, err = command(monkeypatch, capsys, *arguments)
     assert code == 2

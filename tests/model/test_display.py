@@ -37,14 +37,14 @@ def inverse():
     ],
     ids=["mechanism", "run", "motion", "point", "inverse", "efforts", "reaction", "trace", "verdict"],
 )
-def test_results_show_themselves_in_a_few_readable_lines(record, lines, output):
+def test_results_are_printed_in_a_few_lines(record, lines, output):
     text = repr(record())
     assert output in text
     assert len(text.splitlines()) <= lines
     assert "array(" not in text
 
 
-def test_to_pandas_returns_the_columns_of_the_file(tmp_path):
+def test_to_pandas_agrees_with_the_written_file(tmp_path):
     pytest.importorskip("pandas", reason="pandas is not installed: pip install '.[tables]'")
     table = run().motion.to_pandas()
     write(tmp_path / "run.csv", run().motion)

@@ -30,7 +30,7 @@ VALUES = {
         ("7", lambda q, v, t: 7.0),
     ],
 )
-def test_an_expression_has_the_value_and_the_derivatives_of_its_formula(text, formula):
+def test_values_and_derivatives_agree_with_the_formula(text, formula):
     expression = compiled(text, NAMES)
     value, derivatives = expression.derivatives({name: VALUES[name] for name in expression.names} or VALUES)
     expected = formula(*VALUES.values())
@@ -43,7 +43,7 @@ def test_an_expression_has_the_value_and_the_derivatives_of_its_formula(text, fo
         assert np.abs(derivatives[name] - 1.001 * by_differences).max() > 1e-6
 
 
-def test_an_expression_takes_numbers_too():
+def test_an_expression_accepts_scalars():
     value, derivatives = compiled("angle**2 + t", NAMES).derivatives({"angle": 3.0, "t": 0.5})
     assert value == 9.5
     assert derivatives == {"angle": 6.0, "t": 1.0}

@@ -30,7 +30,7 @@ FAR = (0.0, 0.0, 1.0)
         (partial(motors.TorqueSpeedLine, 1.0, -100.0), "drives nothing"),
     ],
 )
-def test_meaningless_numbers_are_rejected(make, output):
+def test_invalid_parameters_of_forces_are_rejected(make, output):
     with pytest.raises(InputError, match=output):
         make()
 
@@ -47,12 +47,12 @@ def test_meaningless_numbers_are_rejected(make, output):
         (Forces(springs=(Spring("P2", ("crank", FAR), 1.0),)), "both ends of a spring are on link 'crank'"),
     ],
 )
-def test_forces_that_do_not_fit_the_mechanism_are_rejected(forces, output):
+def test_forces_on_unknown_or_unsuitable_elements_are_rejected(forces, output):
     with pytest.raises(InputError, match=output):
         forces.check(RSSR)
 
 
-def test_valid_forces_pass_and_without_motor_removes_only_the_motor():
+def test_valid_forces_are_accepted_with_and_without_motor():
     forces = Forces(
         friction=(Friction("rocker", 1.0, 2.0), Friction("P2", 1.0)),
         springs=(Spring(("ground", FAR), "P3", 10.0, 0.1, 1.0),),
@@ -65,7 +65,7 @@ def test_valid_forces_pass_and_without_motor_removes_only_the_motor():
     assert forces.without_motor().loads == forces.loads
 
 
-def test_motors_give_their_torque_at_rest_and_at_no_load():
+def test_motors_have_their_stall_torque_and_no_load_speed():
     line, dc = motors.TorqueSpeedLine(2.0, 50.0), motors.DCMotor(12.0, 2.0, 0.1)
     assert line.torque([0.0, 25.0, 50.0, 100.0]) == pytest.approx([2.0, 1.0, 0.0, -2.0])
     assert dc.torque([0.0, 120.0]) == pytest.approx([0.6, 0.0], abs=1e-15)

@@ -42,7 +42,7 @@ places = st.tuples(*[st.integers(-999, 999).map(lambda value: (value + 0.37) * 1
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 5.0), places), min_size=1, max_size=4))
-def test_combined_bodies_have_the_moments_of_all_their_points(parts):
+def test_combined_bodies_have_the_sum_of_moments(parts):
     bodies = [Inertia(mass, place, (0.4, 0.5, 0.6)) for mass, place in parts]
     whole = combine(bodies)
     about = np.sum([body.about((0.3, -0.2, 0.7)) for body in bodies], axis=0)

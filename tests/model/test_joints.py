@@ -21,7 +21,7 @@ CROSS_ANGLE = 1.1
         ("floating", 6, 0, 0, ("m", "m", "m")),
     ],
 )
-def test_a_row_of_the_table_determines_free_and_constrained_motions(name, freedoms, forces, moments, units):
+def test_joint_kinds_have_their_degrees_of_freedom(name, freedoms, forces, moments, units):
     kind = KINDS[name]
     assert (kind.dof, kind.forces, kind.moments, kind.units) == (freedoms, forces, moments, units)
 
@@ -37,7 +37,7 @@ def test_coordinates_are_the_inverse_of_displacements(kind, first, second, angle
     assert np.abs(result - values).max(initial=0.0) <= 16 * EPS * np.pi
 
 
-def test_kinds_that_satisfy_a_rule_are_listed_by_name():
+def test_matching_joint_kinds_are_listed_by_name():
     assert kinds_that(lambda kind: kind.single).startswith("revolute or prismatic")
     assert kinds_that(lambda kind: kind.mixed).startswith("cylindrical")
     assert kinds_that(lambda kind: kind.dof > 6) == ""

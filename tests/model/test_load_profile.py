@@ -7,7 +7,7 @@ from mechsim.errors import InputError
 TURN = 2.0 * np.pi
 
 
-def test_a_table_over_the_turn_repeats_and_passes_through_its_rows():
+def test_a_table_over_one_revolution_is_periodic():
     at, values = np.linspace(0.5, 0.5 + TURN, 9), [0.0, 1.0, 4.0, 2.0, -1.0, -3.0, -2.0, 0.5, 0.0]
     for smooth in (False, True):
         load = load_profile.table(at, values, smooth=smooth)
@@ -17,7 +17,7 @@ def test_a_table_over_the_turn_repeats_and_passes_through_its_rows():
     assert straight.evaluate((at[2] + at[3]) / 2.0)[0] == pytest.approx(3.0)
 
 
-def test_a_smooth_table_follows_a_smooth_load_with_fourth_order():
+def test_a_smooth_table_has_fourth_order():
     def error(rows):
         at = np.linspace(0.0, TURN, rows + 1)
         values = np.sin(at) + 0.3 * np.cos(3.0 * at)
@@ -54,7 +54,7 @@ def test_an_invalid_load_table_is_rejected(at, values, output):
         load_profile.table(at, values)
 
 
-def test_a_table_with_a_period_of_six_digits_is_stretched_to_a_revolution():
+def test_a_period_rounded_to_six_digits_is_scaled_to_a_revolution():
     x = np.linspace(0.0, TURN, 9)
     exact, written = (load_profile.table(at, np.cos(x).round(12)) for at in (x, x.round(5)))
     places = np.linspace(0.0, TURN, 40)
@@ -72,7 +72,7 @@ def test_a_table_that_is_not_periodic_is_not_extrapolated():
             load.evaluate([1.5], [1.5])
 
 
-def test_a_load_over_time_needs_times_and_a_function_must_give_finite_numbers():
+def test_loads_without_times_or_finite_values_are_rejected():
     with pytest.raises(InputError, match="give the motion its time"):
         load_profile.function(np.sin, over="time").evaluate([0.0])
     broken = load_profile.function(lambda x: np.where(x < 0.5, x, np.nan))

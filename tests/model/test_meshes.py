@@ -55,7 +55,7 @@ def test_the_tooth_force_of_a_ring_points_to_the_shaft_of_the_pinion():
 
 
 @pytest.mark.parametrize("radius", [0.02, -0.02])
-def test_a_rack_lies_a_radius_from_the_shaft_and_its_force_points_away(radius):
+def test_the_tooth_force_of_a_rack_points_away_from_the_shaft(radius):
     joints = hinge("pinion", (0.1, 0.2, 0.3)), slide("rack", (0.5, 0.2, 0.7), X)
     mesh_law = Coupling("mesh", "rack", "pinion", (0.0, radius), pressure_angle=ANGLE)
     (mesh,) = meshes_of(mechanism(joints, couplings=(mesh_law,))).values()
@@ -64,7 +64,7 @@ def test_a_rack_lies_a_radius_from_the_shaft_and_its_force_points_away(radius):
     assert_allclose(mesh.separating, (0.0, -np.sign(radius) * np.tan(ANGLE), 0.0), atol=1e-14)
 
 
-def test_forces_of_a_bevel_pair_are_those_of_the_textbook():
+def test_tooth_forces_of_a_bevel_pair_agree_with_a_textbook():
     """Radial F tan a cos d and axial F tan a sin d, on a pinion of cone angle d away from the apex."""
     # shafts along x and z meet in the origin; the pinion turns twice as fast
     ratio = -0.5
@@ -91,11 +91,11 @@ def test_forces_of_a_bevel_pair_are_those_of_the_textbook():
     ],
     ids=["as a belt", "one shaft in line with the other", "shafts that pass", "joints where shafts meet"],
 )
-def test_gears_without_a_pitch_point_are_ideal_transmissions(second, ratio):
+def test_gears_without_a_pitch_point_have_no_tooth_forces(second, ratio):
     assert meshes_of(mechanism((hinge("one"), second), (Gear("one", "two", ratio),))) == {}
 
 
-def test_polynomials_and_screws_have_no_teeth():
+def test_polynomials_and_screws_have_no_tooth_forces():
     joints = hinge("pinion"), slide("rack", (0.0, 0.1, 0.0), X), slide("along", (0.0, 0.1, 0.0), Z)
     plain = Coupling("law", "rack", "pinion", (0.0, 0.02))
     leant = Coupling("leant", "along", "pinion", (0.0, 0.02), pressure_angle=0.0)
@@ -107,6 +107,6 @@ def test_polynomials_and_screws_have_no_teeth():
 
 
 @pytest.mark.parametrize("angle", [-0.1, np.pi / 2, float("nan")])
-def test_a_pressure_angle_lies_between_zero_and_a_right_angle(angle):
+def test_an_invalid_pressure_angle_is_rejected(angle):
     with pytest.raises(InputError, match="pressure angle of coupling 'one-two'"):
         pair(hinge("two", (0.03, 0.0, 0.0)), -0.5, angle)

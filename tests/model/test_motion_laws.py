@@ -13,7 +13,7 @@ LAWS = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t)"}
 
 
 @pytest.mark.parametrize("name", ["four_bar", "looper", "klann"])
-def test_a_solver_without_motion_laws_has_that_of_a_crank(name):
+def test_the_default_motion_law_is_that_of_a_crank(name):
     laws = ms.load(name).motion_laws
     assert laws is CRANK
     assert laws.axis == "angle"
@@ -23,7 +23,7 @@ def test_a_solver_without_motion_laws_has_that_of_a_crank(name):
         np.testing.assert_array_equal(values[0], np.broadcast_to(expected, 7))
 
 
-def test_parameters_and_times_of_motion_laws_belong_together():
+def test_path_parameters_and_times_are_consistent():
     laws = ms.load("five_bar", drive=LAWS, duration="0.5 s").motion_laws
     assert laws.axis == "t"
     assert laws.path_speed(3.0) == laws.rate
@@ -41,7 +41,7 @@ def test_a_revolution_of_a_crank_is_sampled_without_its_end():
     np.testing.assert_allclose(CRANK.spread(4), 0.5 * np.pi * np.arange(4), rtol=1e-15)
 
 
-def test_motion_laws_that_do_not_drive_all_drivers_are_rejected():
+def test_motion_laws_of_other_drivers_are_rejected():
     mechanism = five_bar()
     with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
         CRANK.require_drivers(mechanism)

@@ -28,7 +28,7 @@ def test_a_four_bar_with_a_slightly_tilted_axis_is_not_planar(tilt):
     assert plane_normals(replace(mechanism, joints=tuple(tilted))) is None
 
 
-def test_normals_are_given_in_the_frame_of_each_link():
+def test_plane_normals_are_expressed_in_the_frame_of_each_link():
     ends = (
         End("arm", (0.1, 0.0, 0.0), (0.0, 1.0, 0.0)),
         End("slider", axis=(1.0, 0.0, 0.0), reference=(0.0, 0.0, 1.0)),

@@ -80,11 +80,11 @@ def require_understood(name, dimension):
 
 
 @pytest.mark.parametrize(("name", "dimension"), DEPENDS_ON.items())
-def test_every_study_understands_every_name(name, dimension):
+def test_every_study_accepts_every_quantity(name, dimension):
     require_understood(name, dimension)
 
 
-def test_a_new_quantity_is_one_row_that_every_study_understands(monkeypatch):
+def test_every_study_accepts_a_new_quantity(monkeypatch):
     def height(mechanism, point):
         return [Column(f"{point}.y", "m", "point", point)], lambda values: values[0] + 1.0, "m"
 
@@ -94,7 +94,7 @@ def test_a_new_quantity_is_one_row_that_every_study_understands(monkeypatch):
     require_understood("height:B", "crank")
 
 
-def test_fields_of_forces_with_a_unit_have_names_and_rows():
+def test_force_quantities_have_names_and_tolerances():
     form = catalog.make("four_bar")
     study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 2.0)
     columns = dict(study.columns())
@@ -113,7 +113,7 @@ def energy(form, angle):
     return ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), angle, 20.0 * np.pi).forces.kinetic
 
 
-def test_columns_of_motions_and_forces_are_names():
+def test_columns_of_motions_and_forces_are_quantities():
     form = catalog.make("rssr")
     study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 2.0)
     skipped = {"time", "angle", "speed", "acceleration"}
@@ -125,7 +125,7 @@ def test_columns_of_motions_and_forces_are_names():
                 assert [part.name for part in item.scalars()] == [name]
 
 
-def test_a_vector_stands_for_its_components():
+def test_a_vector_expands_to_its_components():
     mechanism = catalog.make("rssr").mechanism
     names = [item.name for item in scalar_quantities(["P3.v", "force:P3", "rocker"], mechanism)]
     assert names == ["P3.vx", "P3.vy", "P3.vz", "P3.fx", "P3.fy", "P3.fz", "rocker.q"]
@@ -186,7 +186,7 @@ def test_expressions_have_the_unit_of_their_operands():
     assert {name: quantity(name, mechanism).unit for name in units} == units
 
 
-def test_the_measured_table_reads_the_same_names():
+def test_measured_tables_use_the_same_names():
     form = catalog.make("four_bar")
     table = {"angle": ANGLES, "distance:A,B [mm]": 1e3 * value("distance:A,B")}
     np.testing.assert_allclose(measured_of(table, form).values["distance:A,B"], value("distance:A,B"))

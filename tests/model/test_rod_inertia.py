@@ -9,7 +9,7 @@ from mechsim.model.masses import RELATIVE_DIAMETER, STEEL, round_rod, slender_ro
 from mechsim.model.mechanism import Mechanism
 
 
-def test_a_round_rod_has_the_moments_of_all_its_points():
+def test_the_inertia_of_a_round_rod_agrees_with_sampled_points():
     start, end, diameter = (0.1, 0.2, -0.1), (0.4, -0.1, 0.3), 0.05
     rod = round_rod(start, end, 2000.0, diameter)
     rng = np.random.default_rng(5)
@@ -26,7 +26,7 @@ def test_a_round_rod_has_the_moments_of_all_its_points():
     assert np.allclose(sampled, rod.matrix, atol=5e-3 * rod.matrix.max())
 
 
-def test_a_slender_rod_is_the_limit_of_round_ones_of_the_same_mass():
+def test_a_slender_rod_is_the_limit_of_round_rods():
     start, end = (0.0, 0.0, 0.0), (0.3, 0.4, 0.0)
     slender = slender_rod(start, end, 2.0)
     thin = round_rod(start, end, 2.0 / (np.pi / 4.0 * 1e-6 * 0.5), 1e-3)
@@ -34,7 +34,7 @@ def test_a_slender_rod_is_the_limit_of_round_ones_of_the_same_mass():
     assert np.linalg.eigvalsh(slender.matrix)[1:] == pytest.approx([2.0 * 0.25 / 12.0] * 2, rel=1e-13)
 
 
-def test_every_link_of_the_catalogue_gets_an_inertia_that_scales_with_density():
+def test_inertias_of_catalogue_links_scale_with_density():
     for name in catalog.DRIVES:
         bare = catalog.make(name).mechanism
         light, heavy = with_inertia(bare), with_inertia(bare, 2.0 * STEEL)
@@ -43,7 +43,7 @@ def test_every_link_of_the_catalogue_gets_an_inertia_that_scales_with_density():
             assert np.allclose(b.inertia.matrix, 2.0 * a.inertia.matrix, rtol=1e-13, atol=0.0)
 
 
-def test_a_given_inertia_is_kept_unless_replace_all():
+def test_explicit_inertias_are_kept_unless_replaced():
     own = Inertia(3.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     mechanism = Mechanism(
         "arm",
@@ -63,7 +63,7 @@ def test_a_given_inertia_is_kept_unless_replace_all():
     assert kept.links[1].inertia == round_rod((0.0, -thick, 0.0), (0.0, thick, 0.0), STEEL, thick)
 
 
-def test_three_points_in_a_line_are_one_rod_and_a_triangle_its_two_shorter_sides():
+def test_collinear_points_are_one_rod_and_triangles_two():
     ends = [End("bar", point) for point in ((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.1, 0.0, 0.0))]
     joints = [
         Joint("crank", "revolute", End(GROUND), ends[0]),

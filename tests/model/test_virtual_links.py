@@ -19,7 +19,7 @@ def form():
     return ms.load(str(LOOPER))
 
 
-def test_virtual_bodies_are_posed_by_their_joints(form):
+def test_poses_of_virtual_bodies_follow_from_their_joints(form):
     unseen = [link.name for link in form.mechanism.links if not link.is_body]
     assert unseen == ["~slide.way"]
     everything = LoopForm.solve_along(form, ANGLES)

@@ -15,7 +15,7 @@ def test_a_revolution_is_the_circumference_of_the_unit_circle():
 @pytest.mark.parametrize(
     "wanted", [(0.5,), (0.1, 2.0), (-4.0, 1.5), (-9.0, -3.2), (40.0, 46.0), (-3.0, 12.0)]
 )
-def test_other_revolutions_bring_every_target_within_a_revolution_nearest_first(angle, wanted):
+def test_other_revolutions_match_an_exhaustive_search(angle, wanted):
     near = [
         laps
         for laps in range(-12, 13)

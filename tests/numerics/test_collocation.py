@@ -23,7 +23,7 @@ def table(nodes):
     return np.column_stack([CUBIC(nodes), np.sin(nodes)])
 
 
-def test_a_polynomial_is_the_same_through_any_nodes():
+def test_interpolants_reproduce_a_polynomial():
     nodes = np.sort(RANDOM.uniform(2.0, 3.0, 6))
     s = np.linspace(2.0, 3.0, 11)
     fit = through(nodes, CUBIC(nodes)[:, None])
@@ -37,13 +37,13 @@ def test_a_polynomial_is_the_same_through_any_nodes():
     )
 
 
-def test_a_polynomial_of_the_right_degree_extrapolates_and_one_of_lower_degree_does_not():
+def test_extrapolation_is_exact_for_a_sufficient_degree():
     x, ahead = np.linspace(-1.0, 1.0, 9), np.array([1.5, 2.0])
     assert extrapolated(x, CUBIC(x)[:, None], 3, ahead)[:, 0] == pytest.approx(CUBIC(ahead), rel=1e-12)
     assert np.abs(extrapolated(x, CUBIC(x)[:, None], 2, ahead)[:, 0] - CUBIC(ahead)).min() > 1.0
 
 
-def test_the_integral_of_a_polynomial_is_that_of_numpy():
+def test_the_integral_of_a_polynomial_is_exact():
     x = np.sort(RANDOM.uniform(0.0, 2.0, 7))
     exact = CUBIC.integ()
     assert integral(x, CUBIC(x)) == pytest.approx(exact(x) - exact(x[0]), rel=1e-11)
@@ -70,7 +70,7 @@ def test_piecewise_polynomials_keep_the_order_of_parameters():
     assert pieces.derivative().evaluate(s) == pytest.approx(rates, abs=1e-8)
 
 
-def test_a_spline_of_balls_of_time_contains_its_values_and_derivatives_in_them():
+def test_a_spline_of_balls_contains_its_values_and_derivatives():
     time = np.linspace(0.0, 2.0, 25)
     spline = quintic_spline("a table", time, np.sin(5.0 * time))
     rng = np.random.default_rng(0)

@@ -16,7 +16,7 @@ from mechsim.numerics.convergence import (
 STEPS = np.array([10.0, 20.0, 50.0, 100.0, 1000.0])
 
 
-def test_norms():
+def test_error_norms_of_known_data():
     assert worst([3.0, -4.0]) == 4.0
     assert rms([3.0, -4.0]) == pytest.approx(np.sqrt(12.5))
     assert rms([3e200, -4e200]) == pytest.approx(np.sqrt(12.5) * 1e200)
@@ -28,7 +28,7 @@ def test_a_nan_is_an_infinite_error():
     assert rms([0.0, np.nan]) == np.inf
 
 
-def test_half_extent_is_that_of_the_longest_path():
+def test_half_extent_belongs_to_the_longest_path():
     path = np.array([[0.0, 1.0, 0.0], [3.0, 5.0, 0.0]])
     assert half_extent([path, 0.1 * path]) == 2.0
 
@@ -67,7 +67,7 @@ def test_points_beyond_floor_and_ceiling_do_not_change_the_order():
 
 
 @pytest.mark.parametrize("errors", [[np.nan] * 5, [1.0, 0.0, np.inf, np.nan, 0.0]])
-def test_no_order_without_two_points(errors):
+def test_an_order_needs_two_points(errors):
     assert observed_order(STEPS, errors) is None
 
 
@@ -93,7 +93,7 @@ def test_the_front_equals_a_brute_force_search():
     assert (np.diff(cost[pareto(cost, error)]) > 0.0).all()
 
 
-def test_the_cheapest_point_within_a_limit():
+def test_the_cheapest_point_meets_the_error_limit():
     cost, error = [1.0, 2.0, 3.0, np.nan], [1e-2, 1e-4, 1e-4, 0.0]
     assert cheapest(cost, error, 1e-3) == 1
     assert cheapest(cost, error, 1e-2) == 0
@@ -101,7 +101,7 @@ def test_the_cheapest_point_within_a_limit():
     assert cheapest([1.0], [np.nan], 1.0) is None
 
 
-def test_extrapolation_finds_the_limit_and_the_error():
+def test_extrapolation_returns_the_limit_and_the_error():
     truth, fault = np.array([2.0, -1.0]), np.array([1.0, 3.0])
     value, bar = richardson(truth + fault, truth + fault / 16.0, 2.0, 4.0)
     assert value == pytest.approx(truth)

@@ -13,7 +13,7 @@ def random_successors(seed: int, count: int = 12, edges: int = 16) -> dict[int, 
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_reachable_nodes_and_components_are_those_of_networkx(seed):
+def test_reachable_nodes_and_components_agree_with_networkx(seed):
     successors = random_successors(seed)
     graph = nx.DiGraph(successors)
     assert reachable(successors, [0]) == nx.descendants(graph, 0) | {0}
@@ -22,7 +22,7 @@ def test_reachable_nodes_and_components_are_those_of_networkx(seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_matching_has_as_many_edges_as_any(seed):
+def test_a_matching_has_the_maximum_size(seed):
     units = {node: [f"u{i}" for i in others] for node, others in random_successors(seed).items()}
     result = matching(units)
     assert all(unit in units[node] for node, unit in result.items())

@@ -6,12 +6,12 @@ from mechsim.numerics.inputs import HUGE, number, numbers, require, units_remedy
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.array(2), True + True])
-def test_a_real_number_is_itself(value):
+def test_a_real_number_is_returned_unchanged(value):
     assert number(value) == 2.0
 
 
 @pytest.mark.parametrize("value", ["2", None, [2.0], 2j, object(), {}, np.array([1.0, 2.0])])
-def test_other_values_become_nan_which_fails_any_comparison(value):
+def test_other_values_become_nan(value):
     assert np.isnan(number(value))
 
 
@@ -27,7 +27,7 @@ def test_only_text_gets_a_hint_to_a_converter():
     assert units_remedy(np.nan, "units.parse_length('1 um')") == ""
 
 
-def test_an_array_of_objects_is_no_array_of_numbers_unless_it_is_empty():
+def test_an_array_of_objects_becomes_nan_unless_it_is_empty():
     assert numbers(np.array([], dtype=object)).shape == (0,)
     for objects in (
         np.array([2.0], dtype=object),
@@ -45,5 +45,5 @@ def test_a_value_of_the_type_is_returned_and_another_type_is_named():
         require("the count", "3", int)
 
 
-def test_numbers_are_huge_from_the_documented_limit():
+def test_the_limit_of_large_numbers_is_documented():
     assert HUGE == 1e30

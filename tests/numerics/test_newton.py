@@ -15,7 +15,7 @@ from mechsim.numerics.rank import least_norm
     [lambda x: x, lambda x: x**3, np.sign, lambda x: np.arctan(1e9 * x)],
     ids=["line", "cube", "step", "steep"],
 )
-def test_a_root_is_found_to_the_last_digits(wanted, shape):
+def test_a_root_is_accurate_to_rounding(wanted, shape):
     def function(x):
         return float(shape((x - wanted) / wanted))
 
@@ -61,7 +61,7 @@ def test_a_long_step_is_shortened():
     assert result.displacement.tolist() == [1.5]
 
 
-def test_steps_stop_at_the_tolerance_and_where_rounding_stagnates():
+def test_iterations_stop_at_the_tolerance_or_at_rounding():
     few, all_steps = Square([2.0]), Square([2.0])
     newton(few, np.array([1.5]), NewtonSettings(tolerance=1e-2))
     newton(all_steps, np.array([1.5]), NewtonSettings(max_iterations=40))

@@ -35,7 +35,7 @@ def plant(monkeypatch, fault):
 
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
-def test_both_sides_reject_configurations_that_have_not_converged(name, monkeypatch):
+def test_both_methods_reject_unconverged_configurations(name, monkeypatch):
     mechanism, angles = catalog.make(name).mechanism, np.linspace(0.0, 6.0, 20)
     assert simulate(mechanism, speed=1.0, method="pose").outcome == "passed"
     LoopForm(mechanism).solve(angles, speed=1.0)
@@ -47,7 +47,7 @@ def test_both_sides_reject_configurations_that_have_not_converged(name, monkeypa
 
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
-def test_both_sides_correct_poses_of_a_path_that_are_off_and_reject_them_far_off(name, monkeypatch):
+def test_both_methods_correct_small_errors_and_reject_large_ones(name, monkeypatch):
     drive, chunks = catalog.make(name), ContinuationPath.chunks
     form = LoopForm(drive.mechanism)
 

@@ -28,7 +28,7 @@ def test_a_singular_value_is_nonzero_above_1e_9_of_the_largest_and_above_1e_13()
     assert significant(np.zeros((2, 0))).shape == (2, 0)
 
 
-def test_another_tolerance_and_another_floor():
+def test_tolerance_and_floor_determine_significant_values():
     values = np.array([2.0, 3e-5, 1e-5, 1e-7])
     assert significant(values, 1e-5).tolist() == [True, True, False, False]
     assert significant(0.01 * values, 1e-5, 1e-5).tolist() == [True, False, False, False]
@@ -41,7 +41,7 @@ def test_rank_counts_the_nonzero_singular_values():
     assert rank(with_values(1e-3, 1e-4, 1e-6), 1e-9, 1e-5) == 2
 
 
-def test_pivots_are_those_of_lapack():
+def test_pivots_agree_with_lapack():
     rng = np.random.default_rng(3)
     for rows, columns, independent in ((6, 4, 4), (5, 9, 3), (12, 12, 12)):
         matrix = rng.normal(size=(rows, independent)) @ rng.normal(size=(independent, columns))
@@ -51,7 +51,7 @@ def test_pivots_are_those_of_lapack():
         assert np.allclose(sizes, np.abs(np.diag(r)), rtol=1e-12, atol=1e-13)
 
 
-def test_null_spaces_are_those_of_the_zero_singular_values():
+def test_null_spaces_belong_to_zero_singular_values():
     left, right = null_spaces(with_values(1.0, 0.5, 1e-12))
     np.testing.assert_allclose(left @ left.T, np.outer(LEFT[:, 2], LEFT[:, 2]), atol=1e-11)
     np.testing.assert_allclose(right.T @ right, np.outer(RIGHT[2], RIGHT[2]), atol=1e-11)

@@ -49,7 +49,7 @@ def test_an_attempt_that_would_exceed_the_budget_is_not_started():
     assert "20 s" in result.ended
 
 
-def test_a_budget_that_ends_within_an_attempt_leaves_the_best_before_it():
+def test_an_exhausted_budget_returns_the_best_attempt():
     def attempt(level):
         if level > 4:
             raise BudgetError("ended within it")

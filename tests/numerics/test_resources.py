@@ -4,7 +4,7 @@ from mechsim.errors import InputError
 from mechsim.numerics import resources
 
 
-def test_work_that_does_not_fit_into_memory_is_rejected_with_the_number_that_would(monkeypatch):
+def test_work_above_the_memory_limit_is_rejected_with_a_remedy(monkeypatch):
     monkeypatch.setattr(resources, "available_memory", lambda: 2e9)
     resources.require_memory("1,000 rows", 1_000, 8.0)
     with pytest.raises(InputError, match=r"8 GB of memory, and 2 GB are available; use 250,000,000"):

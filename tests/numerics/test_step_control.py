@@ -17,7 +17,7 @@ def test_the_length_grows_until_the_error_is_the_target():
 
 
 @pytest.mark.parametrize(("correction", "ratio"), [(0.01, 0.75), (0.06, 0.5), (0.004, 2.25)])
-def test_the_extrapolation_error_is_the_product_of_the_distances_to_the_nodes(correction, ratio):
+def test_the_extrapolation_error_follows_from_distances_to_the_nodes(correction, ratio):
     growth = CONTROL.growth(0.0, correction, ratio)
     current, following = 1.0 + 0.5 * ratio, growth + 0.5
     # distances from the middle of the segment that predicts

@@ -109,7 +109,7 @@ def test_only_the_lowest_of_stacked_bearings_gets_a_post():
 
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
 @pytest.mark.parametrize("number", range(2, 10))
-def test_rods_connect_all_points_of_a_link_and_pass_through_none(number, dimensions):
+def test_rods_connect_all_points_of_a_link_without_crossing_them(number, dimensions):
     chance = np.random.default_rng(number)
     for _ in range(20):
         places = np.zeros((number, 3))
@@ -131,7 +131,7 @@ def test_rods_connect_all_points_of_a_link_and_pass_through_none(number, dimensi
         assert len(set(piece)) == 1
 
 
-def test_inner_points_of_a_plate_connect_to_all_corners_and_convex_points_to_neighbours():
+def test_inner_points_of_a_plate_connect_to_all_corners():
     turns = np.radians([50, 70, 170, 190, 290, 310])
     ring = [np.array([np.cos(turn), np.sin(turn), 0.0]) for turn in turns]
     assert len(list(edges(ring))) == 6

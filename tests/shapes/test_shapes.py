@@ -90,7 +90,7 @@ def test_planar_and_spatial_mechanisms_are_distinguished():
     assert planar == {"four_bar", "slider_crank", "warp_knitter"} & set(NAMES)
 
 
-def test_the_plane_of_a_mechanism_can_lie_anywhere():
+def test_the_plane_of_a_mechanism_can_have_any_orientation():
     normals = planar_normals(crank_only(axis=(0.0, 1.0, 0.0)))
     assert normals is not None
     np.testing.assert_allclose(normals["crank"], (0.0, 1.0, 0.0))
@@ -110,7 +110,7 @@ def test_links_that_share_a_joint_lie_in_different_layers():
 
 
 @pytest.mark.parametrize("branch", [1, -1])
-def test_a_rail_without_a_motion_is_long_enough_for_it(branch):
+def test_the_default_rail_covers_the_full_stroke(branch):
     drive = catalog.make("slider_crank", branch=branch)
     mechanism = drive.mechanism
     rail = next(shape for shape in link_shapes(mechanism)[GROUND] if shape.kind == "box")
@@ -119,7 +119,7 @@ def test_a_rail_without_a_motion_is_long_enough_for_it(branch):
     assert max(rail.frm[0], rail.to[0]) > direction.max()
 
 
-def test_a_rail_is_as_long_as_a_known_motion_needs():
+def test_a_rail_covers_a_given_stroke():
     mechanism = mechanism_of("slider_crank")
     rail = next(s for s in link_shapes(mechanism, {"slide": (0.1, 0.3)})[GROUND] if s.kind == "box")
     margin = 4.0 * rod_radius(mechanism)
@@ -154,7 +154,7 @@ def assert_mesh(motion, mechanism, wheels, inside):
     np.testing.assert_allclose(off, 0.5, atol=1e-6)
 
 
-def test_gears_touch_and_mesh_at_every_crank_angle():
+def test_gears_mesh_at_every_crank_angle():
     drive = catalog.make("warp_knitter")
     mechanism = drive.mechanism
     first, second = (mechanism.joint(name) for name in ("crank", "crank2"))
@@ -203,7 +203,7 @@ def test_bounds_contain_the_shape(kind):
         assert ((points.min(0) - radius - 1e-12 <= corner) & (corner <= points.max(0) + radius + 1e-12)).all()
 
 
-def test_the_displacement_at_the_guess_is_that_of_the_joint():
+def test_the_slide_displacement_agrees_with_the_guess():
     drive = catalog.make("slider_crank")
     mechanism = drive.mechanism
     joint = mechanism.joint("slide")
@@ -224,7 +224,7 @@ def test_the_displacement_at_the_guess_is_that_of_the_joint():
         ("x", "-z", "-z"),
     ],
 )
-def test_floor_posts_and_camera_agree_on_what_points_up(axis, stated, expected):
+def test_floor_posts_and_camera_use_the_same_vertical(axis, stated, expected):
     # a crank with a ball at its tip, which leaves the plane
     shaft = tuple(np.eye(3)["xyz".index(axis)])
     end = End("crank", axis=shaft)
@@ -266,7 +266,7 @@ def test_a_planar_mechanism_is_drawn_in_its_plane_with_gravity_down(up, expected
     np.testing.assert_allclose(top, unit_vector(expected), atol=1e-12)
 
 
-def test_planar_mechanisms_with_balls_or_driven_slides_are_viewed_along_the_normal():
+def test_planar_mechanisms_are_viewed_along_their_normal():
     flat = mechanism_of("slider_crank")
     ball = tuple(replace(joint, kind="spherical") if joint.name == "A" else joint for joint in flat.joints)
     for mechanism in (replace(flat, joints=ball), replace(flat, driver="slide", start=0.2)):
@@ -278,7 +278,7 @@ def test_planar_mechanisms_with_balls_or_driven_slides_are_viewed_along_the_norm
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "four_bar", "rssr"])
-def test_the_clearest_pose_is_not_one_where_all_joints_lie_on_a_line(name):
+def test_the_clearest_pose_has_a_large_projected_area(name):
     form = catalog.make(name)
     motion = form.solve(TURN, 1.0)
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}

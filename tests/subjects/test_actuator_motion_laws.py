@@ -19,7 +19,7 @@ T = np.linspace(0.0, 1.0, 5)
         ("4mm*t", 0.004 * T),
     ],
 )
-def test_a_control_is_a_constant_or_an_expression_in_its_own_unit(text, value):
+def test_a_control_is_a_constant_or_an_expression(text, value):
     assert control_law(text, "servo")(T)[0] == pytest.approx(value)
 
 

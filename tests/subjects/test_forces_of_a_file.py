@@ -58,7 +58,7 @@ def test_forces_of_a_file_act_in_inverse_dynamics(press):
     np.testing.assert_allclose(study.forces.torque, torque_by_virtual_power(ANGLES), atol=1e-5)
 
 
-def test_forces_given_explicitly_replace_those_of_a_file(press):
+def test_explicit_forces_replace_those_of_a_file(press):
     free = ms.dynamics.prescribed(ms.dynamics.dynamic_model(ms.load(press), ms.Forces()), ANGLES, SPEED)
     assert np.abs(free.forces.torque).max() < 1e-5
 

@@ -32,7 +32,7 @@ def moved(form, count=61):
     return form.solve(middle + np.linspace(-reach, reach, count))
 
 
-def test_a_gallery_file_has_the_name_of_its_mechanism_and_a_source(shown):
+def test_gallery_files_state_their_source_and_law(shown):
     text = FILES[shown.name].read_text()
     assert len(text.splitlines()) <= 60
     assert text.startswith("# ")
@@ -41,7 +41,7 @@ def test_a_gallery_file_has_the_name_of_its_mechanism_and_a_source(shown):
     assert len(gallery.description(FILES[shown.name])) > 20
 
 
-def test_a_gallery_mechanism_passes_every_check_and_satisfies_its_law_to_rounding(shown):
+def test_gallery_mechanisms_pass_validation_and_satisfy_their_law(shown):
     case = case_of(shown, quick=True)
     assert case.passed, case.verdict.reason
     reported = [check for check in case.verdict.checks if check.method == "formula"]
@@ -51,7 +51,7 @@ def test_a_gallery_mechanism_passes_every_check_and_satisfies_its_law_to_roundin
 
 
 @pytest.mark.slow
-def test_a_gallery_mechanism_passes_every_check_when_stepped(shown):
+def test_stepped_gallery_mechanisms_pass_validation(shown):
     case = case_of(shown)
     assert case.passed, case.verdict.reason
 
@@ -71,7 +71,7 @@ def test_the_law_rejects_a_dimension_off_by_a_thousandth(shown):
 
 
 @pytest.mark.parametrize(("error", "accepted"), [(0.0, True), (1e-11, False)])
-def test_a_formula_of_a_file_is_accepted_to_rounding_only(shown, error, accepted):
+def test_a_formula_of_a_file_is_accepted_only_to_rounding(shown, error, accepted):
     form = load(shown.name)
     evaluation = evaluation_points(form, speed=1.0)
     law = values_of_function(run_object(shown.formula), evaluation, "law", form.parameters)
@@ -83,12 +83,12 @@ def test_a_formula_of_a_file_is_accepted_to_rounding_only(shown, error, accepted
     assert [check.passed for check in checks] == [accepted] * len(checks)
 
 
-def test_a_law_follows_the_parameters_that_are_changed():
+def test_a_law_uses_changed_parameters():
     wide = load("scotch_yoke", {"crank": "4 cm"})
     assert case_of(wide, quick=True).passed
 
 
-def test_the_strokes_of_the_quick_return_have_the_ratio_of_the_law():
+def test_the_quick_return_has_its_time_ratio():
     form = load("quick_return")
     half = np.arcsin(form.parameters["crank"] / form.parameters["ground"])
     # the lever stands still where the crank is across it
@@ -97,28 +97,28 @@ def test_the_strokes_of_the_quick_return_have_the_ratio_of_the_law():
     np.testing.assert_allclose(np.abs(motion.joints["lever"].value), half, atol=1e-13)
 
 
-def test_peaucellier_s_tracer_is_straight_to_rounding():
+def test_the_peaucellier_linkage_traces_a_straight_line():
     form = load("peaucellier_lipkin")
     x, y, _ = moved(form).points["P"].position.T
     np.testing.assert_allclose(x, form.parameters["line"] / 1000, rtol=1e-12)
     assert np.ptp(y) > 0.05
 
 
-def test_the_lambda_linkage_is_straight_over_half_a_turn():
+def test_the_lambda_linkage_is_nearly_straight_over_half_a_turn():
     place = load("chebyshev_lambda").positions(np.linspace(np.pi / 2, 3 * np.pi / 2, 91))["P"]
     assert np.ptp(place[:, 1]) < 0.01 * np.ptp(place[:, 0])
     assert not np.ptp(place[:, 1]) < 1e-3 * np.ptp(place[:, 0])
 
 
 @pytest.mark.parametrize(("name", "foot"), [("jansen", "foot"), ("klann", "G")])
-def test_a_leg_s_foot_stays_near_the_ground_for_half_a_turn(name, foot):
+def test_the_foot_of_a_leg_mechanism_stays_near_the_ground(name, foot):
     height = load(name).positions(np.linspace(0.0, 2.0 * np.pi, 181))[foot][:, 1]
     near = height < height.min() + 0.1 * np.ptp(height)
     assert near.mean() > 0.4
     assert np.ptp(height) > 0.02
 
 
-def test_the_planetary_gear_s_wheels_do_not_slip_on_each_other():
+def test_wheels_of_the_planetary_gear_roll_without_slip():
     form = load("planetary_gear")
     motion = form.solve(np.linspace(0.0, 7.0, 40))
     sun, planet = (motion.links[name].angular_velocity[:, 2] for name in ("sun", "planet"))
@@ -128,7 +128,7 @@ def test_the_planetary_gear_s_wheels_do_not_slip_on_each_other():
     np.testing.assert_allclose(along + 2.0 * planet * form.parameters["planet"], 0.0, atol=1e-9)
 
 
-def test_the_gripper_opens_as_in_the_manual_and_its_fingers_do_not_rotate():
+def test_the_fingers_of_the_gripper_do_not_rotate():
     motion = load("parallel_gripper").solve(np.deg2rad([30.0, 60.0, 80.0]))
     apart = motion.points["right"].position - motion.points["left"].position
     np.testing.assert_allclose(apart[0], [0.085, 0.0, 0.0], atol=1e-15)
@@ -136,7 +136,7 @@ def test_the_gripper_opens_as_in_the_manual_and_its_fingers_do_not_rotate():
         np.testing.assert_allclose(motion.links[f"finger_{side}"].rotation - np.eye(3), 0.0, atol=1e-14)
 
 
-def test_the_gallery_is_in_the_installed_package_or_in_the_source_tree(monkeypatch, tmp_path):
+def test_the_gallery_is_read_from_package_or_source_tree(monkeypatch, tmp_path):
     package = tmp_path / "mechsim"
     (package / "gallery").mkdir(parents=True)
     (tmp_path / "models" / "gallery").mkdir(parents=True)
@@ -149,6 +149,6 @@ def test_the_gallery_is_in_the_installed_package_or_in_the_source_tree(monkeypat
     assert list(gallery.files()) == ["beside"]
 
 
-def test_an_unknown_name_is_rejected_with_the_nearest_of_the_gallery():
+def test_an_unknown_gallery_name_is_rejected_with_the_closest_name():
     with pytest.raises(InputError, match="there is no mechanism 'klan'; did you mean 'klann'"):
         load("klan")

@@ -30,14 +30,14 @@ def written(tmp_path, text=TEXT):
     return str(path)
 
 
-def test_it_is_read_in_the_units_of_the_file_and_written_back(tmp_path):
+def test_the_initial_state_is_read_in_units_and_written_back(tmp_path):
     solver = ms.load(written(tmp_path))
     assert solver.initial == pytest.approx({"crank.q": 0.5235987755982988, "crank.v": 2.0})
     again = ms.load(written(tmp_path, to_toml(solver)))
     assert again.initial == solver.initial
 
 
-def test_a_run_starts_there_unless_another_state_is_given(tmp_path):
+def test_an_explicit_initial_state_replaces_that_of_the_file(tmp_path):
     solver = ms.load(written(tmp_path))
     run = ms.dynamics.run(solver, solver.forces, duration=0.01, samples=2)
     assert run.motion.joints["crank"].value[0] == pytest.approx(0.5235987755982988)
@@ -46,7 +46,7 @@ def test_a_run_starts_there_unless_another_state_is_given(tmp_path):
     assert other.motion.joints["crank"].value[0] == pytest.approx(0.6981317007977318)
 
 
-def test_the_command_releases_a_file_that_has_one(tmp_path, monkeypatch, capsys):
+def test_the_dynamics_command_uses_the_initial_state_of_a_file(tmp_path, monkeypatch, capsys):
     line = [
         "mechsim",
         "dynamics",
@@ -76,7 +76,7 @@ def test_the_command_releases_a_file_that_has_one(tmp_path, monkeypatch, capsys)
         ("crank = 3", "crank"),
     ],
 )
-def test_an_invalid_state_ends_in_one_sentence_with_its_line(tmp_path, line, message):
+def test_an_invalid_initial_state_is_rejected_with_its_line(tmp_path, line, message):
     text = TEXT.replace("crank.q = 30\n", line + "\n").replace('crank.v = "2 rad/s"\n', "")
     with pytest.raises(ms.InputError, match=message) as caught:
         ms.load(written(tmp_path, text))

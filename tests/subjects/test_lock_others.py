@@ -35,7 +35,7 @@ def robot(file):
     return file(ROBOT)
 
 
-def test_the_arm_the_head_and_the_base_are_locked_and_the_loop_moves(robot):
+def test_undriven_joints_outside_the_driven_loop_are_locked(robot):
     drive = {"motor": "0.2*t"}
     with pytest.raises(MobilityError, match="underdetermined"):
         load(robot, drive=drive).solve(t=np.linspace(0.0, 1.0, 3))
@@ -75,7 +75,7 @@ P = {{ link = "L3", at = [0.1, 0, 0] }}
 """
 
 
-def test_a_toml_file_is_locked_in_the_same_way(file):
+def test_undriven_joints_of_a_toml_file_are_locked(file):
     links = ["ground", "L0", "L1", "L2", "L3"]
     joints = "\n".join(
         f'[joints.J{i}]\nkind = "revolute"\na = {{ link = "{a}", at = [0.1, 0, 0] }}\nb = {{ link = "{b}" }}'

@@ -51,7 +51,7 @@ def tip(key, turned):
 
 
 @pytest.mark.parametrize("key", [None, "k"])
-def test_links_on_a_locked_ball_or_free_joint_keep_their_initial_pose_by_every_method(boom, key):
+def test_locked_ball_and_free_joints_keep_their_initial_pose(boom, key):
     form = load(boom, drive={"crank": "0.5*t"}, lock=HELD, key=key)
     begin = float(form.motion_laws.first["crank"])
     at = 0.0 if key is None else 0.7
@@ -66,7 +66,7 @@ def test_links_on_a_locked_ball_or_free_joint_keep_their_initial_pose_by_every_m
 
 
 @pytest.mark.parametrize("key", [None, "k"])
-def test_a_specification_locks_them_at_its_initial_pose(key):
+def test_ball_joints_of_a_specification_can_be_locked(key):
     spec = mujoco.MjSpec.from_string(BOOM)
     run = simulate(spec, drive="crank", speed=1.0, turns=0.1, lock=dict.fromkeys(HELD), key=key)
     place = run.motion.points["tip"].position
@@ -75,7 +75,7 @@ def test_a_specification_locks_them_at_its_initial_pose(key):
         simulate(spec, drive="crank", speed=1.0, lock={"neck": 0.1})
 
 
-def test_a_scene_and_its_tuned_text_have_no_ball_joint(boom):
+def test_locked_ball_joints_are_removed_from_tuned_models(boom):
     driven = DriveOptions(lock=(("neck", None), ("loose", None)), drive=(("crank", "0.5*t"),))
     scene = user_scene(boom, driven, ControlOptions())
     assert (scene.model.nq, spec_of(scene).compile().nq) == (3, 3)
@@ -106,7 +106,7 @@ turn = { axis = [1, 0.5, 0.2], angle = 0.7 }
 """
 
 
-def test_a_locked_ball_of_a_description_moves_its_link_with_the_crank(tmp_path):
+def test_a_locked_ball_joint_connects_its_links_rigidly(tmp_path):
     path = tmp_path / "arm.toml"
     path.write_text(ARM)
     form = load(str(path), lock=["neck"])

@@ -74,7 +74,7 @@ def driven(path, states, duration=1.0, **asked):
     return form, form.solve(t=np.linspace(0.0, duration, 21))
 
 
-def test_a_five_bar_with_an_open_initial_loop_follows_the_intersection_of_two_circles(file):
+def test_a_five_bar_with_an_initial_error_has_the_exact_motion(file):
     states = {"left": lambda t: (2.0 + 0.3 * np.sin(5 * t), 1.5 * np.cos(5 * t), -7.5 * np.sin(5 * t))}
     states["right"] = steady(7.28, 0.5)
     form, motion = driven(file(five_bar()), states)
@@ -113,7 +113,7 @@ WELDED = """
 </mujoco>"""
 
 
-def test_a_spatial_chain_closed_by_a_weld_closes_in_mujoco_and_keeps_revolutions(file):
+def test_a_spatial_chain_satisfies_the_weld_in_mujoco(file):
     form = read_mjcf(file(WELDED))
     start = np.radians(400.0)
     assert form.mechanism.start == pytest.approx(start)
@@ -124,7 +124,7 @@ def test_a_spatial_chain_closed_by_a_weld_closes_in_mujoco_and_keeps_revolutions
     assert set(motion.links) == {"a", "b", "c", "r", "load"}
 
 
-def test_rates_are_derivatives_of_what_is_solved(file):
+def test_rates_are_derivatives_of_joint_values(file):
     form = read_mjcf(file(WELDED))
     h, at = 1e-4, np.radians(400.0) + 0.2
     motion = form.solve(at + h * np.arange(-2, 3))
@@ -157,14 +157,14 @@ def test_an_unreachable_locked_value_is_rejected_with_the_configuration(file):
         read_mjcf(file(five_bar(rod=0.078)), drivers=["left"], lock={"right": 6.28})
 
 
-def test_undetermined_degrees_of_freedom_are_named_once_each(file):
+def test_undetermined_joints_are_reported_by_name(file):
     form = read_mjcf(file(WELDED.replace('<weld body1="c" body2="s"/>', "")))
     with pytest.raises(MobilityError, match=r"x, y, z, u, v and rocker can still move; drive") as refused:
         form.solve([7.0])
     assert refused.value.outcome == "underdetermined"
 
 
-def test_a_floating_base_is_named_with_its_remedy(file):
+def test_a_floating_base_is_reported_with_its_remedy(file):
     text = FIVE_BAR[: FIVE_BAR.index('<body name="d"')] + "</body></worldbody></mujoco>"
     text = text.replace('euler="0.4 -0.7 1.1">', '><freejoint name="root"/><geom size="1"/>')
     text = text.replace("ACOS ASIN", "0.1 0").replace("PX PY", "0.1 0")
@@ -185,7 +185,7 @@ def test_redundant_drivers_are_named(file):
     assert refused.value.outcome == "overdetermined"
 
 
-def test_a_file_with_six_digits_moves_where_its_axes_are_not_quite_parallel(file):
+def test_nearly_parallel_axes_of_a_rounded_file_are_corrected(file):
     text = five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-6 -2e-6 1"')
     form, motion = driven(file(text), {"left": steady(2.0, 0.2), "right": steady(7.28, 0.1)})
     moved, turned = form.corrected
@@ -215,7 +215,7 @@ def test_commands_report_corrections_on_stderr(file, monkeypatch, capsys):
     assert output.err.startswith("welded: the initial loop-closure error of the file is")
 
 
-def test_an_error_states_everything_in_one_message(file, monkeypatch, capsys):
+def test_an_error_is_printed_in_one_line(file, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["mechsim", "solve", file(five_bar())])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -244,7 +244,7 @@ def test_a_model_without_a_driver_lists_its_joints(file):
         load(file(text))
 
 
-def test_only_motions_need_a_driver(file):
+def test_mobility_needs_no_driver(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     form = load(file(text), still=True)
     output = facts(form)
@@ -257,13 +257,13 @@ def test_only_motions_need_a_driver(file):
 
 
 @pytest.mark.parametrize("body", ["", "<body><freejoint/><geom size='0.1'/></body>"])
-def test_scenes_without_joints_or_of_one_free_body_are_shown(file, body):
+def test_models_without_joints_or_with_one_free_body_are_valid(file, body):
     form = load(file(f"<mujoco><worldbody>{body}</worldbody></mujoco>"), still=True)
     assert facts(form)["mobility"]["dofs"] == 6 * bool(body)
     assert scene_findings(form) == ()
 
 
-def test_motion_laws_are_those_of_the_drivers_of_the_file(file):
+def test_every_driver_of_a_file_needs_a_motion_law(file):
     form = read_mjcf(file(five_bar()))
     with pytest.raises(InputError, match="right has no motion law"):
         make_motion_laws(form.mechanism, {"left": steady(2.0, 1.0)}, 1.0)

@@ -44,7 +44,7 @@ def waving(middle, reach, rate):
     return state
 
 
-def test_the_drives_of_an_arm_are_those_of_mujoco_s_inverse_dynamics(tmp_path):
+def test_drive_forces_agree_with_inverse_dynamics_of_mujoco(tmp_path):
     file = tmp_path / "arm.xml"
     file.write_text(ARM.format(dry=0.0))
     form = read_mjcf(str(file), drivers=NAMES)
@@ -63,7 +63,7 @@ def test_the_drives_of_an_arm_are_those_of_mujoco_s_inverse_dynamics(tmp_path):
         assert mine == pytest.approx(data.qfrc_inverse, rel=1e-9, abs=1e-12)
 
 
-def test_coulomb_friction_of_a_file_is_read_and_a_link_without_mass_is_negligible(tmp_path):
+def test_friction_gravity_and_masses_of_a_file_are_read(tmp_path):
     file = tmp_path / "arm.xml"
     file.write_text(ARM.format(dry=0.2))
     form = read_mjcf(str(file), drivers=NAMES)

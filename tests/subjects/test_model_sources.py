@@ -56,7 +56,7 @@ def toy(monkeypatch, tmp_path):
     return str(file)
 
 
-def test_a_file_format_is_one_row_of_readers(toy):
+def test_a_new_file_format_needs_one_reader(toy):
     model = load(toy, track=["C"])
     exact = ms.catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.09, rocker=0.07).solve(ANGLES)
     difference = model.solve(ANGLES).points["C"].position - exact.points["C"].position
@@ -68,7 +68,7 @@ def test_designs_of_a_new_format_have_joint_positions_as_dimensions(toy):
     assert "rocker.at.x" in parametric_model(toy).dimensions
 
 
-def test_commands_take_a_new_format(toy, capsys):
+def test_commands_accept_a_new_format(toy, capsys):
     from mechsim.cli import app
 
     app(["show", toy], standalone_mode=False)
@@ -80,7 +80,7 @@ def test_an_object_without_a_reader_is_rejected():
         load([0.1, 0.2])  # pyright: ignore[reportArgumentType]
 
 
-def test_a_spec_and_a_model_of_mujoco_move_as_their_file_does():
+def test_mujoco_specs_and_models_have_the_motion_of_their_file():
     exact = load(str(FOUR_BAR)).solve(ANGLES)
     spec = mujoco.MjSpec.from_file(str(FOUR_BAR))
     before = spec.to_xml()
@@ -95,21 +95,21 @@ def assert_same(motion, exact):
         assert np.array_equal(motion.points[name].position, point.position)
 
 
-def test_a_changed_model_of_mujoco_is_read_as_it_is():
+def test_changes_of_a_mujoco_model_are_read():
     model = mujoco.MjModel.from_xml_path(str(FOUR_BAR))
     model.body("coupler").pos[0] = 0.0321234567890123
     joint = load(model).mechanism.joint("A")
     assert joint.a.point[0] == 0.0321234567890123
 
 
-def test_a_model_that_mujoco_did_not_load_last_is_rejected():
+def test_a_mujoco_model_that_was_not_loaded_last_is_rejected():
     model = mujoco.MjModel.from_xml_path(str(FOUR_BAR))
     mujoco.MjModel.from_xml_path(str(FOUR_BAR.with_name("rssr.xml")))
     with pytest.raises(InputError, match=r"^MjModel 'four_bar' is not the model that MuJoCo loaded last"):
         load(model)
 
 
-def test_the_parameters_of_an_object_cannot_be_set():
+def test_parameters_of_an_object_are_rejected():
     with pytest.raises(InputError, match="an MJCF file has no parameters; leave out --set"):
         load(mujoco.MjSpec.from_file(str(FOUR_BAR)), {"crank": 0.01})
     with pytest.raises(InputError, match="four_bar is an object without parameters; leave out set"):
@@ -124,7 +124,7 @@ def test_urdf_is_read_and_a_mimic_joint_is_a_coupling(tmp_path):
     assert np.abs(elbow - (0.1 - 2.0 * np.array([0.0, 0.5, 1.0]))).max() <= 1e-14  # rounding of 2 rad
 
 
-def test_urdf_that_mujoco_rejects_ends_in_one_sentence(tmp_path):
+def test_urdf_that_mujoco_cannot_load_is_rejected(tmp_path):
     file = tmp_path / "arm.urdf"
     file.write_text(URDF.format(mimic="").replace('<child link="lower"/>', '<child link="nothing"/>'))
     with pytest.raises(InputError, match=r"^\S+arm.urdf.*: MuJoCo refuses it: .*; correct the file$"):

@@ -8,7 +8,7 @@ from mechsim.subjects import gallery
 
 
 @pytest.mark.parametrize("name", ["four_bar", "klann"])
-def test_a_name_is_simulated_as_its_mechanism(name):
+def test_a_name_gives_the_run_of_its_mechanism(name):
     named = ms.simulate(name, speed="60rpm", turns=0.1)
     loaded = ms.simulate(ms.load(name), speed="60rpm", turns=0.1)
     for point, track in loaded.motion.points.items():
@@ -22,19 +22,19 @@ def test_a_toml_file_is_simulated_with_its_own_motion_laws(tmp_path):
     assert set(run.motion.drivers) == set(ms.load("five_bar").mechanism.drivers)
 
 
-def test_an_mjcf_text_is_simulated_unchanged():
+def test_an_mjcf_text_is_simulated():
     text = """<mujoco><worldbody><body><joint name="crank"/><geom size="0.1"/><site name="P" pos="1 0 0"/>
     </body></worldbody></mujoco>"""
     assert ms.simulate(text, speed=1.0, turns=0.1).motion.points.keys() == {"P"}
 
 
 @pytest.mark.parametrize("of", [ms.load, lambda name: ms.simulate(name, speed=1.0)])
-def test_an_unknown_name_points_to_the_list(of):
+def test_an_unknown_name_is_rejected_with_the_list_command(of):
     with pytest.raises(ms.InputError, match=r"there is no mechanism 'nope'.* choose from .*`mechsim list`"):
         of("nope")
 
 
-def test_of_two_equally_similar_names_that_of_the_catalogue_is_suggested():
+def test_catalogue_names_are_suggested_first():
     with pytest.raises(ms.InputError, match="did you mean 'rssr'"):
         ms.load("rsr")
 

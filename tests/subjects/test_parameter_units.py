@@ -61,7 +61,7 @@ def test_lengths_angles_and_plain_numbers_are_distinguished():
         ("reach", 0.1, 100.0),
     ],
 )
-def test_a_parameter_has_its_unit_or_is_a_number_in_si(tmp_path, name, text, value):
+def test_parameters_have_a_unit_or_are_in_si(tmp_path, name, text, value):
     path = tmp_path / "arm.toml"
     path.write_text(FILE)
     if value is None:
@@ -83,7 +83,7 @@ def test_a_parameter_has_its_unit_or_is_a_number_in_si(tmp_path, name, text, val
         ("bend", 30, "bend: 30 is 30 rad"),
     ],
 )
-def test_a_number_without_a_unit_is_rejected_where_the_file_declares_another(tmp_path, name, given, words):
+def test_a_number_without_unit_is_rejected_if_the_file_is_not_in_si(tmp_path, name, given, words):
     path = tmp_path / "arm.toml"
     path.write_text(FILE)
     with pytest.raises(InputError, match=re.escape(words)):

@@ -151,7 +151,7 @@ def written(tmp_path):
     ],
     ids=["pylinkage", "PMKS", "linkage_sim"],
 )
-def test_a_four_bar_moves_as_that_of_the_catalogue(written, content, name, pin, middle):
+def test_a_four_bar_file_has_the_motion_of_the_catalogue(written, content, name, pin, middle):
     motion = ms.load(written(content, name)).solve(ANGLES, speed=1.0)
     # a file of linkage_sim states no configuration, and so no assembly
     branch = 1 if motion.points[pin].position[0, 1] > 0.0 else -1
@@ -174,13 +174,13 @@ def test_a_four_bar_moves_as_that_of_the_catalogue(written, content, name, pin, 
     ],
     ids=["pylinkage", "PMKS", "linkage_sim"],
 )
-def test_a_slider_crank_moves_as_that_of_the_catalogue(written, content, name, pin):
+def test_a_slider_crank_file_has_the_motion_of_the_catalogue(written, content, name, pin):
     motion = ms.load(written(content, name)).solve(ANGLES, speed=1.0)
     expected = SLIDES.points["B"].position
     np.testing.assert_allclose(motion.points[pin].position, expected, rtol=0, atol=1e-13)
 
 
-def test_a_block_of_pmks_slides_without_turning(written):
+def test_a_pmks_block_slides_without_rotation(written):
     content = copy.deepcopy(PMKS_SLIDER)
     content["Joints"][2]["Links"] = ["block", "rod"]
     content["Joints"][2]["TypeOfJoint"] = "R"
@@ -244,7 +244,7 @@ def changed(content, *path, to):
         (changed(LINKAGE_SIM, "bodies", "crank", "mass", to="heavy"), "mass and Izz_cg of 'crank'"),
     ],
 )
-def test_a_wrong_file_ends_in_one_sentence(written, content, message, monkeypatch, capsys):
+def test_an_invalid_file_is_rejected(written, content, message, monkeypatch, capsys):
     path = written(content)
     with pytest.raises(ms.InputError, match=message) as caught:
         ms.load(path)
@@ -255,7 +255,7 @@ def test_a_wrong_file_ends_in_one_sentence(written, content, message, monkeypatc
     assert ended.value.code == 2
 
 
-def test_files_take_no_parameters_and_must_exist(written, tmp_path):
+def test_parameters_and_missing_files_are_rejected(written, tmp_path):
     with pytest.raises(ms.InputError, match="no parameters"):
         ms.load(written(PMKS, "a.pmks"), {"crank": "1mm"})
     with pytest.raises(ms.InputError, match="there is no file"):
@@ -279,7 +279,7 @@ def places(content, path=()):
 @pytest.mark.parametrize(
     "content", [PYLINKAGE, PYLINKAGE_SLIDER, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER]
 )
-def test_any_entry_of_another_type_is_read_or_ends_in_one_sentence(written, content):
+def test_entries_of_a_wrong_type_are_accepted_or_rejected(written, content):
     for place in places(content):
         for value in (None, [], {}, [[1]], "x", -1, 1e400, True):
             with suppress(ms.MechsimError):

@@ -33,7 +33,7 @@ def five_bar_angles(x, y):
     return angles
 
 
-def test_a_point_follows_its_laws_and_the_motors_two_circles():
+def test_motor_angles_for_a_point_path_agree_with_two_circles():
     motion = ms.load("five_bar", drive=CIRCLE).solve(t=TIMES)
     x, y = 0.01 * np.sin(2 * np.pi * TIMES), 0.1 + 0.01 * np.cos(2 * np.pi * TIMES)
     point = motion.points["P"]
@@ -69,7 +69,7 @@ def test_a_platform_has_the_prescribed_pose_and_leg_lengths():
 
 
 @pytest.mark.parametrize(("model", "laws"), [("five_bar", CIRCLE), ("stewart_gough", TILT)])
-def test_both_methods_agree(model, laws, monkeypatch, capsys):
+def test_both_methods_agree_on_pose_drivers(model, laws, monkeypatch, capsys):
     drive = [part for name, law in laws.items() for part in ("--drive", f"{name}={law}")]
     monkeypatch.setattr("sys.argv", ["mechsim", "validate", model, *drive, "--duration", "1s"])
     with pytest.raises(SystemExit) as ended:
@@ -80,7 +80,7 @@ def test_both_methods_agree(model, laws, monkeypatch, capsys):
     assert "PASS" in out
 
 
-def test_motors_do_the_work_of_the_pose_drivers():
+def test_motors_and_pose_drivers_have_the_same_power():
     weight = ms.Forces(gravity=(0.0, -9.81, 0.0))
     pose_model = ms.dynamics.dynamic_model(ms.load("five_bar", drive=CIRCLE), weight)
     by_pose = ms.dynamics.prescribed(pose_model, t=TIMES)
@@ -99,7 +99,7 @@ def test_motors_do_the_work_of_the_pose_drivers():
     np.testing.assert_allclose(power(by_motors, ("left", "right")), expected, rtol=0, atol=2e-9)
 
 
-def test_an_mjcf_file_is_driven_by_its_sites_and_bodies(tmp_path, monkeypatch, capsys):
+def test_sites_and_bodies_of_an_mjcf_file_can_be_driven(tmp_path, monkeypatch, capsys):
     path = str(tmp_path / "five_bar.xml")
     monkeypatch.setattr("sys.argv", ["mechsim", "export", "five_bar", "--scene", "dynamics", "-o", path])
     with pytest.raises(SystemExit):
@@ -136,7 +136,7 @@ def test_default_classes_of_a_file_do_not_affect_the_chain():
         ({"P.x": "10mm*t", "P.y": "100mm", "left": "120deg+1deg*t"}, "overdetermined"),
     ],
 )
-def test_invalid_pose_drivers_end_in_one_sentence(drive, message):
+def test_invalid_pose_drivers_are_rejected(drive, message):
     with pytest.raises(ms.MechsimError, match=message) as caught:
         ms.load("five_bar", drive=drive, duration=1.0).solve(t=TIMES)
     assert "\n" not in str(caught.value)

@@ -112,7 +112,7 @@ def test_a_parameter_and_a_motion_law_can_be_set_together(file):
     )
 
 
-def test_a_ram_lifts_its_boom_by_the_law_of_cosines(file):
+def test_a_boom_on_a_ram_follows_the_law_of_cosines(file):
     form = load(file(BOOM), drive={"ram": "20mm/s"}, duration=2.0)
     time = np.linspace(0.0, 2.0, 21)
     motion = form.solve(t=time)
@@ -124,7 +124,7 @@ def test_a_ram_lifts_its_boom_by_the_law_of_cosines(file):
     assert columns[:3] == ["t", "ram", "tip.x"]
 
 
-def test_another_driver_than_that_of_the_file_starts_at_its_initial_value(file):
+def test_another_driver_starts_at_its_initial_value(file):
     own = load(file(BOOM), drive={"ram": "20mm/s"}).solve(t=[0.0]).joints["foot"].value[0]
     form = load(file(BOOM), drive={"foot": "3deg/s"})
     assert form.mechanism.drivers == ("foot",)
@@ -167,7 +167,7 @@ def test_a_mechanism_of_the_catalogue_is_driven_by_any_of_its_joints():
         np.testing.assert_allclose(result, wanted, atol=1e-12 * np.abs(wanted).max())
 
 
-def test_tracked_points_are_the_only_ones(file):
+def test_only_tracked_points_are_reported(file):
     form = load(file(FIVE_BAR), track=["P", "knee,a@50mm,0,0", "d"])
     assert dict(form.mechanism.points) == {
         "P": ("b", (0.09, 0.0, 0.0)),
@@ -204,7 +204,7 @@ turn = { axis = [1, 0, 0], angle = 0.5 }
         load(file(FIVE_BAR), fix_base=True)
 
 
-def test_poses_are_followed_row_by_row_in_the_assembly_of_the_guess(file):
+def test_a_table_of_poses_keeps_the_assembly_mode_of_the_guess(file):
     rng = np.random.default_rng(3)
     left, right = np.deg2rad(rng.uniform(80, 150, 40)), np.deg2rad(rng.uniform(30, 100, 40))
     left[7], right[7] = left[6], right[6]
@@ -217,7 +217,7 @@ def test_poses_are_followed_row_by_row_in_the_assembly_of_the_guess(file):
     assert len(poses_of_table(load(file(FIVE_BAR)), {"left": left[:1], "right": right[:1]}, "rows.csv")) == 1
 
 
-def test_rows_that_cannot_be_reached_are_named(file):
+def test_unreachable_rows_are_reported(file):
     table = {"left": np.deg2rad([120.0, 140.0, 180.0]), "right": np.deg2rad([60.0, 40.0, 0.0])}
     with pytest.raises(AssemblyError, match="the segment after row 2 of rows"):
         poses_of_table(load(file(FIVE_BAR)), table, "rows.csv")
@@ -258,7 +258,7 @@ def test_a_table_limits_the_duration(file, tmp_path):
         load(file(FIVE_BAR), drive=drive, duration=1.0)
 
 
-def test_too_few_and_too_many_drivers_are_reported_with_the_joints(file):
+def test_missing_and_redundant_drivers_are_rejected(file):
     form = load(file(FIVE_BAR), drive={"left": "1rad/s", "right": "1rad/s", "P": "1rad/s"})
     with pytest.raises((MobilityError, AssemblyError)):
         form.solve(t=[0.0, 0.1])

@@ -27,7 +27,7 @@ def path(tmp_path):
     return str(tmp_path / "own.py")
 
 
-def test_mechanisms_catalogue_objects_and_functions_that_return_them_are_accepted(path):
+def test_mechanisms_and_functions_of_a_python_file_are_models(path):
     exact = catalog.make("four_bar").positions([1.0])["B"]
     for name in ("plain", "made"):
         assert load(f"{path}:{name}").positions([1.0])["B"] == pytest.approx(exact, abs=1e-15)
@@ -49,7 +49,7 @@ def test_other_objects_are_rejected_in_one_line(path, name, words):
     assert "\n" not in str(error.value)
 
 
-def test_a_path_is_a_model_and_other_types_are_rejected():
+def test_a_path_object_is_a_model():
     path = Path(__file__).parents[2] / "models" / "gallery" / "scotch_yoke.toml"
     assert load(path).mechanism == load(str(path)).mechanism
     with pytest.raises(InputError, match="a model is of type int; give a name or a file"):

@@ -43,7 +43,7 @@ def made(name, digits, row):
 
 
 @pytest.mark.parametrize(("name", "row"), grid([("rssr", 3), ("five_bar", 5)]))
-def test_the_script_gives_the_same_digits_at_another_precision(name, row):
+def test_the_script_reproduces_its_digits_at_another_precision(name, row):
     again, kept = made(name, 50, row), rows(name)[row]
     assert again.pop("cell") == next(iter(kept.values()))
     with mp.workdps(40):
@@ -52,7 +52,7 @@ def test_the_script_gives_the_same_digits_at_another_precision(name, row):
             assert abs(mpf(item) - exact) <= abs(exact) * mpf(10) ** -29 + mpf(10) ** -36, key
 
 
-def test_the_data_contain_catalogue_gallery_and_two_problems_of_the_iftomm_library():
+def test_the_data_cover_catalogue_gallery_and_benchmarks():
     from mechsim.analytic import catalog
 
     assert set(NAMES) == {*catalog.DRIVES, *gallery.files(), "spatial_slider_crank", "bricard"}
@@ -63,7 +63,7 @@ def test_the_data_contain_catalogue_gallery_and_two_problems_of_the_iftomm_libra
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_table_has_72_rows_of_30_digits_and_the_sums_of_its_files(name):
+def test_tables_have_72_rows_of_30_digits_and_valid_checksums(name):
     reference_data.read(WHERE, name)
     result = rows(name)
     assert len(result) == 72
@@ -72,7 +72,7 @@ def test_a_table_has_72_rows_of_30_digits_and_the_sums_of_its_files(name):
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "looper", "klann", "cardan_joint", "stewart_gough"])
-def test_velocities_and_accelerations_are_the_derivatives_of_the_places(name):
+def test_velocities_and_accelerations_are_derivatives_of_positions(name):
     # a periodic motion, sampled 72 times: its derivative by Fourier series
     table = reference_data.read(WHERE, name)
     order = 1j * np.fft.fftfreq(72, 1.0 / 72.0)
@@ -87,7 +87,7 @@ def test_velocities_and_accelerations_are_the_derivatives_of_the_places(name):
             assert np.abs(result - exact).max() <= 2e-4 * np.abs(exact).max() + 1e-12
 
 
-def test_the_spatial_slider_crank_starts_as_the_library_prints():
+def test_the_spatial_slider_crank_has_its_published_initial_state():
     first = rows("spatial_slider_crank")[0]
     printed = {"slider.x": "0.2", "slider.vx": "0.24", "rod.vx": "0.12", "rod.vy": "-0.24", "rod.vz": "0"}
     with mp.workdps(40):
@@ -95,7 +95,7 @@ def test_the_spatial_slider_crank_starts_as_the_library_prints():
             assert abs(mpf(first[key]) - mpf(value)) < mpf(10) ** -29
 
 
-def test_closed_formulas_agree_with_the_digits():
+def test_closed_forms_agree_with_the_data():
     with mp.workdps(45):
         for row in rows("scotch_yoke"):
             assert abs(mpf(row["yoke.x"]) - mpf("0.03") * mp.cos(mpf(row["angle"]))) < mpf(10) ** -31
@@ -105,7 +105,7 @@ def test_closed_formulas_agree_with_the_digits():
             assert abs(mpf(row["B.x"]) - x) < mpf(10) ** -30
 
 
-def test_the_ten_lines_of_the_folder_run_without_mechsim():
+def test_the_example_of_the_readme_runs_without_mechsim():
     block = re.search(r"```python\n(.*?)```", (WHERE / "README.md").read_text(), re.DOTALL).group(1)
     assert "mechsim" not in re.sub(r"#.*", "", block)
     assert len([line for line in block.splitlines() if line]) <= 10

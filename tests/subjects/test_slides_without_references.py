@@ -42,7 +42,7 @@ def written(folder: Path, mark_a: str = "", mark_b: str = "") -> str:
 
 
 @pytest.mark.parametrize("tilt", [0.7, -2.2])
-def test_an_inclined_slide_keeps_its_slider_upright_by_both_methods(tmp_path: Path, tilt: float) -> None:
+def test_the_orientation_of_an_inclined_slider_agrees_in_both_methods(tmp_path: Path, tilt: float) -> None:
     form = ms.load(written(tmp_path), set={"tilt": tilt})
     run = ms.simulate(form, method="pose", speed=1.0)
     exact = form.solve(run.motion.angle)
@@ -54,7 +54,7 @@ def test_an_inclined_slide_keeps_its_slider_upright_by_both_methods(tmp_path: Pa
     assert np.abs(apart).max() < 1e-12 * form.mechanism.characteristic_length
 
 
-def test_a_slider_flipped_by_its_references_is_rejected_by_both_methods(tmp_path: Path) -> None:
+def test_antiparallel_references_of_a_slide_are_rejected(tmp_path: Path) -> None:
     model = written(tmp_path, ", reference = [0, 0, 1]", ", reference = [0, 0, -1]")
     form = ms.load(model)
     with pytest.raises(AssemblyError, match="'slide' is assembled with antiparallel references"):

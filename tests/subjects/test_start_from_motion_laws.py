@@ -40,7 +40,7 @@ def lengths(motion):
     return np.stack([motion.joints[name].value for name in DRIVERS])
 
 
-def test_a_platform_without_start_begins_where_its_laws_begin(load):
+def test_motion_laws_determine_the_start_of_a_platform(load):
     form = load("0.3 + 0.02*sin(2*pi*t)")
     times = np.array([0.0, 0.25, 0.6])
     wanted = np.broadcast_to(0.3 + 0.02 * np.sin(2.0 * np.pi * times), (3, 3))
@@ -49,16 +49,16 @@ def test_a_platform_without_start_begins_where_its_laws_begin(load):
     assert ms.crosscheck(run, form).passed
 
 
-def test_laws_that_replace_those_of_the_file_determine_the_start(load):
+def test_replaced_motion_laws_determine_the_start(load):
     form = load("0.05 + 0.01*t", drive=dict.fromkeys(DRIVERS, "0.32 + 0.01*t"))
     np.testing.assert_allclose(lengths(form.solve(t=[0.0])), 0.32, atol=1e-13)
 
 
-def test_a_stated_start_has_priority_over_the_laws(load):
+def test_an_explicit_start_has_priority_over_motion_laws(load):
     form = load("20mm/s", "start = { l1 = 0.3, l2 = 0.3, l3 = 0.3 }")
     np.testing.assert_allclose(lengths(form.solve(t=[0.0, 1.0]))[:, 1], 0.32, atol=1e-13)
 
 
-def test_a_law_relative_to_the_start_does_not_determine_it(load):
+def test_a_relative_motion_law_does_not_determine_the_start(load):
     with pytest.raises(AssemblyError, match=r"l1 = 0 m, .* the start of the drivers"):
         load("20mm/s").solve(t=[0.0])

@@ -26,7 +26,7 @@ def exact():
     return ms.catalog.make("four_bar").solve(ANGLES, rate, -((2.0 * np.pi) ** 2) * ANGLES)
 
 
-def test_solve_takes_times_in_seconds(swung, exact):
+def test_solve_accepts_times_in_seconds(swung, exact):
     motion = swung.solve(t=TIMES)
     np.testing.assert_array_equal(motion.time, TIMES)
     np.testing.assert_allclose(motion.joints["crank"].value, ANGLES, atol=1e-14)
@@ -48,7 +48,7 @@ ANGLES_GIVEN = {
 
 
 @pytest.mark.parametrize("call", ANGLES_GIVEN)
-def test_crank_angles_are_rejected_where_motion_laws_drive(swung, call):
+def test_crank_angles_are_rejected_with_motion_laws(swung, call):
     with pytest.raises(InputError, match=r"four_bar: motion laws drive crank, .*give times in s, as t=\["):
         ANGLES_GIVEN[call](swung)
 
@@ -68,7 +68,7 @@ def test_invalid_instants_are_rejected_with_the_remedy(swung, tmp_path):
     assert table.solve(t=[0.35]).joints["crank"].value[0] == pytest.approx(0.035)
 
 
-def test_inverse_dynamics_and_sensitivities_take_times(swung):
+def test_inverse_dynamics_and_sensitivities_accept_times(swung):
     machine = ms.dynamics.dynamic_model(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)))
     run = driven(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)), samples=8, method="pose")
     result = ms.dynamics.prescribed(machine, t=TIMES).forces.drives["crank"]
@@ -79,7 +79,7 @@ def test_inverse_dynamics_and_sensitivities_take_times(swung):
 
 
 @pytest.mark.parametrize("looped", [False, True])
-def test_a_crank_at_a_known_speed_takes_times_too(looped):
+def test_a_crank_of_constant_speed_accepts_times(looped):
     form = ms.catalog.make("four_bar")
     form = LoopForm(form.mechanism) if looped else form
     start = form.mechanism.start
@@ -100,12 +100,12 @@ def test_a_crank_at_a_known_speed_takes_times_too(looped):
         form.solve()
 
 
-def test_several_drivers_without_motion_laws_are_named():
+def test_several_drivers_without_motion_laws_are_rejected():
     with pytest.raises(InputError, match="left, right have no motion law; give each driver one"):
         LoopForm(ms.load("five_bar").mechanism).solve(t=TIMES)
 
 
-def test_a_run_under_a_motion_law_is_compared_at_the_angles_that_its_crank_had(swung):
+def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swung):
     run = ms.simulate(swung, samples=40)
     crank = ms.catalog.make("four_bar")
     assert ms.crosscheck(run, swung).passed
@@ -116,13 +116,13 @@ def test_a_run_under_a_motion_law_is_compared_at_the_angles_that_its_crank_had(s
     assert not ms.crosscheck(run, lambda angle: {"B": wrong.positions(angle)["B"]}).passed
 
 
-def test_a_run_of_a_crank_is_not_compared_with_motion_laws(swung):
+def test_comparing_a_crank_run_with_motion_laws_is_rejected(swung):
     run = ms.simulate(ms.catalog.make("four_bar"), speed=1.0, samples=8)
     with pytest.raises(InputError, match="motion laws drive crank in the analytic motion"):
         ms.crosscheck(run, swung)
 
 
-def test_a_run_of_several_drivers_is_not_compared_with_a_function_of_a_crank_angle():
+def test_comparing_several_drivers_with_a_function_of_angle_is_rejected():
     run = ms.simulate(ms.load("five_bar"), samples=8)
     with pytest.raises(InputError, match=r"motion laws drive left, right .* use ms\.validate"):
         ms.crosscheck(run, lambda angle: {"P": np.zeros((len(angle), 3))})

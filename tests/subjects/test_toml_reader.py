@@ -46,7 +46,7 @@ rocker = { at = ["ground", 0, 0], turn = { axis = [0, 0, 1], angle = 80 } }
 """
 
 
-def test_lengths_angles_and_expressions_give_the_mechanism_of_the_closed_form(file):
+def test_a_four_bar_file_agrees_with_the_closed_form(file):
     read = load(file(FOUR_BAR))
     exact = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.09)
     angles = np.linspace(-3.0, 7.0, 41)
@@ -72,12 +72,12 @@ def test_a_changed_parameter_replaces_that_of_the_file(file, text, crank):
     np.testing.assert_allclose(read.positions([0.0])["A"], [[crank, 0.0, 0.0]], rtol=1e-14)
 
 
-def test_a_changed_parameter_must_have_the_unit_of_its_use(file):
+def test_a_changed_parameter_of_another_unit_is_rejected(file):
     with pytest.raises(InputError, match=r"crank is '30deg', but the file uses it as a length"):
         load(file(FOUR_BAR), {"crank": "30deg"})
 
 
-def test_a_crank_that_only_swings_has_the_range_of_the_closed_form(file):
+def test_the_range_of_a_swinging_crank_agrees_with_the_closed_form(file):
     read = load(
         file(FOUR_BAR.replace("start = 10", "start = 70").replace("cos(10)", "cos(70)")), {"crank": "100 mm"}
     )
@@ -277,17 +277,17 @@ def test_a_file_called_like_a_catalogue_mechanism_does_not_shadow_it(tmp_path, m
     assert load("rssr") == catalog.make("rssr")
 
 
-def test_an_unknown_parameter_is_rejected_with_the_nearest(file):
+def test_an_unknown_parameter_is_rejected_with_the_closest_name(file):
     with pytest.raises(InputError, match="did you mean 'crank'"):
         load(file(FOUR_BAR), {"crnk": "3"})
 
 
-def test_a_file_too_large_is_not_read(file):
+def test_a_file_that_is_too_large_is_rejected(file):
     with pytest.raises(InputError, match="1000000 at most"):
         load(file(FOUR_BAR + "#" * 1_000_000))
 
 
-def test_without_drivers_the_joints_of_an_open_chain_are_driven(file):
+def test_joints_of_an_open_chain_are_the_default_drivers(file):
     arm = """name = "arm"
 [links.upper]
 [links.lower]

@@ -42,7 +42,7 @@ def alike(item: Mechanism, other: Mechanism) -> bool:
 
 
 @pytest.mark.parametrize("name", VARIANTS)
-def test_a_catalogue_mechanism_reads_back_to_the_last_bit(name, tmp_path):
+def test_catalogue_mechanisms_are_read_back_exactly(name, tmp_path):
     mechanism = VARIANTS[name].mechanism
     assert alike(read_back(mechanism, tmp_path), mechanism)
     heavy = with_inertia(mechanism)
@@ -64,13 +64,13 @@ def test_mechanisms_are_compared_with_their_guess(tmp_path):
     assert replace(mechanism, guess={**mechanism.guess, link: moved}) != mechanism
 
 
-def test_names_that_need_quotes_read_back(tmp_path):
+def test_names_with_quotes_are_read_back(tmp_path):
     mechanism = catalog.make("four_bar").mechanism
     points = {'a "b"\\': mechanism.points["A"], "ü.1": mechanism.points["B"], "🙂": mechanism.points["C"]}
     assert alike(read_back(replace(mechanism, points=points), tmp_path), replace(mechanism, points=points))
 
 
-def test_export_writes_toml_that_solves_as_the_catalogue_does(monkeypatch, tmp_path):
+def test_exported_toml_has_the_motion_of_the_catalogue(monkeypatch, tmp_path):
     path = tmp_path / "rssr.toml"
     monkeypatch.setattr(sys, "argv", ["mechsim", "export", "rssr", "--format", "toml", "-o", str(path)])
     with pytest.raises(SystemExit) as ended:
@@ -82,7 +82,7 @@ def test_export_writes_toml_that_solves_as_the_catalogue_does(monkeypatch, tmp_p
         np.testing.assert_allclose(place, exact[name], atol=1e-15)
 
 
-def test_the_schema_has_every_key_of_the_reader(monkeypatch, capsys):
+def test_the_schema_contains_every_key_of_the_reader(monkeypatch, capsys):
     assert schema()["properties"].keys() == ROOT.keys.keys()
     assert schema()["required"] == list(ROOT.required)
     monkeypatch.setattr(sys, "argv", ["mechsim", "schema"])
@@ -241,7 +241,7 @@ def test_motion_laws_of_a_file_use_its_units_and_parameters(press):
     assert press.motion_laws.duration == 0.5
 
 
-def test_all_contents_read_back_to_the_last_bit(press, tmp_path):
+def test_all_contents_are_read_back_exactly(press, tmp_path):
     path = tmp_path / "again.toml"
     path.write_text(to_toml(press))
     again = load(str(path))
@@ -273,7 +273,7 @@ def test_forces_of_a_file_are_in_si(press):
     assert forces.friction[1].viscous_turn == 1e-4
 
 
-def test_a_motion_law_that_is_a_function_cannot_be_written():
+def test_writing_a_motion_law_without_text_is_rejected():
     def state(time):
         return time, np.ones_like(time), np.zeros_like(time)
 
@@ -282,7 +282,7 @@ def test_a_motion_law_that_is_a_function_cannot_be_written():
         to_toml(form)
 
 
-def test_the_schema_accepts_exactly_what_the_reader_accepts(press):
+def test_the_schema_lists_the_values_of_the_reader(press):
     made = schema()["properties"]
     assert made["joints"]["additionalProperties"]["properties"]["kind"]["enum"].count("screw") == 1
     assert set(made["couplings"]["additionalProperties"]["properties"]) >= {"ratio", "travel", "coefficients"}

@@ -77,7 +77,7 @@ def gap(path, **options):
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
-def test_each_dialect_closes_the_four_bar(written, dialect):
+def test_every_dialect_closes_the_four_bar(written, dialect):
     apart, motion = gap(written(robot(DIALECTS[dialect])))
     assert apart <= 1e-14
     # the law of cosines at the crank's pivot and the follower's
@@ -109,12 +109,12 @@ def test_a_coupling_multiplies_the_angles_between_its_links(written, predecessor
         (coupling("crank", "follower", "six"), "1 finite numbers belong"),
     ],
 )
-def test_a_wrong_coupling_ends_in_one_sentence(written, part, message):
+def test_an_invalid_coupling_is_rejected(written, part, message):
     with pytest.raises(ms.InputError, match=message):
         ms.closed_qpos(written(robot(part)), {"motor": 0.1})
 
 
-def test_gazebo_places_a_loop_joint_where_the_file_starts(written):
+def test_a_gazebo_loop_joint_uses_the_initial_configuration(written):
     # at zero the rod's end lies at (1, 0.3), the follower's in (0, 0.3) of its own frame
     joint = """<gazebo><joint name="closing" type="revolute"><parent>rod</parent><child>follower</child>
     <pose>0 0.3 0 0 0 0</pose><axis><xyz>0 0 1</xyz></axis></joint></gazebo>"""
@@ -165,7 +165,7 @@ def test_a_sidecar_file_makes_joints_spherical_universal_or_fixed(written):
         (ENDS + BUSHING.replace("90 90 0", "90 0 0"), "stiff about one axis"),
     ],
 )
-def test_a_loop_that_cannot_be_read_ends_in_one_sentence(written, part, message):
+def test_an_invalid_loop_is_rejected(written, part, message):
     with pytest.raises(ms.InputError, match=message) as caught:
         ms.load(written(robot(part)), still=True)
     assert "\n" not in str(caught.value)
@@ -185,12 +185,12 @@ def test_a_loop_that_cannot_be_read_ends_in_one_sentence(written, part, message)
         ("[" * 5000, "is no YAML"),
     ],
 )
-def test_a_wrong_sidecar_file_ends_in_one_sentence(written, text, message):
+def test_an_invalid_sidecar_file_is_rejected(written, text, message):
     with pytest.raises(ms.InputError, match=message):
         ms.load(written(robot(ENDS)), loops=written(text, "robot.yaml"), still=True)
 
 
-def test_commands_take_a_sidecar_file(written, monkeypatch, capsys, tmp_path):
+def test_commands_accept_a_sidecar_file(written, monkeypatch, capsys, tmp_path):
     path, sidecar = (
         written(robot(ENDS)),
         written("closed_loop: [[rod_end, follower_end]]\ntype: [3d]\n", "r.yaml"),
@@ -213,7 +213,7 @@ def test_commands_take_a_sidecar_file(written, monkeypatch, capsys, tmp_path):
     assert ended.value.code == 2
 
 
-def test_functions_take_a_sidecar_file(written):
+def test_functions_accept_a_sidecar_file(written):
     path, sidecar = (
         written(robot(ENDS)),
         written("closed_loop: [[rod_end, follower_end]]\ntype: [3d]", "r.yaml"),
@@ -236,7 +236,7 @@ dependent: [knee, hip]
 """
 
 
-def test_a_sidecar_file_of_scikit_robot_closes_a_loop_where_it_stands_at_zero(written):
+def test_a_scikit_robot_sidecar_file_closes_a_loop(written):
     # at zero the rod lies along x at height CRANK: a follower from GROUND to its end
     text = robot().replace(f'xyz="{GROUND} 0 0"', f'xyz="{GROUND} 0 0" rpy="0 0 0.7"')
     sidecar = written(SCIKIT_ROBOT.format(x=ROD, y=CRANK), "loop_closures.yaml")
@@ -262,12 +262,12 @@ def test_a_sidecar_file_of_scikit_robot_closes_a_loop_where_it_stands_at_zero(wr
         ("closures: [1]", "needs link_a, link_b"),
     ],
 )
-def test_a_wrong_sidecar_file_of_scikit_robot_ends_in_one_sentence(written, text, message):
+def test_an_invalid_scikit_robot_sidecar_file_is_rejected(written, text, message):
     with pytest.raises(ms.InputError, match=message):
         ms.load(written(robot()), loops=written(text, "loop_closures.yaml"), still=True)
 
 
-def test_a_name_that_two_joints_share_ends_in_one_sentence(written):
+def test_a_repeated_joint_name_is_rejected(written):
     path = written(robot(DIALECTS["URDF+"]).replace('name="knee"', 'name="motor"'))
     with pytest.raises(ms.InputError, match="repeated name 'motor'"):
         ms.check(path)

@@ -66,18 +66,18 @@ def ended_with(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
         ("", None),
     ],
 )
-def test_up_is_stated_or_against_the_gravity_of_the_file(tmp_path, more, expected):
+def test_the_vertical_is_explicit_or_opposite_to_gravity(tmp_path, more, expected):
     assert loaded(tmp_path, ARM + more).mechanism.up == expected
 
 
 @pytest.mark.parametrize(
     ("gravity", "expected"), [("0 0 -9.81", "z"), ("0 -9.81 0", "y"), ("0 0 0", "z"), ("9.81 0 0", "-x")]
 )
-def test_scenes_point_up_against_their_gravity(tmp_path, gravity, expected):
+def test_the_vertical_of_a_scene_is_opposite_to_gravity(tmp_path, gravity, expected):
     assert loaded(tmp_path, SCENE.format(gravity), "arm.xml").mechanism.up == expected
 
 
-def test_a_scene_exported_as_toml_keeps_what_points_up(tmp_path):
+def test_a_scene_exported_as_toml_keeps_its_vertical(tmp_path):
     form = loaded(tmp_path, SCENE.format("0 0 -9.81"), "arm.xml")
     for source in (form, form.mechanism):
         written = to_toml(source)
@@ -93,7 +93,7 @@ def test_a_mechanism_with_gravity_along_z_is_drawn_upright(tmp_path):
         assert up[2] > 0.7, preset
 
 
-def test_pages_and_pictures_take_another_vertical(tmp_path, capsys, monkeypatch):
+def test_pages_and_pictures_accept_another_vertical(tmp_path, capsys, monkeypatch):
     form = loaded(tmp_path, ARM)
     view = mechanism_view(form, 1.0)
     assert page(view) != page(replace(view, up="z"))
@@ -117,5 +117,5 @@ def test_an_invalid_axis_is_rejected_with_its_line(tmp_path):
         replace(catalog.make("rssr").mechanism, up="north")
 
 
-def test_without_gravity_no_axis_points_up():
+def test_zero_gravity_defines_no_vertical():
     assert against((0.0, 0.0, 0.0)) is None

@@ -61,7 +61,7 @@ def gap_to_closed_form(drive, poses, k):
 
 
 @pytest.mark.parametrize("name", grid(FORMS))
-def test_every_pose_of_every_curve_is_an_assembly_of_the_closed_form(name):
+def test_every_pose_of_a_curve_agrees_with_the_closed_form(name):
     drive = FORMS[name]
     for curve in traced(name).curves:
         poses = curve.samples(16)
@@ -75,7 +75,7 @@ def test_every_pose_of_every_curve_is_an_assembly_of_the_closed_form(name):
 
 
 @pytest.mark.parametrize("name", grid(FORMS))
-def test_every_assembly_of_the_closed_form_is_on_a_curve(name):
+def test_every_assembly_mode_of_the_closed_form_is_on_a_curve(name):
     drive, result = FORMS[name], traced(name)
     arcs = drive.crank_range()
     low, high = arcs.arcs[0] if not arcs.full else (-np.pi, np.pi)
@@ -101,7 +101,7 @@ def passing(curve, angle):
 
 
 @pytest.mark.parametrize("name", grid(name for name in FORMS if FORMS[name].dead_centres()))
-def test_a_crank_that_swings_turns_back_at_the_dead_centres_of_the_closed_form(name):
+def test_swinging_cranks_reverse_at_the_dead_centres(name):
     dead = FORMS[name].dead_centres()
     for curve in traced(name).curves:
         assert curve.turns == 0
@@ -112,7 +112,7 @@ def test_a_crank_that_swings_turns_back_at_the_dead_centres_of_the_closed_form(n
 
 
 @pytest.mark.parametrize("name", grid(name for name in FORMS if FORMS[name].change_points()))
-def test_curves_meet_at_the_change_points_of_the_closed_form_and_nowhere_else(name):
+def test_branch_points_agree_with_the_closed_form(name):
     result, known = traced(name), FORMS[name].change_points()
     angles = [branch_point.angle for branch_point in result.branch_points]
     assert apart(angles, known).max() <= 1e-8
@@ -125,7 +125,7 @@ def test_curves_meet_at_the_change_points_of_the_closed_form_and_nowhere_else(na
 
 
 @pytest.mark.slow
-def test_assemblies_that_come_near_each_other_and_do_not_meet_are_stated_not_to():
+def test_close_curves_without_a_branch_point_are_separated():
     near = FourBar(ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
     assert trace(replace(near, coupler=0.1), starts=0).branch_points
     result = trace(near, starts=2)
@@ -137,7 +137,7 @@ def test_assemblies_that_come_near_each_other_and_do_not_meet_are_stated_not_to(
         assert max(gap_to_closed_form(near, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
 
 
-def test_a_component_whose_cranks_a_gear_joins_keeps_the_turns_the_gear_counts():
+def test_curves_of_a_geared_mechanism_satisfy_the_gear_equation():
     mechanism = geared(-1.5)
     for curve in trace(mechanism, starts=30).curves:
         poses = curve.samples(12)
@@ -148,7 +148,7 @@ def test_a_component_whose_cranks_a_gear_joins_keeps_the_turns_the_gear_counts()
 
 
 @pytest.mark.parametrize("away", [1e-7, 1e-10])
-def test_a_bend_however_sharp_is_rounded_in_the_same_assembly(away):
+def test_a_curve_of_high_curvature_keeps_its_assembly_mode(away):
     near = FourBar(ground=0.11, crank=0.05, coupler=0.08, rocker=0.08 + away)
     curve = trace(near, starts=0).curves[0]
     assert abs(curve.turns) == 1
@@ -156,7 +156,7 @@ def test_a_bend_however_sharp_is_rounded_in_the_same_assembly(away):
     assert set(np.sign(near.assembly_sign(poses.points))) == {1.0}
 
 
-def test_a_linkage_folded_flat_has_a_curve_on_which_the_crank_stands_still():
+def test_a_folded_kite_has_a_curve_with_constant_crank_angle():
     kite = FourBar(ground=0.1, crank=0.1, coupler=0.07, rocker=0.07)
     result = trace(kite, starts=20)
     swinging, still = result.curves
@@ -169,7 +169,7 @@ def test_a_linkage_folded_flat_has_a_curve_on_which_the_crank_stands_still():
     ]
 
 
-def test_rockers_turn_back_where_crank_and_coupler_lie_in_line():
+def test_rockers_reverse_where_crank_and_coupler_are_collinear():
     drive = FourBar()
     first, second = trace(drive, starts=20).curves
     for curve in (first, second):
@@ -183,7 +183,7 @@ def test_rockers_turn_back_where_crank_and_coupler_lie_in_line():
         assert np.abs(values - np.sort(cosines)).max() <= 1e-12
 
 
-def test_the_length_of_a_curve_is_the_integral_of_the_twists_of_the_closed_form():
+def test_the_length_of_a_curve_is_the_integral_of_twists():
     drive = Rrsrr()
     motion = drive.solve(np.linspace(0.0, TURN, 400)[:-1])
     squares = sum(
@@ -194,7 +194,7 @@ def test_the_length_of_a_curve_is_the_integral_of_the_twists_of_the_closed_form(
     assert abs(trace(drive, starts=0).curves[0].length - TURN * np.sqrt(squares).mean()) <= 1e-8
 
 
-def test_the_ball_of_the_spatial_five_link_stays_on_torus_and_sphere():
+def test_the_curve_of_a_spherical_joint_lies_on_torus_and_sphere():
     drive = Rrsrr()
     system = torus_sphere(drive)
     for curve in trace(drive, starts=STARTS).curves:
@@ -203,7 +203,7 @@ def test_the_ball_of_the_spatial_five_link_stays_on_torus_and_sphere():
         assert np.abs(gaps / scales).max() <= 1e-13
 
 
-def test_the_same_seed_finds_the_same_and_another_the_same_curves():
+def test_traces_are_reproducible_for_any_seed():
     drive = SliderCrank()
     first, again, other = (trace(drive, starts=40, seed=seed) for seed in (4, 4, 5))
     assert [c.starts_ended for c in first.curves] == [c.starts_ended for c in again.curves]
@@ -215,7 +215,7 @@ def test_the_same_seed_finds_the_same_and_another_the_same_curves():
     assert first.closed == sum(c.starts_ended for c in first.curves)
 
 
-def test_poses_of_one_curve_are_not_taken_for_those_of_another():
+def test_poses_are_assigned_to_their_own_curve():
     result = traced("four_bar")
     loops = result.curves[0].loops
     for i, curve in enumerate(result.curves):
@@ -251,11 +251,11 @@ def geared(ratio):
 
 
 @pytest.mark.parametrize(("ratio", "turns"), [(0.5, 2), (-1.5, 2), (2.0, 1)])
-def test_geared_cranks_come_round_after_as_many_turns_as_the_ratio_requests_for(ratio, turns):
+def test_the_gear_ratio_determines_the_period(ratio, turns):
     assert abs(trace(geared(ratio), starts=0).curves[0].turns) == turns
 
 
-def test_a_curve_that_never_comes_round_is_given_up_with_the_reason(monkeypatch):
+def test_a_curve_that_never_closes_is_rejected(monkeypatch):
     monkeypatch.setattr(segments, "MAX_SEGMENTS", 60)
     reported = []
     with pytest.raises(
@@ -279,7 +279,7 @@ def on_a_rail(kind, *, lead=0.0):
     return Mechanism("press", (Link("spindle"), Link("car")), joints, "crank", points)
 
 
-def test_a_slide_that_runs_off_is_distinguished_from_a_curve_that_closes_before_it_is_far(monkeypatch):
+def test_an_unbounded_slide_is_rejected(monkeypatch):
     monkeypatch.setattr(segments, "MAX_DISPLACEMENT", 20)
     with pytest.raises(
         AssemblyError, match=r"carriage: .* is not closed: rail has moved by 20 times .* length 0"
@@ -287,7 +287,7 @@ def test_a_slide_that_runs_off_is_distinguished_from_a_curve_that_closes_before_
         trace(on_a_rail("slide"), starts=0)
 
 
-def test_what_is_held_stays_where_it_is_along_the_whole_curve():
+def test_a_locked_joint_is_constant_along_a_curve():
     rail = on_a_rail("slide")
     arm = Joint("crank", "revolute", End("car", (0.01, 0.02, 0.0), (0.1, 0.3, 1.0)), End("arm"))
     links, points = (*rail.links, Link("arm")), {"P": ("arm", (0.05, 0.0, 0.01))}
@@ -300,13 +300,13 @@ def test_what_is_held_stays_where_it_is_along_the_whole_curve():
     assert (rails == 0.013).all()
 
 
-def test_a_screw_that_is_wound_for_ever_is_given_up_after_as_many_turns_as_are_stated(monkeypatch):
+def test_an_unbounded_screw_is_rejected(monkeypatch):
     monkeypatch.setattr(segments, "MAX_REVOLUTIONS", 4)
     with pytest.raises(AssemblyError, match=r"press: .* is not closed: thread\.turn has made 4 revolutions"):
         trace(on_a_rail("screw", lead=0.005), starts=0)
 
 
-def test_random_starts_that_are_closed_a_few_at_a_time_find_the_same_curves(monkeypatch):
+def test_chunks_of_random_starts_give_the_same_curves(monkeypatch):
     whole, reported = trace(SliderCrank(), starts=40), []
     monkeypatch.setattr(start, "CHUNK_BYTES", 4000.0)
     parts = trace(SliderCrank(), starts=40, progress=lambda *output: reported.append(output))
@@ -331,7 +331,7 @@ def arms(*, joined=False):
     )
 
 
-def test_two_dofs_are_rejected_and_one_that_a_gear_leaves_is_not():
+def test_a_trace_of_two_dofs_is_rejected():
     with pytest.raises(MobilityError, match=r"arms: underdetermined: .*two can still move; drive, lock or"):
         trace(arms())
     (curve,) = trace(arms(joined=True)).curves
@@ -354,7 +354,7 @@ def truss():
     )
 
 
-def test_what_cannot_be_traced_is_stated_in_one_sentence():
+def test_invalid_traces_are_rejected():
     with pytest.raises(MobilityError, match=r"truss has no degree of freedom.*add one"):
         trace(truss())
     with pytest.raises(AssemblyError, match=r"four_bar: the loops close at no crank angle"):
@@ -367,7 +367,7 @@ def test_what_cannot_be_traced_is_stated_in_one_sentence():
         trace(None)
 
 
-def test_a_video_of_a_curve_goes_round_at_an_even_pace_and_through_both_assemblies():
+def test_the_motion_along_a_curve_has_uniform_speed():
     drive = FORMS["rssr swinging"]
     curve = traced("rssr swinging").curves[0]
     motion = even_motion(curve, 96, 3.0)
@@ -396,7 +396,7 @@ def test_a_video_of_a_curve_goes_round_at_an_even_pace_and_through_both_assembli
     assert abs(crank_path_length(curve) - 2.0 * swing) <= 1e-9
 
 
-def test_rates_of_a_video_are_those_of_the_closed_form_at_the_same_crank_speed():
+def test_rates_along_a_curve_agree_with_the_closed_form():
     drive = Rssr()
     motion = even_motion(trace(drive, starts=0).curves[0], 24, 2.0)
     exact = drive.solve(motion.angle, motion.speed, motion.acceleration)

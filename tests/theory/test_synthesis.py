@@ -24,7 +24,7 @@ def distance_to_line(points, through, tilt):
     return (points[:, 0] - through[0]) * np.cos(tilt) - (points[:, 1] - through[1]) * np.sin(tilt)
 
 
-def test_the_line_of_the_paper_gives_its_linkage_to_every_printed_digit(paper):
+def test_the_line_of_the_paper_gives_its_published_linkage(paper):
     assert f"{1e3 * paper.frame:.3f}" == "35.400"
     assert f"{np.rad2deg(paper.frame_angle):.3f}" == "45.000"
     assert f"{1e3 * paper.rocker:.3f}" == "32.000"
@@ -34,7 +34,7 @@ def test_the_line_of_the_paper_gives_its_linkage_to_every_printed_digit(paper):
     )
 
 
-def test_deviation_is_what_the_linkage_itself_leaves_of_the_line(paper):
+def test_the_reported_deviation_agrees_with_the_linkage(paper):
     # an independent run of the whole linkage, past both ends of the line
     low, high = sorted(paper.angles[[0, -1]])
     c = paper.design.planar_point(np.linspace(low, high, 4001))[:, :2]
@@ -45,7 +45,7 @@ def test_deviation_is_what_the_linkage_itself_leaves_of_the_line(paper):
     assert 0.5 < paper.radial_error / paper.deviation < 1.5
 
 
-def test_no_neighbouring_circle_is_better():
+def test_perturbed_circles_have_a_larger_error():
     _, b = dyad(line(THROUGH, TILT, LENGTH), Looper(), 1)
     best = best_circle(b)
     rng = np.random.default_rng(4)
@@ -56,7 +56,7 @@ def test_no_neighbouring_circle_is_better():
         assert level >= best.level * (1.0 - 1e-9)
 
 
-def test_the_optimum_agrees_with_its_four_points_solved_in_forty_digits():
+def test_the_best_circle_agrees_with_forty_digits():
     _, b = dyad(line(THROUGH, TILT, LENGTH), Looper(), 1)
     best = best_circle(b)
     assert len(best.alternation) == 4
@@ -79,7 +79,7 @@ def test_the_optimum_agrees_with_its_four_points_solved_in_forty_digits():
 
 
 @pytest.mark.parametrize("in_space", [False, True])
-def test_equal_ripple_levels_the_distance_from_the_line(in_space):
+def test_equal_ripple_reduces_the_deviation(in_space):
     result = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), equal_ripple=True, in_space=in_space)
     held = result.error[list(result.alternation)]
     assert len(held) == 4
@@ -90,7 +90,7 @@ def test_equal_ripple_levels_the_distance_from_the_line(in_space):
 
 
 @pytest.mark.parametrize("in_space", [False, True])
-def test_the_curve_of_a_linkage_gives_that_linkage_back(in_space):
+def test_synthesis_recovers_the_linkage_of_a_curve(in_space):
     made = replace(Looper(), rocker=0.0297, frame=0.0341, frame_angle=0.71)
     angles = np.linspace(2.3, 3.1, 41)
     c = made.positions(angles)["C"] if in_space else made.planar_point(angles)
@@ -102,7 +102,7 @@ def test_the_curve_of_a_linkage_gives_that_linkage_back(in_space):
     assert np.abs(result.angles - angles).max() < 1e-9
 
 
-def test_in_space_the_spatial_c_keeps_to_the_line_and_the_planar_one_does_not():
+def test_spatial_synthesis_follows_the_line_in_space():
     result = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), in_space=True)
     angles = np.linspace(*sorted(result.angles[[0, -1]]), 501)
     space, plane = result.design.positions(angles)["C"], result.design.planar_point(angles)
@@ -144,7 +144,7 @@ def measured(frame, frame_angle, rocker, length):
 
 @pytest.mark.parametrize("equal_ripple", [False, True])
 @pytest.mark.parametrize("length", [1e-3, 4e-3, 11e-3])
-def test_deviation_agrees_with_a_measure_of_its_own_over_the_whole_line(length, equal_ripple):
+def test_deviation_agrees_with_an_independent_measurement(length, equal_ripple):
     result = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
     own = measured(result.frame, result.frame_angle, result.rocker, length)
     # 801 points hide 2e-5 of a ripple, 20001 of a turn 1e-5
@@ -154,7 +154,7 @@ def test_deviation_agrees_with_a_measure_of_its_own_over_the_whole_line(length, 
 
 
 @pytest.mark.parametrize("length", [4e-3, 11e-3])
-def test_no_linkage_nearby_is_straighter(length):
+def test_perturbed_linkages_have_a_larger_deviation(length):
     result = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=True)
     plain = synthesize_looper(THROUGH, TILT, length, Looper())
     best = np.array([result.frame, result.frame_angle, result.rocker])
@@ -172,14 +172,14 @@ def test_no_linkage_nearby_is_straighter(length):
     assert min(measured(*(item + toward), length) for item in cloud) < other * 0.999
 
 
-def test_eleven_millimetres_are_followed_better_than_an_audit_s_search_did():
+def test_a_long_line_is_followed_better_than_by_a_direct_search():
     result = synthesize_looper(THROUGH, TILT, 11e-3, Looper(), equal_ripple=True)
     audit = measured(28.684e-3, 1.03720, 21.667e-3, 11e-3)
     assert result.deviation < audit < 105e-6
 
 
 @pytest.mark.parametrize("length", [1e-12, 1e-6])
-def test_a_line_too_short_to_decide_a_linkage_is_rejected(length):
+def test_a_line_too_short_for_synthesis_is_rejected(length):
     with pytest.raises(InputError, match=r"rounding decides the linkage; give at least 3\.3e-06 m"):
         synthesize_looper(THROUGH, TILT, length, Looper())
 
@@ -191,7 +191,7 @@ def test_a_line_too_long_for_the_dyad_is_rejected(length, equal_ripple):
         synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
 
 
-def test_a_linkage_that_turns_back_before_the_end_of_a_line_is_not_measured():
+def test_a_linkage_that_reverses_on_the_line_is_rejected():
     path = Looper()
     angles = np.linspace(2.3, 3.1, 41)
     # C's stroke is 13.6 mm
@@ -201,7 +201,7 @@ def test_a_linkage_that_turns_back_before_the_end_of_a_line_is_not_measured():
     assert np.abs(passage(path, c, angles + 1e-3).error).max() < 1e-15
 
 
-def test_a_rocker_a_thousandth_long_misses_the_line(paper):
+def test_a_rocker_too_long_by_a_thousandth_deviates(paper):
     wrong = replace(paper.design, rocker=1.001 * paper.rocker)
     c = wrong.planar_point(paper.angles)[:, :2]
     assert np.abs(distance_to_line(c, THROUGH, TILT)).max() > 5.0 * paper.deviation
@@ -214,7 +214,7 @@ def test_loop_equations_agree_on_the_synthesised_linkage(paper):
         assert np.abs(place - theirs.points[name].position).max() <= 1e-14
 
 
-def test_a_circle_is_found_again_from_its_own_points():
+def test_the_best_circle_through_points_of_a_circle_is_that_circle():
     turn = np.linspace(0.2, 0.9, 30)
     points = np.array([0.3, -0.2]) + 0.07 * np.column_stack([np.cos(turn), np.sin(turn)])
     best = best_circle(points)
@@ -233,18 +233,18 @@ def test_a_circle_is_found_again_from_its_own_points():
         ((0.013, 0.03), 0.0, np.inf, "no line"),
     ],
 )
-def test_a_line_that_cannot_be_followed_is_rejected(through, tilt, length, says):
+def test_an_invalid_line_is_rejected(through, tilt, length, says):
     with pytest.raises(InputError, match=says):
         synthesize_looper(through, tilt, length, Looper())
 
 
 @pytest.mark.parametrize("curve", [np.zeros((3, 2)), np.zeros((9, 3)), np.full((9, 2), np.nan)])
-def test_what_is_no_curve_is_rejected(curve):
+def test_an_invalid_curve_is_rejected(curve):
     with pytest.raises(InputError, match="give five points"):
         follow_curve(curve, Looper())
 
 
-def test_a_wave_that_no_rocker_can_make_deviates_by_what_it_states():
+def test_the_deviation_from_an_unreachable_curve_is_reported():
     y = np.linspace(-1.0, 1.0, 41)
     result = follow_curve(np.column_stack([0.0126 + 1e-4 * np.sin(6.0 * y), 0.030 + 0.002 * y]), Looper())
     # the best circle takes out a line and a bow, and leaves most of a wave
@@ -252,7 +252,7 @@ def test_a_wave_that_no_rocker_can_make_deviates_by_what_it_states():
     assert result.deviation == np.abs(result.error).max()
 
 
-def test_the_command_gives_the_papers_linkage_and_the_straightest(paper, capsys):
+def test_the_command_reports_both_optimal_linkages(paper, capsys):
     from mechsim.cli import synthesize
 
     line = {"through": "12.8751,29.9574mm", "tilt": "1.3905deg", "length": "4mm"}

@@ -24,7 +24,7 @@ def fastest(velocities) -> float:
 
 @pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
 @pytest.mark.parametrize("speed", [3.0, -40.0])
-def test_plans_added_up_are_the_velocities_of_the_loop_equations(drive, speed):
+def test_velocity_plans_agree_with_the_loop_equations(drive, speed):
     angles = np.linspace(0.0, TURN, 73)
     exact = drive.solve(angles, speed, links=False)
     for i, f in enumerate(angles):
@@ -33,7 +33,7 @@ def test_plans_added_up_are_the_velocities_of_the_loop_equations(drive, speed):
         assert fastest(gaps) <= AGREEMENT * fastest(plan.velocities)
 
 
-def test_each_plan_is_the_motion_with_its_crank_stopped():
+def test_each_plan_agrees_with_one_crank_stopped():
     drive, f = WarpKnitter(), 1.1
     f2 = drive.gear_ratio * f + drive.phase
     plan = velocity_plan(drive, f, 3.0, 7.0)
@@ -45,7 +45,7 @@ def test_each_plan_is_the_motion_with_its_crank_stopped():
 
 
 @pytest.mark.parametrize("first", [1e-3, 250.0, -2.0])
-def test_the_length_of_the_first_vector_is_arbitrary(first):
+def test_the_length_of_the_first_vector_does_not_matter(first):
     item = velocity_plan(WarpKnitter(), 0.3, 3.0)
     other = velocity_plan(WarpKnitter(), 0.3, 3.0, first=first)
     gaps = {name: item.velocities[name] - v for name, v in other.velocities.items()}
@@ -54,7 +54,7 @@ def test_the_length_of_the_first_vector_is_arbitrary(first):
     assert np.linalg.norm(other.crank1_stopped.vectors["b"]) == pytest.approx(abs(first))
 
 
-def test_the_plan_holds_the_right_angles_of_the_paper():
+def test_vectors_of_the_plan_are_perpendicular_to_their_links():
     drive = WarpKnitter()
     for f in np.linspace(0.0, 6.0, 13):
         at = {name: place[0, :2] for name, place in drive.positions([f]).items()}
@@ -73,7 +73,7 @@ def test_the_plan_holds_the_right_angles_of_the_paper():
         assert abs(pin2 @ (at["D"] - at["O2"])) <= 1e-12 * np.linalg.norm(pin2) * drive.crank2
 
 
-def test_the_figure_of_the_base_link_in_the_plan_is_similar_to_the_link():
+def test_the_velocity_image_is_similar_to_the_base_link():
     drive = WarpKnitter()
     points = drive.positions([0.9])
     plan = velocity_plan(drive, 0.9, 3.0)
@@ -86,7 +86,7 @@ def test_the_figure_of_the_base_link_in_the_plan_is_similar_to_the_link():
         assert np.ptp(sides) <= 1e-12 * max(sides)
 
 
-def test_scale_times_the_length_of_the_crank_vector_is_the_speed_of_the_pin():
+def test_the_scale_gives_the_speed_of_the_crank_pin():
     drive = WarpKnitter()
     plan = velocity_plan(drive, 2.0, 3.0)
     item, two = plan.crank2_stopped, plan.crank1_stopped
@@ -96,7 +96,7 @@ def test_scale_times_the_length_of_the_crank_vector_is_the_speed_of_the_pin():
     assert {end for line in item.lines for end in line} <= set(item.vectors)
 
 
-def test_the_velocity_of_k_adds_up_along_one_line():
+def test_both_velocities_of_k_have_the_same_direction():
     drive = WarpKnitter()
     plan = velocity_plan(drive, 0.6, 3.0)
     arm = drive.positions([0.6])["K"][0, :2] - drive.pivot_rocker
@@ -106,7 +106,7 @@ def test_the_velocity_of_k_adds_up_along_one_line():
     assert abs(sum(parts)) == pytest.approx(np.linalg.norm(plan.velocities["K"]), rel=1e-13)
 
 
-def test_standing_cranks_give_plans_of_scale_zero():
+def test_cranks_at_rest_give_plans_of_scale_zero():
     plan = velocity_plan(WarpKnitter(), 0.6, 0.0)
     assert plan.crank2_stopped.scale == plan.crank1_stopped.scale == 0.0
     assert fastest(plan.velocities) == 0.0
@@ -117,14 +117,14 @@ def test_standing_cranks_give_plans_of_scale_zero():
     [WarpKnitter(gear_ratio=-2.02), WarpKnitter(assembly=1), WarpKnitter(rod5=0.049 * 1.001)],
     ids=["a tooth in a hundred", "another assembly", "a rod 0.1 % long"],
 )
-def test_the_agreement_is_rejected_for_a_wrong_mechanism(wrong):
+def test_a_wrong_mechanism_disagrees(wrong):
     exact = WarpKnitter().solve([0.9], 3.0)
     plan = velocity_plan(wrong, 0.9, 3.0)
     gaps = {name: plan.velocities[name] - p.velocity[0] for name, p in exact.points.items()}
     assert fastest(gaps) > 1e6 * AGREEMENT * fastest(plan.velocities)
 
 
-def test_a_plan_whose_lines_do_not_cross_is_rejected():
+def test_a_plan_with_parallel_lines_is_rejected():
     # K on the line from E to C at crank angle 0: V_K and V_KC then have one direction
     drive = WarpKnitter()
     points = {name: place[0, :2] for name, place in drive.positions([0.0]).items()}

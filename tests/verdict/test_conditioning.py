@@ -41,7 +41,7 @@ def test_a_correct_mechanism_with_a_small_transmission_angle_passes():
     assert any("at a loop conditioning of" in check.reason for check in case.verdict.checks)
 
 
-def test_a_correct_mechanism_that_fails_with_the_first_steps_gets_smaller_steps(monkeypatch):
+def test_validation_reduces_steps_until_the_run_converges(monkeypatch):
     # a random knitter near a dead centre does so by a thousand steps a turn, the plain one by four
     monkeypatch.setattr(validate, "STEPS", 4)
     drive = catalog.make("warp_knitter")
@@ -53,7 +53,7 @@ def test_a_correct_mechanism_that_fails_with_the_first_steps_gets_smaller_steps(
 
 @pytest.mark.parametrize("name", grid(SWINGING))
 @pytest.mark.parametrize("part", [0.99, 0.9999])
-def test_poses_near_a_dead_centre_pass_run_and_verdict(name, part):
+def test_configurations_near_a_dead_centre_pass(name, part):
     drive, profile = near_a_dead_centre(name, part)
     run = simulate(drive.mechanism, profile=profile, method="pose", samples=72)
     verdict = crosscheck(run, drive)
@@ -62,7 +62,7 @@ def test_poses_near_a_dead_centre_pass_run_and_verdict(name, part):
 
 @pytest.mark.parametrize("name", grid(SWINGING))
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_link_too_long_by_a_thousandth_fails_near_a_dead_centre_too(name, method):
+def test_a_link_too_long_by_a_thousandth_fails_near_a_dead_centre(name, method):
     drive, profile = near_a_dead_centre(name, 0.98)
     longer = next(item for item in ("coupler", "rod", "link", "rod3") if hasattr(drive, item))
     wrong = replace(drive, **{longer: 1.001 * getattr(drive, longer)})

@@ -79,7 +79,7 @@ def test_the_loop_equations_can_be_the_analytic_motion(name: str) -> None:
     assert crosscheck(motion, replace(exact, spinning=free)).passed
 
 
-def test_a_motion_at_other_angles_is_solved_at_the_simulated_angles() -> None:
+def test_the_analytic_motion_is_solved_at_the_simulated_angles() -> None:
     drive = DRIVES["rssr"]
     exact = drive.solve(np.linspace(0.0, 1.0, 5), SPEED)
     verdict = crosscheck(motion_of(drive.mechanism, samples=50), exact)
@@ -88,7 +88,7 @@ def test_a_motion_at_other_angles_is_solved_at_the_simulated_angles() -> None:
     assert any(check.title == "drive: crank speed" for check in verdict.checks)
 
 
-def test_the_function_is_available_under_the_name_of_its_module() -> None:
+def test_crosscheck_is_callable_from_the_package() -> None:
     drive = DRIVES["four_bar"]
     for _ in range(2):
         assert ms.crosscheck(turned("four_bar", "pose"), drive).passed
@@ -127,7 +127,7 @@ def test_two_swapped_links_fail(name: str) -> None:
 
 @pytest.mark.parametrize("name", DRIVES)
 @pytest.mark.parametrize("route", ROUTES)
-def test_the_other_assembly_is_named_as_such(name: str, route: str) -> None:
+def test_the_other_assembly_mode_is_reported(name: str, route: str) -> None:
     drive = DRIVES[name]
     wrong = replace(drive, branch=-drive.branch)
     refused(crosscheck(motion_of(wrong.mechanism, route), drive), "changed assembly")
@@ -142,7 +142,7 @@ def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(turned: str, route: s
 
 
 @pytest.mark.parametrize("name", DRIVES)
-def test_a_crank_in_the_wrong_direction_fails_the_drive_check(name: str) -> None:
+def test_a_crank_of_opposite_speed_fails_the_drive_check(name: str) -> None:
     drive = DRIVES[name]
     verdict = crosscheck(motion_of(drive.mechanism, speed=-SPEED), drive, speed=SPEED)
     refused(verdict)
@@ -182,7 +182,7 @@ def test_two_swapped_points_fail(name: str, points: tuple[str, str]) -> None:
 
 
 @pytest.mark.parametrize("kind", ["position", "velocity", "acceleration"])
-def test_a_nan_means_a_diverged_run(kind: str) -> None:
+def test_a_nan_is_reported_as_a_diverged_run(kind: str) -> None:
     drive = DRIVES["rssr"]
     motion = turned("rssr")
     values = getattr(motion.points["P3"], kind).copy()
@@ -191,7 +191,7 @@ def test_a_nan_means_a_diverged_run(kind: str) -> None:
     refused(crosscheck(bad, drive), "diverged")
 
 
-def test_a_nan_in_a_joint_or_a_loop_is_detected() -> None:
+def test_a_nan_in_joints_or_residuals_is_detected() -> None:
     drive = DRIVES["four_bar"]
     motion = turned("four_bar")
     values = motion.joints["rocker"].value.copy()
@@ -213,7 +213,7 @@ def test_a_run_that_diverges_late_fails() -> None:
     refused(crosscheck(run.motion, drive, tolerance=1e9), "diverged")
 
 
-def test_a_run_with_soft_loops_fails_and_states_by_how_much() -> None:
+def test_a_run_with_soft_loops_fails_with_its_error() -> None:
     drive = DRIVES["rssr"]
     motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=30))
     verdict = crosscheck(motion, drive, tolerance=1e-9)
@@ -236,12 +236,12 @@ def test_a_crank_too_fast_by_a_thousandth_fails_only_the_drive_check() -> None:
     assert all(check.title.startswith("drive") for check in verdict.checks if not check.passed)
 
 
-def test_a_closed_form_that_does_not_close_at_the_simulated_angles_is_reported() -> None:
+def test_a_closed_form_out_of_reach_is_reported() -> None:
     swinging = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     refused(crosscheck(turned("four_bar"), swinging), "cannot assemble")
 
 
-def test_given_tolerances_replace_the_default_ones() -> None:
+def test_explicit_tolerances_replace_the_defaults() -> None:
     drive = DRIVES["four_bar"]
     motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=100))
     strict = {"acceleration": Tolerance(1e-12, "m/s2", "as asked")}
@@ -279,27 +279,27 @@ def function(shape: str):
         ("nan", "has no finite position of point 'A' at crank angle"),
     ],
 )
-def test_an_invalid_function_is_rejected_in_one_sentence(shape: str, sentence: str) -> None:
+def test_an_invalid_function_is_rejected(shape: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as reported:
         crosscheck(turned("four_bar"), function(shape))
     assert "\n" not in str(reported.value)
 
 
-def test_a_missing_point_of_the_simulation_is_named() -> None:
+def test_a_missing_point_is_rejected_by_name() -> None:
     drive = DRIVES["rssr"]
     motion = turned("rssr")
     with pytest.raises(InputError, match=r"has no point P3 \(it has P2\)"):
         crosscheck(replace(motion, points={"P2": motion.points["P2"]}), drive)
 
 
-def test_a_motion_without_a_solver_must_have_the_same_angles() -> None:
+def test_a_motion_without_solver_at_other_angles_is_rejected() -> None:
     drive = DRIVES["rssr"]
     exact = replace(drive.solve(np.linspace(0.0, 1.0, 73), SPEED), origin=None)
     with pytest.raises(InputError, match="has other crank angles"):
         crosscheck(turned("rssr"), exact)
 
 
-def test_a_verdict_prints_a_line_for_each_quantity_and_reads_as_plain_data() -> None:
+def test_a_verdict_prints_one_line_per_quantity() -> None:
     drive = DRIVES["four_bar"]
     verdict = crosscheck(turned("four_bar"), drive)
     lines = str(verdict).splitlines()

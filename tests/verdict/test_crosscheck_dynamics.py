@@ -57,7 +57,7 @@ def test_torque_reactions_and_energies_agree_under_every_kind_of_force(name, met
 
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
-def test_a_crank_that_swings_needs_the_torque_of_its_acceleration_too(name):
+def test_torques_of_a_swinging_crank_agree(name):
     machine = of(name, Forces(gravity=GRAVITY, flywheel=2e-3))
     profile = swing(machine.mechanism.start + 0.3, 0.5, 30.0)
     run = driven(machine.mechanism, machine.forces, profile=profile, samples=36)
@@ -112,7 +112,7 @@ def frictionless(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("name", ["four_bar", "rssr"])
-def test_each_wrong_model_fails(name, method):
+def test_every_wrong_model_fails(name, method):
     machine = of(name, everything(name))
     run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
     for wrong in (heavier, turned, upside_down, load_next_door, frictionless):
@@ -132,7 +132,7 @@ def test_a_torque_of_the_wrong_sign_and_a_nan_fail(method):
 
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr"), ("four_bar",)))
-def test_a_free_run_without_friction_follows_the_reduced_equation_over_four_turns(name):
+def test_frictionless_free_runs_agree_with_the_reduced_equation(name):
     machine = of(name, Forces(gravity=GRAVITY))
     run = dynamics.free_run(machine, speed=60.0, turns=4.0, samples=81)
     assert run.outcome == "done"
@@ -148,7 +148,7 @@ def test_a_free_run_without_friction_follows_the_reduced_equation_over_four_turn
         pytest.param(ConstantTorque(0.5), id="constant"),
     ],
 )
-def test_a_motor_starts_the_mechanism_as_in_the_reduced_equation(motor):
+def test_motor_driven_free_runs_agree_with_the_reduced_equation(motor):
     machine = of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
     run = dynamics.free_run(machine, turns=1.0, samples=61)
     assert run.outcome == "done"
@@ -156,7 +156,7 @@ def test_a_motor_starts_the_mechanism_as_in_the_reduced_equation(motor):
     assert verdict.passed, verdict
 
 
-def test_each_wrong_model_fails_in_its_free_run():
+def test_every_wrong_model_fails_in_a_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
     machine = of("four_bar", forces)
     run = dynamics.free_run(machine, turns=0.5, samples=31)
@@ -164,7 +164,7 @@ def test_each_wrong_model_fails_in_its_free_run():
         assert crosscheck_free(run, wrong(machine)).outcome == "failed", wrong
 
 
-def test_a_load_over_the_crank_angle_acts_at_every_stage_of_every_step():
+def test_free_runs_under_an_angle_dependent_load_agree():
     forces = Forces(
         motor=TorqueSpeedLine(5.0, 100.0), crank_torque=load_profile.harmonics([-0.2, 0.1]), flywheel=0.01
     )
@@ -175,7 +175,7 @@ def test_a_load_over_the_crank_angle_acts_at_every_stage_of_every_step():
     assert mujoco.get_mjcb_control() is None
 
 
-def test_a_motor_weaker_than_friction_or_weight_cannot_start():
+def test_a_motor_that_is_too_weak_cannot_start():
     locked = Forces(motor=ConstantTorque(0.01), friction=(Friction("crank", 0.0, 0.02),))
     assert dynamics.free_run(of("four_bar", locked), turns=1.0).outcome == "cannot start"
     weak = Forces(gravity=(0.0, -9.81, 0.0), motor=ConstantTorque(1e-3))
@@ -192,7 +192,7 @@ def test_forces_of_a_slow_crank_under_gravity_are_correct():
     assert run.forces.residual.max() < 1e-12
 
 
-def test_a_free_run_without_an_end_is_invalid_input():
+def test_a_free_run_without_an_end_is_rejected():
     with pytest.raises(InputError, match="needs turns of the crank, or a duration"):
         dynamics.free_run(of("four_bar", Forces()))
     with pytest.raises(InputError, match="or a duration above 0"):
@@ -200,7 +200,7 @@ def test_a_free_run_without_an_end_is_invalid_input():
 
 
 @pytest.mark.parametrize("name", grid(catalog.DRIVES))
-def test_a_model_with_all_forces_reads_back_from_its_text_bit_by_bit(name):
+def test_a_model_with_all_forces_is_read_back_exactly(name):
     forces = replace(everything(name), motor=DCMotor(12.0, 1.3, 0.0123))
     spec = assembled(catalog.make(name).mechanism, Scene(level="dynamics", forces=forces))
     model = spec.compile()
@@ -211,14 +211,14 @@ def test_a_model_with_all_forces_reads_back_from_its_text_bit_by_bit(name):
             np.testing.assert_array_equal(getattr(back, field), made, err_msg=field)
 
 
-def test_the_exported_crank_has_the_flywheel_and_no_drive_inertia():
+def test_the_exported_crank_has_only_the_flywheel_inertia():
     mechanism = catalog.make("rssr").mechanism
     spec = assembled(mechanism, Scene(level="dynamics", forces=Forces(flywheel=0.02)))
     model = spec.compile()
     assert model.dof_armature[model.joint("crank").dofadr[0]] == 0.02
 
 
-def test_a_spatial_loop_is_cut_at_a_joint_without_coulomb_friction_or_gets_an_actuator():
+def test_cut_joints_have_no_coulomb_friction():
     mechanism = catalog.make("bennett").mechanism
     names = [joint.name for joint in mechanism.joints]
     for dry in names[1:]:

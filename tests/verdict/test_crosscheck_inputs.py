@@ -60,7 +60,7 @@ def test_a_crank_that_rotates_backwards_fails():
     assert not crosscheck(run.motion, drive, speed=SPEED).passed
 
 
-def test_the_looper_with_its_cylinder_along_z_as_in_paper_004_eq_6_fails():
+def test_a_looper_with_a_wrong_cylinder_axis_fails():
     drive = catalog.make("looper")
     turned = _with_slide_along(drive.mechanism, EZ)
     try:
@@ -100,7 +100,7 @@ def test_a_wrong_closed_form_fails():
 
 
 @pytest.mark.parametrize("name", SWINGING)
-def test_cranks_that_only_swing_are_validated_inside_their_range(name):
+def test_swinging_cranks_are_validated_within_their_range(name):
     swinging = catalog.make(name, **special_designs(name).swinging)
     arcs = swinging.crank_range()
     assert not arcs.full
@@ -109,7 +109,7 @@ def test_cranks_that_only_swing_are_validated_inside_their_range(name):
     assert case.passed, case.verdict.reason
 
 
-def test_variants_of_a_mechanism_are_validated_with_it():
+def test_variants_of_a_mechanism_are_validated():
     case = case_of(catalog.make("rssr"))
     assert any(check.title == "guided, step: orientation of coupler" for check in case.verdict.checks)
     assert case.passed

@@ -104,7 +104,7 @@ def test_a_reaction_on_the_wrong_link_is_detected():
     assert [check.title for check in verdict.checks if not check.passed] == ["force in S"]
 
 
-def test_every_catalogue_mechanism_satisfies_its_reduced_equation_at_each_pose():
+def test_catalogue_mechanisms_satisfy_the_reduced_equation():
     for name in catalog.DRIVES:
         drive = catalog.make(name)
         if drive.crank_range().full:
@@ -114,7 +114,7 @@ def test_every_catalogue_mechanism_satisfies_its_reduced_equation_at_each_pose()
             assert verdict.passed, verdict
 
 
-def test_a_free_run_passes_and_one_with_another_motor_fails():
+def test_a_free_run_with_another_motor_fails():
     drive = catalog.make("four_bar")
     motor = motors.DCMotor(6.0, 2.0, 0.05)
     machine = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
@@ -130,7 +130,7 @@ def three_armed(place):
     return dynamics.dynamic_model(three_cranks(place), Forces(gravity=(0.4, -9.81, 0.0)))
 
 
-def test_the_determined_force_in_a_redundant_crank_is_checked():
+def test_determined_reactions_of_a_redundant_crank_are_checked():
     machine = three_armed((0.047, 0.02))
     # where all cranks lie along x the third takes no part in the self-stress
     angle = 0.2 + np.linspace(0.0, 2.0 * np.pi, 25)
@@ -172,7 +172,7 @@ def test_forces_near_a_change_point_are_continuous():
         np.testing.assert_allclose(whole.reactions[name].force[[1, 2, 4]], item.force, rtol=1e-9, atol=1e-9)
 
 
-def test_records_do_not_decide_where_they_are_checked():
+def test_records_under_test_do_not_exclude_instants():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).forces
@@ -183,7 +183,7 @@ def test_records_do_not_decide_where_they_are_checked():
         assert (error > 0.0).tolist() == [False, True, True, False, True]
 
 
-def test_no_step_starts_at_a_change_point():
+def test_a_stepped_run_from_a_change_point_is_rejected():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
     with pytest.raises(AssemblyError, match=r"starts at crank angle 0 rad, where two assemblies meet"):
         driven(flat.mechanism, profile=constant(50.0, 1.0, 0.0), method="step", samples=24)
@@ -222,7 +222,7 @@ def test_cylindrical_and_fixed_cut_joints_have_the_newton_euler_reactions(mechan
     assert not crosscheck_driven(run, wrong).passed
 
 
-def test_links_too_light_for_mujoco_are_rejected_with_a_working_remedy():
+def test_links_too_light_for_mujoco_are_rejected():
     lengths = {"ground": 1e-2, "crank": 3e-3, "coupler": 9e-3, "rocker": 7e-3, "arm": 4e-3}
     large, small = (
         dynamics.dynamic_model(catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}))
@@ -236,7 +236,7 @@ def test_links_too_light_for_mujoco_are_rejected_with_a_working_remedy():
 
 
 @pytest.mark.parametrize("name", ["rack_steering", "elliptic_trammel", "oldham_coupling"])
-def test_a_stepped_torque_is_within_its_tolerance_near_dead_centres_and_if_it_is_small(name):
+def test_stepped_torques_near_dead_centres_pass(name):
     form = load(name)
     machine = weighing(form)
     profile = within_range(form.mechanism, form.crank_range(), SPEED)
@@ -278,7 +278,7 @@ def test_poor_conditioning_is_reported_with_stepped_forces():
     assert output[0.03] == ""
 
 
-def test_the_energy_of_a_start_with_a_stiff_motor_balances_and_another_motor_fails():
+def test_a_start_with_a_stiff_motor_conserves_energy():
     motor = motors.TorqueSpeedLine(100.0, 60.0)
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
     result = dynamics.free_run(machine, turns=0.2, samples=21)

@@ -40,7 +40,7 @@ def without(machine, **parts):
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("kind", ALL)
-def test_torque_and_reactions_agree_under_friction_in_joints_of_every_kind(kind, method):
+def test_torques_and_reactions_agree_under_friction(kind, method):
     machine = of(kind)
     run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, method=method, samples=12)
     verdict = crosscheck_driven(run, machine)
@@ -49,7 +49,7 @@ def test_torque_and_reactions_agree_under_friction_in_joints_of_every_kind(kind,
 
 
 @pytest.mark.parametrize("opposed", [(), ("A",), ("B",), ("crank", "A")])
-def test_friction_in_a_cut_joint_opposes_its_motion_for_either_direction_of_its_axes(opposed):
+def test_friction_in_a_cut_joint_opposes_its_motion(opposed):
     mechanism = catalog.make("four_bar").mechanism
     down = {"axis": (0.0, 0.0, -1.0)}
     turned = tuple(
@@ -64,13 +64,13 @@ def test_friction_in_a_cut_joint_opposes_its_motion_for_either_direction_of_its_
 
 
 @pytest.mark.parametrize("part", ["viscous", "coulomb", "viscous_turn", "coulomb_turn"])
-def test_each_missing_component_of_friction_in_a_cylindrical_joint_is_detected(part):
+def test_missing_friction_in_a_cylindrical_joint_is_detected(part):
     machine = of("cylindrical")
     run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, samples=12)
     assert crosscheck_driven(run, without(machine, **{part: 0.0})).outcome == "failed"
 
 
-def test_friction_power_follows_from_joint_rates_and_both_torques_agree():
+def test_friction_power_follows_from_joint_rates():
     machine = of("cylindrical")
     study = dynamics.prescribed(machine, np.linspace(0.7, 1.4, 9), 30.0)
     result = study.forces
@@ -112,7 +112,7 @@ def test_a_crank_locked_by_ball_friction_cannot_start():
     assert dynamics.free_run(machine, turns=1.0).outcome == "cannot start"
 
 
-def test_a_couple_agrees_by_both_methods_and_fails_on_another_link():
+def test_a_couple_on_another_link_fails():
     moment = load_profile.function(
         lambda at: np.stack([np.cos(at), 0.3 + 0.0 * at, np.sin(2.0 * at)], 1), width=3
     )
@@ -127,7 +127,7 @@ def test_a_couple_agrees_by_both_methods_and_fails_on_another_link():
 
 
 @pytest.mark.parametrize("motor", [TorqueSpeedLine(0.02, 900.0), DCMotor(12.0, 4.0, 0.012)])
-def test_a_geared_motor_satisfies_the_reduced_equation_and_a_wrong_ratio_fails(motor):
+def test_a_geared_motor_with_a_wrong_ratio_fails(motor):
     machine = dynamics.dynamic_model(
         catalog.make("four_bar"), Forces(gravity=GRAVITY, motor=Geared(motor, 9.0))
     )
@@ -158,6 +158,6 @@ def test_a_geared_motor_satisfies_the_reduced_equation_and_a_wrong_ratio_fails(m
         ),
     ],
 )
-def test_meaningless_friction_couples_and_ratios_are_rejected(make, output):
+def test_invalid_friction_couples_and_ratios_are_rejected(make, output):
     with pytest.raises(InputError, match=output):
         make()

@@ -31,7 +31,7 @@ def late(form, by):
     return claim
 
 
-def test_a_verdict_under_motion_laws_names_times(swung):
+def test_verdicts_on_motion_laws_report_times(swung):
     run = ms.simulate(swung, samples=200)
     verdict = ms.crosscheck(run, late(ms.catalog.make("four_bar"), 0.3))
     check = next(item for item in verdict.checks if item.kind == "position")
@@ -44,7 +44,7 @@ def test_a_verdict_under_motion_laws_names_times(swung):
     assert "at [s]" in verdict_html(verdict)
 
 
-def test_a_verdict_on_a_crank_names_crank_angles():
+def test_verdicts_on_a_crank_report_crank_angles():
     drive = ms.catalog.make("four_bar")
     verdict = ms.crosscheck(ms.simulate(drive, speed=3.0, samples=72), late(drive, np.pi / 3))
     check = next(item for item in verdict.checks if item.kind == "position")
@@ -52,14 +52,14 @@ def test_a_verdict_on_a_crank_names_crank_angles():
     assert "at [rad]" in verdict_html(verdict)
 
 
-def test_forces_under_motion_laws_are_checked_at_times(swung):
+def test_force_checks_on_motion_laws_report_times(swung):
     run = driven(swung, samples=20)
     verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(swung))
     assert {item.at_unit for item in verdict.checks} == {"s"}
     assert max(item.instant for item in verdict.checks) <= 2.0
 
 
-def test_agreement_with_a_formula_under_motion_laws_names_times(swung):
+def test_formula_checks_on_motion_laws_report_times(swung):
     result = ms.validate(swung, late(ms.catalog.make("four_bar"), 0.3))
     (check,) = result.checks
     assert check.at_unit == "s"
@@ -68,7 +68,7 @@ def test_agreement_with_a_formula_under_motion_laws_names_times(swung):
     assert result.attribution["at"] % 1.0 == pytest.approx(0.25, abs=0.01)
 
 
-def test_a_table_of_driver_positions_without_times_names_rows(tmp_path):
+def test_checks_of_a_table_without_times_report_rows(tmp_path):
     form = ms.load("five_bar")
     motion = form.solve(t=np.linspace(0.0, 1.0, 11))
     place = motion.points["P"].position.copy()
@@ -82,7 +82,7 @@ def test_a_table_of_driver_positions_without_times_names_rows(tmp_path):
     assert (check.instant, check.at_unit) == (7.0, "row")
 
 
-def test_a_table_of_both_kinds_of_instants_has_units_in_its_segments():
+def test_mixed_instants_are_printed_with_their_units():
     allowed = Tolerance(1.0, "m", "why")
     angle = check_of("position", "A", np.ones(1), np.array([0.5]), allowed)
     time = check_of("position", "B", np.ones(1), RecordInstants(np.array([2.0]), "s"), allowed)
@@ -91,7 +91,7 @@ def test_a_table_of_both_kinds_of_instants_has_units_in_its_segments():
     assert check_table([time])[0][2] == "at [s]"
 
 
-def test_a_sweep_under_motion_laws_states_their_duration():
+def test_a_sweep_with_motion_laws_reports_their_duration():
     table = ms.sweep("five_bar", {"arm": [0.05]}, "max:P.x")
     assert (table.attrs["duration"], table.attrs["duration_units"]) == (1, "s")
     assert "speed" not in table.attrs

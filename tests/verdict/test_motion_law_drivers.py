@@ -33,7 +33,7 @@ def lagging(by: float) -> LoopForm:
 
 
 @pytest.mark.parametrize("source", ["pose", "step"])
-def test_a_motion_that_follows_its_laws_passes_with_a_check_for_each_driver(source):
+def test_every_driver_with_a_motion_law_is_checked(source):
     verdict = crosscheck(record(FORM, source), FORM)
     assert verdict.passed, verdict
     reported = {check.subject: check.worst for check in verdict.checks if check.kind == "driver angle"}
@@ -41,13 +41,13 @@ def test_a_motion_that_follows_its_laws_passes_with_a_check_for_each_driver(sour
     assert max(reported.values()) < 1e-14
 
 
-def test_drivers_are_not_checked_without_motion_laws():
+def test_drivers_without_motion_laws_are_not_checked():
     verdict = crosscheck(record(FORM, "pose"), record(lagging(0.0), "loop equations"))
     assert verdict.passed
     assert "driver angle" not in {check.kind for check in verdict.checks}
 
 
-def test_a_driver_that_lags_fails_only_its_own_check():
+def test_a_lagging_driver_fails_only_its_own_check():
     verdict = crosscheck(record(lagging(0.05), "step"), FORM)
     assert [check.title for check in verdict.checks if not check.passed] == ["drive: left"]
     worst = next(check.worst for check in verdict.checks if check.title == "drive: left")
@@ -67,7 +67,7 @@ def test_accelerations_are_relative_to_the_fastest_driver(form):
     assert bound == pytest.approx(8192 * np.finfo(np.float64).eps * reach * quickest, rel=1e-9)
 
 
-def test_a_motion_without_a_solver_at_driver_positions_is_solved_at_its_times():
+def test_a_solver_of_times_is_compared_at_the_recorded_times():
     result = record(FORM, "step")
     by_clock = SimpleNamespace(solve=FORM.solve, motion_laws=MOVES, assembly_sign=FORM.assembly_sign)
     assert crosscheck(result, by_clock).passed

@@ -54,20 +54,20 @@ def up_from(first, height, until=N):
 
 
 @pytest.mark.parametrize("first", [0, 3, N - 2])
-def test_a_change_of_assembly_is_reported_with_its_first_instant(first):
+def test_a_change_of_assembly_mode_is_reported_with_its_first_instant(first):
     solver = TwoAssemblies(np.full(N, 0.2))
     assert elsewhere(lifted(up_from(first, 0.2)), RIGHT, solver) == pytest.approx(ANGLE[first])
     assert elsewhere(lifted(up_from(first, 0.14)), RIGHT, solver) == pytest.approx(ANGLE[first])
 
 
-def test_a_run_is_in_its_assembly_unless_another_is_twice_as_near():
+def test_another_assembly_mode_must_be_twice_as_close():
     solver = TwoAssemblies(np.full(N, 0.2))
     # a third of the way over: nearer to its own; three fifths: two to three from the other
     for height in (0.0, 0.06, 0.12, -0.2):
         assert elsewhere(lifted(up_from(0, height)), RIGHT, solver) is None
 
 
-def test_a_single_record_is_no_change_of_assembly():
+def test_a_single_sample_is_not_a_change_of_assembly_mode():
     solver = TwoAssemblies(np.full(N, 0.2))
     assert elsewhere(lifted(up_from(4, 0.2, 5)), RIGHT, solver) is None
     assert elsewhere(lifted(up_from(N - 1, 0.2)), RIGHT, solver) is None
@@ -75,18 +75,18 @@ def test_a_single_record_is_no_change_of_assembly():
 
 
 @pytest.mark.parametrize(("apart", "reported"), [(0.009, False), (0.011, True)])
-def test_assemblies_closer_than_a_fiftieth_of_the_stroke_are_not_distinguished(apart, reported):
+def test_close_assembly_modes_are_not_distinguished(apart, reported):
     result = elsewhere(lifted(up_from(0, apart)), RIGHT, TwoAssemblies(np.full(N, apart)))
     assert (result == pytest.approx(ANGLE[0])) if reported else (result is None)
 
 
-def test_assemblies_that_separate_are_distinguished_from_there_on():
+def test_separating_assembly_modes_are_distinguished():
     gaps = np.linspace(0.0, 0.2, N)
     first = int(np.flatnonzero(gaps > 0.01)[0])
     assert elsewhere(lifted(gaps), RIGHT, TwoAssemblies(gaps)) == pytest.approx(ANGLE[first])
 
 
-def test_the_farthest_point_decides():
+def test_the_point_of_largest_distance_decides():
     # P is in the other assembly, but Q is as far from both: the right one is as near
     solver = TwoAssemblies(np.full(N, 0.2))
     both = {**PATH, "P": PATH["P"] + np.array([0.0, 0.2, 0.0]), "Q": PATH["Q"] + np.array([0.0, 0.0, 0.19])}
@@ -111,7 +111,7 @@ def test_a_long_run_is_sampled_from_start_to_end():
     assert (looked[-2], looked[-1]) == (angle[-2], angle[-1])
 
 
-def test_two_consecutive_records_with_the_wrong_sign_are_a_change_of_assembly():
+def test_two_samples_of_the_wrong_sign_are_a_change_of_assembly_mode():
     heights = np.ones(N)
     heights[2] = heights[6:9] = -1.0
     assert elsewhere(lifted(heights), RIGHT, Signed()) == pytest.approx(ANGLE[6])
@@ -121,7 +121,7 @@ def test_two_consecutive_records_with_the_wrong_sign_are_a_change_of_assembly():
     assert elsewhere(lifted(np.ones(N)), RIGHT, Signed()) is None
 
 
-def test_one_record_is_not_sufficient_and_two_are():
+def test_a_change_of_assembly_mode_needs_two_samples():
     class Above:
         def assembly_points(self, angle):
             yield "other", {"P": np.array([0.0, 0.2, 0.0])}

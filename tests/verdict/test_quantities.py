@@ -46,7 +46,7 @@ def changed(mapping, name, **fields):
     return {**mapping, name: replace(mapping[name], **fields)}
 
 
-def test_points_that_move_by_rounding_alone_have_no_stroke():
+def test_motion_by_rounding_alone_does_not_define_the_stroke():
     motion = motion_of("four_bar")
     still = motion.points["A"].position[:1]
     for part, alike in ((0.0, True), (1e-16, True), (1e-9, False)):
@@ -73,13 +73,13 @@ def spoiled_motion(kind):
 
 
 @pytest.mark.parametrize("kind", [row.name for row in MOTION])
-def test_each_wrong_quantity_of_a_motion_fails_alone(kind):
+def test_every_wrong_quantity_of_a_motion_fails_only_its_check(kind):
     drive = catalog.make("slider_crank")
     assert crosscheck(motion_of("slider_crank"), drive, speed=SPEED).passed
     assert missed(crosscheck(spoiled_motion(kind), drive, speed=SPEED)) == {kind}
 
 
-def test_a_crank_that_lags_fails_its_drive_check():
+def test_a_lagging_crank_fails_its_drive_check():
     motion = motion_of("slider_crank")
     late = replace(motion, time=motion.time * (1.0 + 1e-6))
     assert missed(crosscheck(late, catalog.make("slider_crank"), speed=SPEED)) == {"drive"}
@@ -108,7 +108,7 @@ def spoiled_efforts(kind):
     return replace(EXACT, reactions=changed(EXACT.reactions, "A", **wrong))
 
 
-def test_the_scale_of_potential_energy_without_work_is_that_of_forces():
+def test_zero_potential_energy_is_scaled_by_forces():
     exact = replace(EXACT, potential=np.zeros(len(ANGLES)))
     force, size = force_scales(exact)["force"], exact.characteristic_length
     rounded = replace(exact, potential=np.full(len(ANGLES), 1e-16 * force * size))
@@ -119,13 +119,13 @@ def test_the_scale_of_potential_energy_without_work_is_that_of_forces():
 
 @pytest.mark.parametrize("route", ["pose", "step"])
 @pytest.mark.parametrize("kind", [row.name for row in FORCES])
-def test_each_wrong_quantity_of_forces_fails_alone(kind, route):
+def test_every_wrong_quantity_of_forces_fails_only_its_check(kind, route):
     assert crosscheck_forces(EXACT, EXACT, method=route).passed
     assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=route)) == {kind}
     assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=route, tolerance=1e-7)) == {kind}
 
 
-def test_given_tolerances_replace_those_of_the_table_relative_or_absolute():
+def test_explicit_tolerances_are_relative_or_absolute():
     off = replace(EXACT, torque=EXACT.torque + 1e-3)
     size = force_scales(EXACT)["torque"]
     for bound, unit in ((2e-3 / size, "1"), (2e-3, "N m")):
@@ -136,7 +136,7 @@ def test_given_tolerances_replace_those_of_the_table_relative_or_absolute():
         assert verdict.checks[0].reason.endswith("as asked")
 
 
-def test_a_nan_has_no_fraction_of_its_tolerance_and_never_passes():
+def test_a_nan_never_passes():
     tolerance = Tolerance(1.0, "m", "")
     check = check_of("position", "A", np.array([0.1, np.nan]), np.array([0.0, 0.5]), tolerance)
     assert check.fraction_of_tolerance is None
@@ -145,7 +145,7 @@ def test_a_nan_has_no_fraction_of_its_tolerance_and_never_passes():
     assert concluded([check]).outcome == "diverged"
 
 
-def test_a_check_names_its_variant_method_quantity_and_subject():
+def test_a_check_has_a_title_of_variant_method_quantity_and_subject():
     numbers = {"unit": "m", "worst": 1.0, "instant": 0.0, "rms": 1.0, "tolerance": 2.0, "reason": ""}
     check = Check(kind="position", subject="P3", **numbers)
     assert check.title == "position of P3"
@@ -170,7 +170,7 @@ def test_every_quantity_has_a_scale_and_a_reason_for_each_tolerance():
         assert all(bound.reason and (bound.fixed or bound.requested) for bound in row.bounds.values())
 
 
-def test_a_new_quantity_is_one_row():
+def test_a_new_quantity_needs_one_table_row():
     crank = ComparedQuantity(
         "crank", "rad/s2", field_error("acceleration"), "1", {"pose": ToleranceRule("none turns up", 1e-12)}
     )

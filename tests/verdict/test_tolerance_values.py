@@ -139,7 +139,7 @@ def test_every_quantity_has_a_unique_name_and_a_documented_tolerance():
     assert PROMISED.keys() == QUANTITIES.keys()
 
 
-def test_tolerances_exceed_their_measured_errors_at_most_a_hundredfold():
+def test_tolerances_are_at_most_a_hundred_times_the_measured_errors():
     stated = 0
     for row in QUANTITIES.values():
         for bound in row.bounds.values():

@@ -46,7 +46,7 @@ def test_the_larger_of_fixed_and_requested_tolerance_applies():
     assert (loose.unit, loose.power) == ("m", 3)
 
 
-def test_tolerances_widen_by_their_power_only_at_poor_conditioning():
+def test_tolerances_widen_only_at_poor_conditioning():
     conditioning = np.array([10.0, 1.0, 0.5, 0.1]) * WELL_CONDITIONED
     for power in (0, 1, 3):
         widened = Tolerance(2.0, "m", "", power).widened(conditioning, 4)
@@ -56,7 +56,7 @@ def test_tolerances_widen_by_their_power_only_at_poor_conditioning():
     assert Tolerance(2.0, "m", "").power == 0
 
 
-def test_accelerations_keep_the_digits_that_rounding_over_the_square_of_the_conditioning_leaves():
+def test_acceleration_tolerances_widen_with_squared_conditioning():
     poor = np.array([1e-2, 1e-3, 1e-6]) * WELL_CONDITIONED
     assert RATES.widened(poor, 3) == pytest.approx(EPS / poor**2, rel=1e-12, abs=0.0)
     assert RATES.widened(np.ones(1), 1) == pytest.approx(100.0 * EPS, rel=1e-12, abs=0.0)
@@ -134,7 +134,7 @@ def test_a_verdict_prints_outcome_reason_and_checks():
     assert str(concluded([bad])) == f"failed: beyond the tolerance: loop residual by 2 times\n  {bad}"
 
 
-def test_given_tolerances_are_in_the_unit_or_relative_to_the_scale():
+def test_explicit_tolerances_have_a_unit_or_are_relative():
     rows = [QUANTITIES[name] for name in ("position", "acceleration", "accelerations under these forces")]
     scales = {**motion_scales(0.5, 2.0, 0.8), "1": 1.0}
     given = {row.name: Tolerance(0.1, unit, "own") for row, unit in zip(rows, ("m", "1", "1"), strict=True)}
@@ -147,7 +147,7 @@ def test_given_tolerances_are_in_the_unit_or_relative_to_the_scale():
     assert set(tolerances_of(rows, "function", scales, Requested(), {})) == {"acceleration"}
 
 
-def test_a_tolerance_can_have_another_scale_than_its_error():
+def test_a_tolerance_can_have_its_own_scale():
     row = replace(QUANTITIES["position"], bounds={"pose": ToleranceRule("", 1e-3, scale="reach")})
     assert tolerances_of([row], "pose", motion_scales(0.5, 2.0, 0.8), Requested())["position"].value == 0.8e-3
 
@@ -172,7 +172,7 @@ def moving(path, **more):
     return Motion("user", ANGLE, ONES, 0.0 * ONES, {"P": PointMotion(path, FLAT, FLAT)}, **more)
 
 
-def test_the_stroke_is_half_the_longest_extent_and_the_reach_the_largest_coordinate():
+def test_stroke_and_reach_of_a_path_are_its_extents():
     path = np.outer(np.linspace(-1.0, 3.0, N), (0.5, -1.0, 0.2))
     assert stroke_of(moving(path)) == pytest.approx(2.0)
     assert reach_of(moving(path)) == pytest.approx(3.0)
@@ -181,7 +181,7 @@ def test_the_stroke_is_half_the_longest_extent_and_the_reach_the_largest_coordin
 
 
 @pytest.mark.parametrize(("off", "same"), [(8e-13, True), (2e-12, False)])
-def test_a_record_without_a_solver_has_the_same_angles_to_rounding(off, same):
+def test_crank_angles_of_records_may_differ_by_rounding(off, same):
     path = np.outer(np.linspace(-1.0, 3.0, N), (0.5, -1.0, 0.2))
     exact = replace(moving(path), angle=ANGLE + off)
     if same:
@@ -207,7 +207,7 @@ def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0
     return ForceRecord(**{**given, "reactions": {"A": item}, **more})
 
 
-def test_scales_of_efforts_are_root_mean_squares_of_forces_and_largest_energies():
+def test_scales_of_forces_are_root_mean_squares():
     result = efforts(FLAT + np.array([2.0, 0.0, 1.5]), potential=np.array([1.0, -7.0, 0.0, 0.0, 0.0]))
     scales, torque = force_scales(result), np.sqrt(5.0)
     assert scales["torque"] == pytest.approx(torque)
@@ -217,7 +217,7 @@ def test_scales_of_efforts_are_root_mean_squares_of_forces_and_largest_energies(
     assert scales["1"] == 1.0
 
 
-def test_forces_and_torques_of_zero_use_another_scale():
+def test_zero_forces_and_torques_have_a_nonzero_scale():
     idle = force_scales(efforts(FLAT, torque=np.zeros(N)))
     assert idle["torque"] == pytest.approx(2e-3)
     assert idle["force"] == pytest.approx(2e-3 / 0.2)
@@ -238,7 +238,7 @@ PLACES = ((1e-3, 1e-3), (None, 1e-4), (2e-6, 2e-6))
 
 
 @pytest.mark.parametrize(("tolerance", "bound"), PLACES)
-def test_a_stepped_motion_has_the_requested_tolerance_or_a_ten_thousandth_of_the_stroke(tolerance, bound):
+def test_a_stepped_motion_has_the_requested_or_default_tolerance(tolerance, bound):
     simulated = replace(EXACT, source="step")
     given = replace(EXACT, source="closed form")
     for size, passed in ((0.99 * bound, True), (1.01 * bound, False)):
@@ -250,7 +250,7 @@ def test_a_stepped_motion_has_the_requested_tolerance_or_a_ten_thousandth_of_the
 
 
 @pytest.mark.parametrize(("source", "bound"), [("step", 3e-3), ("pose", None)])
-def test_a_stepped_run_has_its_own_tolerance_and_a_solved_one_rounding(source, bound):
+def test_the_tolerance_of_a_stepped_run_applies(source, bound):
     given = replace(EXACT, source="closed form")
     run = SimpleNamespace(motion=replace(EXACT, source=source), tolerance=3e-3, outcome="passed")
     places, alone = (crosscheck(item, given).checks[0].tolerance for item in (run, run.motion))
@@ -258,7 +258,7 @@ def test_a_stepped_run_has_its_own_tolerance_and_a_solved_one_rounding(source, b
     assert crosscheck(run, given, tolerance=0.2).checks[0].tolerance == pytest.approx(0.2)
 
 
-def test_a_solved_pose_has_a_tolerance_of_rounding_by_default():
+def test_solved_configurations_have_a_tolerance_of_rounding():
     given, solved = replace(EXACT, source="closed form"), replace(EXACT, source="pose")
     near = replace(solved, points=off_by(1e-9).points)
     assert crosscheck(solved, given).passed
@@ -266,7 +266,7 @@ def test_a_solved_pose_has_a_tolerance_of_rounding_by_default():
     assert crosscheck(near, given, tolerance=1e-8).passed
 
 
-def test_only_rates_of_a_users_function_are_allowed_the_rounding_of_differences():
+def test_rates_of_user_functions_have_wider_tolerances():
     simulated = replace(EXACT, source="step")
     user, closed = (
         {
@@ -280,7 +280,7 @@ def test_only_rates_of_a_users_function_are_allowed_the_rounding_of_differences(
     assert user["acceleration"] > 10.0 * closed["acceleration"]
 
 
-def test_the_conditioning_is_that_of_the_exact_motion_else_of_the_simulation():
+def test_the_conditioning_of_the_exact_motion_has_priority():
     class Solver:
         def __init__(self, reported=None, links=True):
             self.exact = replace(
@@ -306,7 +306,7 @@ def test_the_conditioning_is_that_of_the_exact_motion_else_of_the_simulation():
     assert widened(Solver(links=False)) == pytest.approx(2.0**power)
 
 
-def test_a_single_instant_is_compared_at_the_speed_of_the_analytic_one():
+def test_a_single_instant_of_another_speed_fails():
     names = ("angle", "speed", "acceleration")
     point = PointMotion(PATH[:1], FLAT[:1], FLAT[:1])
     item = replace(EXACT, points={"P": point}, **{name: getattr(EXACT, name)[:1] for name in names})
@@ -317,7 +317,7 @@ def test_a_single_instant_is_compared_at_the_speed_of_the_analytic_one():
     assert [check.kind for check in slow.checks if not check.passed] == ["drive speed"]
 
 
-def test_motions_at_other_angles_or_with_other_points_are_not_compared():
+def test_motions_at_other_angles_or_points_are_rejected():
     given = replace(EXACT, source="closed form")
     shifted = replace(EXACT, angle=ANGLE + 1e-9)
     with pytest.raises(Exception, match="has other crank angles"):
@@ -351,7 +351,7 @@ def test_the_drive_is_checked_if_its_speed_is_known():
 
 
 @pytest.mark.parametrize("field", ["position", "velocity", "acceleration"])
-def test_numbers_that_are_not_finite_are_a_diverged_run(field):
+def test_nonfinite_numbers_are_reported_as_a_diverged_run(field):
     given, wild = replace(EXACT, source="closed form"), FLAT.copy()
     wild[3, 2] = np.inf
     broken = replace(EXACT, points={"P": replace(EXACT.points["P"], **{field: wild})})
@@ -361,7 +361,7 @@ def test_numbers_that_are_not_finite_are_a_diverged_run(field):
     assert crosscheck(replace(EXACT, broken="why"), given).reason == "why"
 
 
-def test_forces_have_the_requested_tolerance_or_that_of_their_method():
+def test_forces_have_the_requested_or_default_tolerance():
     exact = efforts(FLAT + 1.0)
     for route, tolerance, bound in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
         for part, passed in ((0.99, True), (1.01, False)):
