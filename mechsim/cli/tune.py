@@ -19,9 +19,6 @@ from mechsim.studies.scene.tune import SECONDS, Tuned
 from mechsim.studies.scene.tune_model import tune as tune_model
 from mechsim.studies.scene.write_tuned import setting_changes
 
-# maximum number of rows in the table of tried settings
-MAX_ROWS = 14
-
 
 class TriedSettings(TypedDict):
     """Changed settings with their error and cost."""
@@ -148,14 +145,10 @@ def _print(result: Tuned, data: dict[str, Any]) -> None:
     rows = [("as published", *_row(result.published, result))]
     rows.append((f"written: {_summary(result, after)}", *_row(after, result)))
     shown = (PlainSettings(), result.best.settings)
-    satisfying = [
-        trial
-        for trial in sorted(result.tried, key=lambda trial: trial.seconds)
-        if trial.errors.by(result.by) + result.reference_error <= result.tolerance
-        and trial.settings not in shown
-    ]
-    satisfying = satisfying[:MAX_ROWS] + ([] if result.beyond is None else [result.beyond])
-    rows += [(_summary(result, trial), *_row(trial, result)) for trial in satisfying]
+    others = sorted(result.compared, key=lambda trial: trial.seconds)
+    listed = [trial for trial in others if trial.settings not in shown]
+    listed += [] if result.beyond is None else [result.beyond]
+    rows += [(_summary(result, trial), *_row(trial, result)) for trial in listed]
     for sentence in result.sentences:
         print_text(sentence)
     if not result.reached:

@@ -64,6 +64,8 @@ class Tuned:
             None if no settings of a file satisfy it.
         closest: the settings with the smallest error that a file can contain.
         beyond: the cheapest sufficient settings that no file can contain; None without such settings.
+        compared: the cheapest trials that satisfy the tolerance at every step, timed in the same rounds as
+            the published settings.
         tried: all trials, in order.
         reference: converged motion of the scene.
         seconds: duration of the search.
@@ -78,6 +80,7 @@ class Tuned:
     chosen: SceneTrial | None
     closest: SceneTrial
     beyond: SceneTrial | None
+    compared: Sequence[SceneTrial]
     tried: Sequence[SceneTrial]
     reference: ConvergedReference
     seconds: float
@@ -245,13 +248,16 @@ def tuned(
     satisfied = search.error(published) <= tolerance
     search.max_trajectory_error = _max_trajectory_error(reference, published.errors, tolerance)
     _climb(search)
-    chosen = _refined(search)
+    _vary_best(search)
+    published, *compared = _timed(search, [published, *_verified(search)])
+    chosen = _simplest_of_fastest(search, compared)
     beyond = None if chosen is not None or satisfied else _beyond(search)
     in_file = [trial for trial in search.tried.values() if trial.settings.in_file]
     closest = min(in_file, key=search.error)
-    timed = _timed(search, [published, chosen or closest, *([beyond] if beyond else [])])
-    published = timed[0]
-    chosen, closest = (None, timed[1]) if chosen is None else (timed[1], closest)
+    if chosen is None:
+        timed = _timed(search, [published, closest, *([beyond] if beyond else [])])
+        published, closest = timed[:2]
+        beyond = timed[2] if beyond else None
     if satisfied and (chosen is None or chosen.seconds > (1.0 - TIME_TOLERANCE) * published.seconds):
         chosen = published
     return Tuned(
@@ -262,7 +268,8 @@ def tuned(
         satisfied,
         chosen,
         closest,
-        timed[2] if beyond else None,
+        beyond,
+        compared,
         [*search.tried.values()],
         reference,
         budget.spent,
@@ -309,17 +316,20 @@ def _longest(search: _SettingSearch, steps: Sequence[float], proposal: Proposal)
     return [*steps[max(0, low - LONGER_STEPS) : low + 2]]
 
 
-def _refined(search: _SettingSearch) -> SceneTrial | None:
-    """Return the cheapest trial that satisfies the tolerance, after variations of the best trials."""
+def _vary_best(search: _SettingSearch) -> None:
+    """Try variations of the best trials."""
     varied: set[PlainSettings] = set()
     for _ in range(REPETITIONS):
         best = [trial.settings for trial in search.cheapest()[:VARIED] if trial.settings not in varied]
         for settings in best:
             search.satisfying(variants(search.scene, settings))
         varied |= {*best}
-    verified = _timed(search, _verified(search))
-    least = min((trial.seconds for trial in verified), default=np.inf)
-    equal = [trial for trial in verified if trial.seconds <= (1.0 + TIME_TOLERANCE) * least]
+
+
+def _simplest_of_fastest(search: _SettingSearch, trials: Sequence[SceneTrial]) -> SceneTrial | None:
+    """Return the trial of fewest changes among those about as fast as the fastest; None without trials."""
+    least = min((trial.seconds for trial in trials), default=np.inf)
+    equal = [trial for trial in trials if trial.seconds <= (1.0 + TIME_TOLERANCE) * least]
     return min(equal, key=lambda trial: (len(trial.settings.as_dict()), search.error(trial)), default=None)
 
 
