@@ -1,6 +1,7 @@
 """How Sphinx builds the pages: `make docs`. Every page's code runs, warnings are errors, no network is needed."""
 
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -47,6 +48,8 @@ nb_merge_streams = True
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings state types, shapes and units
 autodoc_class_signature = "separated"
+# `name` in docstrings is code
+default_role = "code"
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
@@ -93,7 +96,27 @@ def _keep_numbers_in_one_line(_app, doctree, _page):
             entry["classes"].append("short")
 
 
+def _join_paragraphs(_app, _what, _name, _object, _options, lines):
+    """Align the further lines of the accuracy and the source in a docstring with the first one."""
+    indent = None
+    for i, line in enumerate(lines):
+        text = line.strip()
+        if text.startswith(("Accuracy:", "Source:")):
+            indent = line[: len(line) - len(line.lstrip())]
+        elif not text:
+            indent = None
+        elif indent is not None:
+            lines[i] = indent + text
+
+
+def _name_functions(_app, _what, _name, _object, _options, signature, returned):
+    """Write a default that is a function by its name."""
+    return re.sub(r"<function ([^>]*)>", r"\1", signature or ""), returned
+
+
 def setup(app):
     """Write the generated pages before Sphinx reads any page."""
     app.connect("config-inited", lambda _app, _config: _prepare())
     app.connect("doctree-resolved", _keep_numbers_in_one_line)
+    app.connect("autodoc-process-docstring", _join_paragraphs)
+    app.connect("autodoc-process-signature", _name_functions)

@@ -18,6 +18,7 @@ from mechsim.analytic.solvers import KinematicSolver, closed_form
 from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
+from mechsim.model.progress import Progress
 from mechsim.model.quantities import Quantity, numeric_quantity, quantity_names, record_columns, unwrapped
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
@@ -88,7 +89,7 @@ class PlotSource:
     options: PlotOptions = field(default_factory=PlotOptions)
     motions: dict[str, Motion] = field(default_factory=dict[str, Motion])
     bounds: Mapping[str, float] = field(default_factory=dict[str, float])
-    progress: Callable[[str, float], None] = lambda _message, _fraction: None
+    progress: Progress = lambda _message, _fraction: None
     masses: list[LinkMass] = field(default_factory=list[LinkMass])
     release: Release | None = None
     model: Callable[[KinematicSolver], DynamicModel] = weighing

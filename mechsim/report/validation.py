@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +14,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MissingToolError, OutputError, needs
 from mechsim.files import atomic_path, stem_of
 from mechsim.model.motion import Motion
+from mechsim.model.progress import Progress, no_progress
 from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import TwoCurves, agreement_plot
 from mechsim.pictures.view.offline_page import page, three_js
@@ -45,7 +46,7 @@ def write_validation_report(
     folder: Path,
     cases: Mapping[str, Validation],
     results: Mapping[str, Any],
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> list[str]:
     """Write a page with its pictures and plots inside, and views and videos in files of their own.
 

@@ -1,7 +1,7 @@
 """Recorded states as a motion: positions, rates, accelerations, and the forces on moved coordinates."""
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import mujoco
@@ -10,6 +10,7 @@ from mujoco import batch
 from numpy.typing import NDArray
 
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, Source, join
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.drivers import PARAMETER_JOINT
@@ -127,7 +128,7 @@ def evaluate(
     crank_acceleration: Array | None = None,
     driver_acceleration: Array | None = None,
     force: Array | None = None,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> Motion:
     """Return the motion at recorded states.
 

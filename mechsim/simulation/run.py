@@ -9,6 +9,7 @@ from mechsim.errors import InputError
 from mechsim.model.limits import require_steps
 from mechsim.model.mechanism import Mechanism, starting_at
 from mechsim.model.motion_laws import CRANK, CrankProfile, MotionLaws, constant
+from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Scene
 from mechsim.numerics.inputs import number, require, units_remedy
 from mechsim.numerics.resources import ProcessorBudget
@@ -26,7 +27,7 @@ from mechsim.simulation.position_tolerance import run_within
 from mechsim.simulation.result import Method, Run
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import Source, at_initial_state, from_source, parameter_profile
-from mechsim.simulation.stepping import Progress, check_step, no_progress
+from mechsim.simulation.stepping import check_step
 from mechsim.units import si
 
 # fraction of a step by which a duration may differ from a multiple of the step

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.model.limits import MAX_STEPS
 from mechsim.model.motion_laws import CrankProfile
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.resources import require_memory
 from mechsim.simulation import recording
@@ -22,7 +23,6 @@ from mechsim.simulation.settings import Settings, set_armature
 from mechsim.simulation.state import SLIDE
 
 # callback with the progress of a run: text, and fraction from 0 to 1
-Progress = Callable[[str, float], None]
 
 # steps per call into C: enough that the call's cost is negligible, few enough for memory
 STEPS_PER_CALL = 4096
@@ -76,10 +76,6 @@ def record_interval(profile: CrankProfile, total: int, samples: int | None) -> i
     if samples is not None:
         return -(-total // samples)
     return max(1, int(total / max(profile.min_instants, SAMPLES * profile.turns)))
-
-
-def no_progress(_: str, __: float) -> None:
-    """Ignore the progress."""
 
 
 @quiet()

@@ -1,6 +1,6 @@
 """Dimensions fitted to measured motion by least squares, with exact derivatives."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +13,7 @@ from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.motion import short_repr
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.studies.measured_table import MeasuredMotion, measured_of, single
@@ -97,7 +98,7 @@ def fit_dimensions(
     vary: Sequence[str],
     *,
     offset: bool = False,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> Fit:
     """Return the dimensions for which a mechanism moves as it was measured.
 
@@ -173,7 +174,7 @@ class _Problem:
         measured: MeasuredMotion,
         named: Mapping[str, str],
         names: list[str],
-        progress: Callable[[str, float], None],
+        progress: Progress,
     ):
         self.moved, self.measured, self.named, self.names = moved, measured, named, names
         self.progress, self.count = progress, 0

@@ -1,6 +1,6 @@
 """Comparison of MuJoCo's dynamics with the formulas at the states that the run reached."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.forward_run import SteppedRun, stepped_run
 from mechsim.simulation.dynamics.static_state import static_state
@@ -49,7 +50,7 @@ def crosscheck_driven(
     model: DynamicModel,
     *,
     bounds: Mapping[str, Tolerance] | None = None,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> Verdict:
     """Compare a prescribed run with inverse dynamics at its own angles, speeds and accelerations.
 
@@ -82,7 +83,7 @@ def crosscheck_free(
     model: DynamicModel,
     *,
     tolerance: float | None = None,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> Verdict:
     """Compare the run of a free crank with MuJoCo, as `crosscheck_forward` does.
 
@@ -124,7 +125,7 @@ def crosscheck_forward(
     initial: InitialValues,
     *,
     tolerance: float | None = None,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> Verdict:
     """Compare a run of forward dynamics with MuJoCo, stepped from the start of each compared segment.
 
@@ -169,7 +170,7 @@ def _compared_with_mujoco(
     dynamic_model: DynamicModel,
     initial: InitialValues,
     tolerance: float | None,
-    progress: Callable[[str, float], None],
+    progress: Progress,
 ) -> list[Check] | Verdict:
     """Return the checks of a section of a run; a verdict if MuJoCo diverges or misses the tolerance."""
     times, joints = section.time, section.motion.joints

@@ -11,12 +11,12 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Level, Scene
 from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_inertia
 from mechsim.simulation.settings import plain_settings
-from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.robots.menagerie import SERVO_TIMESTEP, Verification, verification, with_servos
 from mechsim.studies.robots.serial_twin import SerialTwin, serial_twin
 from mechsim.studies.scene import tune_model

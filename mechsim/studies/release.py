@@ -1,6 +1,6 @@
 """A mechanism released from an initial state: its run, vibrations and frequency response."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +10,7 @@ from mechsim.analytic.dynamics import DynamicModel, DynamicRun, nearest_equilibr
 from mechsim.analytic.dynamics.joint_forces import joint_forces
 from mechsim.analytic.dynamics.mode_motion import ModeMotion, mode_motion, mode_motions
 from mechsim.errors import InputError
+from mechsim.model.progress import Progress, no_progress
 from mechsim.model.quantities import (
     TRANSMISSION,
     Quantity,
@@ -107,7 +108,7 @@ class Release:
     until: str | None = None
     restitution: float = 0.0
 
-    def run(self, samples: int, progress: Callable[[str, float], None] = lambda _, __: None) -> DynamicRun:
+    def run(self, samples: int, progress: Progress = no_progress) -> DynamicRun:
         """Return the run at instants after the first."""
         return run(
             self.model,

@@ -19,10 +19,10 @@ from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import CrankProfile, State, interval_around, swing
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.resources import ProcessorBudget
 from mechsim.simulation import Run, Settings
-from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.agreement.agreement import (
     SPEED,
     Against,

@@ -25,7 +25,7 @@ def make(name: str, /, **values: Any) -> ClosedForm:
     """Return a catalogue mechanism with some parameters changed from their defaults.
 
     Args:
-        name: a key of `DRIVES`.
+        name: of the mechanism, such as "four_bar"; `mechsim.list()` has all.
         values: lengths in [m], angles in [rad], or text with a unit, such as "14mm"; named as the fields of
             the class.
 

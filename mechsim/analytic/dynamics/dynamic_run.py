@@ -1,6 +1,6 @@
 """Forward dynamics: `run` integrates a mechanism's motion from an initial state."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
@@ -26,6 +26,7 @@ from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import State
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 
 # relative error of a step; the error of a pendulum after a hundred periods is then below 4e-12 of its
@@ -128,7 +129,7 @@ def run(
     samples: int = 500,
     tolerance: float = TOLERANCE,
     restitution: float = 0.0,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> DynamicRun:
     """Integrate the motion of a mechanism from an initial state under forces.
 

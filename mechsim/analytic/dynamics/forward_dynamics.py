@@ -25,6 +25,7 @@ from mechsim.analytic.dynamics.state_layout import StateLayout
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError
 from mechsim.model.finding import Outcome
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
@@ -115,7 +116,7 @@ class Integration:
         tolerance: float,
         stops: tuple[Stop, ...] = (),
         restitution: float = 0.0,
-        progress: Callable[[str, float], None] = lambda _, __: None,
+        progress: Progress = no_progress,
     ) -> None:
         self.equations, self.tolerance, self.progress = equations, tolerance, progress
         self.contacts = Contacts(equations, stops, restitution)

@@ -1,6 +1,6 @@
 """Free motion of a crank: a run of forward dynamics that ends after revolutions of the crank."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -18,6 +18,7 @@ from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reduced_equation import reduced_coefficients
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 
@@ -81,7 +82,7 @@ def free_run(
     times: ArrayLike | None = None,
     samples: int = 721,
     tolerance: float = TOLERANCE,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> FreeRun:
     """Integrate the free motion of a crank from an angle and speed, in SI or as text, such as "600rpm".
 

@@ -1,6 +1,6 @@
 """Inverse dynamics: drive forces and joint reactions for a prescribed motion."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from mechsim.errors import InputError
 from mechsim.model.force_record import ForceRecord, Reaction, wrench_columns
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion, join, select_instants, short_repr
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import require
 from mechsim.numerics.resources import require_memory
@@ -103,7 +104,7 @@ def prescribed(
     *,
     t: ArrayLike | None = None,
     time: ArrayLike | None = None,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
     as_run: Motion | None = None,
 ) -> InverseDynamics:
     """Return the drive torque and all joint reactions at prescribed crank motion, or at times.
@@ -152,7 +153,7 @@ def prescribed_along(
     second: ArrayLike = 0.0,
     *,
     time: ArrayLike | None = None,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
     as_run: Motion | None = None,
 ) -> InverseDynamics:
     """Return the result of `prescribed` at values of the path parameter, with its rates.

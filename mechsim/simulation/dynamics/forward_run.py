@@ -15,6 +15,7 @@ from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.model.motion_laws import State
+from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE
@@ -32,7 +33,6 @@ from mechsim.simulation.recording import States, add_sensors
 from mechsim.simulation.settings import COMPLIANCE, Settings
 from mechsim.simulation.source import assembled
 from mechsim.simulation.state import HINGE, SLIDE
-from mechsim.simulation.stepping import Progress, no_progress
 
 # RK4 with stiff equalities
 FREE = Settings(steps_per_turn=4000, compliance=COMPLIANCE)

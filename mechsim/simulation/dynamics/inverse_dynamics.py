@@ -9,6 +9,7 @@ import numpy as np
 
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import join, replace_instants, weighted_sums
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import RANK_TOLERANCE, pseudo_inverse
 from mechsim.simulation import loop_jacobian, recording
@@ -31,7 +32,7 @@ from mechsim.simulation.poses import follow
 from mechsim.simulation.poses.change_points import ChangePoint, NearRows, moved_away
 from mechsim.simulation.recording import CHUNK, States, closure_acceleration, link_motions
 from mechsim.simulation.settings import set_armature
-from mechsim.simulation.stepping import Progress, no_progress, rescale_coupled_tendons
+from mechsim.simulation.stepping import rescale_coupled_tendons
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from mechsim.model.forces import Forces, forces_of
 from mechsim.model.masses import masses_of
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, constant
+from mechsim.model.progress import Progress, no_progress
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.configurations import passed_change_points, require_regular_start, undecided_note
 from mechsim.simulation.dynamics.inverse_dynamics import (
@@ -28,7 +29,7 @@ from mechsim.simulation.result import Driven, Method
 from mechsim.simulation.run import laws_of
 from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import HasMechanism, at_initial_state, parameter_profile
-from mechsim.simulation.stepping import Progress, interval_count, no_progress, record_interval, step
+from mechsim.simulation.stepping import interval_count, record_interval, step
 from mechsim.simulation.tolerance import ToleranceReport
 from mechsim.units import si
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.simulation.stepping import Progress, no_progress
+from mechsim.model.progress import Progress, no_progress
 from mechsim.studies.extremes import axes
 from mechsim.studies.extremes.axes import Drift
 from mechsim.studies.extremes.special_designs import special_designs

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import mujoco
 
 from mechsim.errors import InputError
+from mechsim.model.progress import Progress, no_progress
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.plain_settings import INTEGRATORS, SOLVERS, UNCHANGED, PlainSettings, settings_of
 from mechsim.simulation.state import data_at
-from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.reduction.candidates import VISUAL_ONLY
 from mechsim.studies.reduction.candidates.bodies import (
     NotApplicable,

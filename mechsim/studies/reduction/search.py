@@ -1,6 +1,6 @@
 """Search for a reduced scene: candidates are applied one by one; a second motion verifies the result."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.progress import Progress, no_progress
 from mechsim.simulation.mjcf import to_xml
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.reduction.candidates import CATEGORIES
@@ -39,8 +40,6 @@ NEGLIGIBLE = 1e-3
 MAX_TIME_RATIO = 0.97
 # number of longer steps within the tolerance that are timed, the least expensive by estimate first
 MAX_TIMED = 5
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +96,7 @@ def reduce_scene(
     *,
     keep: Collection[str] = (),
     by: By = "trajectory",
-    progress: Progress = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> Reduction:
     """Return the smallest scene found that satisfies a tolerance.
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import worst
 from mechsim.numerics.convergence import plausible_order, refine
 from mechsim.simulation.driven_run import stiffness_cause
 from mechsim.simulation.plain_settings import LOWEST_COMPLIANCE_SOLIMP, PlainSettings
-from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
 from mechsim.studies.scene.errors import By, cubic_interpolation, deviation
 from mechsim.studies.scene.run import SceneRun, run_scene

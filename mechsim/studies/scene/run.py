@@ -10,11 +10,12 @@ import numpy as np
 from mujoco import batch
 
 from mechsim.model.limits import MAX_SCENE_STEPS, require_steps
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.state import PointJacobians, PosedBodies
-from mechsim.simulation.stepping import Progress, no_progress, rollout
+from mechsim.simulation.stepping import rollout
 from mechsim.studies.scene.scene import UserScene
 
 # default number of records after the first

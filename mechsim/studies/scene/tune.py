@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.convergence import half_extent
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.plain_settings import UNCHANGED, PlainSettings
-from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
 from mechsim.studies.scene.converged_reference import ConvergedReference, compute_reference
 from mechsim.studies.scene.errors import UNITS, By, SceneErrors, SceneEvaluator, SceneTrial

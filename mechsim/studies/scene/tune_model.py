@@ -15,6 +15,7 @@ from mechsim.errors import InputError
 from mechsim.files import atomic_path, stem_of
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import constant
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.driven_run import first_state
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet, to_xml
@@ -23,7 +24,6 @@ from mechsim.simulation.mjcf_reader import read_model
 from mechsim.simulation.mjcf_text.edited_text import EditedText, put_comment
 from mechsim.simulation.plain_settings import ALLOWABLE, settings_of
 from mechsim.simulation.source import from_mechanism
-from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget
 from mechsim.studies.scene.errors import (
     MEASURES,

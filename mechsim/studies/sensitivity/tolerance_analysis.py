@@ -1,11 +1,12 @@
 """Effects of tolerances on a motion: worst case, root sum of squares, Monte Carlo, and the share of each."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mechsim.model.motion import short_repr
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array, tangents
 from mechsim.studies.sensitivity.monte_carlo import (
     MAX_VERIFIED,
@@ -122,7 +123,7 @@ def tolerance_study(
     *,
     samples: int = SAMPLES,
     seed: int = SEED,
-    progress: Callable[[str, float], None] = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> ToleranceStudy:
     """Return the effects of tolerances on the quantities of a table.
 
@@ -178,7 +179,7 @@ def _row(deviations: Mapping[str, Array], columns: Sequence[str]) -> Array:
     return np.concatenate([deviations[name] for name in columns])
 
 
-def _counted(progress: Callable[[str, float], None], total: int) -> Advance:
+def _counted(progress: Progress, total: int) -> Advance:
     count = 0
 
     def advance() -> None:

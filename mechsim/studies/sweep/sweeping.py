@@ -1,7 +1,7 @@
 """Sweeps: from a subject and its varied parameters to a table of measures."""
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.resources import require_memory
 from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.run import simulate
@@ -61,8 +62,6 @@ SAMPLES, MAX_SAMPLES = 72, 1_000_000
 # bytes of a text cell in a table
 BYTES_PER_TEXT = 16.0
 
-Progress = Callable[[str, float], None]
-
 
 def sweep(
     model: str | KinematicSolver | Mechanism,
@@ -78,7 +77,7 @@ def sweep(
     output: str | Path | None = None,
     resume: bool = False,
     scheduler: Any = None,
-    progress: Progress = lambda _, __: None,
+    progress: Progress = no_progress,
     initial: Mapping[str, float | str] | None = None,
     until: str | None = None,
     **options: Any,
@@ -239,7 +238,7 @@ def run_sweep(
     *,
     resume: bool = False,
     scheduler: Any = None,
-    progress: Progress = lambda _, __: None,
+    progress: Progress = no_progress,
 ) -> "Dataset":
     """Measure all designs of a sweep and write them to the output, if any; as `sweep`."""
     count, each = task.designs.count, 8.0 * (len(task.measures) + 1) + BYTES_PER_TEXT

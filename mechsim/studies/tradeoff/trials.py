@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mechsim.errors import MechsimError
+from mechsim.model.progress import Progress, no_progress
 from mechsim.simulation.mjcf import quiet
-from mechsim.simulation.stepping import Progress, no_progress
 from mechsim.studies.budget import Budget, TrialTimes
 from mechsim.studies.tradeoff.methods import (
     DEFAULTS,

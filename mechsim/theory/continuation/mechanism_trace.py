@@ -1,6 +1,5 @@
 """All curves of assemblies of a mechanism with one degree of freedom, from its guess and random starts."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from mechsim.analytic.loops.start import assembled, poses_around_branch_point, r
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import short_repr
+from mechsim.model.progress import Progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.loop_solver import loop_solver
 from mechsim.numerics.rank import significant
@@ -37,7 +37,7 @@ class CurveSearch:
         progress: called with a description of the work and the fraction done, at least.
     """
 
-    def __init__(self, loops: FreeLoops, progress: Callable[[str, float], None]):
+    def __init__(self, loops: FreeLoops, progress: Progress):
         self.loops, self.progress = loops, progress
         self.curves: list[AssemblyCurve] = []
         self.poses: list[Coordinates] = []
@@ -206,7 +206,7 @@ def trace(
     *,
     starts: int = STARTS,
     seed: int = SEED,
-    progress: Callable[[str, float], None] = _silent,
+    progress: Progress = _silent,
 ) -> AssemblyTrace:
     """Trace every assembly of a mechanism with one degree of freedom, through all turning points.
 
