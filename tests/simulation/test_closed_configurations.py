@@ -1,4 +1,4 @@
-"""Closed configurations: closed as MuJoCo computes it, within limits, reproducible, in the model's order."""
+"""Closed configurations: assembled according to MuJoCo, within limits, reproducible, in the model's order."""
 
 import json
 
@@ -24,7 +24,7 @@ def model() -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(FOUR_BAR)
 
 
-def test_states_are_closed_within_limits_and_reproducible(model: mujoco.MjModel) -> None:
+def test_samples_are_assembled_within_limits_and_reproducible(model: mujoco.MjModel) -> None:
     states = ms.sample(model, 50, seed=3)
     assert states.qpos.shape == (50, model.nq)
     assert 0 < states.accepted <= 1
@@ -46,14 +46,14 @@ def test_states_are_closed_within_limits_and_reproducible(model: mujoco.MjModel)
     assert np.array_equal(states.qpos, ms.sample(model, 50, seed=3).qpos)
 
 
-def test_driver_positions_are_in_the_model_order(model: mujoco.MjModel) -> None:
+def test_driver_positions_are_set_exactly(model: mujoco.MjModel) -> None:
     values = np.linspace(-0.5, 0.5, 5)
     qpos = ms.closed_qpos(model, {"crank": values})
     assert qpos[:, 7] == pytest.approx(values, abs=1e-15)
     assert qpos[:, :7] == pytest.approx(np.tile(model.qpos0[:7], (5, 1)))
 
 
-def test_limits_that_the_file_disables_limit_nothing(model: mujoco.MjModel) -> None:
+def test_disabled_limits_are_ignored(model: mujoco.MjModel) -> None:
     with pytest.raises(ms.errors.InputError, match="joint crank is outside its limits"):
         ms.closed_qpos(model, {"crank": 0.75})
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
@@ -64,17 +64,19 @@ def test_limits_that_the_file_disables_limit_nothing(model: mujoco.MjModel) -> N
     ("values", "message"),
     [({"crank": 0.8}, "joint crank"), ({"wheel": 0.0}, "wheel"), ({}, "finite numbers")],
 )
-def test_wrong_positions_are_rejected(model: mujoco.MjModel, values: dict[str, float], message: str) -> None:
+def test_invalid_driver_positions_are_rejected(
+    model: mujoco.MjModel, values: dict[str, float], message: str
+) -> None:
     with pytest.raises(ms.InputError, match=message):
         ms.closed_qpos(model, values)
 
 
-def test_number_of_states_is_rejected(model: mujoco.MjModel) -> None:
+def test_a_sample_size_of_zero_is_rejected(model: mujoco.MjModel) -> None:
     with pytest.raises(ms.InputError, match="give 1 or more"):
         ms.sample(model, 0)
 
 
-def test_the_command_writes_states_and_reports_them(tmp_path, monkeypatch, capsys) -> None:
+def test_the_command_writes_and_reports_samples(tmp_path, monkeypatch, capsys) -> None:
     file, states = tmp_path / "model.xml", tmp_path / "states.npz"
     file.write_text(FOUR_BAR)
     monkeypatch.setattr("sys.argv", ["mechsim", "sample", str(file), "-n", "5", "-o", str(states), "--json"])
@@ -109,7 +111,7 @@ def parallelograms(count: int) -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_loops_that_change_their_assembly_together_are_noticed(count: int) -> None:
+def test_samples_of_parallelograms_stay_between_their_change_points(count: int) -> None:
     states = ms.sample(parallelograms(count), 100)
     cranks, rockers = states.qpos[:, 0], states.qpos[:, 2]
     # at a right angle all links lie in line
@@ -117,19 +119,19 @@ def test_loops_that_change_their_assembly_together_are_noticed(count: int) -> No
     assert rockers == pytest.approx(cranks, abs=1e-9)
 
 
-def test_an_overconstrained_linkage_keeps_its_assembly_over_the_whole_turn() -> None:
+def test_an_overconstrained_linkage_keeps_its_assembly_mode_over_a_turn() -> None:
     states = ms.sample("bennett", 100)
     assert states.accepted == 1.0
     assert np.ptp(states.qpos[:, 0]) > 5.0
 
 
-def test_states_do_not_depend_on_those_drawn_with_them(model: mujoco.MjModel) -> None:
+def test_each_sample_is_independent_of_the_others(model: mujoco.MjModel) -> None:
     states = ms.sample(model, 5).qpos
     alone = [ms.closed_qpos(model, {"crank": qpos[7]})[0] for qpos in states]
     assert np.array(alone) == pytest.approx(states, abs=1e-13)
 
 
-def test_a_start_that_is_slightly_open_leaves_the_floating_base_at_rest() -> None:
+def test_closing_a_start_does_not_move_the_floating_base() -> None:
     floating = FOUR_BAR.replace(
         '<body><joint name="crank"', '<body><freejoint/><geom size=".1"/><body><joint name="crank"'
     )
@@ -143,7 +145,7 @@ def test_a_start_that_is_slightly_open_leaves_the_floating_base_at_rest() -> Non
 ROUNDED = FOUR_BAR.replace('name="coupler" axis="0 0 1"', 'name="coupler" axis="2e-6 1e-6 1"')
 
 
-def test_redundant_constraints_close_as_well_as_rounded_dimensions_allow() -> None:
+def test_rounded_dimensions_of_redundant_loops_are_tolerated() -> None:
     rounded, exact = (mujoco.MjModel.from_xml_string(text) for text in (ROUNDED, FOUR_BAR))
     states = ms.sample(rounded, 50)
     assert 1e-9 < states.residual.max() < 1e-5
@@ -160,7 +162,7 @@ def test_rounded_dimensions_do_not_excuse_an_unreachable_position() -> None:
             ms.closed_qpos(model, {"crank": 0.1})
 
 
-def test_a_reference_outside_the_limits_is_replaced_by_one_within() -> None:
+def test_a_reference_outside_the_limits_is_replaced() -> None:
     text = FOUR_BAR.replace(
         'name="rocker" axis="0 0 1"', 'name="rocker" axis="0 0 1" range="15 60" limited="true"'
     )
@@ -171,7 +173,7 @@ def test_a_reference_outside_the_limits_is_replaced_by_one_within() -> None:
     assert states.residual.max() < 1e-12
 
 
-def test_a_start_where_assemblies_meet_is_rejected() -> None:
+def test_a_start_at_a_change_point_is_rejected() -> None:
     flat = FOUR_BAR.replace('pos=".06 .02 0"', 'pos=".06 0 0"').replace('pos=".07 -.04 0"', 'pos=".07 0 0"')
     model = mujoco.MjModel.from_xml_string(flat.replace('pos=".02 .06 0"', 'pos=".02 0 0"'))
     with pytest.raises(ms.errors.InputError, match="singular configuration, where assemblies meet"):

@@ -1,4 +1,4 @@
-"""A time step that is given is kept exactly, or rejected with the limit and the remedy."""
+"""A requested time step is used exactly, or rejected with the limit and the remedy."""
 
 import numpy as np
 import pytest
@@ -15,9 +15,9 @@ def swung():
     return ms.load("four_bar", drive=LAW, duration=1.0)
 
 
-def taken(model, timestep, **asked):
-    """Return a stepped run, whose records prove its step by their times."""
-    run = ms.simulate(model, timestep=timestep, **asked)
+def run_with_step(model, timestep, **options):
+    """Return a stepped run and check its time step from the recorded times."""
+    run = ms.simulate(model, timestep=timestep, **options)
     assert run.method == "step"
     assert run.timestep == pytest.approx(timestep, rel=1e-12)
     assert run.motion.time is not None
@@ -25,8 +25,8 @@ def taken(model, timestep, **asked):
     return run
 
 
-def test_a_step_is_kept_under_motion_laws(swung):
-    run = taken(swung, 0.002)
+def test_a_motion_law_run_uses_the_requested_time_step(swung):
+    run = run_with_step(swung, 0.002)
     assert run.steps == 500
     assert run.outcome == "passed"
     # the crank follows its law at these times; a force constant over a step makes it lag by (w dt)^2/12
@@ -35,19 +35,19 @@ def test_a_step_is_kept_under_motion_laws(swung):
     np.testing.assert_allclose(crank, 0.3 * np.sin(2.0 * np.pi * run.motion.time), atol=1.01 * lag)
 
 
-def test_a_step_is_kept_under_the_laws_of_several_drivers():
-    assert taken(ms.load("five_bar"), 0.0025).steps == 400
+def test_a_run_with_several_drivers_uses_the_requested_time_step():
+    assert run_with_step(ms.load("five_bar"), 0.0025).steps == 400
 
 
 @pytest.mark.parametrize(("speed", "steps"), [(SPEED, 50), (1.01 * SPEED, 49)])
-def test_a_step_is_kept_with_a_crank_whether_it_divides_the_turn_or_not(speed, steps):
-    run = taken(ms.catalog.make("rssr"), 0.002, speed=speed)
+def test_a_crank_run_uses_a_time_step_that_need_not_divide_the_turn(speed, steps):
+    run = run_with_step(ms.catalog.make("rssr"), 0.002, speed=speed)
     assert run.steps == steps
     assert ("the run ends at 0.098 s" in run.note) == (steps == 49)
 
 
 def test_records_lie_on_whole_steps(swung):
-    run = taken(swung, 0.002, samples=100)
+    run = run_with_step(swung, 0.002, samples=100)
     np.testing.assert_allclose(run.motion.time, np.linspace(0.0, 1.0, 101), atol=1e-12)
     with pytest.raises(InputError, match=r"71 equal .* 500 steps of 0\.002 s; take 50 or 100 intervals"):
         ms.simulate(swung, timestep=0.002, samples=71)
@@ -67,13 +67,13 @@ REJECTED = {
 
 
 @pytest.mark.parametrize("case", REJECTED)
-def test_a_step_that_cannot_be_used_is_rejected(swung, case):
-    asked, reason = REJECTED[case]
+def test_an_invalid_time_step_is_rejected(swung, case):
+    options, reason = REJECTED[case]
     with pytest.raises(InputError, match=reason):
-        ms.simulate(swung, **asked)
+        ms.simulate(swung, **options)
 
 
-def test_a_step_too_long_for_a_short_swing_is_rejected_with_the_longest():
+def test_a_step_too_long_for_a_swing_is_rejected_with_the_limit():
     time = np.linspace(0.0, 0.05, 20)
     profile = ms.simulation.table(time, 1.0 + 0.1 * np.sin(60.0 * time))
     with pytest.raises(InputError, match=r"lasts 0\.05 s and needs 48 steps at least; take 0\.00104 s"):

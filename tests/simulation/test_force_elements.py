@@ -1,4 +1,4 @@
-"""What acts on a mechanism as parts of its model: which actuators are what."""
+"""Actuators of a loaded model and the index of their kinds."""
 
 import numpy as np
 import pytest
@@ -19,23 +19,23 @@ STARTS = {
 }
 
 
-def all_on(name: str) -> Forces:
-    """Return forces of every kind that make actuators, with friction and springs in every joint."""
+def every_force(name: str) -> Forces:
+    """Return forces of every kind with an actuator, and friction and springs in every joint."""
     mechanism = catalog.make(name).mechanism
-    straight = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")]
+    single_dof = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")]
     return Forces(
         motor=ConstantTorque(1.0),
         crank_torque=load_profile.constant(0.1),
         loads=tuple(Load(point, PUSH) for point in mechanism.points),
         couples=(Couple(mechanism.links[-1].name, PUSH),),
-        joint_springs=tuple(JointSpring(joint, 0.3, 0.1) for joint in straight),
+        joint_springs=tuple(JointSpring(joint, 0.3, 0.1) for joint in single_dof),
         friction=tuple(Friction(joint.name, 1e-4, 1e-3) for joint in mechanism.joints),
     )
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "bennett", "rrsrr", "warp_knitter"])
-def test_actuators_lie_where_the_index_states_they_were_made(name):
-    forces = all_on(name)
+def test_the_actuator_index_matches_the_actuators_of_the_model(name):
+    forces = every_force(name)
     loaded = loaded_model(catalog.make(name).mechanism, forces)
     names = np.array([loaded.model.actuator(i).name for i in range(loaded.model.nu)])
     for kind, starts in STARTS.items():

@@ -1,11 +1,11 @@
-"""Solved poses of a scene have their accelerations to rounding, whatever its servos and springs would do."""
+"""Accelerations of solved poses are exact to rounding despite large servo and spring forces."""
 
 import numpy as np
 
 import mechsim as ms
 
-# light links, and a servo at rest, a spring and a damper that would throw them about
-FOUGHT = """<mujoco>
+# light links with a servo, a spring and a damper whose forces are large for them
+OPPOSED = """<mujoco>
   <compiler angle="radian"/>
   <default><geom contype="0" conaffinity="0" density="100"/></default>
   <worldbody>
@@ -21,13 +21,13 @@ FOUGHT = """<mujoco>
 </mujoco>"""
 
 
-def test_servos_that_fight_the_drive_cost_no_digits_of_solved_poses(tmp_path):
-    path = tmp_path / "fought.xml"
-    path.write_text(FOUGHT)
+def test_opposing_servos_do_not_affect_accelerations_of_solved_poses(tmp_path):
+    path = tmp_path / "opposed.xml"
+    path.write_text(OPPOSED)
     subject = ms.load(path, drive={"crank": "0.3*(1-cos(2*pi*t))"})
     posed = ms.simulate(subject, method="pose").motion
     exact = subject.solve(t=posed.time)
     for name in ("rod", "rocker"):
-        wanted = exact.joints[name].acceleration
-        # measured 1e-15 of the largest, and 3.5e-7 with those forces on
-        assert np.abs(posed.joints[name].acceleration - wanted).max() < 1e-13 * np.abs(wanted).max()
+        expected = exact.joints[name].acceleration
+        # measured 1e-15 of the largest, and 3.5e-7 with those forces active
+        assert np.abs(posed.joints[name].acceleration - expected).max() < 1e-13 * np.abs(expected).max()

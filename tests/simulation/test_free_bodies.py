@@ -1,4 +1,4 @@
-"""Loops of a model whose bodies fly freely, joined by points only: six coordinates a body, seven numbers."""
+"""Loops of a model with free bodies connected by points: six DOFs and seven coordinates per body."""
 
 import mujoco
 import numpy as np
@@ -40,8 +40,8 @@ def states(loops, n=4, reach=0.3):
     return loops.displaced(np.repeat(loops.model.qpos0[None], n, 0), steps)
 
 
-def test_the_numbers_of_a_state_are_distinguished_apart(loops):
-    # crank, free body (place, quaternion), ball (quaternion), slide
+def test_state_entries_are_classified_by_kind(loops):
+    # crank, free body (position, quaternion), ball (quaternion), slide
     assert quaternion_addresses(loops.model) == [4, 8]
     assert quaternion_entries(loops.model).tolist() == [False] * 4 + [True] * 8 + [False]
     assert hinge_entries(loops.model).tolist() == [True] + [False] * 12
@@ -50,15 +50,15 @@ def test_the_numbers_of_a_state_are_distinguished_apart(loops):
 
 
 @pytest.mark.parametrize("n", [1, 4])
-def test_states_are_moved_as_mujoco_moves_them(loops, n):
+def test_displacements_agree_with_mujoco(loops, n):
     before = states(loops, n)
     steps = np.random.default_rng(5).normal(size=(n, loops.model.nv))
-    # a turn too small for a quotient, and one of more than a whole turn
+    # a rotation too small for a quotient, and one of more than a full turn
     steps[0, 4:7], steps[-1, 7:10] = (1e-9, -2e-9, 0.5e-9), (5.0, -4.0, 3.0)
-    for state, step, made in zip(before, steps, loops.displaced(before, steps), strict=True):
+    for state, step, moved in zip(before, steps, loops.displaced(before, steps), strict=True):
         expected = state.copy()
         mujoco.mj_integratePos(loops.model, expected, step, 1.0)
-        assert np.abs(made - expected).max() < 2e-15
+        assert np.abs(moved - expected).max() < 2e-15
     assert np.array_equal(before, states(loops, n))
 
 
@@ -73,7 +73,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(loops, n):
         assert np.abs((ahead - behind) / 2e-6 - jacobian[:, :, dof]).max() < 1e-9
 
 
-def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
+def test_newton_steps_are_limited_to_half_a_radian_of_rotation(loops):
     before = states(loops)
     before[:, 1:4] += 10.0
     residual, jacobian = loops.linearise(before)
@@ -85,7 +85,7 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
         assert item == pytest.approx(whole * min(1.0, 0.5 / turn))
     assert np.abs(step[:, 1:4]).max() > 0.5
     assert (step[:, 0] == 0.0).all()
-    # lengths alone, however long, are gone in a single step
+    # a translation of any length is corrected in a single step
     shifted = np.repeat(loops.model.qpos0[None], 2, 0)
     shifted[:, 1:4] += 1e-3
     residual, jacobian = loops.linearise(shifted)
@@ -97,11 +97,11 @@ def test_a_newton_step_goes_far_but_turns_by_half_a_radian_at_most(loops):
     )
 
 
-def test_a_slide_and_the_place_of_a_free_body_are_lengths(loops):
+def test_slides_and_free_body_positions_are_lengths(loops):
     assert loops.angular_dofs[loops.free].tolist() == [False] * 3 + [True] * 6 + [False]
 
 
-def test_flying_bodies_come_together_and_stay_so_along_the_tangent(loops):
+def test_free_bodies_are_assembled_and_the_tangent_keeps_the_loops_closed(loops):
     closed = loop_jacobian.close(loops, states(loops, 4, 0.02))
     assert loops.closure_error(loops.residual(closed)).max() <= 1e-14
     _, jacobian = loops.linearise(closed)
@@ -111,26 +111,26 @@ def test_flying_bodies_come_together_and_stay_so_along_the_tangent(loops):
     assert np.abs(np.linalg.norm(closed[:, 4:8], axis=1) - 1.0).max() < 1e-15
 
 
-def test_what_is_solved_is_the_shortest_step_that_does_it(loops):
+def test_solve_returns_the_minimum_norm_step(loops):
     _, jacobian = loops.linearise(states(loops))
     right = np.random.default_rng(1).normal(size=(4, jacobian.shape[1], 2))
-    for item, held, wanted in zip(
+    for item, held, expected_values in zip(
         loop_jacobian.solve(loops, jacobian, right), jacobian[:, :, loops.free], right, strict=True
     ):
-        assert item == pytest.approx(np.linalg.lstsq(held, wanted, rcond=None)[0], abs=1e-12)
+        assert item == pytest.approx(np.linalg.lstsq(held, expected_values, rcond=None)[0], abs=1e-12)
 
 
-def test_places_are_those_of_sites_and_of_the_points_that_close_loops(loops):
+def test_site_and_loop_point_positions_agree_with_mujoco(loops):
     before = states(loops)
     data = mujoco.MjData(loops.model)
     residual = loops.residual(before)
     positions = loops.posed.site_positions(before), point_positions(loops, before)
-    for state, sites, places, gap in zip(before, *positions, residual, strict=True):
+    for state, sites, positions_of_points, gap in zip(before, *positions, residual, strict=True):
         data.qpos[:] = state
         mujoco.mj_kinematics(loops.model, data)
         assert sites == pytest.approx(data.site_xpos, abs=1e-15)
-        assert places[-2:] == pytest.approx(data.site_xpos, abs=1e-15)
-        ends = places[:-2].reshape(-1, 2, 3)
+        assert positions_of_points[-2:] == pytest.approx(data.site_xpos, abs=1e-15)
+        ends = positions_of_points[:-2].reshape(-1, 2, 3)
         assert gap == pytest.approx((ends[:, 0] - ends[:, 1]).ravel(), abs=1e-15)
 
 
@@ -146,13 +146,13 @@ def test_the_characteristic_length_is_the_longest_arm_or_body_distance(loops):
     )
 
 
-def test_the_two_assemblies_of_a_loop_lie_on_either_side(loops):
-    # the slide's body may be reached from above or below: both are closed, on sides of unlike sign
+def test_assembly_modes_have_opposite_determinant_signs(loops):
+    # the body of the slide can be reached from above or below: two assembly modes of opposite sign
     jacobian = loops.linearise(states(loops, 40, 1.0))[1]
     assert set(np.unique(loop_jacobian.determinant_sign(loops, jacobian))) <= {-1.0, 1.0}
 
 
-def test_what_cannot_come_together_is_named(loops):
+def test_an_unassemblable_state_is_rejected_with_its_crank_angle(loops):
     lost = states(loops, 2)
     lost[1, -1] = 1.0
     loops.model.eq_data[1, 3:6] *= 100.0

@@ -1,4 +1,4 @@
-"""Every kind of equality is read as MuJoCo has it: by residuals and Jacobians of its own constraints."""
+"""Residuals and Jacobians of every kind of equality agree with MuJoCo's own constraints."""
 
 import mujoco
 import numpy as np
@@ -60,7 +60,7 @@ def model_of(equality):
     return spec.compile(), track
 
 
-def near(model, n, reach):
+def states_near(model, n, reach):
     rng = np.random.default_rng(3)
     states = np.repeat(model.qpos0[None], n, 0)
     for state in states:
@@ -69,18 +69,18 @@ def near(model, n, reach):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_residual_and_jacobian_are_mujocos_own(kind):
+def test_residual_and_jacobian_agree_with_mujoco(kind):
     model, _ = model_of(KINDS[kind])
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     loops, data = read_loops(model), mujoco.MjData(model)
-    turned = loops.frame_rows
-    for state in near(model, 3, 0.1):
+    rotation_rows = loops.frame_rows
+    for state in states_near(model, 3, 0.1):
         data.qpos[:] = state
         mujoco.mj_forward(model, data)
         position, gradient = data.efc_pos.copy(), data.efc_J.reshape(data.nefc, model.nv).copy()
-        # MuJoCo has the vector part of a quaternion, here it is twice that: an angle
-        position[turned] *= 2.0
-        gradient[turned] *= 2.0
+        # MuJoCo uses the vector part of the quaternion; twice that is an angle
+        position[rotation_rows] *= 2.0
+        gradient[rotation_rows] *= 2.0
         for states in (state[None], np.stack([state] * 2)):
             residual, jacobian = loops.linearise(states)
             assert np.abs(residual - position).max() < 1e-15
@@ -88,7 +88,7 @@ def test_residual_and_jacobian_are_mujocos_own(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
+def test_closure_acceleration_is_the_second_derivative_of_the_residual(kind):
     model, track = model_of(KINDS[kind])
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     loops = read_loops(model)
@@ -108,13 +108,13 @@ def test_the_second_rate_of_opening_is_that_of_the_residual(kind):
     assert np.abs(second @ loops.residual(path) - result).max() < 1e-9
 
 
-def test_a_tendon_through_sites_is_rejected_by_its_name():
+def test_a_spatial_tendon_is_rejected_by_name():
     with pytest.raises(InputError, match=r"tendon 'rope' runs through sites.*fixed tendon"):
         read_loops(model_of('<tendon tendon1="rope"/>')[0])
 
 
 @pytest.mark.parametrize(("coefficients", "bends"), [([0.3, -2.0, 0.5], True), ([0.3, -2.0, 0.0], False)])
-def test_a_coupling_bends_where_its_polynomial_does(coefficients, bends):
+def test_a_quadratic_coupling_is_nonlinear(coefficients, bends):
     side = Sum(np.array([0]), np.array([0]), np.zeros(1), np.ones(1))
     coupled = CouplingConstraint(side, side, np.array(coefficients), 0)
     assert coupled.nonlinear == bends
@@ -125,17 +125,19 @@ def test_a_coupling_bends_where_its_polynomial_does(coefficients, bends):
 
 
 @pytest.mark.parametrize(
-    ("where", "dry"),
+    ("element", "dry"),
     [("", False), ("joint", True), ("fixed", True)],
     ids=["none", "of a joint", "of a tendon"],
 )
-def test_dry_friction_of_joints_and_tendons_is_seen(where, dry):
+def test_dry_friction_of_joints_and_tendons_is_detected(element, dry):
     text = MODEL.replace("EQUALITY", "")
-    rubbed = text.replace(f'<{where} name="', f'<{where} frictionloss=".1" name="', 1) if where else text
-    assert has_dry_friction(mujoco.MjModel.from_xml_string(rubbed)) == dry
+    with_friction = (
+        text.replace(f'<{element} name="', f'<{element} frictionloss=".1" name="', 1) if element else text
+    )
+    assert has_dry_friction(mujoco.MjModel.from_xml_string(with_friction)) == dry
 
 
-def test_couplings_follow_the_driven_coordinate_in_whatever_order_they_stand():
+def test_couplings_are_ordered_from_the_driven_coordinate():
     sides = [
         Sum(np.array([i]), np.array([i]), zeros=np.array([0.0]), weights=np.array([1.0])) for i in range(3)
     ]

@@ -36,7 +36,7 @@ A revolute crank-coupler
 B revolute coupler-rocker
 C revolute ground-rocker
 """
-# a four-bar on an arm that turns too; B and C count backwards, and A and the shoulder turn about minus z
+# a four-bar on a rotating arm; B and C are reversed, and A and the shoulder turn about minus z
 ON_AN_ARM = """name = "on an arm"
 drivers = ["shoulder", "crank"]
 [joints.shoulder]
@@ -65,7 +65,7 @@ crank = "0.9rad + 0.5rad*t"
 """
 
 
-def test_the_spatial_four_bar_is_cut_at_the_spherical_joint_far_from_the_crank() -> None:
+def test_the_rssr_is_cut_at_the_spherical_joint_far_from_the_crank() -> None:
     assert [joint.name for joint in cut_loops(catalog.make("rssr").mechanism).cuts] == ["P3"]
 
 
@@ -82,7 +82,7 @@ def test_planar_loops_are_cut_at_a_joint_that_is_not_the_crank(name: str) -> Non
 
 
 @pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
-def test_every_link_hangs_on_the_tree_once_and_parents_come_first(mechanism: Mechanism) -> None:
+def test_every_link_is_in_the_tree_once_after_its_parent(mechanism: Mechanism) -> None:
     tree = cut_loops(mechanism)
     placed = [GROUND]
     for branch in tree.branches:
@@ -93,7 +93,7 @@ def test_every_link_hangs_on_the_tree_once_and_parents_come_first(mechanism: Mec
     assert len(tree.cuts) == len(mechanism.joints) - len(mechanism.links)
 
 
-def test_a_cut_that_was_requested_for_is_made() -> None:
+def test_a_requested_cut_is_made() -> None:
     mechanism = catalog.make("four_bar").mechanism
     for name in ("A", "B", "rocker"):
         assert [joint.name for joint in cut_loops(mechanism, (name,)).cuts] == [name]
@@ -108,13 +108,13 @@ def test_a_cut_that_was_requested_for_is_made() -> None:
         ((), "cutting no joint does not leave a tree"),
     ],
 )
-def test_bad_cuts_are_rejected_in_one_sentence(cut: tuple[str, ...], sentence: str) -> None:
+def test_invalid_cuts_are_rejected(cut: tuple[str, ...], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as reported:
         cut_loops(catalog.make("four_bar").mechanism, cut)
     assert "\n" not in str(reported.value)
 
 
-def test_a_joint_that_no_constraint_closes_is_rejected_as_a_cut() -> None:
+def test_a_cut_at_a_prismatic_joint_is_rejected() -> None:
     with pytest.raises(InputError, match="cut at prismatic joint 'slide', which no MuJoCo constraint closes"):
         cut_loops(catalog.make("slider_crank").mechanism, ("slide",))
 
@@ -126,15 +126,15 @@ def test_a_geared_joint_is_never_cut() -> None:
         cut_loops(mechanism, ("second",))
 
 
-def test_links_that_nothing_joins_to_the_frame_are_named() -> None:
-    apart = chain(
+def test_disconnected_links_are_rejected_by_name() -> None:
+    disconnected = chain(
         Joint("crank", "revolute", End(GROUND), End("crank")), Joint("x", "revolute", End("a"), End("b"))
     )
     with pytest.raises(InputError, match="no chain of joints connects the frame with a, b"):
-        cut_loops(apart)
+        cut_loops(disconnected)
 
 
-def test_a_loop_without_a_joint_that_can_be_cut_is_rejected() -> None:
+def test_a_loop_of_prismatic_and_cylindrical_joints_is_rejected() -> None:
     slides = chain(
         Joint("crank", "revolute", End(GROUND), End("crank")),
         Joint("way", "prismatic", End("crank"), End("slider")),
@@ -144,7 +144,7 @@ def test_a_loop_without_a_joint_that_can_be_cut_is_rejected() -> None:
         cut_loops(slides)
 
 
-def test_a_loop_without_a_joint_that_points_close_is_split_and_welded():
+def test_a_loop_without_point_constraints_is_split_and_welded():
     tree = cut_loops(press(), splits=True)
     assert [joint.kind for joint in tree.cuts] == ["fixed"]
     assert len(tree.mechanism.links) == len(press().links) + 1
@@ -154,7 +154,7 @@ def test_a_loop_without_a_joint_that_points_close_is_split_and_welded():
     assert set(motion.links) == {"spindle", "nut"}
 
 
-def test_of_joints_alike_the_farthest_from_the_crank_is_cut_wherever_it_is_named():
+def test_the_cut_joint_is_farthest_from_the_crank_in_any_joint_order():
     for joints in permutations(rows(FOUR_BAR)):
         tree = cut_loops(chain(*joints))
         assert [joint.name for joint in tree.cuts] == ["B"]
@@ -172,21 +172,21 @@ def test_of_joints_alike_the_farthest_from_the_crank_is_cut_wherever_it_is_named
         }
 
 
-def test_how_far_a_joint_is_counts_along_the_links_and_not_through_the_frame():
+def test_the_distance_of_a_joint_is_counted_along_moving_links():
     ring = ["crank", "one", "two", "three", "four", "ground"]
     joints = [Joint("crank", "revolute", End(GROUND), End("crank"))]
     joints += [Joint(f"to {b}", "revolute", End(a), End(b)) for a, b in pairwise(ring)]
-    # through the frame one to two would be as far as three to four
+    # counted through the frame, joint "to two" would be as distant as "to four"
     assert cut_in(chain(*joints[::-1])) == ["to four"]
 
 
-def test_of_joints_as_far_the_last_is_cut():
+def test_the_last_of_equally_distant_joints_is_cut():
     two = rows("crank revolute ground-crank\nfirst revolute crank-plate\nlast revolute crank-plate")
     assert cut_in(chain(*two)) == ["last"]
     assert cut_in(chain(two[0], two[2], two[1])) == ["first"]
 
 
-def test_the_fewest_rows_are_cut_but_where_a_joint_is_to_be_kept():
+def test_the_cut_with_the_fewest_constraints_avoids_protected_joints():
     joints = rows(FOUR_BAR.replace("A revolute", "A spherical"))
     assert cut_in(chain(*joints)) == ["A"]
     assert cut_in(chain(*joints), keep=("A",)) == ["B"]
@@ -195,26 +195,26 @@ def test_the_fewest_rows_are_cut_but_where_a_joint_is_to_be_kept():
     assert cut_in(chain(*slides), keep=("A",)) == ["A"]
 
 
-def test_what_is_requested_is_cut_even_where_a_joint_that_holds_nothing_could_be():
+def test_a_requested_cut_has_priority_over_a_floating_joint():
     held = chain(*rows("crank revolute ground-crank\nfly floating ground-plate\npin revolute crank-plate"))
     assert cut_in(held) == ["fly"]
     assert cut_in(held, "pin") == ["pin"]
 
 
-def test_a_loop_of_joints_that_are_all_needed_is_rejected_and_a_held_one_is_called_so():
+def test_a_loop_without_a_passive_joint_is_rejected():
     held = replace(chain(*rows(FOUR_BAR)), locked={"A": 0.3, "B": -0.2})
     with pytest.raises(InputError, match="joint 'B' is held and cannot be cut; cut another"):
         cut_loops(held, ("B",))
     assert cut_in(held) == ["C"]
-    stiff = replace(held, locked={"A": 0.3, "B": -0.2, "C": 0.1})
+    immobile = replace(held, locked={"A": 0.3, "B": -0.2, "C": 0.1})
     with pytest.raises(
         InputError, match=r"the loop through joint 'B' has only driven and coupled joints; add"
     ):
-        cut_loops(stiff)
+        cut_loops(immobile)
 
 
 @pytest.mark.parametrize("cut", ["A", "B", "C"])
-def test_a_hinge_that_is_cut_turns_as_the_hinges_of_the_tree_that_count_in_it(cut, file):
+def test_the_rate_of_a_cut_hinge_is_a_sum_of_tree_joint_rates(cut, file):
     arm = ms.load(file(ON_AN_ARM))
     result = turning_with(arm.mechanism, tree := cut_loops(arm.mechanism, (cut,)), tree.cuts[0])
     assert len(result) == 3

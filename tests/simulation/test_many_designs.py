@@ -1,4 +1,4 @@
-"""Designs stepped in one batch move as each does by itself, and are judged as strictly."""
+"""Designs stepped in one batch move as single designs and pass the same checks."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ from mechsim.simulation.many.stepped_designs import (
 
 STEPS, SPEED = 60, 40.0
 SETTINGS = Settings(steps_per_turn=STEPS, jacobian="dense")
-# generic: what is hung by a universal joint, by a slide, by balls, and in a plane
+# generic dimensions with universal, prismatic, spherical and planar connections
 VARIED = {
     "four_bar": {"crank": [0.031, 0.034], "ground": [0.101, 0.095], "arm_angle": [0.4, 0.6]},
     "slider_crank": {"crank": [0.047, 0.052], "offset": [0.011, 0.0]},
@@ -45,7 +45,7 @@ def forms_of(name, rows):
 
 
 @pytest.mark.parametrize("name", VARIED)
-def test_designs_step_together_as_each_by_itself(name):
+def test_batched_designs_move_as_single_designs(name):
     rows = VARIED[name]
     stepped = stepped_designs(models_of(name, rows), SETTINGS, SPEED, STEPS, 1)
     verdict = check_designs(stepped)
@@ -54,30 +54,30 @@ def test_designs_step_together_as_each_by_itself(name):
     assert (verdict.estimate <= verdict.tolerance).all()
     motion = design_motion(stepped, np.arange(2), np.arange(STEPS), "rates")
     for i, form in enumerate(forms_of(name, rows)):
-        alone = ms.simulate(form, speed=SPEED, settings=SETTINGS, method="step", samples=STEPS).motion
+        single = ms.simulate(form, speed=SPEED, settings=SETTINGS, method="step", samples=STEPS).motion
         part = slice(i * STEPS, (i + 1) * STEPS)
-        # the same arithmetic but for the order of sums: measured 4e-16 of the size, 1e-13 of accelerations
-        for point, item in alone.points.items():
+        # same arithmetic except the order of sums: measured 4e-16 of the size, 1e-13 of accelerations
+        for point, item in single.points.items():
             for kind, bound in (("position", 1e-14), ("velocity", 1e-12), ("acceleration", 1e-9)):
-                wanted, got = getattr(item, kind)[:STEPS], getattr(motion.points[point], kind)[part]
+                expected, actual = getattr(item, kind)[:STEPS], getattr(motion.points[point], kind)[part]
                 np.testing.assert_allclose(
-                    got, wanted, atol=bound * np.abs(wanted).max(), err_msg=f"{point} {kind}"
+                    actual, expected, atol=bound * np.abs(expected).max(), err_msg=f"{point} {kind}"
                 )
-        for joint, item in alone.joints.items():
+        for joint, item in single.joints.items():
             np.testing.assert_allclose(motion.joints[joint].value[part], item.value[:STEPS], atol=1e-13)
             size = np.abs(item.acceleration).max()
-            got = motion.joints[joint].acceleration[part]
-            np.testing.assert_allclose(got, item.acceleration[:STEPS], atol=1e-9 * size + 1e-9)
+            actual = motion.joints[joint].acceleration[part]
+            np.testing.assert_allclose(actual, item.acceleration[:STEPS], atol=1e-9 * size + 1e-9)
 
 
-def test_numbers_by_formula_are_those_of_the_descriptions():
+def test_closed_form_starts_equal_those_of_descriptions():
     for name, rows in VARIED.items():
         form = ms.catalog.make(name)
         by_formula = closed_form_starts(form, {key: np.array(values) for key, values in rows.items()})
         described = started_designs(form.mechanism, [item.mechanism for item in forms_of(name, rows)])
         for joint, ends in described.arrays.ends.items():
-            for mine, wanted in zip(by_formula.arrays.ends[joint], ends, strict=True):
-                np.testing.assert_allclose(mine, wanted, atol=1e-15)
+            for computed, expected in zip(by_formula.arrays.ends[joint], ends, strict=True):
+                np.testing.assert_allclose(computed, expected, atol=1e-15)
         for link, pose in described.guess.items():
             np.testing.assert_allclose(by_formula.guess[link].rotation, pose.rotation, atol=1e-14)
         np.testing.assert_array_equal(
@@ -86,9 +86,9 @@ def test_numbers_by_formula_are_those_of_the_descriptions():
         )
 
 
-def test_a_design_that_leaves_its_assembly_or_its_poses_is_not_called_kept():
+def test_a_design_that_changes_assembly_fails_the_check():
     stepped = stepped_designs(models_of("four_bar", VARIED["four_bar"]), SETTINGS, SPEED, STEPS, 1)
-    # the second design's rocker off by a thousandth of a radian, then both in the other assembly half way
+    # the rocker of the second design off by 1e-3 rad, then both in the other assembly mode half way
     off = stepped.qpos.copy()
     off[1, 30:] += [0.0, 1e-3, 0.0]
     verdict = check_designs(replace(stepped, qpos=off))
@@ -99,7 +99,7 @@ def test_a_design_that_leaves_its_assembly_or_its_poses_is_not_called_kept():
     assert not check_designs(replace(stepped, qpos=swapped)).same_assembly.any()
 
 
-def test_where_a_crank_cannot_go_is_reported():
+def test_an_unreachable_crank_angle_is_reported():
     form = ms.load("watt_six_bar")
     designs = [ms.load("watt_six_bar", {"crank": crank}).mechanism for crank in (0.025, 0.06)]
     models = design_models(shared_model(form.mechanism), started_designs(form.mechanism, designs))
@@ -109,12 +109,12 @@ def test_where_a_crank_cannot_go_is_reported():
     assert not any(low < open_at[1] < high for low, high in arcs)
 
 
-def test_quaternions_are_those_of_mujoco():
+def test_quaternions_agree_with_mujoco():
     rng = np.random.default_rng(3)
     turns = np.linalg.qr(rng.normal(size=(200, 3, 3)))[0]
     turns *= np.sign(np.linalg.det(turns))[:, None, None]
     turns = np.concatenate([turns, [np.eye(3), np.diag([-1.0, -1, 1]), np.diag([1.0, -1, -1])]])
-    for turn, mine in zip(turns, quaternions(turns), strict=True):
-        wanted = np.empty(4)
-        mujoco.mju_mat2Quat(wanted, turn.ravel())
-        assert abs(abs(mine @ wanted) - 1.0) < 1e-14
+    for turn, computed in zip(turns, quaternions(turns), strict=True):
+        expected = np.empty(4)
+        mujoco.mju_mat2Quat(expected, turn.ravel())
+        assert abs(abs(computed @ expected) - 1.0) < 1e-14

@@ -35,7 +35,7 @@ def names(model: mujoco.MjModel, kind: str, count: int) -> list[str]:
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_bodies_joints_and_sites_are_named_as_the_description_names_them(mechanism: Mechanism) -> None:
+def test_bodies_joints_and_sites_have_the_names_of_the_description(mechanism: Mechanism) -> None:
     model = model_of(mechanism)
     links = {link.name for link in mechanism.links}
     assert set(names(model, "body", model.nbody)) == {"world", *links}
@@ -46,7 +46,7 @@ def test_bodies_joints_and_sites_are_named_as_the_description_names_them(mechani
     assert set(mechanism.points) <= set(names(model, "site", model.nsite))
 
 
-def test_each_kind_of_joint_becomes_what_mujoco_has_for_it() -> None:
+def test_each_joint_kind_maps_to_mujoco_joints() -> None:
     hinge, slide, ball = (int(getattr(mujoco.mjtJoint, f"mjJNT_{k}")) for k in ("HINGE", "SLIDE", "BALL"))
     kinds = {}
     for mechanism in (catalog.make("rssr").mechanism, mechanisms.rsup(), mechanisms.rscr()):
@@ -67,19 +67,19 @@ def test_the_loops_of_the_reference_configuration_are_closed(mechanism: Mechanis
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_the_reference_configuration_stands_where_the_loop_equations_put_it(mechanism: Mechanism) -> None:
+def test_the_reference_configuration_satisfies_the_loop_equations(mechanism: Mechanism) -> None:
     model = model_of(mechanism)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     assert model.qpos0[read_loops(model).crank_address] == pytest.approx(mechanism.start, abs=1e-15)
     exact = loops.solve(mechanism, [mechanism.start])
     for name, point in exact.points.items():
-        # both by Newton's method to rounding, from the same guess
+        # both converged by Newton's method to rounding, from the same guess
         assert np.abs(data.site(name).xpos - point.position[0]).max() < 1e-14
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_the_text_reads_back_as_the_same_doubles(mechanism: Mechanism) -> None:
+def test_numbers_round_trip_exactly_through_the_text(mechanism: Mechanism) -> None:
     spec = assembled(mechanism, Scene())
     made, read = spec.compile(), mujoco.MjModel.from_xml_string(mjcf.to_xml(spec))
     for field in (
@@ -96,7 +96,7 @@ def test_the_text_reads_back_as_the_same_doubles(mechanism: Mechanism) -> None:
         "eq_solimp",
     ):
         assert np.array_equal(getattr(made, field), getattr(read, field)), field
-    # MuJoCo makes these unit vectors once more when it reads them
+    # MuJoCo normalises these vectors again when it reads them
     for field in ("body_quat", "jnt_axis"):
         assert np.abs(getattr(made, field) - getattr(read, field)).max() <= 2.0**-52, field
     assert made.opt.timestep == read.opt.timestep
@@ -105,7 +105,7 @@ def test_the_text_reads_back_as_the_same_doubles(mechanism: Mechanism) -> None:
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
-def test_plain_mujoco_opens_the_text_and_turns_the_crank(name: str) -> None:
+def test_plain_mujoco_reads_the_text_and_turns_the_crank(name: str) -> None:
     text = mjcf.to_xml(assembled(catalog.make(name).mechanism, Scene()))
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
@@ -115,17 +115,17 @@ def test_plain_mujoco_opens_the_text_and_turns_the_crank(name: str) -> None:
     for _ in range(100):
         mujoco.mj_step(model, data)
     turned = data.qpos[loops.crank_address] - model.qpos0[loops.crank_address]
-    # the flywheel holds the speed: 100 steps of 1e-4 s at one turn a second
+    # the drive inertia keeps the speed: 100 steps of 1e-4 s at one turn a second
     assert turned == pytest.approx(0.01 * speed, abs=1e-9)
     # the loop stays closed far below a link 0.1 % long
     assert np.abs(loops.residual(data.qpos[None])).max() < 1e-8
 
 
-def test_a_scene_of_poses_has_no_flywheel_and_only_dynamics_has_gravity() -> None:
+def test_drive_inertia_and_gravity_depend_on_the_scene_level() -> None:
     mechanism = catalog.make("four_bar").mechanism
     pose, motion, dynamics = (model_of(mechanism, level=level) for level in ("pose", "motion", "dynamics"))
     assert pose.dof_armature[0] == 0.0 < motion.dof_armature[0]
-    # a picture is opened and set turning by its user; under dynamics the crank is free
+    # the user of a picture scene turns the crank; under dynamics the crank is free
     assert (
         mjcf.generate(mechanism, Scene(level="picture")).compile().dof_armature[0] == motion.dof_armature[0]
     )
@@ -134,16 +134,16 @@ def test_a_scene_of_poses_has_no_flywheel_and_only_dynamics_has_gravity() -> Non
     assert dynamics.opt.gravity.any()
 
 
-def test_a_planar_loop_takes_one_connect_and_a_revolute_loop_in_space_two() -> None:
+def test_planar_loops_need_one_connect_and_spatial_revolute_loops_two() -> None:
     assert model_of(catalog.make("four_bar").mechanism).neq == 1
     assert model_of(mechanisms.bennett()).neq == 2
 
 
-def test_bennetts_linkage_keeps_the_law_of_its_angles() -> None:
+def test_bennetts_linkage_satisfies_its_half_angle_law() -> None:
     from mechsim.simulation import simulate
 
     motion = simulate(mechanisms.bennett(), speed=1.0, method="pose", samples=36).motion
-    # tan(theta/2) tan(phi/2) is constant for angles next to each other, each counted from its fold
+    # tan(theta/2) tan(phi/2) is constant for adjacent angles, each counted from the folded configuration
     away = np.abs(np.sin(motion.angle)) > np.sin(np.radians(9.0))
     theta, phi = motion.angle[away], motion.joints["rocker"].value[away]
     product = np.tan(theta / 2.0) * np.tan(phi / 2.0)
@@ -154,18 +154,18 @@ def test_bennetts_linkage_keeps_the_law_of_its_angles() -> None:
     assert spread < 1e-13
 
 
-def test_a_loop_that_cannot_close_is_an_assembly_error() -> None:
-    good = catalog.make("four_bar").mechanism
+def test_an_unassemblable_loop_is_rejected() -> None:
+    valid = catalog.make("four_bar").mechanism
     far = tuple(
         replace(joint, a=replace(joint.a, point=(0.5, 0.0, 0.0))) if joint.name == "rocker" else joint
-        for joint in good.joints
+        for joint in valid.joints
     )
     with pytest.raises(AssemblyError, match="the loops do not close at crank angle") as reported:
-        assembled(replace(good, joints=far), Scene())
+        assembled(replace(valid, joints=far), Scene())
     assert "\n" not in str(reported.value)
 
 
-def test_a_chain_without_loops_is_a_model_without_constraints() -> None:
+def test_an_open_chain_has_no_constraints() -> None:
     arm = Mechanism(
         "arm",
         (Link("upper"), Link("lower")),
@@ -179,7 +179,7 @@ def test_a_chain_without_loops_is_a_model_without_constraints() -> None:
     assert model_of(arm).neq == 0
 
 
-def test_moments_about_a_bodys_own_axes_are_written_whole():
+def test_inertia_tensors_round_trip_exactly():
     text = """<mujoco><worldbody><body name="a"><joint name="j"/><inertial pos="0 0 0.1" mass="1"
     fullinertia="0.0123456789012 0.02 0.03 0.001 0.002 0.003"/></body></worldbody></mujoco>"""
     spec = mujoco.MjSpec.from_string(text)

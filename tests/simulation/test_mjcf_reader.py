@@ -1,4 +1,4 @@
-"""An MJCF file read as a mechanism: its poses and its loops are those that MuJoCo has of the same file."""
+"""An MJCF file read as a mechanism: poses and loops agree with MuJoCo's of the same file."""
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ from mechsim.simulation.mjcf_reader import read_model
 from mechsim.simulation.mjcf_reader.file_errors import MAX_DEPTH
 from mechsim.simulation.mjcf_reader.kinematic_tree import kinematic_tree, poses
 
-# every kind of joint, several of them on a body, ref, points off the origin, jointless bodies, frames,
+# every kind of joint, several on one body, ref, points off the origin, jointless bodies, frames,
 # defaults, degrees, and a body called as the frame is
 TREE = """
 <mujoco model="tree">
@@ -50,36 +50,36 @@ def random_state(model, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_links_stand_where_mujoco_has_the_bodies_and_coordinates_are_those_of_qpos(file, seed):
+def test_link_poses_and_coordinates_agree_with_mujoco(file, seed):
     read = read_model(file(TREE))
     model = read.spec.compile()
     state, data = random_state(model, seed), mujoco.MjData(model)
     data.qpos[:] = state
     mujoco.mj_kinematics(model, data)
-    placed = {GROUND: IDENTITY, **poses(model, kinematic_tree(model), state)}
-    for name, pose in placed.items():
+    link_poses = {GROUND: IDENTITY, **poses(model, kinematic_tree(model), state)}
+    for name, pose in link_poses.items():
         if name == GROUND or name.startswith(VIRTUAL_PREFIX):
             continue
         body = data.body({"ground_body": "ground"}.get(name, name))
         np.testing.assert_allclose(pose.position, body.xpos, atol=1e-14)
         np.testing.assert_allclose(pose.rotation, body.xmat.reshape(3, 3), atol=1e-14)
     for name, (link, place) in read.mechanism.points.items():
-        np.testing.assert_allclose(placed[link].point(place), data.site(name).xpos, atol=1e-14)
+        np.testing.assert_allclose(link_poses[link].point(place), data.site(name).xpos, atol=1e-14)
     for joint in read.mechanism.joints:
         if joint.coordinates != (joint.name,):
             continue
-        (value,) = joint_coordinate(joint, placed[joint.a.link], placed[joint.b.link])
+        (value,) = joint_coordinate(joint, link_poses[joint.a.link], link_poses[joint.b.link])
         off = value - data.joint(joint.name).qpos[0]
         assert abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))) < 1e-14
 
 
-def test_the_guess_is_the_reference_and_turns_are_counted_as_mujoco_counts_them(file):
+def test_the_initial_guess_is_the_multi_turn_reference(file):
     read = read_model(file(TREE.replace('ref="25"', 'ref="745"')))
     assert read.mechanism.guess_coordinates["first"] == pytest.approx(np.radians(745.0))
     assert read.mechanism.guess_coordinates["third"] == 0.04
 
 
-def test_what_has_no_name_gets_one_and_links_between_joints_of_a_body_are_marked(file):
+def test_unnamed_elements_get_names(file):
     mechanism = read_model(file(TREE)).mechanism
     names = [link.name for link in mechanism.links]
     assert names == ["~first", "~second", "ground_body", "ball", "last", "loose", "post"]
@@ -105,7 +105,7 @@ EQUALITIES = {
     "connect to the world": '<connect body1="riser" anchor="0.02 0.03 -0.01"/>',
     "connect of sites": '<connect site1="out" site2="in"/>',
     "weld": '<weld body1="riser" body2="c" relpose="0.1 0.2 -0.1 1 0.3 0.2 -0.4" anchor="0.03 0.01 0.02"/>',
-    "weld as it stands": '<weld body1="b" body2="c"/>',
+    "weld at the reference": '<weld body1="b" body2="c"/>',
     "weld of sites": '<weld site1="out" site2="in"/>',
     "weld without torque": '<weld body1="riser" body2="c" torquescale="0" anchor="0.03 0.01 0.02"/>',
     "joint": '<joint joint1="swing" joint2="crank" polycoef="0.1 -2 0.3 0.2 -0.05"/>',
@@ -115,11 +115,11 @@ EQUALITIES = {
 }
 
 
-def opening(mechanism, placed, values):
-    """Return how far what was read stands open, as MuJoCo counts it: points, small turns, coordinates."""
+def residuals_of(mechanism, link_poses, values):
+    """Return the residuals as MuJoCo defines them: points, small rotations, coordinates."""
     gaps = []
     for joint in mechanism.joints[4:]:
-        a, b = placed[joint.a.link], placed[joint.b.link]
+        a, b = link_poses[joint.a.link], link_poses[joint.b.link]
         gaps.append(np.linalg.norm(a.point(joint.a.point) - b.point(joint.b.point)))
         if joint.kind == "fixed":
             turn = (a.rotation @ joint.a.frame).T @ b.rotation @ joint.b.frame
@@ -133,30 +133,30 @@ def opening(mechanism, placed, values):
 
 
 @pytest.mark.parametrize("kind", EQUALITIES)
-def test_an_equality_stands_as_far_open_as_mujoco_states(file, kind):
+def test_residuals_of_equalities_agree_with_mujoco(file, kind):
     read = read_model(file(LOOPS.replace("EQUALITY", EQUALITIES[kind])))
     model = read.spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = state = random_state(model, 5)
     mujoco.mj_fwdPosition(model, data)
-    placed = {GROUND: IDENTITY, **poses(model, kinematic_tree(model), state)}
+    link_poses = {GROUND: IDENTITY, **poses(model, kinematic_tree(model), state)}
     values = {name: data.joint(name).qpos[0] for name in ("crank", "slide", "swing")}
-    result = opening(read.mechanism, placed, values)
+    result = residuals_of(read.mechanism, link_poses, values)
     rows = data.efc_pos[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)]
     assert np.linalg.norm(rows[:3]) > 1e-3
     assert result[0] == pytest.approx(np.linalg.norm(rows[:3]), rel=1e-12)
-    if len(rows) == 6 and len(result) == 2:  # MuJoCo counts a turn as the sine of its half
+    if len(rows) == 6 and len(result) == 2:  # MuJoCo measures a rotation by the sine of the half angle
         assert np.sin(result[1] / 2.0) == pytest.approx(np.linalg.norm(rows[3:]), rel=1e-7)
 
 
-def test_what_is_not_active_is_left_out_and_stated(file):
+def test_an_inactive_equality_is_ignored_with_a_remark(file):
     text = EQUALITIES["connect"].replace("<connect", '<connect name="shut" active="false"')
     read = read_model(file(LOOPS.replace("EQUALITY", text)))
     assert len(read.mechanism.joints) == 4
     assert read.remarks == ("equality 'shut' is not active and was left out",)
 
 
-def test_an_equality_within_one_link_reports_nothing_and_is_reported(file):
+def test_an_equality_within_one_link_is_ignored_with_a_remark(file):
     read = read_model(
         file(LOOPS.replace("EQUALITY", '<connect name="c" body1="a" body2="riser" anchor="0 0 0"/>'))
     )
@@ -164,7 +164,7 @@ def test_an_equality_within_one_link_reports_nothing_and_is_reported(file):
     assert "do not move against each other" in read.remarks[0]
 
 
-def test_sleep_is_switched_off_and_stated_and_ipc_rejected(file):
+def test_sleep_is_disabled_and_ipc_rejected(file):
     flags = '<option><flag sleep="enable"/></option><worldbody>'
     asleep = TREE.replace("<worldbody>", flags, 1)
     read = read_model(file(asleep))
@@ -174,7 +174,7 @@ def test_sleep_is_switched_off_and_stated_and_ipc_rejected(file):
         read_model(file(asleep.replace("sleep", "ipc")))
 
 
-def test_a_missing_mesh_is_stated_and_the_rest_is_read(file):
+def test_a_file_with_a_missing_mesh_is_read_with_a_remark(file):
     asset = '<asset><mesh name="m" file="gone.stl"/></asset><worldbody>'
     text = TREE.replace("<worldbody>", asset).replace(
         '<geom size="0.01"/>', '<geom type="mesh" mesh="m"/>', 1
@@ -193,7 +193,7 @@ ACTUATED = LOOPS.replace("EQUALITY", EQUALITIES["joint"]).replace(
 
 
 @pytest.mark.parametrize(
-    ("text", "asked", "driven"),
+    ("text", "options", "driven"),
     [
         (LOOPS.replace("EQUALITY", ""), {}, ("crank",)),
         (ACTUATED, {}, ("slide", "crank")),
@@ -201,11 +201,11 @@ ACTUATED = LOOPS.replace("EQUALITY", EQUALITIES["joint"]).replace(
         (ACTUATED, {"drivers": ["swing", "swing"]}, ("swing",)),
     ],
 )
-def test_drivers_are_those_named_or_those_of_actuators_or_the_crank(file, text, asked, driven):
-    assert read_model(file(text), **asked).mechanism.drivers == driven
+def test_drivers_come_from_options_actuators_or_the_crank(file, text, options, driven):
+    assert read_model(file(text), **options).mechanism.drivers == driven
 
 
-def test_a_held_base_stands_where_the_keyframe_has_it_whatever_frame_it_is_in(file):
+def test_a_fixed_base_has_the_pose_of_the_keyframe(file):
     keys = '<keyframe><key name="up" qpos="0 0 0 1 0 0 0 0 4 5 6 1 1 0 0 0.3"/></keyframe></mujoco>'
     text = TREE.replace("</mujoco>", keys).replace(
         '<body name="loose"', '<frame pos="3 1 2" euler="9 8 7"><body name="loose"'
@@ -223,13 +223,13 @@ def test_a_held_base_stands_where_the_keyframe_has_it_whatever_frame_it_is_in(fi
     assert "loose" not in {link.name for link in read.mechanism.links}
 
 
-def test_limits_and_actuators_are_facts(file):
+def test_limits_and_actuators_are_read(file):
     read = read_model(file(ACTUATED.replace('axis="1 0 0"', 'axis="1 0 0" limited="true" range="-0.1 0.2"')))
     assert read.limits == {"slide": (-0.1, 0.2)}
     assert read.actuators["p"] == ["slide"]
 
 
-def test_what_mujoco_takes_otherwise_than_it_is_written_is_stated(file):
+def test_values_that_mujoco_reinterprets_are_remarked(file):
     keys = '<keyframe><key name="short" qpos="0.1"/><key name="none" ctrl="0"/></keyframe></mujoco>'
     text = ACTUATED.replace('axis="1 0 0"', 'axis="1 0 0" range="2 1"').replace("</mujoco>", keys)
     text = text.replace('<position name="p"', '<position name="p" ctrlrange="1 1" forcerange="-1 1"')
@@ -246,15 +246,15 @@ def test_what_mujoco_takes_otherwise_than_it_is_written_is_stated(file):
     assert not set(read.remarks[1:3]) & {*read_model(file(off)).remarks}
 
 
-def test_tracked_points_are_those_named_with_a_site_for_each(file):
+def test_each_tracked_point_has_a_site(file):
     read = read_model(file(TREE), track=["last", "tip,ball@0.1,0.2,0.3"])
     assert read.mechanism.points == {"last": ("last", (0.0, 0.0, 0.0)), "tip": ("ball", (0.1, 0.2, 0.3))}
     assert {"last", "tip"} <= {site.name for site in read.spec.sites}
 
 
-def nested(deep: int) -> str:
-    """Return a file with so many elements one in the other."""
-    bodies = deep - 3
+def nested(depth: int) -> str:
+    """Return a file with elements nested to this depth."""
+    bodies = depth - 3
     text = '<body><joint/><geom size="1"/>' * bodies + "</body>" * bodies
     return f"<mujoco><worldbody>{text}</worldbody></mujoco>"
 
@@ -268,9 +268,15 @@ BAD = {
         "<mujoco>\n<worldbody>\n<bodie/></worldbody></mujoco>",
         r"line 3: MuJoCo refuses it: .*'bodie'",
     ),
-    "cut off": ("<mujoco>\n<worldbody>", "line 2, column 12: no well-formed XML, no element found; correct"),
+    "truncated": (
+        "<mujoco>\n<worldbody>",
+        "line 2, column 12: no well-formed XML, no element found; correct",
+    ),
     "a pointer": ("version https://git-lfs.github.com/spec/v1\noid sha256:1\n", "Git LFS.*git lfs pull"),
-    "a part": ("<mujocoinclude/>", "is a part that other files include; name the file that includes it"),
+    "an include fragment": (
+        "<mujocoinclude/>",
+        "is a part that other files include; name the file that includes it",
+    ),
     "no such plugin": (
         '<mujoco><extension><plugin plugin="no.such"/></extension></mujoco>',
         "plugin no.such not found .*; take the plugin out of a copy",
@@ -280,16 +286,19 @@ BAD = {
         LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 nan 0"),
         r"line 8: body 'c' .*not finite",
     ),
-    "beyond sense": (
+    "a huge coordinate": (
         LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 1e80 0"),
         r"line 8: body 'c' holds 1e\+80; give 1e\+12 in SI at most; correct the file",
     ),
-    "too much of it": (
+    "huge gravity": (
         LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option gravity="0 0 -1e200"/>'),
         r"gravity is \[0.0, 0.0, -1e\+200\]; give 1e\+30",
     ),
-    "too deep": (nested(MAX_DEPTH + 1), f"nested more than {MAX_DEPTH} deep, .*<include> it in their place"),
-    "an include that is not there": (
+    "too deep": (
+        nested(MAX_DEPTH + 1),
+        f"nested more than {MAX_DEPTH} deep, .*<include> it in their place",
+    ),
+    "a missing include": (
         '<mujoco>\n<include file="parts/no.xml"/></mujoco>',
         r"model.xml, line 2: it includes no\.xml, which is not in /.*/parts; put it there",
     ),
@@ -297,15 +306,15 @@ BAD = {
         LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option timestep="0"/>'),
         "the timestep of <option> is 0 s, .*; give one above 0, or leave it out",
     ),
-    "time that runs back": (
+    "negative time step": (
         LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option timestep="-1"/>'),
         "the timestep of <option> is -1 s",
     ),
-    "too soft": (
+    "a huge time constant": (
         LOOPS.replace("EQUALITY", '<connect site1="out" site2="in" solref="1e80"/>'),
         r"equality .*holds 1e\+80; give 1e\+30",
     ),
-    "no turn": (
+    "an invalid rotation": (
         LOOPS.replace("EQUALITY", "").replace(
             "<worldbody>", '<worldbody><body name="far" quat="1 0 1e300 0"/>'
         ),
@@ -329,23 +338,23 @@ BAD = {
 
 
 @pytest.mark.parametrize("what", BAD)
-def test_a_file_that_is_none_is_rejected_in_one_line(file, what, tmp_path, monkeypatch):
+def test_an_invalid_file_is_rejected_in_one_line(file, what, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text, words = BAD[what]
-    with pytest.raises(InputError, match=words) as refused:
+    with pytest.raises(InputError, match=words) as rejected:
         read_model(file(text))
-    assert "\n" not in str(refused.value)
+    assert "\n" not in str(rejected.value)
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
 
 
-def test_a_file_may_be_as_deep_as_is_stated_and_declare_its_kind(file):
+def test_the_maximum_depth_and_a_doctype_are_accepted(file):
     assert mujoco.MjSpec.from_string(nested(MAX_DEPTH)).worldbody.first_body()
     kind = '<?xml version="1.0"?>\n<!DOCTYPE mujoco [\n<!ELEMENT mujoco ANY>\n<!ENTITY b "a > b">\n] >\n'
     assert read_model(file(kind + TREE)).mechanism == read_model(file(TREE)).mechanism
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("options", "words"),
     [
         (
             {"drivers": ["cranck"]},
@@ -363,12 +372,12 @@ def test_a_file_may_be_as_deep_as_is_stated_and_declare_its_kind(file):
         ({"track": ["tip,ball@0,nan,0"]}, "write NAME,BODY@x,y,z"),
     ],
 )
-def test_a_name_that_is_not_there_is_rejected_with_those_that_are(file, asked, words):
+def test_an_unknown_name_is_rejected_with_the_known_names(file, options, words):
     with pytest.raises(InputError, match=words):
-        read_model(file(TREE), **asked)
+        read_model(file(TREE), **options)
 
 
-def test_a_gripper_whose_slides_and_masses_lie_in_one_place_is_as_large_as_its_fingers(file):
+def test_the_characteristic_length_of_a_gripper_is_that_of_its_fingers(file):
     finger = """<body name="{0}"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
     <joint name="{0}" type="slide" axis="0 1 0"/>
     <geom type="box" size="0.01 0.02 0.04" pos="0 0 0.04"/></body>"""
@@ -378,7 +387,7 @@ def test_a_gripper_whose_slides_and_masses_lie_in_one_place_is_as_large_as_its_f
 
 
 @pytest.mark.parametrize(("high", "output"), [(1e-9, ""), (1e-14, "bounds no volume")])
-def test_a_mesh_that_is_nearly_flat_is_read_without_a_word_of_qhull(file, capfd, high, output):
+def test_a_nearly_flat_mesh_is_read_without_qhull_messages(file, capfd, high, output):
     text = f"""<mujoco><asset><mesh name="flat" vertex="0 0 0  1 0 0  0 1 0  1 1 {high}" face="0 1 3  0 3 2"/>
     </asset><worldbody><body name="b"><joint name="crank"/><geom type="mesh" mesh="flat"/></body>
     </worldbody></mujoco>"""

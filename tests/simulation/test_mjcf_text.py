@@ -24,7 +24,7 @@ TEXT = """<mujoco>
 """
 
 
-def test_elements_stand_where_the_text_has_them():
+def test_elements_have_their_positions_in_the_text():
     root = elements_of(TEXT)
     assert [item.tag for item in root.children] == ["compiler", "option", "worldbody", "equality"]
     for item in root.every():
@@ -36,12 +36,12 @@ def test_elements_stand_where_the_text_has_them():
     assert next(root.every("geom")).empty
 
 
-def test_what_is_no_xml_is_rejected():
+def test_invalid_xml_is_rejected():
     with pytest.raises(InputError, match="not XML"):
         elements_of("<mujoco><body></mujoco>", "this")
 
 
-def test_settings_change_their_values_and_nothing_else():
+def test_settings_change_only_their_values():
     edited = EditedText(TEXT)
     set_options(edited, {"timestep": "0.001", "integrator": "RK4"}, {})
     set_compliance(edited, {"solref": "0.002 1", "solimp": "0.99 0.99"})
@@ -65,7 +65,7 @@ def test_settings_change_their_values_and_nothing_else():
         '<mujoco><option><flag island="enable"/></option><option timestep="1"/></mujoco>',
     ],
 )
-def test_options_and_flags_are_put_wherever_there_is_a_place(text):
+def test_options_and_flags_are_inserted_into_existing_elements(text):
     edited = EditedText(text)
     set_options(edited, {"timestep": "0.0005"}, {"island": False})
     model = mujoco.MjModel.from_xml_string(edited.result)
@@ -76,7 +76,7 @@ def test_options_and_flags_are_put_wherever_there_is_a_place(text):
     assert model.opt.disableflags & gravity == before.opt.disableflags & gravity
 
 
-def test_many_equalities_without_compliance_of_their_own_share_one_default():
+def test_equalities_without_compliance_share_one_default():
     rows = "".join(f'<joint joint1="j{i}"/>\n' for i in range(4))
     joints = "".join(f'<body><joint name="j{i}"/><geom size=".1"/></body>' for i in range(4))
     edited = EditedText(
@@ -88,7 +88,7 @@ def test_many_equalities_without_compliance_of_their_own_share_one_default():
     assert (mujoco.MjModel.from_xml_string(edited.result).eq_solref[:, 0] == 0.004).all()
 
 
-def test_a_comment_and_a_keyframe_are_added_and_are_well_formed():
+def test_an_added_comment_and_keyframe_are_well_formed():
     edited = EditedText(TEXT)
     put_comment(edited, ["first -- line", "second"])
     put_key(edited, "start", {"qpos": "0.25"})
@@ -99,14 +99,14 @@ def test_a_comment_and_a_keyframe_are_added_and_are_well_formed():
     assert mujoco.MjModel.from_xml_string(again.result).key("later").qpos[0] == 0.5
 
 
-def test_an_element_goes_with_its_line():
+def test_an_element_is_removed_with_its_line():
     edited = EditedText(TEXT)
     edited.remove(next(edited.root.every("option")))
     assert len(edited.result.splitlines()) == len(TEXT.splitlines()) - 1
     assert "gravity" not in edited.result
 
 
-def test_included_files_that_must_change_are_put_in_and_the_others_stay(tmp_path):
+def test_only_included_files_that_change_are_inlined(tmp_path):
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "loops.xml").write_text('<mujoco><equality><joint joint1="j"/></equality></mujoco>')
     (tmp_path / "parts" / "look.xml").write_text("<mujoco><visual/></mujoco>")
@@ -114,8 +114,8 @@ def test_included_files_that_must_change_are_put_in_and_the_others_stay(tmp_path
         "<equality>", '<include file="parts/loops.xml"/><include file="parts/look.xml"/><equality>'
     )
     (tmp_path / "main.xml").write_text(text)
-    whole, put_in = with_included(text, tmp_path, lambda root: any(root.every("equality")))
-    assert put_in == ("parts/loops.xml",)
+    whole, inlined = with_included(text, tmp_path, lambda root: any(root.every("equality")))
+    assert inlined == ("parts/loops.xml",)
     assert "loops.xml" not in whole
     place = tmp_path / "elsewhere"
     place.mkdir()
@@ -124,7 +124,7 @@ def test_included_files_that_must_change_are_put_in_and_the_others_stay(tmp_path
     assert '"../parts/look.xml"' in (place / "main.xml").read_text()
 
 
-def test_assets_are_found_from_another_folder(tmp_path):
+def test_asset_paths_are_adapted_to_another_folder(tmp_path):
     (tmp_path / "meshes").mkdir()
     corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
     (tmp_path / "meshes" / "one.obj").write_text(corners)

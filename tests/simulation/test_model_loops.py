@@ -48,14 +48,14 @@ def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: Mechanism) ->
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_a_step_that_closes_the_loops_comes_with_the_tangent(mechanism: Mechanism) -> None:
+def test_the_newton_step_returns_the_tangent(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
     residual, jacobian = loops.linearise(near(loops, 3, 1e-3))
     _, tangent = loop_jacobian.newton_step(loops, residual, jacobian)
     np.testing.assert_allclose(tangent, loop_jacobian.tangent(loops, jacobian), rtol=0, atol=1e-8)
 
 
-def test_of_displacements_rates_are_reported_in_sizes() -> None:
+def test_slide_rates_scale_with_the_characteristic_length() -> None:
     loops = loops_of(catalog.make("slider_crank").mechanism)
     rates = np.full((1, loops.model.nv), 0.1)
     slides = loops.model.jnt_dofadr[loops.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE]
@@ -65,7 +65,7 @@ def test_of_displacements_rates_are_reported_in_sizes() -> None:
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_one_state_alone_and_among_others_is_the_same(mechanism: Mechanism) -> None:
+def test_batched_and_single_states_have_equal_results(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
     states = near(loops, 3, 0.02)
     many, alone = loops.linearise(states), loops.linearise(states[1:2])
@@ -74,7 +74,7 @@ def test_one_state_alone_and_among_others_is_the_same(mechanism: Mechanism) -> N
         assert np.abs(several[1] - single[0]).max() < 1e-15
 
 
-def test_designs_in_other_sizes_stand_open_in_proportion_one_alone_and_many_together() -> None:
+def test_residuals_scale_with_the_size_of_a_design() -> None:
     loops = loops_of(catalog.make("four_bar").mechanism)
     sizes, states = np.array([1.3, 0.7, 2.0]), near(loops, 3, 0.1)
     plain, gradient = loops.linearise(states)
@@ -90,9 +90,7 @@ def test_designs_in_other_sizes_stand_open_in_proportion_one_alone_and_many_toge
         assert own.closure_error(result) == pytest.approx(loops.closure_error(plain)[rows])
 
 
-def test_the_size_of_a_design_is_its_longest_step_from_body_to_body_or_to_a_point_that_closes_a_loop() -> (
-    None
-):
+def test_the_size_of_a_design_is_its_longest_body_or_loop_point_distance() -> None:
     loops = loops_of(catalog.make("four_bar").mechanism)
     sites, bodies = (np.repeat(item[None], 2, 0) for item in (loops.model.site_pos, loops.model.body_pos))
     bodies[1, 1] = 0.3, -0.4, 1.2
@@ -101,28 +99,28 @@ def test_the_size_of_a_design_is_its_longest_step_from_body_to_body_or_to_a_poin
     )
 
 
-def test_only_loops_that_leave_a_link_to_turn_about_itself_spin() -> None:
+def test_only_a_loop_with_an_idle_spin_has_undetermined_dofs() -> None:
     for name, spins in (("four_bar", False), ("rssr", True)):
         loops = loops_of(catalog.make(name).mechanism)
         loop_jacobian.tangent(loops, loops.linearise(loops.model.qpos0[None])[1])
         assert loop_jacobian.has_undetermined_dofs(loops) == spins
 
 
-def test_rows_that_state_something_new_at_a_later_state_count_there() -> None:
+def test_the_rank_of_a_batch_includes_every_state() -> None:
     loops = read_loops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
-    slopes, right = np.zeros((2, 3, 3)), np.array([[2.0, 5.0, 0.0], [3.0, 0.0, 7.0]])[..., None]
-    slopes[:, 0, loops.free[0]] = slopes[0, 1, loops.free[1]] = slopes[1, 2, loops.free[1]] = 1.0
-    rates = loop_jacobian.solve(loops, slopes, right)[..., 0]
+    jacobians, right = np.zeros((2, 3, 3)), np.array([[2.0, 5.0, 0.0], [3.0, 0.0, 7.0]])[..., None]
+    jacobians[:, 0, loops.free[0]] = jacobians[0, 1, loops.free[1]] = jacobians[1, 2, loops.free[1]] = 1.0
+    rates = loop_jacobian.solve(loops, jacobians, right)[..., 0]
     np.testing.assert_allclose(rates, [[2.0, 5.0], [3.0, 7.0]], rtol=1e-14)
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
-def test_loops_opened_by_a_little_close_again_with_the_crank_held(mechanism: Mechanism) -> None:
+def test_perturbed_loops_close_with_the_crank_locked(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
-    rough = near(loops, 20, 1e-2)
-    closed = loop_jacobian.close(loops, rough)
-    assert np.array_equal(closed[:, loops.crank_address], rough[:, loops.crank_address])
-    # rounding of a Newton step, in units of the longest link
+    perturbed = near(loops, 20, 1e-2)
+    closed = loop_jacobian.close(loops, perturbed)
+    assert np.array_equal(closed[:, loops.crank_address], perturbed[:, loops.crank_address])
+    # rounding of a Newton step, relative to the longest link
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
     for place in quaternion_addresses(loops.model):
         assert np.abs(np.linalg.norm(closed[:, place : place + 4], axis=1) - 1.0).max() < 1e-15
@@ -141,18 +139,18 @@ def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: Mechanism)
         loops.closure_error(loops.residual(loops.displaced(start, step * tangent)))[0]
         for step in (1e-3, 2e-3)
     ]
-    # what is left is of second order
+    # the remaining residual is of second order
     assert 3.5 < opened[1] / opened[0] < 4.5
     assert loops.closure_error(residual)[0] < 1e-14
 
 
-def test_states_are_moved_as_mujoco_moves_them() -> None:
+def test_displacements_agree_with_mujoco() -> None:
     loops = loops_of(catalog.make("rssr").mechanism)
     states = near(loops, 4, 0.3)
     rng = np.random.default_rng(5)
     steps = rng.normal(size=(4, loops.model.nv))
-    moved = loops.displaced(states, steps)
-    for state, step, made in zip(states, steps, moved, strict=True):
+    original = loops.displaced(states, steps)
+    for state, step, made in zip(states, steps, original, strict=True):
         expected = state.copy()
         mujoco.mj_integratePos(loops.model, expected, step, 1.0)
         # half angles and a norm: a few roundings
@@ -199,16 +197,16 @@ def test_a_joint_equality_is_read_with_all_its_coefficients() -> None:
     assert jacobian[0, 0] == pytest.approx([-(0.2 + 0.6 * x + 1.2 * x**2 + 2.0 * x**3), 1.0, 0.0])
 
 
-def test_an_equality_that_is_switched_off_is_no_constraint() -> None:
+def test_an_inactive_equality_is_no_constraint() -> None:
     assert read_loops(user('<connect body1="b" body2="c" anchor=".2 0 0" active="false"/>')).pairs == []
 
 
-def test_a_model_without_a_crank_is_reported_which_joints_it_has() -> None:
+def test_a_model_without_a_crank_is_rejected_with_its_joints() -> None:
     with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, j, k\)"):
         read_loops(user("", crank="motor"))
 
 
-def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
+def test_an_unassemblable_state_is_rejected_with_its_crank_angle() -> None:
     loops = loops_of(catalog.make("four_bar", crank=0.06, ground=0.1, coupler=0.05, rocker=0.05).mechanism)
     states = np.repeat(loops.model.qpos0[None], 2, 0)
     states[1, loops.crank_address] = np.pi
@@ -216,22 +214,22 @@ def test_states_that_cannot_be_closed_are_named_by_their_crank_angle() -> None:
         loop_jacobian.close(loops, states)
 
 
-def test_newtons_method_stops_at_rounding_where_that_is_above_the_bound(monkeypatch) -> None:
+def test_newtons_method_stops_at_rounding_above_its_tolerance(monkeypatch) -> None:
     loops = loops_of(catalog.make("rssr").mechanism)
     monkeypatch.setattr(loop_jacobian, "NEWTON", replace(loop_jacobian.NEWTON, tolerance=0.0))
     steps: list[int] = []
-    moved = loops.displaced
+    original = loops.displaced
     monkeypatch.setattr(
-        ModelLoops, "displaced", lambda _, qpos, step: steps.append(len(qpos)) or moved(qpos, step)
+        ModelLoops, "displaced", lambda _, qpos, step: steps.append(len(qpos)) or original(qpos, step)
     )
     closed = loop_jacobian.close(loops, near(loops, 20, 1e-2))
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
-    # from 1e-2 each step squares what is left: three to rounding, a few that find it there
+    # quadratic convergence from 1e-2: three steps to rounding and a few that detect it
     assert len(steps) < 7
 
 
 @pytest.mark.parametrize(("joint", "kind", "size"), [("j", "hinge", 1.0), ("k", "slide", 0.3)])
-def test_coupled_slides_stand_open_in_units_of_the_models_size(joint, kind, size) -> None:
+def test_coupled_slide_errors_are_relative_to_the_model_size(joint, kind, size) -> None:
     text = USER.format(equality=f'<joint joint1="{joint}" polycoef=".06 0 0 0 0"/>', crank="crank")
     loops = read_loops(
         mujoco.MjModel.from_xml_string(text.replace(f'"{joint}"', f'"{joint}" type="{kind}"', 1))
@@ -240,7 +238,7 @@ def test_coupled_slides_stand_open_in_units_of_the_models_size(joint, kind, size
     assert loops.closure_error(loops.residual(state))[0] == pytest.approx(0.06 / size)
 
 
-def test_driven_slides_stand_open_in_units_of_the_models_size() -> None:
+def test_driven_slide_errors_are_relative_to_the_model_size() -> None:
     model = mujoco.MjModel.from_xml_string(
         USER.format(equality="", crank=PARAMETER_JOINT).replace('"k"', '"k" type="slide"', 1)
     )
@@ -253,9 +251,7 @@ def test_driven_slides_stand_open_in_units_of_the_models_size() -> None:
 
 
 @pytest.mark.parametrize(("kind", "size"), [("hinge", 1.0), ("slide", 0.3)])
-def test_how_far_from_singular_loops_are_is_their_least_singular_value_in_units_of_the_size(
-    kind, size
-) -> None:
+def test_conditioning_is_the_smallest_scaled_singular_value(kind, size) -> None:
     first = '<joint joint1="j" joint2="crank" polycoef=".1 .2 0 0 0"/>'
     second = '<joint joint1="k" joint2="j" polycoef="0 .15 .1 0 0"/>'
 
@@ -268,20 +264,20 @@ def test_how_far_from_singular_loops_are_is_their_least_singular_value_in_units_
     gradient = (0.15 + 0.2 * states[:, 1]) / size
     wanted = [np.linalg.svd([[1.0, 0.0], [-item, 1.0]])[1][-1] for item in gradient]
     assert loop_jacobian.conditioning(loops, loops.linearise(states)[1]) == pytest.approx(wanted)
-    # what programs drive is no unknown, and its rows hold nothing
-    programmed = model(second, PARAMETER_JOINT)
-    driven = read_loops(programmed, drivers=find_drivers(programmed, ("j",)))
+    # a joint with a motion law is no unknown, and its constraint has no columns
+    with_motion_law = model(second, PARAMETER_JOINT)
+    driven = read_loops(with_motion_law, drivers=find_drivers(with_motion_law, ("j",)))
     assert loop_jacobian.conditioning(driven, driven.linearise(states)[1]) == pytest.approx(1.0)
 
 
-def test_what_no_loop_constrains_changes_no_sign_of_the_determinant(monkeypatch) -> None:
+def test_unconstrained_bodies_do_not_change_the_determinant_sign(monkeypatch) -> None:
     drive = catalog.make("four_bar")
     plain, spec = loops_of(drive.mechanism), assembled(drive.mechanism, Scene())
     for i in range(5):
         bob = spec.worldbody.add_body(name=f"bob {i}", pos=(1.0 + i, 0.0, 0.0), mass=1.0)
         bob.inertia, bob.explicitinertial = (1.0, 1.0, 1.0), True
         bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE)
-    beside = read_loops(spec.compile())
+    with_pendulums = read_loops(spec.compile())
     angles = np.linspace(0.0, 2.0, 9)
     states = loop_jacobian.close(
         plain, follow.follow(plain, plain.model.qpos0, plain.model.qpos0[plain.crank_address] + angles)
@@ -292,14 +288,14 @@ def test_what_no_loop_constrains_changes_no_sign_of_the_determinant(monkeypatch)
     monkeypatch.setattr(np.linalg, "slogdet", lambda square: sizes.append(square.shape) or slogdet(square))
     wanted, result = (
         loop_jacobian.determinant_sign(loops, loops.linearise(qpos)[1])
-        for loops, qpos in ((plain, states), (beside, swung))
+        for loops, qpos in ((plain, states), (with_pendulums, swung))
     )
     assert np.abs(wanted).min() == 1.0
     assert np.abs(result * result[0] - wanted * wanted[0]).max() == 0.0
     assert sizes[0] == sizes[1]
 
 
-def test_loops_close_with_other_coordinates_locked_than_the_crank() -> None:
+def test_loops_close_with_another_locked_coordinate_than_the_crank() -> None:
     loops = loops_of(catalog.make("four_bar").mechanism)
     model = loops.model
     locked = np.array([dof for dof in range(model.nv) if model.joint(model.dof_jntid[dof]).name == "rocker"])

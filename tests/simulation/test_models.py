@@ -1,4 +1,4 @@
-"""The models in models/ are what the generator writes today, and stand on their own in plain MuJoCo."""
+"""The files in models/ equal the generated models and run in plain MuJoCo."""
 
 from pathlib import Path
 
@@ -13,12 +13,12 @@ from mechsim.simulation.source import assembled
 MODELS = Path(__file__).parents[2] / "models"
 
 
-def test_every_catalogue_mechanism_has_a_model_and_nothing_else_lies_there() -> None:
+def test_the_models_are_those_of_the_catalogue() -> None:
     assert {path.stem for path in MODELS.glob("*.xml")} == set(catalog.DRIVES)
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
-def test_the_model_is_what_the_generator_writes_today(name: str) -> None:
+def test_the_model_file_equals_the_generated_model(name: str) -> None:
     text = (MODELS / f"{name}.xml").read_text()
     written = mujoco.MjModel.from_xml_string(text)
     made = assembled(catalog.make(name).mechanism, Scene()).compile()
@@ -40,19 +40,21 @@ def test_the_model_is_what_the_generator_writes_today(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
-def test_plain_mujoco_opens_the_model_assembled_with_a_site_for_each_point(name: str) -> None:
+def test_plain_mujoco_reads_the_model_assembled_with_a_site_per_point(name: str) -> None:
     drive = catalog.make(name)
     model = mujoco.MjModel.from_xml_path(str(MODELS / f"{name}.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     angle = float(data.joint("crank").qpos[0])
     assert angle == 0.0
-    for point, place in drive.positions([angle]).items():
+    for point, position in drive.positions([angle]).items():
         # 1e-12 of the crank: assembly to rounding
-        assert np.abs(data.site(point).xpos - place[0]).max() <= 1e-12 * drive.mechanism.characteristic_length
+        assert (
+            np.abs(data.site(point).xpos - position[0]).max() <= 1e-12 * drive.mechanism.characteristic_length
+        )
 
 
-def test_the_solver_of_a_model_ends_by_itself_and_as_exactly_as_one_that_never_does() -> None:
+def test_the_solver_tolerance_of_a_model_keeps_full_accuracy() -> None:
     def state(tolerance: float | None) -> np.ndarray:
         model = mujoco.MjModel.from_xml_path(str(MODELS / "four_bar.xml"))
         assert (
@@ -77,12 +79,13 @@ def test_plain_mujoco_steps_the_model_through_a_turn(name: str) -> None:
     model = mujoco.MjModel.from_xml_path(str(MODELS / f"{name}.xml"))
     data = mujoco.MjData(model)
     data.joint("crank").qvel[0] = 20.0 * np.pi
-    # rates of the other joints: projected by the constraints within the first steps
+    # the constraints determine the rates of the other joints within the first steps
     mujoco.mj_step(model, data, nstep=1000)
     mujoco.mj_forward(model, data)
     angle = float(data.joint("crank").qpos[0])
-    for point, place in drive.positions([angle]).items():
-        # MuJoCo's own compliance and a start with the linkage at rest; a wrong assembly is 100 times off
+    for point, position in drive.positions([angle]).items():
+        # MuJoCo's own compliance and a linkage at rest at the start; a wrong assembly mode is 100 times worse
         assert (
-            np.linalg.norm(data.site(point).xpos - place[0]) <= 5e-3 * drive.mechanism.characteristic_length
+            np.linalg.norm(data.site(point).xpos - position[0])
+            <= 5e-3 * drive.mechanism.characteristic_length
         )

@@ -1,4 +1,4 @@
-"""Several drivers, slides and couplings in MuJoCo, under motion laws: by solved poses and stepped in time."""
+"""Several drivers, slides and couplings under motion laws in MuJoCo: solved poses and time stepping."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_poses_are_those_of_the_loop_equations(case):
+def test_solved_poses_satisfy_the_loop_equations(case):
     mechanism, moves = CASES[case]()
     run = simulate(mechanism, motion_laws=moves)
     assert (run.method, run.outcome) == ("pose", "passed")
@@ -56,19 +56,19 @@ def test_poses_are_those_of_the_loop_equations(case):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_steps_are_those_of_the_loop_equations_where_the_drivers_really_were(case):
+def test_stepped_states_satisfy_the_loop_equations(case):
     mechanism, moves = CASES[case]()
     run = simulate(mechanism, motion_laws=moves, method="step")
     assert run.outcome == "passed"
     verdict = crosscheck(run, LoopForm(mechanism, motion_laws=moves))
     assert verdict.passed, verdict
-    # the drive is right at the end of each step, and off by the square of a step between
+    # the driver is exact at the end of each step, with an error of second order in between
     for name, rate in zip(moves.drivers, moves.state(run.motion.time)[1], strict=True):
         assert run.motion.joints[name].rate == pytest.approx(rate, abs=1e-9)
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_rates_are_the_derivatives_of_places(case):
+def test_rates_are_derivatives_of_positions(case):
     mechanism, moves = CASES[case]()
     step = 1e-3
     motion = simulate(mechanism, motion_laws=moves.with_duration(8 * step), samples=8).motion
@@ -81,16 +81,16 @@ def test_rates_are_the_derivatives_of_places(case):
 
 
 @pytest.mark.parametrize(("method", "near"), [("pose", 1e-15), ("step", 1e-10)])
-def test_a_five_bar_goes_where_two_circles_meet(method, near):
+def test_a_five_bar_reaches_the_intersection_of_two_circles(method, near):
     mechanism, moves = CASES["five-bar"]()
     motion = simulate(mechanism, motion_laws=moves, method=method).motion
-    truth = where_circles_meet(motion.joints["left"].value, motion.joints["right"].value)
-    assert motion.points["P"].position[:, :2] == pytest.approx(truth, abs=near)
+    exact = where_circles_meet(motion.joints["left"].value, motion.joints["right"].value)
+    assert motion.points["P"].position[:, :2] == pytest.approx(exact, abs=near)
     assert [name for name, _ in motion.columns()][:3] == ["t", "left", "right"]
     assert set(motion.links) == {"a", "b", "c", "d"}
 
 
-def test_the_drive_errs_by_the_square_of_the_step():
+def test_the_driver_error_is_of_second_order_in_the_step():
     mechanism, moves = CASES["five-bar"]()
     gaps = []
     for steps in (200, 400):
@@ -99,16 +99,16 @@ def test_the_drive_errs_by_the_square_of_the_step():
     assert 3.0 < gaps[0] / gaps[1] < 5.0
 
 
-def test_a_tolerance_is_kept_at_the_drivers_places():
+def test_a_tolerance_is_satisfied_at_the_driver_positions():
     mechanism, moves = CASES["five-bar"]()
     run = simulate(mechanism, motion_laws=moves, tolerance=1e-8)
     joints = run.motion.joints
-    truth = where_circles_meet(joints["left"].value, joints["right"].value)
+    exact = where_circles_meet(joints["left"].value, joints["right"].value)
     assert run.outcome == "passed"
-    assert np.abs(run.motion.points["P"].position[:, :2] - truth).max() < 1e-8
+    assert np.abs(run.motion.points["P"].position[:, :2] - exact).max() < 1e-8
 
 
-def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
+def test_a_boom_and_its_cylinder_satisfy_the_law_of_cosines():
     mechanism, moves = CASES["boom"]()
     joints = simulate(mechanism, motion_laws=moves, method="step").motion.joints
     foot = np.hypot(0.5, 0.2)
@@ -116,14 +116,14 @@ def test_a_cylinder_lifts_a_boom_by_the_law_of_cosines():
     assert joints["lift"].value == pytest.approx(np.arccos(cosine) - np.arctan2(0.2, 0.5), abs=1e-9)
 
 
-def test_a_platform_goes_where_its_legs_were_measured():
-    mechanism, moves, stood = platform()
+def test_a_platform_follows_its_measured_leg_lengths():
+    mechanism, moves, platform_path = platform()
     motion = simulate(mechanism, motion_laws=moves).motion
-    # the legs' programs are splines through 121 lengths
-    assert motion.points["P"].position == pytest.approx(stood(motion.time), abs=1e-10)
+    # the motion laws of the legs are splines through 121 lengths
+    assert motion.points["P"].position == pytest.approx(platform_path(motion.time), abs=1e-10)
 
 
-def test_a_lone_crank_under_a_steady_motion_law_goes_as_at_that_speed():
+def test_a_steady_motion_law_equals_a_constant_speed():
     mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, guess_coordinates={})
     moves = make_motion_laws(mechanism, {"left": steady(2.0, 0.5)}, 1.0)
     known = simulate(mechanism, speed=0.5, turns=0.5 / (2 * np.pi), samples=10, method="pose").motion
@@ -134,13 +134,13 @@ def test_a_lone_crank_under_a_steady_motion_law_goes_as_at_that_speed():
         assert motion.joints["right"].value == pytest.approx(1.2, abs=1e-9)
 
 
-def test_parts_of_a_joint_are_recorded_as_such():
+def test_coordinates_of_a_joint_are_recorded_separately():
     mechanism, moves = CASES["table"]()
     names = {name for name, _ in simulate(mechanism, motion_laws=moves).motion.columns()}
     assert {"plane.q0", "plane.v1", "plane.a2", "tool.q"} <= names
 
 
-def test_what_the_drivers_leave_open_is_named():
+def test_underdetermined_joints_are_reported_by_name():
     mechanism = replace(five_bar(), driver=("left",), guess_coordinates={})
     moves = make_motion_laws(mechanism, {"left": steady(2.0, 1.0)}, 0.01)
     with pytest.raises(MobilityError, match=r"underdetermined: with the drivers locked .*joint 'right'"):
@@ -148,28 +148,28 @@ def test_what_the_drivers_leave_open_is_named():
     assert simulate(mechanism, motion_laws=moves).method == "step"
 
 
-def test_redundant_drivers_are_named():
+def test_redundant_drivers_are_reported_by_name():
     mechanism = replace(five_bar(), driver=("left", "right", "A"))
     moves = make_motion_laws(mechanism, ARMS | {"A": steady(0.0, 0.0)}, 1.0)
     with pytest.raises(MobilityError, match=r"overdetermined: left.* cannot move"):
         simulate(mechanism, motion_laws=moves)
 
 
-def test_drivers_that_go_where_the_loops_do_not_close_are_stopped_with_the_time():
+def test_unreachable_driver_positions_are_rejected_with_the_time():
     mechanism = five_bar()
     moves = make_motion_laws(mechanism, {"left": steady(2.0, 1.0), "right": steady(1.0, -1.0)}, 3.0)
     with pytest.raises(AssemblyError, match=r"the drivers cannot pass 0\.\d+ s in this assembly"):
         simulate(mechanism, motion_laws=moves)
 
 
-def test_motion_laws_that_begin_where_the_loops_cannot_go_are_rejected_with_the_place():
+def test_an_unreachable_start_of_motion_laws_is_rejected():
     mechanism = five_bar()
     moves = make_motion_laws(mechanism, {"left": steady(3.1, 1.0), "right": steady(0.0, 1.0)}, 0.1)
     with pytest.raises(AssemblyError, match=r"left = .*on the way to the start of the motion laws"):
         simulate(mechanism, motion_laws=moves)
 
 
-def test_a_joint_that_would_leave_its_range_is_named_with_the_time():
+def test_a_joint_beyond_its_range_is_rejected_with_the_time():
     text = """<mujoco><worldbody><body><joint name="left" axis="0 0 1"/><geom size=".01"/><body pos=".1 0 0">
     <joint name="right" axis="0 0 1" range="-30 30"/><geom size=".01" pos=".05 0 0"/><site name="P"/>
     </body></body></worldbody></mujoco>"""
@@ -179,7 +179,7 @@ def test_a_joint_that_would_leave_its_range_is_named_with_the_time():
         simulate(text, motion_laws=moves)
 
 
-def test_what_is_requested_for_twice_or_not_at_all_is_rejected():
+def test_conflicting_or_missing_motion_laws_are_rejected():
     mechanism, moves = CASES["five-bar"]()
     with pytest.raises(InputError, match="both motion laws and a crank's motion"):
         simulate(mechanism, motion_laws=moves, speed=1.0)
@@ -189,14 +189,14 @@ def test_what_is_requested_for_twice_or_not_at_all_is_rejected():
         simulate(boom(), motion_laws=moves)
 
 
-def test_drivers_that_go_by_another_motion_law_are_rejected_on_lines_of_their_own():
+def test_a_wrong_motion_law_fails_the_check_of_its_driver():
     mechanism, moves = CASES["five-bar"]()
     other = make_motion_laws(mechanism, ARMS | {"right": waving(1.0, 0.4, 9.0, 1.0 + 1e-9)}, 1.0)
     verdict = crosscheck(simulate(mechanism, motion_laws=moves), LoopForm(mechanism, motion_laws=other))
     assert [check.title for check in verdict.checks if not check.passed] == ["drive: right"]
 
 
-def test_a_wrong_mechanism_is_rejected():
+def test_a_wrong_dimension_fails_the_check():
     mechanism, moves = CASES["five-bar"]()
     joints = tuple(
         replace(joint, a=End(GROUND, (0.1 + 1e-9, 0.0, 0.0))) if joint.name == "right" else joint
@@ -206,7 +206,7 @@ def test_a_wrong_mechanism_is_rejected():
     assert not crosscheck(run, LoopForm(mechanism, motion_laws=moves)).passed
 
 
-def test_a_coupling_that_bends_with_a_passive_joint_is_stepped_by_its_constraint():
+def test_a_nonlinear_coupling_of_a_passive_joint_is_stepped():
     mechanism = five_bar_with_cam()
     moves = make_motion_laws(mechanism, ARMS, 1.0)
     run = simulate(mechanism, motion_laws=moves, settings=Settings(steps_per_turn=4000))

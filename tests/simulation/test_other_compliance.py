@@ -1,4 +1,4 @@
-"""Loops are held harder, or more softly, where no number of steps keeps a tolerance."""
+"""The compliance of loops is changed if no number of steps satisfies a tolerance."""
 
 import json
 
@@ -12,7 +12,7 @@ from mechsim.simulation import Settings, simulate
 from mechsim.simulation.settings import COMPLIANCE
 from mechsim.simulation.tolerance import improving_compliance
 
-# a five-bar that bears its weight slowly: what the loop gives way by is in proportion to the time squared
+# a slow five-bar under gravity: the loop-closure error is proportional to the square of the period
 FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0"/><default><joint axis="0 0 1"/></default>
 <worldbody>
 <body pos="-.031 0 0"><joint name="left"/><geom size=".012"/>
@@ -34,29 +34,29 @@ def path(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("error", "to"),
+    ("error", "bounds"),
     [
         (lambda h: 0.3 * h, (1e-12, 1e-10)),
         (lambda h: 1e-17 / h, (1e-6, 1e-4)),
-        # the one as soon as the other is left behind
+        # the second term as soon as it dominates the first
         (lambda h: 1e-7 * h + 1e-17 / h, (1e-6, 1e-4)),
     ],
 )
-def test_the_way_is_reported_by_what_is_left(error, to):
-    compliance, left = improving_compliance(error, 1e-8, error(1e-8), 1e-11)
-    assert to[0] <= compliance <= to[1]
-    assert left == error(compliance)
-    assert left <= 1e-11
+def test_the_compliance_search_follows_the_decreasing_error(error, bounds):
+    compliance, remaining = improving_compliance(error, 1e-8, error(1e-8), 1e-11)
+    assert bounds[0] <= compliance <= bounds[1]
+    assert remaining == error(compliance)
+    assert remaining <= 1e-11
 
 
-def test_where_compliance_changes_nothing_little_is_tried():
-    asked = []
-    assert improving_compliance(lambda h: asked.append(h) or 1e-9, 1e-8, 1e-9, 1e-11) is None
-    assert len(asked) <= 3
-    assert 1e-8 not in asked
+def test_an_error_independent_of_compliance_ends_the_search():
+    tried = []
+    assert improving_compliance(lambda h: tried.append(h) or 1e-9, 1e-8, 1e-9, 1e-11) is None
+    assert len(tried) <= 3
+    assert 1e-8 not in tried
 
 
-def test_a_slow_motion_under_weight_keeps_a_tolerance_by_harder_loops(path):
+def test_a_slow_motion_under_gravity_gets_stiffer_loops(path):
     run = simulate(ms.load(path, drive=DRIVES, duration=100.0), tolerance=TOLERANCE)
     assert run.outcome == "passed"
     assert run.tolerance_report.satisfied
@@ -65,19 +65,19 @@ def test_a_slow_motion_under_weight_keeps_a_tolerance_by_harder_loops(path):
     assert f"compliance {run.settings.compliance:.2g}: 1e-08 leaves a position error of" in run.note
 
 
-def test_a_compliance_that_was_requested_for_is_kept_and_the_miss_states_which_would_do(path):
-    words = [word for name, how in DRIVES.items() for word in ("--drive", f"{name}={how}")]
-    words = ["simulate", path, *words, "--duration", "100s", "--tolerance", "2e-11"]
-    output = CliRunner().invoke(app, [*words, "--compliance", "1e-8", "--json"])
+def test_a_failed_run_with_a_requested_compliance_suggests_a_better_one(path):
+    arguments = [word for name, law in DRIVES.items() for word in ("--drive", f"{name}={law}")]
+    arguments = ["simulate", path, *arguments, "--duration", "100s", "--tolerance", "2e-11"]
+    output = CliRunner().invoke(app, [*arguments, "--compliance", "1e-8", "--json"])
     assert output.exit_code == 1
     reported = json.loads(output.stdout)
     assert reported["outcome"] == "failed"
     assert reported["settings"]["compliance"] == 1e-8
     better = float(reported["note"].partition("and by compliance ")[2].split()[0])
-    again = CliRunner().invoke(app, [*words, "--compliance", f"{better:g}"])
-    assert again.exit_code == 0, again.output
+    with_better_compliance = CliRunner().invoke(app, [*arguments, "--compliance", f"{better:g}"])
+    assert with_better_compliance.exit_code == 0, with_better_compliance.output
 
 
-def test_a_run_without_a_tolerance_names_the_compliance_it_had():
+def test_a_run_without_a_tolerance_reports_the_default_compliance():
     run = simulate(catalog.make("four_bar"), speed=60.0, settings=Settings(steps_per_turn=100))
     assert run.settings.compliance == COMPLIANCE

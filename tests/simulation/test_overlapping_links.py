@@ -1,4 +1,4 @@
-"""Files as CAD exports them: links overlap where they are joined, and rows of their loops repeat others."""
+"""Files as CAD exports them: links overlap at their joints, and loop constraints are redundant."""
 
 import mujoco
 import numpy as np
@@ -9,7 +9,7 @@ from mechsim.simulation import simulate
 from mechsim.simulation.closed_model import exclude_contacts
 from mechsim.studies.validate import case_of
 
-# a five-bar whose cranks overlap by a little with the plates on which they turn
+# a five-bar whose cranks slightly overlap the plates that carry them
 FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0" noslip_iterations="2"/>
 <default><joint axis="0 0 1" frictionloss=".05" armature=".002"/><geom size=".012"/></default>
 <worldbody><geom type="box" size=".02 .02 .005" pos="-.031 0 -.0099999"/>
@@ -28,39 +28,39 @@ BALL = """<body name="ball" pos="0 -.1 0"><freejoint/><geom size=".01"/></body>
 
 @pytest.fixture
 def form(tmp_path):
-    def made(extra=""):
+    def load_with(extra=""):
         path = tmp_path / "five_bar.xml"
         path.write_text(FIVE_BAR.replace("EXTRA", extra))
         return ms.load(str(path), drive=SWINGS)
 
-    return made
+    return load_with
 
 
-def follows(run, motion_laws):
-    meant = motion_laws.state(run.motion.time)[0]
-    for name, value in zip(motion_laws.drivers, meant, strict=True):
+def assert_follows(run, motion_laws):
+    expected = motion_laws.state(run.motion.time)[0]
+    for name, value in zip(motion_laws.drivers, expected, strict=True):
         assert run.motion.joints[name].value == pytest.approx(value, abs=1e-5)
 
 
-def test_links_that_overlap_where_they_are_joined_brake_no_driver(form):
+def test_links_that_overlap_at_their_joints_do_not_brake_the_driver(form):
     case = case_of(form())
     assert case.passed, case.verdict.reason
-    # contacts as hard as the loops, and accelerations taken anew from forces, left far more
+    # with contacts as stiff as the loops and recomputed accelerations the error was much larger
     assert case.run.estimate < 1e-12
-    follows(case.run, case.solver.motion_laws)
+    assert_follows(case.run, case.solver.motion_laws)
     assert "contacts do not act" in case.run.note
 
 
-def test_what_hangs_on_no_driver_is_still_stopped_by_a_contact(form):
+def test_bodies_independent_of_the_drivers_keep_their_contacts(form):
     run = simulate(form(BALL), method="step")
     assert "so are contacts" in run.note
-    follows(run, form(BALL).motion_laws)
+    assert_follows(run, form(BALL).motion_laws)
     fallen = run.motion.links["ball"].position[-1]
     assert fallen[1] == pytest.approx(-0.11, abs=2e-3)
     assert np.isfinite(fallen).all()
 
 
-def test_only_contacts_among_settled_bodies_are_left_out():
+def test_only_contacts_between_determined_bodies_are_excluded():
     random = np.random.default_rng(7)
     bodies = "".join(
         f'<body pos="{x} 0 0"><freejoint/><geom size=".1" contype="{random.integers(4)}" '
@@ -68,21 +68,21 @@ def test_only_contacts_among_settled_bodies_are_left_out():
         for x in range(12)
     )
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
-    settled = random.random(model.nbody) < 0.5
+    determined = random.random(model.nbody) < 0.5
 
-    def meeting(kinds, affinities):
+    def may_collide(kinds, affinities):
         result = np.bitwise_and.outer(kinds, affinities) != 0
         return result | result.T
 
     def masks():
-        return meeting(model.geom_contype, model.geom_conaffinity)
+        return may_collide(model.geom_contype, model.geom_conaffinity)
 
-    before, of = masks(), settled[model.geom_bodyid]
-    exclude_contacts(model, settled)
-    among = np.logical_and.outer(of, of)
-    assert before[among].any()
-    assert not masks()[among].any()
-    assert (masks() == before)[~among].all()
-    # the masks of whole bodies, at which MuJoCo looks first, let through what those of geoms do
-    whole = meeting(model.body_contype, model.body_conaffinity)
+    before, of = masks(), determined[model.geom_bodyid]
+    exclude_contacts(model, determined)
+    both_determined = np.logical_and.outer(of, of)
+    assert before[both_determined].any()
+    assert not masks()[both_determined].any()
+    assert (masks() == before)[~both_determined].all()
+    # the masks of bodies, which MuJoCo tests first, admit every pair that those of geoms admit
+    whole = may_collide(model.body_contype, model.body_conaffinity)
     assert (whole[np.ix_(model.geom_bodyid, model.geom_bodyid)] | ~masks()).all()

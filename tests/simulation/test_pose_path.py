@@ -17,8 +17,8 @@ from mechsim.simulation.source import assembled, from_source, initial_guess
 from mechsim.studies.extremes.special_designs import special_designs
 
 
-def test_a_wheel_that_turns_twenty_times_as_fast_as_the_crank_is_followed_in_its_assembly():
-    """A wheel geared up twenty times turns a four-bar: its angle is twenty times that of the crank."""
+def test_a_wheel_with_gear_ratio_twenty_keeps_its_assembly_mode():
+    """A wheel with gear ratio twenty turns a four-bar: its angle is twenty times that of the crank."""
     ground = {name: End("ground", (x, 0.0, 0.0)) for name, x in (("p", 0.0), ("q", 0.05), ("r", 0.13))}
     joints = (
         Joint("crank", "revolute", ground["p"], End("crank")),
@@ -31,8 +31,8 @@ def test_a_wheel_that_turns_twenty_times_as_fast_as_the_crank_is_followed_in_its
     points = {"P": ("rod", (0.04, 0.0, 0.0))}
     gears = (Gear("crank", "wheel", 20.0),)
     mechanism = Mechanism("geared", links, joints, "crank", points, gears, start=0.02)
-    loops, rough = initial_guess(with_closed_guess(mechanism), Scene(level="pose"))
-    start = loop_jacobian.close(loops, rough[None])[0]
+    loops, guess = initial_guess(with_closed_guess(mechanism), Scene(level="pose"))
+    start = loop_jacobian.close(loops, guess[None])[0]
     angles = start[loops.crank_address] + np.linspace(0.0, 0.4, 40)
     states = follow(loops, start, angles)
     places = loops.posed.site_positions(states)[:, loops.model.site("P").id]
@@ -40,16 +40,16 @@ def test_a_wheel_that_turns_twenty_times_as_fast_as_the_crank_is_followed_in_its
     assert np.abs(places - exact).max() < 1e-13
 
 
-def test_a_distance_of_rounding_is_followed_close_to_a_dead_centre_too():
-    """A recorded crank angle 50 units of rounding next to a node of the path once ended in a refusal."""
+def test_a_tiny_step_near_a_dead_centre_is_solved():
+    """A crank angle 50 units of rounding from a node of the path was once rejected."""
     drive = catalog.make("four_bar", **special_designs("four_bar").swinging)
     closed = from_source(drive)
     (_, high), place = drive.crank_range().arcs[0], closed.loops.crank_address
-    there = follow(closed.loops, closed.qpos, np.array([high - 1e-5]))[0]
+    near_dead_centre = follow(closed.loops, closed.qpos, np.array([high - 1e-5]))[0]
     for off in np.geomspace(1.01e-14, 1e-12, 40):
-        (end,) = follow(closed.loops, there, [float(there[place]) - off])
-        assert abs(end[place] - there[place]) > 0.9 * off
-        assert np.abs(end - there).max() < 1e-8
+        (end,) = follow(closed.loops, near_dead_centre, [float(near_dead_centre[place]) - off])
+        assert abs(end[place] - near_dead_centre[place]) > 0.9 * off
+        assert np.abs(end - near_dead_centre).max() < 1e-8
 
 
 TURN = 2.0 * np.pi
@@ -76,32 +76,32 @@ def gap(loops: ModelLoops, name: str, turns: float, **changed: float) -> float:
 @pytest.mark.parametrize(
     "name", ["four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper", "bennett"]
 )
-def test_poses_are_those_of_the_closed_form_and_the_model_is_left_as_it_was(name: str, turns: float) -> None:
+def test_poses_equal_the_closed_form_and_leave_the_model_unchanged(name: str, turns: float) -> None:
     loops = loops_of(name)
     model = loops.model
-    kept = (model.qpos0, model.body_invweight0, model.dof_armature, model.eq_solref)
-    before = [values.copy() for values in kept]
+    fields = (model.qpos0, model.body_invweight0, model.dof_armature, model.eq_solref)
+    before = [values.copy() for values in fields]
     # measured 2e-15
     assert gap(loops, name, turns) < 1e-13
-    assert all(np.array_equal(a, b) for a, b in zip(before, kept, strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(before, fields, strict=True))
 
 
-@pytest.mark.parametrize("slack", [1e-4, 1e-8, 1e-12])
-def test_an_almost_dead_centre_is_passed_in_the_assembly(slack: float) -> None:
+@pytest.mark.parametrize("distance", [1e-4, 1e-8, 1e-12])
+def test_a_near_dead_centre_is_passed_in_the_same_assembly_mode(distance: float) -> None:
     # the longest rocker that lets this crank turn fully is ground - crank + coupler
-    sizes = {"ground": 0.08, "crank": 0.03, "coupler": 0.07, "rocker": 0.12 * (1.0 - slack)}
-    # the square root of the distance from the dead centre is all that is left of rounding there
+    sizes = {"ground": 0.08, "crank": 0.03, "coupler": 0.07, "rocker": 0.12 * (1.0 - distance)}
+    # near the dead centre a rounding error grows to its square root
     assert gap(loops_of("four_bar", **sizes), "four_bar", 1.0, **sizes) < 1e-7
 
 
-def test_a_crank_that_only_swings_is_not_followed_beyond_its_dead_centre() -> None:
+def test_a_path_beyond_a_dead_centre_is_rejected() -> None:
     loops = loops_of("four_bar", ground=0.08, crank=0.03, coupler=0.07, rocker=0.125)
     start = loops.model.qpos0
     with pytest.raises(AssemblyError, match="the crank cannot pass"):
         follow(loops, start, start[loops.crank_address] + TURN * np.linspace(0.0, 1.0, 5))
 
 
-def test_displacements_along_idle_directions_have_the_derivatives_of_differences() -> None:
+def test_derivatives_along_idle_directions_equal_finite_differences() -> None:
     loops = loops_of("rssr")
     equations = ModelEquations(loops, loops.model.qpos0)
     random = np.random.default_rng(3)

@@ -1,4 +1,4 @@
-"""The number of steps for a tolerance: kept, and found without a whole run being lost."""
+"""The number of steps for a tolerance is found by short trials and satisfies the tolerance."""
 
 from collections.abc import Iterator
 from unittest import mock
@@ -19,7 +19,7 @@ SPEED = units.rpm(100.0)
 
 @pytest.fixture
 def stepped() -> Iterator[list[int]]:
-    """Give a list that takes the number of steps of every run stepped, trials too."""
+    """Return a list of the numbers of steps of all runs, including trials."""
     counts: list[int] = []
     step = driven_run.step
 
@@ -40,9 +40,9 @@ def error(drive, motion) -> float:
     )
 
 
-def test_errors_that_grow_from_turn_to_turn_cost_a_short_trial_and_no_whole_run(stepped) -> None:
-    # at so loose a tolerance one turn of a Bennett linkage asks for some 50 steps, and there they do;
-    # over ten turns they end in another assembly
+def test_growing_errors_per_turn_cost_only_a_short_trial(stepped) -> None:
+    # at this tolerance one turn of a Bennett linkage needs about 50 steps;
+    # over ten turns such steps end in another assembly mode
     drive = catalog.make("bennett")
     tolerance = 2e-4 * drive.length0
     run = simulate(drive.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
@@ -60,10 +60,10 @@ def test_errors_that_grow_from_turn_to_turn_cost_a_short_trial_and_no_whole_run(
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rrsrr", "looper"])
-@pytest.mark.parametrize("part", [1e-3, 3e-5])
-def test_a_loose_tolerance_takes_fewer_steps_than_the_trial_and_one_whole_run(name, part, stepped) -> None:
+@pytest.mark.parametrize("fraction", [1e-3, 3e-5])
+def test_a_loose_tolerance_needs_only_one_full_run(name, fraction, stepped) -> None:
     drive = catalog.make(name)
-    tolerance = part * drive.crank
+    tolerance = fraction * drive.crank
     run = simulate(drive.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
     assert run.outcome == "passed"
     assert error(drive, run.motion) <= tolerance
@@ -71,21 +71,21 @@ def test_a_loose_tolerance_takes_fewer_steps_than_the_trial_and_one_whole_run(na
     assert run.steps < TURNS * TRIAL_STEPS
 
 
-def test_a_short_run_is_not_tried_longer_than_it_is(stepped) -> None:
+def test_trials_are_no_longer_than_the_run(stepped) -> None:
     run = simulate(catalog.make("four_bar").mechanism, speed=SPEED, turns=1.0, tolerance=1e-5)
     assert run.outcome == "passed"
     assert sum(stepped) <= TRIAL_STEPS + run.steps
 
 
-def test_no_error_at_all_requests_for_the_fewest_steps() -> None:
+def test_a_zero_error_needs_the_minimum_number_of_steps() -> None:
     class Exact:
         profile = type("Profile", (), {"turns": TURNS})
         cycle, min_steps = 1.0, 1
 
         def over_first_turns(self, turns):
-            part = Exact()
-            part.profile = type("Profile", (), {"turns": turns})
-            return part
+            fraction = Exact()
+            fraction.profile = type("Profile", (), {"turns": turns})
+            return fraction
 
         def errors_by_turn(self, _settings):
             return np.zeros(max(1, round(self.profile.turns)))
@@ -94,15 +94,15 @@ def test_no_error_at_all_requests_for_the_fewest_steps() -> None:
 
 
 @pytest.mark.parametrize("reach", [0.1, 0.01])
-def test_a_swing_of_less_than_a_turn_is_stepped_finely_enough(reach) -> None:
+def test_a_swing_below_a_turn_satisfies_its_tolerance(reach) -> None:
     drive = catalog.make("four_bar")
     run = simulate(drive.mechanism, profile=swing(1.0, reach, 60.0), tolerance=4e-10 * reach)
     assert run.outcome == "passed"
     assert error(drive, run.motion) <= run.tolerance
 
 
-def test_a_swing_of_all_the_little_that_a_crank_can_move_keeps_its_tolerance() -> None:
-    # over 0.0067 rad the follower leaves one dead centre and comes to the next
+def test_a_swing_over_a_tiny_crank_range_satisfies_its_tolerance() -> None:
+    # within 0.0067 rad the follower moves from one dead centre to the next
     drive = catalog.Looper(
         crank=0.0078268,
         coupler=0.0197878,
@@ -122,14 +122,14 @@ def test_a_swing_of_all_the_little_that_a_crank_can_move_keeps_its_tolerance() -
     assert run.tolerance_report.trials < 2.0 * run.steps
 
 
-def test_records_closer_than_the_trial_steps_do_not_hide_that_finer_steps_help() -> None:
+def test_dense_samples_do_not_hide_the_effect_of_finer_steps() -> None:
     drive = catalog.make("rssr")
     run = simulate(drive.mechanism, speed=SPEED, tolerance=1e-12, samples=1000)
     assert run.outcome == "passed"
     assert run.steps % 1000 == 0
 
 
-def test_a_trial_that_diverges_is_followed_by_finer_ones(tmp_path):
+def test_a_diverged_trial_is_repeated_with_finer_steps(tmp_path):
     path = tmp_path / "stiff.xml"
     path.write_text(FINGER.replace('damping="0.001"', 'damping="0.02"'))
     model = load(str(path), drive={"knuckle": "0.3*sin(2*pi*t)"}, duration=0.2)

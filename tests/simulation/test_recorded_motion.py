@@ -1,4 +1,4 @@
-"""Motions read from states: rates are derivatives of places, and a pendulum accelerates as Newton says."""
+"""Motions evaluated from states: rates are derivatives, and a pendulum satisfies Newton's law."""
 
 import mechanisms
 import mujoco
@@ -16,9 +16,9 @@ SPEED, ACCELERATION, STEP, MIDDLE = 1.3, -2.1, 2e-3, 4
 # first derivative by eighth-order differences
 FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP
 
-# a four-bar whose coupler flies freely until points hold it: two on the crank's pin and one on the rocker's
+# a four-bar with a free coupler constrained by points: two on the crank pin and one on the rocker pin
 TURNED = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
-PIN, ABOVE, FAR = (
+PIN, ON_PIN, ON_ROCKER = (
     " ".join(map(repr, (point @ TURNED).tolist()))
     for point in np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.2, 0.1, 0.05]])
 )
@@ -34,12 +34,12 @@ FREE = f"""
   </worldbody>
   <equality>
     <connect body1="rod" body2="crank" anchor="{PIN}"/>
-    <connect body1="rod" body2="crank" anchor="{ABOVE}"/>
-    <connect body1="rod" body2="rocker" anchor="{FAR}"/>
+    <connect body1="rod" body2="crank" anchor="{ON_PIN}"/>
+    <connect body1="rod" body2="rocker" anchor="{ON_ROCKER}"/>
   </equality>
 </mujoco>
 """
-# a joint that follows the crank by a polynomial, and another that stands where it is reported to
+# joints that follow the crank by a polynomial, and one at a constant angle
 CURVE = """
 <mujoco>
   <worldbody>
@@ -90,44 +90,44 @@ CASES = {
 
 
 def along(loops):
-    """Nine instants of a crank that speeds up, the loops closed in places and speeds."""
+    """Nine instants of an accelerating crank with closed positions and velocities."""
     time = STEP * (np.arange(9) - MIDDLE)
     start = loop_jacobian.close(loops, loops.model.qpos0[None])
     _, jacobian = loops.linearise(start)
-    turned = SPEED * time + 0.5 * ACCELERATION * time**2
-    steps = turned[:, None] * loop_jacobian.tangent(loops, jacobian)
+    rotated = SPEED * time + 0.5 * ACCELERATION * time**2
+    steps = rotated[:, None] * loop_jacobian.tangent(loops, jacobian)
     qpos = loop_jacobian.close(loops, loops.displaced(np.repeat(start, 9, 0), steps))
     _, jacobian = loops.linearise(qpos)
     qvel = loop_jacobian.tangent(loops, jacobian) * (SPEED + ACCELERATION * time)[:, None]
     return States(time, qpos, qvel), np.full(9, ACCELERATION)
 
 
-def near(result, expected, tolerance=1e-9):
+def assert_near(result, expected, tolerance=1e-9):
     assert np.abs(result - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_rates_are_the_derivatives_of_places(case):
+def test_rates_are_derivatives_of_positions(case):
     loops, track = CASES[case]()
     states, acceleration = along(loops)
     motion = evaluate(loops, track, states, "pose", crank_acceleration=acceleration)
-    near(motion.speed, SPEED + ACCELERATION * states.time)
-    near(motion.acceleration, acceleration)
+    assert_near(motion.speed, SPEED + ACCELERATION * states.time)
+    assert_near(motion.acceleration, acceleration)
     assert motion.closure.max() < 1e-14
     assert motion.joints.keys() >= {loops.model.joint(loops.model.dof_jntid[loops.crank]).name}
     for item in (*motion.points.values(), *motion.links.values()):
-        near(item.velocity[MIDDLE], FIRST @ item.position)
-        near(item.acceleration[MIDDLE], FIRST @ item.velocity)
+        assert_near(item.velocity[MIDDLE], FIRST @ item.position)
+        assert_near(item.acceleration[MIDDLE], FIRST @ item.velocity)
     for link in motion.links.values():
-        turning = np.tensordot(FIRST, link.rotation, 1) @ link.rotation[MIDDLE].T
-        near(link.angular_velocity[MIDDLE], turning[[2, 0, 1], [1, 2, 0]])
-        near(link.angular_acceleration[MIDDLE], FIRST @ link.angular_velocity)
+        rate_of_rotation = np.tensordot(FIRST, link.rotation, 1) @ link.rotation[MIDDLE].T
+        assert_near(link.angular_velocity[MIDDLE], rate_of_rotation[[2, 0, 1], [1, 2, 0]])
+        assert_near(link.angular_acceleration[MIDDLE], FIRST @ link.angular_velocity)
     for joint in motion.joints.values():
-        near(joint.rate[MIDDLE], FIRST @ joint.value)
-        near(joint.acceleration[MIDDLE], FIRST @ joint.rate)
+        assert_near(joint.rate[MIDDLE], FIRST @ joint.value)
+        assert_near(joint.acceleration[MIDDLE], FIRST @ joint.rate)
 
 
-def test_hinges_are_angles_and_slides_lengths_and_a_free_body_has_no_coordinate():
+def test_joint_coordinates_have_the_unit_of_their_kind():
     loops, track = CASES["curve"]()
     joints = evaluate(loops, track, along(loops)[0], "pose").joints
     assert {name: item.unit for name, item in joints.items()} == {
@@ -140,18 +140,18 @@ def test_hinges_are_angles_and_slides_lengths_and_a_free_body_has_no_coordinate(
     assert set(evaluate(loops, track, along(loops)[0], "pose").joints) == {"crank", "rocker"}
 
 
-def test_joints_that_follow_another_are_counted_from_where_the_model_has_them():
+def test_coupled_joints_are_measured_from_the_model_reference():
     loops, track = CASES["curve"]()
     joints = evaluate(loops, track, along(loops)[0], "pose").joints
-    turned = joints["crank"].value - np.deg2rad(20.0)
-    curve = 0.1 + 0.5 * turned + 0.3 * turned**2 - 0.2 * turned**3 + 0.1 * turned**4
-    near(joints["curve"].value, np.deg2rad(10.0) + curve, 1e-14)
-    near(joints["slide"].value, 0.2 * turned - 0.1 * turned**2, 1e-14)
-    near(joints["still"].value, np.deg2rad(30.0) + 0.4, 1e-14)
+    rotated = joints["crank"].value - np.deg2rad(20.0)
+    curve = 0.1 + 0.5 * rotated + 0.3 * rotated**2 - 0.2 * rotated**3 + 0.1 * rotated**4
+    assert_near(joints["curve"].value, np.deg2rad(10.0) + curve, 1e-14)
+    assert_near(joints["slide"].value, 0.2 * rotated - 0.1 * rotated**2, 1e-14)
+    assert_near(joints["still"].value, np.deg2rad(30.0) + 0.4, 1e-14)
 
 
 @pytest.mark.parametrize("weightless", [False, True])
-def test_a_pendulum_accelerates_as_newton_states(weightless):
+def test_a_pendulum_satisfies_newtons_law(weightless):
     loops, track = of_text(PENDULUM, ["tip"])
     if weightless:
         loops.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
@@ -162,24 +162,26 @@ def test_a_pendulum_accelerates_as_newton_states(weightless):
     motion = evaluate(loops, track, states, "step", force=torque)
     weight = 0.0 if weightless else 2.0 * 9.81 * 0.3 * np.cos(angle)
     expected = (torque - weight) / (0.01 + 1e-3 + 2.0 * 0.3**2)
-    near(motion.acceleration, expected)
+    assert_near(motion.acceleration, expected)
     assert len(motion) == n
     along_arm = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], 1)
     across = np.stack([-np.sin(angle), np.cos(angle), 0.0 * angle], 1)
     tip = motion.points["tip"]
-    near(tip.position, 0.5 * along_arm)
-    near(tip.velocity, 0.5 * speed[:, None] * across)
-    near(tip.acceleration, 0.5 * (expected[:, None] * across - speed[:, None] ** 2 * along_arm))
-    near(motion.links["arm"].acceleration, 0.0)
+    assert_near(tip.position, 0.5 * along_arm)
+    assert_near(tip.velocity, 0.5 * speed[:, None] * across)
+    assert_near(tip.acceleration, 0.5 * (expected[:, None] * across - speed[:, None] ** 2 * along_arm))
+    assert_near(motion.links["arm"].acceleration, 0.0)
     assert track.links == ("arm", "body2")
     assert motion.closure.tolist() == [0.0] * n
 
 
-def test_a_given_acceleration_takes_the_place_of_what_forces_would_do():
+def test_a_prescribed_acceleration_replaces_that_of_the_forces():
     loops, track = of_text(PENDULUM, ["tip"])
     n = CHUNK + 5
-    wanted = np.linspace(-2.0, 3.0, n)
+    prescribed = np.linspace(-2.0, 3.0, n)
     states = States(np.linspace(0.0, 1.0, n), np.full((n, 1), 0.4), np.zeros((n, 1)))
-    motion = evaluate(loops, track, states, "pose", crank_acceleration=wanted, force=np.full(n, 5.0))
-    near(motion.acceleration, wanted)
-    near(motion.points["tip"].acceleration, 0.5 * wanted[:, None] * [-np.sin(0.4), np.cos(0.4), 0.0])
+    motion = evaluate(loops, track, states, "pose", crank_acceleration=prescribed, force=np.full(n, 5.0))
+    assert_near(motion.acceleration, prescribed)
+    assert_near(
+        motion.points["tip"].acceleration, 0.5 * prescribed[:, None] * [-np.sin(0.4), np.cos(0.4), 0.0]
+    )

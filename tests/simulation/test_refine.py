@@ -1,4 +1,4 @@
-"""The one loop that keeps a tolerance, on runs whose error is a formula."""
+"""The refinement loop for a tolerance, on runs whose error is a formula."""
 
 import numpy as np
 import pytest
@@ -8,101 +8,101 @@ from mechsim.simulation.tolerance import Attempt
 
 
 def attempts(error, *, order=4.0, final=lambda _: False, trials=0):
-    """Return what runs with an error of so many steps, and the numbers of steps it was asked for."""
-    asked = []
+    """Return an attempt function with this error of its steps, and the list of requested steps."""
+    requested = []
 
     def attempt(steps):
-        asked.append(steps)
+        requested.append(steps)
         estimates = {"place": error(steps)}
         return Attempt(
             run=steps, steps=steps, estimates=estimates, order=order, trials=trials, final=final(steps)
         )
 
-    return attempt, asked
+    return attempt, requested
 
 
-def why(steps, estimate):
+def reason_for(steps, estimate):
     return f"{steps} steps leave {estimate:.2g}"
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
-def test_a_tolerance_is_kept_by_few_more_steps_than_it_needs(order):
-    attempt, asked = attempts(lambda n: n**-order, order=order)
-    run, promise = tolerance.run_within_tolerance(attempt, 1e-6 ** (order / 4.0), 10, why)
+def test_a_tolerance_is_satisfied_with_at_most_twice_the_needed_steps(order):
+    attempt, requested = attempts(lambda n: n**-order, order=order)
+    run, report = tolerance.run_within_tolerance(attempt, 1e-6 ** (order / 4.0), 10, reason_for)
     needed = 1e-6**-0.25
-    assert promise.satisfied
-    assert promise.reason == ""
+    assert report.satisfied
+    assert report.reason == ""
     assert needed <= run <= 2.1 * needed
-    assert promise.trials == sum(asked) - run
-    assert promise.safety_factor >= 1.0
+    assert report.trials == sum(requested) - run
+    assert report.safety_factor >= 1.0
 
 
-def test_a_first_attempt_that_is_good_is_the_only_one():
-    attempt, asked = attempts(lambda _: 0.0, trials=7)
-    run, promise = tolerance.run_within_tolerance(attempt, 1e-9, 50, why, trials=3)
-    assert (run, asked, promise.trials) == (50, [50], 10)
-    assert promise.safety_factor == np.inf
+def test_a_successful_first_attempt_is_the_only_one():
+    attempt, requested = attempts(lambda _: 0.0, trials=7)
+    run, report = tolerance.run_within_tolerance(attempt, 1e-9, 50, reason_for, trials=3)
+    assert (run, requested, report.trials) == (50, [50], 10)
+    assert report.safety_factor == np.inf
 
 
-def test_where_more_steps_do_not_help_the_best_is_given_with_the_reason():
-    attempt, asked = attempts(lambda n: max(n**-4.0, 3e-8))
-    run, promise = tolerance.run_within_tolerance(attempt, 1e-9, 20, why)
-    assert not promise.satisfied
-    assert promise.estimate == 3e-8
-    assert promise.reason == f"{asked[-1]} steps leave 3e-08"
-    assert len(asked) <= 4
-    assert run in asked
+def test_the_best_run_is_returned_with_a_reason_if_refinement_fails():
+    attempt, requested = attempts(lambda n: max(n**-4.0, 3e-8))
+    run, report = tolerance.run_within_tolerance(attempt, 1e-9, 20, reason_for)
+    assert not report.satisfied
+    assert report.estimate == 3e-8
+    assert report.reason == f"{requested[-1]} steps leave 3e-08"
+    assert len(requested) <= 4
+    assert run in requested
 
 
-def test_a_run_that_no_steps_would_help_is_the_last():
-    attempt, asked = attempts(lambda _: np.inf, final=lambda _: True)
-    _, promise = tolerance.run_within_tolerance(attempt, 1e-9, 20, why)
-    assert asked == [20]
-    assert promise.reason
+def test_a_final_attempt_ends_the_refinement():
+    attempt, requested = attempts(lambda _: np.inf, final=lambda _: True)
+    _, report = tolerance.run_within_tolerance(attempt, 1e-9, 20, reason_for)
+    assert requested == [20]
+    assert report.reason
 
 
-def test_two_runs_without_an_error_to_speak_of_are_enough():
-    attempt, asked = attempts(lambda _: np.nan)
-    _, promise = tolerance.run_within_tolerance(attempt, 1e-9, 20, why)
-    assert len(asked) == 2
-    assert promise.estimate == np.inf
-    assert not promise.satisfied
+def test_two_attempts_without_an_estimate_end_the_refinement():
+    attempt, requested = attempts(lambda _: np.nan)
+    _, report = tolerance.run_within_tolerance(attempt, 1e-9, 20, reason_for)
+    assert len(requested) == 2
+    assert report.estimate == np.inf
+    assert not report.satisfied
 
 
-def test_no_more_steps_than_the_most_are_spent(monkeypatch):
+def test_the_maximum_number_of_steps_is_respected(monkeypatch):
     monkeypatch.setattr(tolerance, "MAX_STEPS", 500)
-    attempt, asked = attempts(lambda n: n**-1.0, order=1.0)
-    _, promise = tolerance.run_within_tolerance(attempt, 1e-9, 20, why, multiple=2)
-    assert max(asked) == 500
-    assert not promise.satisfied
+    attempt, requested = attempts(lambda n: n**-1.0, order=1.0)
+    _, report = tolerance.run_within_tolerance(attempt, 1e-9, 20, reason_for, multiple=2)
+    assert max(requested) == 500
+    assert not report.satisfied
 
 
 @pytest.mark.parametrize(("needed", "last"), [(1900, 1900), (2100, 500)])
-def test_more_than_the_most_are_spent_only_where_they_are_predicted_to_be_enough(needed, last, monkeypatch):
+def test_the_limit_is_exceeded_only_if_success_is_predicted(needed, last, monkeypatch):
     monkeypatch.setattr(tolerance, "MAX_STEPS", 500)
-    attempt, asked = attempts(lambda n: n**-4.0)
-    _, promise = tolerance.run_within_tolerance(
-        attempt, needed**-4.0 / tolerance.TARGET_FRACTION, 490, why, max_steps=2000
+    attempt, requested = attempts(lambda n: n**-4.0)
+    _, report = tolerance.run_within_tolerance(
+        attempt, needed**-4.0 / tolerance.TARGET_FRACTION, 490, reason_for, max_steps=2000
     )
-    assert asked[-1] == pytest.approx(last, rel=1e-3)
-    assert promise.satisfied == (last > 500)
+    assert requested[-1] == pytest.approx(last, rel=1e-3)
+    assert report.satisfied == (last > 500)
 
 
-def test_an_attempt_coarser_than_the_trials_is_followed_by_one_as_fine():
-    attempt, asked = attempts(lambda n: 1.0 if n < 100 else 0.0)
-    tolerance.run_within_tolerance(attempt, 1e-9, 30, why, trial_steps=100)
-    assert asked == [30, 100]
+def test_an_attempt_coarser_than_the_trials_is_refined_to_them():
+    attempt, requested = attempts(lambda n: 1.0 if n < 100 else 0.0)
+    tolerance.run_within_tolerance(attempt, 1e-9, 30, reason_for, trial_steps=100)
+    assert requested == [30, 100]
 
 
-def test_numbers_of_steps_are_multiples_of_what_is_requested_for():
-    attempt, asked = attempts(lambda n: n**-4.0)
-    tolerance.run_within_tolerance(attempt, 1e-12, 48, why, multiple=48)
-    assert all(n % 48 == 0 for n in asked)
+def test_numbers_of_steps_are_multiples_of_the_requested_one():
+    attempt, requested = attempts(lambda n: n**-4.0)
+    tolerance.run_within_tolerance(attempt, 1e-12, 48, reason_for, multiple=48)
+    assert all(n % 48 == 0 for n in requested)
 
 
-def test_the_worst_of_all_estimates_counts_and_what_is_no_number_is_the_worst():
-    promise = tolerance.ToleranceReport(tolerance=1.0, estimates={"torque": 0.5, "halving": 2.0})
-    assert promise.estimate == 2.0
-    assert not promise.satisfied
+def test_the_largest_estimate_decides_and_nan_fails():
+    report = tolerance.ToleranceReport(tolerance=1.0, estimates={"torque": 0.5, "halving": 2.0})
+    assert report.estimate == 2.0
+    assert not report.satisfied
     assert not tolerance.ToleranceReport(tolerance=1.0, estimates={"torque": np.nan}).satisfied
     assert tolerance.ToleranceReport(tolerance=1.0, estimates={"torque": 1.0}).satisfied

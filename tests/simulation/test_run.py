@@ -31,12 +31,12 @@ def worst(motion, exact, kind: str = "position") -> float:
     )
 
 
-# how often a motion is looked at
+# sampling of a motion
 
 
 @pytest.mark.parametrize("reach", [0.01, 1e-5])
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_short_swing_is_looked_at_on_its_way_and_not_only_where_it_began(reach: float, method: str) -> None:
+def test_a_short_swing_is_sampled_over_its_whole_range(reach: float, method: str) -> None:
     drive = catalog.make("slider_crank")
     run = simulate(drive, profile=swing(0.7, reach, 60.0), method=method)
     angle = run.motion.angle
@@ -50,7 +50,7 @@ def test_a_short_swing_is_looked_at_on_its_way_and_not_only_where_it_began(reach
 
 @pytest.mark.parametrize("name", CATALOGUE)
 @pytest.mark.parametrize("branch", [1, -1])
-def test_solved_poses_are_the_closed_form_to_a_million_millionth_of_the_crank(name: str, branch: int) -> None:
+def test_solved_poses_equal_the_closed_form_to_1e_12_of_the_crank(name: str, branch: int) -> None:
     drive = catalog.make(name, branch=branch)
     run = simulate(drive.mechanism, speed=10.0, turns=2.0, method="pose", samples=500)
     exact = drive.solve(run.motion.angle, 10.0)
@@ -62,7 +62,7 @@ def test_solved_poses_are_the_closed_form_to_a_million_millionth_of_the_crank(na
 
 
 @pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
-def test_solved_poses_of_any_mechanism_are_those_of_the_loop_equations(mechanism: Mechanism) -> None:
+def test_solved_poses_of_any_mechanism_satisfy_the_loop_equations(mechanism: Mechanism) -> None:
     exact = loops.solve(mechanism, mechanism.start + np.linspace(0.0, TURN, 25), 10.0)
     for item in (mechanism, mechanisms.swapped(mechanism)):
         motion = simulate(item, speed=10.0, method="pose", samples=24).motion
@@ -71,7 +71,7 @@ def test_solved_poses_of_any_mechanism_are_those_of_the_loop_equations(mechanism
         assert worst(motion, exact, "acceleration") < 1e-9
 
 
-def test_a_gear_of_no_whole_ratio_is_not_taken_to_come_back_after_a_turn() -> None:
+def test_a_fractional_gear_ratio_does_not_repeat_after_one_turn() -> None:
     mechanism = mechanisms.geared_five_bar()
     motion = simulate(mechanism, speed=1.0, turns=3.0, method="pose", samples=90).motion
     first, second, third = (motion.points["C"].position[30 * k : 30 * k + 30] for k in range(3))
@@ -79,15 +79,15 @@ def test_a_gear_of_no_whole_ratio_is_not_taken_to_come_back_after_a_turn() -> No
     assert np.abs(first - third).max() < 1e-14
 
 
-def test_a_thousand_turns_are_solved_as_well_as_one() -> None:
+def test_a_thousand_turns_are_as_accurate_as_one() -> None:
     drive = catalog.make("rssr")
     motion = simulate(drive.mechanism, speed=1.0, turns=1000.0, method="pose", samples=3001).motion
     exact = drive.solve(motion.angle, 1.0)
-    # a crank angle of 6283 rad is itself known to 5e-13 rad
+    # the rounding error of a crank angle of 6283 rad is 5e-13 rad
     assert worst(motion, exact) < 2e-12 * drive.crank
 
 
-def test_poses_are_solved_in_any_order_and_at_single_angles() -> None:
+def test_poses_do_not_depend_on_the_order_of_angles() -> None:
     drive = catalog.make("rssr")
     loops = read_loops(assembled(drive.mechanism, Scene()).compile())
     angles = np.array([3.0, 0.1, -7.0, 2.0, 2.0])
@@ -99,8 +99,8 @@ def test_poses_are_solved_in_any_order_and_at_single_angles() -> None:
         assert np.abs(positions[0] - positions[1]).max() < 1e-15
 
 
-def test_an_almost_dead_centre_is_passed_in_the_same_assembly() -> None:
-    # the crank misses its dead centre by 1e-4 of its length: the assemblies nearly touch
+def test_a_near_dead_centre_is_passed_in_the_same_assembly_mode() -> None:
+    # the crank misses its dead centre by 1e-4 of its length: the assembly modes nearly coincide
     drive = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.08, rocker=0.050003)
     assert drive.crank_range().full
     motion = simulate(drive.mechanism, speed=1.0, method="pose", samples=720).motion
@@ -113,7 +113,7 @@ def test_an_almost_dead_centre_is_passed_in_the_same_assembly() -> None:
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
-def test_the_steps_are_of_fourth_order(name: str) -> None:
+def test_the_position_error_is_of_fourth_order_in_the_step(name: str) -> None:
     drive, errors = catalog.make(name), []
     for steps in (100, 200, 400, 800):
         run = simulate(drive.mechanism, speed=TURN, settings=Settings(steps_per_turn=steps))
@@ -121,20 +121,20 @@ def test_the_steps_are_of_fourth_order(name: str) -> None:
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     # fourth order, and no better: 4.0 to 4.3 measured
     assert ((orders > 3.7) & (orders < 4.6)).all(), orders
-    # rounding, 1e-13 of the crank after some hundred steps, is still far
+    # well above rounding, 1e-13 of the crank after some hundred steps
     assert errors[-1] > 1e-12 * drive.crank
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
 @pytest.mark.parametrize("speed", [rpm(1.0), rpm(600.0), -rpm(600.0), rpm(20_000.0)])
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-7, 1e-9])
-def test_a_tolerance_is_kept_against_the_closed_form(name: str, speed: float, tolerance: float) -> None:
+def test_a_tolerance_is_satisfied_against_the_closed_form(name: str, speed: float, tolerance: float) -> None:
     drive = catalog.make(name)
     run = simulate(drive.mechanism, speed=speed, turns=1.5, tolerance=tolerance)
     assert run.outcome == "passed"
     exact = drive.solve(run.motion.angle, run.motion.speed)
     assert worst(run.motion, exact) <= tolerance
-    # the simulator's own account agrees with the closed form, sampled at the same instants
+    # the estimate of the simulator agrees with the closed form at the same instants
     distance = max(
         np.linalg.norm(run.motion.points[name].position - point.position, axis=1).max()
         for name, point in exact.points.items()
@@ -143,7 +143,7 @@ def test_a_tolerance_is_kept_against_the_closed_form(name: str, speed: float, to
     assert run.motion.angle[-1] - run.motion.angle[0] == pytest.approx(np.sign(speed) * 1.5 * TURN, abs=1e-7)
 
 
-def test_a_guided_coupler_keeps_its_tolerance_too() -> None:
+def test_a_guided_coupler_satisfies_its_tolerance() -> None:
     drive = catalog.make("rssr", guide=True)
     run = simulate(drive.mechanism, speed=10.0, tolerance=1e-8)
     exact = drive.solve(run.motion.angle, run.motion.speed)
@@ -151,13 +151,13 @@ def test_a_guided_coupler_keeps_its_tolerance_too() -> None:
     assert worst(run.motion, exact) <= 1e-8
 
 
-def test_a_tolerance_below_rounding_is_missed_and_states_by_how_much() -> None:
+def test_a_tolerance_below_rounding_fails_with_the_error() -> None:
     run = simulate(catalog.make("slider_crank").mechanism, speed=10.0, turns=0.05, tolerance=1e-19)
     assert run.outcome == "failed"
     assert 1e-19 < run.estimate < 1e-11
 
 
-def test_rates_belong_to_the_instant_of_their_places() -> None:
+def test_rates_and_positions_have_the_same_instant() -> None:
     drive = catalog.make("rssr")
     run = simulate(drive.mechanism, speed=100.0, settings=Settings(steps_per_turn=1000))
     exact = drive.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
@@ -184,13 +184,13 @@ def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
             assert np.abs(run.motion.acceleration - acceleration).max() < 1e-9
 
 
-def test_a_crank_that_cannot_pass_is_rejected_and_reported_where() -> None:
+def test_an_impassable_dead_centre_is_rejected_with_its_angle() -> None:
     drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     for method in ("step", "pose"):
         with pytest.raises(AssemblyError, match="the crank cannot pass") as reported:
             simulate(drive.mechanism, speed=10.0, method=method)
         output = float(str(reported.value).split("cannot pass ")[1].split()[0])
-        # where the walk gives up lies within its shortest stride of a dead centre
+        # the continuation stops within its shortest step of a dead centre
         nearest = min(abs(np.angle(np.exp(1j * (output - dead)))) for dead in drive.dead_centres())
         assert nearest < 1e-4
 
@@ -204,7 +204,7 @@ def test_a_crank_that_swings_within_its_range_is_stepped() -> None:
     assert worst(run.motion, drive.solve(run.motion.angle, run.motion.speed)) <= 1e-6
 
 
-def test_a_run_that_blows_up_is_diverged_and_its_motion_reports_so() -> None:
+def test_a_diverged_run_reports_its_finite_motion() -> None:
     run = simulate(
         catalog.make("rssr").mechanism,
         speed=62.0,
@@ -216,11 +216,11 @@ def test_a_run_that_blows_up_is_diverged_and_its_motion_reports_so() -> None:
     assert run.summary()["estimate"] is None
     for point in run.motion.points.values():
         assert np.isfinite(point.acceleration).all()
-    # what MuJoCo does after it sets a bad state back is no part of the motion
+    # states after MuJoCo resets a diverged state are not part of the motion
     assert (np.diff(run.motion.time) > 0.0).all()
 
 
-def test_a_soft_loop_is_reported_by_its_true_error() -> None:
+def test_the_estimate_of_a_compliant_loop_is_within_a_factor_of_two() -> None:
     drive = catalog.make("rssr")
     soft = Settings(integrator="Euler", steps_per_turn=100, solref=(0.02, 1.0), compliance=1.0, refsafe=True)
     soft = replace(soft, solimp=(0.9, 0.95, 0.001, 0.5, 2.0))
@@ -231,16 +231,16 @@ def test_a_soft_loop_is_reported_by_its_true_error() -> None:
 
 
 @pytest.mark.parametrize("samples", [1, 7, 36])
-def test_exactly_the_samples_requested_for_are_recorded_evenly(samples: int) -> None:
+def test_the_requested_number_of_samples_is_recorded_evenly(samples: int) -> None:
     run = simulate(catalog.make("rssr").mechanism, speed=10.0, samples=samples, method="step")
     assert len(run.motion) == samples + 1
     spacing = np.diff(run.motion.angle)
     assert np.abs(spacing - TURN / samples).max() < 1e-8
 
 
-def test_a_long_run_needs_memory_for_what_it_records_only() -> None:
+def test_a_long_run_needs_memory_only_for_its_records() -> None:
     mechanism = catalog.make("four_bar").mechanism
-    simulate(mechanism, speed=10.0, method="step")  # what is loaded once
+    simulate(mechanism, speed=10.0, method="step")  # loads modules first
     tracemalloc.start()
     run = simulate(mechanism, speed=10.0, turns=500.0, samples=10, settings=Settings(steps_per_turn=100))
     _, peak = tracemalloc.get_traced_memory()
@@ -251,7 +251,7 @@ def test_a_long_run_needs_memory_for_what_it_records_only() -> None:
     assert peak < 1e6
 
 
-# models of a user's own
+# user-defined models
 
 FOUR_BAR = """
 <mujoco>
@@ -297,10 +297,10 @@ def test_a_users_file_with_a_connect_between_bodies_runs(tmp_path) -> None:
 
 
 def test_a_users_joint_equality_couples_the_joints() -> None:
-    # the coupler's joint is held: nothing is left open
-    held = '<joint joint1="A" polycoef="0 0 0 0 0"/>'
+    # the locked coupler joint makes the motion determined
+    locked = '<joint joint1="A" polycoef="0 0 0 0 0"/>'
     coupled = '<joint joint1="rocker" joint2="crank" polycoef=".1 -2 0 0 0"/>'
-    text = FOUR_BAR.format(f=0.2, closing=coupled + held)
+    text = FOUR_BAR.format(f=0.2, closing=coupled + locked)
     for method in ("pose", "step"):
         motion = simulate(text, speed=3.0, method=method).motion
         follower = motion.joints["rocker"]
@@ -310,7 +310,7 @@ def test_a_users_joint_equality_couples_the_joints() -> None:
         assert np.abs(follower.rate + 6.0).max() < 1e-6
 
 
-def test_a_users_spec_is_left_as_it_was() -> None:
+def test_a_users_spec_is_unchanged_by_a_run() -> None:
     spec = mujoco.MjSpec.from_string(FOUR_BAR.format(f=0.0, closing=""))
     before = spec.to_xml()
     simulate(spec, speed=1.0, method="step", turns=0.01)
@@ -330,7 +330,7 @@ def test_a_users_spec_is_left_as_it_was() -> None:
         ({"speed": None}, "neither a crank speed nor a profile"),
     ],
 )
-def test_values_that_cannot_be_used_are_rejected_in_one_sentence(change: dict, sentence: str) -> None:
+def test_invalid_arguments_are_rejected(change: dict, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as reported:
         simulate(catalog.make("four_bar").mechanism, **({"speed": 1.0} | change))
     assert "\n" not in str(reported.value)
@@ -346,12 +346,12 @@ def test_values_that_cannot_be_used_are_rejected_in_one_sentence(change: dict, s
         ({"solref": (np.nan, 1.0)}, "solref is"),
     ],
 )
-def test_settings_that_cannot_be_used_are_rejected(change: dict, sentence: str) -> None:
+def test_invalid_settings_are_rejected(change: dict, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         Settings(**change)
 
 
-def test_a_file_that_is_not_there_and_a_text_that_is_no_model_are_rejected() -> None:
+def test_a_missing_file_and_an_invalid_model_are_rejected() -> None:
     with pytest.raises(InputError, match=r"there is no MJCF file 'nowhere\.xml'"):
         simulate("nowhere.xml", speed=1.0)
     with pytest.raises(InputError, match="MuJoCo cannot read the model"):
@@ -364,7 +364,7 @@ def test_a_model_without_sites_is_advised_to_name_some() -> None:
         simulate(text, speed=1.0)
 
 
-def test_the_method_is_what_is_requested_for_and_the_run_names_it() -> None:
+def test_a_run_reports_the_requested_or_default_method() -> None:
     mechanism = catalog.make("rssr").mechanism
 
     def method(**asked) -> str:
@@ -380,27 +380,27 @@ def test_the_method_is_what_is_requested_for_and_the_run_names_it() -> None:
     assert method(method="step") == "step"
 
 
-def test_a_point_that_the_crank_leaves_free_is_stepped() -> None:
+def test_a_model_with_an_undetermined_point_is_stepped() -> None:
     pendulum = """<mujoco><worldbody>
       <body><joint name="crank" axis="0 0 1"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
       <site name="A" pos="0.1 0 0"/>{hanging}</body></worldbody></mujoco>"""
     link = """<body pos="0.1 0 0"><joint name="free" axis="{axis}"/>
       <inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/><site name="B" pos="0.1 0 0"/></body>"""
-    settled = pendulum.format(hanging="")
+    determined = pendulum.format(hanging="")
     spinning = pendulum.format(hanging=link.format(axis="1 0 0"))
     swinging = pendulum.format(hanging=link.format(axis="0 0 1"))
-    for text, wanted in ((settled, "pose"), (spinning, "pose"), (swinging, "step")):
+    for text, wanted in ((determined, "pose"), (spinning, "pose"), (swinging, "step")):
         assert simulate(text, speed=10.0, turns=0.1).method == wanted
 
 
-def test_a_crank_that_its_drive_loses_is_a_diverged_run_and_states_where() -> None:
+def test_a_crank_without_enough_drive_inertia_diverges() -> None:
     mechanism = catalog.make("rssr").mechanism
     run = simulate(mechanism, speed=10.0, turns=20.0, settings=Settings(drive_inertia=1e-6))
     assert run.outcome == "diverged"
     assert "the crank is at" in run.motion.broken
 
 
-def test_a_body_that_falls_next_to_the_linkage_changes_nothing_of_its_outcome() -> None:
+def test_an_unconnected_falling_body_does_not_change_the_outcome() -> None:
     drive = catalog.make("four_bar")
     spec = assembled(drive.mechanism, Scene())
     spec.option.gravity = 0.0, -9.81, 0.0
@@ -411,12 +411,12 @@ def test_a_body_that_falls_next_to_the_linkage_changes_nothing_of_its_outcome() 
     run = simulate(spec, speed=62.8, settings=Settings())
     assert run.outcome == "passed"
     assert np.ptp(run.motion.points["falling"].position[:, 1]) > 0.04
-    # its fall makes no bound wider
+    # the falling body does not widen the tolerance
     assert run.tolerance < 1e-5
     assert crosscheck(run, drive).passed
 
 
-def test_a_run_given_to_the_check_is_checked_by_its_own_tolerance() -> None:
+def test_a_check_uses_the_tolerance_of_the_run() -> None:
     drive = catalog.make("rssr")
     run = simulate(drive.mechanism, speed=62.8, tolerance=1e-7)
     place = next(check for check in crosscheck(run, drive).checks if check.kind == "position")
@@ -425,12 +425,12 @@ def test_a_run_given_to_the_check_is_checked_by_its_own_tolerance() -> None:
     assert (rough.outcome == "passed") == crosscheck(rough, drive).passed
 
 
-# at 100 N m the places themselves lie at the bound, where the kernel of the linear algebra decides: 1 to 3 mm
+# at 100 N m the position errors are 1 to 3 mm, depending on the linear-algebra kernel
 @pytest.mark.parametrize(
     ("name", "loss"), [("rssr", 1.0), ("rssr", 10.0), ("bennett", 10.0), ("looper", 10.0)]
 )
-def test_accelerations_are_those_of_the_linkage_where_dry_friction_sticks(name: str, loss: float) -> None:
-    """In MuJoCo's soft loops it holds a rocker of a few grams at instants: 50 m/s2 off, at any time step."""
+def test_accelerations_are_correct_with_sticking_dry_friction(name: str, loss: float) -> None:
+    """In MuJoCo's compliant loops friction stops a light rocker at instants: 50 m/s2 error at any step."""
     drive = catalog.make(name)
     spec = assembled(drive.mechanism, Scene(level="dynamics"))
     for joint in spec.joints:
@@ -444,7 +444,7 @@ def test_accelerations_are_those_of_the_linkage_where_dry_friction_sticks(name: 
     assert worst(run.motion, exact, "acceleration") < 0.3 * largest
 
 
-def test_a_linkage_that_lies_exactly_flat_goes_on_there_as_it_came_on_both_methods() -> None:
+def test_both_methods_continue_smoothly_through_a_flat_sarrus_linkage() -> None:
     flat = load("sarrus", {"upper": "40mm"})
     posed = simulate(flat, profile=simulation.constant(-6.0, 0.3, 0.0), method="pose").motion
     solved = [flat.solve(angles, 2.0) for angles in ([0.0], np.linspace(0.5, -0.5, 8), [0.3, 0.0, -0.3])]
@@ -454,13 +454,13 @@ def test_a_linkage_that_lies_exactly_flat_goes_on_there_as_it_came_on_both_metho
         np.testing.assert_allclose(height.velocity[:, 2], 0.08 * speed * np.cos(motion.angle), atol=1e-11)
 
 
-def test_forces_of_links_that_all_turn_evenly_are_checked_by_their_speed() -> None:
+def test_forces_at_constant_speed_balance_with_the_kinetic_scale() -> None:
     result = driven(load("parallel_gripper").mechanism, speed=60.0, samples=6, method="pose").forces
     assert result.residual.max() < 1e-11
 
 
 @pytest.mark.parametrize("compliance", [1e-8, 1e-10, 1e-12])
-def test_harder_loops_turn_the_crank_of_a_redundant_linkage_no_more(compliance):
+def test_the_crank_speed_is_independent_of_the_loop_compliance(compliance):
     """Measured 1.3e-11, 1.3e-11 and 4.9e-13; with the same flywheel for all, 1.3e-11, 1.3e-9 and 4.9e-9."""
     settings = Settings(steps_per_turn=2000, compliance=compliance)
     motion = simulate(catalog.make("bennett").mechanism, speed=60.0, settings=settings).motion

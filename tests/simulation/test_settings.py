@@ -1,4 +1,4 @@
-"""Settings declare all that is reported of them; what follows from that, for every one of them."""
+"""Each setting declares its description, default, valid values, option and table row."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any
@@ -30,7 +30,7 @@ def command(function) -> typer.Typer:
 
 
 @pytest.mark.parametrize("item", FIELDS, ids=lambda item: item.name)
-def test_a_setting_states_what_it_is_and_keeps_its_default(item) -> None:
+def test_each_setting_has_a_description_and_a_valid_default(item) -> None:
     assert item.metadata["about"].endswith(".")
     assert getattr(replace(Settings(), **{item.name: item.default}), item.name) == item.default
 
@@ -38,7 +38,7 @@ def test_a_setting_states_what_it_is_and_keeps_its_default(item) -> None:
 @pytest.mark.parametrize(
     "item", [item for item in FIELDS if not isinstance(item.default, bool)], ids=lambda item: item.name
 )
-def test_every_setting_rejects_what_is_none_of_its_values_in_one_line(item) -> None:
+def test_every_setting_rejects_invalid_values_in_one_line(item) -> None:
     for wrong in ("none of them", np.nan, -1.0, (np.nan, 1.0)):
         with pytest.raises(InputError) as reported:
             Settings(**{item.name: wrong})
@@ -46,7 +46,7 @@ def test_every_setting_rejects_what_is_none_of_its_values_in_one_line(item) -> N
         assert str(wrong) in str(reported.value)
 
 
-def test_the_command_has_the_options_that_settings_declare_and_no_others() -> None:
+def test_the_command_has_exactly_the_declared_options() -> None:
     reported = CliRunner().invoke(command(simulate), ["--help"], terminal_width=200).output
     for item in FIELDS:
         option = f"--{item.name.replace('_', '-')}"
@@ -55,7 +55,7 @@ def test_the_command_has_the_options_that_settings_declare_and_no_others() -> No
 
 
 @pytest.mark.parametrize("name", VALUES)
-def test_what_is_written_and_nothing_else_reaches_the_command(name) -> None:
+def test_only_options_on_the_command_line_reach_the_command(name) -> None:
     computed = {}
 
     @declare
@@ -69,7 +69,7 @@ def test_what_is_written_and_nothing_else_reaches_the_command(name) -> None:
     assert getattr(Settings(**computed), field) != getattr(Settings(), field)
 
 
-def test_a_setting_that_is_declared_is_an_option_a_rejection_and_a_row() -> None:
+def test_a_declared_setting_has_an_option_a_check_and_a_row() -> None:
     @dataclass(frozen=True)
     class More(Settings):
         noise: float = settings.number_setting(

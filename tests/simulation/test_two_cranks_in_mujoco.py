@@ -18,22 +18,26 @@ def simulated_velocities(mechanism, speed):
 
 
 @pytest.mark.parametrize("angle", [0.3, 1.9, 4.4])
-def test_crank_1_alone_and_crank_2_alone_add_up_to_both_in_mujoco_as_in_paper_003(angle):
+def test_velocities_of_single_cranks_add_up_to_those_of_both(angle):
     drive = catalog.make("warp_knitter")
     plan = velocity_plan(drive, angle, SPEED)
     ratio = drive.gear_ratio
-    item = simulated_velocities(one_crank_stopped(drive, "crank2", angle), SPEED)
-    two = simulated_velocities(one_crank_stopped(drive, "crank1", angle), ratio * SPEED)
+    crank1_only = simulated_velocities(one_crank_stopped(drive, "crank2", angle), SPEED)
+    crank2_only = simulated_velocities(one_crank_stopped(drive, "crank1", angle), ratio * SPEED)
     both = drive.solve([angle], SPEED).points
     # rounding of a linear solve on velocities of about 0.6 m/s
     for name in "ABCDK":
-        np.testing.assert_allclose(item[name], plan.crank2_stopped.velocities.get(name, 0.0), atol=1e-12)
-        np.testing.assert_allclose(two[name], plan.crank1_stopped.velocities.get(name, 0.0), atol=1e-12)
-        np.testing.assert_allclose(item[name] + two[name], both[name].velocity[0], atol=1e-12)
+        np.testing.assert_allclose(
+            crank1_only[name], plan.crank2_stopped.velocities.get(name, 0.0), atol=1e-12
+        )
+        np.testing.assert_allclose(
+            crank2_only[name], plan.crank1_stopped.velocities.get(name, 0.0), atol=1e-12
+        )
+        np.testing.assert_allclose(crank1_only[name] + crank2_only[name], both[name].velocity[0], atol=1e-12)
         np.testing.assert_allclose(plan.velocities[name], both[name].velocity[0], atol=1e-12)
 
 
-def test_both_cranks_geared_move_in_mujoco_as_the_plans_add_up():
+def test_velocities_of_geared_cranks_equal_the_summed_plans():
     drive = catalog.make("warp_knitter")
     run = simulate(drive.mechanism, speed=SPEED, samples=12, method="pose").motion
     for i, angle in enumerate(run.angle):
@@ -42,8 +46,8 @@ def test_both_cranks_geared_move_in_mujoco_as_the_plans_add_up():
             np.testing.assert_allclose(run.points[name].velocity[i], plan.velocities[name], atol=1e-12)
 
 
-def test_a_plan_with_the_wrong_crank_stopped_is_distinguished_apart():
+def test_a_plan_with_the_wrong_crank_stopped_differs():
     drive = catalog.make("warp_knitter")
     plan = velocity_plan(drive, 0.3, SPEED)
-    two = simulated_velocities(one_crank_stopped(drive, "crank1", 0.3), drive.gear_ratio * SPEED)
-    assert np.abs(two["K"] - plan.crank2_stopped.velocities["K"]).max() > 1e-3
+    crank2_only = simulated_velocities(one_crank_stopped(drive, "crank1", 0.3), drive.gear_ratio * SPEED)
+    assert np.abs(crank2_only["K"] - plan.crank2_stopped.velocities["K"]).max() > 1e-3

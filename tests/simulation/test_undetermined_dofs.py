@@ -1,4 +1,4 @@
-"""Motion is never invented: what the drivers leave open is named before anything is run."""
+"""Undetermined DOFs are reported by name before a run."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 0 0"/><worldbody>
 SECOND = '<joint joint1="D" joint2="crank" polycoef="0 1 0 0 0"/></equality>'
 TREE = """<mujoco model="tree"><worldbody><body name="a"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
 <site name="P" pos=".03 0 0"/><body name="b" pos=".03 0 0"><joint name="loose" axis="0 0 1"/>
-<geom size=".01" pos=".02 0 0"/></body></body>BESIDE</worldbody></mujoco>"""
+<geom size=".01" pos=".02 0 0"/></body></body>EXTRA</worldbody></mujoco>"""
 FINGER = """<body name="NAME_driver" pos="Y 0 0"><joint name="NAME" axis="0 0 1"/><geom size=".005"/>
  <body name="NAME_coupler" pos="0 .03 0"><joint name="NAME coupler" axis="0 0 1"/><geom size=".005"/>
  </body></body>
@@ -42,8 +42,8 @@ def gripper():
     )
 
 
-def tree(beside=""):
-    return TREE.replace("BESIDE", beside)
+def tree(extra=""):
+    return TREE.replace("EXTRA", extra)
 
 
 @pytest.mark.parametrize(
@@ -55,11 +55,11 @@ def tree(beside=""):
     ],
     ids=["five-bar", "gripper", "tree"],
 )
-def test_poses_that_the_crank_does_not_settle_are_rejected_with_what_is_open(model, named):
-    with pytest.raises(MobilityError, match=r"underdetermined.*--method step") as refused:
+def test_undetermined_poses_are_rejected_with_their_joints(model, named):
+    with pytest.raises(MobilityError, match=r"underdetermined.*--method step") as error:
         simulate(model, speed=1.0, turns=0.02, method="pose")
-    assert refused.value.outcome == "underdetermined"
-    assert all(name in str(refused.value) for name in named)
+    assert error.value.outcome == "underdetermined"
+    assert all(name in str(error.value) for name in named)
     assert simulate(model, speed=1.0, turns=0.002).method == "step"
 
 
@@ -70,13 +70,13 @@ def test_a_five_bar_with_both_cranks_driven_is_determined():
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_more_drivers_than_dofs_are_rejected(method):
-    held = '<joint joint1="A" polycoef="0 0 0 0 0"/><joint joint1="C" polycoef="0 0 0 0 0"/></equality>'
-    with pytest.raises(MobilityError, match=r"overdetermined.*crank angle 0 rad") as refused:
-        simulate(FIVE_BAR.replace("</equality>", held), speed=1.0, turns=0.02, method=method)
-    assert refused.value.outcome == "overdetermined"
+    locked = '<joint joint1="A" polycoef="0 0 0 0 0"/><joint joint1="C" polycoef="0 0 0 0 0"/></equality>'
+    with pytest.raises(MobilityError, match=r"overdetermined.*crank angle 0 rad") as error:
+        simulate(FIVE_BAR.replace("</equality>", locked), speed=1.0, turns=0.02, method=method)
+    assert error.value.outcome == "overdetermined"
 
 
-def test_a_free_body_next_to_a_valid_mechanism_and_an_idle_spin_are_no_dof():
+def test_unconnected_bodies_and_idle_spins_are_not_undetermined():
     free = '<body name="f" pos="1 1 1"><freejoint/><geom size=".01"/><site name="Q"/></body>'
     model = tree(free).replace('<joint name="loose" axis="0 0 1"/>', "")
     assert simulate(model, speed=1.0, turns=0.02, method="pose").outcome == "passed"
@@ -85,7 +85,7 @@ def test_a_free_body_next_to_a_valid_mechanism_and_an_idle_spin_are_no_dof():
         assert (result.undetermined, result.immobile_drivers, result.at_change_point) == ((), (), False), name
 
 
-def test_a_joint_does_not_leave_its_range_and_the_sentence_states_which():
+def test_a_joint_beyond_its_range_is_rejected_by_name():
     limited = FIVE_BAR.replace("</equality>", SECOND).replace(
         'name="C" axis="0 0 1"', 'name="C" axis="0 0 1" limited="true" range="-60 60"'
     )
@@ -95,7 +95,7 @@ def test_a_joint_does_not_leave_its_range_and_the_sentence_states_which():
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_start_where_assemblies_meet_is_rejected_with_its_angle(method):
+def test_a_start_at_a_change_point_is_rejected_with_its_angle(method):
     mechanism = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.1, rocker=0.04).mechanism
     flat = {
         name: mechanism.guess[name].__class__(np.array(at), np.eye(3))

@@ -1,4 +1,4 @@
-"""A user's own MJCF is run as it is: any hinge drives, programs drive several, joints are held or welded."""
+"""User-defined MJCF runs unchanged: any hinge as driver, motion laws, locked joints and welds."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
 from mechsim.simulation.settings import Settings
 
-# a four-bar whose coupler is in two halves, joined by what EQUALITY says
+# a four-bar whose coupler consists of two halves connected by EQUALITY
 FOUR_BAR = """<mujoco model="four-bar"><compiler angle="degree"/><option><flag contact="disable"/></option>
 <default><joint damping=".1" armature=".001"/></default>
 <worldbody>
@@ -23,7 +23,7 @@ FOUR_BAR = """<mujoco model="four-bar"><compiler angle="degree"/><option><flag c
   <site name="P" pos="-.02 .01 0"/><site name="end" pos="-.05 .01 0" euler="0 0 20"/></body></body>
 </worldbody><equality>EQUALITY</equality>
 <keyframe><key name="ahead" qpos="1.1 0 0 0"/></keyframe></mujoco>"""
-# the anchor is a point of the second body, which is to be where the pose has it in the first
+# the anchor is a point of the second body at the relative pose in the first
 WELDS = {
     "sites": '<weld site1="middle" site2="end"/>',
     "bodies": '<weld body1="b" body2="c" anchor="-.05 .01 0" relpose="0 .06 0 1 0 0 0" torquescale=".3"/>',
@@ -42,20 +42,20 @@ GRIPPER = """<mujoco model="gripper"><worldbody>
 </mujoco>"""
 
 
-def swept(text, **given):
-    return simulate(text, turns=0.3, samples=12, **given)
+def swept(text, **options):
+    return simulate(text, turns=0.3, samples=12, **options)
 
 
-def by_name(states, duration):
-    """Return motion laws of joints of a model: what is driven, its extent aside."""
+def laws_by_name(states, duration):
+    """Return motion laws of joints, by a mechanism of joints with these names."""
     arms = tuple(Joint(name, "revolute", End(GROUND), End(f"of {name}", (0.1, 0.0, 0.0))) for name in states)
     links = tuple(Link(f"of {name}") for name in states)
     return make_motion_laws(Mechanism("drivers", links, arms, tuple(states), {}), states, duration)
 
 
 @pytest.mark.parametrize("weld", WELDS)
-@pytest.mark.parametrize(("method", "near"), [("pose", 1e-15), ("step", 1e-7)])
-def test_a_loop_closed_by_a_weld_is_a_four_bar(weld, method, near):
+@pytest.mark.parametrize(("method", "tolerance"), [("pose", 1e-15), ("step", 1e-7)])
+def test_a_weld_closes_the_loop_of_a_four_bar(weld, method, tolerance):
     text = FOUR_BAR.replace("EQUALITY", WELDS[weld])
     run = swept(text, drive="motor", speed=2.0, method=method)
     assert run.outcome == "passed"
@@ -65,21 +65,21 @@ def test_a_loop_closed_by_a_weld_is_a_four_bar(weld, method, near):
         gap = b.position + b.rotation @ [0.05, 0, 0] - c.position - c.rotation @ [-0.05, 0.01, 0]
     else:
         gap = b.position + b.rotation @ [0.05, 0.05, 0.0] - c.position
-    assert np.abs(gap).max() < near
-    assert np.abs(b.rotation - c.rotation).max() < 10 * near
+    assert np.abs(gap).max() < tolerance
+    assert np.abs(b.rotation - c.rotation).max() < 10 * tolerance
     # a four-bar of a, the welded coupler and d by its circles
     angle = run.motion.angle
     assert angle[0] == pytest.approx(np.deg2rad(40.0), abs=1e-15)
     end = c.position[:, :2]
-    far = [0.10, -0.01] if weld == "sites" else [0.05, 0.05]
-    reach = np.hypot(*far)
+    offset = [0.10, -0.01] if weld == "sites" else [0.05, 0.05]
+    reach = np.hypot(*offset)
     pin = 0.04 * np.stack([np.cos(angle - np.deg2rad(40.0)), np.sin(angle - np.deg2rad(40.0))], 1)
-    assert np.linalg.norm(end - pin, axis=1) == pytest.approx(reach, abs=2 * near)
-    assert np.linalg.norm(end - [0.08, 0.01], axis=1) == pytest.approx(0.06, abs=2 * near)
+    assert np.linalg.norm(end - pin, axis=1) == pytest.approx(reach, abs=2 * tolerance)
+    assert np.linalg.norm(end - [0.08, 0.01], axis=1) == pytest.approx(0.06, abs=2 * tolerance)
     assert set(joints) == {"motor", "A", "C", "D"}
 
 
-def test_what_stepping_changes_of_ones_own_model_is_stated():
+def test_changes_of_a_user_model_for_stepping_are_noted():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     output = swept(text, drive="motor", speed=2.0, method="step").note
     assert "own time step" in output
@@ -88,70 +88,70 @@ def test_what_stepping_changes_of_ones_own_model_is_stated():
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-def test_a_motion_law_moves_a_hinge_as_a_speed_does(method):
+def test_a_steady_motion_law_equals_a_speed(method):
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
-    known = swept(text, drive="motor", speed=2.0, method="pose").motion
-    moves = by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, known.time[-1])
+    reference = swept(text, drive="motor", speed=2.0, method="pose").motion
+    moves = laws_by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, reference.time[-1])
     motion = simulate(text, motion_laws=moves, samples=12, method=method).motion
-    assert motion.points["P"].position == pytest.approx(known.points["P"].position, abs=1e-9)
+    assert motion.points["P"].position == pytest.approx(reference.points["P"].position, abs=1e-9)
     assert motion.drivers == ("motor",)
 
 
-def test_a_gripper_coupled_by_tendons_closes_as_they_state():
+def test_tendon_couplings_of_a_gripper_are_satisfied():
     text = GRIPPER.replace("ACTIVE", "false").replace("EXTRA", "0")
-    moves = by_name({"left": lambda t: (0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
+    moves = laws_by_name({"left": lambda t: (0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
     for method in ("pose", "step"):
         joints = simulate(text, motion_laws=moves, method=method).motion.joints
         assert 2 * joints["left"].value + joints["left tip"].value == pytest.approx(0.3, abs=1e-12)
         assert -joints["right"].value == pytest.approx(0.3 + 0.5 * 0.3**2, abs=1e-9)
 
 
-def test_a_gripper_with_one_more_equality_lets_its_driver_go_nowhere():
+def test_an_overdetermined_gripper_is_rejected_with_its_driver():
     text = GRIPPER.replace("ACTIVE", "true").replace("EXTRA", ".1")
-    moves = by_name({"left": lambda t: (0.1 + 0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
+    moves = laws_by_name({"left": lambda t: (0.1 + 0.2 * t, 0.2 + 0 * t, 0 * t)}, 1.0)
     with pytest.raises(MobilityError, match="overdetermined: left cannot move"):
         simulate(text, motion_laws=moves)
 
 
-def test_a_held_joint_stands_still_where_it_is_held():
+def test_a_locked_joint_keeps_its_value():
     text = FOUR_BAR.replace("EQUALITY", "")
-    held = {"A": 0.4, "C": -0.2, "D": 0.3}
+    locked = {"A": 0.4, "C": -0.2, "D": 0.3}
     for method in ("pose", "step"):
-        joints = swept(text, drive="motor", speed=2.0, lock=held, method=method).motion.joints
-        for name, value in held.items():
+        joints = swept(text, drive="motor", speed=2.0, lock=locked, method=method).motion.joints
+        for name, value in locked.items():
             assert joints[name].value == pytest.approx(value, abs=1e-12)
 
 
-def test_a_run_begins_at_a_keyframe():
+def test_a_run_starts_at_the_requested_keyframe():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     assert swept(text, drive="motor", speed=2.0, key="ahead").motion.angle[0] == pytest.approx(1.1)
-    moves = by_name({"motor": steady(1.1, 2.0)}, 0.1)
+    moves = laws_by_name({"motor": steady(1.1, 2.0)}, 0.1)
     assert simulate(text, motion_laws=moves, key="ahead").motion.joints["motor"].value[0] == pytest.approx(
         1.1
     )
 
 
-def test_what_a_model_has_not_is_named():
+def test_unknown_names_are_rejected():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     with pytest.raises(InputError, match=r"no hinge joint called 'crank' \(it has motor, A, D, C\)"):
         swept(text, speed=1.0)
     with pytest.raises(InputError, match=r"no hinge or slide called 'X' to drive \(it has motor, A, D, C\)"):
-        simulate(text, motion_laws=by_name({"X": steady(0.0, 1.0)}, 1.0))
+        simulate(text, motion_laws=laws_by_name({"X": steady(0.0, 1.0)}, 1.0))
     with pytest.raises(InputError, match=r"no hinge or slide called 'X' to lock"):
         swept(text, drive="motor", speed=1.0, lock={"X": 0.0})
     with pytest.raises(InputError, match=r"there is no keyframe 'behind'; there are ahead"):
         swept(text, drive="motor", speed=1.0, key="behind")
 
 
-def test_a_joint_that_cannot_go_where_it_is_held_is_rejected_with_the_place():
+def test_an_unreachable_lock_position_is_rejected():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
     with pytest.raises((AssemblyError, MobilityError), match=r"D = |overdetermined"):
         swept(text, drive="motor", speed=1.0, lock={"D": 2.0})
 
 
-def test_the_clock_of_motion_laws_stands_under_no_default_and_in_no_record():
+def test_the_time_joint_of_motion_laws_is_not_recorded():
     text = FOUR_BAR.replace("EQUALITY", WELDS["sites"])
-    moves = by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, 0.5)
+    moves = laws_by_name({"motor": steady(np.deg2rad(40.0), 2.0)}, 0.5)
     assert isinstance(moves, MotionLaws)
     motion = simulate(text, motion_laws=moves, settings=Settings()).motion
     assert motion.angle == pytest.approx(moves.rate * motion.time, abs=1e-12)

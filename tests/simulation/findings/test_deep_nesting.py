@@ -1,4 +1,4 @@
-"""Bodies nested deep: what each carries is added up once."""
+"""Deeply nested bodies: the subtree masses are summed in linear time."""
 
 from functools import partial
 
@@ -22,14 +22,14 @@ def nested(tmp_path, depth):
     return scene
 
 
-def test_what_a_body_carries_is_what_mujoco_adds_up(tmp_path):
+def test_subtree_masses_agree_with_mujoco(tmp_path):
     scene = nested(tmp_path, 60)
     np.testing.assert_allclose(
         implausible_numbers.carried_masses(scene), scene.model.body_subtreemass, rtol=1e-13
     )
 
 
-def test_weighing_nested_bodies_takes_calls_in_proportion_to_their_number(tmp_path):
+def test_mass_check_of_nested_bodies_has_linear_cost(tmp_path):
     def weigh(scene):
         assert list(implausible_numbers.impossible(scene)) == []
 

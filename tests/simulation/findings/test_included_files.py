@@ -1,4 +1,4 @@
-"""What is found in an included file is reported with that file and its line."""
+"""Findings in included files are reported with the name of that file and its line."""
 
 from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf_reader import read_model
@@ -44,7 +44,7 @@ def test_a_finding_names_the_included_file_and_the_line_in_it(tmp_path):
     assert result["limit"].one_line.startswith("rocker.xml, line 3: joint C starts")
 
 
-def test_a_finding_in_the_file_itself_names_its_line_alone(tmp_path):
+def test_a_finding_in_the_main_file_names_only_the_line(tmp_path):
     arm, rocker = (text.split("\n", 1)[1].rsplit("\n", 1)[0] for text in (ARM, ROCKER))
     body = arm.replace('  <include file="rocker.xml"/>', rocker)
     loops = LOOPS.split("\n", 1)[1].rsplit("\n", 1)[0]

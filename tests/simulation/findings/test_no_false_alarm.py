@@ -1,4 +1,4 @@
-"""Scenes that this project makes itself are sound, and are not accused."""
+"""Catalogue models are valid and have no findings except redundant constraints."""
 
 from pathlib import Path
 
@@ -11,9 +11,9 @@ MODELS = Path(__file__).parents[3] / "models"
 
 
 @pytest.mark.parametrize("name", ["bennett", "four_bar", "looper", "rrsrr", "rssr", "slider_crank"])
-def test_a_scene_of_the_catalogue_is_reported_of_nothing_but_rows_that_repeat(name):
+def test_catalogue_models_have_only_redundant_constraint_findings(name):
     result = findings(read_model(str(MODELS / f"{name}.xml")))
-    # a flat linkage has a row across its plane, and Bennett's are overconstrained
+    # a planar linkage has a redundant constraint normal to its plane; Bennett's linkage is overconstrained
     repeats = [(item.what, item.by) for item in result if item.kind == "redundant"]
     assert len(result) == len(repeats)
     assert repeats == {

@@ -1,4 +1,4 @@
-"""Gaps predicted of soft loops, against what MuJoCo's own steps show."""
+"""Predicted gaps of compliant loops against those of MuJoCo's own steps."""
 
 import mujoco
 import numpy as np
@@ -10,11 +10,11 @@ from mechsim.simulation.findings.inspected import EQUALITY, Inspected, driver_sw
 from mechsim.simulation.findings.predicted_gap import gaps_at_rest, gaps_in, impedance
 from mechsim.simulation.mjcf_reader import read_model
 
-# the crank is led along its program by a servo that hardly yields
+# a stiff servo moves the crank along its motion law
 SERVO = ('kp="10" kv="0.1"', 'kp="200" kv="4"')
 STIFFLY = ('timestep="0.001"', 'timestep="0.001" integrator="implicitfast"')
-HARD = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
-SOFT = [
+STIFF = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
+COMPLIANT = [
     'solref="0.005 1" solimp="0.9 0.95 0.001 0.5 2"',
     'solref="0.01 0.7" solimp="0.5 0.99 0.0002 0.3 3"',
     'solref="-4000 -130" solimp="0.9 0.9 0.001 0.5 2"',
@@ -23,9 +23,9 @@ SOFT = [
 
 @pytest.fixture
 def scene(tmp_path):
-    def read(softness, *more):
+    def read(compliance, *more):
         path = tmp_path / "scene.xml"
-        path.write_text(changed((HARD, softness), SERVO, STIFFLY, *more))
+        path.write_text(changed((STIFF, compliance), SERVO, STIFFLY, *more))
         source = read_model(str(path))
         moves = make_motion_laws(source.mechanism, {"crank": wave(0.0, 1.0)}, 1.0)
         return Inspected(source, moves)
@@ -34,24 +34,24 @@ def scene(tmp_path):
 
 
 def stepped(scene, *, moving):
-    """Return the widest gap in [m] once the first jerk is over."""
+    """Return the largest gap in [m] after the initial transient."""
     model, data = scene.model, mujoco.MjData(scene.model)
-    # a link that meets another would carry what the loop carries
+    # contact between links would carry part of the load of the loop
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    state, widest = wave(0.0, 1.0), 0.0
+    law, largest = wave(0.0, 1.0), 0.0
     for _ in range(round(1.0 / model.opt.timestep)):
         if moving:
-            at, rate, _ = state(np.array([data.time]))
-            data.ctrl[0] = at[0] + 0.02 * rate[0]
+            position, rate, _ = law(np.array([data.time]))
+            data.ctrl[0] = position[0] + 0.02 * rate[0]
         mujoco.mj_step(model, data)
         if data.time > (0.2 if moving else 0.9):
-            widest = max(widest, float(np.linalg.norm(data.efc_pos[data.efc_type == EQUALITY])))
-    return widest
+            largest = max(largest, float(np.linalg.norm(data.efc_pos[data.efc_type == EQUALITY])))
+    return largest
 
 
-@pytest.mark.parametrize("softness", SOFT)
-def test_the_gap_predicted_of_a_motion_is_what_steps_show(scene, softness):
-    result = scene(softness)
+@pytest.mark.parametrize("compliance", COMPLIANT)
+def test_the_predicted_gap_of_a_motion_is_within_a_factor_of_two(scene, compliance):
+    result = scene(compliance)
     motion = driver_swing(result)
     assert motion is not None
     (reported,) = gaps_in(result, motion).values()
@@ -60,18 +60,18 @@ def test_the_gap_predicted_of_a_motion_is_what_steps_show(scene, softness):
     assert 0.5 <= reported / observed <= 2.0
 
 
-@pytest.mark.parametrize("softness", SOFT)
-def test_the_gap_predicted_at_rest_is_what_steps_show(scene, softness):
-    result = scene(softness, ('gravity="0 0 -9.81"', 'gravity="0 -9.81 0"'))
+@pytest.mark.parametrize("compliance", COMPLIANT)
+def test_the_predicted_gap_at_rest_is_within_a_factor_of_two(scene, compliance):
+    result = scene(compliance, ('gravity="0 0 -9.81"', 'gravity="0 -9.81 0"'))
     (reported,) = gaps_at_rest(result).values()
     observed = stepped(result, moving=False)
     assert 0.5 <= reported / observed <= 2.0
 
 
-def test_harder_loops_are_predicted_to_open_by_less(scene):
+def test_stiffer_loops_have_smaller_predicted_gaps(scene):
     gaps = []
-    for softness in (SOFT[0], 'solref="0.002 1" solimp="0.9999 0.9999 0.001 0.5 2"'):
-        result = scene(softness)
+    for compliance in (COMPLIANT[0], 'solref="0.002 1" solimp="0.9999 0.9999 0.001 0.5 2"'):
+        result = scene(compliance)
         gaps += gaps_in(result, driver_swing(result)).values()
     assert gaps[1] < 0.2 * gaps[0]
 
@@ -79,7 +79,7 @@ def test_harder_loops_are_predicted_to_open_by_less(scene):
 @pytest.mark.parametrize(
     "solimp", [(0.9, 0.95, 0.001, 0.5, 2), (0.2, 0.8, 0.01, 0.3, 3), (0.5, 0.5, 0.1, 0.5, 1)]
 )
-def test_the_impedance_is_the_one_that_mujoco_takes(solimp):
+def test_the_impedance_equals_that_of_mujoco(solimp):
     text = """<mujoco><worldbody><body><joint type="slide"/><geom size="1"/></body></worldbody><equality>
     <joint joint1="s" solimp="{}"/></equality></mujoco>""".replace('type="slide"', 'name="s" type="slide"')
     model = mujoco.MjModel.from_xml_string(text.format(" ".join(map(str, solimp))))

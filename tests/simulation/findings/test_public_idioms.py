@@ -1,4 +1,4 @@
-"""What public models do on purpose is no finding: each idiom in a small model, and next to it the fault."""
+"""Intended idioms of public models give no finding; the corresponding fault does."""
 
 import mujoco
 import numpy as np
@@ -24,45 +24,45 @@ SLIDES = """<mujoco><option gravity="{gravity}"/><worldbody>
 solref="0.1 1"/></equality></mujoco>"""
 
 
-def found(text, rule):
+def violations_of(text, rule):
     return [violation for violation in ms.check(mujoco.MjSpec.from_string(text)) if violation.rule == rule]
 
 
-def test_a_motor_is_no_passive_one_because_the_model_starts_at_a_dead_centre():
-    assert not found(IN_LINE, "MS201")
+def test_a_motor_at_a_dead_centre_start_is_no_redundant_actuator():
+    assert not violations_of(IN_LINE, "MS201")
     other = '<motor name="second" joint="crank"/></actuator>'
-    assert len(found(IN_LINE.replace("</actuator>", other), "MS201")) == 1
+    assert len(violations_of(IN_LINE.replace("</actuator>", other), "MS201")) == 1
 
 
-def test_a_motor_on_a_joint_that_an_equality_locks_is_a_passive_one():
+def test_a_motor_on_a_locked_joint_is_redundant():
     locked = SLIDES.format(gravity="0 0 0").replace(' joint2="left"', "").replace("0 -1", "0 0")
     motors = '</equality><actuator><motor joint="right"/><motor joint="left"/></actuator>'
-    assert [violation.object for violation in found(locked.replace("</equality>", motors), "MS201")] == [
-        "actuator1"
-    ]
+    assert [
+        violation.object for violation in violations_of(locked.replace("</equality>", motors), "MS201")
+    ] == ["actuator1"]
 
 
-def test_the_first_keyframe_is_the_start():
+def test_the_first_keyframe_defines_the_start():
     qpos = ms.closed_qpos(mujoco.MjSpec.from_string(IN_LINE).compile(), {"crank": -1.0})[0]
     low, high = sorted((0.5 * qpos[2], 1.5 * qpos[2]))
     limited = IN_LINE.replace('name="rocker"', f'name="rocker" range="{low} {high}"')
-    assert found(limited, "MS105")
+    assert violations_of(limited, "MS105")
     key = f'<keyframe><key qpos="{" ".join(map(str, qpos))}"/></keyframe></mujoco>'
-    assert not found(limited.replace("</mujoco>", key), "MS105")
+    assert not violations_of(limited.replace("</mujoco>", key), "MS105")
     opened = f'<keyframe><key qpos="{" ".join(map(str, qpos + 0.1))}"/></keyframe></mujoco>'
-    assert found(IN_LINE.replace("</mujoco>", opened), "MS102")
+    assert violations_of(IN_LINE.replace("</mujoco>", opened), "MS102")
 
 
-def test_a_ball_locked_by_its_range_is_a_fault_in_a_loop_only():
+def test_a_ball_joint_locked_by_its_range_is_a_fault_only_in_a_loop():
     ball = '<joint name="ball" type="ball" range="0 0" limited="true"/>'
     outside = f'<body pos="0 0 1">{ball}<geom size=".1"/></body></worldbody>'
-    assert not found(IN_LINE.replace("</worldbody>", outside), "MS105")
+    assert not violations_of(IN_LINE.replace("</worldbody>", outside), "MS105")
     inside = IN_LINE.replace('<joint name="coupler" axis="0 0 1"/>', ball)
-    assert [violation.object for violation in found(inside, "MS105")] == ["ball"]
+    assert [violation.object for violation in violations_of(inside, "MS105")] == ["ball"]
 
 
-def test_the_gap_of_coupled_slides_is_in_metres():
-    (soft,) = found(SLIDES.format(gravity="0 -9.81 0"), "MS110")
+def test_the_gap_of_coupled_slides_has_unit_metre():
+    (soft,) = violations_of(SLIDES.format(gravity="0 -9.81 0"), "MS110")
     assert " m " in soft.message
     assert " rad " not in soft.message
 
@@ -73,31 +73,31 @@ WELDED = """<mujoco><option gravity="0 0 0"/><worldbody>
 <equality>{}</equality></mujoco>"""
 
 
-def test_rows_that_constrain_nothing_are_not_redundant():
-    assert not found(WELDED.format('<weld body1="a" body2="b" torquescale="0"/>'), "MS107")
-    still = '<weld body1="b" body2="c"/>'
-    assert not found(WELDED.format(still + still), "MS107")
+def test_constraints_without_effect_are_not_redundant():
+    assert not violations_of(WELDED.format('<weld body1="a" body2="b" torquescale="0"/>'), "MS107")
+    locked_pair = '<weld body1="b" body2="c"/>'
+    assert not violations_of(WELDED.format(locked_pair + locked_pair), "MS107")
     twice = '<weld body1="a" body2="b"/>'
-    assert found(WELDED.format(twice + twice), "MS107")
+    assert violations_of(WELDED.format(twice + twice), "MS107")
 
 
 @pytest.mark.parametrize("tilt", ["", ' euler="30 40 0"'])
-def test_a_flat_loop_is_harmless_however_it_lies(tilt):
+def test_a_planar_loop_in_any_orientation_gives_only_a_note(tilt):
     text = IN_LINE.replace("<worldbody>", f"<worldbody><body{tilt}>").replace(
         "</worldbody>", "</body></worldbody>"
     )
-    (redundant,) = found(text.replace(' angle="radian"', ""), "MS107")
+    (redundant,) = violations_of(text.replace(' angle="radian"', ""), "MS107")
     assert redundant.severity == "note"
 
 
-def test_an_equality_of_another_kind_is_noted():
+def test_an_unsupported_equality_gives_a_note():
     tendons = (
         '<tendon><spatial name="t"><site site="a"/><site site="b"/></spatial></tendon>'
         '<equality><tendon name="taut" tendon1="t"/></equality></mujoco>'
     )
-    (unchecked,) = found(IN_LINE.replace("</mujoco>", tendons), "MS112")
+    (unchecked,) = violations_of(IN_LINE.replace("</mujoco>", tendons), "MS112")
     assert (unchecked.object, unchecked.severity) == ("taut", "note")
-    assert not found(IN_LINE, "MS112")
+    assert not violations_of(IN_LINE, "MS112")
 
 
 MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 .2 0 0 0 .3 0 0 0 .4"/></asset><worldbody>
@@ -109,25 +109,29 @@ MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 .2 0 0 0 .3 0 0 0 .4"/><
 def test_meshes_become_boxes_and_bodies_keep_their_inertias():
     spec = mujoco.MjSpec.from_string(MESHED.format(0.5))
     read, model = read_model(spec, lint=True), spec.compile()
-    light = read.spec.copy().compile()
-    assert light.nmesh == 0
+    without_meshes = read.spec.copy().compile()
+    assert without_meshes.nmesh == 0
     for field in ("body_mass", "body_inertia", "body_ipos", "dof_M0"):
-        np.testing.assert_allclose(getattr(light, field), getattr(model, field), rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(
+            getattr(without_meshes, field), getattr(model, field), rtol=1e-12, atol=1e-15
+        )
 
 
-def test_meshes_still_collide():
-    assert not found(MESHED.format(0.5), "MS106")
-    assert found(MESHED.format(0.05), "MS106")
+def test_meshes_are_checked_for_collisions():
+    assert not violations_of(MESHED.format(0.5), "MS106")
+    assert violations_of(MESHED.format(0.05), "MS106")
 
 
-def test_a_servo_away_from_its_target_does_not_make_a_loop_soft():
+def test_the_initial_force_of_a_servo_does_not_count_as_loop_compliance():
     servo = '</equality><actuator><position joint="left" kp="1000" ctrlrange="0 1"/></actuator>'
     offset = SLIDES.replace('name="left" type="slide"', 'name="left" type="slide" ref="0.1" damping="40"')
-    # with a joint that nothing determines no swing is, and the forces at the start are judged
-    idle = '<body pos="3 0 0"><joint axis="0 0 1"/><geom size=".1" pos=".3 0 0"/></body></worldbody>'
-    offset = offset.replace("</worldbody>", idle)
-    assert not found(offset.format(gravity="0 0 -9.81").replace("</equality>", servo), "MS110")
-    assert found(offset.format(gravity="0 -9.81 0").replace("</equality>", servo), "MS110")
+    # with an undetermined joint there is no test motion, so the forces at the start are checked
+    undetermined_link = (
+        '<body pos="3 0 0"><joint axis="0 0 1"/><geom size=".1" pos=".3 0 0"/></body></worldbody>'
+    )
+    offset = offset.replace("</worldbody>", undetermined_link)
+    assert not violations_of(offset.format(gravity="0 0 -9.81").replace("</equality>", servo), "MS110")
+    assert violations_of(offset.format(gravity="0 -9.81 0").replace("</equality>", servo), "MS110")
 
 
 def test_an_object_with_included_files_is_checked(tmp_path):

@@ -1,4 +1,4 @@
-"""A remedy, done as it is told, takes the finding away and brings no other; and what was said comes true."""
+"""Applying the remedy of a finding removes it and causes no other."""
 
 import mujoco
 import numpy as np
@@ -15,7 +15,7 @@ ROD, FAT_ROD = (f'fromto="0.008 0 0 0.09 0 0" size="{size}"' for size in (0.003,
 OTHER = '    <position name="other" joint="rocker" kp="5"/>\n'
 
 
-def found(tmp_path, text):
+def findings_in(tmp_path, text):
     path = tmp_path / "scene.xml"
     path.write_text(text)
     return findings(read_model(str(path)))
@@ -57,24 +57,24 @@ def found(tmp_path, text):
         ),
     ],
 )  # fmt: skip
-def test_a_remedy_done_as_it_is_reported_takes_the_finding_away(kind, fault, repaired, tmp_path):
+def test_applying_the_reported_remedy_removes_the_finding(kind, fault, repaired, tmp_path):
     wrong = changed(fault)
-    (item,) = [item for item in found(tmp_path, wrong) if item.kind == kind]
+    (item,) = [item for item in findings_in(tmp_path, wrong) if item.kind == kind]
     right = repaired(wrong, item)
     assert right != wrong
-    assert found(tmp_path, right) == ()
+    assert findings_in(tmp_path, right) == ()
 
 
 @pytest.mark.parametrize(("solref", "grows"), [("-4e6 -4000", True), ("0.002 1", False)])
-def test_the_gap_of_a_loop_that_is_called_too_stiff_grows(solref, grows, tmp_path):
+def test_the_gap_grows_in_a_loop_reported_as_too_stiff(solref, grows, tmp_path):
     text = SOUND.replace('solref="0.002 1"', f'solref="{solref}"')
-    reported = {item.kind for item in found(tmp_path, text)}
+    reported = {item.kind for item in findings_in(tmp_path, text)}
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
-    widest = 0.0
+    largest = 0.0
     for _ in range(200):
         mujoco.mj_step(model, data)
         gap = data.efc_pos[data.efc_type == EQUALITY]
-        widest = max(widest, float(np.linalg.norm(gap)))
+        largest = max(largest, float(np.linalg.norm(gap)))
     assert ("timestep" in reported) == grows
-    assert (widest > 1e-3) == grows
+    assert (largest > 1e-3) == grows

@@ -1,4 +1,4 @@
-"""The linter: each rule reports its fault and not a sound file, in every format, and repairs what it can."""
+"""The linter: each rule reports its fault, a valid file has none, and repairable faults are repaired."""
 
 import json
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_each_fault_is_reported_by_its_rule(code, tmp_path):
     assert code not in sound
 
 
-def test_rules_are_selected_and_ignored_by_their_beginnings(tmp_path):
+def test_rules_are_selected_and_ignored_by_prefix(tmp_path):
     path = written(tmp_path, FAULTS["MS202"])
     assert {violation.rule for violation in ms.check(path, select=["MS2"])} == {"MS202", "MS203"}
     assert "MS202" not in {violation.rule for violation in ms.check(path, ignore=["MS202"])}
@@ -79,7 +79,7 @@ def test_exit_code_1_needs_an_error(tmp_path, monkeypatch, capsys):
     assert "0 errors, 1 warning" in out.out
 
 
-def test_formats_hold_the_same_findings(tmp_path, monkeypatch, capsys):
+def test_all_formats_report_the_same_findings(tmp_path, monkeypatch, capsys):
     path = written(tmp_path, FAULTS["MS102"])
     expected = [violation.rule for violation in ms.check(path)]
     _, out = run(monkeypatch, capsys, path, "--output-format", "json")
@@ -96,7 +96,7 @@ def test_formats_hold_the_same_findings(tmp_path, monkeypatch, capsys):
     assert location["region"]["startLine"] == 7
 
 
-def test_a_pipe_gets_a_finding_a_line_and_other_formats_no_table(tmp_path, monkeypatch, capsys):
+def test_piped_text_has_one_line_per_finding(tmp_path, monkeypatch, capsys):
     path = written(tmp_path, FAULTS["MS102"])
     _, out = run(monkeypatch, capsys, path, "--select", "MS102", "--explain")
     assert out.out.splitlines()[0].startswith(f"{path}:7: MS102 error: loop is open at the start")
@@ -109,7 +109,7 @@ def test_a_pipe_gets_a_finding_a_line_and_other_formats_no_table(tmp_path, monke
     assert all(line.startswith("::") for line in out.out.splitlines())
 
 
-def test_a_soft_loop_is_repaired_in_a_copy(tmp_path, monkeypatch, capsys):
+def test_a_compliant_loop_is_repaired_in_a_copy(tmp_path, monkeypatch, capsys):
     path, copy = written(tmp_path, SOFT), tmp_path / "fixed.xml"
     code, out = run(monkeypatch, capsys, path, "--fix", str(copy))
     assert code == 0
@@ -128,7 +128,7 @@ def test_stiffness_is_the_force_per_gap_in_mujoco(tmp_path):
     assert harder.stiffness / row.stiffness == pytest.approx(4.0, rel=1e-6)
 
 
-def test_urdf_loses_what_it_has_no_element_for():
+def test_elements_without_urdf_equivalent_are_reported():
     lost = {violation.object for violation in ms.check(mujoco.MjSpec.from_string(SOUND), target="urdf")}
     assert {"connect and weld equalities", "actuators"} <= lost
 
@@ -144,13 +144,13 @@ def test_urdf_loses_what_it_has_no_element_for():
         ([str(ROOT / "models/four_bar.xml"), str(ROOT / "models/rssr.xml"), "--fix", "x.xml"], "one by one"),
     ],
 )
-def test_wrong_requests_end_in_one_sentence(words, message, monkeypatch, capsys):
+def test_invalid_options_are_rejected(words, message, monkeypatch, capsys):
     code, out = run(monkeypatch, capsys, *words)
     assert code == 2
     assert message in out.err
 
 
-def test_the_page_has_a_section_for_each_rule():
+def test_the_documentation_has_a_section_for_each_rule():
     page = (ROOT / "docs/reference/check.md").read_text()
     for rule in RULES:
         assert f"({rule.code.lower()})=" in page

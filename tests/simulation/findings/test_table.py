@@ -1,4 +1,4 @@
-"""Seeded faults in a scene of our own: each is found, and the sound scene is not accused."""
+"""Seeded faults in a valid scene: each is found, and the valid scene has no findings."""
 
 import pytest
 from valid_scene import changed
@@ -7,21 +7,21 @@ from mechsim.simulation.findings import findings
 from mechsim.simulation.mjcf_reader import read_model
 
 
-def seeded(tmp_path, *changes, **asked):
-    """Return what is found in the sound scene with pieces of its text changed, by kind."""
+def seeded(tmp_path, *changes, **options):
+    """Return the findings, by kind, of the valid scene with changes to its text."""
     path = tmp_path / "scene.xml"
     path.write_text(changed(*changes))
     result = {}
-    for item in findings(read_model(str(path), **asked)):
+    for item in findings(read_model(str(path), **options)):
         result.setdefault(item.kind, item)
     return result
 
 
-def test_a_valid_scene_is_not_reported(tmp_path):
+def test_a_valid_scene_has_no_findings(tmp_path):
     assert seeded(tmp_path) == {}
 
 
-def test_a_range_of_two_turns_in_degrees_is_intended_so(tmp_path):
+def test_a_range_of_two_turns_in_degrees_is_no_finding(tmp_path):
     degrees = ('angle="radian"', 'angle="degree"')
     assert (
         seeded(tmp_path, degrees, ('range="-3 3"', 'range="-720 720"'), ('range="-2 2"', 'range="-99 99"'))
@@ -33,25 +33,25 @@ AGAIN = '<connect name="again" body1="coupler" body2="rocker" anchor="0.1 0 0"/>
 FLAP = '<body name="flap"><joint name="flap"/><geom size="0.001" pos="0 0.3 0"/></body>'
 SOFT = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
 ROD, FAT_ROD = (f'fromto="0.008 0 0 0.09 0 0" size="{size}"' for size in (0.003, 0.02))
-# fault -> change of the text; kind, part, and what stands in the line that is to be named
+# fault -> change of the text; kind, element, and a fragment of the line to be reported
 FAULTS = {
-    "a loop of sites that lie apart": (
+    "a loop of distant sites": (
         ('body1="coupler" body2="rocker" anchor="0.1 0 0"', 'site1="B1" site2="B2"'),
         ("gap", "loop", 'name="loop"'),
     ),
-    "a loop closed twice over": (
+    "a loop closed twice": (
         ("  </equality>", f"    {AGAIN}\n  </equality>"),
         ("redundant", "again", 'name="again"'),
     ),
-    "links that reach into each other at their joint": (
+    "links that overlap at their joint": (
         (ROD, FAT_ROD),
         ("collision", "coupler, rocker", 'geom name="coupler"'),
     ),
-    "a limit that the start breaks": (
+    "a start outside the limits": (
         ('range="-2 2"', 'range="0.2 2"'),
         ("limit", "rocker", 'joint name="rocker"'),
     ),
-    "MuJoCo's own softness": ((SOFT, ""), ("soft", "loop", 'name="loop"')),
+    "MuJoCo's default compliance": ((SOFT, ""), ("soft", "loop", 'name="loop"')),
     "a time constant of half a step": (
         ('solref="0.002 1"', 'solref="0.0005 1"'),
         ("refsafe", "loop", 'name="loop"'),
@@ -79,11 +79,11 @@ FAULTS = {
         ("  </actuator>", '    <position name="other" joint="rocker" kp="5"/>\n  </actuator>'),
         ("actuator", "other", 'name="other"'),
     ),
-    "a servo away from where it starts": (
+    "a servo with a target away from the start": (
         ('axis="0 0 1" range="-3 3"', 'axis="0 0 1" range="-3 3" ref="0.5"'),
         ("actuator", "servo", 'name="servo"'),
     ),
-    "a link that no loop holds": (
+    "a link outside every loop": (
         ('    <body name="rocker"', f'    {FLAP}\n    <body name="rocker"'),
         ("open", "flap", None),
     ),
@@ -91,7 +91,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_seeded_fault_is_found_with_its_part_its_line_and_a_remedy(fault, tmp_path):
+def test_a_seeded_fault_is_reported_with_element_line_and_remedy(fault, tmp_path):
     change, (kind, what, mark) = FAULTS[fault]
     result = seeded(tmp_path, change)
     assert kind in result, {kind: item.message for kind, item in result.items()}
