@@ -1,4 +1,4 @@
-"""Refinement of stepped runs ends with its budget of processor time, and reports what it reached."""
+"""Refinement of stepped runs ends with its budget of processor time and reports the error reached."""
 
 import pytest
 
@@ -11,10 +11,10 @@ from mechsim.studies.validate import case_of
 
 
 class Clock:
-    """Processor time that the tests set; each look at it takes a while."""
+    """Processor time set by the tests; each reading of it takes a fixed time."""
 
-    def __init__(self, look: float = 0.0):
-        self.now, self.look = 0.0, look
+    def __init__(self, reading_time: float = 0.0):
+        self.now, self.look = 0.0, reading_time
 
     def __call__(self) -> float:
         self.now += self.look
@@ -22,43 +22,43 @@ class Clock:
 
 
 def refined(seconds: float, tolerance: float) -> tuple[list[int], str]:
-    """Return the steps of the attempts, 1 ms each, of a run whose error falls by the first order."""
-    clock, tried = Clock(), list[int]()
+    """Return the steps of the attempts, 1 ms each, of a run with a first-order error."""
+    clock, attempted = Clock(), list[int]()
 
     def attempt(steps: int) -> Attempt[int]:
-        tried.append(steps)
+        attempted.append(steps)
         clock.now += 1e-3 * steps
         return Attempt(run=steps, steps=steps, estimates={"place": 1.0 / steps}, order=1.0)
 
     budget = ProcessorBudget(seconds, clock)
-    run, promise = run_within_tolerance(
-        attempt, tolerance, 100, lambda _, left: f"{left:.2g} m are left", budget=budget
+    run, report = run_within_tolerance(
+        attempt, tolerance, 100, lambda _, error: f"{error:.2g} m are left", budget=budget
     )
-    assert run == tried[-1]
-    return tried, promise.reason
+    assert run == attempted[-1]
+    return attempted, report.reason
 
 
 def test_an_attempt_that_would_exceed_the_budget_is_not_started() -> None:
     assert refined(1000.0, 1e-4)[1] == ""
-    tried, reason = refined(1.0, 1e-4)
-    assert tried == [100, 400]
+    attempted, reason = refined(1.0, 1e-4)
+    assert attempted == [100, 400]
     assert reason == "not converged within the budget of 1 s of processor time; 0.0025 m are left"
 
 
-def test_a_budget_that_ends_before_the_first_run_does_is_reported() -> None:
-    budget = ProcessorBudget(1.0, Clock(look=0.6))
+def test_a_budget_shorter_than_the_first_run_is_reported() -> None:
+    budget = ProcessorBudget(1.0, Clock(reading_time=0.6))
     with pytest.raises(BudgetError, match=r"not converged within the budget of 1 s .* it reached 8,192 of"):
         ms.simulate(ms.load("four_bar").mechanism, speed=60.0, turns=100, method="step", budget=budget)
 
 
-def test_a_validation_reports_the_error_that_its_budget_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_validation_reports_an_exhausted_budget(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(validate, "STEPS", 60)
     case = case_of(ms.load("four_bar"), budget=1e-9, tolerance=1e-17)
     assert not case.passed
     assert "step: not converged within the budget of 1e-09 s of processor time" in case.verdict.reason
 
 
-def test_a_validation_reports_what_it_does() -> None:
+def test_a_validation_reports_its_progress() -> None:
     reported: list[tuple[str, float]] = []
     models = {"a": ms.load("four_bar"), "b": ms.load("four_bar")}
     validate.validate_all(models, progress=lambda what, part: reported.append((what, part)))

@@ -1,4 +1,4 @@
-"""Controllers: efforts on joints that are expressions of the state and of time."""
+"""Controllers: joint forces and torques as expressions of the state and of time."""
 
 import numpy as np
 import pytest
@@ -18,25 +18,25 @@ SPRING = ms.Forces(
 )
 
 
-def released(forces, initial=START, **more):
+def released(forces, initial=START, **options):
     return ms.dynamics.run(
-        ms.catalog.make("four_bar"), forces, initial=initial, duration=0.05, samples=20, **more
+        ms.catalog.make("four_bar"), forces, initial=initial, duration=0.05, samples=20, **options
     )
 
 
-def test_a_controller_of_position_and_rate_is_a_spring_and_a_damper():
+def test_a_pd_controller_equals_a_spring_and_a_damper():
     controlled, sprung = released(CONTROLLED), released(SPRING)
     crank = controlled.motion.joints["crank"]
     assert crank.value == pytest.approx(sprung.motion.joints["crank"].value, abs=1e-9)
     assert np.ptp(crank.value) > 0.05
     assert controlled.energy_error < 1e-9
-    # of a controller the energy is work, of a spring and a damper it is stored and lost
+    # the energy of a controller is work; that of a spring and a damper is stored and lost
     assert controlled.work - controlled.work[0] == pytest.approx(
         sprung.potential[0] - sprung.potential - sprung.lost, abs=1e-9
     )
 
 
-def test_modes_under_a_controller_are_those_of_spring_and_damper():
+def test_modes_under_a_pd_controller_equal_those_of_spring_and_damper():
     modes = [
         ms.dynamics.modes(ms.catalog.make("four_bar"), forces, initial={"crank.q": REST})
         for forces in (CONTROLLED, SPRING)
@@ -47,19 +47,19 @@ def test_modes_under_a_controller_are_those_of_spring_and_damper():
 
 
 @pytest.mark.parametrize(
-    "more", [{}, pytest.param({"drive": {"left": "2rad+0.3rad*sin(2*pi*t)"}}, marks=pytest.mark.slow)]
+    "options", [{}, pytest.param({"drive": {"left": "2rad+0.3rad*sin(2*pi*t)"}}, marks=pytest.mark.slow)]
 )
-def test_mujoco_steps_under_the_same_controllers_and_notices_another_gain(more):
+def test_mujoco_agrees_on_controllers_and_rejects_another_gain(options):
     def model(gain):
         forces = ms.Forces(
             controllers=(ms.Controller("right", f"-{gain}*(right.q - 1) + 0.1*sin(9*t) - 0.01*left.v"),)
         )
-        return ms.dynamics.dynamic_model(ms.load("five_bar", **more), forces)
+        return ms.dynamics.dynamic_model(ms.load("five_bar", **options), forces)
 
     initial = {"right.v": 1.0}
     controlled = model(0.05)
     run = ms.dynamics.run(
-        controlled, initial=initial, prescribed=list(more.get("drive", ())), duration=0.05, samples=10
+        controlled, initial=initial, prescribed=list(options.get("drive", ())), duration=0.05, samples=10
     )
     start = initial_values(controlled, initial)
     verdict = crosscheck_forward(run, controlled, start)
@@ -67,7 +67,7 @@ def test_mujoco_steps_under_the_same_controllers_and_notices_another_gain(more):
     assert not crosscheck_forward(run, model(0.0501), start).passed
 
 
-def test_a_file_states_controllers_and_is_written_with_them(tmp_path):
+def test_controllers_round_trip_through_a_file(tmp_path):
     text = to_toml(ms.catalog.make("four_bar"))
     text += f'\n[forces]\ncontrollers.crank = "{CONTROLLED.controllers[0].text}"\n'
     path = tmp_path / "controlled.toml"
@@ -87,12 +87,12 @@ def test_a_file_states_controllers_and_is_written_with_them(tmp_path):
         ("wheel", "1", "names 'wheel', which is no coordinate of four_bar"),
     ],
 )
-def test_what_is_no_controller_ends_in_one_sentence(coordinate, text, message):
+def test_an_invalid_controller_is_rejected(coordinate, text, message):
     with pytest.raises(ms.InputError, match=message):
         released(ms.Forces(controllers=(ms.Controller(coordinate, text),)))
 
 
-def test_a_prescribed_motion_has_no_controllers():
+def test_controllers_in_a_prescribed_motion_are_rejected():
     model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), CONTROLLED)
     with pytest.raises(ms.InputError, match="controllers act in runs from an initial state"):
         ms.dynamics.prescribed(model, speed=1.0)

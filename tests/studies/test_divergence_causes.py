@@ -1,4 +1,4 @@
-"""What made a scene diverge is named: each cause is made, and distinguished from the others."""
+"""Each seeded cause of divergence is reported and distinguished from the others."""
 
 from dataclasses import replace
 
@@ -10,12 +10,12 @@ from mechsim.studies.scene.errors import divergence_reason
 from mechsim.studies.scene.run import run_scene
 from mechsim.studies.scene.step_sizes import finer
 
-FED = {"servo": "0.5*sin(2*pi*t)"}
+CONTROL = {"servo": "0.5*sin(2*pi*t)"}
 RINGING = PlainSettings(integrator="RK4", solref=(-1e9, -1.0), solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0))
 
 
-def broken(folder, text=FINGER, settings=RINGING, **motion):
-    item = scene(folder, text=text, **(motion or {"ctrl": FED}))
+def divergence_of(folder, text=FINGER, settings=RINGING, **motion):
+    item = scene(folder, text=text, **(motion or {"ctrl": CONTROL}))
     run = run_scene(item, settings.applied(item.model))
     assert run.broken
     return divergence_reason(run)
@@ -29,42 +29,42 @@ STIFF = {
 
 
 @pytest.mark.parametrize("part", STIFF)
-def test_the_part_that_is_too_stiff_for_a_step_is_named_and_what_it_requests_for_is_enough(tmp_path, part):
+def test_the_stiff_element_is_reported_with_a_stable_step(tmp_path, part):
     text, rk4 = FINGER.replace(*STIFF[part]), PlainSettings(integrator="RK4", timestep=5e-4)
-    output = broken(tmp_path, text, rk4)
-    assert output.startswith(f"stiffness: {part} needs steps below")
-    enough = float(output.split("below ")[1].split(" s")[0])
-    item = scene(tmp_path, text=text, ctrl=FED, duration=500 * enough)
-    assert not run_scene(item, replace(rk4, timestep=0.8 * enough).applied(item.model)).broken
-    assert run_scene(item, replace(rk4, timestep=3.0 * enough).applied(item.model)).broken
+    reason = divergence_of(tmp_path, text, rk4)
+    assert reason.startswith(f"stiffness: {part} needs steps below")
+    stable_step = float(reason.split("below ")[1].split(" s")[0])
+    item = scene(tmp_path, text=text, ctrl=CONTROL, duration=500 * stable_step)
+    assert not run_scene(item, replace(rk4, timestep=0.8 * stable_step).applied(item.model)).broken
+    assert run_scene(item, replace(rk4, timestep=3.0 * stable_step).applied(item.model)).broken
 
 
-def test_what_is_too_stiff_for_any_step_is_stepped_implicitly(tmp_path):
-    item = scene(tmp_path, ctrl=FED, text=FINGER.replace(*STIFF["the spring of joint swing"]))
+def test_an_element_too_stiff_for_any_step_is_stepped_implicitly(tmp_path):
+    item = scene(tmp_path, ctrl=CONTROL, text=FINGER.replace(*STIFF["the spring of joint swing"]))
     run, errors, used = finer(item, PlainSettings(), 1e-5)
     assert not run.broken
     assert errors.closure <= 1e-5
     assert used.integrator == "discrete"
-    asked = finer(item, PlainSettings(integrator="RK4"), 1e-5)[0]
-    assert asked.broken
+    rk4_run = finer(item, PlainSettings(integrator="RK4"), 1e-5)[0]
+    assert rk4_run.broken
 
 
-def test_a_joint_at_the_end_of_its_range_is_a_limit(tmp_path):
+def test_a_diverging_joint_limit_is_reported(tmp_path):
     limited = FINGER.replace(
         '<joint name="swing"',
         '<joint name="swing" limited="true" range="-0.001 0.001" solreflimit="-1e12 -1"',
     )
-    result = broken(tmp_path, limited, PlainSettings(refsafe=False), ctrl={"servo": "5*sin(20*t)"})
+    result = divergence_of(tmp_path, limited, PlainSettings(refsafe=False), ctrl={"servo": "5*sin(20*t)"})
     assert "a limit" in result
     assert "swing" in result
 
 
-def test_a_run_that_is_one_has_no_cause(tmp_path):
-    assert divergence_reason(run_scene(scene(tmp_path, ctrl=FED))) == ""
+def test_a_converged_run_has_no_divergence_reason(tmp_path):
+    assert divergence_reason(run_scene(scene(tmp_path, ctrl=CONTROL))) == ""
 
 
-def test_a_run_that_diverges_is_followed_by_finer_ones(tmp_path):
-    item = scene(tmp_path, ctrl=FED, text=FINGER.replace('damping="0.001"', 'damping="0.02"'))
+def test_a_diverged_run_is_repeated_with_finer_steps(tmp_path):
+    item = scene(tmp_path, ctrl=CONTROL, text=FINGER.replace('damping="0.001"', 'damping="0.02"'))
     coarse = PlainSettings(integrator="RK4", timestep=5e-4)
     run, errors, _ = finer(item, coarse, 1e-5, fixed=True)
     assert run.broken
@@ -75,7 +75,7 @@ def test_a_run_that_diverges_is_followed_by_finer_ones(tmp_path):
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
-def test_the_steps_are_no_finer_than_a_tolerance_requests_for(tmp_path, tolerance):
+def test_steps_are_no_finer_than_the_tolerance_needs(tmp_path, tolerance):
     item = scene(tmp_path, drive={"knuckle": "0.5*sin(2*pi*t)"})
     _, errors, used = finer(item, PlainSettings(timestep=0.002), tolerance)
     assert errors.closure <= tolerance

@@ -1,4 +1,4 @@
-"""What several drivers need: MuJoCo's methods against the formulas, and the formulas against laws."""
+"""Forces of several drivers: MuJoCo against the formulas, and the formulas against energy balance."""
 
 from dataclasses import replace
 
@@ -38,8 +38,8 @@ def boom():
     )
 
 
-def held_rack():
-    """A pinion that drives a rack, next to a held joint."""
+def locked_rack():
+    """A pinion that drives a rack, with a locked joint."""
     mechanism = machines.rack_and_cam()
     mesh = Coupling("mesh", "rack", "crank", (0.001, 0.02))
     mechanism = replace(mechanism, driver=("crank",), couplings=(mesh,), locked={"cam": 0.01})
@@ -47,13 +47,13 @@ def held_rack():
     return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), Forces(gravity=(-9.81, -9.81, 0.0)))
 
 
-def bending_rack():
+def nonlinear_rack():
     mechanism = machines.bending_rack()
     moves = make_motion_laws(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
     return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), WEIGHT)
 
 
-def bending_passive():
+def nonlinear_passive_joint():
     mechanism = machines.five_bar_with_cam()
     arms = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
     return dynamics.dynamic_model(
@@ -61,58 +61,58 @@ def bending_passive():
     )
 
 
-def bending_table():
-    """A plate of 9 g whose ways bend with a tool of 2 mg on it, and with sums of that and each other."""
+def nonlinear_table():
+    """A plate of 9 g with nonlinear couplings to a tool of 2 mg and between its coordinates."""
     mechanism = machines.table(backwards=False)
     moves = make_motion_laws(mechanism, {"tool": machines.waving(0.3, 1.0, 2.0)}, 2.0)
     return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), WEIGHT)
 
 
-BENT = {
-    "bending rack": bending_rack,
-    "bending passive joint": bending_passive,
-    "bending table": bending_table,
+NONLINEAR = {
+    "nonlinear rack": nonlinear_rack,
+    "nonlinear passive joint": nonlinear_passive_joint,
+    "nonlinear table": nonlinear_table,
 }
-CASES = {"five-bar": five_bar, "boom": boom, "rack": held_rack} | BENT
+CASES = {"five-bar": five_bar, "boom": boom, "rack": locked_rack} | NONLINEAR
 
 
-def studied(machine, count=41):
+def study_of(machine, count=41):
     moves = machine.solver.motion_laws
     return dynamics.prescribed(machine, t=np.linspace(0.0, moves.duration, count))
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_the_drives_power_is_what_the_energies_take(case):
-    """Eighth-order differences of the energy against the drives' power and what friction loses."""
+def test_drive_power_balances_energy_rates_and_losses(case):
+    """Eighth-order differences of the energy against the drive power and the friction losses."""
     machine = CASES[case]()
     moves = machine.solver.motion_laws
     step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
     times = middle + step * np.arange(-4, 5)
     result = dynamics.prescribed(machine, t=times).forces
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / step
-    grown = weights @ (result.kinetic + result.potential)
+    energy_rate = weights @ (result.kinetic + result.potential)
     motion = machine.solver.solve(t=times)
-    given = sum(result.drives[name] * motion.joints[name].rate for name in moves.drivers)[4]
-    assert given - result.power_lost[4] == pytest.approx(grown, rel=1e-8)
-    assert result.power_in[4] == pytest.approx(given, rel=1e-12)
+    power = sum(result.drives[name] * motion.joints[name].rate for name in moves.drivers)[4]
+    assert power - result.power_lost[4] == pytest.approx(energy_rate, rel=1e-8)
+    assert result.power_in[4] == pytest.approx(power, rel=1e-12)
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_both_routes_to_the_drives_agree(case):
-    study = studied(CASES[case]())
+def test_both_methods_for_drive_forces_agree(case):
+    study = study_of(CASES[case]())
     assert study.second_torque == pytest.approx(
         study.forces.torque, abs=1e-12 * np.abs(study.forces.torque).max()
     )
 
 
-def test_a_standing_boom_is_held_by_the_moments_of_its_weights():
+def test_the_force_on_a_resting_boom_balances_its_weight():
     mechanism = machines.boom()
-    still = Inertia(1e-9, (0.0, 0.0, 0.0), (1e-12, 1e-12, 1e-12))
+    negligible = Inertia(1e-9, (0.0, 0.0, 0.0), (1e-12, 1e-12, 1e-12))
     arm = replace(mechanism.links[0], inertia=Inertia(5.0, (1.2, 0.0, 0.0), (1e-3, 1e-3, 1e-3)))
-    links = (arm, *(replace(link, inertia=still) for link in mechanism.links[1:]))
+    links = (arm, *(replace(link, inertia=negligible) for link in mechanism.links[1:]))
     mechanism = replace(mechanism, links=links)
     slowly = make_motion_laws(mechanism, {"stroke": steady(0.75, 1e-7)}, 1.0)
-    study = studied(dynamics.dynamic_model(LoopForm(mechanism, motion_laws=slowly), WEIGHT), 3)
+    study = study_of(dynamics.dynamic_model(LoopForm(mechanism, motion_laws=slowly), WEIGHT), 3)
     lift = LoopForm(mechanism, motion_laws=slowly).solve(t=[0.0]).joints["lift"].value[0]
     foot, head = np.array([0.5, -0.2]), np.array([np.cos(lift), np.sin(lift)])
     along = (head - foot) / np.linalg.norm(head - foot)
@@ -145,11 +145,11 @@ def test_mujoco_agrees_and_a_heavier_link_is_rejected(case, method):
     assert not crosscheck_driven(run, wrong).passed
 
 
-@pytest.mark.parametrize("case", BENT)
-def test_efforts_stepped_as_if_a_coupling_were_straight_are_rejected(case, monkeypatch):
-    machine = BENT[case]()
+@pytest.mark.parametrize("case", NONLINEAR)
+def test_forces_without_the_velocity_product_of_a_coupling_are_rejected(case, monkeypatch):
+    machine = NONLINEAR[case]()
 
-    def judged():
+    def failed_checks():
         moves, chosen = machine.solver.motion_laws, Settings(steps_per_turn=250)
         stepped = driven(
             machine.mechanism, machine.forces, motion_laws=moves, method="step", settings=chosen, samples=20
@@ -157,28 +157,28 @@ def test_efforts_stepped_as_if_a_coupling_were_straight_are_rejected(case, monke
         checks = crosscheck_driven(stepped, machine).checks
         return {item.kind for item in checks if not item.passed}
 
-    # the places of what bends are off by 1e-5 at so few steps, and its efforts are not
-    assert judged() == set()
+    # at so few steps the positions have errors of 1e-5, but the forces pass
+    assert failed_checks() == set()
     monkeypatch.setattr(CouplingConstraint, "velocity_product", lambda _, qpos, __: np.zeros(len(qpos)))
-    assert judged() >= {"drive torque", "driver effort"}
+    assert failed_checks() >= {"drive torque", "driver effort"}
 
 
-def test_a_flywheel_under_motion_laws_is_rejected():
-    machine = held_rack()
+def test_drive_inertia_under_motion_laws_is_rejected():
+    machine = locked_rack()
     with pytest.raises(InputError, match=r"flywheel.*motion laws"):
         machine.with_forces(Forces(flywheel=1.0))
 
 
-def test_two_couplings_of_the_same_coordinates_share_what_one_alone_carries():
-    alone = machines.press()
-    again = Coupling("again", "thread.way", "thread.turn", (0.0, 0.005 / (2.0 * np.pi)))
-    twice = replace(alone, couplings=(again,))
+def test_duplicate_couplings_share_the_force_of_one():
+    single = machines.press()
+    duplicate = Coupling("again", "thread.way", "thread.turn", (0.0, 0.005 / (2.0 * np.pi)))
+    doubled = replace(single, couplings=(duplicate,))
     name = "thread.turn-thread.way"
     weight = Forces(gravity=(0.0, 0.0, -9.81))
-    runs = [driven(item, weight, speed=2.0, samples=6, method="pose").forces for item in (alone, twice)]
+    runs = [driven(item, weight, speed=2.0, samples=6, method="pose").forces for item in (single, doubled)]
     studies = [
         dynamics.prescribed(dynamics.dynamic_model(LoopForm(item), weight), runs[0].angle, 2.0).forces
-        for item in (alone, twice)
+        for item in (single, doubled)
     ]
     for item, two in (runs, studies):
         assert [*two.gears] == [name, f"{name} 2"]

@@ -1,4 +1,4 @@
-"""MuJoCo's runs and the command line take the sign of an assembly at the first configuration."""
+"""MuJoCo runs use the assembly sign at the first configuration."""
 
 import numpy as np
 import pytest
@@ -18,14 +18,14 @@ SLIDER = {"crank": 0.05, "rod": 0.05, "offset": 0.0}
 @pytest.mark.parametrize(
     ("method", "start", "turns"), [("pose", 3.5, 1.0), ("pose", 2.0, 1.0), ("step", 3.5, 0.1)]
 )
-def test_mujoco_starts_in_the_assembly_of_the_sign(name, lengths, method, start, turns):
+def test_mujoco_starts_in_the_selected_assembly_mode(name, lengths, method, start, turns):
     drive, other = catalog.make(name, **lengths), catalog.make(name, **lengths, branch=-1)
     run = simulate(drive, profile=constant(20.0, turns, start), method=method)
     assert crosscheck(run, drive).passed
     assert crosscheck(run, other).outcome == "changed assembly"
 
 
-def test_backwards_from_a_change_point_the_sign_counts_behind_it():
+def test_a_backward_start_at_a_change_point_uses_the_sign_behind_it():
     drive = catalog.make("four_bar", **PARALLELOGRAM)
     run = simulate(drive, profile=constant(-20.0, 0.4), method="pose")
     points = run.motion.points

@@ -1,4 +1,4 @@
-"""Dimensions from measured motion: found again, with uncertainties that are true, and what cannot be told."""
+"""Dimensions from measured motion: recovered values, true uncertainties and undetermined combinations."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,14 +23,14 @@ def measured(noise=0.0, seed=0, points="C"):
     motion = catalog.make("four_bar", **TRUE).solve(ANGLES)
     table = {"angle": ANGLES}
     for i, axis in enumerate("xy"):
-        places = motion.points[points].position[:, i]
-        table[f"{points}.{axis}"] = places + noise * random.standard_normal(len(ANGLES))
+        positions = motion.points[points].position[:, i]
+        table[f"{points}.{axis}"] = positions + noise * random.standard_normal(len(ANGLES))
         if noise:
             table[f"{points}.{axis}±"] = np.full(len(ANGLES), noise)
     return table
 
 
-def test_dimensions_are_found_again_to_rounding():
+def test_dimensions_are_recovered_to_rounding():
     result = ms.fit("four_bar", measured(), [*TRUE])
     assert result.outcome == "fitted"
     for name, value in TRUE.items():
@@ -39,36 +39,40 @@ def test_dimensions_are_found_again_to_rounding():
     assert max(result.rms.values()) <= 1e-13
 
 
-def test_uncertainties_are_those_of_many_measurements():
+def test_uncertainties_match_the_scatter_of_repeated_measurements():
     fits = [ms.fit("four_bar", measured(2e-5, seed), [*TRUE]) for seed in range(6)]
-    misses = [(fit.values[name] - true) / fit.deviations[name] for fit in fits for name, true in TRUE.items()]
-    # eighteen squares of about one each
-    assert 0.3 <= np.square(misses).mean() <= 2.5
+    normalised_errors = [
+        (fit.values[name] - true) / fit.deviations[name] for fit in fits for name, true in TRUE.items()
+    ]
+    # the mean of eighteen squares with expectation one
+    assert 0.3 <= np.square(normalised_errors).mean() <= 2.5
     assert 0.7 <= np.mean([fit.spread for fit in fits]) <= 1.3
 
 
-def test_without_deviations_what_is_left_reports_them():
+def test_residuals_replace_missing_deviations():
     table = measured(2e-5)
-    bare = {name: column for name, column in table.items() if "±" not in name}
-    weighed, plain = (ms.fit("four_bar", item, ["coupler", "rocker"]) for item in (table, bare))
-    assert plain.deviations["coupler"] == pytest.approx(
-        weighed.deviations["coupler"] * weighed.spread, rel=1e-6
+    without_deviations = {name: column for name, column in table.items() if "±" not in name}
+    weighted, unweighted = (
+        ms.fit("four_bar", item, ["coupler", "rocker"]) for item in (table, without_deviations)
+    )
+    assert unweighted.deviations["coupler"] == pytest.approx(
+        weighted.deviations["coupler"] * weighted.spread, rel=1e-6
     )
 
 
-def test_what_a_joint_alone_does_not_report_is_named():
+def test_undetermined_combinations_of_dimensions_are_reported():
     motion = catalog.make("four_bar", rocker=0.0735).solve(ANGLES)
     table = {"angle": ANGLES, "rocker.q": motion.joints["rocker"].value + 4.0 * np.pi}
     result = ms.fit("four_bar", table, ["ground", "crank", "coupler", "rocker"])
     assert result.outcome == "underdetermined"
-    # all lengths together may be of any size
+    # the common scale of all lengths is undetermined
     assert result.together == (("ground", "crank", "coupler", "rocker"),)
     assert not result.deviations
     shape = np.array([*result.values.values()]) / result.values["ground"]
     assert np.abs(shape - np.array([0.1, 0.032, 0.091, 0.0735]) / 0.1).max() <= 1e-8
 
 
-def test_a_dimension_that_nothing_measured_depends_on_is_named_alone():
+def test_an_unmeasured_dimension_is_reported():
     table = measured(points="B")
     result = ms.fit("four_bar", table, ["coupler", "rocker", "arm"])
     assert result.together == (("arm",),)
@@ -93,10 +97,14 @@ REFERENCE = Path(__file__).parents[2] / "reference"
     ("name", "vary", "effort"),
     grid([("four_bar", ["coupler", "rocker"], "torque:crank"), ("five_bar", ["arm"], "torque:left")]),
 )
-def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, effort):
-    whole = files.read(REFERENCE / "data" / f"{name}.csv")
-    wanted = ["angle" if "angle" in whole else "t", *(item for item in whole if "v" in item), effort]
-    table = {item: whole[item][::9] for item in wanted}
+def test_a_reference_table_is_fitted_with_its_own_column_names(name, vary, effort):
+    table_of_reference = files.read(REFERENCE / "data" / f"{name}.csv")
+    wanted = [
+        "angle" if "angle" in table_of_reference else "t",
+        *(item for item in table_of_reference if "v" in item),
+        effort,
+    ]
+    table = {item: table_of_reference[item][::9] for item in wanted}
     of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), speed=20.0)
     true = {item: of.designs.dimensions[item].value for item in vary}
     initial = replace(of, designs=family_at(of.designs, {item: 0.99 * value for item, value in true.items()}))
@@ -107,7 +115,7 @@ def test_a_table_of_the_reference_data_is_fitted_with_its_own_names(name, vary, 
 
 
 @pytest.mark.slow
-def test_the_unknown_zero_of_a_crank_is_found_with_the_dimensions():
+def test_the_crank_offset_is_fitted_with_the_dimensions():
     form, ahead = catalog.make("four_bar", coupler=0.0913), 0.07
     efforts = dynamics.prescribed(dynamics.dynamic_model(form), ANGLES + ahead, 5.0).forces
     motion = form.solve(ANGLES + ahead, 5.0)
@@ -118,34 +126,34 @@ def test_the_unknown_zero_of_a_crank_is_found_with_the_dimensions():
     assert result.values["crank.offset"] == pytest.approx(ahead, rel=1e-9)
     assert result.values["coupler"] == pytest.approx(0.0913, rel=1e-10)
     assert result.moved.angles == pytest.approx(ANGLES + ahead)
-    # without it the coupler is taken for what it is not
+    # without the offset the coupler is wrong
     assert abs(ms.fit("four_bar", table, ["coupler"], speed=5.0).values["coupler"] - 0.0913) > 1e-4
 
 
-def test_a_zero_that_a_phase_may_stand_for_is_named():
+def test_an_offset_equivalent_to_a_phase_is_reported():
     motion = catalog.make("warp_knitter").solve(ANGLES)
     table = {"angle": ANGLES, "D.x": motion.points["D"].position[:, 0]}
     result = ms.fit("warp_knitter", table, ["phase"], offset=True)
     assert result.together == (("phase", "crank.offset"),)
 
 
-def test_intervals_are_wider_by_students_t_where_deviations_are_found_from_what_is_left():
+def test_intervals_from_residual_deviations_use_students_t():
     table = {name: column[:3] for name, column in measured(2e-5).items()}
-    bare = {name: column for name, column in table.items() if "±" not in name}
-    weighed, plain = (ms.fit("four_bar", item, ["coupler"]) for item in (table, bare))
-    assert weighed.within()["coupler"] == pytest.approx(1.959964 * weighed.deviations["coupler"])
-    assert plain.free == 5
-    assert plain.within()["coupler"] == pytest.approx(2.570582 * plain.deviations["coupler"])
+    without_deviations = {name: column for name, column in table.items() if "±" not in name}
+    weighted, unweighted = (ms.fit("four_bar", item, ["coupler"]) for item in (table, without_deviations))
+    assert weighted.within()["coupler"] == pytest.approx(1.959964 * weighted.deviations["coupler"])
+    assert unweighted.free == 5
+    assert unweighted.within()["coupler"] == pytest.approx(2.570582 * unweighted.deviations["coupler"])
 
 
-def test_the_force_of_a_driver_that_slides_is_called_as_in_the_reference_data():
+def test_the_force_of_a_sliding_driver_has_its_reference_name():
     of = ms.moved("stewart_gough", t=[0.0])
     assert single({"force:l1": np.zeros(1)}, of) == {"force:l1": "drive l1"}
     with pytest.raises(InputError, match="column force:s1 is not a single quantity"):
         single({"force:s1": np.zeros(1)}, of)
 
 
-def test_a_zero_is_rejected_where_there_is_none():
+def test_an_offset_without_a_crank_is_rejected():
     with pytest.raises(InputError, match="no single crank without a motion law"):
         ms.fit("five_bar", {"t": [0.0, 0.1], "P.x": [0.0, 0.0]}, ["arm"], offset=True)
 
@@ -165,18 +173,18 @@ def test_a_zero_is_rejected_where_there_is_none():
         ({"C.x": None, "C.y": None}, ["coupler"], "contains no measured quantity"),
     ],
 )
-def test_a_table_that_does_not_serve_is_rejected_in_one_line(change, vary, output):
+def test_an_unusable_table_is_rejected(change, vary, output):
     table = {name: column for name, column in {**measured(), **change}.items() if column is not None}
     with pytest.raises(InputError, match=output):
         ms.fit("four_bar", table, vary)
 
 
-def test_fewer_numbers_than_dimensions_are_rejected():
+def test_fewer_values_than_dimensions_are_rejected():
     table = {name: column[:1] for name, column in measured().items()}
     with pytest.raises(InputError, match="2 measured values do not determine 3 dimensions"):
         ms.fit("four_bar", table, [*TRUE])
 
 
-def test_a_start_that_cannot_stand_where_it_was_measured_is_rejected():
+def test_a_start_that_cannot_reach_the_measurements_is_rejected():
     with pytest.raises(AssemblyError, match="does not close"):
         ms.fit(catalog.make("four_bar", rocker=0.035), measured(), ["coupler"])

@@ -1,4 +1,4 @@
-"""Forward dynamics on both methods: MuJoCo agrees from the same initial values; a wrong mass does not."""
+"""Forward dynamics by both methods: MuJoCo agrees from equal initial values and rejects a wrong mass."""
 
 import sys
 from dataclasses import replace
@@ -18,8 +18,8 @@ from test_forward_dynamics import WEIGHT, double_pendulum, point_mass, slider
 OSCILLATOR = Forces(joint_springs=(JointSpring("s", 200.0),), friction=(Friction("s", viscous=3.0),))
 
 
-def heavy(mechanism, about=1e-3):
-    """MuJoCo needs moments of inertia."""
+def with_inertia(mechanism, about=1e-3):
+    """Return a mechanism with the moments of inertia that MuJoCo needs."""
     return replace(
         mechanism, links=tuple(replace(link, inertia=point_mass(about=about)) for link in mechanism.links)
     )
@@ -28,7 +28,12 @@ def heavy(mechanism, about=1e-3):
 @pytest.mark.parametrize(
     ("mechanism", "forces", "initial", "values"),
     [
-        (heavy(double_pendulum()), WEIGHT, {"A.q": 0.3, "B.v": 1.5}, InitialValues({"A": 0.3}, {"B": 1.5})),
+        (
+            with_inertia(double_pendulum()),
+            WEIGHT,
+            {"A.q": 0.3, "B.v": 1.5},
+            InitialValues({"A": 0.3}, {"B": 1.5}),
+        ),
         (slider(), OSCILLATOR, {"s.q": 0.1}, InitialValues({"s": 0.1}, {})),
         (ms.catalog.make("four_bar").mechanism, WEIGHT, {"crank.q": 0.5}, InitialValues({"crank": 0.5}, {})),
         (ms.catalog.make("rssr").mechanism, WEIGHT, {"crank.v": 9.0}, InitialValues({}, {"crank": 9.0})),
@@ -42,8 +47,8 @@ def test_both_methods_agree_on_free_motion(mechanism, forces, initial, values):
     assert verdict.passed, verdict
 
 
-def test_a_link_heavier_by_a_hundred_thousandth_is_noticed():
-    mechanism = heavy(double_pendulum())
+def test_a_mass_error_of_1e_5_is_rejected():
+    mechanism = with_inertia(double_pendulum())
     run = ms.dynamics.run(mechanism, WEIGHT, initial={"A.q": 0.3}, duration=0.3, samples=10)
     first, second = mechanism.links
     wrong = replace(mechanism, links=(first, replace(second, inertia=point_mass(1.0 + 1e-5, about=1e-3))))
@@ -52,24 +57,25 @@ def test_a_link_heavier_by_a_hundred_thousandth_is_noticed():
     assert "beyond the tolerance: step: position of P by" in verdict.reason
 
 
-RUBBING = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("rocker", 0.0, 2e-3),))
+WITH_FRICTION = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("rocker", 0.0, 2e-3),))
 
 
-def test_runs_with_reversals_of_friction_are_compared_between_them():
-    machine = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), RUBBING)
+def test_runs_are_compared_between_friction_reversals():
+    machine = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), WITH_FRICTION)
     run = ms.dynamics.run(machine, initial={"crank.v": 30.0}, duration=0.12, samples=60)
-    # the rocker reverses at its dead centres, while the crank turns: friction cannot hold it there
+    # the rocker reverses at its dead centres while the crank turns, so friction cannot stop it
     assert (run.outcome, len(run.events)) == ("done", 2)
     verdict = crosscheck_forward(run, machine, InitialValues({}, {"crank": 30.0}))
     assert verdict.passed, verdict
     assert len({check.variant for check in verdict.checks}) == len(compared_segments(run)) == 3
-    wrong = machine.with_forces(replace(RUBBING, friction=(Friction("rocker", 0.0, 2.2e-3),)))
+    wrong = machine.with_forces(replace(WITH_FRICTION, friction=(Friction("rocker", 0.0, 2.2e-3),)))
     assert not crosscheck_forward(run, wrong, InitialValues({}, {"crank": 30.0})).passed
 
 
 def test_sticking_friction_is_not_compared():
     machine = ms.dynamics.dynamic_model(
-        ms.catalog.make("four_bar"), Forces(gravity=RUBBING.gravity, friction=(Friction("crank", 0.0, 1.0),))
+        ms.catalog.make("four_bar"),
+        Forces(gravity=WITH_FRICTION.gravity, friction=(Friction("crank", 0.0, 1.0),)),
     )
     run = ms.dynamics.run(machine, initial={"crank.q": 0.5}, duration=0.1, samples=10)
     assert run.outcome == "stopped"
@@ -77,10 +83,10 @@ def test_sticking_friction_is_not_compared():
     assert crosscheck_forward(run, machine, InitialValues({"crank": 0.5}, {})).outcome == "failed"
 
 
-def test_the_error_of_mujoco_falls_with_the_fourth_order_of_its_step():
+def test_the_error_of_mujoco_is_of_fourth_order_in_the_step():
     from mechsim.simulation.dynamics.forward_run import stepped_run
 
-    mechanism = heavy(double_pendulum())
+    mechanism = with_inertia(double_pendulum())
     run = ms.dynamics.run(mechanism, WEIGHT, initial={"A.q": 0.3}, duration=1.0, samples=4)
     errors = []
     for substeps in (10, 20):
@@ -89,8 +95,8 @@ def test_the_error_of_mujoco_falls_with_the_fourth_order_of_its_step():
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
 
 
-def test_mujoco_rests_in_the_equilibria_of_a_double_pendulum_and_is_as_stable():
-    machine = ms.dynamics.dynamic_model(heavy(double_pendulum()), WEIGHT)
+def test_mujoco_agrees_on_equilibria_and_their_stability():
+    machine = ms.dynamics.dynamic_model(with_inertia(double_pendulum()), WEIGHT)
     result = ms.dynamics.equilibria(machine, starts=25)
     assert len(result) == 4
     for equilibrium in result:
@@ -99,8 +105,8 @@ def test_mujoco_rests_in_the_equilibria_of_a_double_pendulum_and_is_as_stable():
         assert len(verdict.checks) == 3
 
 
-def test_a_planted_wrong_equilibrium_is_rejected():
-    machine = ms.dynamics.dynamic_model(heavy(double_pendulum()), WEIGHT)
+def test_a_seeded_wrong_equilibrium_is_rejected():
+    machine = ms.dynamics.dynamic_model(with_inertia(double_pendulum()), WEIGHT)
     stable, *_, unstable = ms.dynamics.equilibria(machine, starts=25)
     q = stable.linear.q
     moved = replace(stable, linear=replace(stable.linear, q=replace(q, values=q.values + 1e-5)))
@@ -111,10 +117,10 @@ def test_a_planted_wrong_equilibrium_is_rejected():
     assert "largest growth rate" in crosscheck_equilibrium(swapped, machine).reason
 
 
-def test_dry_friction_holds_no_wrong_equilibrium():
+def test_dry_friction_does_not_hide_a_wrong_equilibrium():
     forces = Forces(gravity=WEIGHT.gravity, friction=(Friction("crank", 1e-4, 0.5),))
     machine = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), forces)
     stable = ms.dynamics.equilibria(machine, starts=6)[0]
     assert crosscheck_equilibrium(stable, machine).passed
-    slanted = ms.dynamics.dynamic_model(machine.mechanism, replace(forces, gravity=(0.1, -9.81, 0.0)))
-    assert crosscheck_equilibrium(stable, slanted).outcome == "failed"
+    tilted_gravity = ms.dynamics.dynamic_model(machine.mechanism, replace(forces, gravity=(0.1, -9.81, 0.0)))
+    assert crosscheck_equilibrium(stable, tilted_gravity).outcome == "failed"

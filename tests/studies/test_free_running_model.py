@@ -1,4 +1,4 @@
-"""Models that turn by themselves, judged in plain MuJoCo by a loop of its own next to the closed form."""
+"""Exported turning models, stepped in plain MuJoCo and compared with the closed form."""
 
 from dataclasses import replace
 
@@ -17,8 +17,8 @@ from mechsim.subjects.readers import load
 SPEED = 60.0
 
 
-def place_error(model, form, turns=3.0):
-    """Step a model from its keyframe as anyone would; its worst place error, and the crank's last angle."""
+def position_error(model, form, turns=3.0):
+    """Step a model from its keyframe; return its largest position error and the last crank angle."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     angles, places = [], {name: [] for name in form.mechanism.points}
@@ -35,23 +35,23 @@ def place_error(model, form, turns=3.0):
 
 
 @pytest.mark.slow
-def test_an_exported_model_keeps_its_tolerance_when_stepped_as_its_comment_states():
+def test_an_exported_model_satisfies_its_stated_tolerance():
     form = catalog.make("four_bar")
     spec = exported(form.mechanism, Scene())
-    text, output = tune_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)
+    text, reported = tune_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)
     assert "satisfies 1e-05 m at 60 rad/s" in text
     assert "keyframe turning" in text
     model = mujoco.MjModel.from_xml_string(text)
-    error, angle = place_error(model, form)
+    error, angle = position_error(model, form)
     assert error <= 1e-5
-    assert error == pytest.approx(output, rel=0.5)
+    assert error == pytest.approx(reported, rel=0.5)
     assert angle - model.key_qpos[0][model.joint("crank").qposadr[0]] == pytest.approx(6.0 * np.pi, rel=1e-2)
-    # the check rejects loops as soft as MuJoCo has them
+    # the check rejects loops with MuJoCo's default compliance
     model.eq_solref[:], model.eq_solimp[:] = [0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]
-    assert place_error(model, form)[0] > 1e-5
+    assert position_error(model, form)[0] > 1e-5
 
 
-def test_the_keyframe_is_closed_and_moves_and_the_motor_keeps_a_crank_without_a_flywheel_turning():
+def test_the_keyframe_is_closed_and_the_motor_keeps_the_speed():
     form = catalog.make("four_bar")
     spec = tune_model.turning(exported(form.mechanism, Scene(level="dynamics")), form.mechanism, SPEED)
     model = mujoco.MjModel.from_xml_string(to_xml(spec))
@@ -68,14 +68,14 @@ def test_the_keyframe_is_closed_and_moves_and_the_motor_keeps_a_crank_without_a_
         assert 0.5 * SPEED < data.qvel[dof] < 1.5 * SPEED
 
 
-def test_a_mechanism_of_several_drivers_does_not_turn():
+def test_a_turning_model_with_several_drivers_is_rejected():
     mechanism = load("five_bar").mechanism
     with pytest.raises(InputError, match="has no single crank that can turn"):
         tune_model.turning(exported(mechanism, Scene()), mechanism, SPEED)
 
 
 @pytest.mark.parametrize("scene", ["motion", "dynamics"])
-def test_a_driver_that_is_not_called_crank_turns_too(scene):
+def test_a_driver_with_another_name_turns(scene):
     mechanism = load("planetary_gear").mechanism
     assert mechanism.crank.name == "carrier"
     spec = tune_model.turning(exported(mechanism, Scene(level=scene)), mechanism, SPEED)
@@ -85,20 +85,20 @@ def test_a_driver_that_is_not_called_crank_turns_too(scene):
     for _ in range(round(2.0 * np.pi / SPEED / model.opt.timestep)):
         mujoco.mj_step(model, data)
     assert data.qvel[model.joint("crank").dofadr[0]] == pytest.approx(SPEED, rel=0.05)
-    # Willis: on the carrier the sun turns by teeth of the ring over teeth of the sun
+    # Willis equation: relative to the carrier the sun turns by the ratio of teeth of ring and sun
     sun = data.qvel[model.joint("sun").dofadr[0]] / data.qvel[model.joint("crank").dofadr[0]]
     assert sun == pytest.approx(60.0 / 24.0, rel=1e-3)
 
 
 @pytest.mark.slow
-def test_the_tolerance_of_such_a_model_is_kept():
+def test_an_exported_planetary_gear_satisfies_its_tolerance():
     mechanism = load("planetary_gear").mechanism
     text, error = tune_model.exported_model(exported(mechanism, Scene()), mechanism, SPEED, 1e-5, budget=1.0)
     assert error <= 1e-5
     assert "satisfies 1e-05 m" in text
 
 
-def test_a_joint_called_crank_that_is_not_the_driver_is_one_sentence():
+def test_a_passive_joint_named_crank_is_rejected():
     four_bar = catalog.make("four_bar").mechanism
     names = {"crank": "motor", "A": "crank"}
     joints = tuple(replace(joint, name=names.get(joint.name, joint.name)) for joint in four_bar.joints)

@@ -1,4 +1,4 @@
-"""Maps from motors to joints: as closed formulas have them; loop equations reject wrong ones."""
+"""Maps from motors to joints against closed forms; loop equations reject wrong maps."""
 
 import json
 from dataclasses import replace
@@ -21,7 +21,7 @@ def four_bar():
     return ms.joint_map("four_bar", RANGE, ["rocker", "B.x", "rocker.rz"], points=21, degree=6)
 
 
-def test_positions_and_ratios_are_those_of_the_closed_form(four_bar):
+def test_positions_and_derivatives_equal_the_closed_form(four_bar):
     exact = ms.load("four_bar").solve(four_bar.input[:, 0], 1.0)
     rocker, point = exact.joints["rocker"], exact.points["B"]
     np.testing.assert_allclose(four_bar.output[:, 0], rocker.value, atol=1e-13)
@@ -39,7 +39,7 @@ def test_reflected_inertia_gives_the_kinetic_energy(four_bar):
     np.testing.assert_allclose(forces.forces.kinetic, expected, rtol=1e-9)
 
 
-def test_errors_of_polynomials_are_those_measured_between_grid_points(four_bar):
+def test_reported_polynomial_errors_hold_between_grid_points(four_bar):
     fit = four_bar.polynomials
     angles = np.linspace(*np.radians([20.0, 80.0]), 400)[:, None]
     exact = ms.load("four_bar").solve(angles[:, 0], 1.0).joints["rocker"]
@@ -50,7 +50,7 @@ def test_errors_of_polynomials_are_those_measured_between_grid_points(four_bar):
     assert torque == pytest.approx(fit.torque_error[0], rel=0.3)
 
 
-def test_loop_equations_agree_and_reject_a_wrong_map(four_bar):
+def test_loop_equations_accept_a_map_and_reject_a_wrong_one(four_bar):
     assert compare_with_loop_equations(four_bar, "four_bar").passed
     for name in ("output", "jacobian", "jacobian_derivative"):
         wrong = replace(four_bar, **{name: getattr(four_bar, name) + 1e-8})
@@ -59,7 +59,7 @@ def test_loop_equations_agree_and_reject_a_wrong_map(four_bar):
     assert not longer.passed
 
 
-def test_derivatives_of_jacobians_are_exact_next_to_a_singular_configuration():
+def test_jacobian_derivatives_are_exact_near_a_dead_centre():
     # the crank of a slider-crank as a function of the slide is singular at its dead centre
     spec = mujoco.MjSpec.from_string(ms.export("slider_crank", scene="dynamics").text)
     reach = np.sqrt(0.25**2 - 0.01**2)
@@ -77,7 +77,7 @@ def test_derivatives_of_jacobians_are_exact_next_to_a_singular_configuration():
     np.testing.assert_allclose(table.jacobian_derivative[:, 0, 0, 0], expected, rtol=1e-9)
 
 
-def test_inputs_that_cannot_move_the_mechanism_end_in_one_sentence():
+def test_an_immobile_input_is_rejected():
     # a slider-crank that starts at its dead centre, driven by the slide
     model = mujoco.MjSpec.from_string(
         """<mujoco><worldbody><body><joint name="crank" axis="0 0 1"/><geom size=".01"/>
@@ -90,7 +90,7 @@ def test_inputs_that_cannot_move_the_mechanism_end_in_one_sentence():
         ms.joint_map(model, ["slide"], ["crank"], points=3)
 
 
-def test_rates_of_rotation_vectors_are_their_differences():
+def test_rates_of_rotation_vectors_equal_finite_differences():
     from scipy.spatial.transform import Rotation
 
     vectors = np.array([[0.3, -0.8, 0.4], [1e-5, 2e-5, 0.0], [0.0, 0.0, 0.0], [2.0, 1.0, -1.5]])
@@ -117,7 +117,7 @@ TWO_MOTORS = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><
 <actuator><motor joint="left"/><motor joint="right"/></actuator></mujoco>"""
 
 
-def test_two_inputs_with_their_joint_limits_hold_the_weight():
+def test_holding_torques_equal_energy_derivatives():
     model = mujoco.MjModel.from_xml_string(TWO_MOTORS)
     table = ms.joint_map(model, ["left", "right"], ["tip.x", "tip.y"], points=7)
     assert table.jacobian.shape == (len(table.input), 2, 2)
@@ -136,18 +136,18 @@ def test_two_inputs_with_their_joint_limits_hold_the_weight():
                 values = {
                     n: data.qpos[[0, 2][j]] + sign * step * (i == j) for j, n in enumerate(table.inputs)
                 }
-                near = mujoco.MjData(model)
-                near.qpos[:] = ms.closed_qpos(model, values)[0]
-                mujoco.mj_forward(model, near)
-                mujoco.mj_energyPos(model, near)
-                sides.append(near.energy[0])
+                displaced = mujoco.MjData(model)
+                displaced.qpos[:] = ms.closed_qpos(model, values)[0]
+                mujoco.mj_forward(model, displaced)
+                mujoco.mj_energyPos(model, displaced)
+                sides.append(displaced.energy[0])
             by_energy.append((sides[0] - sides[1]) / (2 * step))
         np.testing.assert_allclose(holding, by_energy, atol=1e-6)
     product = np.swapaxes(table.jacobian, 1, 2) @ table.torque_map
     np.testing.assert_allclose(product, np.broadcast_to(np.eye(2), product.shape), atol=1e-9)
 
 
-def test_derivatives_near_a_singular_configuration_are_those_of_the_closed_form():
+def test_jacobian_derivatives_near_a_limit_equal_the_closed_form():
     # the crank starts 3 mrad from its limit of -2.10243 rad; measured 5e-13
     solver = ms.catalog.make("four_bar", crank=0.09)
     table = ms.joint_map(solver, {"crank": (-2.0994, -1.6)}, ["rocker"], points=5)
@@ -167,7 +167,7 @@ def test_derivatives_near_a_singular_configuration_are_those_of_the_closed_form(
         (["--from", "crank=0:1", "--to", "rocker", "--points", "4", "--degree", "4"], "too few"),
     ],
 )
-def test_wrong_requests_end_in_one_sentence(arguments, message, tmp_path, monkeypatch, capsys):
+def test_invalid_options_are_rejected(arguments, message, tmp_path, monkeypatch, capsys):
     output = tmp_path / "map.npz"
     monkeypatch.setattr("sys.argv", ["mechsim", "map", "four_bar", *arguments, "-o", str(output)])
     with pytest.raises(SystemExit) as ended:
@@ -179,7 +179,7 @@ def test_wrong_requests_end_in_one_sentence(arguments, message, tmp_path, monkey
     assert not output.exists()
 
 
-def test_the_command_writes_arrays_and_states_how_exact_they_are(tmp_path, monkeypatch, capsys):
+def test_the_command_writes_arrays_and_reports_their_errors(tmp_path, monkeypatch, capsys):
     output = tmp_path / "map.npz"
     line = ["mechsim", "map", "four_bar", "--from", "crank=20deg:80deg", "--to", "rocker", "--degree", "4"]
     monkeypatch.setattr("sys.argv", [*line, "-o", str(output), "--json"])

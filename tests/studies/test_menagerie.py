@@ -1,4 +1,4 @@
-"""Models in the style of Menagerie: servos hold a closed home, and their numbers reject a wrong model."""
+"""Models in the style of Menagerie: servos hold the home keyframe; the verification rejects a wrong model."""
 
 import mujoco
 import numpy as np
@@ -13,7 +13,7 @@ def ankle():
     return ms.export("humanoid_ankle", style="menagerie")
 
 
-def test_the_model_is_that_of_the_loop_equations(ankle):
+def test_the_model_agrees_with_the_loop_equations(ankle):
     assert ankle.verification.configurations == 100
     assert ankle.verification.position < 1e-13
     assert ankle.verification.gravity_torque < 1e-12
@@ -37,7 +37,7 @@ def test_servos_hold_the_closed_keyframe_and_follow_their_control(ankle):
     assert np.abs(data.qvel).max() < 1e-2
 
 
-def test_a_wrong_model_is_noticed(ankle):
+def test_the_verification_rejects_a_wrong_model(ankle):
     solver = ms.load("humanoid_ankle")
     model = mujoco.MjSpec.from_string(ankle.text)
     foot = model.body("foot")
@@ -55,12 +55,12 @@ def test_a_wrong_model_is_noticed(ankle):
         ({"style": "menagerie", "speed": "60rpm"}, "leave out"),
     ],
 )
-def test_wrong_options_end_in_one_sentence(options, message):
+def test_invalid_options_are_rejected(options, message):
     with pytest.raises(ms.InputError, match=message):
         ms.export("four_bar", **options)
 
 
-SPRUNG = """
+WITH_SPRING = """
 <mujoco><compiler angle="radian"/><worldbody>
   <body name="crank"><joint name="motor" axis="0 1 0" range="-0.5 1"/>
     <geom type="capsule" fromto="0 0 0 .03 0 0" size=".002"/><body name="rod" pos=".03 0 0">
@@ -75,7 +75,7 @@ SPRUNG = """
 
 
 def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
-    written = ms.export(mujoco.MjSpec.from_string(SPRUNG), style="menagerie")
+    written = ms.export(mujoco.MjSpec.from_string(WITH_SPRING), style="menagerie")
     model = mujoco.MjModel.from_xml_string(written.text)
     assert written.verification.gravity_torque < 1e-12
     assert model.nu == 1
@@ -88,8 +88,8 @@ def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
     assert model.actuator_gainprm[0, 0] < 10.0
 
 
-def test_torques_that_cannot_be_compared_are_stated():
-    # a rod between balls whose inertia has no symmetry of revolution about its line
+def test_incomparable_torques_are_reported():
+    # a rod between ball joints without rotational symmetry of its inertia
     text = """
     <mujoco><compiler angle="radian"/><worldbody>
       <body><joint name="motor" axis="0 1 0"/><geom size=".01"/><body pos=".03 0 0"><joint type="ball"/>

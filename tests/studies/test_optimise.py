@@ -1,4 +1,4 @@
-"""Searching dimensions: the examples, and that what was found is a valley that keeps its limits."""
+"""Optimisation of dimensions: the examples, and that the result is a minimum within its limits."""
 
 import runpy
 from pathlib import Path
@@ -16,36 +16,36 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "design"
 TURN = np.linspace(0.0, 2.0 * np.pi, 13)
 
 
-def searched(name):
+def search_result(name):
     return runpy.run_path(str(EXAMPLES / f"{name}.py"))["search"]()
 
 
-def test_a_straighter_line_is_no_shorter_and_its_crank_turns_fully():
-    found = searched("straighter_line")
-    assert found.outcome == "found"
-    assert found.after < 0.6 * found.before
-    assert found.moved.solver.crank_range().full
-    columns = found.moved.values(["C.x", "C.y"], {})
+def test_a_straighter_line_keeps_its_length_and_full_turn():
+    result = search_result("straighter_line")
+    assert result.outcome == "found"
+    assert result.after < 0.6 * result.before
+    assert result.moved.solver.crank_range().full
+    columns = result.moved.values(["C.x", "C.y"], {})
     height = columns["C.y"][9:28]
-    assert np.std(height) == pytest.approx(found.after, rel=1e-9)
-    assert np.ptp(columns["C.x"][9:28]) >= found.limits["length of the line"] * (1.0 - 1e-9)
+    assert np.std(height) == pytest.approx(result.after, rel=1e-9)
+    assert np.ptp(columns["C.x"][9:28]) >= result.limits["length of the line"] * (1.0 - 1e-9)
 
 
 @pytest.mark.slow
 def test_less_torque_ripple_keeps_swing_transmission_and_size():
-    found = searched("torque_ripple")
-    assert found.outcome == "found"
-    assert found.after < 0.8 * found.before
-    columns = found.moved.values(["rocker.q", "B.q", "torque"], {})
-    # the last pose of the turn is the first again
-    assert np.std(columns["torque"][:-1]) == pytest.approx(found.after, rel=1e-9)
+    result = search_result("torque_ripple")
+    assert result.outcome == "found"
+    assert result.after < 0.8 * result.before
+    columns = result.moved.values(["rocker.q", "B.q", "torque"], {})
+    # the last pose of the turn equals the first
+    assert np.std(columns["torque"][:-1]) == pytest.approx(result.after, rel=1e-9)
     assert np.abs(np.cos(columns["B.q"])).max() <= np.cos(np.deg2rad(40.0)) * (1.0 + 1e-6)
-    assert sum(found.values.values()) <= 0.3
+    assert sum(result.values.values()) <= 0.3
 
 
-def test_counterweights_are_those_of_berkof_and_lowen():
-    found = searched("counterweights")
-    assert found.after <= 1e-12 * found.before
+def test_counterweights_equal_those_of_berkof_and_lowen():
+    result = search_result("counterweights")
+    assert result.after <= 1e-12 * result.before
     # the coupler's 0.25 kg at (0.45, 0.1) of AB, taken to A and B; links of 0.1 and 0.2 kg at their middles
     crank, rocker = 32e-3, 74e-3
     exact = {
@@ -55,41 +55,41 @@ def test_counterweights_are_those_of_berkof_and_lowen():
         "rocker_y": -0.25 * 0.1 * rocker / 0.5,
     }
     for name, value in exact.items():
-        assert found.values[name] == pytest.approx(value, rel=1e-9)
+        assert result.values[name] == pytest.approx(value, rel=1e-9)
 
 
 @pytest.mark.slow
-def test_a_generated_function_is_the_nearest_of_its_neighbours():
-    found = searched("function_generation")
-    assert found.after < 0.05 * found.before
+def test_a_generated_function_is_a_local_minimum():
+    result = search_result("function_generation")
+    assert result.after < 0.05 * result.before
     names = runpy.run_path(str(EXAMPLES / "function_generation.py"))
-    free = [name for name in found.values if name not in found.at_bounds]
+    free = [name for name in result.values if name not in result.at_bounds]
     assert free
 
-    def missed(values):
-        return np.sqrt(np.square(names["off"](found.moved.values(["rocker.q"], values))).mean())
+    def deviation(values):
+        return np.sqrt(np.square(names["off"](result.moved.values(["rocker.q"], values))).mean())
 
-    assert missed({}) == pytest.approx(found.after, rel=1e-9)
-    for part in (0.999, 1.001):
-        assert missed({free[0]: part * found.values[free[0]]}) > found.after
+    assert deviation({}) == pytest.approx(result.after, rel=1e-9)
+    for factor in (0.999, 1.001):
+        assert deviation({free[0]: factor * result.values[free[0]]}) > result.after
 
 
-def test_a_limit_that_cannot_be_kept_is_stated_to_be_missed():
+def test_an_infeasible_limit_is_reported_as_missed():
     start = ms.moved("four_bar", angles=TURN)
-    found = ms.optimise(
+    result = ms.optimise(
         start, {"rocker": (0.07, 0.08)}, "rms:rocker.v", [MeasureLimit("range:rocker", low=6.0)]
     )
-    assert found.outcome == "limits missed"
+    assert result.outcome == "limits missed"
 
 
-def test_a_search_goes_back_from_where_no_crank_turns():
+def test_a_search_returns_from_infeasible_designs():
     start = ms.moved("four_bar", angles=TURN)
-    # the most swing is where the crank hardly turns: beyond, the loops are open
+    # the largest swing is at the border of a full turn; beyond it the loops do not close
     grown = Goal(("rocker.q",), lambda given: 3.0 - largest(given["rocker.q"]) + smallest(given["rocker.q"]))
-    found = ms.optimise(start, {"crank": (0.02, 0.2)}, grown, most=3)
-    assert found.outcome == "not converged"
-    assert 0.032 <= found.values["crank"] < 0.0571
-    assert found.moved.values(["rocker.q"], {})["rocker.q"].shape == TURN.shape
+    result = ms.optimise(start, {"crank": (0.02, 0.2)}, grown, most=3)
+    assert result.outcome == "not converged"
+    assert 0.032 <= result.values["crank"] < 0.0571
+    assert result.moved.values(["rocker.q"], {})["rocker.q"].shape == TURN.shape
 
 
 @pytest.mark.parametrize(
@@ -110,25 +110,25 @@ def test_a_search_goes_back_from_where_no_crank_turns():
         ({}, "rms:torque", "no dimension may vary"),
     ],
 )
-def test_what_cannot_be_searched_is_rejected_in_one_line(vary, goal, output):
+def test_an_invalid_search_is_rejected(vary, goal, output):
     with pytest.raises(InputError, match=output):
         ms.optimise(ms.moved("four_bar", angles=TURN), vary, goal)
 
 
-def test_a_function_that_loses_its_derivative_is_rejected():
-    lost = Goal(("rocker.v",), lambda given: np.abs(given["rocker.v"]))
+def test_a_goal_without_derivative_is_rejected():
+    not_differentiable = Goal(("rocker.v",), lambda given: np.abs(given["rocker.v"]))
     with pytest.raises(InputError, match="loses the derivative"):
-        ms.optimise(ms.moved("four_bar", angles=TURN), {"crank": (0.01, 0.04)}, lost)
+        ms.optimise(ms.moved("four_bar", angles=TURN), {"crank": (0.01, 0.04)}, not_differentiable)
 
 
-def test_a_limit_needs_a_bound():
+def test_a_limit_without_a_bound_is_rejected():
     with pytest.raises(InputError, match="has no bound"):
         Limit((), lambda given: given["crank"])
     with pytest.raises(InputError, match="range:rocker has no bound"):
         ms.optimise("four_bar", {"crank": (0.01, 0.04)}, "rms:torque", [MeasureLimit("range:rocker")])
 
 
-WORDS = [
+MEASURES = [
     "range:rocker",
     "stroke:C",
     "max:C.vx",
@@ -140,17 +140,19 @@ WORDS = [
 ]
 
 
-@pytest.mark.parametrize("word", WORDS)
-def test_a_measure_is_the_one_of_a_sweep_and_its_jacobian_that_of_two_sweeps(word):
+@pytest.mark.parametrize("text", MEASURES)
+def test_measures_and_derivatives_equal_those_of_sweeps(text):
     start, step = ms.moved("four_bar", angles=TURN, speed=10.0), 2.0**-14
-    goal, name = goal_of(word, start), "coupler"
-    found = start.derivatives(start.quantities(goal.quantities), [name])
-    alike = {item: stepped(values, found.by[name][item]) for item, values in found.values.items()}
-    value = limit_of(MeasureLimit(word, low=0.0), start).function(alike)
-    beside = 0.091 + step * np.array([-1.0, 0.0, 1.0])
-    swept = ms.sweep("four_bar", {name: beside}, measure=[word], samples=12, speed=10.0)[word].values
+    goal, name = goal_of(text, start), "coupler"
+    result = start.derivatives(start.quantities(goal.quantities), [name])
+    with_derivatives = {
+        item: stepped(values, result.by[name][item]) for item, values in result.values.items()
+    }
+    value = limit_of(MeasureLimit(text, low=0.0), start).function(with_derivatives)
+    lengths = 0.091 + step * np.array([-1.0, 0.0, 1.0])
+    swept = ms.sweep("four_bar", {name: lengths}, measure=[text], samples=12, speed=10.0)[text].values
     assert np.real(value) == pytest.approx(swept[1], rel=1e-9)
-    # of second order, of steps a thousandth of the coupler
+    # central differences with steps of a thousandth of the coupler
     assert change_of(value) == pytest.approx((swept[2] - swept[0]) / (2.0 * step), rel=1e-4)
-    least = np.sqrt(np.square(goal.function(found.values)).mean())
-    assert least == pytest.approx(abs(swept[1]), rel=1e-9)
+    root_mean_square = np.sqrt(np.square(goal.function(result.values)).mean())
+    assert root_mean_square == pytest.approx(abs(swept[1]), rel=1e-9)

@@ -1,4 +1,4 @@
-"""`validate` of an MJCF file: the file's own settings are reported, and count where a tolerance is given."""
+"""`validate` of an MJCF file reports the file's own settings and checks them against a given tolerance."""
 
 import json
 
@@ -29,26 +29,26 @@ def loaded(path, law=LAW):
 
 
 def plain_gap(path):
-    """Return how far the loop opens in plain MuJoCo, its servo fed by hand, every step looked at."""
+    """Return the largest loop-closure error over all steps in plain MuJoCo under the same control."""
     model = mujoco.MjModel.from_xml_path(str(path))
-    data, widest = mujoco.MjData(model), 0.0
+    data, largest = mujoco.MjData(model), 0.0
     sides = [("coupler", model.eq_data[0, :3]), ("rocker", model.eq_data[0, 3:6])]
     while data.time < DURATION - 1e-9:
         data.ctrl[0] = 0.3 * np.sin(2 * np.pi * data.time)
         mujoco.mj_step(model, data)
         mujoco.mj_kinematics(model, data)
-        # where the state is, not where it was when the step began
+        # positions of the current state and not of the start of the step
         first, second = (
             data.body(name).xpos + data.body(name).xmat.reshape(3, 3) @ anchor for name, anchor in sides
         )
-        widest = max(widest, float(np.linalg.norm(first - second)))
-    return widest
+        largest = max(largest, float(np.linalg.norm(first - second)))
+    return largest
 
 
 SOFT = ('solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"', 'solref="0.02 1"')
 
 
-def test_a_file_with_soft_loops_is_reported_as_published(tmp_path):
+def test_compliant_loops_of_a_file_are_reported_with_its_settings(tmp_path):
     path = scene(tmp_path, SOFT)
     case = case_of(loaded(path))
     assert case.passed, case.verdict
@@ -61,7 +61,7 @@ def test_a_file_with_soft_loops_is_reported_as_published(tmp_path):
     )
 
 
-def test_the_files_own_settings_count_where_a_tolerance_is_given(tmp_path):
+def test_a_given_tolerance_applies_to_the_settings_of_the_file(tmp_path):
     path = scene(tmp_path, SOFT)
     gap = case_of(loaded(path)).published.gap
     wide, tight = (case_of(loaded(path), tolerance=part * gap) for part in (10.0, 0.5))
@@ -73,7 +73,7 @@ def test_the_files_own_settings_count_where_a_tolerance_is_given(tmp_path):
     assert "timestep 1 ms" in rows["as published: loop residual"].reason
 
 
-def test_a_file_that_diverges_with_its_own_settings_is_reported_and_fails_with_a_tolerance(tmp_path):
+def test_a_file_that_diverges_with_its_own_settings_fails(tmp_path):
     path = scene(tmp_path, ('kp="10"', 'kp="1e7"'))
     case = case_of(loaded(path), tolerance=1e-3)
     assert case.published.note
@@ -81,11 +81,11 @@ def test_a_file_that_diverges_with_its_own_settings_is_reported_and_fails_with_a
     assert case.verdict.outcome == "diverged"
 
 
-def test_the_command_prints_both_settings_and_json_has_the_published_run(tmp_path, monkeypatch, capsys):
+def test_the_command_reports_both_runs_as_text_and_json(tmp_path, monkeypatch, capsys):
     path = scene(tmp_path, SOFT)
-    words = ["mechsim", "validate", str(path), "--drive", f"crank={LAW}", "--duration", f"{DURATION}s"]
+    arguments = ["mechsim", "validate", str(path), "--drive", f"crank={LAW}", "--duration", f"{DURATION}s"]
     for more, code in (([], 0), (["--json"], 0), (["--tolerance", "1nm", "--json"], 1)):
-        monkeypatch.setattr("sys.argv", [*words, *more])
+        monkeypatch.setattr("sys.argv", [*arguments, *more])
         with pytest.raises(SystemExit) as ended:
             main()
         assert ended.value.code == code
@@ -100,7 +100,7 @@ def test_the_command_prints_both_settings_and_json_has_the_published_run(tmp_pat
         assert [item["kind"] for item in reported["findings"]][-1] == "published"
 
 
-def test_the_run_as_published_starts_in_the_keyframe_that_is_requested_for(tmp_path):
+def test_the_published_run_starts_at_the_requested_keyframe(tmp_path):
     first, _ = published_scene(loaded(scene(tmp_path)))
     there = " ".join(repr(float(value)) for value in first.closure.moved_to(first.start[0], {"crank": 0.5}))
     key = f'<keyframe><key name="out" qpos="{there}"/></keyframe></mujoco>'
@@ -112,14 +112,14 @@ def test_the_run_as_published_starts_in_the_keyframe_that_is_requested_for(tmp_p
     assert first.start[0][0] == 0.0
 
 
-def test_a_valid_scene_passes_however_short_its_stroke_is(tmp_path):
+def test_a_valid_scene_passes_at_any_stroke(tmp_path):
     path = scene(tmp_path)
     for amplitude in (1e-2, 1e-3):
         case = case_of(loaded(path, f"{amplitude}*sin(6*pi*t)"))
         assert case.passed, case.verdict
 
 
-def test_the_default_tolerance_is_of_the_size_where_the_stroke_is_shorter():
+def test_the_default_tolerance_of_a_short_stroke_uses_the_size():
     form = ms.catalog.make("four_bar")
     mechanism, motion = form.mechanism, form.solve([0.50, 0.51, 0.52])
     stroke, size = stroke_of(motion), mechanism.characteristic_length

@@ -30,8 +30,8 @@ from mechsim.subjects.readers import load
 
 SIZE = 0.07
 BOUND = 1e-4 * SIZE
-FED = "0.5*sin(2*pi*t)"
-# what a user's scene has next to its mechanism: a fan nothing joins, ornaments, a ball that lies on a table
+CONTROL = "0.5*sin(2*pi*t)"
+# a scene with more than its mechanism: a disconnected fan, visual-only geoms, a ball on a table
 CLUTTER = FINGER.replace(
     "</worldbody>",
     """<light name="lamp" pos="0 0 1"/>
@@ -44,25 +44,25 @@ CLUTTER = FINGER.replace(
 ).replace('<joint name="elbow"/>', '<joint name="elbow" range="-170 170" limited="true"/>')
 
 
-def scene(folder, text, *, ctrl=FED, drive=None, duration=0.5, track=("tip,pad@0.02,0,0",)):
+def scene(folder, text, *, ctrl=CONTROL, drive=None, duration=0.5, track=("tip,pad@0.02,0,0",)):
     path = folder / "scene.xml"
     path.write_text(text)
     form = load(str(path), drive=drive, track=track)
     motion_laws = form.motion_laws.by_name
-    fed = control_laws({"servo": ctrl} if ctrl else {})
-    made = scene_of(
+    control = control_laws({"servo": ctrl} if ctrl else {})
+    scene_object = scene_of(
         form.source,
         form.mechanism,
         joint_laws=motion_laws,
-        ctrl=fed,
+        ctrl=control,
         duration=duration,
         points=dict(form.mechanism.points),
     )
-    return made, mujoco.MjSpec.from_file(str(path))
+    return scene_object, mujoco.MjSpec.from_file(str(path))
 
 
 def few_trials(patch):
-    """Let a search try few steps and time them roughly."""
+    """Restrict a search to few step sizes and short timings."""
     patch.setattr(stepping, "STEP_RATIOS", (1, 2, 4))
     patch.setattr(run, "MIN_MEASURED_TIME", 1e-4)
     patch.setattr(refitting, "SECONDS", 0.0)
@@ -72,18 +72,18 @@ def observed(evaluator):
     return observe(evaluator.spec, evaluator.full, evaluator.tracked_bodies, BOUND)
 
 
-def path_of(text, body, program, duration):
-    """Return times and places of a point of a body in plain MuJoCo, fed in a loop."""
+def path_of(text, body, law, duration):
+    """Return times and positions of a point of a body in plain MuJoCo under control."""
     model = mujoco.MjModel.from_xml_string(text)
     data, servo = mujoco.MjData(model), model.actuator("servo").id
-    found = []
+    rows = []
     while data.time < duration - 0.5 * model.opt.timestep:
-        data.ctrl[servo] = program(data.time)
+        data.ctrl[servo] = law(data.time)
         mujoco.mj_step(model, data)
         mujoco.mj_kinematics(model, data)
         turn = data.body(body).xmat.reshape(3, 3)
-        found.append((data.time, *(data.body(body).xpos + turn @ (0.02, 0.0, 0.0))))
-    return np.array(found)
+        rows.append((data.time, *(data.body(body).xpos + turn @ (0.02, 0.0, 0.0))))
+    return np.array(rows)
 
 
 @pytest.fixture(scope="module")
@@ -93,30 +93,31 @@ def cluttered(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def found(cluttered):
+def rows(cluttered):
     with pytest.MonkeyPatch.context() as patch:
         few_trials(patch)
         return reduce_scene(*cluttered[:2], BOUND)
 
 
 @pytest.mark.slow
-def test_a_reduced_scene_keeps_the_tolerance_in_plain_mujoco_over_motions_not_used_to_choose(found):
-    text = with_comment(found, "scene.xml", BOUND, "m")
-    assert found.kept(BOUND)
-    assert found.left_out
-    for program in (lambda t: 0.5 * np.sin(2 * np.pi * t), lambda t: 0.4 * np.sin(9 * t) ** 2):
-        full, reduced_model = (path_of(scene_text, "pad", program, 0.5) for scene_text in (CLUTTER, text))
-        there = [np.interp(reduced_model[:, 0], full[:, 0], full[:, i]) for i in (1, 2, 3)]
-        between = np.abs(np.diff(full[:, 1:], 2, axis=0)).max() / 8.0  # what linear interpolation leaves
+def test_a_reduced_scene_satisfies_its_tolerance_in_other_motions(rows):
+    text = with_comment(rows, "scene.xml", BOUND, "m")
+    assert rows.kept(BOUND)
+    assert rows.left_out
+    for law in (lambda t: 0.5 * np.sin(2 * np.pi * t), lambda t: 0.4 * np.sin(9 * t) ** 2):
+        full, reduced_model = (path_of(scene_text, "pad", law, 0.5) for scene_text in (CLUTTER, text))
+        interpolated = [np.interp(reduced_model[:, 0], full[:, 0], full[:, i]) for i in (1, 2, 3)]
+        between = np.abs(np.diff(full[:, 1:], 2, axis=0)).max() / 8.0  # error of linear interpolation
         assert (
-            np.linalg.norm(reduced_model[:, 1:] - np.transpose(there), axis=1).max() <= BOUND + 2.0 * between
+            np.linalg.norm(reduced_model[:, 1:] - np.transpose(interpolated), axis=1).max()
+            <= BOUND + 2.0 * between
         )
 
 
-def test_what_was_left_out_is_reported_in_the_file_and_what_is_needed_is_still_there(found):
-    text = with_comment(found, "scene.xml", BOUND, "m")
+def test_the_file_lists_removed_elements_and_keeps_needed_ones(rows):
+    text = with_comment(rows, "scene.xml", BOUND, "m")
     model = mujoco.MjModel.from_xml_string(text)
-    assert [item.candidate.what in text for item in found.left_out] == [True] * len(found.left_out)
+    assert [item.candidate.what in text for item in rows.left_out] == [True] * len(rows.left_out)
     joints = {model.joint(j).name for j in range(model.njnt)}
     assert "fan" not in joints
     assert {"knuckle", "pivot", "elbow", "swing"} <= joints
@@ -124,39 +125,39 @@ def test_what_was_left_out_is_reported_in_the_file_and_what_is_needed_is_still_t
     assert model.actuator("servo").id == 0
 
 
-def test_geoms_that_touch_stay_and_others_go_with_their_mass_kept(cluttered):
+def test_only_geoms_without_contact_are_removed_at_constant_mass(cluttered):
     _, _, evaluator = cluttered
-    found = observed(evaluator)
-    assert found.touched == {"table", "ball"}
-    (away,) = contacts(found)
-    spec = with_candidate(evaluator.spec, away)
+    rows = observed(evaluator)
+    assert rows.touched == {"table", "ball"}
+    (removal,) = contacts(rows)
+    spec = with_candidate(evaluator.spec, removal)
     assert (spec.geom("blade").contype, spec.geom("ball").contype) == (0, 1)
-    geoms = next(c for c in visual_elements(found) if "geoms" in c.what)
+    geoms = next(c for c in visual_elements(rows) if "geoms" in c.what)
     reduced_model = with_candidate(evaluator.spec, geoms).compile()
     assert {reduced_model.geom(g).name for g in range(reduced_model.ngeom)} == {"table", "ball"}
     whole = evaluator.spec.copy().compile()
     assert np.allclose(reduced_model.body_mass, whole.body_mass, rtol=1e-15)
 
 
-def test_only_what_nothing_joins_is_apart(cluttered):
+def test_only_disconnected_bodies_are_removed(cluttered):
     _, _, evaluator = cluttered
-    (away,) = disconnected_bodies(observed(evaluator))
-    reduced_model = with_candidate(evaluator.spec, away).compile()
+    (removal,) = disconnected_bodies(observed(evaluator))
+    reduced_model = with_candidate(evaluator.spec, removal).compile()
     left = {reduced_model.body(b).name for b in range(reduced_model.nbody)}
     assert left == {"world", "crank", "rod", "lever", "pad", "shelf"}
 
 
-def test_a_limit_that_is_reached_stays(tmp_path):
+def test_a_reached_limit_is_kept(tmp_path):
     text = CLUTTER.replace('name="knuckle"', 'name="knuckle" range="-15 15" limited="true"')
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, text))
-    away, reached = limits(observed(evaluator))
+    removal, reached = limits(observed(evaluator))
     assert "knuckle" in reached.what
-    reduced_model = with_candidate(evaluator.spec, away).compile()
+    reduced_model = with_candidate(evaluator.spec, removal).compile()
     assert reduced_model.jnt_limited[reduced_model.joint("knuckle").id]
     assert not reduced_model.jnt_limited[reduced_model.joint("elbow").id]
 
 
-def test_a_spelled_out_scene_is_the_same_scene(cluttered):
+def test_a_normalised_scene_moves_as_the_original(cluttered):
     _, spec, evaluator = cluttered
     plain, named = spec.copy().compile(), evaluator.spec.copy().compile()
     states = []
@@ -168,7 +169,7 @@ def test_a_spelled_out_scene_is_the_same_scene(cluttered):
     assert np.abs(states[0] - states[1]).max() < 1e-12
 
 
-def test_the_bench_rejects_a_scene_that_lacks_what_it_needs(cluttered):
+def test_the_evaluator_rejects_a_scene_without_a_needed_element(cluttered):
     _, _, evaluator = cluttered
     assert evaluator.errors(evaluator.scene(evaluator.spec)).trajectory == 0.0
     spring = next(c for c in springs(observed(evaluator)) if c.what == "spring of swing")
@@ -180,7 +181,7 @@ def test_the_bench_rejects_a_scene_that_lacks_what_it_needs(cluttered):
     assert wrong.energy > 1e-5
 
 
-def test_what_the_motion_needs_cannot_be_left_out(cluttered):
+def test_driven_elements_cannot_be_removed(cluttered):
     _, _, evaluator = cluttered
     spec = evaluator.spec.copy()
     spec.delete(spec.actuator("servo"))
@@ -190,7 +191,7 @@ def test_what_the_motion_needs_cannot_be_left_out(cluttered):
         bodies.fuse(evaluator.spec.copy(), "knuckle", 0.0)
 
 
-def test_a_fused_joint_leaves_its_body_where_it_stood(tmp_path):
+def test_a_fused_joint_keeps_the_pose_of_its_body(tmp_path):
     spec = normalised(scene(tmp_path, FINGER)[1])
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -205,34 +206,34 @@ def test_a_fused_joint_leaves_its_body_where_it_stood(tmp_path):
     assert np.allclose(data.body("pad").xquat, pad[1], atol=1e-15)
 
 
-def test_a_second_motion_starts_as_the_first_and_its_rates_are_its_own(tmp_path):
+def test_a_second_motion_has_the_same_start_and_consistent_rates(tmp_path):
     user, _ = scene(tmp_path, FINGER, ctrl="", drive={"knuckle": "0.4*sin(7*t)+0.3*t"})
     other = second_motion(user)
-    first, two = (of.joint_laws["knuckle"] for of in (user, other))
+    first, second = (of.joint_laws["knuckle"] for of in (user, other))
     time, h = np.linspace(0.01, 0.49, 40), 1e-6
-    value, rate, acceleration = two(time)
-    assert two(np.zeros(1))[0] == first(np.zeros(1))[0]
-    assert two(np.zeros(1))[1] == pytest.approx(RANGE_RATIO * first(np.zeros(1))[1])
-    assert np.allclose((two(time + h)[0] - two(time - h)[0]) / (2 * h), rate, atol=1e-8)
-    assert np.allclose((two(time + h)[1] - two(time - h)[1]) / (2 * h), acceleration, atol=1e-7)
+    value, rate, acceleration = second(time)
+    assert second(np.zeros(1))[0] == first(np.zeros(1))[0]
+    assert second(np.zeros(1))[1] == pytest.approx(RANGE_RATIO * first(np.zeros(1))[1])
+    assert np.allclose((second(time + h)[0] - second(time - h)[0]) / (2 * h), rate, atol=1e-8)
+    assert np.allclose((second(time + h)[1] - second(time - h)[1]) / (2 * h), acceleration, atol=1e-7)
     assert np.abs(value - first(time)[0]).max() > 0.05
     assert np.allclose(other.start[1], RANGE_RATIO * user.start[1])
 
 
-@pytest.mark.parametrize("times", [2, 4, 8])
-def test_a_loop_gives_as_much_under_a_load_whatever_the_step(times):
+@pytest.mark.parametrize("step_ratio", [2, 4, 8])
+def test_loop_compliance_is_independent_of_the_step(step_ratio):
     text = """<mujoco><option timestep="0.0005" gravity="0 0 -9.81"/><worldbody><body name="a">
     <freejoint/><geom size="0.1" mass="2"/></body></worldbody>
     <equality><connect name="c" body1="a" anchor="0 0 0" solref="0.001 1"/></equality></mujoco>"""
     sags = []
-    for wanted in (1, times):
+    for ratio in (1, step_ratio):
         spec = normalised(mujoco.MjSpec.from_string(text))
-        if wanted > 1:
-            stepping.keep_stiffness(spec, 0.0005, 0.0005 * wanted)
-            spec.option.timestep = 0.0005 * wanted
+        if ratio > 1:
+            stepping.keep_stiffness(spec, 0.0005, 0.0005 * ratio)
+            spec.option.timestep = 0.0005 * ratio
         model = spec.compile()
         data = mujoco.MjData(model)
-        mujoco.mj_step(model, data, 400 // wanted)
+        mujoco.mj_step(model, data, 400 // ratio)
         sags.append(data.qpos[2])
     assert sags[0] < -1e-7
     assert sags[1] == pytest.approx(sags[0], rel=1e-3)
@@ -244,13 +245,13 @@ SERVO = """<mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody><body na
 
 
 @pytest.mark.parametrize("integrator", [stepping.EULER, stepping.IMPLICITFAST])
-def test_an_armature_makes_good_what_a_longer_step_does_to_a_damper(tmp_path, integrator):
+def test_an_armature_compensates_a_longer_step_of_a_damper(tmp_path, integrator):
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, SERVO, track=("P,arm@0.1,0,0",)))
     worst = {}
-    for made_good in (True, False):
+    for compensated in (True, False):
         spec = evaluator.spec.copy()
-        stepping.set_stepping(spec, 4, int(integrator), made_good)
-        worst[made_good] = evaluator.errors(evaluator.scene(spec)).trajectory
+        stepping.set_stepping(spec, 4, int(integrator), compensated)
+        worst[compensated] = evaluator.errors(evaluator.scene(spec)).trajectory
     assert worst[True] < 0.1 * worst[False]
 
 
@@ -260,7 +261,7 @@ def test_a_scene_that_diverges_is_rejected(tmp_path):
         reduce_scene(user, spec, 1e-5)
 
 
-JUMPY = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
+SPRING_AND_COUPLING = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
 <inertial mass="0.1" pos="0.05 0 0" diaginertia="1e-4 1e-4 1e-4"/>
 <joint name="j" axis="0 0 1" armature="0.01" damping="0.1"/>
 <body name="pad" pos="0.1 0 0"><inertial mass="0.02" pos="0.02 0 0" diaginertia="1e-5 1e-5 1e-5"/>
@@ -271,29 +272,29 @@ JUMPY = """<mujoco><option timestep="0.002"/><worldbody><body name="arm">
 
 
 @pytest.mark.slow
-def test_longer_steps_fitted_to_two_motions_hold_over_a_third_where_others_do_not(tmp_path):
-    user, spec = scene(tmp_path, JUMPY, ctrl="0.05*sin(2*pi*t)", duration=0.2)
+def test_fitted_longer_steps_satisfy_the_tolerance_in_a_third_motion(tmp_path):
+    user, spec = scene(tmp_path, SPRING_AND_COUPLING, ctrl="0.05*sin(2*pi*t)", duration=0.2)
     evaluator, to_fit, held_back = (
         ReducedSceneEvaluator.from_scene(of, spec) for of in (user, motion_to_fit(user), second_motion(user))
     )
-    found = refit((evaluator, to_fit), observed(evaluator), 2, {})
+    rows = refit((evaluator, to_fit), observed(evaluator), 2, {})
     plain = evaluator.spec.copy()
     stepping.set_longer_steps(plain, 2, int(stepping.EULER))
-    fitted = with_candidate(evaluator.spec, found.candidate)
+    fitted = with_candidate(evaluator.spec, rows.candidate)
     errors = {
         kind: held_back.errors(held_back.scene(of)).trajectory
         for kind, of in (("fitted", fitted), ("plain", plain))
     }
-    assert found.error < refitting.GOAL * BOUND
+    assert rows.error < refitting.GOAL * BOUND
     assert errors["fitted"] < 0.5 * BOUND
     assert errors["plain"] > 5.0 * BOUND
-    # what was fitted stands in the file
+    # the fitted values are in the file
     assert np.allclose(
         mujoco.MjModel.from_xml_string(fitted.to_xml()).dof_armature, fitted.compile().dof_armature, rtol=1e-5
     )
 
 
-def test_numbers_fitted_to_a_part_that_is_not_there_do_not_apply():
+def test_parameters_of_a_missing_element_do_not_apply():
     spec = mujoco.MjSpec.from_string(FINGER)
     parameter = Parameter("equality", ("elbow_of_knuckle",), (("eq_solref", 0),))
     fitted = RemovalCandidate("stepping", "fitted", lambda spec: set_in_spec(spec, [parameter], np.ones(1)))
@@ -301,7 +302,7 @@ def test_numbers_fitted_to_a_part_that_is_not_there_do_not_apply():
         with_candidate(spec, fitted)
 
 
-def test_a_tracked_point_that_stays_where_it_is_is_rejected(tmp_path):
+def test_a_stationary_tracked_point_is_rejected(tmp_path):
     user, spec = scene(tmp_path, SERVO, track=("P,arm@0,0,0",))
     with pytest.raises(InputError, match=r"move by only 0 m.* track a point that moves"):
         reduce_scene(user, spec, 1e-5)

@@ -1,4 +1,4 @@
-"""Families of what may be left out: each changes a scene as it says, and one that must not is rejected."""
+"""Families of removal candidates: each changes a scene as stated, and a wrong one is rejected."""
 
 import mujoco
 import numpy as np
@@ -25,25 +25,25 @@ HANDS = """<mujoco><worldbody>{0}{1}</worldbody>
 <actuator><position name="servo" tendon="both" kp="2" kv="0.05"/></actuator></mujoco>"""
 
 
-NAIL = """<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>"""
+SMALL_BODY = """<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>"""
 
 
 def hands(masses=(0.1, 0.1)):
     return HANDS.format(SIDE.format("left", 0.1, masses[0]), SIDE.format("right", -0.1, masses[1]))
 
 
-def test_a_twin_goes_and_what_stays_moves_as_before_unless_it_was_none(tmp_path):
+def test_only_an_exact_mirrored_mechanism_is_removed_without_error(tmp_path):
     for masses, same in (((0.1, 0.1), True), ((0.1, 0.3), False)):
         evaluator = ReducedSceneEvaluator.from_scene(
             *scene(tmp_path, hands(masses), track=("P,left@0.06,0,0",))
         )
-        (away,) = mirrored_mechanisms(observed(evaluator))
-        reduced_model = evaluator.scene(with_candidate(evaluator.spec, away))
+        (removal,) = mirrored_mechanisms(observed(evaluator))
+        reduced_model = evaluator.scene(with_candidate(evaluator.spec, removal))
         assert [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)] == ["left"]
         assert (evaluator.errors(reduced_model).trajectory < 1e-12) is same
 
 
-def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
+def test_a_rod_becomes_a_length_with_the_same_mass(tmp_path):
     smooth = FINGER.replace('name="elbow"', 'name="elbow" damping="0"')
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, smooth, track=("P,lever@0,0.06,0",)))
     result = observed(evaluator)
@@ -61,18 +61,18 @@ def test_a_rod_is_a_length_between_its_ends_and_weighs_as_much(tmp_path):
     assert evaluator.errors(evaluator.scene(longer)).trajectory > 5e-4
 
 
-def test_a_leaf_of_which_nothing_is_tracked_is_fused_halfway(tmp_path):
+def test_an_untracked_leaf_is_fused(tmp_path):
     evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, FINGER, track=("P,lever@0,0.06,0",)))
-    ways = {direction.what: direction for direction in passive_chains(observed(evaluator))}
-    leaf = next(direction for what, direction in ways.items() if "pad" in what)
+    removals = {direction.what: direction for direction in passive_chains(observed(evaluator))}
+    leaf = next(direction for what, direction in removals.items() if "pad" in what)
     reduced_model = evaluator.scene(with_candidate(evaluator.spec, leaf))
     assert "swing" not in [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)]
     assert evaluator.errors(reduced_model).trajectory < 10 * BOUND
-    loop = next(direction for what, direction in ways.items() if "closing" in what)
+    loop = next(direction for what, direction in removals.items() if "closing" in what)
     assert evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, loop))).trajectory > 1e-3
 
 
-def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
+def test_jointless_bodies_are_merged(tmp_path):
     text = FINGER.replace('name="swing" stiffness="0.05" damping="0.001"', 'name="swing"').replace(
         '<joint name="swing"/>',
         '<body name="nail"><inertial mass="1e-3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>',
@@ -89,7 +89,7 @@ def test_bodies_without_joints_are_merged_except_those_that_are_named(tmp_path):
     assert reduced_model.nbody < evaluator.named.nbody
 
 
-def test_a_weight_added_keeps_mass_centre_and_moments(tmp_path):
+def test_an_added_mass_updates_centre_and_moments(tmp_path):
     model = ReducedSceneEvaluator.from_scene(*scene(tmp_path, FINGER)).named
     body, turn = model.body("rod").id, np.empty(9)
     own = float(model.body_mass[body]), model.body_ipos[body].copy(), model.body_inertia[body].copy()
@@ -104,25 +104,25 @@ def test_a_weight_added_keeps_mass_centre_and_moments(tmp_path):
     assert np.allclose(origin, np.diag(own[2]) + about(own[0], own[1]) + about(mass, at), atol=1e-18)
 
 
-def test_the_best_polynomial_errs_as_chebyshevs_does_and_takes_no_degree_it_does_not_need():
+def test_the_best_polynomial_has_minimum_degree_and_chebyshev_error():
     x = np.linspace(-1.0, 1.0, 2001)
-    # the best cubic for x^4 leaves T4 / 8; degree 4 leaves nothing
+    # the error of the best cubic for x^4 is T4 / 8; degree 4 is exact
     fit = joint_polynomials.best_polynomial(x, x**4, 1e-6)
     assert fit.degree() == 4
     assert np.abs(fit(x) - x**4).max() < 1e-7
-    five = joint_polynomials.best_polynomial(x, x**5, 1e-2)
-    # the best quartic for x^5 leaves T5 / 16
-    assert np.abs(five(x) - x**5).max() == pytest.approx(1 / 16, rel=0.05)
+    quartic = joint_polynomials.best_polynomial(x, x**5, 1e-2)
+    # the error of the best quartic for x^5 is T5 / 16
+    assert np.abs(quartic(x) - x**5).max() == pytest.approx(1 / 16, rel=0.05)
     assert joint_polynomials.best_polynomial(x, np.sin(9 * x), 1e-6) is None
     assert joint_polynomials.best_polynomial(x, 2.0 + 3.0 * x, 1e-6).degree() == 1
 
 
-def test_a_loop_is_what_it_does_to_its_joints_and_what_goes_is_made_up_for_on_the_crank(tmp_path):
+def test_a_loop_becomes_joint_polynomials_with_reflected_inertia(tmp_path):
     rigid = FINGER.replace('<joint name="swing" stiffness="0.05" damping="0.001"/>', "")
-    hard = rigid.replace(
+    stiff = rigid.replace(
         'solref="0.005 1" solimp="0.95 0.99 0.001"', 'solref="0.004 1" solimp="0.9999 0.9999"'
     )
-    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, hard, track=("P,lever@0,0.06,0",)))
+    evaluator = ReducedSceneEvaluator.from_scene(*scene(tmp_path, stiff, track=("P,lever@0,0.06,0",)))
     needed, all_of_them = joint_polynomials.loops_as_polynomials(observed(evaluator))
     reduced_model = evaluator.scene(with_candidate(evaluator.spec, all_of_them))
     assert (reduced_model.model.nv, reduced_model.model.neq) == (3, 2)
@@ -132,7 +132,7 @@ def test_a_loop_is_what_it_does_to_its_joints_and_what_goes_is_made_up_for_on_th
     assert (reduced_model.model.nv, reduced_model.model.neq) == (2, 1)
     assert evaluator.errors(reduced_model).trajectory < 1e-4
     relations = joint_polynomials.joint_polynomials_of(observed(evaluator), "knuckle")
-    felt = [
+    reflected_inertia = [
         np.mean(
             [
                 joint_polynomials.reflected(model, relations, at)
@@ -142,6 +142,6 @@ def test_a_loop_is_what_it_does_to_its_joints_and_what_goes_is_made_up_for_on_th
         )
         for model in (evaluator.named, reduced_model.model)
     ]
-    # the rod that went is a tenth of the inertia
-    assert felt[1] == pytest.approx(felt[0], rel=1e-6, abs=1e-9)
+    # the removed rod contributes a tenth of the inertia
+    assert reflected_inertia[1] == pytest.approx(reflected_inertia[0], rel=1e-6, abs=1e-9)
     assert reduced_model.model.dof_armature[0] > 1.05 * evaluator.named.dof_armature[0]

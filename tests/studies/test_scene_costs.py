@@ -15,11 +15,11 @@ def costs(tmp_path_factory):
     return {item.what: item for item in result}
 
 
-def test_each_thing_is_turned_on_or_off_alone_and_checked_against_the_scene_as_it_is(costs):
-    own = costs["as it is"]
-    assert (own.error, own.ratio) == (0.0, 1.0)
+def test_each_option_is_changed_alone_and_compared_with_the_baseline(costs):
+    baseline = costs["as it is"]
+    assert (baseline.error, baseline.ratio) == (0.0, 1.0)
     model = mujoco.MjModel.from_xml_string(CLUTTER)
-    assert own.dofs == model.nv
+    assert baseline.dofs == model.nv
     for what in (
         "contacts off",
         "sensors off",
@@ -32,12 +32,12 @@ def test_each_thing_is_turned_on_or_off_alone_and_checked_against_the_scene_as_i
     assert costs["energy on"].error == costs["without 1 sensor"].error == 0.0
 
 
-def test_what_is_needed_is_seen_to_be(costs):
+def test_removing_a_needed_loop_gives_a_large_error(costs):
     loops = costs["without 1 loop"]
     assert loops.rows < costs["as it is"].rows
     assert loops.error > 1e-3
 
 
-def test_costs_of_a_scene_that_diverges_are_rejected(tmp_path):
+def test_costs_of_a_diverging_scene_are_rejected(tmp_path):
     with pytest.raises(InputError, match="diverges"):
         scene_costs(*scene(tmp_path, CLUTTER.replace('kv="0.02"', 'kv="50"')))

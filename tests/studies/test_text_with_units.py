@@ -1,4 +1,4 @@
-"""Quantities given as text with units in Python: the same results as numbers in SI, or one sentence."""
+"""Quantities as text with units in Python give the results of SI numbers, or an error."""
 
 import numpy as np
 import pytest
@@ -8,55 +8,57 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 
 RSSR = "rssr"
 FORM = ms.catalog.make(RSSR)
-# a turn a second, in rad/s
+# one turn per second, in rad/s
 ONE_TURN = ms.units.parse_speed("60rpm")
 
 
 def same(item, other):
-    """Whether two records hold the same columns, to the last bit."""
+    """Return whether two records have bitwise equal columns."""
     first, second = dict(item.columns()), dict(other.columns())
     return first.keys() == second.keys() and all(np.array_equal(first[k], second[k]) for k in first)
 
 
 def test_catalogue_parameters_are_read_with_units():
-    given = ms.catalog.make(RSSR, crank="14mm", gamma1="10deg", pivot=("39mm", -0.008, "4 mm"), branch="-1")
-    assert given == ms.catalog.make(
+    from_text = ms.catalog.make(
+        RSSR, crank="14mm", gamma1="10deg", pivot=("39mm", -0.008, "4 mm"), branch="-1"
+    )
+    assert from_text == ms.catalog.make(
         RSSR, crank=0.014, gamma1=np.deg2rad(10.0), pivot=(0.039, -0.008, 0.004), branch=-1
     )
     assert ms.catalog.make(RSSR, pivot="39,-8,4mm") == ms.catalog.make(RSSR, pivot=(0.039, -0.008, 0.004))
 
 
-def test_motions_take_speeds_and_angles_as_text():
+def test_motions_accept_speeds_and_angles_as_text():
     for form in (ms.catalog.make(RSSR), ms.load(RSSR)):
         expected = form.solve(np.deg2rad(np.arange(0, 91, 30)), ms.units.rpm(600))
-        given = form.solve("0:90:30deg", speed="600rpm")
-        np.testing.assert_allclose(given.angle, expected.angle, rtol=0, atol=1e-15)
-        np.testing.assert_array_equal(given.speed, expected.speed)
+        from_text = form.solve("0:90:30deg", speed="600rpm")
+        np.testing.assert_allclose(from_text.angle, expected.angle, rtol=0, atol=1e-15)
+        np.testing.assert_array_equal(from_text.speed, expected.speed)
     loops = ms.load("klann")
-    given, expected = loops.solve("0.1", speed="60rpm"), loops.solve([0.1], ONE_TURN)
-    assert same(given, expected)
+    from_text, expected = loops.solve("0.1", speed="60rpm"), loops.solve([0.1], ONE_TURN)
+    assert same(from_text, expected)
 
 
-def test_certificates_take_ends_as_text():
-    given, expected = (ms.certify(RSSR, ends) for ends in (("0deg", "20deg"), "0:20deg"))
-    assert given.certified
-    assert given.range == expected.range
+def test_certificates_accept_ends_as_text():
+    from_text, expected = (ms.certify(RSSR, ends) for ends in (("0deg", "20deg"), "0:20deg"))
+    assert from_text.certified
+    assert from_text.range == expected.range
 
 
-def test_runs_take_speeds_and_tolerances_as_text():
+def test_runs_accept_speeds_and_tolerances_as_text():
     form = ms.catalog.make(RSSR)
-    asked = {"samples": 8}
-    given = ms.simulate(form.mechanism, speed="600rpm", tolerance="10um", **asked)
-    expected = ms.simulate(form.mechanism, speed=20.0 * np.pi, tolerance=1e-5, **asked)
-    assert given.tolerance == 1e-5
-    assert same(given.motion, expected.motion)
+    options = {"samples": 8}
+    from_text = ms.simulate(form.mechanism, speed="600rpm", tolerance="10um", **options)
+    expected = ms.simulate(form.mechanism, speed=20.0 * np.pi, tolerance=1e-5, **options)
+    assert from_text.tolerance == 1e-5
+    assert same(from_text.motion, expected.motion)
 
 
-def test_dynamics_take_speeds_and_sizes_as_text():
+def test_dynamics_accept_speeds_and_sizes_as_text():
     machine = ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter="5mm")
     assert machine == ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter=0.005)
-    given = ms.dynamics.prescribed(machine, "0:90:45deg", "60rpm")
-    np.testing.assert_array_equal(given.forces.speed, np.full(3, ONE_TURN))
+    from_text = ms.dynamics.prescribed(machine, "0:90:45deg", "60rpm")
+    np.testing.assert_array_equal(from_text.forces.speed, np.full(3, ONE_TURN))
     assert same(
         driven(machine.mechanism, machine.forces, speed="60rpm", samples=4).forces,
         driven(machine.mechanism, machine.forces, speed=ONE_TURN, samples=4).forces,
@@ -68,7 +70,7 @@ def test_dynamics_take_speeds_and_sizes_as_text():
     assert free.speed[0] == pytest.approx(ONE_TURN, rel=1e-14)
 
 
-def test_comparisons_take_speeds_and_tolerances_as_text():
+def test_comparisons_accept_speeds_and_tolerances_as_text():
     form = ms.catalog.make("four_bar")
 
     def formula(crank):
@@ -79,11 +81,11 @@ def test_comparisons_take_speeds_and_tolerances_as_text():
     assert ms.validate(form, formula, tolerance="10um", stepped=False).passed
 
 
-def test_studies_take_speeds_as_text():
-    given = ms.sensitivity("four_bar", "C.vx", "crank", angles="0:90:45deg", speed="60rpm")
+def test_studies_accept_speeds_as_text():
+    from_text = ms.sensitivity("four_bar", "C.vx", "crank", angles="0:90:45deg", speed="60rpm")
     expected = ms.sensitivity("four_bar", "C.vx", "crank", angles=np.deg2rad([0, 45, 90]), speed=ONE_TURN)
     np.testing.assert_allclose(
-        given.derivatives("C.vx")["crank"], expected.derivatives("C.vx")["crank"], rtol=1e-13
+        from_text.derivatives("C.vx")["crank"], expected.derivatives("C.vx")["crank"], rtol=1e-13
     )
     swept = [
         ms.sweep("four_bar", {"crank": [0.03]}, "max:C.vx", speed=speed) for speed in ("60rpm", ONE_TURN)
@@ -116,6 +118,6 @@ def test_studies_take_speeds_as_text():
         (lambda: ms.validate(RSSR, dict, speed=None), "the speed is None; give a finite one"),
     ],
 )
-def test_text_that_is_no_such_quantity_ends_in_one_sentence(call, sentence):
+def test_text_of_another_quantity_is_rejected(call, sentence):
     with pytest.raises(ms.InputError, match=sentence):
         call()

@@ -1,4 +1,4 @@
-"""The ladder measured for real, on short budgets: points, fronts, references, the command and its files."""
+"""Trade-off measurements on short budgets: points, fronts, references, the command and its files."""
 
 import csv
 import json
@@ -58,7 +58,7 @@ def main_with(words):
         sys.argv = before
 
 
-def test_every_family_has_its_own_name_and_every_integrator_several():
+def test_stepping_methods_have_unique_names_and_several_per_integrator():
     names = [method.name for method in stepping_methods(catalog.make("rssr").mechanism)]
     assert len(set(names)) == len(names)
     for integrator in INTEGRATORS:
@@ -66,7 +66,7 @@ def test_every_family_has_its_own_name_and_every_integrator_several():
     assert sum("cut" in name for name in names) == len(possible_cuts(catalog.make("rssr").mechanism)) - 1
 
 
-def test_the_ladder_covers_drives_levels_and_reductions():
+def test_stepping_methods_cover_drives_levels_and_reductions():
     subject = subject_of(catalog.make("rssr"), SPEED)
     builds = [method.build for method in stepping_methods(subject.mechanism, subject.variants)]
     assert {build.crank_drive for build in builds} == {"drive_inertia", "geared", "servo"}
@@ -89,39 +89,39 @@ def built(found):
     return curve
 
 
-def test_a_geared_crank_is_as_good_as_a_flywheel_on_it(built):
+def test_a_geared_crank_is_as_accurate_as_a_drive_inertia(built):
     usual, geared = built(LOW_COMPLIANCE), built("geared crank")
     assert geared["drive"] < 1e-12
     assert geared["position"] == pytest.approx(usual["position"], rel=1e-3)
 
 
-def test_a_servo_lags_and_the_points_are_checked_where_the_crank_is(built):
+def test_points_of_a_lagging_servo_are_checked_at_the_actual_angle(built):
     servo = built(f"{LOW_COMPLIANCE}, servo")
     assert 1e-3 < servo["drive"] < 0.1
     assert servo["position"] < 1e-7
-    # the torque of the servo belongs to the acceleration too
+    # the acceleration includes the torque of the servo
     assert servo["acceleration"] < 1e-6
     assert built("implicitfast, 2 steps, servo")["drive"] < 1e-5
 
 
-def test_levels_move_alike_and_a_guided_coupler_too(built):
+def test_scene_levels_and_a_guided_coupler_move_equally(built):
     usual = built(LOW_COMPLIANCE)
     for suffix in ("level pose", "level dynamics", "level picture", "guided"):
         assert built(suffix)["position"] == pytest.approx(usual["position"], rel=0.2)
 
 
-def test_a_rod_that_is_only_a_length_is_stretched_and_reports_so(built):
-    lazy, quick = (built(f"{start}, coupler as a length") for start in (LOW_COMPLIANCE, "2 steps, 1e-08"))
-    assert lazy["loop"] > 0.1
-    assert quick["loop"] < 0.01
-    for errors in (lazy, quick):
+def test_a_rod_replaced_by_a_length_has_a_loop_error(built):
+    compliant, stiff = (built(f"{base}, coupler as a length") for base in (LOW_COMPLIANCE, "2 steps, 1e-08"))
+    assert compliant["loop"] > 0.1
+    assert stiff["loop"] < 0.01
+    for errors in (compliant, stiff):
         assert 0.5 * errors["loop"] < errors["position"] < 2.0 * errors["loop"]
 
 
 @pytest.mark.parametrize(
     ("name", "rod"), [("slider_crank", "rod"), ("rrsrr", None), ("looper", None), ("bennett", None)]
 )
-def test_only_a_rod_between_two_like_joints_is_a_length(name, rod):
+def test_only_a_rod_between_equal_joints_becomes_a_length(name, rod):
     assert rod_of(catalog.make(name).mechanism) == rod
 
 
@@ -129,7 +129,7 @@ def test_steps_record_the_same_instants():
     assert all(72 % n == 0 or n % 72 == 0 for n in STEPS)
 
 
-def test_all_points_were_measured_and_the_good_ones_timed_again(found):
+def test_all_points_are_measured_and_the_front_is_timed_again(found):
     assert found.left_out == 0
     assert {point.settings.steps_per_turn for point in found.points} == set(SHORT)
     assert all(len(point.times) == 5 for point in found.front())
@@ -143,16 +143,16 @@ def test_the_front_rises_in_cost_and_falls_in_error(found):
     assert front[-1].settings.integrator == "RK4"
 
 
-def test_fourth_order_where_it_is_claimed_and_none_in_the_defaults(found):
+def test_rk4_has_fourth_order_and_the_defaults_first(found):
     hard = found.order(found.curves()["RK4, turn/5, 1e-08"])
     assert hard is not None
     assert 3.0 < hard.order < 5.0
-    lazy = found.order(found.curves()[DEFAULTS])
-    assert lazy is not None
-    assert lazy.order < 1.5
+    compliant = found.order(found.curves()[DEFAULTS])
+    assert compliant is not None
+    assert compliant.order < 1.5
 
 
-def test_a_choice_keeps_its_bound_and_nothing_cheaper_does(found):
+def test_the_recommended_point_is_the_cheapest_within_its_bound(found):
     for bound in BOUNDS:
         point = found.choice(bound)
         if point is None:
@@ -162,16 +162,16 @@ def test_a_choice_keeps_its_bound_and_nothing_cheaper_does(found):
         assert point.cost == found.costs[found.errors() <= bound].min()
 
 
-def test_no_bound_is_kept_by_a_motion_that_diverged(found):
-    lost = found.subject.errors(None)
-    assert all(error == np.inf for error in lost.values())
+def test_a_diverged_motion_satisfies_no_bound(found):
+    without_motion = found.subject.errors(None)
+    assert all(error == np.inf for error in without_motion.values())
     motion, _ = found.subject.built.motion(found.points[0].settings)
     assert all(error < np.inf for error in found.subject.errors(motion).values())
-    mad = found.subject.errors(replace(motion, speed=1e9 * motion.speed))
-    assert all(error == np.inf for error in mad.values())
+    diverged = found.subject.errors(replace(motion, speed=1e9 * motion.speed))
+    assert all(error == np.inf for error in diverged.values())
 
 
-def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
+def test_a_fine_reference_run_agrees_with_the_closed_form():
     drive = catalog.make("four_bar")
     from mechsim.simulation.source import assembled
 
@@ -186,7 +186,7 @@ def test_a_finer_run_as_reference_agrees_with_the_closed_form_within_its_bar():
         assert gap <= own.reference.own_error[kind] + 1e-12 + 1e-3 * known.errors(motion)[kind]
 
 
-def test_drives_are_added_to_a_model_that_has_a_motor_of_its_own():
+def test_drives_are_added_to_a_model_with_a_motor():
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
@@ -202,22 +202,22 @@ def test_drives_are_added_to_a_model_that_has_a_motor_of_its_own():
 
 
 @pytest.mark.parametrize(
-    ("acted", "refusal"),
+    ("actuated", "rejection"),
     [
         (["input"], None),
         ([], "names? joints by --drive"),
         (["input", "rocker"], "remove the other actuators"),
     ],
 )
-def test_a_hinge_of_any_name_is_driven_where_one_actuator_acts_on_it(acted, refusal):
+def test_the_hinge_of_the_only_actuator_is_the_driver(actuated, rejection):
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     spec.joint("crank").name = "input"
-    for joint in acted:
+    for joint in actuated:
         spec.add_actuator(name=f"on {joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    if refusal:
-        with pytest.raises(InputError, match=refusal):
+    if rejection:
+        with pytest.raises(InputError, match=rejection):
             subject_of_model(spec, "own", SPEED)
         return
     own = subject_of_model(spec, "own", SPEED)
@@ -225,12 +225,12 @@ def test_a_hinge_of_any_name_is_driven_where_one_actuator_acts_on_it(acted, refu
     assert own.errors(motion)["loop"] < 1e-5
 
 
-def test_the_seed_settles_which_trials_a_short_budget_leaves_out():
+def test_the_seed_determines_the_trials_of_a_short_budget():
     subject = subject_of(catalog.make("slider_crank"), SPEED)
-    quick = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
-    assert {point.method.name for point in quick.points} == {LOW_COMPLIANCE}
+    stiff = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
+    assert {point.method.name for point in stiff.points} == {LOW_COMPLIANCE}
     again = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
-    assert [p.as_dict()["method"] for p in again.points] == [p.as_dict()["method"] for p in quick.points]
+    assert [p.as_dict()["method"] for p in again.points] == [p.as_dict()["method"] for p in stiff.points]
 
 
 @pytest.mark.usefixtures("fast_clock")
@@ -259,7 +259,7 @@ def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
         ("rssr", "--set", "coupler=1um"),
     ],
 )
-def test_bad_input_is_one_line(words, capsys):
+def test_invalid_input_gives_one_line(words, capsys):
     assert run("tradeoff", *words) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
@@ -270,7 +270,7 @@ SLIDER = subject_of(catalog.make("slider_crank"), SPEED)
 
 
 class DynamicModel:
-    """A clock and a processor that only move when work is done, so many times as far and by so much each."""
+    """Simulated wall clock and processor time that advance only with work."""
 
     def __init__(self, monkeypatch, share: float, step: float, building: float) -> None:
         self.processor, self.share, self.step, self.building = 0.0, share, step, building
@@ -285,9 +285,9 @@ class DynamicModel:
         return Budget(seconds, start=0.0, now=wall, processor=processor)
 
     def stepped(self, settings: Settings) -> float:
-        # an implicit integrator may be more expensive than the first that is tried, others are cheaper
-        dear = {"RK4": 1.0, "implicit": 1.5}.get(settings.integrator, 0.3)
-        seconds = dear * self.step * settings.steps_per_turn
+        # an implicit integrator can be more expensive than the first one tried; others are cheaper
+        relative_cost = {"RK4": 1.0, "implicit": 1.5}.get(settings.integrator, 0.3)
+        seconds = relative_cost * self.step * settings.steps_per_turn
         self.processor += seconds
         return seconds
 
@@ -307,11 +307,9 @@ class Spent(NamedTuple):
 @pytest.mark.parametrize("budget", [2.0, 20.0])
 @pytest.mark.parametrize("share", [1.0, 4.0])
 @pytest.mark.parametrize(("step", "building"), [(2e-5, 0.05), (1e-3, 0.3)])
-def test_the_clock_stops_within_a_fifth_of_the_budget_whatever_a_step_a_model_and_others_take(
-    monkeypatch, budget, share, step, building
-):
+def test_the_study_ends_within_a_fifth_of_the_budget(monkeypatch, budget, share, step, building):
     machine = DynamicModel(monkeypatch, share, step, building)
-    # loading and building come first
+    # time of loading and building
     machine.processor = 0.2
     found = measure_tradeoff(SLIDER, budget=machine.budget(budget))
     assert 0.8 * budget < found.seconds < 1.2 * budget
@@ -321,24 +319,24 @@ def test_the_clock_stops_within_a_fifth_of_the_budget_whatever_a_step_a_model_an
     assert found.untried
 
 
-def test_a_mechanism_for_which_loading_leaves_no_time_is_rejected_with_a_budget_that_would_do():
+def test_a_budget_below_the_loading_time_is_rejected():
     with pytest.raises(InputError, match=r"rssr took .* the budget is 0\.001 s; give --budget \d+s or more"):
         subject_of(catalog.make("rssr"), SPEED, Budget(0.001))
 
 
-def test_a_budget_that_is_long_enough_leaves_nothing_out(monkeypatch):
+def test_a_sufficient_budget_omits_no_trial(monkeypatch):
     machine = DynamicModel(monkeypatch, 1.0, 2e-5, 0.05)
     found = measure_tradeoff(SLIDER, budget=machine.budget(600.0))
     assert (found.left_out, found.untried) == (0, ())
     assert found.seconds < 300.0
 
 
-def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_checks_nothing_finer(monkeypatch):
+def test_the_budget_limits_the_steps_of_the_reference(monkeypatch):
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-3 * steps)
-    # 25.2 s for the finest, and 12 s to be had
+    # 25.2 s for the finest, and 12 s available
     own = subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, now=lambda: 0.0))
     assert own.reference.what == "a run of 2880 steps a turn"
     monkeypatch.undo()
@@ -348,7 +346,7 @@ def test_a_reference_is_as_fine_as_its_part_of_the_budget_allows_and_checks_noth
     assert found.left_out > 0
 
 
-def test_a_budget_too_short_for_any_reference_is_rejected_with_one_that_would_do():
+def test_a_budget_too_short_for_a_reference_is_rejected():
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
@@ -356,8 +354,8 @@ def test_a_budget_too_short_for_any_reference_is_rejected_with_one_that_would_do
         subject_of_model(spec, "own", SPEED, Budget(1e-3))
 
 
-def stiff_beside_a_four_bar():
-    """A four-bar, and next to it a leaf on so stiff a hinge that no run of explicit steps bears it."""
+def four_bar_with_stiff_leaf():
+    """Return a four-bar next to a leaf on a hinge too stiff for explicit steps."""
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
@@ -375,19 +373,19 @@ def stiff_beside_a_four_bar():
         (0.5, r"possible remedies: --budget \d+s has time for up to 14,400; else less stiffness"),
     ],
 )
-def test_a_reference_that_diverges_states_at_which_steps_and_what_may_help(monkeypatch, budget, advice):
+def test_a_diverging_reference_is_rejected_with_a_remedy(monkeypatch, budget, advice):
     monkeypatch.setattr(TrialTimes, "expected", lambda _, build, integrator, steps: 1e-5 * steps)
     most = "14,400" if budget is None else "7,200"
     with pytest.raises(InputError, match=rf"own diverges at {most} steps a turn with RK4, so .* {advice}"):
         subject_of_model(
-            stiff_beside_a_four_bar(),
+            four_bar_with_stiff_leaf(),
             "own",
             SPEED,
             None if budget is None else Budget(budget, start=0.0, now=lambda: 0.0),
         )
 
 
-def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatch):
+def test_a_longer_budget_is_suggested_if_only_coarse_runs_diverge(monkeypatch):
     from mechsim.simulation.source import assembled
 
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
@@ -396,21 +394,21 @@ def test_where_only_the_coarser_runs_diverge_a_longer_budget_is_named(monkeypatc
     monkeypatch.setattr(
         BuiltModel, "motion", lambda self, s: (None, 0.1) if s.steps_per_turn == 1440 else whole(self, s)
     )
-    # 25.2 s are the part of about 63 s that is the reference's
+    # the reference takes 25.2 s of a budget of about 63 s
     reported = r"at 1,440 steps a turn with RK4, though not at 2,880, .* --budget 6[34]s has time for .*"
     with pytest.raises(InputError, match=reported):
         subject_of_model(spec, "own", SPEED, Budget(30.0, start=0.0, now=lambda: 0.0))
 
 
 @pytest.mark.parametrize(("reading", "trials_made"), [(41.0, 0), (20.0, 1)])
-def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials_made):
-    """A clock on which reading, compiling, starting and each trial take so long."""
+def test_an_exhausted_budget_ends_the_loading(monkeypatch, reading, trials_made):
+    """The simulated clock advances with reading, compiling, starting and each trial."""
     from mechsim.simulation.source import assembled
     from mechsim.studies.tradeoff import methods
 
     now, made, compiled = [0.0], [], []
 
-    def taking(seconds, done, call):
+    def with_duration(seconds, done, call):
         def slow(*given, **named):
             now[0] += seconds
             done.append(seconds)
@@ -418,9 +416,9 @@ def test_a_budget_that_is_spent_midway_ends_at_once(monkeypatch, reading, trials
 
         return slow
 
-    monkeypatch.setattr(Build, "made", taking(reading, [], Build.made))
-    monkeypatch.setattr(methods, "from_spec", taking(5.0, compiled, from_spec))
-    monkeypatch.setattr(BuiltModel, "motion", taking(20.0, made, BuiltModel.motion))
+    monkeypatch.setattr(Build, "made", with_duration(reading, [], Build.made))
+    monkeypatch.setattr(methods, "from_spec", with_duration(5.0, compiled, from_spec))
+    monkeypatch.setattr(BuiltModel, "motion", with_duration(20.0, made, BuiltModel.motion))
     spec = assembled(catalog.make("four_bar").mechanism, Scene())
     with pytest.raises(InputError, match=r"own took \d+ s to load and build, but the budget is 40 s"):
         subject_of_model(spec, "own", SPEED, Budget(40.0, start=0.0, now=lambda: now[0]))

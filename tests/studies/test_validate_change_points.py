@@ -1,4 +1,4 @@
-"""Mechanisms whose assembly modes meet on their path are validated on every method."""
+"""Mechanisms with change points on their path are validated by every method."""
 
 import numpy as np
 import pytest
@@ -11,37 +11,37 @@ from mechsim.verdict.crosscheck import crosscheck
 
 FLAT = {
     "parallelogram": ("four_bar", {"ground": 0.1, "crank": 0.045, "coupler": 0.1, "rocker": 0.045}),
-    "one flat pose": ("four_bar", {"ground": 0.1, "crank": 0.04, "coupler": 0.12, "rocker": 0.06}),
+    "one change point": ("four_bar", {"ground": 0.1, "crank": 0.04, "coupler": 0.12, "rocker": 0.06}),
     "offset slide": ("slider_crank", {"crank": 0.05, "rod": 0.06, "offset": 0.01}),
 }
 
 
 @pytest.mark.parametrize("which", FLAT)
-def test_a_mechanism_with_change_points_meets_every_bound(which):
+def test_a_mechanism_with_change_points_passes_validation(which):
     name, lengths = FLAT[which]
     drive = catalog.make(name, **lengths)
     case = case_of(drive)
     assert case.verdict.outcome == "passed", case.verdict.reason
     assert np.ptp(case.exact.angle) == pytest.approx(drive.period)
-    # dynamics do not decide at a change point: the stepped run swings between them
+    # forces do not determine the branch at a change point, so the stepped run swings between two of them
     nearest = np.abs(
         np.exp(1j * case.run.motion.angle[:, None]) - np.exp(1j * np.array(drive.change_points()))
     )
     assert nearest.min() > 0.04
 
 
-def test_another_assembly_of_a_flat_linkage_is_not_met():
+def test_another_branch_of_a_parallelogram_fails_the_check():
     name, lengths = FLAT["parallelogram"]
-    fold = catalog.make(name, **lengths, change_point="branch")
+    other_branch = catalog.make(name, **lengths, change_point="branch")
     run = simulate(catalog.make(name, **lengths), speed=20.0, method="pose")
-    assert crosscheck(run, fold).outcome == "changed assembly"
+    assert crosscheck(run, other_branch).outcome == "changed assembly"
 
 
-def test_what_folds_meets_every_bound_too():
-    name, lengths = FLAT["one flat pose"]
-    fold = catalog.make(name, **lengths, change_point="branch")
-    case = case_of(fold)
+def test_the_branch_policy_passes_validation():
+    name, lengths = FLAT["one change point"]
+    other_branch = catalog.make(name, **lengths, change_point="branch")
+    case = case_of(other_branch)
     assert case.verdict.outcome == "passed", case.verdict.reason
     # over the one revolution between two passes of the change point the smooth motion is the same
-    run = simulate(fold, profile=constant(20.0, 2.0), method="pose")
+    run = simulate(other_branch, profile=constant(20.0, 2.0), method="pose")
     assert crosscheck(run, catalog.make(name, **lengths)).outcome == "changed assembly"

@@ -1,4 +1,4 @@
-"""Mechanisms with several drivers are validated under their programs."""
+"""Mechanisms with several drivers are validated under their motion laws."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ from mechsim.subjects.readers import load
 FIVE_BAR = load("five_bar")
 
 
-def test_drivers_have_lines_of_their_own_on_both_methods():
+def test_each_driver_has_its_own_check_by_both_methods():
     case = case_of(FIVE_BAR)
     assert case.passed, case.verdict.reason
     reported = {check.title for check in case.verdict.checks if "drive" in check.title}
     assert reported == {f"{route}: drive: {name}" for route in ("pose", "step") for name in ("left", "right")}
 
 
-def test_a_formula_is_requested_at_the_coordinates_of_the_drivers():
+def test_a_formula_gets_the_coordinates_of_the_drivers():
     motion = FIVE_BAR.solve(t=np.linspace(0.0, FIVE_BAR.motion_laws.duration, 5))
     at = driver_inputs(evaluation_points(FIVE_BAR, 1.0, samples=5))
     assert list(at) == ["left", "right"]

@@ -1,4 +1,4 @@
-"""A model compared with a function or a table: what is met, what is missed, what is rejected in one line."""
+"""A model compared with a function or a table: agreement, differences and rejected input."""
 
 import numpy as np
 import pytest
@@ -18,14 +18,14 @@ def changed(**parts):
     return lambda angle: slider(angle) | {name: item(slider(angle)) for name, item in parts.items()}
 
 
-def test_a_right_formula_of_points_in_a_plane_and_of_a_joint_is_met():
+def test_a_correct_formula_of_points_and_a_joint_agrees():
     result = ms.validate("slider_crank", against=slider)
     assert result.passed, result.why
     assert {candidate.quantity.kind for candidate in result.candidates} == {"position", "joint"}
     assert not result.findings
 
 
-def test_a_formula_a_thousandth_off_is_missed():
+def test_a_formula_off_by_a_thousandth_fails():
     function = changed(B=lambda item: item["B"] * 1.001)
     result = ms.validate("slider_crank", against=function, stepped=False)
     assert not result.passed
@@ -33,14 +33,14 @@ def test_a_formula_a_thousandth_off_is_missed():
     assert [check.passed for check in result.checks] == [True, False, True]
 
 
-def test_what_a_table_of_ours_states_of_itself_is_met(tmp_path):
+def test_a_written_table_agrees_with_its_own_model(tmp_path):
     model = ms.catalog.make("rssr")
     path = tmp_path / "own.csv"
     files.write(path, model.solve(np.linspace(0, 6, 30), 20 * np.pi))
     assert ms.validate(model, against=path).passed
 
 
-def test_velocities_accelerations_and_efforts_have_names():
+def test_velocities_accelerations_and_forces_are_compared_by_name():
     model = ms.load("four_bar")
     machine = ms.dynamics.dynamic_model(model)
 
@@ -62,7 +62,7 @@ def test_velocities_accelerations_and_efforts_have_names():
     assert [check.unit for check in result.checks] == ["m/s", "m/s2", "m/s", "N m", "N", "rad", "rad/s"]
 
 
-def test_several_drivers_come_by_name():
+def test_a_formula_of_several_drivers_gets_them_by_name():
     def tool(drivers):
         left = -0.03 + 0.06 * np.exp(1j * drivers["left"])
         right = 0.03 + 0.06 * np.exp(1j * drivers["right"])
@@ -94,13 +94,13 @@ def test_several_drivers_come_by_name():
         (lambda angle: {"A": "here"}, "gives no numbers for 'A'"),
     ],
 )
-def test_what_is_no_formula_is_rejected_in_one_line(function, output):
-    with pytest.raises(ms.InputError, match=output) as refused:
+def test_an_invalid_formula_is_rejected_in_one_line(function, output):
+    with pytest.raises(ms.InputError, match=output) as rejected:
         ms.validate("slider_crank", against=function)
-    assert "\n" not in str(refused.value)
+    assert "\n" not in str(rejected.value)
 
 
-def test_points_by_two_numbers_in_space_name_their_plane():
+def test_two_components_of_a_spatial_point_need_a_named_plane():
     drive = ms.catalog.make("rssr")
 
     def own(angle):
@@ -111,7 +111,7 @@ def test_points_by_two_numbers_in_space_name_their_plane():
         ms.validate(drive, against=lambda angle: {"P3": own(angle)["P3.yz"]})
 
 
-def told(monkeypatch, capsys, *words):
+def run_command(monkeypatch, capsys, *words):
     monkeypatch.setattr("sys.argv", ["mechsim", *words])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -119,16 +119,16 @@ def told(monkeypatch, capsys, *words):
     return int(ended.value.code or 0), output.out, output.err
 
 
-def test_the_command_states_that_it_runs_code_and_keeps_to_eighty_columns(monkeypatch, capsys, tmp_path):
+def test_the_command_reports_that_it_runs_code_in_eighty_columns(monkeypatch, capsys, tmp_path):
     (tmp_path / "own.py").write_text(
         "import numpy as np\ndef f(a):\n    return {'A': 0.05 * np.column_stack([np.cos(a), np.sin(a)])}\n"
     )
     monkeypatch.chdir(tmp_path)
-    code, out, err = told(monkeypatch, capsys, "validate", "slider_crank", "--against", "own.py:f")
+    code, out, err = run_command(monkeypatch, capsys, "validate", "slider_crank", "--against", "own.py:f")
     assert not code
     assert "runs own.py (a formula is Python code)" in err
     assert all(len(line) <= 80 for line in out.splitlines())
-    code, out, _ = told(
+    code, out, _ = run_command(
         monkeypatch,
         capsys,
         "validate",
@@ -144,7 +144,7 @@ def test_the_command_states_that_it_runs_code_and_keeps_to_eighty_columns(monkey
     assert '"findings"' in out
 
 
-def test_the_distance_of_a_run_is_taken_apart_and_its_parts_add_up():
+def test_the_attributed_error_contributions_add_up():
     result = ms.validate("slider_crank", against=lambda angle: {"B": 1.001 * slider(angle)["B"]}).attribution
     parts = [result[name] for name in ("formula", "compliance", "time step", "drive")]
     assert result["unit"] == "m"
@@ -153,13 +153,13 @@ def test_the_distance_of_a_run_is_taken_apart_and_its_parts_add_up():
     assert max(map(abs, parts[1:])) < 1e-8
 
 
-def test_a_missed_formula_gets_its_plot_and_a_page_that_names_the_cause(monkeypatch, capsys, tmp_path):
+def test_a_failed_formula_gets_a_plot_and_a_page_with_the_cause(monkeypatch, capsys, tmp_path):
     (tmp_path / "own.py").write_text(
         "import numpy as np\ndef f(a):\n    return {'A': 0.051 * np.column_stack([np.cos(a), np.sin(a)])}\n"
     )
     monkeypatch.chdir(tmp_path)
     words = ("slider_crank", "--against", "own.py:f", "--plot", "a.svg", "--report", "out")
-    code, out, _ = told(monkeypatch, capsys, "validate", *words)
+    code, out, _ = run_command(monkeypatch, capsys, "validate", *words)
     assert code == 1
     assert "  likely cause       crank is 0.051 m instead of 0.05 m," in out
     assert (tmp_path / "a.svg").read_text().startswith("<?xml")
@@ -168,7 +168,7 @@ def test_a_missed_formula_gets_its_plot_and_a_page_that_names_the_cause(monkeypa
     assert "A: exact and claimed" in page
 
 
-def test_options_of_against_alone_are_rejected(monkeypatch, capsys):
-    code, _, err = told(monkeypatch, capsys, "validate", "slider_crank", "--plot", "a.svg")
+def test_options_without_against_are_rejected(monkeypatch, capsys):
+    code, _, err = run_command(monkeypatch, capsys, "validate", "slider_crank", "--plot", "a.svg")
     assert code == 2
     assert "goes with --against" in err

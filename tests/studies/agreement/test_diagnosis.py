@@ -1,4 +1,4 @@
-"""What explains a difference is named, with its size; what does not is not; what is right is not accused."""
+"""The cause of a difference is reported with its size; unexplained and absent differences have no cause."""
 
 from dataclasses import replace
 
@@ -17,12 +17,12 @@ from mechsim.subjects.readers import parametric_model
 SPEED = 20 * np.pi
 
 
-def findings_of(function, model="four_bar", **asked):
-    return ms.validate(model, against=function, stepped=False, **asked)
+def findings_of(function, model="four_bar", **options):
+    return ms.validate(model, against=function, stepped=False, **options)
 
 
 def bar(offset=0.0, scale=1.0, **changed):
-    """Return the formula of a four-bar with other dimensions, at crank angles taken otherwise."""
+    """Return the formula of a four-bar with other dimensions and transformed crank angles."""
     form = ms.catalog.make("four_bar", **changed)
 
     def function(angle):
@@ -33,20 +33,20 @@ def bar(offset=0.0, scale=1.0, **changed):
     return function
 
 
-def valued(change):
-    """Return the right formula of a four-bar with its values changed."""
+def with_changed_values(change):
+    """Return the correct formula of a four-bar with changed values."""
     return lambda angle: change(bar()(angle))
 
 
 def points(change):
-    return valued(lambda v: v | {name: change(v[name]) for name in ("B", "C")})
+    return with_changed_values(lambda v: v | {name: change(v[name]) for name in ("B", "C")})
 
 
 def on(name, change):
-    return valued(lambda v: v | {name: change(v[name])})
+    return with_changed_values(lambda v: v | {name: change(v[name])})
 
 
-UP, HARDLY = np.array([0, 1e-4, 0]), np.array([0, 1.2e-6, 0])
+SHIFT, TINY_SHIFT = np.array([0, 1e-4, 0]), np.array([0, 1.2e-6, 0])
 TURN = np.array([[np.cos(0.01), -np.sin(0.01), 0], [np.sin(0.01), np.cos(0.01), 0], [0, 0, 1]])
 RIGHT = {
     name: getattr(ms.catalog.make("four_bar"), name) for name in ("crank", "coupler", "rocker", "ground")
@@ -62,14 +62,14 @@ CASES = {
     "mm": (points(lambda v: 1000 * v), "units", "", 1000.0),
     "degrees": (on("rocker", np.rad2deg), "degrees", "", 180 / np.pi),
     "of a driver": (bar(scale=np.pi / 180), "degrees", "crank", np.pi / 180),
-    "swapped": (valued(lambda v: v | {"B": v["C"], "C": v["B"]}), "swapped", "B, C", None),
+    "swapped": (with_changed_values(lambda v: v | {"B": v["C"], "C": v["B"]}), "swapped", "B, C", None),
     "mirror": (points(lambda v: v * [1, -1, 1]), "mirror", "x, -y, z", None),
-    "shifted": (points(lambda v: v + UP), "frame", "y", 1e-4),
+    "shifted": (points(lambda v: v + SHIFT), "frame", "y", 1e-4),
     "turned": (points(lambda v: v @ TURN.T), "frame", "turn about z", 0.01),
     "zero": (on("rocker", lambda v: v + 0.1), "offset", "rocker", 0.1),
-    "joint's sense": (on("rocker", np.negative), "sense", "rocker", -1.0),
+    "joint direction": (on("rocker", np.negative), "sense", "rocker", -1.0),
     "late": (
-        valued(lambda v: {name: np.roll(item, 2, 0) for name, item in v.items()}),
+        with_changed_values(lambda v: {name: np.roll(item, 2, 0) for name, item in v.items()}),
         "delay",
         "samples",
         2.0,
@@ -78,7 +78,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_cause_of_a_difference_is_named_with_its_size(name):
+def test_the_cause_of_a_difference_is_reported_with_its_size(name):
     function, kind, what, by = CASES[name]
     result = findings_of(function)
     first = result.findings[0]
@@ -89,27 +89,27 @@ def test_the_cause_of_a_difference_is_named_with_its_size(name):
     assert by is None or first.by == pytest.approx(by, rel=1e-3)
 
 
-def test_a_right_formula_is_not_reported():
+def test_a_correct_formula_has_no_findings():
     result = findings_of(bar())
     assert result.passed
     assert not result.findings
 
 
-def test_what_nothing_explains_is_stated_to_be_so():
+def test_an_unexplained_difference_is_reported_as_such():
     result = findings_of(points(lambda v: v + 1e-4 * np.sin(7 * np.arange(len(v)))[:, None]))
     assert not result.passed
     assert not any(item.certain for item in result.findings)
     assert "none of the tested causes" in result.findings[-1].message
 
 
-def test_a_difference_hardly_beyond_its_bound_is_not_explained():
-    result = findings_of(points(lambda v: v + HARDLY), tolerance=1e-6)
+def test_a_difference_just_above_its_tolerance_has_no_cause():
+    result = findings_of(points(lambda v: v + TINY_SHIFT), tolerance=1e-6)
     assert not result.passed
     assert [item.kind for item in result.findings] == ["none"]
 
 
-def test_of_two_that_explain_alike_both_are_stated():
-    # a point on a circle about the ground's origin cannot tell them apart
+def test_equally_good_causes_are_all_reported():
+    # the causes are indistinguishable for a point on a circle about the origin
     result = findings_of(
         lambda angle: {"A": ms.catalog.make("four_bar").solve(angle + 0.02).points["A"].position}
     )
@@ -120,7 +120,7 @@ def test_of_two_that_explain_alike_both_are_stated():
     assert "as does another" in result.why
 
 
-def test_a_motion_law_out_of_phase_is_named():
+def test_a_phase_error_of_a_motion_law_is_reported():
     form = ms.load("five_bar")
     late = ms.load(
         "five_bar", drive={"left": "120deg + 25deg*sin(2*pi*(t-0.01))", "right": "60deg + 20deg*sin(4*pi*t)"}
@@ -137,7 +137,7 @@ def test_a_motion_law_out_of_phase_is_named():
 @pytest.mark.parametrize(
     ("model", "slip"), [("warp_knitter", 2.0), ("warp_knitter", -0.5), ("planetary_gear", 0.75)]
 )
-def test_a_gear_that_turns_the_other_way_or_is_turned_over_is_named(model, slip):
+def test_a_wrong_gear_ratio_is_reported(model, slip):
     form = ms.load(model)
     if model == "warp_knitter":
         wrong, ratio = replace(form, gear_ratio=slip), form.gear_ratio
@@ -155,7 +155,7 @@ def test_a_gear_that_turns_the_other_way_or_is_turned_over_is_named(model, slip)
     assert f"is {slip:g} instead of {ratio:g}" in cause.message
 
 
-def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
+def test_a_displaced_joint_is_reported_without_parameters():
     form = ms.load("four_bar")
     mechanism = form.mechanism
     joint = mechanism.joints[-1]
@@ -171,7 +171,7 @@ def test_a_joint_in_another_place_of_a_model_without_parameters_is_named():
 @pytest.mark.parametrize(
     ("factor", "kind"), [(0.0, "gravity"), pytest.param(None, "mass", marks=pytest.mark.slow)]
 )
-def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
+def test_wrong_gravity_or_mass_is_found_from_a_torque(factor, kind):
     form = ms.catalog.make("four_bar")
     machine = dynamics.dynamic_model(form, Forces(gravity=(0.0, -9.81, 0.0)))
     evaluation = replace(evaluation_points(form, SPEED), dynamic_model=machine)
@@ -190,12 +190,12 @@ def test_gravity_and_masses_are_named_by_a_torque(factor, kind):
     assert result.findings[0].certain
 
 
-def test_a_table_with_uncertainty_is_met_within_it_and_diagnosed_beyond_it(tmp_path):
+def test_a_table_is_compared_within_its_uncertainty(tmp_path):
     random, angle = np.random.default_rng(1), np.linspace(0, 6, 60)
     true = ms.catalog.make("four_bar").solve(angle).points["B"].position
     wrong = ms.catalog.make("four_bar", coupler=1.05 * RIGHT["coupler"]).solve(angle).points["B"].position
-    for name, place, passed in (("right", true, True), ("wrong", wrong, False)):
-        noisy = 1e3 * place[:, :2] + random.uniform(-0.01, 0.01, (60, 2))
+    for name, positions, passed in (("right", true, True), ("wrong", wrong, False)):
+        noisy = 1e3 * positions[:, :2] + random.uniform(-0.01, 0.01, (60, 2))
         rows = [f"{a:.12g},{x:.12g},{y:.12g},0.011,0.011" for a, (x, y) in zip(angle, noisy, strict=True)]
         path = tmp_path / f"{name}.csv"
         path.write_text("\n".join(["angle,B.x [mm],B.y [mm],B.x ± [mm],± B.y [mm]", *rows]))
@@ -205,7 +205,7 @@ def test_a_table_with_uncertainty_is_met_within_it_and_diagnosed_beyond_it(tmp_p
     assert result.findings[0].by == pytest.approx(0.05, abs=2e-3)
 
 
-def test_instants_moved_past_a_change_point_stay_in_the_assembly_of_the_first_one():
+def test_shifted_instants_keep_the_assembly_mode_of_the_first():
     parallelogram = ms.catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.1, rocker=0.04)
     angle = np.linspace(2.0, 3.0, 5) + np.pi
     steady = np.ones(5)

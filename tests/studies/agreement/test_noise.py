@@ -22,7 +22,9 @@ ANGLES = np.linspace(0.1, 6.2, 60)
 SIGMA = 2e-5
 
 
-def measured(path, model, columns, *, seed=1, edit=None, stated=SIGMA, bare=(), **changed):
+def measured(
+    path, model, columns, *, seed=1, edit=None, stated_deviation=SIGMA, without_deviation=(), **changed
+):
     """Write a table of positions with normal errors of 20 um and their standard deviations."""
     random = np.random.default_rng(seed)
     motion = ms.catalog.make(model, **changed).solve(ANGLES)
@@ -31,8 +33,8 @@ def measured(path, model, columns, *, seed=1, edit=None, stated=SIGMA, bare=(), 
         point, axis = column.split(".")
         values = motion.points[point].position[:, "xyz".index(axis)]
         table[column] = values + SIGMA * random.standard_normal(len(ANGLES))
-        if column not in bare:
-            table[f"{column} ±"] = np.full(len(ANGLES), stated)
+        if column not in without_deviation:
+            table[f"{column} ±"] = np.full(len(ANGLES), stated_deviation)
     if edit is not None:
         edit(table)
     rows = [",".join(f"{value:.15g}" for value in row) for row in zip(*table.values(), strict=True)]
@@ -40,20 +42,20 @@ def measured(path, model, columns, *, seed=1, edit=None, stated=SIGMA, bare=(), 
     return path
 
 
-def judged(path, model="four_bar", **asked):
-    return ms.validate(model, against=path, stepped=False, **asked)
+def validated(path, model="four_bar", **options):
+    return ms.validate(model, against=path, stepped=False, **options)
 
 
-def test_a_right_table_with_normal_noise_of_the_stated_size_passes(tmp_path):
-    result = judged(measured(tmp_path / "right.csv", "four_bar", ("B.x", "B.y")))
+def test_a_table_with_normal_noise_of_the_stated_deviation_passes(tmp_path):
+    result = validated(measured(tmp_path / "right.csv", "four_bar", ("B.x", "B.y")))
     assert result.passed, result.why
     assert "noise of 0.85 sigma, nothing systematic" in result.why
     assert "120 degrees of freedom" in result.why
 
 
-def test_a_rod_a_tenth_of_a_millimetre_short_fails_with_its_cause(tmp_path):
+def test_a_rod_too_short_by_100_micrometres_fails_with_its_cause(tmp_path):
     columns = ("A.x", "A.y", "B.x")
-    result = judged(measured(tmp_path / "short.csv", "slider_crank", columns, rod=0.1999), "slider_crank")
+    result = validated(measured(tmp_path / "short.csv", "slider_crank", columns, rod=0.1999), "slider_crank")
     assert not result.passed
     assert [check.passed for check in result.checks] == [True, False]
     assert (result.findings[0].kind, result.findings[0].what) == ("dimension", "rod")
@@ -62,71 +64,73 @@ def test_a_rod_a_tenth_of_a_millimetre_short_fails_with_its_cause(tmp_path):
     assert "not noise alone" in result.why
 
 
-def test_a_systematic_error_below_one_standard_deviation_is_found_by_its_smooth_part(tmp_path):
+def test_a_systematic_error_below_one_standard_deviation_is_found(tmp_path):
     columns = ("B.x", "B.y", "C.x", "C.y")
-    result = judged(measured(tmp_path / "short.csv", "four_bar", columns, seed=3, coupler=0.090986))
+    result = validated(measured(tmp_path / "short.csv", "four_bar", columns, seed=3, coupler=0.090986))
     noise = dict(result.measured)["B"]
     assert noise.total.passed
     assert not noise.smooth.passed
     assert result.findings[0].what == "coupler"
 
 
-def test_causes_that_noise_hides_from_each_other_are_all_reported(tmp_path):
-    result = judged(measured(tmp_path / "short.csv", "slider_crank", ("B.x",), rod=0.1999), "slider_crank")
+def test_causes_indistinguishable_in_noise_are_all_reported(tmp_path):
+    result = validated(measured(tmp_path / "short.csv", "slider_crank", ("B.x",), rod=0.1999), "slider_crank")
     assert {(item.kind, item.what) for item in result.findings} == {("dimension", "rod"), ("frame", "x")}
 
 
-def test_one_wrong_row_of_many_is_named(tmp_path):
+def test_a_single_wrong_row_is_reported(tmp_path):
     def spoil(table):
         table["B.x"][16] += 7 * SIGMA
 
-    result = judged(measured(tmp_path / "row.csv", "four_bar", ("B.x", "B.y"), edit=spoil))
+    result = validated(measured(tmp_path / "row.csv", "four_bar", ("B.x", "B.y"), edit=spoil))
     assert not result.passed
     assert "row 17 of B" in result.why
 
 
-def test_noise_of_twice_the_stated_size_fails_and_smaller_noise_passes(tmp_path):
-    assert not judged(measured(tmp_path / "a.csv", "four_bar", ("B.x", "B.y"), stated=SIGMA / 2)).passed
-    result = judged(measured(tmp_path / "b.csv", "four_bar", ("B.x", "B.y"), stated=5 * SIGMA))
+def test_noise_above_the_stated_deviation_fails(tmp_path):
+    assert not validated(
+        measured(tmp_path / "a.csv", "four_bar", ("B.x", "B.y"), stated_deviation=SIGMA / 2)
+    ).passed
+    result = validated(measured(tmp_path / "b.csv", "four_bar", ("B.x", "B.y"), stated_deviation=5 * SIGMA))
     assert result.passed
     assert "(less than stated)" in result.why
 
 
-def test_a_systematic_error_within_the_tolerance_is_allowed_next_to_noise(tmp_path):
+def test_a_systematic_error_within_the_tolerance_passes_with_noise(tmp_path):
     path = measured(tmp_path / "short.csv", "slider_crank", ("B.x",), rod=0.1999)
-    assert judged(path, "slider_crank", tolerance=1.2e-4).passed
-    assert not judged(path, "slider_crank", tolerance=2e-5).passed
+    assert validated(path, "slider_crank", tolerance=1.2e-4).passed
+    assert not validated(path, "slider_crank", tolerance=2e-5).passed
 
 
 def test_a_column_without_standard_deviation_is_compared_with_the_tolerance(tmp_path):
-    path = measured(tmp_path / "half.csv", "four_bar", ("B.x", "B.y"), bare=("B.y",))
-    assert not judged(path).passed
-    assert judged(path, tolerance=1e-4).passed
+    path = measured(tmp_path / "half.csv", "four_bar", ("B.x", "B.y"), without_deviation=("B.y",))
+    assert not validated(path).passed
+    assert validated(path, tolerance=1e-4).passed
 
 
 @pytest.mark.parametrize("value", [0.0, -SIGMA])
-def test_a_standard_deviation_that_is_not_positive_is_rejected(tmp_path, value):
+def test_a_nonpositive_standard_deviation_is_rejected(tmp_path, value):
     def spoil(table):
         table["B.x ±"][4] = value
 
     path = measured(tmp_path / "zero.csv", "four_bar", ("B.x", "B.y"), edit=spoil)
     with pytest.raises(InputError, match=r"column B\.x ± is .* in row 5; give it above 0"):
-        judged(path)
+        validated(path)
 
 
-def test_a_standard_deviation_of_where_the_crank_is_is_rejected(tmp_path):
-    def also(table):
+def test_a_standard_deviation_of_the_crank_angle_is_rejected(tmp_path):
+    def add_deviation(table):
         table["angle ±"] = np.full(len(ANGLES), 1e-3)
 
-    path = measured(tmp_path / "angle.csv", "four_bar", ("B.x", "B.y"), edit=also)
+    path = measured(tmp_path / "angle.csv", "four_bar", ("B.x", "B.y"), edit=add_deviation)
     with pytest.raises(InputError, match=r"standard deviation of 'angle'.* count as exact; leave it out"):
-        judged(path)
+        validated(path)
     table = {"angle": ANGLES, "angle±": np.full(60, 1e-3), "B.x": np.cos(ANGLES)}
     with pytest.raises(InputError, match="column angle counts as exact; leave out its standard deviation"):
         ms.fit("four_bar", table, ["coupler"])
 
 
-def test_fit_and_validate_read_the_same_table_alike(tmp_path):
+def test_fit_and_validate_read_a_table_equally(tmp_path):
     plain = measured(tmp_path / "m.csv", "slider_crank", ("A.x", "A.y", "B.x"), rod=0.1999)
     table = dict(files.read(plain))
     scaled = {f"{name} [mm]": 1e3 * values for name, values in table.items() if name != "angle"}
@@ -135,7 +139,7 @@ def test_fit_and_validate_read_the_same_table_alike(tmp_path):
     rows = [",".join(repr(float(value)) for value in row) for row in zip(*scaled.values(), strict=True)]
     (tmp_path / "mm.csv").write_text("\n".join([head, *rows]))
     fitted = ms.fit("slider_crank", files.read(tmp_path / "mm.csv"), ["rod"])
-    cause = judged(tmp_path / "mm.csv", "slider_crank").findings[0]
+    cause = validated(tmp_path / "mm.csv", "slider_crank").findings[0]
     assert fitted.values["rod"] == pytest.approx(
         ms.fit("slider_crank", table, ["rod"]).values["rod"], abs=1e-12
     )
@@ -144,7 +148,7 @@ def test_fit_and_validate_read_the_same_table_alike(tmp_path):
         ms.fit("slider_crank", {"angle": [0.0, 1.0], "B.x [inchworm]": [1.0, 2.0]}, ["rod"])
 
 
-def test_right_tables_fail_as_rarely_as_is_stated():
+def test_correct_tables_fail_at_the_stated_rate():
     form = ms.catalog.make("four_bar")
     evaluation = EvaluationPoints(form, ANGLES, np.ones(60), np.zeros(60))
     named = [quantity(name, form.mechanism) for name in ("B.xy", "C.xy")]
@@ -169,7 +173,7 @@ def test_right_tables_fail_as_rarely_as_is_stated():
     assert np.mean(sigmas) == pytest.approx(1.0, abs=0.01)
 
 
-def test_the_command_prints_the_noise_and_has_it_as_json(tmp_path, monkeypatch, capsys):
+def test_the_command_reports_the_noise_as_text_and_json(tmp_path, monkeypatch, capsys):
     path = measured(tmp_path / "right.csv", "four_bar", ("B.x", "B.y"))
     line = f"mechsim validate four_bar --against {path}"
     for more in ("", " --json"):

@@ -36,7 +36,7 @@ def test_a_mechanism_without_singularity_is_certified_over_its_range(name):
     assert proof.min_singular_value > 1e-3
 
 
-def test_the_bound_of_the_smallest_singular_value_is_below_the_computed_one():
+def test_the_singular_value_bound_is_below_the_computed_minimum():
     path = driven_path(ms.load("four_bar").mechanism, ms.load("four_bar").motion_laws)
     path.extend(2 * np.pi)
     q = path.interpolated(np.linspace(0.0, 2 * np.pi, 721))
@@ -67,7 +67,7 @@ cam = { driver = "crank", driven = "lift", coefficients = [0.01, 0.002, -0.003, 
 """
 
 
-def test_equations_in_balls_agree_with_those_of_the_solver_and_their_zeros_are_zeros(tmp_path):
+def test_ball_arithmetic_equations_agree_with_the_solver(tmp_path):
     rng = np.random.default_rng(0)
     press = tmp_path / "press.toml"
     press.write_text(PRESS)
@@ -86,14 +86,14 @@ def test_equations_in_balls_agree_with_those_of_the_solver_and_their_zeros_are_z
         values = q.values.T.copy()
         values[:, loops.tree.ball_indices] = 0.0
         turns = [ball(np.moveaxis(turn, -1, 0)) for turn in q.turns]
-        own, own_jacobian = equations.evaluate(ball(values[..., None]), turns)
+        ball_residual, ball_jacobian = equations.evaluate(ball(values[..., None]), turns)
         kept = equations.kept
-        assert np.abs(own.mid[..., 0].T - residual[kept]).max() < 1e-14
-        assert np.abs(np.moveaxis(own_jacobian.mid, 0, -1) - jacobian[kept]).max() < 1e-14
+        assert np.abs(ball_residual.mid[..., 0].T - residual[kept]).max() < 1e-14
+        assert np.abs(np.moveaxis(ball_jacobian.mid, 0, -1) - jacobian[kept]).max() < 1e-14
         assert np.abs(np.delete(residual, kept, 0)).max(initial=0.0) < 1e-15
 
 
-def test_jacobians_of_boxes_contain_those_of_points_in_them():
+def test_jacobians_over_a_box_enclose_those_of_its_points():
     solver = ms.load("looper")
     path = driven_path(solver.mechanism, solver.motion_laws)
     equations = loop_equations(path.loops.tree.mechanism, path.loops.turn_offsets, {})
@@ -119,12 +119,12 @@ def test_tolerances_that_reach_a_singularity_are_not_certified():
 
 
 @pytest.mark.parametrize("ends", ["10deg", "20:10deg", "1:2:3"])
-def test_a_range_that_is_none_is_rejected_in_one_sentence(ends):
+def test_an_invalid_range_is_rejected(ends):
     with pytest.raises(ms.InputError, match="range"):
         ms.certify("four_bar", ends)
 
 
-def test_an_overconstrained_mechanism_is_not_certified_and_reports_so():
+def test_an_overconstrained_mechanism_is_not_certified():
     proof = ms.certify("bennett")
     assert not proof.certified
     assert "overconstrained" in proof.reason
@@ -169,17 +169,17 @@ def test_derivatives_of_equations_in_dual_balls_are_the_jacobian():
     assert np.abs(derivative - jacobian.value.mid).max() < 1e-14
 
 
-def test_a_spherical_linkage_is_certified_and_one_whose_axes_miss_the_centre_is_not():
+def test_a_spherical_linkage_needs_concentric_axes_to_be_certified():
     assert ms.certify("spherical_four_bar").certified
     mechanism = ms.load("spherical_four_bar").mechanism
     assert all(joint.a.point == (0.0, 0.0, 0.0) for joint in concentric(mechanism).joints)
     first, *others = mechanism.joints
     off_axis = replace(first, a=replace(first.a, point=(1e-9, 0.0, first.a.point[2])))
-    missed = replace(mechanism, joints=(off_axis, *others))
-    assert concentric(missed) is missed
+    off_centre = replace(mechanism, joints=(off_axis, *others))
+    assert concentric(off_centre) is off_centre
 
 
-def test_an_equation_that_rounding_alone_makes_small_is_not_taken_for_an_identity():
+def test_a_rounding_sized_equation_is_no_identity():
     mechanism = ms.load("four_bar").mechanism
     joints = {joint.name: joint for joint in mechanism.joints}
     exact = loop_equations(mechanism, (), {})
@@ -198,7 +198,7 @@ def test_a_planted_dead_centre_is_never_certified(miss):
     assert not proof.certified
 
 
-def test_a_tube_holds_the_exact_configuration_and_not_that_of_the_other_assembly():
+def test_an_enclosure_excludes_the_other_assembly_mode():
     solver = ms.catalog.make("slider_crank")
     motion = computed_motion(solver, None, {})
     segments, rest = proven_segments(motion)
@@ -216,17 +216,17 @@ def test_a_tube_holds_the_exact_configuration_and_not_that_of_the_other_assembly
             assert gaps[0] <= segments.enclosure[i, column] < segments.width[i, column] < gaps[1]
 
 
-def test_a_motion_law_is_enclosed_between_all_samples_of_it():
-    # the crank passes a dead centre in a peak of a microsecond
+def test_a_motion_law_is_enclosed_between_its_samples():
+    # the crank passes a dead centre within a microsecond
     drive = {"crank": "-1 + 0.1*sin(t) + 2*exp(-((t - 0.512345)/1e-6)**2)"}
     proof = ms.certify("four_bar", set={"crank": "90mm"}, drive=drive, duration=1.0)
     assert not proof.certified
     assert proof.unit == "s"
-    calm = {"crank": "-1 + 0.1*sin(t) + 0.1*exp(-((t - 0.512345)/0.2)**2)"}
-    assert ms.certify("four_bar", set={"crank": "90mm"}, drive=calm, duration=1.0).certified
+    smooth = {"crank": "-1 + 0.1*sin(t) + 0.1*exp(-((t - 0.512345)/0.2)**2)"}
+    assert ms.certify("four_bar", set={"crank": "90mm"}, drive=smooth, duration=1.0).certified
 
 
-def test_a_motion_law_with_a_kink_is_not_certified_and_one_of_a_table_is(tmp_path):
+def test_only_smooth_motion_laws_are_certified(tmp_path):
     proof = ms.certify("four_bar", drive={"crank": "3*abs(t - 0.5)"}, duration=2.0)
     assert not proof.certified
     assert "motion law of crank cannot be enclosed" in proof.reason
@@ -236,8 +236,8 @@ def test_a_motion_law_with_a_kink_is_not_certified_and_one_of_a_table_is(tmp_pat
     assert ms.certify("four_bar", drive={"crank": str(tmp_path / "law.csv")}, duration=1.0).certified
 
 
-def test_a_dimension_that_leads_through_a_singularity_and_back_is_rejected(tmp_path):
-    # at either end of the tolerance the ground is as long as in its middle, and between it is longer
+def test_a_nonmonotonic_dimension_through_a_singularity_is_rejected(tmp_path):
+    # the ground has its nominal length at the ends of the tolerance and is longer in between
     text = (reference_data.folder() / "mechanisms" / "hoeken.toml").read_text().split("[formula]")[0]
     text = text.replace("arm = 175\n", "arm = 175\nk = 10\n")
     text = text.replace('at = ["ground", 0, 0] }\nb', 'at = ["ground + 60*sin(18*k)", 0, 0] }\nb')
@@ -249,7 +249,7 @@ def test_a_dimension_that_leads_through_a_singularity_and_back_is_rejected(tmp_p
         joint_radii(parametric_model(tmp_path / "wave.toml"), {"k": np.deg2rad(10.0)})
 
 
-def test_radii_hold_what_two_dimensions_change_together():
+def test_radii_enclose_the_joint_effect_of_two_dimensions():
     designs = catalog_designs(ms.catalog.make("rssr", gamma1=0.3))
     bounds = {"crank": 1e-4, "gamma1": 1e-3}
     radii = joint_radii(designs, bounds)
@@ -263,12 +263,12 @@ def test_radii_hold_what_two_dimensions_change_together():
         for joint in designs.describe(moved).joints:
             for side in ("a", "b"):
                 end, start = getattr(joint, side), getattr(nominal[joint.name], side)
-                off = np.abs(
+                error = np.abs(
                     np.subtract(
                         [end.point, end.axis, end.reference], [start.point, start.axis, start.reference]
                     )
                 )
-                assert (off <= radii.get(f"{joint.name}.{side}", np.zeros((3, 3))) + 1e-15).all()
+                assert (error <= radii.get(f"{joint.name}.{side}", np.zeros((3, 3))) + 1e-15).all()
 
 
 def toml(tmp_path, name, **changed):
@@ -290,7 +290,7 @@ def toml(tmp_path, name, **changed):
         ("cardan_joint", {"bend": 0.02, "arm": 1e-3}),
     ],
 )
-def test_intervals_of_a_file_hold_the_joints_of_designs_within_and_little_more(name, bounds):
+def test_joint_intervals_of_a_file_are_tight_enclosures(name, bounds):
     model, designs = open_model(name), parametric_model(name)
     radii = radii_within(model, {}, designs, bounds)
     nominal = {joint.name: joint for joint in designs.describe({}).joints}
@@ -304,17 +304,17 @@ def test_intervals_of_a_file_hold_the_joints_of_designs_within_and_little_more(n
             for side in ("a", "b"):
                 end, start = getattr(joint, side), getattr(nominal[joint.name], side)
                 now, before = ([x.point, x.axis, x.reference] for x in (end, start))
-                off, key = np.abs(np.subtract(now, before)), f"{joint.name}.{side}"
-                assert (off <= radii.get(key, np.zeros((3, 3)))).all()
-                largest[key] = max(largest.get(key, 0.0), off.max())
+                error, key = np.abs(np.subtract(now, before)), f"{joint.name}.{side}"
+                assert (error <= radii.get(key, np.zeros((3, 3)))).all()
+                largest[key] = max(largest.get(key, 0.0), error.max())
     assert radii
     assert all(radii[key].max() < 3.0 * largest[key] for key in radii)
     if name == "jansen":
         assert not any(values[:, 2].any() for values in radii.values())
 
 
-def test_what_three_dimensions_change_together_is_not_missed(tmp_path):
-    # one or two of them change nothing: the ground is longer by their product
+def test_radii_enclose_a_product_of_three_dimensions(tmp_path):
+    # the ground is longer by the product of three dimensions: one or two of them have no effect
     changed = {"parameters": ("arm = 175\n", "arm = 175\nu = 0\nv = 0\nw = 0\n")}
     changed["ground"] = ('at = ["ground", 0, 0] }\nb', 'at = ["ground + 0.06*u*v*w", 0, 0] }\nb')
     path, within = toml(tmp_path, "hoeken", **changed), {"u": 10, "v": 10, "w": 10}
@@ -325,7 +325,7 @@ def test_what_three_dimensions_change_together_is_not_missed(tmp_path):
     assert max(values.max() for values in radii.values()) >= 0.06
 
 
-def test_a_dimension_that_changes_a_motion_law_a_lock_or_a_coupling_is_rejected(tmp_path):
+def test_a_dimension_of_a_motion_law_or_coupling_is_rejected(tmp_path):
     law = {
         "law": ("25deg*sin", "25deg*swing*sin"),
         "parameter": ("[parameters]\n", "[parameters]\nswing = 1\n"),
@@ -343,8 +343,8 @@ def test_a_dimension_in_a_function_without_bounds_is_rejected(tmp_path):
         ms.certify(toml(tmp_path, "hoeken", **changed), within={"ground": "0.01mm"})
 
 
-def test_tilted_axes_of_a_spherical_linkage_are_not_taken_for_concentric(tmp_path):
-    # points at a distance along an axis that tilts leave the centre
+def test_tilted_axes_are_not_treated_as_concentric(tmp_path):
+    # points off the centre on a tilting axis move away from it
     pivot = '{ link = "ground", at = [0, 0, 0.03], axis = ["sin(tilt)", 0, "cos(tilt)"] }'
     text = f"""
 name = "tilted"
@@ -373,6 +373,6 @@ def test_powers_of_time_and_sums_with_units_are_enclosed(law):
     ).certified
 
 
-def test_a_tolerance_without_a_unit_is_rejected_where_the_file_is_in_millimetres():
+def test_a_tolerance_without_a_unit_is_rejected():
     with pytest.raises(ms.InputError, match=r"tolerance of m: 0\.1 has no unit; the file is in mm"):
         ms.certify("jansen", within={"m": "±0.1"})

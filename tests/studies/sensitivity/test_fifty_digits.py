@@ -1,7 +1,7 @@
-"""Derivatives of places, velocities and drive efforts against 50 digits by a method that shares no code.
+"""Derivatives of positions, velocities and drive forces against 50 digits by a method without shared code.
 
 `derivatives.csv` is made by `python validation/sensitivity/fifty_digits.py --write`, from mechanisms of
-`reference/mechanisms` alone, with mpmath: all of the catalogue and some of the gallery, at one instant.
+`reference/mechanisms` only, with mpmath: the catalogue and part of the gallery, at one instant.
 """
 
 import csv
@@ -16,13 +16,13 @@ import mechsim as ms
 MECHANISMS = Path(__file__).parents[3] / "reference" / "mechanisms"
 with Path(__file__).with_name("derivatives.csv").open(encoding="utf-8") as file:
     ROWS = list(csv.DictReader(file))
-KEPT = {name: list(rows) for name, rows in groupby(ROWS, key=lambda row: row["mechanism"])}
-# of the largest derivative of its kind by the same dimension; 5e-11 is the most that was found
+REFERENCE = {name: list(rows) for name, rows in groupby(ROWS, key=lambda row: row["mechanism"])}
+# relative to the largest derivative of its kind by the same dimension; measured at most 5e-11
 BOUND = 1e-9
 
 
-def judged(name, rows, spoil=lambda values: values):
-    """Largest error of a mechanism's derivatives, by the largest of their kind by the same dimension."""
+def relative_error(name, rows, spoil=lambda values: values):
+    """Largest error of a mechanism's derivatives, relative to the largest of the same kind and dimension."""
     path, at = str(MECHANISMS / f"{name}.toml"), float(rows[0]["at"])
     laws = not ms.load(path).motion_laws.crank
     of = ms.moved(path, t=[at]) if laws else ms.moved(path, angles=[at], speed=20.0)
@@ -33,22 +33,25 @@ def judged(name, rows, spoil=lambda values: values):
     }
     drives |= {f"torque:{of.solver.mechanism.drivers[0]}": "torque"} if of.offset else {}
     table = ms.sensitivity(of, [*{drives.get(row["column"], row["column"]) for row in rows}])
-    off, size = {}, {}
+    errors, scales = {}, {}
     for row in rows:
         column = drives.get(row["column"], row["column"])
         kind = row["parameter"], table.units[column]
-        exact, own = float(row["derivative"]), float(spoil(table.by[row["parameter"]][column])[0])
-        off[kind] = max(off.get(kind, 0.0), abs(own - exact))
-        size[kind] = max(size.get(kind, 0.0), abs(exact))
-    largest = {unit: max(item for (_, other), item in size.items() if other == unit) for _, unit in size}
-    # a dimension that does not count has no derivative to be relative to
-    return max(item / max(size[kind], 1e-6 * largest[kind[1]]) for kind, item in off.items())
+        exact, computed = float(row["derivative"]), float(spoil(table.by[row["parameter"]][column])[0])
+        errors[kind] = max(errors.get(kind, 0.0), abs(computed - exact))
+        scales[kind] = max(scales.get(kind, 0.0), abs(exact))
+    largest = {unit: max(item for (_, other), item in scales.items() if other == unit) for _, unit in scales}
+    # a dimension without effect has no derivative as a scale
+    return max(item / max(scales[kind], 1e-6 * largest[kind[1]]) for kind, item in errors.items())
 
 
-@pytest.mark.parametrize("name", grid(KEPT, ("four_bar", "rssr", "bennett", "five_bar")))
+@pytest.mark.parametrize("name", grid(REFERENCE, ("four_bar", "rssr", "bennett", "five_bar")))
 def test_derivatives_agree_with_50_digits(name):
-    assert judged(name, KEPT[name]) <= BOUND
+    assert relative_error(name, REFERENCE[name]) <= BOUND
 
 
-def test_derivatives_a_millionth_off_are_rejected():
-    assert judged("slider_crank", KEPT["slider_crank"], lambda values: values * (1.0 + 1e-6)) > BOUND
+def test_derivatives_off_by_a_millionth_are_rejected():
+    assert (
+        relative_error("slider_crank", REFERENCE["slider_crank"], lambda values: values * (1.0 + 1e-6))
+        > BOUND
+    )

@@ -1,4 +1,4 @@
-"""Tables of derivatives: names, units, what is left out, rejections."""
+"""Tables of derivatives: names, units, omitted dimensions, rejected input."""
 
 import numpy as np
 import pytest
@@ -13,20 +13,20 @@ from mechsim.subjects.readers import parametric_model
 ANGLES = np.array([0.3, 1.7, 4.1])
 
 
-def moved(model, speed=3.0, angles=ANGLES, **asked):
-    return MovedFamily(parametric_model(model, **asked), angles, speed)
+def moved(model, speed=3.0, angles=ANGLES, **options):
+    return MovedFamily(parametric_model(model, **options), angles, speed)
 
 
-def test_a_table_names_each_quantity_by_each_dimension():
+def test_a_table_has_a_column_per_quantity_and_dimension():
     table = derivative_table(moved("slider_crank"), ["B", "B.vx", "torque"], ["crank", "rod"])
     names = [name for name, _ in table.columns()]
-    wanted = ["B.x", "B.y", "B.z", "B.vx", "torque"]
-    assert names == ["angle", *(f"{item}/{by}" for item in wanted for by in ("crank", "rod"))]
+    expected = ["B.x", "B.y", "B.z", "B.vx", "torque"]
+    assert names == ["angle", *(f"{item}/{by}" for item in expected for by in ("crank", "rod"))]
     assert table.unit("torque", "crank") == "N m/m"
     assert table.unit("B.x", "crank") == "1"
 
 
-def test_a_centred_slider_cranks_derivatives_are_those_of_its_formula():
+def test_derivatives_of_a_slider_crank_equal_its_formula():
     of = moved("slider_crank", set={"offset": 0.0})
     table = derivative_table(of, ["B.x", "B.vx"], ["crank", "rod", "offset"])
     r, rod, c, s = 0.05, 0.2, np.cos(ANGLES), np.sin(ANGLES)
@@ -38,30 +38,30 @@ def test_a_centred_slider_cranks_derivatives_are_those_of_its_formula():
     assert np.abs(table.derivatives("B.vx")["rod"] - by_rod).max() <= 1e-13
 
 
-def test_a_place_stands_for_its_parts_and_all_for_every_dimension():
+def test_a_point_dimension_includes_its_components():
     of = moved("rssr")
     assert list(derivative_table(of, ["rocker"], ["pivot"]).by) == ["pivot.x", "pivot.y", "pivot.z"]
     assert {"crank", "gamma1", "pivot.z"} <= set(derivative_table(of, ["rocker"]).by)
 
 
-def test_of_a_mechanism_without_parameters_what_tears_loops_is_left_out_of_all_and_rejected_by_name():
+def test_dimensions_that_make_loops_inconsistent_are_omitted():
     of = MovedFamily(parametric_model(LoopForm(catalog.make("four_bar").mechanism)), ANGLES, 1.0)
     table = derivative_table(of, ["rocker"])
     assert {"A.at.x", "B.at.y"} <= set(table.by)
-    torn = [name for name in table.left_out if name.endswith(".z")]
-    assert torn == list(table.left_out)
+    inconsistent = [name for name in table.left_out if name.endswith(".z")]
+    assert inconsistent == list(table.left_out)
     with pytest.raises(AssemblyError, match="makes redundant loop equations inconsistent"):
         derivative_table(of, ["rocker"], ["A.a.at.z"])
 
 
-def test_motion_laws_are_tabled_over_time():
+def test_derivatives_under_motion_laws_are_tabulated_over_time():
     of = parametric_model(
         "five_bar", drive={"left": "120deg+20deg*sin(2*pi*t)", "right": "60deg+20deg*sin(4*pi*t)"}
     )
     form = of.make({})
     table = derivative_table(MovedFamily(of, spread_instants(form)[::24], 1.0), ["left"], ["arm"])
     assert next(table.columns())[0] == "t"
-    # a driver stands where its program has it, whatever the arms
+    # a driver follows its motion law, independent of the arms
     assert not table.derivatives("left.q")["arm"].any()
 
 
@@ -75,19 +75,19 @@ def test_motion_laws_are_tabled_over_time():
         ([], "all", "no quantity is requested"),
     ],
 )
-def test_what_is_no_quantity_or_dimension_is_rejected_with_the_nearest(of, to, output):
+def test_an_unknown_quantity_or_dimension_is_rejected_with_a_hint(of, to, output):
     with pytest.raises(InputError, match=output):
         derivative_table(moved("four_bar"), of, to)
 
 
-def test_a_swinging_crank_is_looked_at_between_its_dead_centres():
+def test_instants_of_a_swinging_crank_lie_between_its_dead_centres():
     form = catalog.make("four_bar", rocker=0.035)
     at = spread_instants(form)
     low, high = form.crank_range().arcs[0]
     assert low < at[0] < at[-1] < high
 
 
-def test_a_motion_is_looked_at_aside_of_where_assemblies_meet():
+def test_instants_avoid_change_points():
     of = parametric_model("elliptic_trammel")
     at = spread_instants(of.make({}))
     assert len(at) == 71
@@ -95,7 +95,7 @@ def test_a_motion_is_looked_at_aside_of_where_assemblies_meet():
     assert derivative_table(MovedFamily(of, at[::10], 1.0), ["pen"]).by
 
 
-def test_efforts_are_requested_for_by_the_joint_that_is_driven():
+def test_drive_torques_are_requested_by_the_driven_joint():
     result = derivative_table(moved("four_bar"), ["torque:crank"], ["rocker"])
     assert [*result.values] == ["torque"]
     with pytest.raises(InputError, match="no quantity 'torque:rocker'"):

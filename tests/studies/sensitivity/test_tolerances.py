@@ -1,4 +1,4 @@
-"""Tolerances: read from text and tables; worst case, root of squares and Monte Carlo against each other."""
+"""Tolerances from text and tables; worst case, root sum of squares and Monte Carlo compared."""
 
 from functools import cache
 from itertools import product
@@ -22,7 +22,7 @@ def table(model="four_bar", of=("C.x", "C.y", "C.z", "rocker")):
     return derivative_table(MovedFamily(parametric_model(model), ANGLES, 1.0), of)
 
 
-def test_the_worst_case_is_where_all_conspire_and_the_root_of_squares_lies_below():
+def test_worst_case_adds_and_root_sum_of_squares_combines_contributions():
     result = table()
     study = tolerance_study(result, {"crank": 1e-5, "coupler": "±0.02mm"}, samples=0)
     by = result.derivatives("C.x")
@@ -35,7 +35,7 @@ def test_the_worst_case_is_where_all_conspire_and_the_root_of_squares_lies_below
     assert study.sampled is None
 
 
-def test_no_random_mechanism_is_farther_off_than_the_worst_case():
+def test_monte_carlo_errors_stay_below_the_worst_case():
     result = table(of=("rocker",))
     study = tolerance_study(result, {"crank": 1e-6, "coupler": 2e-6}, samples=20_000)
     worst = study.worst("rocker.q")
@@ -57,29 +57,29 @@ def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
     assert study.sampled.sampling.expansion_error > 0.0
 
 
-def test_large_tolerances_are_taken_to_second_order_and_agree_with_mechanisms_that_are_solved():
+def test_large_tolerances_use_second_order():
     names = ("crank", "arm", "ground")
     result = table("hoeken", of=("rocker",))
     study = tolerance_study(result, dict.fromkeys(names, 2e-3), samples=20_000)
     assert study.sampled.sampling.order == 2
     assert study.sampled.sampling.expansion_error <= 0.02
     values, solved, weights = result.moved.designs.values(), [], []
-    # Gauss's points, three a dimension, are exact for terms up to the fifth order
-    for places in product(zip(*np.polynomial.legendre.leggauss(3), strict=True), repeat=len(names)):
-        off = {name: values[name] + 2e-3 * at for name, (at, _) in zip(names, places, strict=True)}
+    # Gauss points, three per dimension, are exact for terms up to the fifth order
+    for nodes in product(zip(*np.polynomial.legendre.leggauss(3), strict=True), repeat=len(names)):
+        off = {name: values[name] + 2e-3 * at for name, (at, _) in zip(names, nodes, strict=True)}
         solved.append(result.moved.values(["rocker.q"], off)["rocker.q"])
-        weights.append(np.prod([0.5 * weight for _, weight in places]))
+        weights.append(np.prod([0.5 * weight for _, weight in nodes]))
     mean = np.average(solved, 0, weights)
     deviation = np.sqrt(np.average((solved - mean) ** 2, 0, weights))
     random = study.random("rocker.q")
-    # 20,000 samples tell a deviation to half a hundredth
+    # 20,000 samples estimate a deviation within 0.5 %
     assert np.abs(random["std"] / deviation - 1.0).max() <= 0.015
     assert np.abs(random["mean"] - (mean - result.values["rocker.q"])).max() <= 0.03 * deviation.max()
-    # without the second order the mean would stay where it was
+    # to first order the mean would not change
     assert np.abs(random["mean"]).max() > 0.01 * deviation.max()
 
 
-def test_where_no_expansion_holds_each_is_solved_and_what_cannot_be_put_together_is_counted(monkeypatch):
+def test_samples_are_solved_if_the_expansion_is_inaccurate(monkeypatch):
     from mechsim.studies.sensitivity import monte_carlo
 
     monkeypatch.setattr(monte_carlo, "MAX_SOLVED", 60)
@@ -89,14 +89,14 @@ def test_where_no_expansion_holds_each_is_solved_and_what_cannot_be_put_together
     assert (study.sampled.sampling.order, study.sampled.samples) == (0, 60)
 
 
-def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
+def test_every_sample_is_solved_if_a_closed_form_exists():
     result = table(of=("C", "rocker", "C.vx"))
     moved, bounds = result.moved, {"crank": 1e-2, "ground": 1e-2, "arm_angle": 0.5}
     values = np.concatenate([*result.values.values()])
     angular = np.repeat([result.units[item] == "rad" for item in result.values], len(result))
     solved = DesignSolver(moved, [*result.values], bounds, values, angular)
     parts = np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3))
-    # in a row that it cannot be: the crank is longer than all
+    # the last sample cannot be assembled: its crank is too long
     samples, lost = formula_samples(solved, np.concatenate([parts, [[30.0, 0.0, 0.0]]]))
     assert lost.tolist() == [False] * 40 + [True]
     off = np.empty((40, len(values)))
@@ -112,29 +112,29 @@ def test_where_one_formula_takes_them_all_every_random_mechanism_is_solved():
     )
 
 
-def test_a_dimension_and_what_it_is_computed_from_cannot_both_be_off():
+def test_a_dimension_and_its_source_cannot_both_vary():
     result = derivative_table(MovedFamily(parametric_model("klann"), ANGLES, 1.0), ["G.x"])
     assert not {"hx", "fy"} & set(result.by)
     with pytest.raises(InputError, match="hx is computed from CF, so that they cannot both vary"):
         tolerance_study(result, {"hx": 1e-5, "CF": 1e-5})
 
 
-def test_a_pin_loose_in_its_hole_moves_a_point_by_its_radius():
+def test_a_radial_clearance_moves_a_point_by_its_radius():
     result = table("slider_crank", of=("B.x",))
     study = tolerance_study(result, {"A.clearance": "0.01mm"}, samples=30_000)
-    # the rod pushes the slider along itself: by the play over the cosine of its slant at most
-    slant = np.arcsin((0.05 * np.sin(ANGLES) - 0.01) / 0.2)
-    assert np.allclose(study.worst("B.x"), 1e-5 / np.cos(slant), rtol=1e-9)
-    assert np.abs(study.random("B.x")["std"] / (0.5e-5 / np.cos(slant)) - 1.0).max() <= 0.02
+    # the rod transmits the clearance along its line: at most the clearance over the cosine of its angle
+    rod_angle = np.arcsin((0.05 * np.sin(ANGLES) - 0.01) / 0.2)
+    assert np.allclose(study.worst("B.x"), 1e-5 / np.cos(rod_angle), rtol=1e-9)
+    assert np.abs(study.random("B.x")["std"] / (0.5e-5 / np.cos(rod_angle)) - 1.0).max() <= 0.02
 
 
-def test_the_band_of_a_path_lies_across_it():
+def test_the_band_of_a_path_is_normal_to_it():
     of = MovedFamily(parametric_model("four_bar"), np.linspace(0.0, 2.0 * np.pi, 73), 1.0)
     result = derivative_table(of, ["A"])
     study = tolerance_study(result, {"crank": 1e-5}, samples=0)
     (band,) = path_bands(result, study)
-    # A runs on a circle, which the crank's length widens
-    # also where the path closes
+    # A moves on a circle whose radius is the crank length;
+    # the band is correct also at the closing point of the path
     assert np.abs(band.worst - 1e-5).max() <= 1e-12
 
 
@@ -160,7 +160,7 @@ def test_a_table_of_tolerances_is_read(tmp_path):
         ("", "no tolerance is given"),
     ],
 )
-def test_what_is_no_tolerance_is_rejected_in_one_line(written, output):
+def test_an_invalid_tolerance_is_rejected(written, output):
     result = table()
     with pytest.raises(InputError, match=output):
         parsed_tolerances(
@@ -168,7 +168,7 @@ def test_what_is_no_tolerance_is_rejected_in_one_line(written, output):
         )
 
 
-def test_tolerances_that_leave_no_assembly_are_rejected():
+def test_tolerances_without_an_assembly_are_rejected():
     with pytest.raises(InputError, match="the tolerances allow no assembly: with crank = "):
         tolerance_study(table(), {"crank": 0.06}, samples=100)
 
@@ -179,7 +179,7 @@ def test_a_slide_has_no_radial_clearance():
         tolerance_study(result, {"slide.clearance": 1e-5}, samples=0)
 
 
-def test_derivatives_are_drawn_per_mm_or_degree_and_what_has_none_is_left_out():
+def test_nonzero_derivatives_are_plotted_per_mm_or_degree():
     from mechsim.pictures import plots
 
     pytest.importorskip("matplotlib")

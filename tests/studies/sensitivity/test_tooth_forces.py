@@ -1,4 +1,4 @@
-"""Derivatives of tooth forces, and of what bearings carry because of them."""
+"""Derivatives of tooth forces and of the resulting bearing forces."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def path(tmp_path):
 @pytest.mark.parametrize(
     ("name", "value", "unit"), [("pressure", 20.0, "deg"), ("across", 30.0, "mm"), ("radius", 12.0, "mm")]
 )
-def test_derivatives_of_tooth_forces_are_those_of_models_next_to_it(path, name, value, unit):
+def test_derivatives_of_tooth_forces_equal_finite_differences(path, name, value, unit):
     result = ms.sensitivity(str(path), COLUMNS, [name], angles=ANGLES, speed=30.0)
     step = 1e-3
 
@@ -63,11 +63,11 @@ def test_derivatives_of_tooth_forces_are_those_of_models_next_to_it(path, name, 
     more, less = columns(value + step), columns(value - step)
     in_si = np.deg2rad(step) if unit == "deg" else 1e-3 * step
     for column in COLUMNS:
-        wanted = (more[column] - less[column]) / (2.0 * in_si)
-        np.testing.assert_allclose(result.by[name][column], wanted, rtol=1e-6, atol=1e-5)
+        expected = (more[column] - less[column]) / (2.0 * in_si)
+        np.testing.assert_allclose(result.by[name][column], expected, rtol=1e-6, atol=1e-5)
 
 
-def test_a_rack_is_pushed_away_by_its_load_times_the_tangent_of_the_pressure_angle(path):
+def test_the_separating_force_of_a_rack_follows_the_pressure_angle(path):
     result = ms.sensitivity(str(path), ["rack.fy"], ["pressure"], angles=ANGLES, speed=30.0)
-    wanted = 20.0 / np.cos(np.deg2rad(20.0)) ** 2
-    np.testing.assert_allclose(np.abs(result.by["pressure"]["rack.fy"]), wanted, rtol=1e-12)
+    expected = 20.0 / np.cos(np.deg2rad(20.0)) ** 2
+    np.testing.assert_allclose(np.abs(result.by["pressure"]["rack.fy"]), expected, rtol=1e-12)

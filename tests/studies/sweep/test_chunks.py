@@ -1,4 +1,4 @@
-"""Parts of a sweep on a real Dask cluster of processes, and after a process was killed."""
+"""Chunks of a sweep on a real Dask cluster of processes, and after a killed process."""
 
 import json
 import os
@@ -15,7 +15,7 @@ import mechsim as ms
 
 pytest.importorskip("distributed", reason="dask and distributed are not installed")
 
-# each design by itself, so that a sweep lasts a while
+# designs are solved one by one, so that the sweep takes long enough
 VARY = {"crank": np.linspace(0.025, 0.035, 40), "coupler": np.linspace(0.085, 0.095, 10)}
 MEASURES = ["min:transmission", "range:rocker"]
 WORDS = (
@@ -25,8 +25,8 @@ WORDS = (
 
 
 @contextmanager
-def started(*words):
-    """Run a process as long as it is wanted."""
+def running(*words):
+    """Run a process until the context ends."""
     env = {**os.environ, "DASK_DISTRIBUTED__DASHBOARD__LINK": "", "OPENBLAS_NUM_THREADS": "1"}
     with subprocess.Popen(
         [sys.executable, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env
@@ -37,21 +37,21 @@ def started(*words):
             item.kill()
 
 
-def waited(what, seconds=60.0):
-    """Return what comes true, or fail."""
+def wait_until(what, seconds=60.0):
+    """Return the first true result, or fail after a time limit."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         result = what()
         if result:
             return result
         time.sleep(0.02)
-    pytest.fail("waited in vain")
+    pytest.fail("no result within the time limit")
 
 
 @contextmanager
 def cluster(folder):
-    """Run a scheduler and two workers on the loopback; give the address and the workers."""
-    note, local = folder / "scheduler.json", str(folder)
+    """Run a scheduler and two workers on the loopback; yield the address and the workers."""
+    scheduler_file, local = folder / "scheduler.json", str(folder)
     common = ("--host", "127.0.0.1", "--no-dashboard")
     scheduler = (
         "-m",
@@ -60,53 +60,57 @@ def cluster(folder):
         "--port",
         "0",
         "--scheduler-file",
-        str(note),
+        str(scheduler_file),
     )
-    with started(*scheduler):
-        address = waited(
-            lambda: note.exists() and note.stat().st_size and json.loads(note.read_text())["address"]
+    with running(*scheduler):
+        address = wait_until(
+            lambda: (
+                scheduler_file.exists()
+                and scheduler_file.stat().st_size
+                and json.loads(scheduler_file.read_text())["address"]
+            )
         )
         worker = ("-m", "distributed.cli.dask_worker", address, *common, "--no-nanny", "--nthreads", "1")
         worker += ("--local-directory", local, "--death-timeout", "60")
-        with started(*worker) as first, started(*worker) as second:
+        with running(*worker) as first, running(*worker) as second:
             yield address, (first, second)
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_what_one_process_gives_though_a_worker_is_killed(tmp_path):
-    here = tmp_path / "here.nc"
-    ms.sweep("four_bar", VARY, MEASURES, output=here)
-    there = tmp_path / "there.nc"
+def test_a_cluster_with_a_killed_worker_writes_the_same_file(tmp_path):
+    local_file = tmp_path / "here.nc"
+    ms.sweep("four_bar", VARY, MEASURES, output=local_file)
+    cluster_file = tmp_path / "there.nc"
     with cluster(tmp_path) as (address, workers):
         distributed = pytest.importorskip("distributed")
         with distributed.Client(address, set_as_default=False) as client:
             client.wait_for_workers(2, timeout=60)
         killed = []
 
-        def watch(_, part):
+        def kill_worker(_, part):
             if part > 0.2 and not killed:
                 workers[0].kill()
                 killed.append(part)
 
-        ms.sweep("four_bar", VARY, MEASURES, output=there, scheduler=address, progress=watch)
+        ms.sweep("four_bar", VARY, MEASURES, output=cluster_file, scheduler=address, progress=kill_worker)
         assert killed
         assert killed[0] < 1.0
         workers[0].wait(10.0)
         assert workers[1].poll() is None
-    assert there.read_bytes() == here.read_bytes()
+    assert cluster_file.read_bytes() == local_file.read_bytes()
 
 
 @pytest.mark.slow
-def test_a_process_that_is_killed_leaves_parts_from_which_the_same_file_comes(tmp_path):
-    cut, whole = tmp_path / "cut.nc", tmp_path / "whole.nc"
-    with started("-m", "mechsim", "sweep", *WORDS.split(), "-o", str(cut)) as item:
+def test_a_killed_sweep_resumes_to_the_same_file(tmp_path):
+    interrupted, whole = tmp_path / "cut.nc", tmp_path / "whole.nc"
+    with running("-m", "mechsim", "sweep", *WORDS.split(), "-o", str(interrupted)) as item:
         parts = tmp_path / "cut.nc.parts"
-        waited(lambda: len(list(parts.glob("0*.npz"))) >= 1 if parts.exists() else False)
+        wait_until(lambda: len(list(parts.glob("0*.npz"))) >= 1 if parts.exists() else False)
         item.send_signal(signal.SIGKILL)
         item.wait(10.0)
-    assert not cut.exists()
+    assert not interrupted.exists()
     speed = ms.units.rpm(600)
-    ms.sweep("four_bar", VARY, MEASURES, output=cut, resume=True, speed=speed)
+    ms.sweep("four_bar", VARY, MEASURES, output=interrupted, resume=True, speed=speed)
     ms.sweep("four_bar", VARY, MEASURES, output=whole, speed=speed)
-    assert cut.read_bytes() == whole.read_bytes()
+    assert interrupted.read_bytes() == whole.read_bytes()
     assert sorted(item.name for item in tmp_path.iterdir()) == ["cut.nc", "whole.nc"]

@@ -1,4 +1,4 @@
-"""Designs: grids, lists and samples from text, and what is rejected."""
+"""Designs: grids, lists and samples from text, and rejected input."""
 
 import numpy as np
 import pytest
@@ -7,45 +7,45 @@ from mechsim.errors import InputError
 from mechsim.studies.sweep.designs import grid_designs, parsed_range, read_designs, sampled_designs
 from mechsim.studies.sweep.sweeping import swept_designs
 
-SUBJECT, THERE = swept_designs("rssr")
+SUBJECT, PARAMETERS = swept_designs("rssr")
 
 
 def ranged(text, **options):
-    return parsed_range(text, "rssr", THERE, **({"sampled": False} | options))
+    return parsed_range(text, "rssr", PARAMETERS, **({"sampled": False} | options))
 
 
-def test_a_range_has_both_ends_and_its_last_unit_stands_for_both():
+def test_a_range_includes_both_ends_and_shares_its_last_unit():
     name, values = ranged("crank=12:15mm:4")
     assert name == "crank"
     np.testing.assert_allclose(values, [0.012, 0.013, 0.014, 0.015], rtol=1e-15)
 
 
-def test_places_vary_by_parts_and_choices_by_their_values():
+def test_points_vary_by_component_and_choices_by_value():
     assert ranged("pivot.x=40mm:44mm:2")[1].tolist() == [0.04, 0.044]
     assert ranged("branch=1,-1")[1].tolist() == [1.0, -1.0]
 
 
-def test_a_grid_has_all_with_all_and_any_part_of_it_is_made_by_itself():
-    designs = grid_designs({"crank": [1.0, 2.0], "rocker": [3.0, 4.0, 5.0]}, "rssr", THERE)
+def test_a_grid_has_all_combinations_in_any_row_range():
+    designs = grid_designs({"crank": [1.0, 2.0], "rocker": [3.0, 4.0, 5.0]}, "rssr", PARAMETERS)
     assert designs.shape == (2, 3)
     whole = designs.rows(0, 6)
     assert whole["crank"].tolist() == [1.0] * 3 + [2.0] * 3
     assert designs.rows(2, 5)["rocker"].tolist() == whole["rocker"][2:5].tolist()
 
 
-def test_samples_fill_their_spans_and_are_the_same_each_time():
+def test_samples_fill_their_spans_reproducibly():
     spans = {"crank": (1.0, 2.0), "rocker": (5.0, 9.0)}
-    first, again = (sampled_designs("sobol:100", spans, "rssr", THERE) for _ in range(2))
+    first, again = (sampled_designs("sobol:100", spans, "rssr", PARAMETERS) for _ in range(2))
     crank, rocker = first.values.values()
     assert 1.0 <= crank.min() < 1.02 < 1.98 < crank.max() <= 2.0
     assert abs(rocker.mean() - 7.0) < 0.1
     np.testing.assert_array_equal(crank, again.values["crank"])
 
 
-def test_a_file_gives_designs_with_units_in_its_segments(tmp_path):
+def test_a_design_file_may_have_units_in_its_cells(tmp_path):
     path = tmp_path / "designs.csv"
     path.write_text("crank,rocker\n13 mm,0.027\n0.014,28mm\n")
-    result = read_designs(str(path), "rssr", THERE)
+    result = read_designs(str(path), "rssr", PARAMETERS)
     assert result.rows(0, 2)["crank"].tolist() == [0.013, 0.014]
     assert result.dims == ("design",)
 
@@ -63,17 +63,17 @@ def test_a_file_gives_designs_with_units_in_its_segments(tmp_path):
         ("crank=1mm:2mm:1000000000000000", "fit: reduce the number"),
     ],
 )
-def test_what_is_no_range_is_rejected(text, output):
+def test_an_invalid_range_is_rejected(text, output):
     with pytest.raises(InputError, match=output):
         ranged(text)
 
 
-def test_other_designs_that_cannot_be_are_rejected(tmp_path):
+def test_invalid_samples_and_files_are_rejected(tmp_path):
     for text in ("sobl:8", "sobol:0", "sobol:x", "sobol"):
         with pytest.raises(InputError, match="sobol:N"):
-            sampled_designs(text, {"crank": (1.0, 2.0)}, "rssr", THERE)
+            sampled_designs(text, {"crank": (1.0, 2.0)}, "rssr", PARAMETERS)
     with pytest.raises(InputError, match="lower and its upper end"):
-        sampled_designs("sobol:8", {"crank": (2.0, 1.0)}, "rssr", THERE)
+        sampled_designs("sobol:8", {"crank": (2.0, 1.0)}, "rssr", PARAMETERS)
     path = tmp_path / "designs.csv"
     for text, output in (
         ("crank\n", "no row"),
@@ -82,6 +82,6 @@ def test_other_designs_that_cannot_be_are_rejected(tmp_path):
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=output):
-            read_designs(str(path), "rssr", THERE)
+            read_designs(str(path), "rssr", PARAMETERS)
     with pytest.raises(InputError, match="there is no file"):
-        read_designs(str(tmp_path / "none.csv"), "rssr", THERE)
+        read_designs(str(tmp_path / "none.csv"), "rssr", PARAMETERS)

@@ -1,4 +1,4 @@
-"""Measures: what their texts mean, and that their numbers are those of the motion."""
+"""Measures: their text form, and their values against the motion."""
 
 import numpy as np
 import pytest
@@ -30,13 +30,13 @@ def value(text, turns):
     return result, table_of((result,), turns, {})[text]
 
 
-def test_measures_are_those_of_the_motion(turns):
+def test_measures_equal_those_computed_from_the_motion(turns):
     alone = catalog.make("rssr").solve(ANGLES, 3.0)
     rocker, p3 = alone.joints["rocker"], alone.points["P3"]
-    apart = np.linalg.norm(p3.position[:, None] - p3.position, axis=2).max()
-    wanted = {
+    largest_distance = np.linalg.norm(p3.position[:, None] - p3.position, axis=2).max()
+    expected = {
         "range:rocker": (np.ptp(rocker.value), "rad"),
-        "stroke:P3": (apart, "m"),
+        "stroke:P3": (largest_distance, "m"),
         "max:P3.vx": (p3.velocity[:, 0].max(), "m/s"),
         "min:rocker.a": (rocker.acceleration.min(), "rad/s2"),
         "rms:speed:P3": (np.sqrt((p3.velocity**2).sum(1).mean()), "m/s"),
@@ -44,17 +44,17 @@ def test_measures_are_those_of_the_motion(turns):
         "max:P3.a": (np.linalg.norm(p3.acceleration, axis=1).max(), "m/s2"),
         "max:acceleration:P3": (np.linalg.norm(p3.acceleration, axis=1).max(), "m/s2"),
     }
-    for text, (number, unit) in wanted.items():
+    for text, (number, unit) in expected.items():
         result, values = value(text, turns)
         assert result.unit == unit
         assert values[1] == pytest.approx(number, rel=1e-12)
 
 
-def test_angles_are_counted_on_over_the_turn(turns):
+def test_angles_are_continuous_over_the_turn(turns):
     assert value("range:crank", turns)[1][0] == pytest.approx(ANGLES[-1])
 
 
-def test_a_value_at_an_angle_is_taken_at_its_own_pose(turns):
+def test_a_value_at_an_angle_is_that_of_its_pose(turns):
     result = measure("at:350deg:rocker", catalog.make("rssr").mechanism)
     both = table_of((result,), turns, {result.angle: 35})
     alone = catalog.make("rssr").solve(ANGLES[35:]).joints["rocker"].value[0]
@@ -80,17 +80,17 @@ def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):
         ("nothing", "choose from"),
     ],
 )
-def test_what_is_no_measure_is_rejected_with_the_nearest(text, output):
+def test_an_unknown_measure_is_rejected_with_a_hint(text, output):
     with pytest.raises(InputError, match=output):
         measure(text, catalog.make("rssr").mechanism)
 
 
-def test_no_measure_at_all_is_rejected():
+def test_an_empty_list_of_measures_is_rejected():
     with pytest.raises(InputError, match="no measure"):
         measures([], catalog.make("rssr").mechanism)
 
 
-def test_names_of_forces_are_read():
+def test_names_of_forces_are_quantities():
     mechanism = catalog.make("rssr").mechanism
     assert numeric_quantity("force:P3", mechanism).unit == "N"
     assert [column.name for column in numeric_quantity("torque:crank", mechanism).columns] == ["torque"]

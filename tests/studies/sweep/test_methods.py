@@ -1,4 +1,4 @@
-"""Methods: what a sweep measures is what each design by itself has, and no bad design ends it."""
+"""A sweep has the measures of single designs, and an invalid design does not end it."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ TURN = 2.0 * np.pi * np.arange(72) / 72
 COUPLERS = np.array([0.03, 0.085, 0.091, 0.1])
 
 
-def test_a_formula_for_all_measures_as_each_by_itself():
+def test_a_vectorised_formula_has_the_measures_of_single_designs():
     result = ms.sweep(
         "four_bar", {"coupler": COUPLERS, "arm_angle": [0.3, 0.5]}, ["range:rocker", "max:C.v"], speed=3.0
     )
@@ -27,16 +27,16 @@ def test_a_formula_for_all_measures_as_each_by_itself():
         assert float(item["max:C.v"]) == pytest.approx(fastest, rel=1e-12)
 
 
-def test_a_mechanism_laid_flat_is_measured_by_its_own_closed_form():
+def test_a_parallelogram_is_measured_by_its_closed_form():
     lengths = {"ground": [0.1, 0.1], "coupler": [0.1, 0.1], "crank": [0.04, 0.039], "rocker": [0.04, 0.04]}
     result = ms.sweep("four_bar", measure="range:rocker", design=lengths)
     flat = ms.catalog.make("four_bar", **{name: values[0] for name, values in lengths.items()})
     assert result["outcome"].values.tolist() == ["passed", "passed"]
-    wanted = np.ptp(np.unwrap(flat.solve(TURN).joints["rocker"].value))
-    assert float(result["range:rocker"][0]) == pytest.approx(wanted)
+    expected = np.ptp(np.unwrap(flat.solve(TURN).joints["rocker"].value))
+    assert float(result["range:rocker"][0]) == pytest.approx(expected)
 
 
-def test_bad_designs_state_why_and_end_nothing():
+def test_invalid_designs_report_a_reason_and_do_not_end_the_sweep():
     design = {"crank": [0.032, -1.0, 1e40, np.inf, 0.09, 0.5], "branch": [1, 1, 1, 1, 1, 7]}
     result = ms.sweep("four_bar", measure=["range:rocker", "crank_range"], design=design)
     assert result["outcome"].values.tolist() == ["passed"] + ["cannot assemble"] * 3 + [
@@ -50,18 +50,18 @@ def test_bad_designs_state_why_and_end_nothing():
         ("above 0", "finite", "finite", "the crank swings from", "branch"), output[1:], strict=True
     ):
         assert word in reason
-    # how far a crank swings is known though it does not turn
+    # the crank range of a swinging design is known
     arcs = ms.catalog.make("four_bar", crank=0.09).crank_range().arcs
     assert float(result["crank_range"][4]) == pytest.approx(sum(high - low for low, high in arcs))
 
 
-def test_any_other_subject_is_measured_by_its_loop_equations():
+def test_a_gallery_model_is_measured_by_its_loop_equations():
     result = ms.sweep("watt_six_bar", {"crank": [0.02, 0.025, 0.3]}, ["range:output", "at:90deg:D.x"])
     assert result["outcome"].values.tolist() == ["passed", "passed", "cannot assemble"]
-    alone = ms.load("watt_six_bar", {"crank": 0.02})
-    wanted = np.ptp(alone.solve(TURN).joints["output"].value)
-    assert float(result["range:output"][0]) == pytest.approx(wanted, rel=1e-9)
-    at = alone.solve([np.pi / 2]).points["D"].position[0, 0]
+    single = ms.load("watt_six_bar", {"crank": 0.02})
+    expected = np.ptp(single.solve(TURN).joints["output"].value)
+    assert float(result["range:output"][0]) == pytest.approx(expected, rel=1e-9)
+    at = single.solve([np.pi / 2]).points["D"].position[0, 0]
     assert float(result["at:90deg:D.x"][0]) == pytest.approx(at, rel=1e-9)
 
 
@@ -78,7 +78,7 @@ def test_forces_and_transmission_angles_are_measured():
     assert result["max:force:P3"].attrs["units"] == "N"
 
 
-def test_facts_alone_need_no_turn():
+def test_range_and_assembly_measures_need_no_motion():
     result = ms.sweep(
         "four_bar", {"crank": [0.032, 0.09, 9.0]}, ["crank_range", "dead_centres", "assemblies"]
     )
@@ -88,7 +88,7 @@ def test_facts_alone_need_no_turn():
     assert result["outcome"].values.tolist() == ["passed", "passed", "cannot assemble"]
 
 
-def test_only_what_formulas_take_as_arrays_goes_by_one_formula():
+def test_only_array_parameters_use_a_vectorised_formula():
     assert by_one_formula(swept_task("rssr", {"gamma1": [0.1]}, "range:rocker"))
     assert not by_one_formula(swept_task("looper", {"crank": [0.006]}, "range:rocker"))
     assert not by_one_formula(swept_task("rssr", {"psi1": [0.1]}, "range:rocker", set={"guide": "true"}))
@@ -96,7 +96,7 @@ def test_only_what_formulas_take_as_arrays_goes_by_one_formula():
     assert not by_one_formula(swept_task("watt_six_bar", {"crank": [0.1]}, "range:output"))
 
 
-def test_what_no_design_can_have_is_rejected():
+def test_measures_unavailable_for_the_model_are_rejected():
     with pytest.raises(InputError, match="mechsim trace"):
         ms.sweep("watt_six_bar", {"crank": [0.02]}, "assemblies")
     five_bar = ms.load("five_bar", drive={"left": "0.1rad*t", "right": "0.1rad*t"})

@@ -1,4 +1,4 @@
-"""Sweeps of what a function in a Python file makes from its arguments."""
+"""Sweeps over the arguments of a function in a Python file."""
 
 import numpy as np
 import pytest
@@ -25,19 +25,19 @@ def model(tmp_path):
     return f"{path}:scaled"
 
 
-def test_arguments_with_numbers_as_defaults_are_parameters(model):
-    there = swept_designs(model)[1]
-    assert [*there] == ["crank", "ratio", "branch"]
-    assert parsed_range("crank=20mm:3cm:2", model, there, sampled=False)[1].tolist() == [0.02, 0.03]
-    assert parsed_range("ratio=1,2", model, there, sampled=False)[1].tolist() == [1.0, 2.0]
-    # the names are those of a four-bar's own, and what they do is the function's
+def test_arguments_with_numeric_defaults_are_parameters(model):
+    parameters = swept_designs(model)[1]
+    assert [*parameters] == ["crank", "ratio", "branch"]
+    assert parsed_range("crank=20mm:3cm:2", model, parameters, sampled=False)[1].tolist() == [0.02, 0.03]
+    assert parsed_range("ratio=1,2", model, parameters, sampled=False)[1].tolist() == [1.0, 2.0]
+    # the names equal parameters of the four-bar, but the function defines their effect
     result = ms.sweep(model, {"crank": [0.02], "ratio": [1.0, 2.0]}, "range:rocker", set={"branch": -1})
-    wanted = ms.sweep("four_bar", {"crank": [0.02, 0.04]}, "range:rocker", set={"branch": -1})
-    np.testing.assert_allclose(result["range:rocker"].values[0], wanted["range:rocker"], rtol=1e-12)
+    expected = ms.sweep("four_bar", {"crank": [0.02, 0.04]}, "range:rocker", set={"branch": -1})
+    np.testing.assert_allclose(result["range:rocker"].values[0], expected["range:rocker"], rtol=1e-12)
     assert ms.load(model, {"crank": "25mm"}).crank == 0.025
 
 
-def test_what_is_no_argument_is_rejected(model):
+def test_an_unknown_argument_is_rejected(model):
     for name in ("krank", "mark"):
         with pytest.raises(InputError, match=f"no parameter '{name}'.* choose from crank, ratio, branch"):
             ms.load(model, {name: "1"})
@@ -47,7 +47,7 @@ def test_what_is_no_argument_is_rejected(model):
         ms.load(model.replace("scaled", "still"), {"crank": "1"})
 
 
-def test_a_file_that_changed_is_another_sweep(model, tmp_path):
+def test_a_changed_file_defines_another_sweep(model, tmp_path):
     out = tmp_path / "out.nc"
     ms.sweep(model, {"crank": [0.02]}, "range:rocker", output=out)
     path = tmp_path / "mine.py"
@@ -55,5 +55,5 @@ def test_a_file_that_changed_is_another_sweep(model, tmp_path):
     with pytest.raises(InputError, match="another sweep"):
         ms.sweep(model, {"crank": [0.02]}, "range:rocker", output=out, resume=True)
     changed = ms.sweep(model, {"crank": [0.02]}, "range:rocker")
-    wanted = ms.sweep("four_bar", {"crank": [0.021]}, "range:rocker")
-    assert float(changed["range:rocker"][0]) == pytest.approx(float(wanted["range:rocker"][0]), rel=1e-12)
+    expected = ms.sweep("four_bar", {"crank": [0.021]}, "range:rocker")
+    assert float(changed["range:rocker"][0]) == pytest.approx(float(expected["range:rocker"][0]), rel=1e-12)

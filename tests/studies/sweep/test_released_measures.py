@@ -43,7 +43,7 @@ def oscillator(tmp_path):
     return str(path)
 
 
-def test_frequency_and_damping_ratio_of_an_oscillator_over_its_stiffness(oscillator):
+def test_frequency_and_damping_ratio_of_an_oscillator_are_exact(oscillator):
     stiffness = np.array([100.0, 200.0, 400.0])
     table = ms.sweep(oscillator, {"stiffness": stiffness}, ["frequency:1", "damping_ratio:1"])
     natural = np.sqrt(stiffness / 2.0)
@@ -52,7 +52,7 @@ def test_frequency_and_damping_ratio_of_an_oscillator_over_its_stiffness(oscilla
     assert table["frequency:1"].attrs["units"] == "Hz"
 
 
-def test_settling_time_and_peak_of_an_oscillator(oscillator):
+def test_settling_time_and_peaks_of_an_oscillator_are_exact(oscillator):
     measures = ["settling:P.x", "peak:s.v", "peak:kinetic", "peak:expr:P.x - 0.1"]
     table = ms.sweep(
         oscillator, {"viscous": np.array([8.0, 16.0])}, measures, initial=START, duration="4s", samples=500
@@ -65,14 +65,14 @@ def test_settling_time_and_peak_of_an_oscillator(oscillator):
         rate = -decay * 100.0 / damped * np.sin(damped * time)
         outside = np.abs(value) > 0.02 * np.ptp(value)
         settled = time[np.flatnonzero(outside)[-1]]
-        # to the interval between the instants of the run
+        # within the interval between the instants of the run
         assert table["settling:P.x"][i] == pytest.approx(settled, abs=4.0 / 500)
         assert table["peak:s.v"][i] == pytest.approx(np.abs(rate).max(), rel=1e-3)
         assert table["peak:kinetic"][i] == pytest.approx((rate**2).max(), rel=2e-3)
         assert table["peak:expr:P.x - 0.1"][i] == pytest.approx(0.05, rel=1e-12)
 
 
-def test_the_peak_of_a_force_in_a_joint_is_that_of_the_run():
+def test_the_peak_of_a_joint_force_equals_that_of_the_run():
     start = {"crank.q": "-85deg"}
     measures = ["peak:force:A", "range:rocker"]
     table = ms.sweep("four_bar", {"crank": [0.03]}, measures, initial=start, duration="0.3s", samples=36)
@@ -83,14 +83,14 @@ def test_the_peak_of_a_force_in_a_joint_is_that_of_the_run():
     assert np.abs(forces.torque).max() < 1e-10
     largest = np.linalg.norm(forces.reactions["A"].force, axis=1).max()
     assert table["peak:force:A"][0] == pytest.approx(largest, rel=1e-9)
-    # of the whole turn, as without a run
+    # over the whole turn, as without a run
     assert (
         table["range:rocker"][0]
         == ms.sweep("four_bar", {"crank": [0.03]}, "range:rocker", samples=36)["range:rocker"][0]
     )
 
 
-def test_what_does_not_settle_and_modes_that_are_missing_are_outcomes(oscillator):
+def test_an_unsettled_run_and_a_missing_mode_are_outcomes(oscillator):
     table = ms.sweep(oscillator, {"viscous": [1.0]}, "settling:s", initial=START, duration="1s")
     assert "s does not settle within 1 s" in str(table["reason"].values)
     table = ms.sweep(oscillator, {"viscous": [1.0]}, "frequency:2")
@@ -106,6 +106,6 @@ def test_what_does_not_settle_and_modes_that_are_missing_are_outcomes(oscillator
         ("range:s", {"initial": START}, "an initial state or event needs a measure"),
     ],
 )
-def test_measures_that_state_nothing_are_rejected(oscillator, measure, more, message):
+def test_invalid_measures_of_a_run_are_rejected(oscillator, measure, more, message):
     with pytest.raises(InputError, match=message):
         ms.sweep(oscillator, {"viscous": [1.0]}, measure, **more)

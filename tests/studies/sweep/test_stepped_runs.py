@@ -1,4 +1,4 @@
-"""Stepped sweeps: designs together as each by itself, outcomes, what is refused, and the check that bites."""
+"""Stepped sweeps: batched against single designs, outcomes, rejected input and the check."""
 
 import numpy as np
 import pytest
@@ -9,50 +9,50 @@ from mechsim.simulation import Settings
 from mechsim.studies.sweep.sweeping import check_sweep, run_sweep, swept_task
 from mechsim.studies.sweep.task import SweepTask
 
-FEW = Settings(steps_per_turn=60)
-ASKED = {"settings": FEW, "speed": 40.0, "samples": 30}
+FEW_STEPS = Settings(steps_per_turn=60)
+OPTIONS = {"settings": FEW_STEPS, "speed": 40.0, "samples": 30}
 
 
-def test_measures_of_designs_stepped_together_are_those_of_each_by_itself(monkeypatch):
+def test_batched_stepped_designs_have_the_measures_of_single_ones(monkeypatch):
     measures = ["range:output", "max:D.ax", "stroke:D", "rms:output.v", "at:24deg:D.x"]
-    together = ms.sweep("watt_six_bar", {"crank": [0.02, 0.03]}, measures, **ASKED)
+    batched = ms.sweep("watt_six_bar", {"crank": [0.02, 0.03]}, measures, **OPTIONS)
     monkeypatch.setattr(SweepTask, "like", None)
-    alone = ms.sweep("watt_six_bar", {"crank": [0.02, 0.03]}, measures, **ASKED)
-    assert together["outcome"].values.tolist() == ["passed", "passed"]
+    single = ms.sweep("watt_six_bar", {"crank": [0.02, 0.03]}, measures, **OPTIONS)
+    assert batched["outcome"].values.tolist() == ["passed", "passed"]
     for name in measures:
         # accelerations are those of soft constraints, which magnify rounding
         tolerance = 1e-9 if ".a" in name else 1e-12
-        np.testing.assert_allclose(together[name], alone[name], rtol=tolerance, err_msg=name)
+        np.testing.assert_allclose(batched[name], single[name], rtol=tolerance, err_msg=name)
 
 
-def test_a_stepped_sweep_is_close_to_that_of_formulas_and_not_the_same():
+def test_a_stepped_sweep_approximates_that_of_formulas():
     vary, measures = {"crank": [0.02, 0.03]}, ["range:rocker", "max:C.vx"]
-    stepped = ms.sweep("four_bar", vary, measures, settings=FEW, speed=40.0)
+    stepped = ms.sweep("four_bar", vary, measures, settings=FEW_STEPS, speed=40.0)
     exact = ms.sweep("four_bar", vary, measures, samples=60, speed=40.0)
     for name in measures:
         np.testing.assert_allclose(stepped[name], exact[name], rtol=1e-4)
         assert (stepped[name].values != exact[name].values).all()
 
 
-def test_torques_of_stepped_designs(monkeypatch):
-    asked = {"settings": Settings(steps_per_turn=200), "speed": 40.0, "samples": 50}
-    together = ms.sweep("four_bar", {"crank": [0.02, 0.03]}, "max:torque", **asked)["max:torque"]
+def test_torques_of_stepped_designs_approximate_those_of_formulas(monkeypatch):
+    options = {"settings": Settings(steps_per_turn=200), "speed": 40.0, "samples": 50}
+    batched = ms.sweep("four_bar", {"crank": [0.02, 0.03]}, "max:torque", **options)["max:torque"]
     monkeypatch.setattr(SweepTask, "like", None)
-    alone = ms.sweep("four_bar", {"crank": [0.02, 0.03]}, "max:torque", **asked)["max:torque"]
-    # the same constraint forces, whose rounding is 1e-10 of them
-    np.testing.assert_allclose(together, alone, rtol=1e-8)
+    single = ms.sweep("four_bar", {"crank": [0.02, 0.03]}, "max:torque", **options)["max:torque"]
+    # the same constraint forces with a rounding error of 1e-10
+    np.testing.assert_allclose(batched, single, rtol=1e-8)
     exact = ms.sweep("four_bar", {"crank": [0.02, 0.03]}, "max:torque", samples=50, speed=40.0)["max:torque"]
-    np.testing.assert_allclose(together, exact, rtol=1e-4)
+    np.testing.assert_allclose(batched, exact, rtol=1e-4)
 
 
-def test_what_decides_by_forces_is_stepped_by_itself():
+def test_measures_of_forces_step_designs_one_by_one():
     for model, measure in (("rssr", "max:torque"), ("four_bar", "max:force:A"), ("four_bar", "max:C.vx")):
-        task = swept_task(model, {"crank": [0.013]}, [measure, "max:torque"], settings=FEW)
+        task = swept_task(model, {"crank": [0.013]}, [measure, "max:torque"], settings=FEW_STEPS)
         assert task.like is None
-    assert swept_task("rssr", {"crank": [0.013]}, "max:P3.vx", settings=FEW).like is not None
+    assert swept_task("rssr", {"crank": [0.013]}, "max:P3.vx", settings=FEW_STEPS).like is not None
 
 
-def test_outcomes_of_stepped_designs():
+def test_stepped_designs_report_their_outcomes():
     designs = {"crank": [0.02, 0.045, 0.08, -1.0]}
     result = ms.sweep("four_bar", designs, "range:rocker", settings=Settings(steps_per_turn=8), speed=40.0)
     assert result["outcome"].values.tolist() == ["failed", "failed", "diverged", "cannot assemble"]
@@ -73,13 +73,13 @@ def test_outcomes_of_stepped_designs():
         ("at:10deg:rocker", "no instant is recorded at"),
     ],
 )
-def test_what_no_stepped_motion_reports_is_rejected(measure, printed):
+def test_measures_unavailable_in_stepped_motions_are_rejected(measure, printed):
     with pytest.raises(InputError, match=printed):
-        swept_task("four_bar", {"crank": [0.03]}, measure, settings=FEW, samples=30)
+        swept_task("four_bar", {"crank": [0.03]}, measure, settings=FEW_STEPS, samples=30)
 
 
-def test_a_check_finds_a_table_that_is_wrong():
-    for given in (ASKED, {"samples": 12}):
+def test_the_check_rejects_a_wrong_table():
+    for given in (OPTIONS, {"samples": 12}):
         task = swept_task("watt_six_bar", {"crank": [0.02, 0.03]}, "range:output", **given)
         result = run_sweep(task)
         assert check_sweep(task, result, 2).passed == 2
@@ -89,9 +89,9 @@ def test_a_check_finds_a_table_that_is_wrong():
         assert "in the table and" in checked.failed[1]
 
 
-def test_settings_report_stepped_sweeps_apart(tmp_path):
+def test_settings_distinguish_stepped_sweeps(tmp_path):
     out = tmp_path / "out.nc"
-    ms.sweep("four_bar", {"crank": [0.03]}, "range:rocker", output=out, **ASKED)
+    ms.sweep("four_bar", {"crank": [0.03]}, "range:rocker", output=out, **OPTIONS)
     for other in ({}, {"settings": Settings(steps_per_turn=60, integrator="Euler")}):
         with pytest.raises(InputError, match="another sweep"):
             ms.sweep(
@@ -99,12 +99,12 @@ def test_settings_report_stepped_sweeps_apart(tmp_path):
                 {"crank": [0.03]},
                 "range:rocker",
                 output=out,
-                **{**ASKED, "settings": None, **other},
+                **{**OPTIONS, "settings": None, **other},
             )
 
 
-def test_loops_are_as_hard_as_what_is_measured_requests_for_unless_it_is_stated():
-    """What `mechsim sweep --method step` asks for, too: it gives its settings as they are."""
+def test_the_default_compliance_depends_on_the_measure():
+    """`mechsim sweep --method step` passes its settings unchanged."""
 
     def compliance(model, vary, measure, **given):
         return swept_task(model, vary, measure, settings=Settings(**given)).settings.compliance
@@ -112,7 +112,7 @@ def test_loops_are_as_hard_as_what_is_measured_requests_for_unless_it_is_stated(
     forces = ("rack_steering", {"radius": [0.005]}, "max:torque")
     assert compliance(*forces) == 1e-12
     assert compliance(*forces, compliance=1e-8) == 1e-8
-    # stepped together, and where no force is measured, as places need
+    # batched designs and measures without forces use the compliance for positions
     assert compliance("four_bar", {"crank": [0.03]}, "max:torque") is None
     assert compliance("rack_steering", {"radius": [0.005]}, "range:rack") is None
     assert Settings().compliance_used == 1e-8

@@ -1,4 +1,4 @@
-"""A sweep from call to file: what is written, what goes on where it was stopped, what is rejected."""
+"""A sweep from call to file: output, resuming and rejected input."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ MEASURES = ["range:rocker", "crank_range"]
 
 
 @pytest.mark.parametrize("ending", ["nc", "zarr", "parquet", "csv"])
-def test_what_is_written_reads_back(tmp_path, ending):
+def test_a_written_sweep_reads_back(tmp_path, ending):
     path = tmp_path / f"out.{ending}"
     result = ms.sweep("four_bar", VARY, MEASURES, output=path)
     again = read_sweep(path)
@@ -30,7 +30,7 @@ def test_what_is_written_reads_back(tmp_path, ending):
 
 
 def stopped_after(monkeypatch, count):
-    """Stop sweeps after so many parts."""
+    """Stop sweeps after this many chunks."""
     run = chunks.run_chunks
 
     def short(task, parts, keep, scheduler=None):
@@ -43,27 +43,27 @@ def stopped_after(monkeypatch, count):
 
 
 @pytest.mark.parametrize("ending", ["nc", "parquet", "csv"])
-def test_a_sweep_that_was_stopped_goes_on_and_gives_the_same_file(tmp_path, monkeypatch, ending):
-    whole, cut = tmp_path / f"whole.{ending}", tmp_path / f"cut.{ending}"
+def test_an_interrupted_sweep_resumes_to_the_same_file(tmp_path, monkeypatch, ending):
+    whole, interrupted = tmp_path / f"whole.{ending}", tmp_path / f"cut.{ending}"
     run = stopped_after(monkeypatch, 2)
     with pytest.raises(KeyboardInterrupt):
-        ms.sweep("four_bar", VARY, MEASURES, output=cut)
-    assert not cut.exists()
+        ms.sweep("four_bar", VARY, MEASURES, output=interrupted)
+    assert not interrupted.exists()
     with pytest.raises(InputError, match="--resume"):
-        ms.sweep("four_bar", VARY, MEASURES, output=cut)
+        ms.sweep("four_bar", VARY, MEASURES, output=interrupted)
     with pytest.raises(InputError, match="another sweep"):
-        ms.sweep("four_bar", VARY, ["crank_range"], output=cut, resume=True)
-    left = []
+        ms.sweep("four_bar", VARY, ["crank_range"], output=interrupted, resume=True)
+    resumed = []
     monkeypatch.setattr(
-        sweeping, "run_chunks", lambda task, parts, *rest: left.append(parts) or run(task, parts, *rest)
+        sweeping, "run_chunks", lambda task, parts, *rest: resumed.append(parts) or run(task, parts, *rest)
     )
-    ms.sweep("four_bar", VARY, MEASURES, output=cut, resume=True)
-    assert [item[0] for item in left[0]] == [2, 3, 4]
+    ms.sweep("four_bar", VARY, MEASURES, output=interrupted, resume=True)
+    assert [item[0] for item in resumed[0]] == [2, 3, 4]
     ms.sweep("four_bar", VARY, MEASURES, output=whole)
-    assert cut.read_bytes() == whole.read_bytes()
+    assert interrupted.read_bytes() == whole.read_bytes()
 
 
-def test_a_part_that_was_cut_off_is_made_again(tmp_path, monkeypatch):
+def test_a_truncated_chunk_is_recomputed(tmp_path, monkeypatch):
     path = tmp_path / "out.nc"
     run = stopped_after(monkeypatch, 3)
     with pytest.raises(KeyboardInterrupt):
@@ -77,7 +77,7 @@ def test_a_part_that_was_cut_off_is_made_again(tmp_path, monkeypatch):
     )
 
 
-def test_another_sweeps_output_is_not_written_over(tmp_path):
+def test_the_output_of_another_sweep_is_not_overwritten(tmp_path):
     path = tmp_path / "out.nc"
     result = ms.sweep("four_bar", VARY, MEASURES, output=path)
     before = path.read_bytes()
@@ -88,7 +88,7 @@ def test_another_sweeps_output_is_not_written_over(tmp_path):
     assert path.read_bytes() == before
 
 
-def test_more_designs_than_there_is_room_for_are_rejected(tmp_path, monkeypatch):
+def test_designs_beyond_memory_or_disk_are_rejected(tmp_path, monkeypatch):
     monkeypatch.setattr("mechsim.numerics.resources.available_memory", lambda: 1000.0)
     with pytest.raises(InputError, match="fit"):
         ms.sweep("four_bar", VARY, MEASURES)
@@ -100,13 +100,13 @@ def test_more_designs_than_there_is_room_for_are_rejected(tmp_path, monkeypatch)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_missing_library_is_named_with_what_brings_it(tmp_path, monkeypatch):
+def test_a_missing_library_is_reported_with_its_install_command(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "dask", None)
     with pytest.raises(ms.MechsimError, match=r"dask is not installed; pip install 'mechsim\[sweep\]'"):
         ms.sweep("four_bar", VARY, MEASURES)
 
 
-def test_no_scheduler_that_does_not_answer(tmp_path, monkeypatch):
+def test_an_unreachable_scheduler_is_rejected(tmp_path, monkeypatch):
     monkeypatch.setattr(chunks, "TIMEOUT", 0.2)
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         ms.sweep("four_bar", VARY, MEASURES, scheduler="tcp://127.0.0.1:9", output=tmp_path / "out.nc")

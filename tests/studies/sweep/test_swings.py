@@ -1,4 +1,4 @@
-"""A crank that only swings is a status of a design, and it is measured over its reachable range."""
+"""A swinging crank is an outcome of a design, measured over its reachable range."""
 
 import numpy as np
 import pytest
@@ -27,15 +27,15 @@ ROCKERS = np.linspace(0.033, 0.037, 5)
 LENGTHS = {"ground": 0.1, "crank": 0.032, "coupler": 0.091}
 
 
-def reach(rocker):
+def upper_dead_centre(rocker):
     """Return the crank angle of the upper dead centre by the law of cosines, in [rad]."""
-    far, ground, crank = LENGTHS["coupler"] + rocker, LENGTHS["ground"], LENGTHS["crank"]
-    return float(np.arccos((ground**2 + crank**2 - far**2) / (2.0 * ground * crank)))
+    longest, ground, crank = LENGTHS["coupler"] + rocker, LENGTHS["ground"], LENGTHS["crank"]
+    return float(np.arccos((ground**2 + crank**2 - longest**2) / (2.0 * ground * crank)))
 
 
 def extent(rocker):
     """Return the range of the rocker over the whole reachable range of the crank, in [rad]."""
-    end = reach(rocker)
+    end = upper_dead_centre(rocker)
     near = end * (1.0 - np.geomspace(1e-12, 1.0, 400))
     drive = ms.catalog.make("four_bar", **LENGTHS, rocker=rocker)
     return np.ptp(np.unwrap(drive.solve([*-near, *near[::-1]]).joints["rocker"].value))
@@ -49,25 +49,25 @@ def model(request, tmp_path):
 
 
 @pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
-def test_designs_that_swing_are_built_together_over_their_reachable_range(model, monkeypatch):
-    left = []
-    monkeypatch.setattr(methods, "one_by_one", lambda task, rows, index, result: left.extend(index))
+def test_swinging_designs_are_batched_over_their_reachable_range(model, monkeypatch):
+    unbatched = []
+    monkeypatch.setattr(methods, "one_by_one", lambda task, rows, index, result: unbatched.extend(index))
     result = ms.sweep(model, {"rocker": ROCKERS}, ["range:rocker", "at:90deg:rocker"])
-    # designs one by one took a second each
-    assert left == []
+    # single designs would take a second each
+    assert unbatched == []
     assert result["outcome"].values.tolist() == ["swings"] * len(ROCKERS)
     assert built(result) == len(ROCKERS)
-    for rocker, reason, wide in zip(
+    for rocker, reason, extent_of_rocker in zip(
         ROCKERS, result["reason"].values, result["range:rocker"].values, strict=True
     ):
-        end = np.rad2deg(reach(rocker))
+        end = np.rad2deg(upper_dead_centre(rocker))
         assert reason == f"the crank swings from {-end:.6g} to {end:.6g} deg"
         # 72 poses, evenly spread, miss little of the extent
-        assert wide == pytest.approx(extent(rocker), rel=0.01)
+        assert extent_of_rocker == pytest.approx(extent(rocker), rel=0.01)
 
 
 @pytest.mark.parametrize("model", ["formula", "loops"], indirect=True)
-def test_designs_that_swing_agree_with_mujoco_and_with_each_by_itself(model):
+def test_swinging_designs_agree_with_mujoco_and_single_designs(model):
     task = swept_task(model, {"rocker": [0.034, 0.046]}, ["range:rocker", "max:B.vx", "max:B.ax"], speed=3.0)
     result = run_sweep(task)
     assert result["outcome"].values.tolist() == ["swings", "passed"]
@@ -78,13 +78,13 @@ def test_designs_that_swing_agree_with_mujoco_and_with_each_by_itself(model):
     assert check_sweep(task, broken, 2).passed == 1
 
 
-def test_forces_of_a_swing_are_those_of_a_run():
+def test_a_swinging_design_has_drive_torques():
     result = ms.sweep("four_bar", {"rocker": [0.034]}, "max:torque", set={"branch": -1})
     assert result["outcome"].values.tolist() == ["swings"]
     assert float(result["max:torque"][0]) > 0.0
 
 
-def test_what_closes_nowhere_is_no_swing():
+def test_a_design_without_a_closed_position_cannot_assemble():
     result = ms.sweep("four_bar", {"coupler": [0.01, 0.2]}, "range:rocker", set={"rocker": 0.01})
     assert result["outcome"].values.tolist() == ["cannot assemble"] * 2
     assert built(result) == 0
@@ -92,7 +92,7 @@ def test_what_closes_nowhere_is_no_swing():
     assert result["outcome"].values.tolist() == ["cannot assemble"]
 
 
-def test_a_swing_is_stepped_too():
+def test_a_swinging_design_is_stepped():
     settings = ms.Settings(steps_per_turn=1000)
     result = ms.sweep("four_bar", {"rocker": [0.034, 0.046]}, "range:rocker", settings=settings, speed=3.0)
     assert result["outcome"].values.tolist() == ["swings", "passed"]
