@@ -143,10 +143,20 @@ def atomic_path(path: str | Path) -> Generator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def json_names(record: type) -> dict[str, str]:
+    """Return key in JSON -> field or property of a record: those listed in `JSON`, or its fields.
+
+    An item of `JSON` is a name, or KEY=NAME if the key differs.
+    """
+    listed = getattr(record, "JSON", None) or [field.name for field in fields(record)]
+    items = (item.partition("=") for item in listed)
+    return {key: name or key for key, _, name in items}
+
+
 def plain(value: Any) -> Any:
     """Return a value for JSON: records and mappings as objects, arrays as lists, NaN and infinity as None."""
     if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+        return {key: plain(getattr(value, name)) for key, name in json_names(type(value)).items()}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,6 +1,6 @@
 """Command `mechsim certify`: interval proof of one regular assembly over a range."""
 
-from typing import Annotated, TypedDict
+from typing import Annotated
 
 import typer
 
@@ -11,22 +11,6 @@ from mechsim.cli.verdict_text import headline
 from mechsim.studies.certify import Certificate
 from mechsim.studies.certify import certify as certificate_of
 from mechsim.studies.sensitivity.tolerances import written_tolerances
-
-
-class CertifyJson(TypedDict):
-    """Result of an interval proof; singular points have position, width and kind."""
-
-    name: str
-    certified: bool
-    reason: str
-    range: list[float]
-    unit: str
-    segments: int
-    proven: float
-    singular: list[dict[str, float | str]]
-    min_singular_value: float | None
-    tube: float | None
-    equations: int
 
 
 @command
@@ -46,7 +30,7 @@ def certify(
     ] = None,
     driven: DriveOptions,
     sets: Sets = None,
-) -> Result[CertifyJson]:
+) -> Result[Certificate]:
     """Prove by interval arithmetic that one assembly and no singularity exists over a range.
 
     Where that fails, singular points are located. Exit code 1 if anything is not certified.
@@ -58,22 +42,7 @@ def certify(
     bounds = written_tolerances(within, "--within") if within else None
     arguments = driven.as_arguments()
     proof = certificate_of(model, angles, within=bounds, set=changed_parameters(sets), **arguments)
-    data: CertifyJson = {
-        "name": proof.name,
-        "certified": proof.certified,
-        "reason": proof.reason,
-        "range": list(proof.range),
-        "unit": proof.unit,
-        "segments": proof.segments,
-        "proven": proof.proven,
-        "min_singular_value": proof.min_singular_value,
-        "tube": proof.tube,
-        "equations": proof.equations,
-        "singular": [
-            {"at": point.parameter, "width": point.width, "kind": point.kind} for point in proof.singular
-        ],
-    }
-    return Result(data, lambda: _print(proof), proof.certified)
+    return Result(proof, lambda: _print(proof), proof.certified)
 
 
 def _print(proof: Certificate) -> None:

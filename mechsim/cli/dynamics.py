@@ -48,7 +48,7 @@ from mechsim.model.motion_laws import MIN_TURNS
 from mechsim.model.quantities import quantity
 from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
-from mechsim.report.facts import run_facts, study_facts, turn_facts
+from mechsim.report.facts import run_facts, study_facts
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.reference import driven_as, profile_of
@@ -182,8 +182,7 @@ def _with_masses(model: DynamicModel, result: Result[Any], verbose: bool) -> Res
         result.text()
         print_masses(model.masses, verbose)
 
-    masses = [mass.as_dict() for mass in model.masses]
-    data = {"mechanism": model.mechanism.name, "masses": masses, **result.data}
+    data = {"mechanism": model.mechanism.name, "masses": model.masses, **result.data}
     return Result(data, text, result.passed)
 
 
@@ -234,8 +233,8 @@ def _prescribed(
 
     data = {
         **study_facts(study, actuators),
-        "fluctuation": turn_facts(steady),
-        "with_flywheel": turn_facts(even),
+        "fluctuation": steady,
+        "with_flywheel": even,
     }
     data |= {"tolerance_report": tolerance, "note": note, **_verdict_data(verdict, method)}
     return data, text, _passed(verdict, tolerance)
@@ -329,5 +328,5 @@ def _write(
 def _verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:
     if verdict is None:
         return {"passed": None, "outcome": None, "method": "none", "checks": []}
-    checks = [check.as_dict() for check in verdict.checks]
-    return {"passed": verdict.passed, "outcome": verdict.outcome, "method": method, "checks": checks}
+    result = {"passed": verdict.passed, "outcome": verdict.outcome, "method": method}
+    return result | {"checks": verdict.checks}

@@ -7,15 +7,16 @@ import typer
 
 from mechsim.analytic.dynamics import InverseDynamics
 from mechsim.cli.output import OutputUnits, Value, number, print_table, print_text, without_noise
-from mechsim.cli.schema import CheckJson, Settings
+from mechsim.cli.schema import Settings
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.model.finding import Outcome
+from mechsim.model.force_record import Fluctuation
 from mechsim.model.links import GROUND
 from mechsim.model.masses import LinkMass
 from mechsim.numerics.arrays import Array
 from mechsim.report.facts import study_facts
 from mechsim.simulation.result import Driven
-from mechsim.verdict.checks import Verdict
+from mechsim.verdict.checks import Check, Verdict
 from mechsim.verdict.tolerances import EPS
 
 
@@ -64,16 +65,6 @@ class InertiaJson(TypedDict):
     largest: float
 
 
-class SteadyTurn(TypedDict):
-    """A revolution under a constant torque."""
-
-    mean: float
-    coefficient: float
-    torque: float
-    excess: float
-    flywheel: float
-
-
 class FreeJson(TypedDict):
     """End of a free run."""
 
@@ -116,7 +107,7 @@ class DynamicsJson(TypedDict):
     passed: bool | None
     outcome: Outcome | None
     method: str
-    checks: list[CheckJson]
+    checks: list[Check]
     torque: NotRequired[Effort]
     drives: NotRequired[dict[str, Effort]]
     actuators: NotRequired[dict[str, Effort]]
@@ -129,8 +120,8 @@ class DynamicsJson(TypedDict):
     inertia: NotRequired[InertiaJson]
     power_balance: NotRequired[float]
     note: NotRequired[str]
-    fluctuation: NotRequired[SteadyTurn | None]
-    with_flywheel: NotRequired[SteadyTurn | None]
+    fluctuation: NotRequired[Fluctuation | None]
+    with_flywheel: NotRequired[Fluctuation | None]
     free: NotRequired[FreeJson]
 
 

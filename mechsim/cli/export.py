@@ -28,14 +28,7 @@ from mechsim.simulation import Settings, mjcf
 from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible
 from mechsim.studies.export import export as export_model
 from mechsim.studies.robots.menagerie import Verification
-
-
-class CouplingErrors(TypedDict):
-    """A passive joint of a serial twin, and the largest errors of its position and torque ratio."""
-
-    joint: str
-    position_error: float
-    torque_error: float
+from mechsim.studies.robots.serial_twin import Coupled
 
 
 class ExportJson(TypedDict):
@@ -47,7 +40,7 @@ class ExportJson(TypedDict):
     text: NotRequired[str | None]
     shortfall: NotRequired[str]
     verification: NotRequired[Verification | None]
-    couplings: NotRequired[list[CouplingErrors]]
+    couplings: NotRequired[list[Coupled]]
     mechanisms: NotRequired[list[str]]
 
 
@@ -179,10 +172,7 @@ def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
     data: Any = {"mechanism": result.name, "format": result.format, "output": output}
     data |= {"text": result.text if output is None else None, "shortfall": result.shortfall}
     data["verification"] = result.verification
-    data["couplings"] = [
-        {"joint": c.joint, "position_error": c.position_error, "torque_error": c.torque_error}
-        for c in (result.twin.coupled if result.twin else ())
-    ]
+    data["couplings"] = result.twin.coupled if result.twin else ()
     return Result(data, text, not result.shortfall)
 
 

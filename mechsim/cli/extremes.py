@@ -1,6 +1,6 @@
 """Command `mechsim extremes`: varies every axis until a run fails."""
 
-from typing import TYPE_CHECKING, Annotated, TypedDict, cast
+from typing import Annotated
 
 import typer
 
@@ -10,49 +10,7 @@ from mechsim.cli.options import folder_for, load_model
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import write_json
-
-if TYPE_CHECKING:
-    from mechsim.studies.extremes.stability_map import StabilityMap
-
-
-class BorderJson(TypedDict):
-    """Neighbouring values of an axis between which the outcome changes."""
-
-    axis: str
-    mechanism: str
-    inside: float
-    outside: float
-    before: str
-    after: str
-
-
-class DriftJson(TypedDict):
-    """Errors in the first and the last 1 percent of a long run."""
-
-    mechanism: str
-    turns: float
-    first: float
-    last: float
-    passed: bool
-
-
-class TrialJson(TypedDict):
-    """One run."""
-
-    axis: str
-    mechanism: str
-    value: float
-    outcome: str
-    passed: bool
-
-
-class ExtremesJson(TypedDict):
-    """All runs, and the values at which outcomes change."""
-
-    passed: bool
-    borders: list[BorderJson]
-    drifts: list[DriftJson]
-    trials: list[TrialJson]
+from mechsim.studies.extremes.stability_map import StabilityMap, study
 
 
 @command
@@ -65,7 +23,7 @@ def extremes(
         str | None, typer.Option(metavar="DIR", help="Write the plot and all numbers to this folder.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Test fewer values in shorter runs.")] = False,
-) -> Result[ExtremesJson]:
+) -> Result[StabilityMap]:
     """Vary steps, speed, size, masses, poses, turns and gears until a run fails, and report where.
 
     Examples:
@@ -73,7 +31,6 @@ def extremes(
     mechsim extremes --report extremes
     """
     from mechsim.pictures import plots
-    from mechsim.studies.extremes.stability_map import study
     from mechsim.studies.plots import extremes_map
 
     for name in names or ():
@@ -85,13 +42,12 @@ def extremes(
     if folder is not None:
         folder.mkdir(exist_ok=True)
         plots.write(folder / "extremes.svg", extremes_map(result))
-        write_json(folder / "extremes.json", result.as_dict())
+        write_json(folder / "extremes.json", result)
         files = [str(folder / "extremes.svg"), str(folder / "extremes.json")]
-    data = cast("ExtremesJson", result.as_dict())
-    return Result(data, lambda: _print(result), result.passed, files)
+    return Result(result, lambda: _print(result), result.passed, files)
 
 
-def _print(result: "StabilityMap") -> None:
+def _print(result: StabilityMap) -> None:
     for trial in result.wrong:
         predicted = f", predicted {trial.expected}" if trial.expected else ""
         print_text(

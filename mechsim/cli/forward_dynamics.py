@@ -23,7 +23,6 @@ from mechsim.cli.command import Result
 from mechsim.cli.load_options import InitialOptions, ModelOptions
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import Progress, progress
-from mechsim.cli.schema import CheckJson
 from mechsim.cli.verdict_text import print_verdicts
 from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
@@ -36,7 +35,7 @@ from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
 from mechsim.studies.release import Release, frequency_response
 from mechsim.units import option
-from mechsim.verdict.checks import Verdict
+from mechsim.verdict.checks import Check, Verdict
 
 
 class Extent(TypedDict):
@@ -69,7 +68,7 @@ class ForwardRunJson(TypedDict):
     final: dict[str, float]
     quantities: dict[str, QuantityJson]
     passed: bool | None
-    checks: list[CheckJson]
+    checks: list[Check]
 
 
 class ModeJson(TypedDict):
@@ -99,7 +98,7 @@ class StaticsJson(TypedDict):
     equilibria: list[EquilibriumJson]
     holding: dict[str, float]
     passed: bool | None
-    checks: list[CheckJson]
+    checks: list[Check]
 
 
 class ModesJson(EquilibriumJson):
@@ -259,7 +258,7 @@ def _run(
         "final": _final(result),
         "quantities": dict(quantities),
         "passed": None if verdict is None else verdict.passed,
-        "checks": [] if verdict is None else [check.as_dict() for check in verdict.checks],
+        "checks": () if verdict is None else verdict.checks,
     }
 
     def text() -> None:
@@ -343,11 +342,7 @@ def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output, as
             print_verdicts(verdicts, verbose=output.verbose)
 
     facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
-    checks = [
-        replace(check, variant=name).as_dict()
-        for name, verdict in verdicts.items()
-        for check in verdict.checks
-    ]
+    checks = [replace(check, variant=name) for name, verdict in verdicts.items() for check in verdict.checks]
     agreed = all(verdict.passed for verdict in verdicts.values())
     data = {"equilibria": facts, "holding": torques, "passed": agreed if verdicts else None, "checks": checks}
     return Result(data, text, agreed)

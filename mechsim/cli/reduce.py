@@ -12,6 +12,7 @@ from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.studies.reduction.reduce_model import reduce as reduce_model
 from mechsim.studies.reduction.search import Reduction
+from mechsim.studies.scene.errors import SceneErrors
 from mechsim.studies.scene.open_scene import require_mjcf
 
 
@@ -23,14 +24,6 @@ class RemovedJson(TypedDict):
     error: float
     time_ratio: float
     together: float
-    torque: float
-    energy: float
-
-
-class MotionErrors(TypedDict):
-    """Errors of the reduced scene over a motion."""
-
-    trajectory: float
     torque: float
     energy: float
 
@@ -48,8 +41,8 @@ class ReduceJson(TypedDict):
     left_out: list[RemovedJson]
     error: float
     speedup: float
-    motion: MotionErrors
-    second_motion: MotionErrors
+    motion: SceneErrors
+    second_motion: SceneErrors
     ms_per_s: Cost
     tried: int
     undone: list[str]

@@ -1,11 +1,11 @@
 """Command `mechsim schema`: JSON Schemas of TOML files, and of --json outputs by their types.
 
-The output of a command is a TypedDict or a dataclass in its module; shared types are below. Numbers that
+The output of a command is a record, or a TypedDict in its module; shared types are below. Numbers that
 JSON does not have are null.
 """
 
-from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import is_dataclass
 from types import UnionType
 from typing import (
     Annotated,
@@ -30,7 +30,6 @@ from mechsim.cli.output import print_json
 from mechsim.errors import InputError
 from mechsim.model.finding import Finding, Outcome
 from mechsim.model.masses import LinkMass
-from mechsim.verdict.tolerances import InstantUnit
 
 Schema = dict[str, Any]
 SCALARS: dict[Any, Schema] = {
@@ -43,21 +42,6 @@ SCALARS: dict[Any, Schema] = {
 }
 # setting -> value: a number, a word or a list of numbers
 Settings = dict[str, Any]
-
-
-class CheckJson(TypedDict):
-    """One compared quantity; see `verdict.checks.Check`."""
-
-    quantity: str
-    method: str
-    unit: str
-    worst: float
-    at: float
-    at_unit: InstantUnit
-    rms: float
-    tolerance: float
-    reason: str
-    passed: bool
 
 
 class WithMasses(TypedDict):
@@ -102,22 +86,29 @@ def schema_of(kind: Any) -> Schema:
         return schema_of(arguments[0])
     if origin in (Union, UnionType):
         return {"anyOf": [schema_of(item) for item in arguments]}
-    if origin is dict:
+    if origin in (dict, Mapping):
         return {"type": "object", "additionalProperties": schema_of(arguments[1])}
-    if origin in (list, tuple):
+    if origin in (list, tuple, Sequence):
         return {"type": "array", "items": schema_of(arguments[0])}
-    if not (is_typeddict(kind) or is_dataclass(kind)):
+    if is_dataclass(kind):
+        assert isinstance(kind, type)
+        hints = {key: _type_of(kind, name) for key, name in files.json_names(kind).items()}
+        required = set(hints)
+    elif is_typeddict(kind):
+        hints, required = get_type_hints(kind), kind.__required_keys__
+    else:
         raise TypeError(f"no JSON Schema of {kind!r}")
-    hints = get_type_hints(kind)
-    required = (
-        [field.name for field in fields(kind)] if is_dataclass(kind) else sorted(kind.__required_keys__)
-    )
-    properties = {name: schema_of(hint) for name, hint in hints.items()}
     return {
         "type": "object",
-        "properties": properties,
+        "properties": {name: schema_of(hint) for name, hint in hints.items()},
         "required": [name for name in hints if name in required],
     }
+
+
+def _type_of(record: type, name: str) -> Any:
+    """Return the type of a field or property of a record."""
+    hints = get_type_hints(record)
+    return hints[name] if name in hints else get_type_hints(getattr(record, name).fget)["return"]
 
 
 def output_types() -> dict[str, Any]:

@@ -26,6 +26,7 @@ from mechsim.model.finding import Finding
 from mechsim.report.facts import facts, kind
 from mechsim.subjects import gallery, listing
 from mechsim.subjects.mjcf_source import scene_findings
+from mechsim.theory.structure.assur import AssurGroup
 from mechsim.units import parse_angle
 
 # significant digits of parameters and coupling coefficients, which are inputs
@@ -86,9 +87,6 @@ class Assembly(TypedDict):
 
     branch: NotRequired[int]
     points: dict[str, list[float]]
-
-
-AssurGroup = TypedDict("AssurGroup", {"class": int, "order": int, "links": list[str]})
 
 
 class ShowJson(TypedDict):

@@ -23,7 +23,7 @@ from mechsim.report.assemblies import (
     trace_record,
     usual_columns,
 )
-from mechsim.theory.continuation.assembly_curve import AssemblyCurve
+from mechsim.theory.continuation.assembly_curve import AssemblyCurve, TurningPoint
 from mechsim.theory.continuation.mechanism_trace import SEED, STARTS, AssemblyTrace
 from mechsim.theory.continuation.mechanism_trace import trace as trace_assemblies
 from mechsim.units import parse_names
@@ -32,16 +32,6 @@ from mechsim.units import parse_names
 MAX_SAMPLES = 100_000
 # significant digits of angles and lengths that describe a curve
 CURVE_DIGITS = 4
-
-
-class TurningPointJson(TypedDict):
-    """Position of an extreme value of a coordinate along a curve."""
-
-    coordinate: str
-    which: str
-    value: float
-    arc: float
-    angle: float
 
 
 class Component(TypedDict):
@@ -53,7 +43,7 @@ class Component(TypedDict):
     length: float
     turns: int
     dead_centres: list[float]
-    turning_points: list[TurningPointJson]
+    turning_points: list[TurningPoint]
 
 
 class TraceJson(TypedDict):
@@ -158,7 +148,7 @@ def _print(trace: AssemblyTrace) -> None:
         (
             str(i + 1),
             point.coordinate,
-            "highest" if point.highest else "lowest",
+            point.which,
             _quantity(point.value, units[point.coordinate]),
             point.arc,
             _quantity(point.angle, first.driver.unit),

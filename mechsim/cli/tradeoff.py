@@ -16,6 +16,7 @@ from mechsim.cli.output import Value, number, print_table, print_text, width
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Settings
 from mechsim.errors import InputError
+from mechsim.numerics.convergence import Order
 from mechsim.pictures import plots
 from mechsim.studies.budget import MAX_EXCESS, Budget
 from mechsim.studies.plots import work_precision
@@ -68,14 +69,6 @@ class Recommendation(TypedDict):
     advice: Advice | None
 
 
-class OrderJson(TypedDict):
-    """Order of convergence with its confidence interval."""
-
-    order: float
-    low: float
-    high: float
-
-
 class TradeoffJson(TypedDict):
     """All measured settings, and the recommended ones."""
 
@@ -91,7 +84,7 @@ class TradeoffJson(TypedDict):
     seconds: float
     recommended: list[Recommendation]
     pareto: list[PointJson]
-    orders: dict[str, OrderJson | None]
+    orders: dict[str, Order | None]
     points: list[PointJson]
     seed: int
     budget: float
@@ -263,17 +256,7 @@ def _costs(source: ModelOptions, controls: ControlOptions) -> Result[Any]:
     data = {
         "scene": source.model,
         "timestep": float(scene.model.opt.timestep),
-        "costs": [
-            {
-                "what": cost.what,
-                "dofs": cost.dofs,
-                "rows": cost.rows,
-                "us_per_step": cost.step,
-                "time_ratio": cost.ratio,
-                "error": cost.error,
-            }
-            for cost in costs
-        ],
+        "costs": costs,
     }
     rows = [
         (

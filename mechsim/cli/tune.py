@@ -13,7 +13,7 @@ from mechsim.cli.options import DriveOptions, require_distinct, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.simulation.plain_settings import ALLOWABLE, PlainSettings
-from mechsim.studies.scene.errors import SceneTrial
+from mechsim.studies.scene.errors import SceneErrors, SceneTrial
 from mechsim.studies.scene.open_scene import require_mjcf
 from mechsim.studies.scene.tune import SECONDS, Tuned
 from mechsim.studies.scene.tune_model import tune as tune_model
@@ -26,7 +26,7 @@ class TriedSettings(TypedDict):
     error: float
     ms_per_s: float
     settings: dict[str, Any]
-    errors: dict[str, Any]
+    errors: SceneErrors
 
 
 class Published(TriedSettings):

@@ -26,7 +26,6 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output import print_json, print_text
 from mechsim.cli.progress import progress
-from mechsim.cli.schema import CheckJson, Settings
 from mechsim.cli.verdict_text import (
     findings_in_json,
     print_agreement,
@@ -42,14 +41,16 @@ from mechsim.pictures import plots
 from mechsim.pictures.plots.motion import agreement_plot
 from mechsim.report.validation import worst_first, write_agreement_report, write_validation_report
 from mechsim.studies.agreement.agreement import compare_model
+from mechsim.studies.agreement.noise import Noise
 from mechsim.studies.certify.certificate import certified_motion
 from mechsim.studies.reference import by_reference
+from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.validate import BUDGET, validate_all
 from mechsim.subjects import gallery, reference_data
 from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import load
 from mechsim.units import crank_speed, option
-from mechsim.verdict.checks import Verdict
+from mechsim.verdict.checks import Check, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,28 +81,6 @@ class AgainstOptions:
         return tolerance
 
 
-class StatisticJson(TypedDict):
-    """A test of residuals as noise."""
-
-    squares: float
-    degrees: int
-    probability: float
-    worst: float
-    limit: float
-    passed: bool
-
-
-class QuantityNoise(TypedDict):
-    """Noise tests of a measured quantity."""
-
-    passed: bool
-    sigma: float
-    deviation: float
-    chi_squared: StatisticJson
-    smooth: StatisticJson
-    largest: StatisticJson
-
-
 class NoiseJson(TypedDict):
     """Whether noise explains the residuals of a measured table."""
 
@@ -112,17 +91,7 @@ class NoiseJson(TypedDict):
     probability: float
     false_alarm: float
     report: str
-    quantities: dict[str, QuantityNoise]
-
-
-class PublishedJson(TypedDict):
-    """A run of an MJCF file with its own settings."""
-
-    settings: Settings
-    driven: str
-    loop_closure: float
-    error: float
-    note: str
+    quantities: dict[str, Noise]
 
 
 class CaseJson(TypedDict):
@@ -130,7 +99,7 @@ class CaseJson(TypedDict):
 
     passed: bool
     outcome: Outcome
-    checks: list[CheckJson]
+    checks: list[Check]
     reason: NotRequired[str]
     why: NotRequired[str]
     against: NotRequired[str]
@@ -139,7 +108,7 @@ class CaseJson(TypedDict):
     compliance: NotRequired[float]
     attribution: NotRequired[dict[str, Any]]
     noise: NotRequired[NoiseJson]
-    published: NotRequired[PublishedJson]
+    published: NotRequired[PublishedRun]
     findings: NotRequired[list[Finding]]
     masses: NotRequired[list[LinkMass]]
     certificate: NotRequired[str]
@@ -355,6 +324,6 @@ def _by_reference(models: Sequence[str], verbose: bool) -> Result[ValidateJson]:
     passed = count == len(verdicts)
     data: Any = {
         "passed": passed,
-        "mechanisms": {name: verdict.as_dict() for name, verdict in verdicts.items()},
+        "mechanisms": verdicts,
     }
     return Result(data, text, passed)

@@ -1,8 +1,8 @@
 """Findings: faults of a model before it runs, and causes of a difference."""
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
-from typing import Any, Literal, TypedDict
+from dataclasses import dataclass
+from typing import Literal, TypedDict
 
 
 class FilePosition(TypedDict):
@@ -40,10 +40,6 @@ class Finding:
     line: int | None = None
     file: str = ""
     certain: bool = False
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the finding as in the JSON output."""
-        return asdict(self)
 
     @property
     def advice(self) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,6 +211,8 @@ class Fluctuation:
         coefficient: (largest - smallest speed) / mean.
         flywheel: moment of inertia of the flywheel, in [kg m2].
     """
+
+    JSON: ClassVar[tuple[str, ...]] = ("mean", "coefficient", "torque", "excess", "flywheel")
 
     angle: Array
     speed: Array

@@ -1,8 +1,8 @@
 """Masses of the links of a mechanism and their sources."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -48,10 +48,6 @@ class LinkMass:
             f"computed: {_material(self.density)} rods, length {self.length:.6g} m, "
             f"diameter {self.diameter:.6g} m"
         )
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the mass and its source as plain data."""
-        return asdict(self)
 
 
 def masses_of(mechanism: Mechanism) -> tuple[LinkMass, ...]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -95,6 +95,8 @@ class Order:
         high: largest such slope.
         count: number of points in the fit.
     """
+
+    JSON: ClassVar[tuple[str, ...]] = ("order", "low", "high")
 
     order: float
     low: float

@@ -92,16 +92,7 @@ def trace_record(trace: AssemblyTrace) -> dict[str, Any]:
                 "length": curve.length,
                 "turns": curve.turns,
                 "dead_centres": curve.dead_centres,
-                "turning_points": [
-                    {
-                        "coordinate": turning_point.coordinate,
-                        "which": "highest" if turning_point.highest else "lowest",
-                        "value": turning_point.value,
-                        "arc": turning_point.arc,
-                        "angle": turning_point.angle,
-                    }
-                    for turning_point in curve.turning_points
-                ],
+                "turning_points": curve.turning_points,
             }
             for i, curve in enumerate(trace.curves)
         ],

@@ -1,6 +1,6 @@
 """Properties of a mechanism for `mechsim show` and the report."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError, SingularStartError, several
-from mechsim.model.force_record import Fluctuation, Reaction
+from mechsim.model.force_record import Reaction
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
@@ -24,6 +24,7 @@ from mechsim.verdict.record_errors import lengths
 if TYPE_CHECKING:
     from mechsim.analytic.dynamics.free_motion import FreeRun
     from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
+    from mechsim.theory.structure.assur import AssurGroup
 
 
 def facts(solver: KinematicSolver, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
@@ -56,13 +57,13 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     listed_angle = arcs.start() if angle is None else angle
     ranges = [list(arc) for arc in arcs.arcs]
     count = mobility(mechanism)
-    groups: list[dict[str, Any]] = []
+    groups: Sequence[AssurGroup] = ()
     explained: list[str] = []
     # racks and polynomial couplings belong to no Assur group
     if (count.planar and not mechanism.couplings) or driver is not None:
         try:
             apart = assur_groups(mechanism, driver)
-            groups, explained = apart.as_dicts(), apart.lines()
+            groups, explained = apart.groups, apart.lines()
         except MechsimError as error:  # locked joints and redundant links leave no groups
             if driver is not None:
                 raise
@@ -300,14 +301,6 @@ def _peak(values: Array, angle: Array, time: Array | None) -> dict[str, float]:
     index = int(np.argmax(np.abs(values)))
     where = ("at_angle", angle) if time is None else ("at_time", time)
     return {"largest": float(values[index]), where[0]: float(where[1][index])}
-
-
-def turn_facts(fluctuation: Fluctuation | None) -> dict[str, float] | None:
-    """Return the speed fluctuation of a revolution."""
-    if fluctuation is None:
-        return None
-    names = ("mean", "coefficient", "torque", "excess", "flywheel")
-    return {name: getattr(fluctuation, name) for name in names}
 
 
 def run_facts(run: "FreeRun") -> dict[str, Any]:

@@ -14,6 +14,7 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, BudgetError
+from mechsim.files import plain
 from mechsim.model.finding import Finding, Outcome, most_severe
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
@@ -126,10 +127,10 @@ class Validation:
         """Return the case in the format of `mechsim validate --json`."""
         cost = {"steps": 0 if self.quick else self.run.steps, "seconds": self.seconds}
         compliance = {} if self.compliance is None else {"compliance": self.compliance}
-        published = {} if self.published is None else {"published": self.published.as_dict()}
+        published = {} if self.published is None else {"published": self.published}
         explained = {} if self.formula is None else self.formula.explained
-        findings = {"findings": [finding.as_dict() for finding in self.findings]}
-        return self.verdict.as_dict() | cost | compliance | explained | published | findings
+        findings = {"findings": self.findings}
+        return plain(plain(self.verdict) | cost | compliance | explained | published | findings)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -41,6 +41,20 @@ class Check:
         tolerance: largest allowed error at that instant.
         reason: reason of the tolerance.
     """
+
+    # what JSON contains
+    JSON: ClassVar[tuple[str, ...]] = (
+        "quantity",
+        "method",
+        "unit",
+        "worst",
+        "at=instant",
+        "at_unit",
+        "rms",
+        "tolerance",
+        "reason",
+        "passed",
+    )
 
     kind: str
     subject: str = ""
@@ -93,21 +107,6 @@ class Check:
         numbers = worst, f"{self.instant:.4g}", f"{self.tolerance:.1e}"
         return self.title, *numbers, self.unit, "PASS" if self.passed else "FAIL", self.reason
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the check as plain data."""
-        return {
-            "quantity": self.quantity,
-            "method": self.method,
-            "unit": self.unit,
-            "worst": self.worst,
-            "at": self.instant,
-            "at_unit": self.at_unit,
-            "rms": self.rms,
-            "tolerance": self.tolerance,
-            "reason": self.reason,
-            "passed": self.passed,
-        }
-
     def __str__(self) -> str:
         relation = "<=" if self.passed else "> " if self.worst == self.worst else "? "
         return (
@@ -126,6 +125,8 @@ class Verdict:
         reason: one sentence if the outcome is not "passed".
     """
 
+    JSON: ClassVar[tuple[str, ...]] = ("passed", "outcome", "reason", "checks")
+
     outcome: Outcome
     checks: tuple[Check, ...]
     reason: str = ""
@@ -134,15 +135,6 @@ class Verdict:
     def passed(self) -> bool:
         """Whether every quantity is within its tolerance."""
         return self.outcome == "passed"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the verdict as plain data."""
-        return {
-            "passed": self.passed,
-            "outcome": self.outcome,
-            "reason": self.reason,
-            "checks": [check.as_dict() for check in self.checks],
-        }
 
     def __str__(self) -> str:
         head = self.outcome if not self.reason else f"{self.outcome}: {self.reason}"

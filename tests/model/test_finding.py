@@ -1,5 +1,6 @@
 import json
 
+from mechsim.files import plain
 from mechsim.model.finding import Finding
 
 
@@ -19,5 +20,5 @@ def test_a_finding_is_printed_in_one_line_with_position_and_remedy():
 
 
 def test_a_finding_has_the_documented_json_keys():
-    result = Finding(kind="gap", what="c1", by=0.002, explains=0.5, message="open").as_dict()
-    assert {"kind", "what", "by", "explains", "message"} <= set(json.loads(json.dumps(result)))
+    result = Finding(kind="gap", what="c1", by=0.002, explains=0.5, message="open")
+    assert {"kind", "what", "by", "explains", "message"} <= set(json.loads(json.dumps(plain(result))))

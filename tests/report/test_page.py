@@ -10,6 +10,7 @@ from browser import PROGRAM, Browser, in_browser
 
 from mechsim import catalog
 from mechsim.errors import OutputError
+from mechsim.files import plain
 from mechsim.pictures import plots
 from mechsim.pictures.render import find_ffmpeg
 from mechsim.report import page as report
@@ -68,14 +69,14 @@ def good():
     return {
         "passed": True,
         "outcome": "passed",
-        "checks": [check().as_dict()],
+        "checks": [plain(check())],
         "steps": 1000,
         "seconds": np.float64(1.25),
     }
 
 
 def bad():
-    checks = [item.as_dict() for item in BROKEN]
+    checks = [plain(item) for item in BROKEN]
     return {"passed": False, "outcome": "diverged", "reason": "MuJoCo warned", "checks": checks}
 
 
@@ -157,7 +158,7 @@ def test_a_later_report_into_the_same_folder_is_compared_with_the_earlier(sectio
     report.write_report(tmp_path, results(rssr=good()), [section])
     first = Reader((tmp_path / "index.html").read_text(encoding="utf-8")).text
     assert "Compared with the report" not in first
-    worse = {**good(), "passed": False, "checks": [check(5e-9).as_dict()]}
+    worse = {**good(), "passed": False, "checks": [plain(check(5e-9))]}
     report.write_report(tmp_path, results(rssr=worse), [replace(section, checks=(check(5e-9),))])
     text = Reader((tmp_path / "index.html").read_text(encoding="utf-8")).text
     assert "1 change" in text

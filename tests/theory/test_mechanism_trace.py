@@ -178,7 +178,7 @@ def test_rockers_reverse_where_crank_and_coupler_are_collinear():
         # the cosine rule in the triangle of ground, rocker and the straight line of both others
         cosines = (drive.ground**2 + drive.rocker**2 - reach**2) / (2.0 * drive.ground * drive.rocker)
         assert len(turned) == 2
-        assert {one.highest for one in turned} == {True, False}
+        assert {one.which for one in turned} == {"highest", "lowest"}
         values = np.sort(np.cos([np.pi - one.value for one in turned]))
         assert np.abs(values - np.sort(cosines)).max() <= 1e-12
 

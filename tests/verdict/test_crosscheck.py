@@ -9,6 +9,7 @@ import mechsim as ms
 from mechsim import catalog, loops
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import InputError
+from mechsim.files import plain
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, PointMotion
 from mechsim.simulation import Settings, simulate
@@ -306,4 +307,4 @@ def test_a_verdict_prints_one_line_per_quantity() -> None:
     assert lines[0] == "passed"
     assert len(lines) == 1 + len(verdict.checks)
     keys = {"quantity", "unit", "worst", "at", "method", "tolerance", "reason", "passed"}
-    assert all(set(check.as_dict()) >= keys for check in verdict.checks)
+    assert all(set(plain(check)) >= keys for check in verdict.checks)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim.files import plain
 from mechsim.report.notebook import verdict_html
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
@@ -39,7 +40,7 @@ def test_verdicts_on_motion_laws_report_times(swung):
     assert check.at_unit == "s"
     # the crank stands at 0.3 rad at a quarter of each second
     assert min(abs(check.instant - 0.25), abs(check.instant - 1.25)) < 1e-9
-    assert {item["at_unit"] for item in verdict.as_dict()["checks"]} == {"s"}
+    assert {item["at_unit"] for item in plain(verdict)["checks"]} == {"s"}
     assert f"at {check.instant:7.4f} s" in str(check)
     assert "at [s]" in verdict_html(verdict)
 

@@ -12,6 +12,7 @@ from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
+from mechsim.files import plain
 from mechsim.model.finding import Finding, Outcome
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
@@ -114,17 +115,18 @@ class Agreement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result in the format of `mechsim validate --json`."""
-        return Verdict(self.outcome, self.checks, self.reason).as_dict() | {"why": self.why} | self.explained
+        verdict = plain(Verdict(self.outcome, self.checks, self.reason))
+        return verdict | {"why": self.why} | plain(self.explained)
 
     @property
     def explained(self) -> dict[str, Any]:
         """The comparison and its findings as plain data."""
         return {
             "against": self.source,
-            "findings": [finding.as_dict() for finding in self.findings],
+            "findings": self.findings,
             "attribution": dict(self.attribution),
             **({"noise": noise_data(self.measured)} if self.measured else {}),
-            **({"masses": [mass.as_dict() for mass in self.masses]} if self.masses else {}),
+            **({"masses": self.masses} if self.masses else {}),
         }
 
     def __str__(self) -> str:

@@ -8,7 +8,7 @@ A systematic error within the tolerance of exact values is allowed in each, by t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,6 +44,8 @@ class Statistic:
         limit: the largest value of `worst` that passes.
     """
 
+    JSON: ClassVar[tuple[str, ...]] = ("squares", "degrees", "probability", "worst", "limit", "passed")
+
     what: str
     squares: float
     degrees: int
@@ -73,6 +75,15 @@ class Noise:
         row: index of the largest residual, from 0.
         deviation: root mean square of the stated standard deviations, in the unit of the quantity.
     """
+
+    JSON: ClassVar[tuple[str, ...]] = (
+        "passed",
+        "sigma",
+        "deviation",
+        "chi_squared=total",
+        "smooth",
+        "largest",
+    )
 
     total: Statistic
     smooth: Statistic
@@ -105,14 +116,10 @@ class Noise:
             f"probability {probable(statistic.probability)}"
         )
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the tests as plain data."""
-        names = ("squares", "degrees", "probability", "worst", "limit", "passed")
-        tests = {
-            key: {name: getattr(statistic, name) for name in names}
-            for key, statistic in zip(("chi_squared", "smooth", "largest"), self.statistics, strict=True)
-        }
-        return {"passed": self.passed, "sigma": self.total.worst, "deviation": self.deviation, **tests}
+    @property
+    def sigma(self) -> float:
+        """Root mean square of all residuals in standard deviations."""
+        return self.total.worst
 
 
 def noise_of(error: Array, deviation: Array, phase: Array, *, allowed: float, quantities: int) -> Noise:
@@ -218,7 +225,7 @@ def noise_data(tested: Sequence[tuple[str, Noise]]) -> dict[str, Any]:
         "probability": probability,
         "false_alarm": FALSE_ALARM,
         "report": noise_report(tested),
-        "quantities": {name: noise.as_dict() for name, noise in tested},
+        "quantities": dict(tested),
     }
 
 

@@ -4,11 +4,13 @@ At a dead centre the loop equations F(q, s) = 0 have a fold: F = 0, A v = 0, l v
 regular system for q, s and the null vector v (Moore and Spence, SIAM J. Numer. Anal. 17, 1980). At a change
 point two solution curves cross: F + m w = 0, A' w = 0, w F_s = 0, w w = 1 is regular for q, s, w and m
 (Moore, Numer. Funct. Anal. Optim. 2, 1980). The unfolding parameter m bounds the deviation of the equations
+from typing import ClassVar
 from an exact crossing.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +43,8 @@ class SingularPoint:
         width: half-width of the interval that contains it.
         kind: "dead centre", "change point", or "not enclosed" if no test succeeds.
     """
+
+    JSON: ClassVar[tuple[str, ...]] = ("at=parameter", "width", "kind")
 
     parameter: float
     width: float

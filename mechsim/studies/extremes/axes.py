@@ -1,7 +1,7 @@
 """The axes of the stress test: numerical quantities, singular configurations, long runs."""
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -100,6 +100,8 @@ class Drift:
         first: largest error in the first hundredth of the run, in characteristic lengths.
         last: largest error in the last hundredth of the run.
     """
+
+    JSON: ClassVar[tuple[str, ...]] = ("mechanism", "turns", "first", "last", "passed")
 
     mechanism: str
     turns: float

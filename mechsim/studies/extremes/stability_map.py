@@ -1,9 +1,9 @@
 """The stability map: all axes of selected mechanisms, and the borders between outcomes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -46,6 +46,8 @@ class StabilityMap:
         drifts: position errors of the long runs.
     """
 
+    JSON: ClassVar[tuple[str, ...]] = ("passed", "borders", "drifts", "trials")
+
     trials: list[Trial] = field(default_factory=list[Trial])
     borders: list[Border] = field(default_factory=list[Border])
     drifts: list[Drift] = field(default_factory=list[Drift])
@@ -59,15 +61,6 @@ class StabilityMap:
     def wrong(self) -> list[Trial]:
         """The runs with another outcome."""
         return [trial for trial in self.trials if not trial.passed]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the study as plain data."""
-        return {
-            "passed": self.passed,
-            "borders": [border.as_dict() for border in self.borders],
-            "drifts": [asdict(drift) | {"passed": drift.passed} for drift in self.drifts],
-            "trials": [trial.as_dict() for trial in self.trials],
-        }
 
 
 def _decades(low: float, high: float, interval: int = 1) -> list[float]:

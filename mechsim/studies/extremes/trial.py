@@ -1,9 +1,9 @@
 """One run at an extreme and its outcome; the border between two outcomes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -34,6 +34,17 @@ class Trial:
             run.
     """
 
+    JSON: ClassVar[tuple[str, ...]] = (
+        "axis",
+        "mechanism",
+        "value",
+        "outcome",
+        "right",
+        "error",
+        "expected",
+        "passed",
+    )
+
     axis: str
     mechanism: str
     value: float
@@ -46,12 +57,6 @@ class Trial:
     def passed(self) -> bool:
         """Whether the run has the outcome that the closed form requires, and reports it."""
         return self.outcome == self.right and self.expected in (None, self.outcome)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the trial as `mechsim extremes --json` prints it."""
-        values = asdict(self)
-        expected = values.pop("expected")
-        return values | {"expected": expected, "passed": self.passed}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,10 +75,6 @@ class Border:
     outside: float
     before: Outcome
     after: Outcome
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the border as plain data."""
-        return asdict(self)
 
 
 def attempt(

@@ -9,7 +9,7 @@ from typing import Any, cast, get_args
 from mechsim import files
 from mechsim.model.progress import Progress, no_progress
 from mechsim.studies.reduction.search import By, LeftOut, Reduction, reduce_scene, with_comment
-from mechsim.studies.scene.errors import UNITS, SceneErrors, tolerance_in_si
+from mechsim.studies.scene.errors import UNITS, tolerance_in_si
 from mechsim.studies.scene.open_scene import open_scene, scene_file
 from mechsim.studies.scene.scene import spec_of
 from mechsim.units import Unit
@@ -55,8 +55,8 @@ class ReducedModel:
             "left_out": [_removed(element, result.by) for element in result.left_out],
             "error": max(first.by(result.by), second.by(result.by)),
             "speedup": result.speedup,
-            "motion": _errors(first),
-            "second_motion": _errors(second),
+            "motion": first,
+            "second_motion": second,
             "ms_per_s": {"full": 1e3 * result.time, "reduced": 1e3 * result.time / result.speedup},
             "tried": result.tried,
             "undone": list(result.undone),
@@ -121,7 +121,3 @@ def _removed(element: LeftOut, by: By) -> dict[str, Any]:
         "torque": element.alone_errors.torque,
         "energy": element.alone_errors.energy,
     }
-
-
-def _errors(errors: SceneErrors) -> dict[str, float]:
-    return {"trajectory": errors.trajectory, "torque": errors.torque, "energy": errors.energy}

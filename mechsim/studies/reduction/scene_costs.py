@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import mujoco
 
@@ -37,6 +38,15 @@ class SceneCost:
         ratio: ratio of this time to that of the unchanged scene.
         error: largest distance of a tracked point from its position in the unchanged scene, in [m].
     """
+
+    JSON: ClassVar[tuple[str, ...]] = (
+        "what",
+        "dofs",
+        "rows",
+        "us_per_step=step",
+        "time_ratio=ratio",
+        "error",
+    )
 
     what: str
     dofs: int

@@ -7,7 +7,7 @@ URDF, with linear mimic joints.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any
+from typing import Any, ClassVar
 from xml.etree import ElementTree as ET
 
 import mujoco
@@ -45,6 +45,8 @@ class Coupled:
         position_error: largest error over the grid, in [rad] or [m].
         torque_error: largest error of the derivatives by the independent joints.
     """
+
+    JSON: ClassVar[tuple[str, ...]] = ("joint", "position_error", "torque_error")
 
     joint: str
     leading: int

@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -41,6 +41,8 @@ class SceneErrors:
         energy: difference of the energy change from the reference, in [J].
     """
 
+    JSON: ClassVar[tuple[str, ...]] = ("closure", "trajectory", "torque", "drive=drive_error", "energy")
+
     closure: float = np.nan
     trajectory: float = np.nan
     torque: float = np.nan
@@ -50,11 +52,6 @@ class SceneErrors:
     def by(self, measure: By) -> float:
         """Return the error by a measure."""
         return float(getattr(self, measure))
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the errors that `mechsim tune` reports, by name."""
-        errors = {name: getattr(self, name) for name in ("closure", "trajectory", "torque")}
-        return errors | {"drive": self.drive_error}
 
 
 def tolerance_in_si(value: float | str, by: str, measures: Iterable[str]) -> float:

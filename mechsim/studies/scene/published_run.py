@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import mujoco
 import numpy as np
@@ -41,6 +41,8 @@ class PublishedRun:
         run: whether the file was run.
     """
 
+    JSON: ClassVar[tuple[str, ...]] = ("settings", "driven", "loop_closure=gap", "error", "note")
+
     path: str
     settings: Mapping[str, Any]
     driven: str = ""
@@ -73,16 +75,6 @@ class PublishedRun:
         compliance = "" if loops is None else f", solref {' '.join(f'{value:g}' for value in loops)}"
         step = 1e3 * float(self.settings["timestep"])
         return f"timestep {step:g} ms, {self.settings['integrator']}, {self.settings['solver']}{compliance}"
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the run as `mechsim validate --json` prints it."""
-        return {
-            "settings": dict(self.settings),
-            "driven": self.driven,
-            "loop_closure": self.gap,
-            "error": self.error,
-            "note": self.note,
-        }
 
     def finding(self) -> Finding:
         """Return the result of the run as a finding."""

@@ -179,7 +179,7 @@ class TunedModel:
             | {
                 "error": result.error,
                 "estimate": result.best.errors.by(result.by) + result.reference_error,
-                "errors": result.errors.as_dict(),
+                "errors": result.errors,
             },
             "by_python": None if result.beyond is None else _as_dict(result, result.beyond),
             "limit": {
@@ -306,7 +306,7 @@ def _as_dict(result: Tuned, trial: SceneTrial) -> dict[str, Any]:
         "error": trial.errors.by(result.by),
         "ms_per_s": 1e3 * trial.seconds,
         "settings": dict(setting_changes(result.scene, trial.settings)),
-        "errors": trial.errors.as_dict(),
+        "errors": trial.errors,
     }
 
 

@@ -150,10 +150,7 @@ class Tradeoff:
                 for max_error, point in ((limit, self.choice(limit, quantity)) for limit in BOUNDS)
             ],
             "pareto": [point.as_dict() for point in self.front(quantity)],
-            "orders": {
-                name: None if order is None else {"order": order.order, "low": order.low, "high": order.high}
-                for name, order in orders.items()
-            },
+            "orders": orders,
             "points": [point.as_dict() for point in self.points],
         }
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,7 @@ from mechsim.numerics.newton import root
 from mechsim.theory.continuation.free_loops import FreeLoops
 from mechsim.theory.continuation.segments import MIN_DISTANCE_FROM_BRANCH_POINT, NODES, TracedCurve
 
+Extremum = Literal["highest", "lowest"]
 # a coordinate whose range is smaller, in radians or relative to the characteristic length, is constant
 CONSTANT = 1e-9
 # arcs in a segment at which rates are checked for a change of sign
@@ -120,12 +122,12 @@ class CurveJoints:
             * np.round((self.interpolated(self.traced.length) - self.interpolated(0.0)) / REVOLUTION)
         )
 
-    def turns(self) -> list[tuple[int, bool, float]]:
-        """Return the turning points: index of the column, whether it is a maximum, and the arc.
+    def turns(self) -> list[tuple[int, Extremum, float]]:
+        """Return the turning points: index of the column, its kind, and the arc.
 
         Accuracy: of the arcs about 1e-9.
         """
-        turns: list[tuple[int, bool, float]] = []
+        turns: list[tuple[int, Extremum, float]] = []
         grid, values, rates = self._samples()
         units = np.where(self.angular > 0.0, 1.0, self.tree.mechanism.characteristic_length)
         for i in np.flatnonzero(np.ptp(values, axis=0) > CONSTANT * units).tolist():
@@ -133,7 +135,9 @@ class CurveJoints:
             # the curve is closed: the last sample is followed by the first
             for k in np.flatnonzero(rising != np.roll(rising, -1)).tolist():
                 end = float(grid[k + 1]) if k + 1 < len(grid) else self.traced.length
-                turns.append((i, bool(rising[k]), self._turning_arc(i, float(grid[k]), end)))
+                turns.append(
+                    (i, "highest" if rising[k] else "lowest", self._turning_arc(i, float(grid[k]), end))
+                )
         return sorted(turns, key=lambda point: point[2])
 
     def _samples(self) -> tuple[Array, Array, Array]:
@@ -161,14 +165,14 @@ class TurningPoint:
 
     Attributes:
         coordinate: name of its column.
-        highest: whether it is a maximum; otherwise a minimum.
+        which: "highest" at a maximum, "lowest" at a minimum.
         value: of the coordinate, in [rad] or [m].
         arc: position on the curve.
         angle: of the crank in [rad].
     """
 
     coordinate: str
-    highest: bool
+    which: Extremum
     value: float
     arc: float
     angle: float
@@ -269,8 +273,14 @@ class AssemblyCurve:
         poses = self.poses_at([arc for _, _, arc in turns])
         names = [self.joints.columns[i].name for i, _, _ in turns]
         return tuple(
-            TurningPoint(name, highest, float(poses.joints[name][k]), arc, float(poses.angle[k]))
-            for k, (name, (_, highest, arc)) in enumerate(zip(names, turns, strict=True))
+            TurningPoint(
+                name,
+                which,
+                float(poses.joints[name][k]),
+                arc,
+                float(poses.angle[k]),
+            )
+            for k, (name, (_, which, arc)) in enumerate(zip(names, turns, strict=True))
         )
 
     @property

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from mechsim.errors import InputError
 from mechsim.model.links import GROUND
@@ -112,14 +112,12 @@ class AssurGroup:
         pairs: number of its lower pairs, inner and outer; 3 * links = 2 * pairs.
     """
 
+    JSON: ClassVar[tuple[str, ...]] = ("class=class_", "order", "links")
+
     class_: int
     order: int
     links: tuple[str, ...]
     pairs: int
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the group as in `mechsim show --json`."""
-        return {"class": self.class_, "order": self.order, "links": list(self.links)}
 
     def __str__(self) -> str:
         number = ROMAN[self.class_] if self.class_ < len(ROMAN) else str(self.class_)
@@ -144,10 +142,6 @@ class Decomposition:
     def class_(self) -> int:
         """Class of the mechanism: the highest of its groups; 1 if it has none."""
         return max((group.class_ for group in self.groups), default=1)
-
-    def as_dicts(self) -> list[dict[str, Any]]:
-        """Return the groups as in `mechsim show --json`."""
-        return [group.as_dict() for group in self.groups]
 
     def lines(self) -> list[str]:
         """Return the drivers and each group in words."""
