@@ -19,7 +19,8 @@ from mechsim.errors import InputError
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
 from mechsim.model.progress import Progress
-from mechsim.model.quantities import Quantity, numeric_quantity, quantity_names, record_columns, unwrapped
+from mechsim.model.quantities import numeric_quantity, quantity_names
+from mechsim.model.quantity import Quantity, record_columns, unwrapped
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots

@@ -11,15 +11,8 @@ from mechsim.analytic.dynamics.joint_forces import joint_forces
 from mechsim.analytic.dynamics.mode_motion import ModeMotion, mode_motion, mode_motions
 from mechsim.errors import InputError
 from mechsim.model.progress import Progress, no_progress
-from mechsim.model.quantities import (
-    TRANSMISSION,
-    Quantity,
-    coordinate_units,
-    moving_points,
-    numeric_quantity,
-    record_columns,
-    unwrapped,
-)
+from mechsim.model.quantities import coordinate_units, moving_points, numeric_quantity
+from mechsim.model.quantity import TRANSMISSION, Quantity, record_columns, unwrapped
 from mechsim.numerics.arrays import Array
 
 # number of frequencies, and their range relative to the lowest and highest natural frequency

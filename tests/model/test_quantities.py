@@ -10,15 +10,14 @@ from mechsim.analytic import catalog
 from mechsim.errors import InputError
 from mechsim.model.quantities import (
     KINDS,
-    Column,
     QuantityKind,
     effort_units,
     numeric_quantity,
     quantity,
     quantity_names,
-    record_columns,
     scalar_quantities,
 )
+from mechsim.model.quantity import Column, record_columns
 from mechsim.studies.measured_table import measured_of
 from mechsim.studies.optimise.goals import goal_of
 from mechsim.verdict.quantities import FORCES

@@ -17,7 +17,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import no_crank_range_error
-from mechsim.model.quantities import AXES
+from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE, numbers
 from mechsim.numerics.jets import Values

@@ -19,7 +19,7 @@ from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import rough_poses
 from mechsim.model.links import GROUND, IDENTITY, Vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.quantities import AXES
+from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
 
 # weights of the values 1 to 4 steps ahead (and negative ones behind), divided by the step

@@ -14,7 +14,8 @@ from mechsim.analytic.vector_method.rotations import cross
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion
-from mechsim.model.quantities import Quantity, numeric_quantity, record_columns
+from mechsim.model.quantities import numeric_quantity
+from mechsim.model.quantity import Quantity, record_columns
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 

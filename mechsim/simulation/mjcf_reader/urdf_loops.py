@@ -1,71 +1,38 @@
 """Loops of URDF files: read from dialects of URDF, which has no loops, and closed by equalities of sites.
 
 Dialects in the file: a link with two parents, `<loop>` and `<coupling>` of URDF+, `<loop_joint>` of Isaac
-Sim, `<drake:ball_constraint>` and `<drake:linear_bushing_rpy>` of Drake, and `<gazebo><joint>` of Gazebo. A
-YAML sidecar file has the form of Gepetto's collection of parallel robots, or of scikit-robot.
+Sim, `<drake:ball_constraint>` and `<drake:linear_bushing_rpy>` of Drake, and `<gazebo><joint>` of Gazebo.
 """
 
 import os
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from mechsim.errors import InputError, needs
-from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf_reader.coordinates import did_you_mean
+from mechsim.errors import InputError
+from mechsim.simulation.mjcf_reader.urdf_sidecar import JointChanges, read_sidecar
+from mechsim.simulation.mjcf_reader.urdf_tree import (
+    KINDS,
+    ROOT,
+    Element,
+    Frame,
+    Kind,
+    LoopClosure,
+    UrdfTree,
+    child_of,
+    named_frame,
+    numbers_of,
+    pose_of,
+    read_urdf,
+    rotation_of,
+)
 
-Element = ElementTree.Element
-Kind = Literal["point", "hinge", "weld"]
-# joint types of all dialects -> kind of the closure
-KINDS: dict[str, Kind] = {
-    "spherical": "point",
-    "ball": "point",
-    "3d": "point",
-    "revolute": "hinge",
-    "continuous": "hinge",
-    "hinge": "hinge",
-    "fixed": "weld",
-    "6d": "weld",
-}
 # distance in [m] between the two points of a hinge closure along its axis
 HINGE_LENGTH = 0.1
-ROOT = "world"
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """A frame on a link: origin (3,) in [m] and rotation (3, 3)."""
-
-    link: str
-    position: Array = field(default_factory=lambda: np.zeros(3))
-    rotation: Array = field(default_factory=lambda: np.eye(3))
-
-    def then(self, position: Array, rotation: Array) -> "Frame":
-        """Return the frame at a position and rotation within this one."""
-        return Frame(self.link, self.position + self.rotation @ position, self.rotation @ rotation)
-
-
-@dataclass(frozen=True, eq=False)
-class LoopClosure:
-    """Two frames that a loop joint connects.
-
-    Attributes:
-        name: name of the joint.
-        kind: "point" (spherical), "hinge" (revolute about `axis`) or "weld".
-        a, b: the frames.
-        axis: axis of a hinge, in both frames.
-    """
-
-    name: str
-    kind: Kind
-    a: Frame
-    b: Frame
-    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,66 +51,6 @@ class UrdfCoupling:
     b: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class UrdfTree:
-    """The tree of a URDF file.
-
-    Attributes:
-        path: path of the file.
-        root: root element of the file.
-        parents: link -> joint element, parent link and pose in it, for the first joint that names the link.
-        second: joints to links that already have a parent.
-    """
-
-    path: str
-    root: Element
-    parents: Mapping[str, tuple[Element, Frame]]
-    second: tuple[Element, ...]
-
-    def error(self, message: str) -> InputError:
-        return InputError(f"{self.path}: {message}")
-
-    def require_link(self, name: str, joint: str) -> str:
-        """Return the name of a link; raise InputError if the file has no such link."""
-        links = [link.get("name", "") for link in self.root.findall("link")]
-        if name not in links:
-            raise self.error(
-                f"loop joint {joint!r} names link {name!r}{did_you_mean(name, links)}; name a link"
-            )
-        return name
-
-    def joints_to(self, link: str) -> list[str]:
-        """Return the names of the movable joints from the root to a link, the last joint first."""
-        names: list[str] = []
-        while link in self.parents:
-            joint, parent = self.parents[link]
-            names += [joint.get("name", "")] if joint.get("type") != "fixed" else []
-            link = parent.link
-        return names
-
-    def moving(self, frame: Frame) -> Frame:
-        """Return a frame on the link to which fixed joints attach it; the root is the world."""
-        while frame.link in self.parents:
-            joint, pose = self.parents[frame.link]
-            if joint.get("type") != "fixed":
-                return frame
-            frame = pose.then(frame.position, frame.rotation)
-        return Frame(ROOT, frame.position, frame.rotation)
-
-    def fixed_to(self, link: str, placed: Frame) -> Frame:
-        """Return the frame on a link that coincides with a frame in the root link at zero joint values."""
-        own = self.in_root(Frame(link))
-        return Frame(
-            link, own.rotation.T @ (placed.position - own.position), own.rotation.T @ placed.rotation
-        )
-
-    def in_root(self, frame: Frame) -> Frame:
-        """Return a frame in the root link at zero joint values."""
-        while frame.link in self.parents:
-            frame = self.parents[frame.link][1].then(frame.position, frame.rotation)
-        return frame
-
-
 def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | None:
     """Return the specification of a URDF file with closed loops; None for MJCF or a file without loops.
 
@@ -154,7 +61,7 @@ def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | N
     Raises:
         InputError: if a loop joint cannot be read, with file, joint and remedy.
     """
-    tree = _read(path)
+    tree = read_urdf(path)
     if tree is None:
         if loops is not None:
             raise InputError(
@@ -164,7 +71,7 @@ def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | N
     closures = [closure for reader in DIALECTS for closure in reader(tree)]
     changes = JointChanges()
     if loops is not None:
-        more, changes = _sidecar(tree, loops)
+        more, changes = read_sidecar(tree, loops)
         closures += more
     couplings = list(_couplings(tree))
     if not closures and not couplings:
@@ -180,43 +87,14 @@ def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | N
     return spec
 
 
-def _read(path: str) -> UrdfTree | None:
-    """Return the tree of a URDF file; None for other files, for which MuJoCo reports errors."""
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            text = file.read()
-    except (OSError, UnicodeDecodeError):
-        return None
-    if "<robot" not in text:
-        return None
-    # few files declare the prefix of Drake's elements
-    text = re.sub(r"(</?)drake:", r"\1drake_", text)
-    try:
-        root = ElementTree.fromstring(re.sub(r"\bxmlns(:\w+)?=\"[^\"]*\"", "", text))
-    except ElementTree.ParseError:
-        return None
-    if root.tag != "robot":
-        return None
-    parents: dict[str, tuple[Element, Frame]] = {}
-    second: list[Element] = []
-    tree = UrdfTree(path, root, parents, ())
-    for joint in root.findall("joint"):
-        child = _child(joint, "child").get("link", "")
-        if child in parents:
-            second.append(joint)
-        else:
-            parents[child] = joint, _pose(tree, _child(joint, "parent").get("link", ""), joint.find("origin"))
-    return UrdfTree(path, root, parents, tuple(second))
-
-
 def _second_parents(tree: UrdfTree) -> Iterator[LoopClosure]:
     for joint in tree.second:
         name = joint.get("name", "")
         if joint.get("type") == "floating":
             continue
-        parent = tree.require_link(_child(joint, "parent").get("link", ""), name)
-        child = tree.require_link(_child(joint, "child").get("link", ""), name)
-        yield _closure(tree, joint, _pose(tree, parent, joint.find("origin")), Frame(child))
+        parent = tree.require_link(child_of(joint, "parent").get("link", ""), name)
+        child = tree.require_link(child_of(joint, "child").get("link", ""), name)
+        yield _closure(tree, joint, pose_of(tree, parent, joint.find("origin")), Frame(child))
 
 
 def _urdf_plus(tree: UrdfTree) -> Iterator[LoopClosure]:
@@ -235,7 +113,7 @@ def _couplings(tree: UrdfTree) -> Iterator[UrdfCoupling]:
     for element in tree.root.findall("coupling"):
         name = element.get("name", "")
         a, b = (
-            tree.joints_to(tree.require_link(_child(element, side).get("link", ""), name))
+            tree.joints_to(tree.require_link(child_of(element, side).get("link", ""), name))
             for side in ("predecessor", "successor")
         )
         shared = set(a) & set(b)
@@ -245,7 +123,7 @@ def _couplings(tree: UrdfTree) -> Iterator[UrdfCoupling]:
                 f"coupling {name!r} has no joint between its predecessor or successor and their common "
                 "ancestor; name links on two branches"
             )
-        (ratio,) = _numbers(tree, name, _child(element, "ratio").get("value", "1"), 1)
+        (ratio,) = numbers_of(tree, name, child_of(element, "ratio").get("value", "1"), 1)
         yield UrdfCoupling(name, float(ratio), a, b)
 
 
@@ -256,7 +134,8 @@ def _isaac(tree: UrdfTree) -> Iterator[LoopClosure]:
         if len(sides) != 2:
             raise tree.error(f"loop_joint {loop.get('name')!r} has {len(sides)} links; give link1 and link2")
         a, b = (
-            _pose(tree, tree.require_link(side.get("link", ""), loop.get("name", "")), side) for side in sides
+            pose_of(tree, tree.require_link(side.get("link", ""), loop.get("name", "")), side)
+            for side in sides
         )
         yield _closure(tree, loop, a, b)
 
@@ -266,8 +145,8 @@ def _drake_balls(tree: UrdfTree) -> Iterator[LoopClosure]:
         name = f"ball_constraint{number}"
         frames = [
             Frame(
-                tree.require_link(_child(ball, f"drake_ball_constraint_body_{body}").get("name", ""), name),
-                _numbers(tree, name, _child(ball, f"drake_ball_constraint_p_{point}").get("value", "")),
+                tree.require_link(child_of(ball, f"drake_ball_constraint_body_{body}").get("name", ""), name),
+                numbers_of(tree, name, child_of(ball, f"drake_ball_constraint_p_{point}").get("value", "")),
             )
             for body, point in (("A", "AP"), ("B", "BQ"))
         ]
@@ -279,10 +158,12 @@ def _drake_bushings(tree: UrdfTree) -> Iterator[LoopClosure]:
     for number, bushing in enumerate(tree.root.findall("drake_linear_bushing_rpy"), 1):
         name = f"bushing{number}"
         frames = [
-            _named_frame(tree, _child(bushing, f"drake_bushing_frame{side}").get("name", ""), name)
+            named_frame(tree, child_of(bushing, f"drake_bushing_frame{side}").get("name", ""), name)
             for side in "AC"
         ]
-        stiff = _numbers(tree, name, _child(bushing, "drake_bushing_torque_stiffness").get("value", "")) > 0.0
+        stiff = (
+            numbers_of(tree, name, child_of(bushing, "drake_bushing_torque_stiffness").get("value", "")) > 0.0
+        )
         if stiff.sum() == 1:
             raise tree.error(
                 f"bushing {number} is stiff about one axis; no closure of two free axes is known"
@@ -299,11 +180,11 @@ def _gazebo(tree: UrdfTree) -> Iterator[LoopClosure]:
         parent, child = (
             tree.require_link((joint.findtext(side) or "").strip(), name) for side in ("parent", "child")
         )
-        numbers = _numbers(tree, name, joint.findtext("pose") or "0 0 0 0 0 0", 6)
+        numbers = numbers_of(tree, name, joint.findtext("pose") or "0 0 0 0 0 0", 6)
         relative = joint.find("pose")
         base = relative.get("relative_to") if relative is not None else None
         b = Frame(child if base in (None, "") else tree.require_link(str(base), name))
-        b = b.then(numbers[:3], _rotation(numbers[3:]))
+        b = b.then(numbers[:3], rotation_of(numbers[3:]))
         placed = tree.in_root(b)
         frames = [tree.fixed_to(link, placed) for link in (parent, child)]
         axis = joint.findtext("axis/xyz")
@@ -320,135 +201,6 @@ DIALECTS: tuple[Callable[[UrdfTree], Iterator[LoopClosure]], ...] = (
 )
 
 
-@dataclass(frozen=True)
-class JointChanges:
-    """Joints that a sidecar file changes to spherical, universal or fixed, and joints with a motor."""
-
-    kinds: Mapping[str, str] = field(default_factory=dict[str, str])
-    motors: tuple[str, ...] = ()
-
-    def apply(self, spec: mujoco.MjSpec, tree: UrdfTree) -> None:
-        names = [joint.name for joint in spec.joints]
-        for name in (*self.kinds, *self.motors):
-            if name not in names:
-                raise tree.error(
-                    f"the sidecar file has joint {name!r}{did_you_mean(name, names)}; name a joint"
-                )
-        for name in dict.fromkeys(self.motors):
-            spec.add_actuator(name=f"{name}_motor", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
-        for name, kind in self.kinds.items():
-            joint = spec.joint(name)
-            if kind == "SPHERICAL":
-                joint.type = mujoco.mjtJoint.mjJNT_BALL
-                joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
-            elif kind == "FIXED":
-                spec.delete(joint)
-            elif match := re.fullmatch(r"UJOINT_([XYZ])([XYZ])", str(kind)):
-                first, second = (np.eye(3)["XYZ".index(axis)] for axis in match.groups())
-                joint.axis, body = first, joint.parent
-                joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
-                body.add_joint(name=f"{name}_second", type=mujoco.mjtJoint.mjJNT_HINGE, axis=second)
-            else:
-                raise tree.error(
-                    f"joint_type of {name!r} is {kind!r}; it can be SPHERICAL, FIXED or UJOINT_XY"
-                )
-
-
-def _sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges]:
-    """Read a sidecar file with the list `closed_loop` of Gepetto or `closures` of scikit-robot."""
-    with needs("robots"):
-        import yaml
-    try:
-        with open(path, encoding="utf-8") as file:
-            content: Any = yaml.safe_load(file)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; name a file with loop closures") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        line = getattr(getattr(error, "problem_mark", None), "line", None)
-        where = "" if line is None else f", line {line + 1}"
-        raise InputError(f"{path}{where} is no YAML; write closed_loop: [[FRAME, FRAME]]") from None
-    lists = content if isinstance(content, dict) else {}
-    for name, reader in SIDECARS.items():
-        if isinstance(lists.get(name), list):
-            return reader(tree, path, lists)
-    raise InputError(f"{path} has no list {' or '.join(SIDECARS)}; write closed_loop: [[FRAME, FRAME]]")
-
-
-def _scikit_robot(
-    tree: UrdfTree, path: str, content: Mapping[str, Any]
-) -> tuple[list[LoopClosure], JointChanges]:
-    """Read hinges between two links; their point and axis are in the root frame at zero joint values."""
-    closures: list[LoopClosure] = []
-    for number, entry in enumerate(content["closures"], 1):
-        name = f"closure{number}"
-        if not isinstance(entry, dict) or {"link_a", "link_b", "point", "axis"} - entry.keys():
-            raise InputError(f"{path}: {name} needs link_a, link_b, point and axis; give all four")
-        point, axis = (
-            _numbers(tree, name, re.sub(r"[\[\],]", " ", str(entry[key]))) for key in ("point", "axis")
-        )
-        length = float(np.linalg.norm(axis))
-        if not length > 0.0:
-            raise InputError(f"{path}: the axis of {name} has length 0; give a direction")
-        sides = [
-            tree.fixed_to(tree.require_link(str(entry[key]), name), Frame("", point))
-            for key in ("link_a", "link_b")
-        ]
-        # both frames are parallel to the root frame at zero joint values
-        closures.append(LoopClosure(name, "hinge", sides[0], sides[1], axis / length))
-    motors = tuple(map(str, _list_of(content, "independent", path)))
-    return closures, JointChanges(motors=motors)
-
-
-def _gepetto(tree: UrdfTree, path: str, content: Mapping[str, Any]) -> tuple[list[LoopClosure], JointChanges]:
-    """Read pairs of frames in `closed_loop`, each with a `type` of 3d or 6d."""
-    pairs: list[Any] = content["closed_loop"]
-    types = _list_of(content, "type", path) or ["6d"] * len(pairs)
-    if len(types) != len(pairs) or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
-        raise InputError(
-            f"{path}: closed_loop needs two frames a loop, and type one entry a loop; correct them"
-        )
-    closures: list[LoopClosure] = []
-    for number, (pair, kind) in enumerate(zip(pairs, types, strict=True), 1):
-        name = f"closed_loop{number}"
-        if str(kind).lower() not in KINDS:
-            raise InputError(f"{path}: type of loop {number} is {kind!r}; it can be 3d or 6d")
-        a, b = (_named_frame(tree, str(frame), name) for frame in pair)
-        closures.append(LoopClosure(name, KINDS[str(kind).lower()], a, b))
-    names, kinds = (_list_of(content, key, path) for key in ("joint_name", "joint_type"))
-    if len(names) != len(kinds):
-        raise InputError(
-            f"{path}: joint_name has {len(names)} entries, joint_type {len(kinds)}; give as many"
-        )
-    motors = tuple(map(str, _list_of(content, "name_mot", path)))
-    return closures, JointChanges(dict(zip(map(str, names), map(str, kinds), strict=True)), motors)
-
-
-def _list_of(content: Mapping[str, Any], key: str, path: str) -> list[Any]:
-    """Return a list of a sidecar file; empty if it has none."""
-    value = content.get(key) or []
-    if not isinstance(value, list):
-        raise InputError(f"{path}: {key} is {value!r}; write a list, as {key}: [NAME]")
-    return value
-
-
-# first list of a sidecar file -> its reader
-SIDECARS: dict[str, Callable[..., tuple[list[LoopClosure], JointChanges]]] = {
-    "closed_loop": _gepetto,
-    "closures": _scikit_robot,
-}
-
-
-def _named_frame(tree: UrdfTree, name: str, joint: str) -> Frame:
-    """Return a frame by its name: a `<frame>` of Drake, a link, or the fixed joint that places a link."""
-    for frame in tree.root.findall("frame"):
-        if frame.get("name") == name:
-            return _pose(tree, tree.require_link(frame.get("link", ""), joint), frame)
-    for link, (element, _) in tree.parents.items():
-        if element.get("name") == name:
-            return Frame(link)
-    return Frame(tree.require_link(name, joint))
-
-
 def _closure(tree: UrdfTree, element: Element, a: Frame, b: Frame, axis: str | None = None) -> LoopClosure:
     name, kind = element.get("name", ""), element.get("type", "")
     if kind not in KINDS:
@@ -457,7 +209,7 @@ def _closure(tree: UrdfTree, element: Element, a: Frame, b: Frame, axis: str | N
     own = element.find("axis")
     text = axis or (own.get("xyz") if own is not None else None)
     default = "1 0 0" if element.tag == "joint" and axis is None else "0 0 1"
-    direction = _numbers(tree, name, text or default)
+    direction = numbers_of(tree, name, text or default)
     length = float(np.linalg.norm(direction))
     if KINDS[kind] == "hinge" and not length > 0.0:
         raise tree.error(f"the axis of loop joint {name!r} has length 0; give a direction")
@@ -468,37 +220,7 @@ def _side(tree: UrdfTree, loop: Element, side: Element | None, names: str) -> Fr
     if side is None:
         raise tree.error(f"loop {loop.get('name')!r} lacks one of {names}; give both")
     link = tree.require_link(side.get("link", ""), loop.get("name", ""))
-    return _pose(tree, link, side.find("origin"))
-
-
-def _child(element: Element, tag: str) -> Element:
-    child = element.find(tag)
-    return Element(tag) if child is None else child
-
-
-def _pose(tree: UrdfTree, link: str, origin: Element | None) -> Frame:
-    """Return the frame on a link at the attributes xyz and rpy of an element."""
-    if origin is None:
-        return Frame(link)
-    position, angles = (_numbers(tree, link, origin.get(key) or "0 0 0") for key in ("xyz", "rpy"))
-    return Frame(link, position, _rotation(angles))
-
-
-def _numbers(tree: UrdfTree, name: str, text: str, count: int = 3) -> Array:
-    try:
-        values = np.array([float(word) for word in text.split()])
-    except ValueError:
-        values = np.zeros(0)
-    if values.shape != (count,) or not np.isfinite(values).all():
-        raise tree.error(f"{name!r} has {text!r} where {count} finite numbers belong; correct them")
-    return values
-
-
-def _rotation(angles: Array) -> Array:
-    """Return the rotation matrix of roll, pitch and yaw in [rad] about fixed axes x, y, z."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_euler("xyz", angles).as_matrix(), dtype=np.float64)
+    return pose_of(tree, link, side.find("origin"))
 
 
 def _specification(tree: UrdfTree) -> mujoco.MjSpec:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.motion_laws import CrankProfile
-from mechsim.model.quantities import Quantity
+from mechsim.model.quantity import Quantity
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import Settings

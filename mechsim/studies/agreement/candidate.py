@@ -17,7 +17,8 @@ from mechsim.model.link_poses import PARALLEL_TOLERANCE, plane_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import MotionLaws, State, make_motion_laws, tabled
-from mechsim.model.quantities import AXES, Quantity, quantity, unknown
+from mechsim.model.quantities import quantity, unknown
+from mechsim.model.quantity import AXES, Quantity
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, driver_inputs
 from mechsim.studies.measured_table import TableColumn, table_columns

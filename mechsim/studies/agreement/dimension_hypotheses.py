@@ -20,7 +20,7 @@ from mechsim.errors import AssemblyError, MechsimError
 from mechsim.model.link_poses import initial_coordinates, rough_poses
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.quantities import AXES
+from mechsim.model.quantity import AXES
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array
 from mechsim.studies.agreement.evaluation_points import (

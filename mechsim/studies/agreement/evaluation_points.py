@@ -20,7 +20,7 @@ from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.masses import LinkMass
 from mechsim.model.motion import Motion
-from mechsim.model.quantities import Column, Quantity, record_columns
+from mechsim.model.quantity import Column, Quantity, record_columns
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.reference import profile_of

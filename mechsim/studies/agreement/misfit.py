@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.model.expressions import unit_powers
 from mechsim.model.motion import Motion
-from mechsim.model.quantities import Quantity
+from mechsim.model.quantity import Quantity
 from mechsim.numerics.angles import wrapped
 from mechsim.numerics.arrays import Array, rms
 from mechsim.studies.agreement.candidate import Candidate

@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.motion import Motion
-from mechsim.model.quantities import AXES, TRANSMISSION
+from mechsim.model.quantity import AXES, TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.moved_family import MovedFamily

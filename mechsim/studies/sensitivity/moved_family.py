@@ -25,7 +25,8 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.masses import STEEL, with_inertia
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import no_crank_range_error
-from mechsim.model.quantities import AXES, Quantity, quantity, record_columns, scalar_quantities, unknown
+from mechsim.model.quantities import quantity, scalar_quantities, unknown
+from mechsim.model.quantity import AXES, Quantity, record_columns
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.studies.sensitivity.tolerances import CLEARANCE

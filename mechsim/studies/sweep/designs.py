@@ -13,7 +13,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.errors import InputError
 from mechsim.files import read_rows
-from mechsim.model.quantities import AXES
+from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
 from mechsim.numerics.resources import require_memory

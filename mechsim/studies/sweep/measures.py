@@ -11,15 +11,8 @@ from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import CRANK, MotionLaws
-from mechsim.model.quantities import (
-    AXES,
-    Quantity,
-    Source,
-    coordinate_units,
-    numeric_quantity,
-    record_columns,
-    unwrapped,
-)
+from mechsim.model.quantities import coordinate_units, numeric_quantity
+from mechsim.model.quantity import AXES, Quantity, Source, record_columns, unwrapped
 from mechsim.numerics.arrays import Array
 from mechsim.subjects.python_object import run_object, run_user_code
 from mechsim.subjects.toml_values import suggestion

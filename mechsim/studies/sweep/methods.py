@@ -26,7 +26,7 @@ from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import interval_around, no_crank_range_error
-from mechsim.model.quantities import TRANSMISSION
+from mechsim.model.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops

@@ -17,7 +17,7 @@ from mechsim.model.design_arrays import StartedDesigns, similar_designs
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import SWING_FRACTION
-from mechsim.model.quantities import TRANSMISSION
+from mechsim.model.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.many.design_models import SharedModel, shared_model
