@@ -1,6 +1,7 @@
 """Command `mechsim export`: MuJoCo models of one or all mechanisms, or the mechanism as TOML."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import typer
@@ -29,6 +30,7 @@ from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require
 from mechsim.studies.export import export as export_model
 from mechsim.studies.robots.menagerie import Verification
 from mechsim.studies.robots.serial_twin import Coupled
+from mechsim.units import option
 
 
 class ExportJson(TypedDict):
@@ -44,6 +46,62 @@ class ExportJson(TypedDict):
     mechanisms: NotRequired[list[str]]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions:
+    """Format and contents of an exported model."""
+
+    every: str | None = option(None, "Export every mechanism into this folder.", name="--all", metavar="DIR")
+    scene: str = option(LEVEL, "Detail of the MuJoCo model: pose, motion, dynamics or picture.")
+    cut: str | None = option(None, "Joints at which the loops are cut.")
+    file_format: str = option(
+        "xml",
+        "A MuJoCo model, the mechanism itself, or its serial twin: the tree without loops, whose passive "
+        "joints follow polynomials.",
+        name="--format",
+        metavar="xml|toml|mjcf-tree|urdf",
+    )
+    independent: str | None = option(
+        None,
+        "Joints of the serial twin that move freely, with their ranges. [default: those with actuators, "
+        "within their limits]",
+        metavar="J[=A:B],...",
+    )
+    style: str = option(
+        "plain",
+        "menagerie: position actuators, keyframe `home`, and numbers that compare the model with the loop "
+        "equations.",
+        metavar="plain|menagerie",
+    )
+    timestep: str | None = option(None, "Time step of the file; a bare number is seconds. [default: 0.1 ms]")
+    tolerance: str | None = option(
+        None,
+        "Position error to keep in plain MuJoCo, with a motor and a keyframe in which it rotates at --speed; "
+        "a bare number is metres.",
+    )
+    speed: str | None = option(
+        None,
+        f"Crank speed of a motor and a keyframe; a bare number is rad/s. [default: {SPEED} with --tolerance, "
+        "else no motor]",
+    )
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints at which the loops are cut."""
+        return tuple(self.cut.split(",")) if self.cut else ()
+
+    @property
+    def is_twin(self) -> bool:
+        """Whether the serial twin is written."""
+        return self.file_format in SERIAL_FORMATS
+
+    def require_compatible(self, settings: Mapping[str, Any]) -> None:
+        """Raise InputError for options that exclude each other, before the mechanism is loaded."""
+        if not self.is_twin:
+            require_compatible(
+                self.file_format, self.scene, self.joints, settings, self.timestep, self.speed, self.tolerance
+            )
+
+
 @command
 def export(
     model: Annotated[
@@ -54,57 +112,9 @@ def export(
         ),
     ] = None,
     *,
-    every: Annotated[
-        str | None, typer.Option("--all", metavar="DIR", help="Export every mechanism into this folder.")
-    ] = None,
-    scene: Annotated[
-        str, typer.Option(help="Detail of the MuJoCo model: pose, motion, dynamics or picture.")
-    ] = LEVEL,
-    cut: Annotated[str | None, typer.Option(help="Joints at which the loops are cut.")] = None,
-    file_format: Annotated[
-        str,
-        typer.Option(
-            "--format",
-            metavar="xml|toml|mjcf-tree|urdf",
-            help="A MuJoCo model, the mechanism itself, or its serial twin: the tree without loops, whose "
-            "passive joints follow polynomials.",
-        ),
-    ] = "xml",
-    independent: Annotated[
-        str | None,
-        typer.Option(
-            metavar="J[=A:B],...",
-            help="Joints of the serial twin that move freely, with their ranges. [default: those with "
-            "actuators, within their limits]",
-        ),
-    ] = None,
-    style: Annotated[
-        str,
-        typer.Option(
-            metavar="plain|menagerie",
-            help="menagerie: position actuators, keyframe `home`, and numbers that compare the model with "
-            "the loop equations.",
-        ),
-    ] = "plain",
-    timestep: Annotated[
-        str | None, typer.Option(help="Time step of the file; a bare number is seconds. [default: 0.1 ms]")
-    ] = None,
+    options: ExportOptions,
     settings: Annotated[Mapping[str, Any], Settings],
     driven: DriveOptions,
-    tolerance: Annotated[
-        str | None,
-        typer.Option(
-            help="Position error to keep in plain MuJoCo, with a motor and a keyframe in which it rotates at "
-            "--speed; a bare number is metres."
-        ),
-    ] = None,
-    speed: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Crank speed of a motor and a keyframe; a bare number is rad/s. [default: {SPEED} "
-            "with --tolerance, else no motor]"
-        ),
-    ] = None,
     sets: Sets = None,
     output: Annotated[
         str | None, output_file("File to write; its format is that of --format. Default: the terminal.")
@@ -116,41 +126,37 @@ def export(
     mechsim export four_bar --speed 600rpm -o four_bar.xml
     mechsim export gripper.xml --format toml -o gripper.toml
     """
-    if (model is None) == (every is None):
+    if (model is None) == (options.every is None):
         raise InputError("export takes either one MODEL or --all DIR; give one of them")
-    if every is not None:
-        chosen = sets or output or cut or settings or timestep or speed or tolerance or file_format != "xml"
-        if chosen or driven != DriveOptions():
+    if options.every is not None:
+        alone = ExportOptions(every=options.every, scene=options.scene)
+        if options != alone or driven != DriveOptions() or sets or output or settings:
             raise InputError(
                 "--all exports every mechanism as it is; leave out --set, --drive, --cut, --speed, "
                 "--tolerance, --format, settings and -o"
             )
-        return _catalogue(every, scene_of(scene))
+        return _catalogue(options.every, scene_of(options.scene))
     assert model is not None
-    joints = tuple(cut.split(",")) if cut else ()
-    is_twin = file_format in SERIAL_FORMATS
-    if not is_twin:
-        require_compatible(file_format, scene, joints, settings, timestep, speed, tolerance)
-    extension = {"mjcf-tree": "xml"}.get(file_format, file_format)
+    options.require_compatible(settings)
+    extension = {"mjcf-tree": "xml"}.get(options.file_format, options.file_format)
     path = None if output is None else writable(output, f".{extension}")
     with progress("export", None) as report:
         result = export_model(
-            model if is_twin else load_model(model, sets, driven),
+            model if options.is_twin else load_model(model, sets, driven),
             path,
-            set=changed_parameters(sets) if is_twin else None,
-            independent=joint_ranges("--independent", independent) if independent else (),
-            format=file_format,
-            style=style,
-            scene=scene,
-            cut=joints,
-            timestep=timestep,
+            set=changed_parameters(sets) if options.is_twin else None,
+            independent=joint_ranges("--independent", options.independent) if options.independent else (),
+            format=options.file_format,
+            style=options.style,
+            scene=options.scene,
+            cut=options.joints,
+            timestep=options.timestep,
             settings=settings,
-            tolerance=tolerance,
-            speed=speed,
+            tolerance=options.tolerance,
+            speed=options.speed,
             progress=report,
-            **(driven.as_arguments() if is_twin else {}),
+            **(driven.as_arguments() if options.is_twin else {}),
         )
-
     return _result(result, output)
 
 

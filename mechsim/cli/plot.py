@@ -1,7 +1,7 @@
 """Command `mechsim plot`: writes a plot of a kind in `report.plot_table` to a file."""
 
-from collections.abc import Sequence
-from typing import Annotated, cast
+from dataclasses import replace
+from typing import Annotated, Any
 
 import typer
 
@@ -11,7 +11,6 @@ from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed, output
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
-from mechsim.model.masses import LinkMass
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
 from mechsim.studies.sweep.table import drawn_sweep
@@ -72,27 +71,49 @@ def plot(
                 f"{source.model} is the file of a sweep; leave out what changes, drives or locks a mechanism"
             )
         figure = drawn_sweep(source.model, options.coordinates, None if kind == "motion" else kind)
-        plots.write(path, figure)
-        return _written(source.model, kind, output)
-    if kind not in PLOTS:
-        raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
-    row = PLOTS[kind]
-    require_taken(kind, row.takes, options)
-    if row.released == "always" or (row.released == "either" and initial.requested):
-        release = initial.release(released_model(source, loads), source)
-        if speed != SPEED:
-            raise InputError(
-                "--speed applies to a driven crank, and the drivers are free; give --initial J.v"
-            )
-        plot_source = PlotSource(solver=release.model.solver, speed=0.0, options=options, release=release)
-        plots.write(path, row.figure(plot_source))
-        return _written(release.model.mechanism.name, kind, output, plot_source.masses)
+        name, masses = source.model, ()
+    else:
+        if kind not in PLOTS:
+            raise InputError(f"there is no plot {kind!r}; choose from {', '.join(PLOTS)}")
+        row = PLOTS[kind]
+        require_taken(kind, row.takes, options)
+        if row.released == "always" or (row.released == "either" and initial.requested):
+            plotted = _released(source, loads, initial, options, speed)
+        else:
+            plotted = _driven(source, loads, initial, options, speed, kind)
+        with progress("plot", None) as report:
+            plotted = replace(plotted, progress=report)
+            figure, name, masses = row.figure(plotted), plotted.solver.name, plotted.masses
+    plots.write(path, figure)
+    data: Any = {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)}
+    return Result(data, lambda: print_masses(masses), files=[output])
+
+
+def _released(
+    source: ModelOptions, loads: LoadOptions, initial: InitialOptions, options: PlotOptions, speed: str
+) -> PlotSource:
+    """Return what is drawn of a mechanism whose drivers move freely."""
+    release = initial.release(released_model(source, loads), source)
+    if speed != SPEED:
+        raise InputError("--speed applies to a driven crank, and the drivers are free; give --initial J.v")
+    return PlotSource(solver=release.model.solver, speed=0.0, options=options, release=release)
+
+
+def _driven(
+    source: ModelOptions,
+    loads: LoadOptions,
+    initial: InitialOptions,
+    options: PlotOptions,
+    speed: str,
+    kind: str,
+) -> PlotSource:
+    """Return what is drawn of a driven motion."""
     if initial.requested or initial.restitution:
         kinds = ", ".join(name for name, row in PLOTS.items() if row.released != "never")
         raise InputError(
             f"plot {kind!r} shows a driven motion; a run from an initial state is shown by {kinds}"
         )
-    if loads != LoadOptions() and not (row.loaded and options.method == "closed"):
+    if loads != LoadOptions() and not (PLOTS[kind].loaded and options.method == "closed"):
         kinds = ", ".join(name for name, row in PLOTS.items() if row.loaded or row.released == "always")
         raise InputError(f"plot {kind!r} shows no forces; loads are of {kinds}, by the closed form")
     solver = source.load_moving()
@@ -102,19 +123,4 @@ def plot(
         )
     if not solver.motion_laws.crank and kind not in TIMED:
         raise InputError(f"plot {kind!r} needs a crank without a motion law; choose from {', '.join(TIMED)}")
-    with progress("plot", None) as report:
-        plot_source = PlotSource(
-            solver=solver,
-            speed=crank_speed(speed),
-            options=options,
-            progress=report,
-            model=loads.dynamic_model,
-        )
-        figure = row.figure(plot_source)
-    plots.write(path, figure)
-    return _written(solver.name, kind, output, plot_source.masses)
-
-
-def _written(name: str, kind: str, output: str, masses: Sequence[LinkMass] = ()) -> Result[PlotJson]:
-    data = cast("PlotJson", {"mechanism": name, "kind": kind, "output": output, **masses_in_json(masses)})
-    return Result(data, lambda: print_masses(masses), files=[output])
+    return PlotSource(solver=solver, speed=crank_speed(speed), options=options, model=loads.dynamic_model)

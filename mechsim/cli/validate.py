@@ -54,9 +54,21 @@ from mechsim.verdict.checks import Check, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AgainstOptions:
-    """Reference with which a model is compared."""
+class ValidateOptions:
+    """Methods, references and tolerance of a validation."""
 
+    whole_gallery: bool = option(False, "Also step the mechanisms of the gallery in time.", name="--gallery")
+    reference: bool = option(
+        False, "Compare both methods with the 30-digit reference data.", name="--reference"
+    )
+    report: str | None = option(
+        None, "Write a page with plots, pictures and videos to this folder.", metavar="DIR"
+    )
+    speed: Speed = "600rpm"
+    certify: bool = option(
+        False, "Also prove by interval arithmetic that no singularity lies in the range.", name="--certify"
+    )
+    budget: str = option(f"{BUDGET:g}s", "Processor time for the stepped runs of each mechanism.")
     against: str | None = option(
         None,
         "Compare one model with your own function, which is run, or a table.",
@@ -132,30 +144,7 @@ def validate(
         ),
     ] = None,
     *,
-    whole_gallery: Annotated[
-        bool,
-        typer.Option("--gallery", help="Also step the mechanisms of the gallery in time."),
-    ] = False,
-    reference: Annotated[
-        bool,
-        typer.Option("--reference", help="Compare both methods with the 30-digit reference data."),
-    ] = False,
-    report: Annotated[
-        str | None,
-        typer.Option(metavar="DIR", help="Write a page with plots, pictures and videos to this folder."),
-    ] = None,
-    speed: Speed = "600rpm",
-    certify: Annotated[
-        bool,
-        typer.Option(
-            "--certify", help="Also prove by interval arithmetic that no singularity lies in the range."
-        ),
-    ] = False,
-    budget: Annotated[
-        str,
-        typer.Option(help="Processor time for the stepped runs of each mechanism."),
-    ] = f"{BUDGET:g}s",
-    comparison: AgainstOptions,
+    chosen: ValidateOptions,
     driven: DriveOptions,
     sets: Sets = None,
     verbose: Verbose = False,
@@ -170,32 +159,27 @@ def validate(
     mechsim validate slider_crank --against my_kinematics.py:position
     """
     driven_or_changed = driven != DriveOptions() or bool(sets)
-    if reference:
-        if comparison != AgainstOptions() or driven_or_changed or report or whole_gallery:
+    if chosen.reference:
+        if chosen != ValidateOptions(reference=True) or driven_or_changed:
             raise InputError("--reference excludes all options but names and --json; leave them out")
         return _by_reference(models or (), verbose)
-    folder = None if report is None else folder_for(report)
-    if comparison.against is not None:
-        if models is None or len(models) != 1 or whole_gallery:
+    folder = None if chosen.report is None else folder_for(chosen.report)
+    if chosen.against is not None:
+        if models is None or len(models) != 1 or chosen.whole_gallery:
             raise InputError("--against compares one model; name exactly one")
         design = load_parametric(models[0], sets, driven, moving=False)
-        return _against(design, comparison, crank_speed(speed), folder, verbose)
-    if comparison.plot is not None:
+        return _against(design, chosen, folder, verbose)
+    if chosen.plot is not None:
         raise InputError("--plot goes with --against; name what the model is compared with")
     names = list(models or catalog.DRIVES)
-    names += list(gallery.files()) if whole_gallery or not models else []
+    names += list(gallery.files()) if chosen.whole_gallery or not models else []
     if driven_or_changed and len(names) != 1:
         options = "--set changes" if sets else "--drive, --lock, --key and --track change"
         raise InputError(f"{options} one mechanism; name it")
     designs = _by_name({model: load_parametric(model, sets, driven) for model in names})
     report_code([design.make({}) for design in designs.values()])
-    options = {
-        "speed": crank_speed(speed),
-        "quick": () if models or whole_gallery else list(gallery.files()),
-        "tolerance": comparison.tolerance_in_metres,
-        "budget": units.parse_time(budget, "the budget"),
-    }
-    return _validated(designs, options, folder, certify=certify, verbose=verbose, as_json=as_json)
+    quick = () if models or chosen.whole_gallery else list(gallery.files())
+    return _validated(designs, chosen, quick, folder, verbose=verbose, as_json=as_json)
 
 
 def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
@@ -207,10 +191,10 @@ def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
 
 def _validated(
     designs: Mapping[str, DesignFamily],
-    options: Mapping[str, Any],
+    chosen: ValidateOptions,
+    quick: Sequence[str],
     folder: Path | None,
     *,
-    certify: bool,
     verbose: bool,
     as_json: bool,
 ) -> Result[ValidateJson]:
@@ -218,15 +202,23 @@ def _validated(
 
     Args:
         designs: name -> mechanism.
-        options: of `validate_all`.
+        chosen: options; a failed interval proof is reported and is no failure.
+        quick: names of the mechanisms that are not stepped in time.
         folder: folder of a report; None writes none.
-        certify: whether interval proofs are attempted; a failed proof is reported and is no failure.
         verbose: whether all checks are listed.
         as_json: whether the result is printed as JSON.
     """
+    speed = crank_speed(chosen.speed)
     try:
         with progress("validate", None) as report:
-            cases = validate_all(designs, **options, progress=report)
+            cases = validate_all(
+                designs,
+                speed=speed,
+                quick=quick,
+                tolerance=chosen.tolerance_in_metres,
+                budget=units.parse_time(chosen.budget, "the budget"),
+                progress=report,
+            )
     except (AssemblyError, MobilityError) as error:
         if as_json:
             outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
@@ -237,7 +229,7 @@ def _validated(
             }
             print_json({"passed": False, "mechanisms": entries})
         raise
-    proofs = {name: certified_motion(case.solver) for name, case in cases.items() if certify}
+    proofs = {name: certified_motion(case.solver) for name, case in cases.items() if chosen.certify}
     passed = all(case.passed for case in cases.values())
     data: Any = {
         "passed": passed,
@@ -252,7 +244,7 @@ def _validated(
                 print_stderr(note)
 
     def text() -> None:
-        print_cases(cases, f"{options['speed'] * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
+        print_cases(cases, f"{speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
         for name, proof in proofs.items():
             print_text(f"{name}: {proof.summary}")
         _print_report(folder)
@@ -266,17 +258,17 @@ def _print_report(folder: Path | None) -> None:
 
 
 def _against(
-    design: DesignFamily, comparison: AgainstOptions, speed: float, folder: Path | None, verbose: bool
+    design: DesignFamily, chosen: ValidateOptions, folder: Path | None, verbose: bool
 ) -> Result[ValidateJson]:
     """Compare a model with a function or a table, and explain the difference."""
-    source = comparison.against or ""
-    plot_path = None if comparison.plot is None else writable(comparison.plot)
+    source = chosen.against or ""
+    plot_path = None if chosen.plot is None else writable(chosen.plot)
     if plot_path is not None:
         plots.format_of(plot_path)
-    tolerance = comparison.tolerance_in_metres
+    tolerance = chosen.tolerance_in_metres
     if not source.lower().endswith(".csv"):
         print_stderr(f"mechsim: runs {source.rpartition(':')[0] or source} (a formula is Python code)")
-    agreement = compare_model(design, source, speed=speed, tolerance=tolerance)
+    agreement = compare_model(design, source, speed=crank_speed(chosen.speed), tolerance=tolerance)
     name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
     entry = agreement.as_dict() | findings_in_json((*findings, *agreement.findings))
     data: Any = {"passed": agreement.passed, "mechanisms": {name: entry}}

@@ -10,7 +10,6 @@ from mechsim import files
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.model.mechanism import Mechanism
 from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Level, Scene
 from mechsim.pictures.render.scenery import exported
@@ -110,32 +109,45 @@ def export(
         loops = options.pop("loops", None)
         _require_twin(style, scene, cut, settings, timestep, speed, tolerance, *options.values())
         twin = serial_twin(model, format, independent=independent, set=set, loops=loops)
-        _write(output, twin.text)
-        return ExportedModel(twin.name, format, twin.text, twin=twin)
-    require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
-    solver = model if isinstance(model, LoopForm) else load(model, set, **options)
-    shortfall, verified = "", None
-    if style == "menagerie":
-        _require_plain(format, scene, speed, tolerance)
-        text = _menagerie_text(solver, tuple(cut), settings, timestep)
-        verified = verification(text, solver)
-    elif style != "plain":
-        raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
-    elif format == "toml":
-        text = to_toml(solver if isinstance(solver, LoopForm) else solver.mechanism)
+        result = ExportedModel(twin.name, format, twin.text, twin=twin)
     else:
-        contents = Scene(level=cast(Level, scene), cut=tuple(cut) or None, forces=solver.forces)
-        text, shortfall = _mjcf_text(
-            solver.mechanism, contents, settings, timestep, speed, tolerance, progress
-        )
-    _write(output, text)
-    return ExportedModel(solver.name, format, text, shortfall, verified)
-
-
-def _write(output: str | PathLike[str] | None, text: str) -> None:
+        require_compatible(format, scene, cut, settings, timestep, speed, tolerance)
+        solver = model if isinstance(model, LoopForm) else load(model, set, **options)
+        contents = _Contents(scene, tuple(cut), settings, timestep, speed, tolerance)
+        result = _exported(solver, format, style, contents, progress)
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
-            unfinished.write_text(text)
+            unfinished.write_text(result.text)
+    return result
+
+
+@dataclass(frozen=True)
+class _Contents:
+    """Contents of a MuJoCo model: arguments of `export`."""
+
+    scene: str
+    cut: tuple[str, ...]
+    settings: Mapping[str, Any]
+    timestep: float | str | None
+    speed: float | str | None
+    tolerance: float | str | None
+
+
+def _exported(
+    solver: KinematicSolver, format: str, style: str, contents: _Contents, progress: Progress
+) -> ExportedModel:
+    """Return a mechanism as a MuJoCo model in a style, or as TOML."""
+    if style == "menagerie":
+        _require_plain(format, contents)
+        text = _menagerie_text(solver, contents)
+        return ExportedModel(solver.name, format, text, verification=verification(text, solver))
+    if style != "plain":
+        raise InputError(f"there is no style {style!r}; choose from {', '.join(STYLES)}")
+    if format == "toml":
+        text = to_toml(solver if isinstance(solver, LoopForm) else solver.mechanism)
+        return ExportedModel(solver.name, format, text)
+    text, shortfall = _mjcf_text(solver, contents, progress)
+    return ExportedModel(solver.name, format, text, shortfall)
 
 
 def _require_twin(style: str, scene: str, *others: object) -> None:
@@ -170,48 +182,40 @@ def require_compatible(
         raise InputError("--tolerance determines the settings; leave out the others")
 
 
-def _require_plain(format: str, scene: str, speed: float | str | None, tolerance: float | str | None) -> None:
+def _require_plain(format: str, contents: _Contents) -> None:
     """Raise InputError for options that a model in the style of Menagerie excludes."""
-    if format != "xml" or scene != LEVEL or speed is not None or tolerance is not None:
+    has_motor = contents.speed is not None or contents.tolerance is not None
+    if format != "xml" or contents.scene != LEVEL or has_motor:
         raise InputError(
             "the style menagerie has its own scene, actuators and keyframe; leave out --format, --scene, "
             "--speed and --tolerance"
         )
 
 
-def _menagerie_text(
-    solver: KinematicSolver,
-    cut: tuple[str, ...],
-    settings: Mapping[str, Any],
-    timestep: float | str | None,
-) -> str:
+def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> str:
     """Return the text of a model with pictures, position actuators and a closed keyframe."""
-    scene = Scene(level="picture", cut=cut or None, forces=solver.forces)
+    scene = Scene(level="picture", cut=contents.cut or None, forces=solver.forces)
     spec = exported(solver.mechanism, scene)
-    settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
-    step = SERVO_TIMESTEP if timestep is None else timestep
+    settings = {"constant_steps": TIME_CONSTANT_STEPS, **contents.settings}
+    step = SERVO_TIMESTEP if contents.timestep is None else contents.timestep
     plain_settings(settings, step, float(spec.option.timestep), crank_speed(SPEED)).put_into(spec)
     return mjcf.to_xml(with_servos(spec, solver.mechanism, scene.acting, solver.ranges))
 
 
-def _mjcf_text(
-    mechanism: Mechanism,
-    scene: Scene,
-    settings: Mapping[str, Any],
-    timestep: float | str | None,
-    speed: float | str | None,
-    tolerance: float | str | None,
-    progress: Progress,
-) -> tuple[str, str]:
+def _mjcf_text(solver: KinematicSolver, contents: _Contents, progress: Progress) -> tuple[str, str]:
     """Return the text of a model with settings, and its shortfall from a tolerance; empty if satisfied."""
-    spec, rate = exported(mechanism, scene), crank_speed(SPEED if speed is None else speed)
+    mechanism, settings, tolerance = solver.mechanism, contents.settings, contents.tolerance
+    scene = Scene(level=cast(Level, contents.scene), cut=contents.cut or None, forces=solver.forces)
+    spec = exported(mechanism, scene)
+    rate = crank_speed(SPEED if contents.speed is None else contents.speed)
     if "solref" not in settings:
         settings = {"constant_steps": TIME_CONSTANT_STEPS, **settings}
-    plain_settings(settings, timestep, float(spec.option.timestep), rate).put_into(spec)
+    plain_settings(settings, contents.timestep, float(spec.option.timestep), rate).put_into(spec)
     if "drive_inertia" in settings:
         set_drive_inertia(spec, settings["drive_inertia"])
     if tolerance is None:
-        return mjcf.to_xml(spec if speed is None else tune_model.turning(spec, mechanism, rate)), ""
+        model = spec if contents.speed is None else tune_model.turning(spec, mechanism, rate)
+        return mjcf.to_xml(model), ""
     length = si(tolerance, "m", "the tolerance")
     if not 0.0 < length < float("inf"):
         raise InputError(f"the tolerance is {tolerance}; give a finite length above 0")
