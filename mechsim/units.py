@@ -98,10 +98,10 @@ def option(
     metavar: str | None = None,
     many: bool = False,
 ) -> Any:
-    """Declare a field of a dataclass that can be set on the command line.
+    """Declare an option of the command line: a field of a dataclass, or the default of a command's parameter.
 
     Args:
-        default: default value.
+        default: default value; `dataclasses.MISSING` for an option that must be given.
         doc: description for help and errors.
         unit: unit of a quantity, which can then be written with a unit.
         read: returns the value of the text, if it is no plain word, number or quantity.

@@ -1,7 +1,5 @@
 """Command `mechsim certify`: interval proof of one regular assembly over a range."""
 
-from typing import Annotated
-
 import typer
 
 from mechsim.cli.command import Result, command
@@ -11,23 +9,19 @@ from mechsim.cli.verdict_text import headline
 from mechsim.studies.certify import Certificate
 from mechsim.studies.certify import certify as certificate_of
 from mechsim.studies.sensitivity.tolerances import written_tolerances
+from mechsim.units import option
 
 
 @command
 def certify(
     model: Model,
     *,
-    angles: Annotated[
-        str | None,
-        typer.Option(metavar="START:STOP", help="Range of the crank. Default: its whole reachable range."),
-    ] = None,
-    within: Annotated[
-        str | None,
-        typer.Option(
-            metavar="P=BOUND,...",
-            help="Prove it for all mechanisms within these tolerances: crank=±0.02mm,...",
-        ),
-    ] = None,
+    angles: str | None = option(
+        None, "Range of the crank. Default: its whole reachable range.", metavar="START:STOP"
+    ),
+    within: str | None = option(
+        None, "Prove it for all mechanisms within these tolerances: crank=±0.02mm,...", metavar="P=BOUND,..."
+    ),
     driven: DriveOptions,
     sets: Sets = None,
 ) -> Result[Certificate]:

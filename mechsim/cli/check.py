@@ -16,6 +16,7 @@ from mechsim.files import atomic_path
 from mechsim.simulation.findings.rules import RULES, EqualityStiffness, Violation
 from mechsim.studies.check import check, explain, fixed_copy
 from mechsim.subjects.mjcf_source import with_loops
+from mechsim.units import option
 
 FORMATS = ("text", "json", "github", "sarif")
 COLOURS = {"error": "red", "warning": "yellow", "note": "blue"}
@@ -37,23 +38,17 @@ class CheckFilesJson(TypedDict):
 def check_files(
     models: Annotated[list[str], typer.Argument(metavar="FILE...", help="MJCF or URDF files.")],
     *,
-    select: Annotated[
-        str | None,
-        typer.Option(metavar="RULE,...", help="Apply only these rules; MS1 selects all that begin with it."),
-    ] = None,
-    ignore: Annotated[str | None, typer.Option(metavar="RULE,...", help="Omit these rules.")] = None,
-    fix: Annotated[str | None, typer.Option(metavar="OUT", help="Write a repaired copy of the file.")] = None,
-    output_format: Annotated[
-        str, typer.Option(metavar="text|json|github|sarif", help="Format of the findings.")
-    ] = "text",
-    target: Annotated[
-        str | None, typer.Option(metavar="urdf", help="Also report what this format cannot express.")
-    ] = None,
+    select: str | None = option(
+        None, "Apply only these rules; MS1 selects all that begin with it.", metavar="RULE,..."
+    ),
+    ignore: str | None = option(None, "Omit these rules.", metavar="RULE,..."),
+    fix: str | None = option(None, "Write a repaired copy of the file.", metavar="OUT"),
+    output_format: str = option("text", "Format of the findings.", metavar="text|json|github|sarif"),
+    target: str | None = option(None, "Also report what this format cannot express.", metavar="urdf"),
     loops: Loops = None,
-    explain_equalities: Annotated[
-        bool,
-        typer.Option("--explain", help="Also print stiffness, damping and gap per newton of each equality."),
-    ] = False,
+    explain_equalities: bool = option(
+        False, "Also print stiffness, damping and gap per newton of each equality.", name="--explain"
+    ),
 ) -> Result[CheckFilesJson]:
     """Check closed-loop MJCF and URDF files for common mistakes. An error ends with exit code 1.
 

@@ -56,22 +56,27 @@ def data_type(function: Callable[..., Any]) -> Any:
 def command(function: Callable[..., Any]) -> Callable[..., None]:
     """Return a function whose parameters are options of the command line.
 
-    A parameter whose type is a dataclass becomes an option for each field that `units.option` declares or
-    whose type is `Annotated` with a typer option; other fields keep their defaults. A parameter of type
-    `Annotated[Mapping[str, Any], cls]` receives only the fields that are set. A function that returns a
-    `Result` gets the option --json.
+    A parameter whose default `units.option` declares is an option. A parameter whose type is a dataclass
+    becomes an option for each field that `units.option` declares or whose type is `Annotated` with a typer
+    option; other fields keep their defaults. A parameter of type `Annotated[Mapping[str, Any], cls]` receives
+    only the fields that are set. A function that returns a `Result` gets the option --json.
     """
     parameters: list[inspect.Parameter] = []
+    own: dict[str, Field[Any]] = {}
     groups: dict[str, tuple[Callable[..., Any], list[Field[Any]], bool]] = {}
     for parameter in inspect.signature(function, eval_str=True).parameters.values():
         cls, only_set = _option_class(parameter.annotation)
+        if isinstance(parameter.default, Field):
+            own[parameter.name] = parameter.default
+            parameters.append(_parameter(parameter.name, parameter.default, parameter.annotation))
+            continue
         if cls is None:
             parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
             continue
         types = get_type_hints(cls, include_extras=True)
         declared = [field for field in fields(cls) if "doc" in field.metadata or _is_typer(types[field.name])]
         groups[parameter.name] = dict if only_set else cls, declared, only_set
-        parameters += [_parameter(field, types[field.name], only_set) for field in declared]
+        parameters += [_parameter(field.name, field, types[field.name], only_set) for field in declared]
     has_json = data_type(function) is not None and all(p.name != "as_json" for p in parameters)
     if has_json:
         kind = inspect.Parameter.KEYWORD_ONLY
@@ -83,11 +88,12 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
             texts = {field: values.pop(field.name) for field in declared}
             values[name] = make(
                 **{
-                    field.name: _value(field, text)
+                    field.name: _value(field.name, field, text)
                     for field, text in texts.items()
                     if not (only_set and text is None)
                 }
             )
+        values |= {name: _value(name, field, values[name]) for name, field in own.items()}
         result = function(**values)
         if result is not None:
             result.print(as_json)
@@ -112,8 +118,8 @@ def _is_typer(kind: Any) -> bool:
     return get_origin(kind) is Annotated and not is_dataclass(get_args(kind)[1])
 
 
-def _parameter(field: Field[Any], kind: Any, only_set: bool) -> inspect.Parameter:
-    """Return the parameter that typer reads for a field."""
+def _parameter(name: str, field: Field[Any], kind: Any, only_set: bool = False) -> inspect.Parameter:
+    """Return the parameter that typer reads for a field or for a declared default."""
     rule, default = field.metadata, field.default
     if "doc" in rule:
         kind, default = _declared(kind, default, rule)
@@ -122,7 +128,7 @@ def _parameter(field: Field[Any], kind: Any, only_set: bool) -> inspect.Paramete
         names = (rule["name"],) if rule["name"] else ()
         kind = Annotated[kind, typer.Option(*names, metavar=rule["metavar"], help=rule["doc"])]
     default = inspect.Parameter.empty if default is MISSING else default
-    return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
 
 
 def _declared(kind: Any, default: Any, rule: Mapping[str, Any]) -> tuple[Any, Any]:
@@ -134,8 +140,8 @@ def _declared(kind: Any, default: Any, rule: Mapping[str, Any]) -> tuple[Any, An
     return (bool if isinstance(default, bool) else kind), default
 
 
-def _value(field: Field[Any], text: Any) -> Any:
-    """Return the value of a field from its text; the default if there is none."""
+def _value(name: str, field: Field[Any], text: Any) -> Any:
+    """Return the value of an option from its text; the default if there is none."""
     rule = field.metadata
     if "doc" not in rule:
         return text
@@ -145,11 +151,11 @@ def _value(field: Field[Any], text: Any) -> Any:
         return tuple(rule["read"](item) for item in text)
     if rule["read"]:
         return rule["read"](text)
-    name = rule["name"] or f"--{field.name.replace('_', '-')}"
+    label = rule["name"] or f"--{name.replace('_', '-')}"
     if "count" in rule:
-        return _numbers(name, text, field)
+        return _numbers(label, text, field)
     if rule["unit"]:
-        return units.parse(text, rule["unit"], name)
+        return units.parse(text, rule["unit"], label)
     return text
 
 

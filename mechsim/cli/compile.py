@@ -13,6 +13,7 @@ from mechsim.codegen.self_test import c_test, javascript_test
 from mechsim.codegen.solver_code import solver_code
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
+from mechsim.units import option
 
 
 class CompileJson(TypedDict):
@@ -34,13 +35,12 @@ def compile_solver(
     options: ModelOptions,
     *,
     output: Annotated[str, output_file("Solver to write: .h for C99, .js for JavaScript.")],
-    test: Annotated[
-        str | None,
-        typer.Option(metavar="FILE.c|FILE.js", help="Also write a test that checks and times the solver."),
-    ] = None,
-    certify: Annotated[
-        bool, typer.Option("--certify", help="Prove one regular configuration over the range of the solver.")
-    ] = False,
+    test: str | None = option(
+        None, "Also write a test that checks and times the solver.", metavar="FILE.c|FILE.js"
+    ),
+    certify: bool = option(
+        False, "Prove one regular configuration over the range of the solver.", name="--certify"
+    ),
 ) -> Result[CompileJson]:
     """Write a solver without dependencies: a C99 header, or JavaScript.
 

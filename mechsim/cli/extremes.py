@@ -11,6 +11,7 @@ from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import write_json
 from mechsim.studies.extremes.stability_map import StabilityMap, study
+from mechsim.units import option
 
 
 @command
@@ -19,10 +20,8 @@ def extremes(
         list[str] | None,
         typer.Argument(metavar="[NAME]...", help="Mechanisms of the catalogue. Default: all."),
     ] = None,
-    report: Annotated[
-        str | None, typer.Option(metavar="DIR", help="Write the plot and all numbers to this folder.")
-    ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Test fewer values in shorter runs.")] = False,
+    report: str | None = option(None, "Write the plot and all numbers to this folder.", metavar="DIR"),
+    quick: bool = option(False, "Test fewer values in shorter runs.", name="--quick"),
 ) -> Result[StabilityMap]:
     """Vary steps, speed, size, masses, poses, turns and gears until a run fails, and report where.
 

@@ -1,9 +1,9 @@
 """Command `mechsim map`: the map from motors to joints of a closed-loop model, over a grid."""
 
+from dataclasses import MISSING
 from typing import Annotated, NotRequired, TypedDict
 
 import numpy as np
-import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Loops, Model, Sets, changed_parameters, joint_ranges, output_file, writable
@@ -12,6 +12,7 @@ from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
 from mechsim.studies.robots.joint_map import TOLERANCE, MapComparison, compare_with_loop_equations, joint_map
 from mechsim.subjects.mjcf_source import with_loops
+from mechsim.units import option
 
 
 class PolynomialError(TypedDict):
@@ -39,26 +40,20 @@ class MapJson(TypedDict):
 def map_joints(
     model: Model,
     *,
-    inputs: Annotated[
-        str,
-        typer.Option(
-            "--from",
-            metavar="J[=A:B],...",
-            help="Input joints and their ranges (left=-20deg:20deg). Default range: the joint limits.",
-        ),
-    ],
-    outputs: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="NAME,...",
-            help="Output joints, or coordinates x, y, z, rx, ry, rz of a body or a site (foot.rz).",
-        ),
-    ],
-    points: Annotated[int, typer.Option(help="Grid points along each input.")] = 21,
-    degree: Annotated[
-        int | None, typer.Option(help="Also fit polynomials of this total degree to the outputs.")
-    ] = None,
+    inputs: str = option(
+        MISSING,
+        "Input joints and their ranges (left=-20deg:20deg). Default range: the joint limits.",
+        name="--from",
+        metavar="J[=A:B],...",
+    ),
+    outputs: str = option(
+        MISSING,
+        "Output joints, or coordinates x, y, z, rx, ry, rz of a body or a site (foot.rz).",
+        name="--to",
+        metavar="NAME,...",
+    ),
+    points: int = option(21, "Grid points along each input."),
+    degree: int | None = option(None, "Also fit polynomials of this total degree to the outputs."),
     sets: Sets = None,
     loops: Loops = None,
     output: Annotated[str, output_file("Map to write: .npz.")],

@@ -3,8 +3,6 @@
 from dataclasses import replace
 from typing import Annotated, Any
 
-import typer
-
 from mechsim.cli.command import Result, command
 from mechsim.cli.load_options import InitialOptions, LoadOptions, masses_in_json, print_masses, released_model
 from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed, output_file, writable
@@ -14,7 +12,7 @@ from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
 from mechsim.studies.sweep.table import drawn_sweep
-from mechsim.units import crank_speed
+from mechsim.units import crank_speed, option
 
 # kinds of plots that can also show a motion over time
 TIMED = (
@@ -44,9 +42,7 @@ def plot(
     options: PlotOptions,
     loads: LoadOptions,
     initial: InitialOptions,
-    kind: Annotated[
-        str, typer.Option(help=f"Kind of plot: {', '.join(PLOTS)}; of a sweep: map, parallel, pareto.")
-    ] = "motion",
+    kind: str = option("motion", f"Kind of plot: {', '.join(PLOTS)}; of a sweep: map, parallel, pareto."),
     speed: Speed = SPEED,
 ) -> Result[PlotJson]:
     """Plot motions, curves, errors, dynamics, vibrations or studies: .svg, .pdf or .png.

@@ -1,5 +1,6 @@
 """Command `mechsim reduce`: the smallest scene that satisfies a tolerance at the tracked points."""
 
+from dataclasses import MISSING
 from typing import Annotated, Any, TypedDict
 
 import typer
@@ -14,6 +15,7 @@ from mechsim.studies.reduction.reduce_model import reduce as reduce_model
 from mechsim.studies.reduction.search import Reduction
 from mechsim.studies.scene.errors import SceneErrors
 from mechsim.studies.scene.open_scene import require_mjcf
+from mechsim.units import option
 
 
 class RemovedJson(TypedDict):
@@ -56,15 +58,10 @@ class ReduceJson(TypedDict):
 def reduce(
     model: Annotated[str, typer.Argument(metavar="FILE.xml", help="An MJCF file that MuJoCo loads.")],
     *,
-    tolerance: Annotated[
-        str, typer.Option(help="Tolerance; a bare number is in m, with --by torque in N m.")
-    ],
-    by: Annotated[
-        str,
-        typer.Option(
-            metavar="trajectory|torque", help="Error to keep: that of tracked points, or of efforts."
-        ),
-    ] = "trajectory",
+    tolerance: str = option(MISSING, "Tolerance; a bare number is in m, with --by torque in N m."),
+    by: str = option(
+        "trajectory", "Error to keep: that of tracked points, or of efforts.", metavar="trajectory|torque"
+    ),
     driven: DriveOptions,
     controls: ControlOptions,
     output: Annotated[str, output_file("Reduced scene to write: .xml.")],

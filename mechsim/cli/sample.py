@@ -1,5 +1,6 @@
 """Command `mechsim sample`: random closed configurations of a MuJoCo model."""
 
+from dataclasses import MISSING
 from typing import Annotated, TypedDict
 
 import numpy as np
@@ -10,6 +11,7 @@ from mechsim.cli.options import Loops, Model, Sets, changed_parameters, output_f
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
 from mechsim.subjects.mjcf_source import with_loops
+from mechsim.units import option
 
 
 class SampleJson(TypedDict):
@@ -24,9 +26,9 @@ class SampleJson(TypedDict):
 def sample(
     model: Model,
     *,
-    n: Annotated[int, typer.Option("-n", help="Number of states.")],
+    n: int = option(MISSING, "Number of states.", name="-n"),
     output: Annotated[str, output_file("States to write: .npz.")],
-    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 0,
+    seed: int = option(0, "Seed of the random numbers."),
     sets: Sets = None,
     loops: Loops = None,
 ) -> Result[SampleJson]:

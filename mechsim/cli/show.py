@@ -1,7 +1,7 @@
 """Commands `mechsim list` and `mechsim show`: the mechanisms, and the properties of one without a run."""
 
 import math
-from typing import Annotated, Any, Literal, NotRequired, TypedDict, cast
+from typing import Any, Literal, NotRequired, TypedDict, cast
 
 import typer
 
@@ -27,7 +27,7 @@ from mechsim.report.facts import facts, kind
 from mechsim.subjects import gallery, listing
 from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.theory.structure.assur import AssurGroup
-from mechsim.units import parse_angle
+from mechsim.units import option, parse_angle
 
 # significant digits of parameters and coupling coefficients, which are inputs
 INPUT_DIGITS = 6
@@ -140,13 +140,10 @@ def list_mechanisms() -> Result[ListJson]:
 @command
 def show(
     source: ModelOptions,
-    angle: Annotated[
-        str | None, typer.Option(help="List the assemblies at this crank angle; a bare number is rad.")
-    ] = None,
-    driver: Annotated[
-        str | None,
-        typer.Option(metavar="LINK", help="Driving link for the Assur groups of a planar mechanism."),
-    ] = None,
+    angle: str | None = option(None, "List the assemblies at this crank angle; a bare number is rad."),
+    driver: str | None = option(
+        None, "Driving link for the Assur groups of a planar mechanism.", metavar="LINK"
+    ),
     units: Units = None,
 ) -> Result[ShowJson]:
     """Show parameters, joints, mobility, crank range, dead centres, assemblies and Assur groups.

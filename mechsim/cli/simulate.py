@@ -122,10 +122,8 @@ def simulate(
     *,
     settings: RunSettings,
     controls: ControlOptions,
-    scene: Annotated[
-        str, typer.Option(help="Detail of the MuJoCo model: pose, motion, dynamics or picture.")
-    ] = "motion",
-    cut: Annotated[str | None, typer.Option(help="Joints at which the loops are cut.")] = None,
+    scene: str = option("motion", "Detail of the MuJoCo model: pose, motion, dynamics or picture."),
+    cut: str | None = option(None, "Joints at which the loops are cut."),
     change_point: ChangePointOption = None,
     units: Units = None,
     output: Annotated[str | None, output_file("Motion to write: .csv or .npz.")] = None,

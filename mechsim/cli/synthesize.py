@@ -1,9 +1,8 @@
 """Command `mechsim synthesize`: a linkage whose coupler point follows a line."""
 
 import math
-from typing import Annotated, Any, TypedDict
-
-import typer
+from dataclasses import MISSING
+from typing import Any, TypedDict
 
 from mechsim import units
 from mechsim.analytic import catalog
@@ -13,6 +12,7 @@ from mechsim.cli.options import Model, Sets, load_model
 from mechsim.cli.output import number, print_table
 from mechsim.errors import InputError
 from mechsim.theory.coupler_line import Synthesis, synthesize_looper
+from mechsim.units import option
 
 # significant digits of printed dimensions, enough for manufacture
 DIMENSION_DIGITS = 6
@@ -36,9 +36,9 @@ class SynthesisJson(LineDesign):
 @command
 def synthesize(
     model: Model,
-    through: Annotated[str, typer.Option(help="Middle of the line, as in 12.8751,29.9574mm.")],
-    tilt: Annotated[str, typer.Option(help="Angle of the line from +Y towards +X, as in 1.3905deg.")],
-    length: Annotated[str, typer.Option(help="Length of the line in y.")],
+    through: str = option(MISSING, "Middle of the line, as in 12.8751,29.9574mm."),
+    tilt: str = option(MISSING, "Angle of the line from +Y towards +X, as in 1.3905deg."),
+    length: str = option(MISSING, "Length of the line in y."),
     sets: Sets = None,
 ) -> Result[SynthesisJson]:
     """Find frame, frame angle and rocker of a looper whose coupler point follows a line in the plane.

@@ -4,8 +4,6 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, TypedDict
 
-import typer
-
 from mechsim import files
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import ModelOptions, output_file, writable
@@ -26,7 +24,7 @@ from mechsim.report.assemblies import (
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, TurningPoint
 from mechsim.theory.continuation.mechanism_trace import SEED, STARTS, AssemblyTrace
 from mechsim.theory.continuation.mechanism_trace import trace as trace_assemblies
-from mechsim.units import parse_names
+from mechsim.units import option, parse_names
 
 # number of rows of the table for each curve
 MAX_SAMPLES = 100_000
@@ -64,22 +62,13 @@ class TraceJson(TypedDict):
 def trace(
     source: ModelOptions,
     output: Annotated[str | None, output_file("Table of the curves to write: .csv or .npz.")] = None,
-    plot: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Plot the curves: .svg, .pdf or .png.")
-    ] = None,
-    coordinates: Annotated[
-        str | None,
-        typer.Option(
-            "--of",
-            metavar="A,B[,C]",
-            help="Two or three coordinates of the plot: angle, rocker, P3.x.",
-        ),
-    ] = None,
-    samples: Annotated[
-        int, typer.Option(help="Steps of equal arc length in the table of each curve.")
-    ] = SAMPLES,
-    starts: Annotated[int, typer.Option(help="Random starts of the search for assemblies.")] = STARTS,
-    seed: Annotated[int, typer.Option(help="Seed of the random starts.")] = SEED,
+    plot: str | None = option(None, "Plot the curves: .svg, .pdf or .png.", metavar="FILE"),
+    coordinates: str | None = option(
+        None, "Two or three coordinates of the plot: angle, rocker, P3.x.", name="--of", metavar="A,B[,C]"
+    ),
+    samples: int = option(SAMPLES, "Steps of equal arc length in the table of each curve."),
+    starts: int = option(STARTS, "Random starts of the search for assemblies."),
+    seed: int = option(SEED, "Seed of the random starts."),
     units: Units = None,
 ) -> Result[TraceJson]:
     """Trace all assemblies of a mechanism with one DOF as closed curves, past every dead centre.

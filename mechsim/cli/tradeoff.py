@@ -26,7 +26,7 @@ from mechsim.studies.tradeoff.methods import DEFAULTS
 from mechsim.studies.tradeoff.subject import COMPARED, Subject, subject_of, subject_of_model
 from mechsim.studies.tradeoff.trials import measure_tradeoff
 from mechsim.studies.tradeoff.work_precision import BOUNDS, Tradeoff, advice, write_csv
-from mechsim.units import crank_speed
+from mechsim.units import crank_speed, option
 
 # time in [s] of the budget reserved for the table, and for a plot
 TABLE_TIME, PLOT_TIME = 0.1, 0.7
@@ -97,21 +97,14 @@ def tradeoff(
     source: ModelOptions,
     controls: ControlOptions,
     *,
-    costs: Annotated[
-        bool, typer.Option("--costs", help="Measure what each element of an MJCF scene costs instead.")
-    ] = False,
+    costs: bool = option(False, "Measure what each element of an MJCF scene costs instead.", name="--costs"),
     speed: Speed = "600rpm",
-    budget: Annotated[
-        str, typer.Option(help="Wall-clock time of the whole study; a bare number is in s.")
-    ] = "60s",
+    budget: str = option("60s", "Wall-clock time of the whole study; a bare number is in s."),
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of the order of trials.", min=0)] = 0,
-    by: Annotated[
-        str,
-        typer.Option(help="Error that decides: position, velocity, acceleration, angle, loop or drive."),
-    ] = "position",
-    plot: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Work-precision plot: .svg, .png or .pdf.")
-    ] = None,
+    by: str = option(
+        "position", "Error that decides: position, velocity, acceleration, angle, loop or drive."
+    ),
+    plot: str | None = option(None, "Work-precision plot: .svg, .png or .pdf.", metavar="FILE"),
     output: Annotated[str | None, output_file("Table of all trials to write: .csv.")] = None,
 ) -> Result[TradeoffJson]:
     """Measure how fast and how accurate MuJoCo's settings are on one mechanism, and recommend some.

@@ -1,6 +1,6 @@
 """Command `mechsim tune`: the cheapest settings with which plain MuJoCo satisfies a tolerance on a scene."""
 
-from dataclasses import replace
+from dataclasses import MISSING, replace
 from typing import Annotated, Any, TypedDict
 
 import typer
@@ -18,6 +18,7 @@ from mechsim.studies.scene.open_scene import require_mjcf
 from mechsim.studies.scene.tune import SECONDS, Tuned
 from mechsim.studies.scene.tune_model import tune as tune_model
 from mechsim.studies.scene.write_tuned import setting_changes
+from mechsim.units import option
 
 
 class TriedSettings(TypedDict):
@@ -74,40 +75,27 @@ class TuneJson(TypedDict):
 def tune(
     model: Annotated[str, typer.Argument(metavar="FILE.xml", help="An MJCF file that MuJoCo loads.")],
     *,
-    tolerance: Annotated[
-        str,
-        typer.Option(help="Tolerance; a bare number is in m, with --by torque in N m (N for a slide)."),
-    ],
-    by: Annotated[
-        str,
-        typer.Option(
-            metavar="closure|trajectory|torque",
-            help="Error to keep: closure compares points with exactly closed loops at the run's own driver "
-            "positions, trajectory with a run of small steps and stiff loops, torque compares efforts.",
-        ),
-    ] = "closure",
+    tolerance: str = option(
+        MISSING, "Tolerance; a bare number is in m, with --by torque in N m (N for a slide)."
+    ),
+    by: str = option(
+        "closure",
+        "Error to keep: closure compares points with exactly closed loops at the run's own driver "
+        "positions, trajectory with a run of small steps and stiff loops, torque compares efforts.",
+        metavar="closure|trajectory|torque",
+    ),
     driven: DriveOptions,
     controls: ControlOptions,
-    allow: Annotated[
-        str,
-        typer.Option(
-            metavar="KIND,...",
-            help=f"What may be disabled or softened: {', '.join(ALLOWABLE)}.",
-        ),
-    ] = "",
-    budget: Annotated[
-        str, typer.Option(help="Duration of the search; a bare number is in s.")
-    ] = f"{SECONDS:g}s",
+    allow: str = option("", f"What may be disabled or softened: {', '.join(ALLOWABLE)}.", metavar="KIND,..."),
+    budget: str = option(f"{SECONDS:g}s", "Duration of the search; a bare number is in s."),
     output: Annotated[
         str, typer.Option("-o", "--output", metavar="OUT.xml", help="Tuned scene to write: .xml.")
     ],
-    python: Annotated[
-        str | None,
-        typer.Option(
-            metavar="OUT.py",
-            help="Also write a Python script that runs the scene, with settings that MJCF cannot hold.",
-        ),
-    ] = None,
+    python: str | None = option(
+        None,
+        "Also write a Python script that runs the scene, with settings that MJCF cannot hold.",
+        metavar="OUT.py",
+    ),
 ) -> Result[TuneJson]:
     """Find the cheapest settings with which plain MuJoCo satisfies a tolerance on your own scene and motion.
 

@@ -18,7 +18,7 @@ from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
 from mechsim.model.mechanism import require_axis
-from mechsim.units import crank_speed
+from mechsim.units import crank_speed, option
 
 if TYPE_CHECKING:
     from mechsim.pictures.view.pose_grid import View
@@ -39,22 +39,15 @@ def view(
         str | None, output_file("Page to write: .html. Default: a temporary page, opened in the browser.")
     ] = None,
     speed: Speed = SPEED,
-    up: Annotated[
-        str | None,
-        typer.Option(
-            metavar="AXIS", help="Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y."
-        ),
-    ] = None,
-    live: Annotated[
-        bool,
-        typer.Option("--live", help="Solve in the page: sliders of dimensions, points to drag, TOML."),
-    ] = False,
-    certify: Annotated[
-        bool,
-        typer.Option(
-            "--certify", help="Prove the shown range by interval arithmetic; the page states the result."
-        ),
-    ] = False,
+    up: str | None = option(
+        None, "Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y.", metavar="AXIS"
+    ),
+    live: bool = option(
+        False, "Solve in the page: sliders of dimensions, points to drag, TOML.", name="--live"
+    ),
+    certify: bool = option(
+        False, "Prove the shown range by interval arithmetic; the page states the result.", name="--certify"
+    ),
 ) -> Result[ViewJson]:
     """Write an interactive 3-D page that works offline.
 
