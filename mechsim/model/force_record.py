@@ -1,7 +1,7 @@
 """Records of forces and energies: inverse dynamics and speed fluctuation, by both methods."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import ClassVar
 
 import numpy as np
@@ -175,12 +175,10 @@ class ForceRecord:
         if self.time is not None:
             yield "time", self.time
         rates = () if self.drives else ("angle", "speed", "acceleration", "torque")
-        for name in (*rates, "kinetic", "potential"):
+        for name in (*rates, *(f.name for f in fields(self) if "unit" in f.metadata)):
             yield name, getattr(self, name)
         for name, effort in {**self.drives, **self.locked}.items():
             yield f"drive {name}", effort
-        for name in ("power_in", "power_loads", "power_lost"):
-            yield name, getattr(self, name)
         for name, reaction in self.reactions.items():
             yield from wrench_columns(name, reaction.force, reaction.moment)
         for name, torque in self.gears.items():
