@@ -1,11 +1,13 @@
 """Commands `mechsim list` and `mechsim show`: the mechanisms, and the properties of one without a run."""
 
 import math
+from collections.abc import Mapping
 from typing import Any, Literal, NotRequired, TypedDict, cast
 
 import typer
 
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.loops.mobility import Determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import ModelOptions, warn_about_angle
@@ -23,6 +25,7 @@ from mechsim.cli.output import (
 )
 from mechsim.cli.verdict_text import findings_in_json, print_findings
 from mechsim.model.finding import Finding
+from mechsim.model.joints import Coupling, Joint
 from mechsim.report.facts import facts, kind
 from mechsim.subjects import gallery, listing
 from mechsim.subjects.mjcf_source import scene_findings
@@ -48,33 +51,6 @@ class ParameterJson(TypedDict):
     doc: str
 
 
-class JointJson(TypedDict):
-    """A joint and the two links it connects."""
-
-    name: str
-    kind: str
-    links: list[str]
-
-
-class CouplingLawJson(TypedDict):
-    """A polynomial in the driver's side; each side maps coordinates to weights."""
-
-    name: str
-    driven: dict[str, float]
-    driver: dict[str, float]
-    coefficients: list[float]
-
-
-class MobilityJson(TypedDict):
-    """Degrees of freedom, and those that the drivers leave undetermined or drive redundantly."""
-
-    dofs: int
-    drivers: list[str]
-    open: list[str]
-    redundant_drivers: list[str]
-    redundant: int
-
-
 class Transmission(TypedDict):
     """The smallest transmission angle over the crank's range."""
 
@@ -97,10 +73,10 @@ class ShowJson(TypedDict):
     parameters: dict[str, ParameterJson]
     points: list[str]
     links: list[str]
-    joints: list[JointJson]
-    couplings: list[CouplingLawJson]
+    joints: list[Joint]
+    couplings: list[Coupling]
     locked: dict[str, float]
-    mobility: int | MobilityJson
+    mobility: int | Determinacy
     mobility_explained: list[str]
     outcome: NotRequired[Literal["determined", "underdetermined", "overdetermined"]]
     motion_laws: NotRequired[dict[str, str]]
@@ -161,7 +137,7 @@ def show(
 
     def text() -> None:
         mobility = data["mobility"]
-        dofs = mobility["dofs"] if isinstance(mobility, dict) else None
+        dofs = mobility.dofs if isinstance(mobility, Determinacy) else None
         typer.echo(in_colour(f"{data['name']}  {kind(solver, dofs)}"))
         print_text(data["about"])
         print_findings(findings)
@@ -184,9 +160,9 @@ def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
         values = [(name, _text(p["value"])) for name, p in data["parameters"].items()]
         title = f"Parameters, in the units of the file ({declared.length}, {declared.angle})"
         print_table(title, ("name", "value"), values)
-    joints = [(joint["name"], joint["kind"], " - ".join(joint["links"])) for joint in data["joints"]]
+    joints = [(joint.name, joint.kind, " - ".join(joint.links)) for joint in data["joints"]]
     print_table("Joints", ("joint", "kind", "links"), joints)
-    couplings = [(law["name"], _sum(law["driven"]), _polynomial(law)) for law in data["couplings"]]
+    couplings = [(law.name, _sum(law.left_terms), _polynomial(law)) for law in data["couplings"]]
     print_table("Couplings", ("coupling", "driven", "equals"), couplings)
     typer.echo(in_colour("Mobility"))
     for line in data["mobility_explained"]:
@@ -253,16 +229,16 @@ def _degrees(angle: float) -> str:
     return number(round(math.degrees(angle), 6))
 
 
-def _sum(terms: dict[str, float]) -> str:
+def _sum(terms: Mapping[str, float]) -> str:
     return _added([_term(weight, name) for name, weight in terms.items()])
 
 
-def _polynomial(coupling: dict[str, Any]) -> str:
+def _polynomial(coupling: Coupling) -> str:
     """Return p(x) as text; x is the driver's side."""
-    x = _sum(coupling["driver"])
-    x = x if list(coupling["driver"].values()) == [1.0] else f"({x})"
+    x = _sum(coupling.right_terms)
+    x = x if list(coupling.right_terms.values()) == [1.0] else f"({x})"
     powers = ["", x, *(f"{x}^{k}" for k in range(2, 6))]
-    terms = zip(coupling["coefficients"], powers, strict=False)
+    terms = zip(coupling.coefficients, powers, strict=False)
     return _added([_term(value, power) for value, power in terms if value]) or "0"
 
 

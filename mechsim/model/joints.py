@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -56,6 +57,8 @@ class Coupling:
         pressure_angle: of the teeth of a gear pair or a rack and pinion, in [rad]; at 0 the tooth force is
             tangential. None for an ideal transmission without teeth.
     """
+
+    JSON: ClassVar[tuple[str, ...]] = ("name", "driven=left_terms", "driver=right_terms", "coefficients")
 
     name: str
     left: str | Terms
@@ -252,6 +255,8 @@ class Joint:
         without_reference: whether neither side of a prismatic or fixed joint has a reference.
     """
 
+    JSON: ClassVar[tuple[str, ...]] = ("name", "kind", "links")
+
     name: str
     kind: KindName
     a: End
@@ -287,6 +292,11 @@ class Joint:
             if np.abs(reference - np.array(self.b.reference)).max() > ROUNDING:
                 object.__setattr__(self, "b", replace(self.b, reference=vector(reference)))
                 object.__setattr__(self, "without_reference", True)
+
+    @property
+    def links(self) -> tuple[str, str]:
+        """Names of the links that it joins, those of sides a and b."""
+        return self.a.link, self.b.link
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def facts(solver: KinematicSolver, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
-    """Return all properties of a mechanism that need no simulation, as plain data.
+    """Return all properties of a mechanism that need no simulation, for JSON.
 
     Of one that no crank alone settles, what does not ask for a crank.
 
@@ -94,19 +94,8 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
         "parameters": _parameters(solver),
         "points": list(mechanism.points),
         "links": [link.name for link in mechanism.links],
-        "joints": [
-            {"name": joint.name, "kind": joint.kind, "links": [joint.a.link, joint.b.link]}
-            for joint in mechanism.joints
-        ],
-        "couplings": [
-            {
-                "name": law.name,
-                "driven": dict(law.left_terms),
-                "driver": dict(law.right_terms),
-                "coefficients": list(law.coefficients),
-            }
-            for law in mechanism.laws
-        ],
+        "joints": mechanism.joints,
+        "couplings": mechanism.laws,
         "locked": dict(mechanism.locked),
     }
 
@@ -161,17 +150,10 @@ def _mobility(solver: LoopForm) -> dict[str, Any]:
         lines.append(
             f"overdetermined: the other drivers already determine {', '.join(determinacy.redundant_drivers)}"
         )
-    counts = {
-        "dofs": determinacy.dofs,
-        "drivers": list(determinacy.drivers),
-        "open": list(determinacy.undetermined),
-        "redundant_drivers": list(determinacy.redundant_drivers),
-        "redundant": determinacy.redundant_equations,
-    }
     motion_laws = solver.motion_laws
     laws = motion_laws.by_name.items()
     return {
-        "mobility": counts,
+        "mobility": determinacy,
         "mobility_explained": lines,
         "outcome": determinacy.outcome,
         "motion_laws": {name: getattr(law, "text", "a function of time") for name, law in laws},

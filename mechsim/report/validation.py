@@ -177,7 +177,7 @@ def _facts(case: Validation) -> dict[str, Any]:
     joints = known_facts["joints"]
     rows: dict[str, Any] = {
         "mobility": known_facts["mobility_explained"],
-        "joints": [f"{j['name']}: {j['kind']}, {j['links'][0]} - {j['links'][1]}" for j in joints],
+        "joints": [f"{joint.name}: {joint.kind}, {' - '.join(joint.links)}" for joint in joints],
     }
     if "crank_range" not in known_facts:
         return rows

@@ -248,9 +248,9 @@ def test_mobility_needs_no_driver(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
     form = load(file(text), still=True)
     output = facts(form)
-    assert output["mobility"]["dofs"] == 2
-    assert output["mobility"]["drivers"] == []
-    assert len(output["mobility"]["open"]) == 2
+    assert output["mobility"].dofs == 2
+    assert output["mobility"].drivers == ()
+    assert len(output["mobility"].undetermined) == 2
     assert scene_findings(form) is not None
     with pytest.raises(InputError, match="nothing is driven; name a driver"):
         form.solve([0.0])
@@ -259,7 +259,7 @@ def test_mobility_needs_no_driver(file):
 @pytest.mark.parametrize("body", ["", "<body><freejoint/><geom size='0.1'/></body>"])
 def test_models_without_joints_or_with_one_free_body_are_valid(file, body):
     form = load(file(f"<mujoco><worldbody>{body}</worldbody></mujoco>"), still=True)
-    assert facts(form)["mobility"]["dofs"] == 6 * bool(body)
+    assert facts(form)["mobility"].dofs == 6 * bool(body)
     assert scene_findings(form) == ()
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -297,6 +298,14 @@ class Determinacy:
         redundant_drivers: drivers and locked joints that others determine already.
         redundant_equations: dependent equations of joints and couplings.
     """
+
+    JSON: ClassVar[tuple[str, ...]] = (
+        "dofs",
+        "drivers",
+        "open=undetermined",
+        "redundant_drivers",
+        "redundant=redundant_equations",
+    )
 
     dofs: int
     drivers: tuple[str, ...]
