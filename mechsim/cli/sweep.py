@@ -1,7 +1,8 @@
 """Command `mechsim sweep`: measures of many designs of one mechanism."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NotRequired
 
@@ -31,7 +32,7 @@ from mechsim.studies.sweep.sweeping import (
 )
 from mechsim.studies.sweep.table import design_columns, require_libraries, suffix_of
 from mechsim.studies.sweep.task import BUILT
-from mechsim.units import crank_speed
+from mechsim.units import crank_speed, option
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -39,55 +40,49 @@ if TYPE_CHECKING:
 # maximum number of printed reasons for failed designs
 MAX_REASONS = 5
 
-Vary = Annotated[
-    list[str] | None,
-    typer.Option(
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepOptions:
+    """Designs of a sweep, their measures, and how they are evaluated."""
+
+    vary: tuple[str, ...] = option(
+        (),
+        "Vary a parameter over N values (crank=12mm:15mm:31), a list (branch=1,-1), or with --sample over a "
+        "range P=A:B.",
+        read=str,
+        many=True,
         metavar="P=A:B:N",
-        help="Vary a parameter over N values (crank=12mm:15mm:31), a list (branch=1,-1), or with --sample "
-        "over a range P=A:B.",
-    ),
-]
-Design = Annotated[
-    str | None,
-    typer.Option(metavar="FILE.csv", help="Table of designs: one row each, one column for each parameter."),
-]
-Sample = Annotated[
-    str | None,
-    typer.Option(
-        metavar="sobol:N", help="Spread N designs over the ranges by sobol, halton, latin or random."
-    ),
-]
-Measure = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="M",
-        help="Measure range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY "
+    )
+    design: str | None = option(
+        None, "Table of designs: one row each, one column for each parameter.", metavar="FILE.csv"
+    )
+    sample: str | None = option(
+        None, "Spread N designs over the ranges by sobol, halton, latin or random.", metavar="sobol:N"
+    )
+    measure: tuple[str, ...] = option(
+        (),
+        "Measure range:J, stroke:P, max|min|rms|mean|ripple:QUANTITY, at:ANGLE:QUANTITY "
         "(at:TIME:QUANTITY under motion laws), crank_range, dead_centres, assemblies, frequency:N or "
         "damping_ratio:N of mode N, settling:QUANTITY or peak:QUANTITY of a run from an initial state, or "
         "FILE.py:FUNC of a Motion. Quantities are J, J.v, J.a, P.x, P.vx, P.ax, speed:P, acceleration:P, "
         "distance:P,Q, angle:LINK,LINK, expr:EXPRESSION, torque, force:J, moment:J, transmission.",
-    ),
-]
-Samples = Annotated[
-    int | None, typer.Option(help="Configurations in a turn, or over the motion laws. [default: 72]")
-]
-Method = Annotated[
-    str | None,
-    typer.Option(
+        read=str,
+        many=True,
+        metavar="M",
+    )
+    samples: int | None = option(None, "Configurations in a turn, or over the motion laws. [default: 72]")
+    speed: Speed = "600rpm"
+    method: str | None = option(
+        None,
+        "step integrates every design in MuJoCo, as any integrator or constraint setting does. Default: "
+        "formulas and loop equations.",
         metavar="step",
-        help="step integrates every design in MuJoCo, as any integrator or constraint setting does. "
-        "Default: formulas and loop equations.",
-    ),
-]
-Check = Annotated[
-    int,
-    typer.Option(metavar="N", help="Check N random designs by the other method."),
-]
-Resume = Annotated[bool, typer.Option("--resume", help="Continue an interrupted sweep.")]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler. Default: threads of this process."),
-]
+    )
+    check: int = option(0, "Check N random designs by the other method.", metavar="N")
+    resume: bool = option(False, "Continue an interrupted sweep.", name="--resume")
+    scheduler: str | None = option(
+        None, "Dask scheduler. Default: threads of this process.", metavar="tcp://HOST:PORT"
+    )
 
 
 class SweepJson(WithMasses):
@@ -105,18 +100,9 @@ class SweepJson(WithMasses):
 def sweep(
     source: ModelOptions,
     output: Annotated[str, output_file("Table to write: .nc, .zarr, .parquet or .csv.")],
+    options: SweepOptions,
     *,
-    vary: Vary = None,
-    design: Design = None,
-    sample: Sample = None,
-    measure: Measure = None,
-    samples: Samples = None,
-    speed: Speed = "600rpm",
-    method: Method = None,
     settings: Annotated[Mapping[str, Any], Settings],
-    check: Check = 0,
-    resume: Resume = False,
-    scheduler: Scheduler = None,
     release: InitialOptions,
 ) -> Result[SweepJson]:
     """Measure many designs of a mechanism; write a table, chunk by chunk.
@@ -129,29 +115,31 @@ def sweep(
     _require_writable(output)
     require_libraries(output)
     arguments = source.as_arguments()
-    released = any(text.partition(":")[0] in RELEASED for text in measure or ())
+    released = any(text.partition(":")[0] in RELEASED for text in options.measure)
     # --duration sets the duration of the runs
     duration = arguments.pop("duration") if released else None
     subject, dimensions = swept_designs(source.model, changed_parameters(source.sets), **arguments)
-    if method not in (None, "step"):
-        raise InputError(f"there is no method {method!r} of a sweep; known is step, formulas without it")
+    if options.method not in (None, "step"):
+        raise InputError(
+            f"there is no method {options.method!r} of a sweep; known is step, formulas without it"
+        )
     task = swept_task(
         subject,
-        _ranges(vary or (), subject, dimensions, sampled=sample is not None),
-        measure or (),
-        design=design,
-        sample=sample,
-        samples=samples,
-        speed=crank_speed(speed),
-        settings=Settings(**settings) if method == "step" or settings else None,
+        _ranges(options, subject, dimensions),
+        options.measure,
+        design=options.design,
+        sample=options.sample,
+        samples=options.samples,
+        speed=crank_speed(options.speed),
+        settings=Settings(**settings) if options.method == "step" or settings else None,
         initial=dict(release.initial),
         until=release.until,
         **({"duration": duration} if released else {}),
     )
     with progress("sweep", None) as report:
-        result = run_sweep(task, output, resume=resume, scheduler=scheduler, progress=report)
+        result = run_sweep(task, output, resume=options.resume, scheduler=options.scheduler, progress=report)
     seconds = time.perf_counter() - start
-    checked = check_sweep(task, result, check) if check > 0 else None
+    checked = check_sweep(task, result, options.check) if options.check > 0 else None
     masses = masses_of(with_inertia(task.subject.solver.mechanism)) if task.measures.loaded else ()
     data: Any = {"model": source.model, "output": output, "designs": task.designs.count}
     data |= {"built": built(result), "seconds": seconds} | masses_in_json(masses)
@@ -168,12 +156,10 @@ def sweep(
     return Result(data, text, checked is None or checked.passed == checked.count)
 
 
-def _ranges(
-    vary: Sequence[str], subject: SweptSubject, dimensions: Mapping[str, str], *, sampled: bool
-) -> dict[str, Any]:
-    declared = declared_units(subject.design_family)
+def _ranges(options: SweepOptions, subject: SweptSubject, dimensions: Mapping[str, str]) -> dict[str, Any]:
+    declared, sampled = declared_units(subject.design_family), options.sample is not None
     ranges: dict[str, Any] = {}
-    for text in vary:
+    for text in options.vary:
         parameter, values = parsed_range(text, subject.name, dimensions, sampled=sampled, declared=declared)
         if parameter in ranges:
             raise InputError(f"--vary names {parameter} twice; give it once")
