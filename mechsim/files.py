@@ -200,23 +200,21 @@ def write_table(path: str | Path, table: Mapping[str, Array]) -> None:
         InputError: for another extension.
         OutputError: if the file cannot be written.
     """
-    kind = _kind(path)
+    if _kind(path) == ".csv":
+        write_tables(path, [table])
+        return
     with atomic_path(path) as temporary:
-        if kind == ".csv":
-            _write_csv(temporary, table)
-        else:
-            np.savez_compressed(temporary, allow_pickle=False, **table)  # pyright: ignore[reportArgumentType]
+        np.savez_compressed(temporary, allow_pickle=False, **table)  # pyright: ignore[reportArgumentType]
 
 
-def write_records(path: str | Path, records: Iterable[Tabled]) -> None:
-    """Write a motion in consecutive parts as `.csv`, with at most one part in memory.
+def write_tables(path: str | Path, tables: Iterable[Mapping[str, Array]]) -> None:
+    """Write consecutive tables with the same columns as one `.csv`, with at most one table in memory.
 
     Raises:
         OutputError: if the file cannot be written.
     """
     with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        for number, record in enumerate(records):
-            table = dict(record.columns())
+        for number, table in enumerate(tables):
             if number == 0:
                 file.write(csv_head(table))
             file.writelines(csv_lines(table))
@@ -283,12 +281,6 @@ def read(path: str | Path) -> Table:
         raise InputError(f"{path} holds no table of numbers with a header: {first_line}") from error
     except MemoryError:
         raise InputError(f"{path} needs more than the memory; give a shorter table") from None
-
-
-def _write_csv(path: Path, table: Mapping[str, Array]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(csv_head(table))
-        file.writelines(csv_lines(table))
 
 
 def csv_head(names: Iterable[str]) -> str:

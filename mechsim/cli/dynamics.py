@@ -32,9 +32,9 @@ from mechsim.cli.load_options import LoadOptions, print_masses, released_model, 
 from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import (
     SI_UNITS,
-    Labelled,
     OutputUnits,
     Units,
+    in_units,
     number,
     output_units,
     print_text,
@@ -316,13 +316,10 @@ def _free(
 def _write(
     path: str | None, columns: InverseDynamics | FreeRun, mechanism: Mechanism, shown: OutputUnits | None
 ) -> None:
-    if path is not None and shown is not None:
-        units = {
-            name: INSTANT_UNITS.get(name) or quantity(name, mechanism).unit for name, _ in columns.columns()
-        }
-        files.write(path, Labelled(columns, units, shown))
-    elif path is not None:
-        files.write(path, columns)
+    if path is not None:
+        names = [] if shown is None else [name for name, _ in columns.columns()]
+        units = {name: INSTANT_UNITS.get(name) or quantity(name, mechanism).unit for name in names}
+        files.write_table(path, in_units(columns.columns(), units, shown))
 
 
 def _verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Annotated, Any
@@ -15,7 +15,7 @@ import typer
 from mechsim import units
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
-from mechsim.files import Tabled, plain
+from mechsim.files import plain
 from mechsim.numerics.arrays import Array
 
 Units = Annotated[
@@ -58,25 +58,22 @@ class OutputUnits:
 SI_UNITS = OutputUnits("m", "rad")
 
 
-@dataclass(frozen=True, slots=True)
-class Labelled:
-    """A table in other units, which label its columns.
+def in_units(
+    columns: Iterable[tuple[str, Array]], units_of: Mapping[str, str], shown: OutputUnits | None
+) -> dict[str, Array]:
+    """Return the columns of a table in other units, which label them; in SI without labels for None.
 
-    Attributes:
-        table: the table in SI.
-        columns_in: column -> SI unit.
-        output: units of lengths and angles.
+    Args:
+        columns: names and values in SI.
+        units_of: column -> SI unit.
+        shown: units of lengths and angles.
     """
-
-    table: Tabled
-    columns_in: Mapping[str, str]
-    output: OutputUnits
-
-    def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield headings with units, and columns in these units."""
-        for name, values in self.table.columns():
-            unit = self.columns_in.get(name, "")
-            yield self.output.label(name, unit), values / self.output.converted(unit)[0]
+    if shown is None:
+        return dict(columns)
+    return {
+        shown.label(name, units_of.get(name, "")): values / shown.converted(units_of.get(name, ""))[0]
+        for name, values in columns
+    }
 
 
 def output_units(text: str | None, solver: KinematicSolver) -> OutputUnits | None:

@@ -168,7 +168,7 @@ def sensitivity(
                 table, tolerances, samples=options.samples, seed=options.seed, progress=report
             )
     if path is not None:
-        files.write(path, table if study is None else _Both(table, study))
+        files.write_table(path, dict(table.columns()) | dict(() if study is None else study.columns()))
     if plot_path is not None:
         plots.write(plot_path, _drawn(table, study))
     masses = loading.dynamic_model(solver).masses if table.moved.loaded(table.values) else ()
@@ -184,18 +184,6 @@ def sensitivity(
 
     data: Any = {**_as_dict(table, study), "output": output, "plot": options.plot, **masses_in_json(masses)}
     return Result(data, text, files=[output, options.plot])
-
-
-@dataclass(frozen=True, slots=True)
-class _Both:
-    """Derivatives and tolerances in one table."""
-
-    table: Sensitivity
-    study: ToleranceStudy
-
-    def columns(self) -> Any:
-        """Yield all columns, each once."""
-        return iter((dict(self.table.columns()) | dict(self.study.columns())).items())
 
 
 def _as_dict(table: Sensitivity, study: ToleranceStudy | None) -> dict[str, Any]:

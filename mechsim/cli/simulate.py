@@ -24,7 +24,7 @@ from mechsim.cli.options import (
     with_policy,
     writable,
 )
-from mechsim.cli.output import Labelled, Units, number, output_units, print_text
+from mechsim.cli.output import Units, in_units, number, output_units, print_text
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import RunJson
 from mechsim.cli.verdict_text import (
@@ -155,7 +155,7 @@ def simulate(
     if path is not None:
         joints = with_all_joints(solver.mechanism, run.motion)
         table = joints if motion else Poses(joints)
-        files.write(path, table if shown is None else Labelled(table, joints.column_units(), shown))
+        files.write_table(path, in_units(table.columns(), joints.column_units(), shown))
 
     def text() -> None:
         print_finding_lines(findings)

@@ -1,7 +1,7 @@
 """Command `mechsim solve`: a motion in closed form or by loop equations."""
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, TypedDict, cast
@@ -26,9 +26,9 @@ from mechsim.cli.options import (
 )
 from mechsim.cli.output import (
     SI_UNITS,
-    Labelled,
     OutputUnits,
     Units,
+    in_units,
     output_units,
     print_table,
     without_noise,
@@ -175,17 +175,13 @@ def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
     return SolveTask(start, angles, lambda q: start.solve(q, speed), f"{len(angles):,} crank angles")
 
 
-def _labelled(table: Motion | Poses, shown: OutputUnits | None) -> files.Tabled:
-    return table if shown is None else Labelled(table, table.column_units(), shown)
-
-
 def _whole(
     solver: KinematicSolver, motion: Motion | Poses, path: Path | None, shown: OutputUnits | None
 ) -> Result[SolveJson]:
     """Write a motion that is in memory, and return it as the result."""
     few = few_digits(solver, motion) if isinstance(motion, Motion) else None
     if path is not None:
-        files.write(path, _labelled(motion, shown))
+        files.write_table(path, in_units(motion.columns(), motion.column_units(), shown))
 
     def text() -> None:
         if few is not None:
@@ -193,9 +189,9 @@ def _whole(
         if path is not None:
             typer.echo(f"wrote {len(motion)} rows to {path}")
         elif sys.stdout.isatty():
-            _print_table(solver.name, _labelled(motion, shown or SI_UNITS))
+            _print_table(solver.name, in_units(motion.columns(), motion.column_units(), shown or SI_UNITS))
         else:
-            _print_csv(iter([_labelled(motion, shown)]))
+            _print_csv([in_units(motion.columns(), motion.column_units(), shown)])
 
     data = {"mechanism": solver.name, "rows": len(motion), "output": None if path is None else str(path)}
     data |= {"columns": dict(motion.columns()), "few_digits": few}
@@ -209,18 +205,18 @@ def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) ->
         # loop equations that have no solution over the whole motion fail before a row is written
         task.motion_at(np.array([instants.min(), instants.max()]))
 
-    def chunks() -> Iterator[files.Tabled]:
+    def chunks() -> Iterator[dict[str, Array]]:
         for first in range(0, len(instants), CHUNK):
             motion = task.motion_at(instants[first : first + CHUNK])
             fewest.extend(filter(None, [few_digits(task.solver, motion)]))
-            yield _labelled(motion, shown)
+            yield in_units(motion.columns(), motion.column_units(), shown)
             report()
 
     with progress("solve", -(-len(instants) // CHUNK)) as report:
         if path is None:
             _print_csv(chunks())
         else:
-            files.write_records(path, chunks())
+            files.write_tables(path, chunks())
     few = fewest_digits(*fewest)
     if few is not None:
         few.warn()
@@ -228,18 +224,16 @@ def _in_chunks(task: SolveTask, path: Path | None, shown: OutputUnits | None) ->
         typer.echo(f"wrote {len(instants)} rows to {path}")
 
 
-def _print_csv(tables: Iterator[files.Tabled]) -> None:
-    for index, table in enumerate(tables):
-        columns = dict(table.columns())
+def _print_csv(tables: Iterable[Mapping[str, Array]]) -> None:
+    for index, columns in enumerate(tables):
         if index == 0:
             sys.stdout.write(files.csv_head(columns))
         rows = np.column_stack(list(columns.values()))
         sys.stdout.writelines(",".join(map(repr, row.tolist())) + "\n" for row in rows)
 
 
-def _print_table(name: str, table: files.Tabled) -> None:
+def _print_table(name: str, columns: Mapping[str, Array]) -> None:
     """Print a readable selection: nonzero columns of positions, and evenly spaced rows."""
-    columns = dict(table.columns())
     values = {
         head: without_noise(column.tolist())
         for head, column in columns.items()

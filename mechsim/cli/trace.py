@@ -1,16 +1,23 @@
 """Command `mechsim trace`: every assembly of a mechanism as closed curves."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable
 from typing import Annotated, Any, TypedDict
 
 from mechsim import files
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import ModelOptions, output_file, writable
-from mechsim.cli.output import OutputUnits, Units, Value, number, output_units, print_table, print_text
+from mechsim.cli.output import (
+    Units,
+    Value,
+    in_units,
+    number,
+    output_units,
+    print_table,
+    print_text,
+)
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError, several
-from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.report.assemblies import (
     SAMPLES,
@@ -101,23 +108,16 @@ def trace(
             table = assembly_table(curves, tables)
             plots.write(plot_path, plots.assembly_plot(table, over or usual_columns(curves, table)))
         if path is not None:
-            files.write_table(path, _labelled(curves, joined(tables), shown))
+            table = joined(tables)
+            files.write_table(path, in_units(table.items(), _units(curves, table), shown))
     data: Any = {**trace_record(curves), "output": output, "plot": plot}
     return Result(data, lambda: _print(curves), files=[output, plot])
 
 
-def _labelled(
-    trace: AssemblyTrace, table: Mapping[str, Array], shown: OutputUnits | None
-) -> Mapping[str, Array]:
-    """Return a table of curves in the units of `--units`, if any."""
-    if shown is None:
-        return table
-    units = dict.fromkeys(table, "m") | {"component": "", "arc": "", "angle": "rad"}
-    units |= {column.name: column.unit for column in trace.curves[0].joints.columns}
-    return {
-        shown.label(name, units[name]): values / shown.converted(units[name])[0]
-        for name, values in table.items()
-    }
+def _units(trace: AssemblyTrace, names: Iterable[str]) -> dict[str, str]:
+    """Return the SI units of the columns of a table of curves."""
+    units = dict.fromkeys(names, "m") | {"component": "", "arc": "", "angle": "rad"}
+    return units | {column.name: column.unit for column in trace.curves[0].joints.columns}
 
 
 def _print(trace: AssemblyTrace) -> None:
