@@ -46,9 +46,9 @@ LOOPS = [
 PATHS = [
     f"analytic/test_continuation_path.py::test_{element}"
     for element in (
-        "a_smooth_path_takes_few_cells_and_none_that_is_tried_fails",
-        "a_cell_whose_rows_tell_a_fifth_of_what_they_do_elsewhere_in_it_is_halved",
-        "a_first_cell_is_foretold_along_the_tangent_to_second_order",
+        "a_smooth_path_takes_few_segments_and_none_that_is_tried_fails",
+        "a_segment_whose_equations_lose_four_fifths_of_their_rank_margin_is_halved",
+        "a_first_segment_is_predicted_along_the_tangent_to_second_order",
     )
 ]
 # file of mechsim/ -> tests that are there to kill its mutants, quickest first

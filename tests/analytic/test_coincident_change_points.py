@@ -28,7 +28,7 @@ def test_coupled_wheels_rotate_equally_through_coincident_change_points(wheels):
     assert_all_turn_alike(mechanism, loops.solve(mechanism, angle, 3.0), BOUNDS)
 
 
-@pytest.mark.parametrize("steps", [61, 400])
+@pytest.mark.parametrize("steps", [61, pytest.param(400, marks=pytest.mark.slow)])
 def test_a_change_point_of_two_pairs_is_detected_for_any_step(steps):
     path = crank_path(wheel_linkages(3))
     for end in np.linspace(START, START + 2.0 * np.pi, steps):

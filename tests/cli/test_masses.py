@@ -102,12 +102,13 @@ def test_dynamics_states_which_masses_it_uses(mechsim, press):
 def test_plots_of_efforts_state_which_masses_they_use(mechsim, press, kind):
     words = ("plot", press, "--kind", kind, "-o", "out.svg")
     assert "rod, slider computed as round steel rods" in mechsim(*words).out
-    assert [item["link"] for item in json.loads(mechsim(*words, "--json").out)["masses"]] == [
-        "crank",
-        "rod",
-        "slider",
-    ]
-    assert "masses" not in mechsim("plot", press, "--kind", "motion", "-o", "out.svg").out
+
+
+def test_plots_report_masses_as_json_and_only_where_they_matter(mechsim, press):
+    words = ("plot", press, "-o", "out.svg", "--json", "--kind")
+    reported = json.loads(mechsim(*words, "torque").out)["masses"]
+    assert [item["link"] for item in reported] == ["crank", "rod", "slider"]
+    assert "masses" not in mechsim("plot", press, "--kind", "curve", "-o", "out.svg").out
 
 
 def test_comparisons_of_torques_state_which_masses_they_use(mechsim, press, tmp_path):

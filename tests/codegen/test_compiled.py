@@ -114,12 +114,12 @@ def test_random_order_and_long_steps_keep_the_assembly_mode(compiled, name):
 def test_configurations_near_a_change_point_keep_the_assembly_mode(compiled):
     # nearly a parallelogram: two assemblies come near each other at 0 and 180 deg
     rng = np.random.default_rng(6)
-    for miss in 10.0 ** rng.uniform(-6.0, -1.0, 4):
+    for miss in 10.0 ** rng.uniform(-6.0, -1.0, 2):
         four_bar = ms.catalog.make(
             "four_bar", ground=0.1, crank=0.04, coupler=0.1 * (1.0 + miss), rocker=0.04 * (1.0 + miss)
         )
         solver, form = ms.compile(four_bar), LoopForm(four_bar.mechanism)
-        for angle in rng.uniform(-np.pi, np.pi, 12):
+        for angle in rng.uniform(-np.pi, np.pi, 24):
             try:
                 mine = solver.solve([angle]).points["B"].position
             except AssemblyError:

@@ -22,7 +22,7 @@ WARNINGS = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror")
 # a spinning coupler, planar dyads with points, balls and six drivers, a limited range, gears
 # README's tests compile a planar, a spatial and an overconstrained mechanism
 LARGEST = pytest.param("stewart_gough", marks=pytest.mark.slow)
-NAMES = ("rssr", "jansen", LARGEST, "bricard", "planetary_gear")
+NAMES = ("rssr", pytest.param("jansen", marks=pytest.mark.slow), LARGEST, "bricard", "planetary_gear")
 # README's tests run JavaScript of one
 IN_JAVASCRIPT = grid(("rssr", "jansen", "stewart_gough", "bricard", "planetary_gear"), ("rssr",))
 

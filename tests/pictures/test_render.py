@@ -124,7 +124,7 @@ def test_every_link_is_seen_in_every_frame(name):
 @pytest.mark.parametrize("name", grid(NAMES))
 def test_nothing_reaches_the_border(name, view):
     drive = catalog.make(name)
-    for picture in bare(drive.mechanism, drive.solve(TURN[::18], 60.0), camera=view, paths="whole"):
+    for picture in bare(drive.mechanism, drive.solve(TURN[::36], 60.0), camera=view, paths="whole"):
         _, saturation = hues(picture)
         edge = np.concatenate([saturation[:5].ravel(), saturation[-5:].ravel(), saturation[:, :5].ravel()])
         assert max(edge.max(), saturation[:, -5:].max()) < 0.2

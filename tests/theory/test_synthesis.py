@@ -153,7 +153,7 @@ def test_deviation_agrees_with_an_independent_measurement(length, equal_ripple):
     assert measured(1.001 * result.frame, result.frame_angle, result.rocker, length) > 1.05 * own
 
 
-@pytest.mark.parametrize("length", [4e-3, 11e-3])
+@pytest.mark.parametrize("length", [pytest.param(4e-3, marks=pytest.mark.slow), 11e-3])
 def test_perturbed_linkages_have_a_larger_deviation(length):
     result = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=True)
     plain = synthesize_looper(THROUGH, TILT, length, Looper())

@@ -52,7 +52,7 @@ def test_validation_reduces_steps_until_the_run_converges(monkeypatch):
 
 
 @pytest.mark.parametrize("name", grid(SWINGING))
-@pytest.mark.parametrize("part", [0.99, 0.9999])
+@pytest.mark.parametrize("part", [pytest.param(0.99, marks=pytest.mark.slow), 0.9999])
 def test_configurations_near_a_dead_centre_pass(name, part):
     drive, profile = near_a_dead_centre(name, part)
     run = simulate(drive.mechanism, profile=profile, method="pose", samples=72)
@@ -60,8 +60,16 @@ def test_configurations_near_a_dead_centre_pass(name, part):
     assert run.outcome == verdict.outcome == "passed", str(verdict)
 
 
-@pytest.mark.parametrize("name", grid(SWINGING))
-@pytest.mark.parametrize("method", ["pose", "step"])
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        (name, method)
+        if (name, method) in (("four_bar", "pose"), ("rssr", "step"))
+        else pytest.param(name, method, marks=pytest.mark.slow)
+        for name in SWINGING
+        for method in ("pose", "step")
+    ],
+)
 def test_a_link_too_long_by_a_thousandth_fails_near_a_dead_centre(name, method):
     drive, profile = near_a_dead_centre(name, 0.98)
     longer = next(item for item in ("coupler", "rod", "link", "rod3") if hasattr(drive, item))

@@ -159,7 +159,7 @@ def test_motor_driven_free_runs_agree_with_the_reduced_equation(motor):
 def test_every_wrong_model_fails_in_a_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
     machine = of("four_bar", forces)
-    run = dynamics.free_run(machine, turns=0.5, samples=31)
+    run = dynamics.free_run(machine, turns=0.25, samples=31)
     for wrong in (heavier, upside_down, frictionless):
         assert crosscheck_free(run, wrong(machine)).outcome == "failed", wrong
 

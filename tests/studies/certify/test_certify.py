@@ -130,12 +130,6 @@ def test_an_overconstrained_mechanism_is_not_certified():
     assert "overconstrained" in proof.reason
 
 
-def test_a_range_with_a_change_point_or_a_dead_centre_is_not_certified():
-    assert not ms.certify("elliptic_trammel", "80:100deg").certified
-    assert ms.certify("elliptic_trammel", "0:80deg").certified
-    assert not ms.certify("four_bar", set={"crank": "90mm"}).certified
-
-
 def test_change_points_and_dead_centres_are_enclosed():
     def enclosed(kind, exact, name, **options):
         proof = ms.certify(name, **options)
@@ -146,7 +140,8 @@ def test_change_points_and_dead_centres_are_enclosed():
             assert abs(point.parameter - angle) <= point.width + 4e-15
             assert point.width < 1e-9
 
-    enclosed("change point", [np.pi / 2], "elliptic_trammel", angles="60:120deg")
+    enclosed("change point", [np.pi / 2], "elliptic_trammel", angles="80:100deg")
+    assert ms.certify("elliptic_trammel", "0:80deg").certified
     # ground and crank span coupler plus rocker, in a triangle of known sides
     four_bar = ms.catalog.make("four_bar", crank=0.09)
     ground, crank = four_bar.ground, four_bar.crank
@@ -190,7 +185,9 @@ def test_a_rounding_sized_equation_is_no_identity():
     assert len(inexact.kept) > 2
 
 
-@pytest.mark.parametrize("miss", [0.0, 1e-6, 1e-8, 1e-10, 1e-12])
+@pytest.mark.parametrize(
+    "miss", [0.0, 1e-12, 1e-8, *(pytest.param(miss, marks=pytest.mark.slow) for miss in (1e-6, 1e-10))]
+)
 def test_a_planted_dead_centre_is_never_certified(miss):
     dimensions = {"ground": 1.0, "crank": 0.9, "coupler": 0.8, "rocker": 0.7}
     end = float(np.arccos((1.0 + 0.9**2 - 1.5**2) / 1.8)) + miss

@@ -1,0 +1,23 @@
+"""`validation/mutation.py` names files, tests and lines that exist."""
+
+import ast
+
+import pytest
+from equivalent_mutants import EQUIVALENT
+from mutation import KILLERS, ROOT
+
+
+@pytest.mark.parametrize("file", KILLERS)
+def test_a_core_file_and_its_tests_exist(file):
+    assert (ROOT / "mechsim" / file).is_file()
+    for name in KILLERS[file]:
+        path, _, function = name.partition("::")
+        assert (ROOT / "tests" / path).exists(), path
+        assert not function or f"def {function}(" in (ROOT / "tests" / path).read_text(), name
+
+
+@pytest.mark.parametrize("file", sorted({file for file, _, _ in EQUIVALENT}))
+def test_lines_of_equivalent_mutants_exist(file):
+    lines = ast.unparse(ast.parse((ROOT / "mechsim" / file).read_text())).splitlines()
+    present = {line.strip() for line in lines}
+    assert {before for name, before, _ in EQUIVALENT if name == file} <= present
