@@ -46,9 +46,9 @@ LOOPS = [
 PATHS = [
     f"analytic/test_continuation_path.py::test_{element}"
     for element in (
-        "a_smooth_path_takes_few_segments_and_none_that_is_tried_fails",
-        "a_segment_whose_equations_lose_four_fifths_of_their_rank_margin_is_halved",
-        "a_first_segment_is_predicted_along_the_tangent_to_second_order",
+        "a_smooth_path_needs_few_segments_and_none_is_rejected",
+        "a_segment_that_loses_most_of_its_rank_margin_is_halved",
+        "the_tangent_predictor_has_second_order",
     )
 ]
 # file of mechsim/ -> tests that are there to kill its mutants, quickest first

@@ -74,12 +74,12 @@ def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatc
 
 def test_a_motor_runs_the_model_or_states_that_it_cannot(capsys, monkeypatch, tmp_path):
     plot = tmp_path / "free.png"
-    motor = ("--motor", "line:0.05,3000rpm", "--turns", "2", "--samples", "60", "--method", "none")
+    motor = ("--motor", "line:0.05,3000rpm", "--turns", "1", "--samples", "30", "--method", "none")
     code, out, _ = run(capsys, monkeypatch, "rssr", *motor, "--json", "--plot", str(plot))
     reported = json.loads(out)["free"]
     assert code == 0
     assert reported["outcome"] == "done"
-    assert reported["turns"] == pytest.approx(2.0)
+    assert reported["turns"] == pytest.approx(1.0)
     assert reported["energy_error"] <= 1e-9
     assert plot.read_bytes().startswith(b"\x89PNG")
     code, out, _ = run(capsys, monkeypatch, "four_bar", "--motor", "constant:1e-5")
@@ -167,7 +167,7 @@ def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch,
     load = tmp_path / "load.csv"
     turn = repr(2.0 * np.pi)
     load.write_text(f"angle,rocker.mx,rocker.mz\n0,0.01,0\n3,0,0.02\n{turn},0.01,0\n")
-    words = ("rssr", "--json", "--samples", "12", "--method", "pose")
+    words = ("rssr", "--json", "--samples", "6", "--method", "pose")
     output = [
         json.loads(run(capsys, monkeypatch, *words, *more)[1])
         for more in (

@@ -25,7 +25,7 @@ simulate slider_crank --turns 0.05 --tolerance 1um
 simulate five_bar --samples 5
 dynamics slider_crank --method pose --samples 12 --coefficient 0.01
 dynamics slider_crank --turns 0.1 --tolerance 1e-4
-dynamics four_bar --motor constant:0.5 --turns 0.2
+dynamics four_bar --motor constant:0.5 --turns 0.05
 dynamics five_bar --samples 12 --actuators left,right,elbow_l=4
 dynamics four_bar --initial crank.q=30deg --duration 0.05s --samples 5 --of distance:A,B,crank.a
 dynamics four_bar --until crank.q=900deg --duration 0.01s --method none

@@ -47,6 +47,7 @@ BREAKING = (
     "a.b",
     "--json",
 )
+ODD = r"_[/]$\frac{$,</script>../x"
 NAMES = st.text(
     st.characters(exclude_categories=["C", "Z"], include_characters=" "), min_size=1, max_size=12
 ).filter(lambda name: name == name.strip() and name.isprintable())
@@ -131,22 +132,28 @@ def test_a_page_shows_them_as_they_are():
     assert "<b>" not in text
 
 
-@pytest.mark.usefixtures("fast_clock")
-def test_no_command_ends_in_an_internal_error(mechsim):
-    name = r"_[/]$\frac{$,</script>../x"
-    Path("odd.toml").write_text(to_toml(named(name)), encoding="utf-8")
-    for line in (
+@pytest.mark.parametrize(
+    "line",
+    [
         "solve odd.toml --angles 0:20:10deg",
         "show odd.toml --angle 30deg",
         "plot odd.toml --kind motion -o p.png",
         "plot odd.toml --kind reactions -o p.svg",
-        "export odd.toml --tolerance 1mm -o x.xml",
-    ):
-        reported = mechsim(*line.split())
-        assert reported.code == 0, (line, reported.err)
-        assert "internal error" not in reported.err
-        assert "Warning" not in reported.err
-    assert name in mechsim("show", "odd.toml", "--json").out.replace("\\\\", "\\")
+        "export odd.toml -o x.xml",
+        pytest.param("export odd.toml --tolerance 1mm -o x.xml", marks=pytest.mark.slow),
+    ],
+)
+def test_no_command_ends_in_an_internal_error(mechsim, line):
+    Path("odd.toml").write_text(to_toml(named(ODD)), encoding="utf-8")
+    reported = mechsim(*line.split())
+    assert reported.code == 0, reported.err
+    assert "internal error" not in reported.err
+    assert "Warning" not in reported.err
+
+
+def test_show_reports_an_odd_name_as_it_is(mechsim):
+    Path("odd.toml").write_text(to_toml(named(ODD)), encoding="utf-8")
+    assert ODD in mechsim("show", "odd.toml", "--json").out.replace("\\\\", "\\")
 
 
 @pytest.mark.parametrize("name", ["", " a", "a ", "a\nb", "a\tb", "\x7f", "\u202eb", "\ufeffa", "x" * 201])
