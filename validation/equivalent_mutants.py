@@ -111,7 +111,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         CHECKS,
         "fraction = np.divide(error, allowed, out=np.where(error > 0.0, np.inf, error), where=allowed > 0.0)",
         "fraction = np.divide(error, allowed, out=np.where(error > 1.0, np.inf, error), where=allowed > 0.0)",
-    ): "where nothing is allowed at any instant, any of the errors may be the one that is told",
+    ): "where nothing is allowed at any instant, any of the errors may be the one that is reported",
     **{
         (
             "numerics/newton.py",

@@ -31,4 +31,4 @@ def test_a_curve_of_another_linkage_is_found_out(study):
 
 def test_a_row_states_what_there_is(study):
     result = study.row("bennett", study.catalog.make("bennett"))
-    assert (result.curves, result.rarest, result.turning, result.meetings) == (1, 1.0, 0, 0)
+    assert (result.curves, result.rarest, result.turning, result.branch_points) == (1, 1.0, 0, 0)

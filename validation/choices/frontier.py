@@ -47,7 +47,7 @@ COLOURS = {"RK4": "#0072b2", "Richardson": "#d55e00", "projected": "#009e73", "p
 class Point:
     """A method at a number of steps: its errors, and what does it once more and returns its time in [s]."""
 
-    road: str
+    method: str
     steps: int
     errors: dict[str, float]
     again: Callable[[], float]
@@ -144,16 +144,16 @@ def _at(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
 def frontier(drive: ClosedForm) -> list[dict[str, Any]]:
     """Return the most accurate point of each method, and the cheapest as good."""
     subject = subject_of(drive, SPEED)
-    roads = [
+    methods = [
         [stepped(subject, n) for n in STEPS],
         [extrapolated(subject, n) for n in STEPS[1:]],
         [projected(subject)],
         [solved(subject)],
     ]
     chosen: list[Point] = []
-    for road in roads:
-        least = min(point.errors["position"] for point in road)
-        chosen.append(next(point for point in road if point.errors["position"] <= 2.0 * least))
+    for method in methods:
+        least = min(point.errors["position"] for point in method)
+        chosen.append(next(point for point in method if point.errors["position"] <= 2.0 * least))
     times = np.array([[point.again() for point in chosen] for _ in range(ROUNDS)])
     rows = [_row(drive, point, float(ms)) for point, ms in zip(chosen, np.median(times, 0), strict=True)]
     quick = cheapest(drive, subject)
@@ -187,7 +187,7 @@ def cheapest(drive: ClosedForm, subject: Subject) -> Point:
 def _row(drive: ClosedForm, point: Point, seconds: float) -> dict[str, Any]:
     return {
         "mechanism": drive.name,
-        "road": point.road,
+        "method": point.method,
         "steps": point.steps or "",
         "ms/turn": f"{1e3 * seconds:.2f}",
         **{kind: point.errors[kind] for kind in ("position", "angle", "acceleration")},
@@ -210,19 +210,19 @@ def plot(rows: list[dict[str, Any]], out: Path) -> None:
     figure, axes = plt.subplots(2, 4, figsize=(13, 6), layout="constrained", sharex=True, sharey=True)
     for axis, name in zip(axes.flat, names, strict=False):
         points = every(catalog.make(name))
-        for road in ("RK4", "Richardson"):
-            mine = [(p.again(), p.errors["position"]) for p in points if p.road == road]
-            axis.loglog([1e3 * t for t, _ in mine], [e for _, e in mine], "o-", ms=3, color=COLOURS[road])
+        for method in ("RK4", "Richardson"):
+            mine = [(p.again(), p.errors["position"]) for p in points if p.method == method]
+            axis.loglog([1e3 * t for t, _ in mine], [e for _, e in mine], "o-", ms=3, color=COLOURS[method])
         for row in rows:
-            if row["mechanism"] == name and not row["road"].startswith("RK4"):
-                quick = row["road"].startswith("1 %")
+            if row["mechanism"] == name and not row["method"].startswith("RK4"):
+                quick = row["method"].startswith("1 %")
                 axis.loglog(
                     float(row["ms/turn"]),
                     row["position"],
                     "x" if quick else "P",
                     ms=8,
-                    color="#222831" if quick else COLOURS[row["road"]],
-                    label="within 1 % of the stroke" if quick else row["road"],
+                    color="#222831" if quick else COLOURS[row["method"]],
+                    label="within 1 % of the stroke" if quick else row["method"],
                 )
         axis.set(title=name)
         axis.grid(alpha=0.3)

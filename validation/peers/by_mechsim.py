@@ -126,13 +126,13 @@ class Poses:
     def __init__(self, problem: Problem, setting: Setting):
         self.problem = problem
         self.loops = read_loops(assembled(problem.mechanism, SCENE).compile())
-        self.begun = loop_jacobian.close(self.loops, self.loops.model.qpos0[None])[0]
+        self.initial = loop_jacobian.close(self.loops, self.loops.model.qpos0[None])[0]
         self.angles = problem.angles(setting.samples)
         self.names = list(problem.mechanism.points)
 
     def run(self) -> tuple[float, Places]:
         begin = time.process_time()
-        states = follow.follow(self.loops, self.begun, self.angles)
+        states = follow.follow(self.loops, self.initial, self.angles)
         return time.process_time() - begin, points(self.loops, states, self.names)
 
     def torque(self) -> Array:
@@ -150,9 +150,9 @@ class Steps:
         self.settings, self.stride = setting.settings, setting.steps // SAMPLES
         self.profile = constant(problem.speed, 1.0, problem.start)
         loops = read_loops(self.model)
-        begun = loop_jacobian.close(loops, self.model.qpos0[None])
-        rates = loop_jacobian.tangent(loops, loops.linearise(begun)[1]) * problem.speed
-        self.start: tuple[Array, Array] = begun[0], rates[0]
+        initial = loop_jacobian.close(loops, self.model.qpos0[None])
+        rates = loop_jacobian.tangent(loops, loops.linearise(initial)[1]) * problem.speed
+        self.start: tuple[Array, Array] = initial[0], rates[0]
         self.names = list(problem.mechanism.points)
 
     def run(self) -> tuple[float, Places]:

@@ -126,15 +126,15 @@ class Solver:
             a1 = self.acceleration(q, v)
             w1 = v
             v2 = v + 0.5 * dt * a1
-            w2 = self.slope(0.5 * dt * w1, v2)
+            w2 = self.tangent_rate(0.5 * dt * w1, v2)
             a2 = self.acceleration(pin.integrate(model, q, 0.5 * dt * w1), v2)
             v3 = v + 0.5 * dt * a2
             u2 = 0.5 * dt * w2
-            w3 = self.slope(u2, v3)
+            w3 = self.tangent_rate(u2, v3)
             a3 = self.acceleration(pin.integrate(model, q, u2), v3)
             v4 = v + dt * a3
             u3 = dt * w3
-            w4 = self.slope(u3, v4)
+            w4 = self.tangent_rate(u3, v4)
             a4 = self.acceleration(pin.integrate(model, q, u3), v4)
             q = pin.integrate(model, q, dt / 6.0 * (w1 + 2.0 * (w2 + w3) + w4))
             v = v + dt / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
@@ -149,8 +149,8 @@ class Solver:
         )
         return np.array(made)
 
-    def slope(self, direction: Array, rate: Array) -> Array:
-        """Return the rate of the tangent vector `way` at which velocities are `rate`: dexp^-1, right side."""
+    def tangent_rate(self, direction: Array, rate: Array) -> Array:
+        """Return the rate of the tangent vector `direction` for velocities `rate`: dexp^-1, right side."""
         if self.problem.planar:
             return rate
         out, u, w = rate.copy(), direction[1:4], rate[1:4]
@@ -163,30 +163,30 @@ class Solver:
         """Return the coordinates and derivatives at the poses, each started along the tangent."""
         model, stride = self.model, TURN / self.setting.steps
         q = self.q
-        slope = self.tangent(self.linearised(q)[1])
-        direction = [(q, slope)]
+        tangent = self.tangent(self.linearised(q)[1])
+        direction = [(q, tangent)]
         start = self.q[0]
         for i in range(1, self.setting.steps + 1):
-            q = pin.integrate(model, q, stride * slope)
+            q = pin.integrate(model, q, stride * tangent)
             q[0] = start + i * stride
             for _ in range(MOST):
                 gap, jacobian = self.linearised(q)
                 if np.abs(gap).max() < CLOSED * self.problem.crank:
                     break
                 q = pin.integrate(model, q, self.least(jacobian, -gap))
-            slope = self.tangent(jacobian)
-            direction.append((q, slope))
+            tangent = self.tangent(jacobian)
+            direction.append((q, tangent))
         return direction
 
     def linearised(self, q: Array) -> tuple[Array, Array]:
         """Return how far the loop stands open and the derivative of that."""
         model, data, rows = self.model, self.data, self.rows
         pin.computeJointJacobians(model, data, q)
-        places, slopes = [], []
+        places, jacobians = [], []
         for frame in self.frames:
             places.append(pin.updateFramePlacement(model, data, frame).translation)
-            slopes.append(pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED))
-        return (places[0] - places[1])[:rows], (slopes[0] - slopes[1])[:rows]
+            jacobians.append(pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED))
+        return (places[0] - places[1])[:rows], (jacobians[0] - jacobians[1])[:rows]
 
     def least(self, jacobian: Array, right: Array) -> Array:
         """Return the smallest change of all coordinates but the crank's that makes J x = right."""

@@ -25,7 +25,7 @@ class Solver:
     """A compiled linkage that starts again from the same pose."""
 
     def __init__(self, problem: Problem, setting: Setting):
-        self.steps, self.start = setting.steps, problem.begun.points
+        self.steps, self.start = setting.steps, problem.initial.points
         o, o4 = (problem.hinge(link).place for link in ("crank", "rocker"))
         (at_crank, near), (far, at_rocker) = problem.tips
         crank = Crank(
@@ -40,12 +40,12 @@ class Solver:
         to_b, to_c = (math.atan2(*(end - a)[1::-1]) for end in (b, c))
         point = FixedDyad(crank.output, rocker, float(np.linalg.norm(c - a)), to_c - to_b)
         self.linkage = Linkage([crank.anchor, rocker.anchor2, crank, rocker, point])
-        self.begun = [(o[0], o[1]), (o4[0], o4[1]), tuple(a[:2]), tuple(b[:2]), tuple(c[:2])]
-        self.linkage.set_coords(self.begun)
+        self.initial = [(o[0], o[1]), (o4[0], o4[1]), tuple(a[:2]), tuple(b[:2]), tuple(c[:2])]
+        self.linkage.set_coords(self.initial)
         self.linkage.compile()
 
     def run(self) -> tuple[float, Places]:
-        self.linkage.set_coords(self.begun)
+        self.linkage.set_coords(self.initial)
         begin = time.process_time()
         direction = self.linkage.step_fast(self.steps)
         seconds = time.process_time() - begin

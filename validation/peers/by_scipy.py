@@ -43,7 +43,7 @@ class Solver:
         begin, tolerance = time.process_time(), self.setting.tolerance
         bounds = {"rtol": tolerance, "atol": tolerance}
         result = solve_ivp(
-            self.slope, self.angles[[0, -1]], [self.start], method="DOP853", t_eval=self.angles, **bounds
+            self.derivative, self.angles[[0, -1]], [self.start], method="DOP853", t_eval=self.angles, **bounds
         )
         seconds = time.process_time() - begin
         return seconds, self.problem.places(self.angles, result.y[0]) if result.success else {}
@@ -51,7 +51,7 @@ class Solver:
     def torque(self) -> None:
         """No masses, no torque."""
 
-    def slope(self, angle: float, rocker: np.ndarray) -> tuple[float]:
+    def derivative(self, angle: float, rocker: np.ndarray) -> tuple[float]:
         """Return d rocker / d crank."""
         c, s = math.cos(angle), math.sin(angle)
         u, w = math.cos(rocker[0]), math.sin(rocker[0])

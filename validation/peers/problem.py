@@ -98,12 +98,12 @@ class Problem:
         return self.start + np.linspace(0.0, TURN, samples + 1)
 
     @cached_property
-    def begun(self) -> Motion:
+    def initial(self) -> Motion:
         """The motion at the start, of one instant: consistent places and rates to begin from."""
         return self.drive.solve([self.start], self.speed)
 
     def link(self, name: str) -> LinkMotion:
-        return self.begun.links[name]
+        return self.initial.links[name]
 
     def inertia(self, link: str) -> Inertia:
         result = next(item.inertia for item in self.mechanism.links if item.name == link)
@@ -116,7 +116,7 @@ class Problem:
 
     def hinge(self, link: str) -> Hinge:
         """Return the joint of the crank or the rocker with the ground."""
-        joint, moving = self.joint(GROUND, link), self.begun.joints[link]
+        joint, moving = self.joint(GROUND, link), self.initial.joints[link]
         return Hinge(
             np.array(joint.a.point),
             joint.a.frame,

@@ -74,7 +74,7 @@ def held_addresses(model, path):
 def solved_apart(model, path, qpos, random):
     """Return the closure at the driver positions of qpos, from another start: itself and its unknowns."""
     closure = HeldClosure(model, path.loops.characteristic_length, qpos, held_addresses(model, path))
-    start = closure.begun(qpos)
+    start = closure.initial(qpos)
     x = closure.solved(start + OFF * random.normal(size=len(start)) * np.abs(start).max(), 0.0)
     return closure, x
 
@@ -86,7 +86,7 @@ def worst_apart(model, path, states, random):
         closure, x = solved_apart(model, path, qpos, random)
         (position, rotation), (own, own_rotation) = (
             bodies_at(closure, x),
-            bodies_at(closure, closure.begun(qpos)),
+            bodies_at(closure, closure.initial(qpos)),
         )
         fixed = determined(closure, x)
         if fixed.any():

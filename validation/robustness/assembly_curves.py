@@ -42,7 +42,7 @@ class Row:
     curves: int
     rarest: float
     turning: int
-    meetings: int
+    branch_points: int
     worst: float
     seconds: float
 
@@ -101,10 +101,10 @@ def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
 
 def row(name: str, drive: KinematicSolver) -> Row:
     """Return what comes of one mechanism."""
-    begun = time.process_time()
+    start = time.process_time()
     result = trace(drive)
     turning = sum(len(curve.turning_points) for curve in result.curves)
-    seconds = time.process_time() - begun
+    seconds = time.process_time() - start
     rarest = min(curve.starts_ended for curve in result.curves) / result.starts
     worst = max(gap(drive, curve) for curve in result.curves)
     return Row(name, len(result.curves), rarest, turning, len(result.branch_points), worst, seconds)
@@ -126,7 +126,7 @@ def flat(count: int, near: bool, seed: int = 11) -> tuple[int, list[str]]:
         changed = near and any(len(set(sign)) > 1 for sign in signs)
         if len(result.branch_points) != known or not worst <= WRONG or changed or result.left_out:
             wrong.append(
-                f"{lengths}: {len(result.branch_points)} of {known} meetings, {worst:.1e} off, {changed}"
+                f"{lengths}: {len(result.branch_points)} of {known} branch points, {worst:.1e} off, {changed}"
             )
     return count - len(wrong), wrong
 
@@ -137,14 +137,14 @@ def main() -> int:
     words.add_argument("--count", type=int, default=40)
     words.add_argument("--picture")
     asked = words.parse_args()
-    print("| mechanism | curves | rarest | turning points | meetings | off | cpu s |")
+    print("| mechanism | curves | rarest | turning points | branch points | off | cpu s |")
     print("|---|---|---|---|---|---|---|")
     missed = 0
     for name, drive in subjects():
         result = row(name, drive)
         missed += not result.worst <= WRONG
         print(
-            f"| {name} | {result.curves} | {result.rarest:.0%} | {result.turning} | {result.meetings} "
+            f"| {name} | {result.curves} | {result.rarest:.0%} | {result.turning} | {result.branch_points} "
             f"| {result.worst:.0e} | {result.seconds:.1f} |",
             flush=True,
         )

@@ -82,7 +82,7 @@ def _by_own_error(drive: ClosedForm) -> list[Check]:
     if run.outcome != "passed":
         return []
     verdict = crosscheck(run.motion, drive, tolerance=ROUNDED * run.estimate)
-    return _on_road(verdict, "step, own error")
+    return _by_method(verdict, "step, own error")
 
 
 def prescribed_checks(drive: ClosedForm) -> list[Check]:
@@ -91,7 +91,7 @@ def prescribed_checks(drive: ClosedForm) -> list[Check]:
     checks: list[Check] = []
     for method in ("pose", "step"):
         run = driven(machine.mechanism, machine.forces, profile=profile, method=method)
-        checks += _on_road(crosscheck_driven(run, machine), f"{method}, dynamics")
+        checks += _by_method(crosscheck_driven(run, machine), f"{method}, dynamics")
     return checks
 
 
@@ -111,14 +111,14 @@ def _free(drive: ClosedForm) -> list[Check]:
     forces = replace(_forces(drive), flywheel=FLYWHEEL, motor=ConstantTorque(MOTOR))
     machine = dynamics.dynamic_model(drive, forces)
     checks: list[Check] = []
-    for road, tolerance in FREELY.items():
+    for method, tolerance in FREELY.items():
         run = dynamics.free_run(machine, speed=SPEED, turns=1.0, samples=61)
-        checks += _on_road(crosscheck_free(run, machine, tolerance=tolerance), road)
+        checks += _by_method(crosscheck_free(run, machine, tolerance=tolerance), method)
     return checks
 
 
-def _on_road(verdict: Verdict, road: str) -> list[Check]:
-    return [replace(check, method=road) for check in verdict.checks]
+def _by_method(verdict: Verdict, method: str) -> list[Check]:
+    return [replace(check, method=method) for check in verdict.checks]
 
 
 def main(arguments: list[str]) -> int:
@@ -126,10 +126,10 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args(arguments)
-    print(f"{'road':<15} {'quantity':<32} {'median':>8} {'worst':>8}  of its bound, by")
-    for (road, kind), used in sorted(parts(asked.count, asked.seed).items()):
+    print(f"{'method':<15} {'quantity':<32} {'median':>8} {'worst':>8}  of its bound, by")
+    for (method, kind), used in sorted(parts(asked.count, asked.seed).items()):
         most, name = max(used)
-        print(f"{road:<15} {kind:<32} {np.median([part for part, _ in used]):8.1e} {most:8.1e}  {name}")
+        print(f"{method:<15} {kind:<32} {np.median([part for part, _ in used]):8.1e} {most:8.1e}  {name}")
     return 0
 
 

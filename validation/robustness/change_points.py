@@ -1,4 +1,4 @@
-"""Linkages whose assemblies meet, or nearly do, on every road against a truth that is tangent-continuous.
+"""Linkages whose assemblies meet, or nearly do, on every route against a truth that is tangent-continuous.
 
     python validation/robustness/change_points.py [--count 200] [--seed 11]
 
@@ -43,7 +43,7 @@ KINDS: tuple[tuple[str, bool, ChangePointPolicy], ...] = (
 class Tally:
     """What came of many linkages on one method."""
 
-    road: str
+    route: str
     right: int
     refused: int
     wrong: int
@@ -118,16 +118,16 @@ ROUTES: dict[str, Callable[[catalog.FourBar], Array]] = {
 }
 
 
-def tallied(road: str, linkages: Sequence[Lengths], through: ChangePointPolicy = "smooth") -> Tally:
+def tallied(route: str, linkages: Sequence[Lengths], through: ChangePointPolicy = "smooth") -> Tally:
     """Return how many linkages a method gets right, rejects, and gets wrong without a word."""
     right = refused = wrong = 0
     worst = 0.0
     for lengths in linkages:
         drive = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)), change_point=through)
         try:
-            result = ROUTES[road](drive)
+            result = ROUTES[route](drive)
         except MechsimError as error:
-            print(f"refused by {road}: {lengths}: {error}", file=sys.stderr)
+            print(f"refused by {route}: {lengths}: {error}", file=sys.stderr)
             refused += 1
             continue
         flat = result[:, 0] + 1j * result[:, 1]
@@ -137,10 +137,10 @@ def tallied(road: str, linkages: Sequence[Lengths], through: ChangePointPolicy =
         ]
         error = float(min(errors)) / max(lengths)
         if not error <= WRONG:
-            print(f"wrong by {road}: {lengths}: {error:.2g} of the size", file=sys.stderr)
+            print(f"wrong by {route}: {lengths}: {error:.2g} of the size", file=sys.stderr)
         worst = max(worst, error)
         right, wrong = right + (error <= WRONG), wrong + (not error <= WRONG)
-    return Tally(road, right, refused, wrong, worst)
+    return Tally(route, right, refused, wrong, worst)
 
 
 def main() -> None:
@@ -149,13 +149,13 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=11)
     asked = parser.parse_args()
-    print(f"{'linkages':<24}{'road':<18}{'right':>7}{'refused':>9}{'wrong':>7}   worst error / size")
+    print(f"{'linkages':<24}{'route':<18}{'right':>7}{'refused':>9}{'wrong':>7}   worst error / size")
     for kind, near, through in KINDS:
         linkages = random_linkages(asked.count, near, asked.seed)
-        for road in ROUTES:
-            item = tallied(road, linkages, through)
+        for route in ROUTES:
+            item = tallied(route, linkages, through)
             counts = f"{item.right:>7}{item.refused:>9}{item.wrong:>7}"
-            print(f"{len(linkages)} {kind:<20}{item.road:<18}{counts}   {item.worst:.1e}", flush=True)
+            print(f"{len(linkages)} {kind:<20}{item.route:<18}{counts}   {item.worst:.1e}", flush=True)
 
 
 if __name__ == "__main__":

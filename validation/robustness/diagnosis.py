@@ -415,10 +415,10 @@ def main() -> int:
     if asked.lines:
         print(json.dumps({"accused": accused, "right": 3 * len(among)}), flush=True)
         return 0
-    return told(rows, accused, 3 * len(among), asked.show)
+    return print_summary(rows, accused, 3 * len(among), asked.show)
 
 
-def told(rows: list[dict], accused: list[str], right: int, show: bool) -> int:
+def print_summary(rows: list[dict], accused: list[str], right: int, show: bool) -> int:
     """Print what came of the cases; 0 where it is what was asked for."""
     by: dict[str, list[dict]] = defaultdict(list)
     for row in rows:

@@ -108,7 +108,7 @@ def main() -> int:
     parser.add_argument(
         "--part", type=int, nargs=2, metavar=("K", "N"), default=(0, 1), help="each Nth from K on"
     )
-    parser.add_argument("--case", type=int, help="one of them, told what it said")
+    parser.add_argument("--case", type=int, help="one of them, with its message")
     asked = parser.parse_args()
     # a page that is made to be opened is not
     os.environ["BROWSER"] = "true"

@@ -109,7 +109,7 @@ class DynamicModel:
         laws += [q[..., i] - program(t) for i, program in self.driven.items()]  # t may be as many as x
         return np.concatenate([*rows, np.stack(laws, -1)] if laws else rows, -1)
 
-    def slope(self, x: np.ndarray, t: float) -> np.ndarray:
+    def jacobian(self, x: np.ndarray, t: float) -> np.ndarray:
         """Return the derivatives of all equations by all unknowns, by complex steps."""
         return self.residual(x + 1e-40j * np.eye(len(x)), t).imag.T / 1e-40
 
@@ -119,7 +119,7 @@ class DynamicModel:
         Raises:
             TooNearError: near a singular pose, where the two are not reported apart.
         """
-        left, values, right = np.linalg.svd(self.slope(x, t))
+        left, values, right = np.linalg.svd(self.jacobian(x, t))
         rank = self.rank or int((values > NOUGHT * values[0]).sum())
         if values[rank - 1] < NEAR * values[0]:
             raise TooNearError
@@ -216,7 +216,7 @@ def followed(machine: DynamicModel, x: np.ndarray, times: np.ndarray) -> np.ndar
     return np.array(result)
 
 
-def told(
+def point_motion(
     machine: DynamicModel, x: np.ndarray, pace: np.ndarray, bend: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
     """Return places, velocities and accelerations of points of every moving link, (3, links, points, 3)."""

@@ -3,8 +3,8 @@
 Unknown are the place and the quaternion of every body, and every coordinate of every joint. What joints and
 equalities hold is written down from the definitions in MuJoCo's manual, out of the compiled numbers of the
 file; nothing of mechsim's reader, of its loop equations or of MuJoCo's own constraints is used. All equations
-are polynomials but for cos and sin, so that slopes are complex steps, exact to rounding. The path is followed
-from where the file starts, in steps between the instants asked for.
+are polynomials but for cos and sin, so that derivatives are complex steps, exact to rounding. The path is
+followed from where the file starts, in steps between the requested instants.
 """
 
 from collections.abc import Callable, Mapping
@@ -139,11 +139,11 @@ class Closure:
         at = [int(m.jnt_qposadr[m.wrap_objid[w]]) for w in wraps]
         return ((q[..., at] - m.qpos0[at]) * m.wrap_prm[list(wraps)]).sum(-1)
 
-    def slope(self, x: np.ndarray, t: float) -> np.ndarray:
+    def jacobian(self, x: np.ndarray, t: float) -> np.ndarray:
         """Return the derivatives of all equations by all unknowns."""
         return self.residual(x + 1j * STEP * np.eye(len(x)), t).imag.T / STEP
 
-    def begun(self, qpos: np.ndarray) -> np.ndarray:
+    def initial(self, qpos: np.ndarray) -> np.ndarray:
         """Return the unknowns where the tree of the model puts its bodies."""
         x = np.concatenate([np.zeros(self.places), qpos])
         for b in range(1, self.model.nbody):
@@ -153,7 +153,7 @@ class Closure:
     def solved(self, x: np.ndarray, t: float) -> np.ndarray:
         """Return the pose of least squares near one."""
         for _ in range(20):
-            step = lstsq(self.slope(x, t), self.residual(x, t), cond=OPEN)[0]
+            step = lstsq(self.jacobian(x, t), self.residual(x, t), cond=OPEN)[0]
             x = x - step
             if np.abs(step).max() < ENOUGH:
                 break
@@ -161,7 +161,7 @@ class Closure:
 
     def followed(self, qpos: np.ndarray, instants: np.ndarray) -> np.ndarray:
         """Return the poses at given times, (times, unknowns), on the way from qpos."""
-        x = self.solved(self.begun(qpos), float(instants[0]))
+        x = self.solved(self.initial(qpos), float(instants[0]))
         result = [x]
         for t, end in pairwise(instants):
             before = x
@@ -172,7 +172,7 @@ class Closure:
 
     def settled(self, x: np.ndarray, t: float) -> list[str]:
         """Return the names of the bodies that no open motion moves."""
-        _, values, right = np.linalg.svd(self.slope(x, t))
+        _, values, right = np.linalg.svd(self.jacobian(x, t))
         loose = right[int((values > OPEN * values[0]).sum()) :, : self.places]
         moved = np.abs(loose).max(0, initial=0.0).reshape(-1, 7).max(-1)
         return [self.model.body(b + 1).name for b in np.flatnonzero(moved < MOVED)]

@@ -209,7 +209,7 @@ def constant(value: float) -> Program:
 
 def null(machine: DynamicModel, pose: np.ndarray) -> np.ndarray:
     """Return the motions that nothing holds, (k, unknowns)."""
-    values, right = np.linalg.svd(machine.slope(pose, 0.0))[1:]
+    values, right = np.linalg.svd(machine.jacobian(pose, 0.0))[1:]
     return right[int((values > NOUGHT * values[0]).sum()) :]
 
 

@@ -4,12 +4,11 @@
 
 Problem: `random_mechanism_files.py` draws each around an assembled pose, as TOML. `solve` and `simulate`
 by poses run on each, every fourth is stepped, and every fourth with one driver is traced.
-Reference: `maximal_coordinates.py`, which follows the assembly from the known pose, and from the pose told
-where the file's guess does not say which is meant. Of the size, 1e-9 is the bound on places, joint
-coordinates, velocities and accelerations (rates over the largest of their kind). Stepped runs are asked
-to keep 1e-5 on places, beside what they say that drivers lag. Of a trace every pose told must close, and the
-known pose lie on a curve. Every eighth mechanism is driven far, often to a singular pose: there a refusal is
-right.
+Reference: `maximal_coordinates.py`, which follows the assembly from the known pose, and from the reported
+pose where the file's guess is ambiguous. The tolerance is 1e-9 of the size for positions, joint coordinates,
+velocities and accelerations (rates over the largest of their kind), and 1e-5 for positions of stepped runs,
+without the reported lag of the drivers. Every pose of a trace must close, and the known pose must lie on a
+curve. Every eighth mechanism is driven far, often to a singular pose, where an error is the right answer.
 Uncertainty: the reference closes to 1e-12 where its equations' singular values keep 1e-4 of the largest.
 
 Prints a table, and each fault with the number to run it again by; exit code 1 if there was any.
@@ -27,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 from invalid_models import PATIENCE, typed
-from maximal_coordinates import UNITS, Program, TooNearError, followed, told
+from maximal_coordinates import UNITS, Program, TooNearError, followed, point_motion
 from random_mechanism_files import PROBES, Drawn, drawn, null, quaternion
 
 from mechsim import cli
@@ -44,7 +43,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--count", type=int, default=120, help="of mechanisms")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--case", type=int, help="one of them, told in full")
+    parser.add_argument("--case", type=int, help="one of them, printed in full")
     parser.add_argument("--only", default="solve,simulate,step,trace", help="of these")
     parser.add_argument("--keep", default="", help="folder for the files of those that fall")
     asked = parser.parse_args()
@@ -75,7 +74,7 @@ def judged(made: Drawn, number: int, keep: str, only: list[str]) -> list[tuple[s
     """Return command, outcome and reason, for each command on a mechanism that can be driven."""
     far, times = number % 8 == 7, np.linspace(0.0, DURATION, SAMPLES)
     reach, truth = (4.0 if far else 1.0), None
-    made.machine.rank = int(np.linalg.matrix_rank(made.machine.slope(made.pose, 0.0), 1e-9))
+    made.machine.rank = int(np.linalg.matrix_rank(made.machine.jacobian(made.pose, 0.0), 1e-9))
     for _ in range(1 if far else 5):
         texts = programmed(made, number, reach)
         try:
@@ -114,7 +113,7 @@ def judged(made: Drawn, number: int, keep: str, only: list[str]) -> list[tuple[s
         except WrongError as error:
             outcome, why = "wrong", str(error)
         except TooNearError:
-            outcome, why = "undecided", "the pose told leads near a singular one, by the reference"
+            outcome, why = "undecided", "the reported pose leads near a singular one, by the reference"
         result.append((command, outcome, f"{why} [{spent:.0f} s]"))
     return result
 
@@ -171,7 +170,7 @@ def ended(made: Drawn, code: int, output: str, truth: np.ndarray | None, command
     machine = made.machine
     points = machine.size * PROBES[None]
     spun = [
-        told(machine, made.pose, direction, 0 * direction, points)[1]
+        point_motion(machine, made.pose, direction, 0 * direction, points)[1]
         for direction in null(machine, made.pose)
     ]
     if "underdetermined" in why and np.abs(spun).max(initial=0.0) > 1e-9 * machine.size:
@@ -201,7 +200,9 @@ def compared(
     apart = np.abs(machine.poses(first)[0] - machine.poses(made.pose)[0])[1:]
     for direction in null(machine, made.pose):
         # where a link spins idly its origin says nothing
-        moved = told(machine, made.pose, direction, 0 * direction, machine.size * PROBES[None])[1][:, 0]
+        moved = point_motion(machine, made.pose, direction, 0 * direction, machine.size * PROBES[None])[1][
+            :, 0
+        ]
         apart[np.abs(moved).max(-1) > 1e-9 * machine.size] = 0.0
     known = truth is not None and apart.max()
     if truth is None or known > 1e-3 * machine.size:
@@ -253,9 +254,11 @@ def reference(made: Drawn, truth: np.ndarray, times: np.ndarray):
     rows, free_points, free_q = [], np.zeros((n, 3, 3), bool), np.zeros(machine.count, bool)
     for x, t in zip(truth, times, strict=True):
         pace, bend = machine.rates(x, float(t))
-        rows.append((told(machine, x, pace, bend, points), np.array([x, pace, bend])[:, 7 * n :]))
+        rows.append((point_motion(machine, x, pace, bend, points), np.array([x, pace, bend])[:, 7 * n :]))
         for direction in machine.split(x, float(t))[1]:
-            free_points |= np.abs(told(machine, x, direction, 0 * direction, points)[1]) > 1e-9 * machine.size
+            free_points |= (
+                np.abs(point_motion(machine, x, direction, 0 * direction, points)[1]) > 1e-9 * machine.size
+            )
             free_q |= np.abs(direction[7 * n :]) > 1e-9
     names = [f"{p}{k}" for k in range(1, n + 1) for p in "oxy"]
     tracks, loose = {}, {"point": free_points.ravel()}

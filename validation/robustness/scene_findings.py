@@ -262,7 +262,7 @@ def stepped_gap(scene: Inspected, motion, rate):
     data.qpos[:], data.qvel[:] = motion.qpos[0], motion.qvel[0]
     shares, heavy, dofs = efforts(scene, motion, inputs)
     # what is left of the first jerk dies out in five time constants
-    widest, begun = {}, max(0.15, 5.0 * float(np.abs(model.eq_solref[:, 0]).max()))
+    widest, settled = {}, max(0.15, 5.0 * float(np.abs(model.eq_solref[:, 0]).max()))
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
     off, astray = np.zeros(model.nv), 0.0
     # a state that goes bad sets MuJoCo's time back to zero
@@ -275,7 +275,7 @@ def stepped_gap(scene: Inspected, motion, rate):
         data.qfrc_applied[:] = inputs.T @ (shares[i] + heavy[i] * servo)
         mujoco.mj_step(model, data)
         astray = max(astray, float(np.abs(wanted[dofs]).max()))
-        if data.time > begun:
+        if data.time > settled:
             rows = data.efc_type == EQUALITY
             for loop in np.unique(data.efc_id[rows]):
                 own = data.efc_pos[rows][data.efc_id[rows] == loop][:3]

@@ -84,9 +84,9 @@ def cost(name: str) -> None:
     for _ in range(ROUNDS):
         for passes in best:
             applied_forces.PASSES = passes
-            begun = process_time()
+            start = process_time()
             driven(machine.mechanism, machine.forces, speed=SPEED, method="step")
-            best[passes] = min(best[passes], process_time() - begun)
+            best[passes] = min(best[passes], process_time() - start)
     print(f"{name}: " + ", ".join(f"read {n} times {1e3 * best[n]:.1f} ms" for n in best))
 
 

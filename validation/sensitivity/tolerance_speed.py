@@ -17,8 +17,8 @@ from mechsim.analytic import catalog
 
 def spent(call):
     """What a call returns, and the processor time it took in [s]."""
-    begun = time.process_time()
-    return call(), time.process_time() - begun
+    start = time.process_time()
+    return call(), time.process_time() - start
 
 
 def apart(study, quantity):

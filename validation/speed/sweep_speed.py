@@ -33,12 +33,12 @@ def spent(name: str, count: int, words: str) -> tuple[float, float, float]:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.nc"
         typed = ["-m", "mechsim", "sweep", name, "--sample", f"sobol:{count}", *words.split(), "-o", str(out)]
-        begun = time.perf_counter()
+        start = time.perf_counter()
         process = subprocess.Popen(
             [sys.executable, *typed], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         _, status, used = os.wait4(process.pid, 0)
-        wall, status = time.perf_counter() - begun, status if out.exists() else 1
+        wall, status = time.perf_counter() - start, status if out.exists() else 1
         assert status == 0, f"{' '.join(typed)} ended with {status}"
     return wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3
 

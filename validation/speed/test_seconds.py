@@ -39,9 +39,9 @@ class Clock:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item):
-        begun = processor_seconds()
+        start = processor_seconds()
         result = yield
-        self.rows.writerow([item.nodeid, f"{processor_seconds() - begun:.4f}"])
+        self.rows.writerow([item.nodeid, f"{processor_seconds() - start:.4f}"])
         self.file.flush()
         return result
 
@@ -71,7 +71,7 @@ def main() -> int:
         element.name for element in (ROOT / "tests").iterdir() if any(element.glob("**/test_*.py"))
     )
     every: list[tuple[str, float]] = []
-    totals, begun, failed = [0, 0.0, 0.0], time.time(), 0
+    totals, start, failed = [0, 0.0, 0.0], time.time(), 0
     print("| path | tests | collection (s) | tests (s) |\n|---|---|---|---|")
     with tempfile.TemporaryDirectory() as scratch:
         for path in asked.path or [f"tests/{element}" for element in folders]:
@@ -83,7 +83,7 @@ def main() -> int:
             totals = [totals[0] + len(tests), totals[1] + collection, totals[2] + taken]
             failed += code not in (0, 5)
             every += tests
-    print(f"| all | {totals[0]} | {totals[1]:.1f} | {totals[2]:.1f} | wall {time.time() - begun:.0f} s")
+    print(f"| all | {totals[0]} | {totals[1]:.1f} | {totals[2]:.1f} | wall {time.time() - start:.0f} s")
     if asked.csv:
         with open(asked.csv, "w", newline="") as file:
             csv.writer(file).writerows(every)
