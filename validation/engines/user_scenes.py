@@ -3,7 +3,7 @@
 Problem: each scene starts as its first keyframe has it, or as its file has it where there is none, and each
 actuator with a range is fed the same constant control: a part of its range. Reference: the closure at the
 run's own driver coordinates, from which the worst distance of a body's origin or a loop's end is measured.
-Positions follow from the recorded coordinates by MuJoCo's kinematics in float64: the error is that of stepping.
+They follow from the recorded coordinates by MuJoCo's kinematics in float64: the error is that of stepping.
 
     python validation/engines/user_scenes.py FILE.xml ... [--duration 0.5] [--part 0.6] [--out DIR]
 """
