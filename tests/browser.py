@@ -1,4 +1,4 @@
-"""A headless Chromium for tests, spoken to by its own protocol over a pair of pipes: no driver, no port."""
+"""A headless Chromium for tests, controlled by its DevTools protocol over a pair of pipes."""
 
 import base64
 import fcntl
@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 SWITCHES = [
     "--headless",
     "--no-sandbox",
@@ -38,9 +38,9 @@ os.dup2(int(sys.argv[1]), 3)
 os.dup2(int(sys.argv[2]), 4)
 os.execv(sys.argv[3], sys.argv[3:])"""
 NEEDS_BROWSER = pytest.mark.skipif(
-    PROGRAM is None, reason="no Chromium here; Debian's package chromium brings it"
+    CHROMIUM is None, reason="no Chromium here; Debian's package chromium brings it"
 )
-TROUBLE = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
+ERROR_EVENTS = ("Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded")
 
 
 def in_browser(test: Callable[..., None]) -> Callable[..., None]:
@@ -52,13 +52,13 @@ class Browser:
     """One page in a browser; use it in a `with` block.
 
     Attributes:
-        complaints: what the console and the page's scripts and loads had to complain of.
+        complaints: errors and warnings of the console, scripts and loads.
     """
 
     def __init__(self, profile: Path):
         self.complaints: list[dict[str, Any]] = []
         self._count = 0
-        assert PROGRAM is not None
+        assert CHROMIUM is not None
         with ExitStack() as ours:
             theirs: list[int] = []
             ends = os.pipe(), os.pipe()
@@ -67,7 +67,7 @@ class Browser:
                 theirs.append(fcntl.fcntl(yours, fcntl.F_DUPFD, 10))
                 os.close(yours)
             self._out, self._in = ends[0][1], ends[1][0]
-            command = [sys.executable, "-c", START, *map(str, theirs), PROGRAM, *SWITCHES]
+            command = [sys.executable, "-c", START, *map(str, theirs), CHROMIUM, *SWITCHES]
             self._process = subprocess.Popen(
                 [*command, f"--user-data-dir={profile}", "about:blank"],
                 pass_fds=theirs,
@@ -82,11 +82,11 @@ class Browser:
 
     def _begin(self) -> None:
         self._rest, self._session = b"", None
-        (page,) = [item for item in self._tell("Target.getTargets")["targetInfos"] if item["type"] == "page"]
-        attached = self._tell("Target.attachToTarget", targetId=page["targetId"], flatten=True)
+        (page,) = [item for item in self._call("Target.getTargets")["targetInfos"] if item["type"] == "page"]
+        attached = self._call("Target.attachToTarget", targetId=page["targetId"], flatten=True)
         self._session = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log"):
-            self._tell(f"{domain}.enable")
+            self._call(f"{domain}.enable")
 
     def __enter__(self) -> "Browser":
         return self
@@ -95,45 +95,47 @@ class Browser:
         self._ours.close()
 
     def open(self, page: Path, width: int, scheme: str, fragment: str = "") -> None:
-        """Load a page at a width in pixels, for a reader who likes "light" or "dark"."""
-        self._tell(
+        """Load a page at a width in pixels, in the colour scheme "light" or "dark"."""
+        self._call(
             "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
         )
-        self._tell("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        self._call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         # the same page with another fragment alone would not be loaded anew
-        self._tell("Page.navigate", url="about:blank")
-        self._tell("Page.navigate", url=page.as_uri() + fragment)
+        self._call("Page.navigate", url="about:blank")
+        self._call("Page.navigate", url=page.as_uri() + fragment)
         self.run("document.readyState === 'complete' || new Promise(done => addEventListener('load', done))")
 
     def run(self, script: str) -> Any:
-        """Return what a script comes to, awaited, as plain data."""
-        output = self._tell("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        """Return the awaited value of a script as plain data."""
+        output = self._call("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
         assert "exceptionDetails" not in output, output
         return output["result"].get("value")
 
-    def drag(self, start: tuple[float, float], *places: tuple[float, float]) -> None:
-        """Press the mouse at a place of the page, draw it over others, and let it go at the last."""
+    def drag(self, start: tuple[float, float], *positions: tuple[float, float]) -> None:
+        """Drag the mouse from a position of the page over others to the last one."""
 
-        def mouse(kind: str, place: tuple[float, float], **more: int) -> None:
-            self._tell("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", **more)
+        def mouse(kind: str, position: tuple[float, float], **more: int) -> None:
+            self._call(
+                "Input.dispatchMouseEvent", type=kind, x=position[0], y=position[1], button="left", **more
+            )
 
         mouse("mousePressed", start, clickCount=1)
-        for place in places:
-            mouse("mouseMoved", place, buttons=1)
-        mouse("mouseReleased", (start, *places)[-1], clickCount=1)
+        for position in positions:
+            mouse("mouseMoved", position, buttons=1)
+        mouse("mouseReleased", (start, *positions)[-1], clickCount=1)
 
     def press(self, key: str, code: int = 0) -> None:
-        """Press a key and let it go."""
+        """Press and release a key."""
         text = {"text": key} if len(key) == 1 else {}
         for kind in ("keyDown", "keyUp"):
-            self._tell("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **text)
+            self._call("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **text)
 
     def look(self) -> np.ndarray:
         """Return a picture of the window, (height, width, 3)."""
-        data = base64.b64decode(self._tell("Page.captureScreenshot")["data"])
+        data = base64.b64decode(self._call("Page.captureScreenshot")["data"])
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
 
-    def _tell(self, method: str, **params: Any) -> dict[str, Any]:
+    def _call(self, method: str, **params: Any) -> dict[str, Any]:
         self._count += 1
         message = {"id": self._count, "method": method, "params": params}
         if self._session:
@@ -141,13 +143,13 @@ class Browser:
         text = json.dumps(message).encode() + b"\0"
         while text:
             text = text[os.write(self._out, text) :]
-        while (answer := self._heard()).get("id") != self._count:
-            if answer.get("method") in TROUBLE:
+        while (answer := self._receive()).get("id") != self._count:
+            if answer.get("method") in ERROR_EVENTS:
                 self.complaints.append(answer["params"])
         assert "error" not in answer, (method, answer)
         return answer["result"]
 
-    def _heard(self) -> dict[str, Any]:
+    def _receive(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
             piece = os.read(self._in, 1 << 16)
             assert piece, "the browser ended"

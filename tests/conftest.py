@@ -1,8 +1,8 @@
-"""What all tests share: floating-point trouble is an error, random mechanisms are the same every time."""
+"""Shared settings: floating-point errors raise, and random mechanisms are reproducible."""
 
 import os
 
-# as the command line has it, and read when numpy is loaded: threads of linear algebra that wait for work spin
+# as on the command line, and before numpy is loaded: idle threads of linear algebra consume time
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import itertools
@@ -24,8 +24,8 @@ settings.load_profile("mechsim")
 
 
 @pytest.fixture(scope="session", autouse=True)
-def floating_point_trouble_raises() -> Iterator[None]:
-    # underflow to zero is no fault: what vanishes next to the rest is zero
+def floating_point_errors_raise() -> Iterator[None]:
+    # underflow to zero is not an error
     before = np.seterr(over="raise", divide="raise", invalid="raise")
     yield
     np.seterr(**before)
@@ -48,7 +48,7 @@ def fast_clock(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def file(tmp_path: Path) -> Callable[[str], str]:
-    """Return a function that writes the text of a model, MJCF or TOML, and says where."""
+    """Return a function that writes the text of a model, MJCF or TOML, and returns its path."""
 
     def written(text: str) -> str:
         path = tmp_path / ("model.xml" if text.lstrip().startswith("<") else "model.toml")

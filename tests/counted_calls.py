@@ -1,11 +1,11 @@
-"""How many calls something takes: what it costs, on any machine."""
+"""Numbers of function calls: a cost that does not depend on the machine."""
 
 import sys
 from collections.abc import Callable
 
 
 def calls(function: Callable[[], object]) -> int:
-    """Return how many calls of Python's and of C's functions a function makes, and returns from them."""
+    """Return the number of calls of Python and C functions by a function, returns included."""
     counted, before = 0, sys.getprofile()
 
     def count(frame: object, event: str, argument: object) -> None:

@@ -1,4 +1,4 @@
-"""Whether pictures can be drawn here, and the mark of tests that need it."""
+"""Marker of tests that need OpenGL."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from mechsim.pictures.render import gl_backend
 try:
     gl_backend.choose()
 except MissingToolError as missing:
-    WHY = str(missing)
+    REASON = str(missing)
 else:
-    WHY = ""
-draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
+    REASON = ""
+draws = pytest.mark.skipif(bool(REASON), reason=REASON or "OpenGL works")

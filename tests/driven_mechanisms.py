@@ -13,27 +13,27 @@ from mechsim.model.motion_laws import make_motion_laws, tabled
 ALONG_X, ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
-def waving(middle, reach, rate, phase=0.0):
-    """Return a sinusoidal program."""
+def sinusoidal(middle, reach, rate, phase=0.0):
+    """Return a sinusoidal motion law."""
 
     def state(time):
-        turned = rate * time + phase
+        rotated = rate * time + phase
         return (
-            middle + reach * np.sin(turned),
-            reach * rate * np.cos(turned),
-            -reach * rate**2 * np.sin(turned),
+            middle + reach * np.sin(rotated),
+            reach * rate * np.cos(rotated),
+            -reach * rate**2 * np.sin(rotated),
         )
 
     return state
 
 
-def turned(angle):
+def rotation_about_z(angle):
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def five_bar() -> Mechanism:
-    """Arms of 50 mm on pivots 100 mm apart, rods of 90 mm that meet in P above them."""
+    """Return a five-bar: arms of 50 mm on pivots 100 mm apart, rods of 90 mm that meet in P above them."""
 
     def joint(name, a, at_a, b, at_b=0.0):
         return Joint(name, "revolute", End(a, (at_a, 0.0, 0.0)), End(b, (at_b, 0.0, 0.0)))
@@ -50,12 +50,12 @@ def five_bar() -> Mechanism:
         ),
         ("left", "right"),
         {"P": ("b", (0.09, 0.0, 0.0))},
-        guess={"b": Pose(np.array([-0.02, 0.05, 0.0]), turned(0.6))},
+        guess={"b": Pose(np.array([-0.02, 0.05, 0.0]), rotation_about_z(0.6))},
         guess_coordinates={"left": 2.0, "right": 1.0},
     )
 
 
-def where_circles_meet(left, right):
+def circle_intersection(left, right):
     """Return P of the five-bar, above the line of the arms' ends, (n, 2)."""
     a = 0.05 * np.stack([np.cos(left), np.sin(left)], 1)
     d = 0.05 * np.stack([np.cos(right), np.sin(right)], 1) + [0.1, 0.0]
@@ -66,7 +66,7 @@ def where_circles_meet(left, right):
 
 
 def boom(**change) -> Mechanism:
-    """A boom lifted by a cylinder: the cylinder's length is what is driven."""
+    """Return a boom lifted by a cylinder, whose length is driven."""
     whole = Mechanism(
         "boom",
         (Link("boom"), Link("barrel"), Link("rod")),
@@ -79,8 +79,8 @@ def boom(**change) -> Mechanism:
         "stroke",
         {"tip": ("boom", (2.0, 0.0, 0.0))},
         guess={
-            "boom": Pose(np.zeros(3), turned(0.5)),
-            "barrel": Pose(np.array([0.5, -0.2, 0.0]), turned(1.0)),
+            "boom": Pose(np.zeros(3), rotation_about_z(0.5)),
+            "barrel": Pose(np.array([0.5, -0.2, 0.0]), rotation_about_z(1.0)),
         },
         guess_coordinates={"stroke": 0.7},
     )
@@ -88,7 +88,7 @@ def boom(**change) -> Mechanism:
 
 
 def rack_and_cam() -> Mechanism:
-    """A rack and a cam's follower, slides that go with the crank: in a straight line and by a polynomial."""
+    """Return a rack and a cam follower, coupled to the crank linearly and by a polynomial."""
     rack = Joint("rack", "prismatic", End(GROUND, axis=ALONG_X), End("bar", axis=ALONG_X))
     cam = Joint("cam", "prismatic", End(GROUND, axis=ALONG_Y), End("follower", axis=ALONG_Y))
     return Mechanism(
@@ -104,15 +104,15 @@ def rack_and_cam() -> Mechanism:
     )
 
 
-def bending_rack() -> Mechanism:
-    """A pinion to be programmed: its rack goes in a straight line with it, a follower bends with the rack."""
+def nonlinear_rack() -> Mechanism:
+    """Return a driven pinion with a linear rack, and a follower coupled nonlinearly to the rack."""
     whole = rack_and_cam()
-    bent = Coupling("cam", "cam", "rack", (0.0, 0.3, -8.0, 40.0), zeros=(0.003, 0.01))
-    return replace(whole, driver=("crank",), locked={}, couplings=(whole.couplings[0], bent))
+    law = Coupling("cam", "cam", "rack", (0.0, 0.3, -8.0, 40.0), zeros=(0.003, 0.01))
+    return replace(whole, driver=("crank",), locked={}, couplings=(whole.couplings[0], law))
 
 
-def bending_rocker() -> Mechanism:
-    """A four-bar whose rocker, which nothing drives, bends a slide."""
+def nonlinear_rocker() -> Mechanism:
+    """Return a four-bar with a slide coupled nonlinearly to its rocker."""
     whole = catalog.make("four_bar").mechanism
     sides = End(GROUND, (0.0, 0.2, 0.0), ALONG_X), End("slider", axis=ALONG_X)
     return replace(
@@ -124,7 +124,7 @@ def bending_rocker() -> Mechanism:
 
 
 def five_bar_with_cam() -> Mechanism:
-    """A slide on a link of a five-bar that bends with a joint that nothing drives."""
+    """Return a five-bar with a slide coupled nonlinearly to a passive joint."""
     whole = five_bar()
     cam = Joint("cam", "prismatic", End("b", axis=ALONG_X), End("d2", axis=ALONG_X))
     return replace(
@@ -137,7 +137,7 @@ def five_bar_with_cam() -> Mechanism:
 
 
 def press() -> Mechanism:
-    """A screw whose nut a guide keeps from turning."""
+    """Return a screw with a guided nut."""
     return Mechanism(
         "press",
         (Link("spindle"), Link("nut")),
@@ -153,7 +153,7 @@ def press() -> Mechanism:
 
 
 def table(*, backwards: bool) -> Mechanism:
-    """A plate on a plane, its two ways and its turn coupled to the tool on it."""
+    """Return a plate on a plane, its two displacements and its rotation coupled to the tool on it."""
     sides = End(GROUND, axis=(0.2, -0.1, 1.0)), End("plate", (0.02, 0.01, 0.0), axis=(0.1, 0.3, 1.0))
     plane = Joint("plane", "planar", *(sides[::-1] if backwards else sides))
     tool = Joint("tool", "revolute", End("plate", (0.1, 0.0, 0.0), (0.3, 1.0, 0.2)), End("bit"))
@@ -173,27 +173,30 @@ def table(*, backwards: bool) -> Mechanism:
 
 
 def platform():
-    """A platform on six driven legs, their programs, and the function of time by which it was meant to go."""
+    """Return a platform on six driven legs, its motion laws and its exact position as a function of time."""
     rng = np.random.default_rng(3)
     feet = [(0.5 * np.cos(a), 0.5 * np.sin(a), 0.0) for a in np.deg2rad([-8, 8, 112, 128, 232, 248])]
     heads = [(0.3 * np.cos(a), 0.3 * np.sin(a), 0.0) for a in np.deg2rad([-52, 52, 68, 172, 188, 292])]
     feet = [tuple(np.array(foot) + 0.01 * rng.normal(size=3)) for foot in feet]
 
     def stood(time):
-        place = np.array([0.05 * np.sin(time), 0.04 * np.cos(2 * time), 0.5 + 0.06 * np.sin(1.5 * time)])
-        return place, turned(0.2 * np.sin(time))
+        position = np.array([0.05 * np.sin(time), 0.04 * np.cos(2 * time), 0.5 + 0.06 * np.sin(1.5 * time)])
+        return position, rotation_about_z(0.2 * np.sin(time))
 
     time = np.linspace(0.0, 3.0, 121)
     lengths = np.array(
         [
-            [np.linalg.norm(place + turn @ head - foot) for head, foot in zip(heads, feet, strict=True)]
-            for place, turn in map(stood, time)
+            [
+                np.linalg.norm(position + rotation @ head - foot)
+                for head, foot in zip(heads, feet, strict=True)
+            ]
+            for position, rotation in map(stood, time)
         ]
     )
     links, joints, guess = [Link("platform")], [], {}
-    place, turn = stood(0.0)
+    position, rotation = stood(0.0)
     for i, (foot, head) in enumerate(zip(feet, heads, strict=True)):
-        axis = place + turn @ head - foot
+        axis = position + rotation @ head - foot
         along = axis / np.linalg.norm(axis)
         across = np.cross(along, [0.0, 0.3, 1.0])
         across /= np.linalg.norm(across)
@@ -213,7 +216,7 @@ def platform():
         tuple(joints),
         drivers,
         {"P": ("platform", (0.0, 0.0, 0.0)), "Q": ("platform", (0.1, 0.0, 0.1))},
-        guess={**guess, "platform": Pose(place, turn)},
+        guess={**guess, "platform": Pose(position, rotation)},
         guess_coordinates=dict(zip(drivers, lengths[0].tolist(), strict=True)),
     )
     states = {name: tabled(name, time, lengths[:, i]) for i, name in enumerate(drivers)}

@@ -1,6 +1,6 @@
 """Newton's and Euler's laws of each link, from the accelerations of a motion and its reported efforts.
 
-Nothing of either method is used: only the description of the mechanism and of what acts, the motion of the
+Neither method is used, only the descriptions of mechanism and forces, the motion of the
 links, and the reported forces.
 """
 
@@ -30,7 +30,7 @@ class Action:
 
 
 class Posture:
-    """Where links are and how they move, at n instants."""
+    """Poses and velocities of links at n instants."""
 
     def __init__(self, motion: Motion) -> None:
         self.motion, self.n = motion, len(motion)
@@ -52,7 +52,7 @@ class Posture:
         return np.zeros((self.n, 3)) if link == GROUND else self.motion.links[link].angular_velocity
 
     def velocity(self, link: str, point: np.ndarray) -> np.ndarray:
-        """Return the velocity of the point of a link that is at a place."""
+        """Return the velocity of the point of a link at a position."""
         if link == GROUND:
             return np.zeros((self.n, 3))
         moved = self.motion.links[link]
@@ -62,27 +62,27 @@ class Posture:
 def largest_imbalance(
     mechanism: Mechanism, forces: Forces, motion: Motion, efforts: ForceRecord, without: str | None = None
 ) -> float:
-    """Return by how much any link misses its balance, as a part of the largest force on any.
+    """Return the largest imbalance of any link relative to the largest force.
 
     Args:
         mechanism: with an inertia on every link.
-        forces: what acts: gravity, springs, friction, loads and couples.
+        forces: gravity, springs, friction, loads and couples.
         motion: of all links.
-        forces: at the same instants.
+        efforts: reported forces at the same instants.
         without: name of an action to leave out.
     """
-    at = Posture(motion)
+    posture = Posture(motion)
     acting = [item for item in actions(mechanism, forces, motion, efforts) if item.name != without]
     scale = max(
-        float(np.linalg.norm(part, axis=1).max(initial=0.0)) / unit
+        float(np.linalg.norm(vector, axis=1).max(initial=0.0)) / unit
         for item in actions(mechanism, forces, motion, efforts)
-        for part, unit in ((item.force, 1.0), (item.moment, mechanism.characteristic_length))
+        for vector, unit in ((item.force, 1.0), (item.moment, mechanism.characteristic_length))
     )
     worst = 0.0
     for link in mechanism.links:
         assert link.inertia is not None
-        centre = at.point(link.name, link.inertia.centre)
-        force, moment = _inertial(at, link.name, link.inertia)
+        centre = posture.point(link.name, link.inertia.centre)
+        force, moment = _inertial(posture, link.name, link.inertia)
         for item in acting:
             for named, sign in ((item.on, -1.0), (item.by, 1.0)):
                 if named == link.name:
@@ -95,13 +95,18 @@ def largest_imbalance(
 
 
 def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: ForceRecord) -> Iterator[Action]:
-    """Yield all that acts on the links: what is described, and what is reported."""
-    at, none = Posture(motion), np.zeros((len(motion), 3))
+    """Yield all actions on the links, described and reported."""
+    posture, none = Posture(motion), np.zeros((len(motion), 3))
     for link in mechanism.links:
         assert link.inertia is not None
         weight = none + link.inertia.mass * np.asarray(forces.gravity)
         yield Action(
-            f"weight of {link.name}", link.name, None, weight, at.point(link.name, link.inertia.centre), none
+            f"weight of {link.name}",
+            link.name,
+            None,
+            weight,
+            posture.point(link.name, link.inertia.centre),
+            none,
         )
     for i, load in enumerate(forces.loads):
         link, local = located(mechanism, load.location)
@@ -110,86 +115,91 @@ def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Force
             link,
             None,
             load.force.evaluate(motion.angle, motion.time),
-            at.point(link, local),
+            posture.point(link, local),
             none,
         )
     for i, couple in enumerate(forces.couples):
         yield Action(
             f"couple {i}", couple.link, None, none, none, couple.moment.evaluate(motion.angle, motion.time)
         )
-    yield from _springs(mechanism, forces, at)
-    yield from _friction(mechanism, forces, at)
+    yield from _springs(mechanism, forces, posture)
+    yield from _friction(mechanism, forces, posture)
     for name, item in efforts.reactions.items():
         yield Action(f"reaction of {name}", item.link, item.by, item.force, item.point, item.moment)
     for name, item in efforts.meshes.items():
         yield Action(f"teeth of {name}", item.link, item.by, item.force, item.point, none)
     if not efforts.drives:
-        yield along_coordinate(mechanism, at, mechanism.crank.name, efforts.torque, "drive")
+        yield along_coordinate(mechanism, posture, mechanism.crank.name, efforts.torque, "drive")
     for name, effort in {**efforts.drives, **efforts.locked}.items():
-        yield along_coordinate(mechanism, at, name, effort, f"drive of {name}")
-    yield from _ideal_transmissions(mechanism, at, efforts)
+        yield along_coordinate(mechanism, posture, name, effort, f"drive of {name}")
+    yield from _ideal_transmissions(mechanism, posture, efforts)
 
 
 def along_coordinate(
-    mechanism: Mechanism, at: Posture, coordinate: str, effort: np.ndarray, name: str
+    mechanism: Mechanism, posture: Posture, coordinate: str, effort: np.ndarray, name: str
 ) -> Action:
     """Return an effort on a joint's coordinate: on its link b, by its link a."""
     joint = next(joint for joint in mechanism.joints if coordinate in joint.coordinates)
     kind, index = KINDS[joint.kind], joint.coordinates.index(coordinate)
     axis = {"x": 0, "y": 1}.get(kind.slides[index], 2) if index < len(kind.slides) else 2
-    vector = effort[:, None] * at.turned(joint.a.link, joint.a.frame[:, axis])
-    point, none = at.point(joint.b.link, joint.b.point), np.zeros((at.n, 3))
-    parts = (vector, none) if index < len(kind.slides) else (none, vector)
-    return Action(name, joint.b.link, joint.a.link, parts[0], point, parts[1])
+    vector = effort[:, None] * posture.turned(joint.a.link, joint.a.frame[:, axis])
+    point, none = posture.point(joint.b.link, joint.b.point), np.zeros((posture.n, 3))
+    vectors = (vector, none) if index < len(kind.slides) else (none, vector)
+    return Action(name, joint.b.link, joint.a.link, vectors[0], point, vectors[1])
 
 
-def _ideal_transmissions(mechanism: Mechanism, at: Posture, efforts: ForceRecord) -> Iterator[Action]:
+def _ideal_transmissions(mechanism: Mechanism, posture: Posture, efforts: ForceRecord) -> Iterator[Action]:
     """Yield the efforts of couplings that have neither teeth nor a thread."""
     screws = [{*joint.coordinates} for joint in mechanism.joints if joint.kind == "screw"]
     for name, law in mechanism.named_laws.items():
         if name in efforts.meshes or {*law.coordinates} in screws:
             continue
-        joints = at.motion.joints
-        right = sum(weight * joints[of].value for of, weight in law.right_terms.items()) - law.zeros[1]
-        gradient = np.polynomial.Polynomial(law.coefficients).deriv()(right + np.zeros(at.n))
-        for terms, factor in ((law.left_terms, np.ones(at.n)), (law.right_terms, -gradient)):
-            for of, weight in terms.items():
+        joints = posture.motion.joints
+        right = (
+            sum(weight * joints[coordinate].value for coordinate, weight in law.right_terms.items())
+            - law.zeros[1]
+        )
+        gradient = np.polynomial.Polynomial(law.coefficients).deriv()(right + np.zeros(posture.n))
+        for terms, factor in ((law.left_terms, np.ones(posture.n)), (law.right_terms, -gradient)):
+            for coordinate, weight in terms.items():
                 effort = weight * factor * efforts.gears[name]
-                yield along_coordinate(mechanism, at, of, effort, f"coupling {name} on {of}")
+                yield along_coordinate(
+                    mechanism, posture, coordinate, effort, f"coupling {name} on {coordinate}"
+                )
 
 
-def _springs(mechanism: Mechanism, forces: Forces, at: Posture) -> Iterator[Action]:
-    none = np.zeros((at.n, 3))
+def _springs(mechanism: Mechanism, forces: Forces, posture: Posture) -> Iterator[Action]:
+    none = np.zeros((posture.n, 3))
     for i, spring in enumerate(forces.springs):
-        (link_a, a), (link_b, b) = (located(mechanism, place) for place in (spring.a, spring.b))
-        first, second = at.point(link_a, a), at.point(link_b, b)
-        gap = second - first
-        length = np.linalg.norm(gap, axis=1, keepdims=True)
-        closing = at.velocity(link_b, second) - at.velocity(link_a, first)
-        rate = (closing * gap).sum(1, keepdims=True) / length
+        (link_a, a), (link_b, b) = (located(mechanism, position) for position in (spring.a, spring.b))
+        first, second = posture.point(link_a, a), posture.point(link_b, b)
+        difference = second - first
+        length = np.linalg.norm(difference, axis=1, keepdims=True)
+        closing = posture.velocity(link_b, second) - posture.velocity(link_a, first)
+        rate = (closing * difference).sum(1, keepdims=True) / length
         tension = spring.stiffness * (length - spring.rest) + spring.damping * rate
-        yield Action(f"spring {i}", link_a, link_b, tension * gap / length, first, none)
+        yield Action(f"spring {i}", link_a, link_b, tension * difference / length, first, none)
     for spring in forces.joint_springs:
-        stretch = at.motion.joints[spring.joint].value - spring.rest
+        stretch = posture.motion.joints[spring.joint].value - spring.rest
         if mechanism.joint(spring.joint).kind == "revolute":
             stretch = np.angle(np.exp(1j * stretch))
         name = f"spring in {spring.joint}"
-        yield along_coordinate(mechanism, at, spring.joint, -spring.stiffness * stretch, name)
+        yield along_coordinate(mechanism, posture, spring.joint, -spring.stiffness * stretch, name)
 
 
-def _friction(mechanism: Mechanism, forces: Forces, at: Posture) -> Iterator[Action]:
+def _friction(mechanism: Mechanism, forces: Forces, posture: Posture) -> Iterator[Action]:
     """Yield friction in joints that slide or turn about one axis, or about all."""
     for rubbing in forces.friction:
         joint = mechanism.joint(rubbing.joint)
-        spin = at.spin(joint.b.link) - at.spin(joint.a.link)
-        name, point = f"friction in {joint.name}", at.point(joint.b.link, joint.b.point)
+        spin = posture.spin(joint.b.link) - posture.spin(joint.a.link)
+        name, point = f"friction in {joint.name}", posture.point(joint.b.link, joint.b.point)
         if joint.kind == "spherical":
             speed = np.linalg.norm(spin, axis=1, keepdims=True)
             couple = -(rubbing.viscous + rubbing.coulomb / np.where(speed > 0.0, speed, 1.0)) * spin
-            yield Action(name, joint.b.link, joint.a.link, np.zeros((at.n, 3)), point, couple)
+            yield Action(name, joint.b.link, joint.a.link, np.zeros((posture.n, 3)), point, couple)
             continue
-        axis = at.turned(joint.a.link, joint.a.axis)
-        moved = at.velocity(joint.b.link, point) - at.velocity(joint.a.link, point)
+        axis = posture.turned(joint.a.link, joint.a.axis)
+        moved = posture.velocity(joint.b.link, point) - posture.velocity(joint.a.link, point)
         rates = {"slide": (moved * axis).sum(1), "turn": (spin * axis).sum(1)}
         mixed, sliding = KINDS[joint.kind].mixed, bool(KINDS[joint.kind].slides)
         own = (rubbing.viscous, rubbing.coulomb)
@@ -198,15 +208,15 @@ def _friction(mechanism: Mechanism, forces: Forces, at: Posture) -> Iterator[Act
             kind: -(viscous * rates[kind] + dry * np.sign(rates[kind]))[:, None] * axis
             for kind, (viscous, dry) in sizes.items()
         }
-        force = resisted["slide"] if sliding else np.zeros((at.n, 3))
-        couple = resisted["turn"] if mixed or not sliding else np.zeros((at.n, 3))
+        force = resisted["slide"] if sliding else np.zeros((posture.n, 3))
+        couple = resisted["turn"] if mixed or not sliding else np.zeros((posture.n, 3))
         yield Action(name, joint.b.link, joint.a.link, force, point, couple)
 
 
-def _inertial(at: Posture, link: str, inertia: object) -> tuple[np.ndarray, np.ndarray]:
+def _inertial(posture: Posture, link: str, inertia: object) -> tuple[np.ndarray, np.ndarray]:
     """Return m a of the centre of mass, and I alpha + omega x I omega about it."""
-    moved = at.motion.links[link]
-    spin, arm = moved.angular_velocity, at.turned(link, inertia.centre)
+    moved = posture.motion.links[link]
+    spin, arm = moved.angular_velocity, posture.turned(link, inertia.centre)
     turning = np.cross(moved.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
     matrix = moved.rotation @ np.asarray(inertia.moments) @ np.swapaxes(moved.rotation, 1, 2)
     moment = (matrix @ moved.angular_acceleration[..., None])[..., 0]
@@ -217,32 +227,32 @@ def _inertial(at: Posture, link: str, inertia: object) -> tuple[np.ndarray, np.n
 def largest_work(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> float:
     """Return the largest power of any reaction in its joint, or of teeth at their pitch point.
 
-    It is a part of the largest force times the largest speed. What geometry transmits does no work.
+    It is relative to the largest force times the largest speed. Ideal constraints do no work.
     """
-    at, power, force, speed = Posture(motion), 0.0, 0.0, 0.0
+    posture, power, force, speed = Posture(motion), 0.0, 0.0, 0.0
     pairs = [(item, item.moment) for item in efforts.reactions.values()]
     pairs += [(item, np.zeros_like(item.force)) for item in efforts.meshes.values()]
     for item, moment in pairs:
-        velocities = [at.velocity(link, item.point) for link in (item.link, item.by)]
-        spins = [mechanism.characteristic_length * at.spin(link) for link in (item.link, item.by)]
+        velocities = [posture.velocity(link, item.point) for link in (item.link, item.by)]
+        spins = [mechanism.characteristic_length * posture.spin(link) for link in (item.link, item.by)]
         moment = moment / mechanism.characteristic_length
         work = item.force * (velocities[0] - velocities[1]) + moment * (spins[0] - spins[1])
         power = max(power, float(np.abs(work.sum(1)).max()))
-        force = max(force, *(float(np.abs(part).max()) for part in (item.force, moment)))
-        speed = max(speed, *(float(np.abs(part).max()) for part in (*velocities, *spins)))
+        force = max(force, *(float(np.abs(vector).max()) for vector in (item.force, moment)))
+        speed = max(speed, *(float(np.abs(vector).max()) for vector in (*velocities, *spins)))
     return power / (force * speed)
 
 
 def largest_slip(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> float:
-    """Return the largest speed with which pitch circles slip, as a part of the largest speed of any wheel."""
-    at, slip, speed = Posture(motion), 0.0, 0.0
+    """Return the largest slip speed of pitch circles relative to the largest speed of any wheel."""
+    posture, slip, speed = Posture(motion), 0.0, 0.0
     for item in efforts.meshes.values():
-        velocities = [at.velocity(link, item.point) for link in (item.link, item.by)]
+        velocities = [posture.velocity(link, item.point) for link in (item.link, item.by)]
         slip = max(slip, float(np.abs(velocities[0] - velocities[1]).max()))
         speed = max(
             speed,
             *(
-                mechanism.characteristic_length * float(np.abs(at.spin(link)).max())
+                mechanism.characteristic_length * float(np.abs(posture.spin(link)).max())
                 for link in (item.link, item.by)
             ),
         )

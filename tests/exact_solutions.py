@@ -1,4 +1,4 @@
-"""The same mechanisms with 50 digits and by other formulas: what the closed forms are measured against.
+"""Reference solutions with 50 digits and other formulas, for comparison with the closed forms.
 
 Each function returns a tracked point's position and its first and second derivative by the crank
 angle, as arrays of doubles rounded from 50 digits.
@@ -18,59 +18,59 @@ Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
 DIGITS = 50
 
 
-def rssr_p3(drive: Rssr, f: float) -> Derivatives:
+def rssr_p3(linkage: Rssr, f: float) -> Derivatives:
     """P3 with its derivatives by the crank angle."""
     with mp.workdps(DIGITS):
-        return _derivatives(lambda angle: rssr_p3_place(drive, angle), f)
+        return _derivatives(lambda angle: rssr_p3_place(linkage, angle), f)
 
 
-def rssr_p3_place(drive: Any, angle: mp.mpf) -> list[mp.mpf]:
+def rssr_p3_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
     """P3 by the swing t of the rocker: |P4 + r (x cos t + y sin t) - P2| = l is A cos t + B sin t = K."""
-    g1, g2 = mp.mpf(drive.gamma1), mp.mpf(drive.gamma2)
+    g1, g2 = mp.mpf(linkage.gamma1), mp.mpf(linkage.gamma2)
     x = [mp.cos(g1), mp.mpf(0), -mp.sin(g1)]
     y = [mp.sin(g1) * mp.sin(g2), mp.cos(g2), mp.cos(g1) * mp.sin(g2)]
-    pivot = [mp.mpf(value) for value in drive.pivot]
-    r, rod, c = mp.mpf(drive.rocker), mp.mpf(drive.coupler), mp.mpf(drive.crank)
+    pivot = [mp.mpf(value) for value in linkage.pivot]
+    r, rod, c = mp.mpf(linkage.rocker), mp.mpf(linkage.coupler), mp.mpf(linkage.crank)
     d = [p - q for p, q in zip([0, c * mp.cos(angle), c * mp.sin(angle)], pivot, strict=True)]
     a, b = (2 * r * mp.fdot(d, u) for u in (x, y))
     k = mp.fdot(d, d) + r * r - rod * rod
     # the rocker lies ahead of P4P2 by less than half a turn where P4P3 . (P4P2 x axis) < 0
-    t = mp.atan2(b, a) - drive.branch * mp.acos(k / mp.hypot(a, b))
+    t = mp.atan2(b, a) - linkage.branch * mp.acos(k / mp.hypot(a, b))
     return [p + r * (u * mp.cos(t) + v * mp.sin(t)) for p, u, v in zip(pivot, x, y, strict=True)]
 
 
-def four_bar_b(drive: FourBar, f: float) -> Derivatives:
+def four_bar_b(linkage: FourBar, f: float) -> Derivatives:
     """B with its derivatives by the crank angle."""
     with mp.workdps(DIGITS):
-        return _derivatives(lambda angle: four_bar_b_place(drive, angle), f)
+        return _derivatives(lambda angle: four_bar_b_place(linkage, angle), f)
 
 
-def four_bar_b_place(drive: Any, angle: mp.mpf) -> list[mp.mpf]:
+def four_bar_b_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
     """B by the half-angle roots of Freudenstein's equation."""
-    g, a = mp.mpf(drive.ground), mp.mpf(drive.crank)
-    rod, r = mp.mpf(drive.coupler), mp.mpf(drive.rocker)
+    g, a = mp.mpf(linkage.ground), mp.mpf(linkage.crank)
+    rod, r = mp.mpf(linkage.coupler), mp.mpf(linkage.rocker)
     ax, ay = a * mp.cos(angle) - g, a * mp.sin(angle)
     # p cos t + q sin t = k for the rocker angle t
     p, q, k = 2 * r * ax, 2 * r * ay, ax * ax + ay * ay + r * r - rod * rod
     root = mp.sqrt(p * p + q * q - k * k)
     t = min(
         (2 * mp.atan2(q + sign * root, p + k) for sign in (1, -1)),
-        key=lambda t: -drive.branch * r * (mp.cos(t) * ay - mp.sin(t) * ax),
+        key=lambda t: -linkage.branch * r * (mp.cos(t) * ay - mp.sin(t) * ax),
     )
     return [g + r * mp.cos(t), r * mp.sin(t), mp.mpf(0)]
 
 
-def slider_crank_b(drive: SliderCrank, f: float) -> Derivatives:
+def slider_crank_b(linkage: SliderCrank, f: float) -> Derivatives:
     """B with its derivatives by the crank angle."""
     with mp.workdps(DIGITS):
-        return _derivatives(lambda angle: slider_crank_b_place(drive, angle), f)
+        return _derivatives(lambda angle: slider_crank_b_place(linkage, angle), f)
 
 
-def slider_crank_b_place(drive: Any, angle: mp.mpf) -> list[mp.mpf]:
+def slider_crank_b_place(linkage: Any, angle: mp.mpf) -> list[mp.mpf]:
     """B by Pythagoras."""
-    crank, rod, offset = mp.mpf(drive.crank), mp.mpf(drive.rod), mp.mpf(drive.offset)
+    crank, rod, offset = mp.mpf(linkage.crank), mp.mpf(linkage.rod), mp.mpf(linkage.offset)
     leg = mp.sqrt(rod**2 - (offset - crank * mp.sin(angle)) ** 2)
-    return [crank * mp.cos(angle) + drive.branch * leg, offset, mp.mpf(0)]
+    return [crank * mp.cos(angle) + linkage.branch * leg, offset, mp.mpf(0)]
 
 
 def unit_at_angles(v1: np.ndarray, v2: np.ndarray, angle1: float, angle2: float, sign: int) -> np.ndarray:

@@ -9,29 +9,31 @@ from mechsim.model.links import Pose
 from mechsim.model.motion import Motion
 
 
-def agrees_with_loop_equations(drive: ClosedForm, motion: Motion, slack: float = 1.0) -> None:
-    """Assert that links close the loops and that points, links and joints move as the loops ask."""
-    mechanism = drive.mechanism
+def agrees_with_loop_equations(linkage: ClosedForm, motion: Motion, slack: float = 1.0) -> None:
+    """Assert that a motion satisfies the loop equations and their derivatives."""
+    mechanism = linkage.mechanism
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-    open_by, turned_by = loops.residual_norms(mechanism, poses, motion.angle)
-    assert open_by.max() <= slack * CLOSED * longest(drive)
-    assert turned_by.max() <= slack * 32 * EPS
+    length_residual, angle_residual = loops.residual_norms(mechanism, poses, motion.angle)
+    assert length_residual.max() <= slack * CLOSED * longest(linkage)
+    assert angle_residual.max() <= slack * 32 * EPS
     exact = loops.rates(mechanism, poses, motion.angle, motion.speed, motion.acceleration)
     assert motion.joints.keys() == exact.joints.keys()
     square = float((motion.speed**2).max())
     for kind in ("points", "links", "joints"):
         for name, measured in getattr(motion, kind).items():
             expected = getattr(exact, kind)[name]
-            for part in measured.__dataclass_fields__:
-                if part in ("unit", "index") or (name in motion.spinning and "angular" in part):
+            for quantity in measured.__dataclass_fields__:
+                if quantity in ("unit", "index") or (name in motion.spinning and "angular" in quantity):
                     continue
-                gap = getattr(measured, part) - getattr(expected, part)
-                if part == "value" and measured.unit == "rad":
-                    gap = gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi))
-                angle = "angular" in part or part == "rotation" or getattr(measured, "unit", "m") == "rad"
-                unit = 1.0 if angle else longest(drive)
-                if part in ("position", "rotation", "value"):
-                    assert np.abs(gap).max() <= 1e-13 * unit, (kind, name, part)
+                difference = getattr(measured, quantity) - getattr(expected, quantity)
+                if quantity == "value" and measured.unit == "rad":
+                    difference = difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi))
+                angle = (
+                    "angular" in quantity or quantity == "rotation" or getattr(measured, "unit", "m") == "rad"
+                )
+                unit = 1.0 if angle else longest(linkage)
+                if quantity in ("position", "rotation", "value"):
+                    assert np.abs(difference).max() <= 1e-13 * unit, (kind, name, quantity)
                 else:
-                    scale = max(np.abs(getattr(expected, part)).max(), square * unit)
-                    assert np.abs(gap).max() <= 1e-10 * scale, (kind, name, part)
+                    scale = max(np.abs(getattr(expected, quantity)).max(), square * unit)
+                    assert np.abs(difference).max() <= 1e-10 * scale, (kind, name, quantity)

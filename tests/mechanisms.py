@@ -1,4 +1,4 @@
-"""Mechanisms that are in no catalogue, one for each kind of joint, loop and gear, ready to be assembled."""
+"""Mechanisms for each kind of joint, loop and gear that the catalogue does not contain."""
 
 from dataclasses import replace
 
@@ -76,12 +76,14 @@ def rscr() -> Mechanism:
 
 
 def bennett() -> Mechanism:
-    """Bennett's overconstrained spatial 4R: closed at a revolute joint, three of its six rows redundant."""
+    """Bennett's overconstrained spatial 4R: cut at a revolute joint, three of its six equations redundant."""
     twist, other, length = 0.6, 1.1, 0.05
-    far = length * float(np.sin(other) / np.sin(twist))
+    long_side = length * float(np.sin(other) / np.sin(twist))
 
-    def end(link: str, reach: float, turn: float) -> End:
-        return End(link, (reach, 0.0, 0.0), (0.0, -float(np.sin(turn)), float(np.cos(turn))), (1.0, 0.0, 0.0))
+    def end(link: str, reach: float, angle: float) -> End:
+        return End(
+            link, (reach, 0.0, 0.0), (0.0, -float(np.sin(angle)), float(np.cos(angle))), (1.0, 0.0, 0.0)
+        )
 
     return placed(
         Mechanism(
@@ -89,9 +91,9 @@ def bennett() -> Mechanism:
             (Link("crank"), Link("coupler"), Link("rocker")),
             (
                 Joint("crank", "revolute", end(GROUND, length, twist), end("crank", 0.0, 0.0)),
-                Joint("A", "revolute", end("crank", far, other), end("coupler", 0.0, 0.0)),
+                Joint("A", "revolute", end("crank", long_side, other), end("coupler", 0.0, 0.0)),
                 Joint("B", "revolute", end("coupler", length, twist), end("rocker", 0.0, 0.0)),
-                Joint("rocker", "revolute", end(GROUND, 0.0, 0.0), end("rocker", far, other)),
+                Joint("rocker", "revolute", end(GROUND, 0.0, 0.0), end("rocker", long_side, other)),
             ),
             "crank",
             {"B": ("rocker", (0.0, 0.0, 0.0)), "K": ("coupler", (0.02, 0.01, 0.03))},
@@ -106,7 +108,7 @@ def bennett() -> Mechanism:
 
 
 def geared_five_bar(ratio: float = -1.5) -> Mechanism:
-    """Planar five-bar whose two cranks are geared; a ratio that is no whole number takes two turns."""
+    """Planar five-bar whose two cranks are geared; a half-integer ratio has a period of two revolutions."""
     return placed(
         Mechanism(
             "geared_five_bar",
@@ -135,25 +137,26 @@ def geared_five_bar(ratio: float = -1.5) -> Mechanism:
 def three_cranks(
     place: tuple[float, float], crank: float = 0.03, ground: float = 0.1, start: float = 0.35
 ) -> Mechanism:
-    """A parallelogram with a third parallel crank, pivoted at a place of frame and coupler."""
+    """Return a parallelogram with a third parallel crank, pivoted at a position of frame and coupler."""
     out, pivots = (crank, 0.0, 0.0), {"crank": (0.0, 0.0, 0.0), "rocker": (ground, 0.0, 0.0)}
     pivots["third"] = (*place, 0.0)
-    joints = [Joint(name, "revolute", End(GROUND, at), End(name)) for name, at in pivots.items()]
+    joints = [Joint(name, "revolute", End(GROUND, position), End(name)) for name, position in pivots.items()]
     joints += [
-        Joint(f"{name} pin", "revolute", End(name, out), End("coupler", at)) for name, at in pivots.items()
+        Joint(f"{name} pin", "revolute", End(name, out), End("coupler", position))
+        for name, position in pivots.items()
     ]
-    turn = np.array(
+    rotation = np.array(
         [[np.cos(start), -np.sin(start), 0], [np.sin(start), np.cos(start), 0], [0, 0, 1]], dtype=float
     )
-    guess = {name: Pose(np.array(at), turn) for name, at in pivots.items()}
-    guess["coupler"] = Pose(turn @ np.array(out), np.eye(3))
+    guess = {name: Pose(np.array(position), rotation) for name, position in pivots.items()}
+    guess["coupler"] = Pose(rotation @ np.array(out), np.eye(3))
     point = {"B": ("coupler", (ground, 0.0, 0.0))}
     links = tuple(Link(name) for name in guess)
     return Mechanism("three cranks", links, tuple(joints), "crank", point, guess=guess, start=start)
 
 
 def swapped(mechanism: Mechanism) -> Mechanism:
-    """The same mechanism with the two sides of every joint but the crank's named the other way round."""
+    """Return the mechanism with exchanged sides of every joint but the crank's."""
     fixed = {mechanism.driver, *(gear.driven for gear in mechanism.gears)}
     joints = tuple(
         joint if joint.name in fixed else replace(joint, a=joint.b, b=joint.a) for joint in mechanism.joints
@@ -166,9 +169,9 @@ def everything() -> list[Mechanism]:
 
 
 def placed(mechanism: Mechanism, guess: dict[str, tuple[Vector, Vector]]) -> Mechanism:
-    """Return the mechanism with a rough guess, link -> position and rotation vector, made into poses."""
+    """Return the mechanism with a guess: link -> position and rotation vector."""
     poses = {
-        name: Pose(np.array(place), loops.turned_by(np.eye(3)[None], np.array([turn]))[0])
-        for name, (place, turn) in guess.items()
+        name: Pose(np.array(position), loops.turned_by(np.eye(3)[None], np.array([rotation]))[0])
+        for name, (position, rotation) in guess.items()
     }
     return mechanism.with_guess(poses, mechanism.start)

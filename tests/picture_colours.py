@@ -1,4 +1,4 @@
-"""Where a picture shows which hue."""
+"""Hues of pictures."""
 
 from colorsys import rgb_to_hsv
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def hues(picture):
-    """Hue (0 to 1) and saturation of every pixel."""
+    """Return hue (0 to 1) and saturation of every pixel."""
     colours = picture.reshape(-1, 3).astype(np.float64) / 255.0
     high, low = colours.max(1), colours.min(1)
     spread = np.where(high > low, high - low, 1.0)
@@ -19,8 +19,8 @@ def hues(picture):
 
 
 def coloured(picture, rgba, least=0.25):
-    """Where a picture shows a hue, as a mask."""
+    """Return a mask of the pixels of a hue."""
     hue, saturation = hues(picture)
-    wanted = rgb_to_hsv(*rgba[:3])[0]
-    apart = np.abs(hue - wanted)
-    return (np.minimum(apart, 1.0 - apart) < 0.035) & (saturation > least)
+    expected = rgb_to_hsv(*rgba[:3])[0]
+    distance = np.abs(hue - expected)
+    return (np.minimum(distance, 1.0 - distance) < 0.035) & (saturation > least)

@@ -1,4 +1,4 @@
-"""Small scenes in MJCF, as users have them: a gripper's finger under a servo, its loop closed softly."""
+"""A small MJCF scene: the finger of a gripper under a servo, with a soft loop constraint."""
 
 from mechsim.studies.scene.scene import scene_of
 from mechsim.subjects.law_text import control_laws
@@ -43,13 +43,13 @@ def scene(folder, *, ctrl=None, drive=None, text=FINGER, duration=0.5):
     """Return the scene of a text and its motion."""
     path = folder / "finger.xml"
     path.write_text(text)
-    form = load(str(path), drive=drive)
-    motion_laws = form.motion_laws.by_name
-    fed = control_laws(ctrl or {})
-    return scene_of(form.source, form.mechanism, joint_laws=motion_laws, ctrl=fed, duration=duration)
+    solver = load(str(path), drive=drive)
+    motion_laws = solver.motion_laws.by_name
+    control = control_laws(ctrl or {})
+    return scene_of(solver.source, solver.mechanism, joint_laws=motion_laws, ctrl=control, duration=duration)
 
 
-# the finger on a base that floats
+# the finger on a floating base
 FLOATING = FINGER.replace(
     "<worldbody>",
     '<worldbody><body name="hull" pos="0 0 1"><freejoint name="float"/><inertial mass="1" pos="0 0 0" '

@@ -18,7 +18,7 @@ from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 
 Mirror = Callable[[ClosedForm], tuple[ClosedForm, float, np.ndarray]]
 EPS = np.finfo(np.float64).eps
-# the loops of a closed form close to this part of the longest link, frame distances included
+# allowed residual of a closed form relative to its longest length, frame distances included
 CLOSED = 8 * EPS
 
 # steps with an odd remainder: generic geometry only, no zeros, right angles or denormal numbers
@@ -31,7 +31,7 @@ branches = st.sampled_from([1, -1])
 @st.composite
 def rssrs(draw: st.DrawFn) -> Rssr:
     """A spatial four-bar whose coupler fits at one crank and rocker angle, so that it can be assembled."""
-    rough = Rssr(
+    base = Rssr(
         crank=draw(lengths),
         rocker=draw(lengths),
         pivot=tuple(draw(offsets) for _ in range(3)),
@@ -40,12 +40,12 @@ def rssrs(draw: st.DrawFn) -> Rssr:
         branch=draw(branches),
     )
     f, swing = draw(turns), draw(turns)
-    x, y, _ = rough.rocker_frame.T
-    p2 = rough.crank * np.array([0.0, np.cos(f), np.sin(f)])
-    p3 = np.array(rough.pivot) + rough.rocker * (np.cos(swing) * x + np.sin(swing) * y)
+    x, y, _ = base.rocker_frame.T
+    p2 = base.crank * np.array([0.0, np.cos(f), np.sin(f)])
+    p3 = np.array(base.pivot) + base.rocker * (np.cos(swing) * x + np.sin(swing) * y)
     coupler = float(np.linalg.norm(p3 - p2))
     assume(coupler > 0.005)
-    return replace(rough, coupler=coupler)
+    return replace(base, coupler=coupler)
 
 
 @st.composite
@@ -54,7 +54,7 @@ def four_bars(draw: st.DrawFn) -> FourBar:
     crank, rocker, ground = (draw(lengths) for _ in range(3))
     f, swing = draw(turns), draw(turns)
     coupler = abs(crank * np.exp(1j * f) - ground - rocker * np.exp(1j * swing))
-    # two equal links let the pin meet a pivot, where the rocker may point anywhere
+    # two equal links let the pin reach a pivot, where the rocker is undetermined
     assume(coupler > 0.005 and np.diff(np.sort([ground, crank, coupler, rocker])).min() > 2e-5)
     return FourBar(
         ground=ground,
@@ -92,7 +92,7 @@ def rrsrrs(draw: st.DrawFn) -> Rrsrr:
 @st.composite
 def loopers(draw: st.DrawFn) -> Looper:
     """A looper that fits at one crank angle, one rocker angle and one swing of the follower."""
-    rough = Looper(
+    base = Looper(
         crank=draw(lengths),
         rocker=draw(lengths),
         frame=draw(lengths),
@@ -104,18 +104,18 @@ def loopers(draw: st.DrawFn) -> Looper:
         side=draw(branches),
     )
     f, swing, cone, tilt = (draw(turns) for _ in range(4))
-    a = rough.crank * np.exp(1j * f)
-    b = rough.frame * np.exp(1j * rough.frame_angle) + rough.rocker * np.exp(1j * swing)
-    sides = np.sort([abs(b - a), rough.crank, rough.rocker, rough.frame])
-    assume(abs(b - a) > 0.005 and abs(np.sin(rough.arm_angle)) > 0.05 and np.diff(sides).min() > 2e-5)
+    a = base.crank * np.exp(1j * f)
+    b = base.frame * np.exp(1j * base.frame_angle) + base.rocker * np.exp(1j * swing)
+    sides = np.sort([abs(b - a), base.crank, base.rocker, base.frame])
+    assume(abs(b - a) > 0.005 and abs(np.sin(base.arm_angle)) > 0.05 and np.diff(sides).min() > 2e-5)
     along = (b - a) / abs(b - a)
-    out = rough.arm * np.sin(rough.arm_angle)
-    y = (a + along * (rough.arm * np.cos(rough.arm_angle) + 1j * out * np.cos(cone))).imag
+    out = base.arm * np.sin(base.arm_angle)
+    y = (a + along * (base.arm * np.cos(base.arm_angle) + 1j * out * np.cos(cone))).imag
     return replace(
-        rough,
+        base,
         coupler=float(abs(b - a)),
-        axis_y=float(y - rough.follower * np.cos(tilt)),
-        axis_z=float(out * np.sin(cone) - rough.follower * np.sin(tilt)),
+        axis_y=float(y - base.follower * np.cos(tilt)),
+        axis_z=float(out * np.sin(cone) - base.follower * np.sin(tilt)),
     )
 
 
@@ -132,17 +132,17 @@ def random_knitter(seed: int, ratio: float = -2.0) -> WarpKnitter:
     """A warp knitter whose legs fit one random pose at crank angle 0, in a random assembly."""
     rng = np.random.default_rng(seed)
     legs, base = [0.0], [0.0]
-    # legs much shorter than the rest are beyond what the sextic tolerances
+    # the sextic is ill-conditioned for legs much shorter than the rest
     while min(legs) < 0.015 or min(base) < 0.01:
         cranks, phase = rng.uniform(0.003, 0.012, 2), float(rng.uniform(-3, 3))
         pivot2, pivot_rocker = rng.uniform(-0.08, 0.08, (2, 2))
         base_c, base_k = rng.uniform(-0.05, 0.05, (2, 2))
         pins = [cranks[0], complex(*pivot2) + cranks[1] * np.exp(1j * phase), complex(*pivot_rocker)]
-        place, turn = complex(*rng.uniform(-0.06, 0.06, 2)), np.exp(1j * rng.uniform(0, 2.0 * np.pi))
-        ends = [place, place + turn * complex(*base_c), place + turn * complex(*base_k)]
+        position, rotation = complex(*rng.uniform(-0.06, 0.06, 2)), np.exp(1j * rng.uniform(0, 2.0 * np.pi))
+        ends = [position, position + rotation * complex(*base_c), position + rotation * complex(*base_k)]
         legs = [float(abs(end - pin)) for end, pin in zip(ends, pins, strict=True)]
         base = [np.hypot(*base_c), np.hypot(*base_k)]
-    drive = WarpKnitter(
+    linkage = WarpKnitter(
         crank1=float(cranks[0]),
         crank2=float(cranks[1]),
         rod3=legs[0],
@@ -156,7 +156,7 @@ def random_knitter(seed: int, ratio: float = -2.0) -> WarpKnitter:
         gear_ratio=ratio,
         assembly=1,
     )
-    return replace(drive, assembly=int(rng.integers(1, len(drive.assemblies(0.0)) + 1)))
+    return replace(linkage, assembly=int(rng.integers(1, len(linkage.assemblies(0.0)) + 1)))
 
 
 @st.composite
@@ -165,50 +165,52 @@ def warp_knitters(draw: st.DrawFn) -> WarpKnitter:
     return random_knitter(draw(st.integers(0, 10**6)), draw(st.sampled_from([-2.0, -1.5])))
 
 
-def angles_of(drive: ClosedForm, count: int = 12, lowest_transmission: float = 0.0) -> np.ndarray:
+def angles_of(linkage: ClosedForm, count: int = 12, lowest_transmission: float = 0.0) -> np.ndarray:
     """Return crank angles spread over the range, ends left out; unfit examples are discarded."""
-    arcs = drive.crank_range().arcs
+    arcs = linkage.crank_range().arcs
     assume(arcs and all(high - low > 1e-3 for low, high in arcs))
-    parts = (np.arange(count) + 0.37) / count
-    angles = np.concatenate([low + (high - low) * parts for low, high in arcs])
+    fractions = (np.arange(count) + 0.37) / count
+    angles = np.concatenate([low + (high - low) * fractions for low, high in arcs])
     if lowest_transmission:
-        angles = angles[drive.transmission_angle(angles) > lowest_transmission]
+        angles = angles[linkage.transmission_angle(angles) > lowest_transmission]
         assume(len(angles) > 0)
     return angles
 
 
-def longest(drive: ClosedForm) -> float:
+def longest(linkage: ClosedForm) -> float:
     """Return the longest length of a mechanism, frame distances included, in [m]."""
-    lengths = [np.atleast_1d(getattr(drive, f.name)) for f in fields(drive) if f.metadata["unit"] == "m"]
-    return max(drive.mechanism.characteristic_length, *(float(np.linalg.norm(length)) for length in lengths))
+    lengths = [np.atleast_1d(getattr(linkage, f.name)) for f in fields(linkage) if f.metadata["unit"] == "m"]
+    return max(
+        linkage.mechanism.characteristic_length, *(float(np.linalg.norm(length)) for length in lengths)
+    )
 
 
 def flipped(axis: int, *changed: str, angle: float = 1.0) -> Mirror:
-    """Return the mirror image across a plane: places are mirrored, other parameters change their sign."""
+    """Return the mirror image across a plane: positions are mirrored, other parameters change sign."""
     image = np.ones(3)
     image[axis] = -1.0
 
-    def mirror(drive: ClosedForm) -> tuple[ClosedForm, float, np.ndarray]:
-        values = {name: getattr(drive, name) for name in changed}
-        turned = {
+    def mirror(linkage: ClosedForm) -> tuple[ClosedForm, float, np.ndarray]:
+        values = {name: getattr(linkage, name) for name in changed}
+        rotated = {
             name: tuple((image[: len(value)] * value).tolist()) if isinstance(value, tuple) else -value
             for name, value in values.items()
         }
-        return replace(drive, **turned), angle, image
+        return replace(linkage, **rotated), angle, image
 
     return mirror
 
 
 @dataclass(frozen=True)
 class Case:
-    """How the laws try a mechanism of the catalogue.
+    """Test data of a mechanism of the catalogue.
 
     Attributes:
-        random: random ones of it.
-        mirror: its mirror image, the sense in which its crank then turns, and the image of a point.
-        scaled: part of the size by which a motion scaled by a power of two may differ: 0 but for roots found
+        random: strategy of random mechanisms.
+        mirror: the mirrored mechanism, the direction of its crank, and the image of a point.
+        scaled: relative difference allowed for a motion scaled by a power of two: 0 except for roots found
             numerically.
-        slack: what the loops may have a loop-closure error of, in units of `CLOSED`.
+        slack: allowed residual of the loops, in units of `CLOSED`.
     """
 
     random: st.SearchStrategy[ClosedForm]

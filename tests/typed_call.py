@@ -1,4 +1,4 @@
-"""What a command said, for tests that type one."""
+"""Exit code and output of a command, for tests that run one."""
 
 from collections.abc import Callable
 from typing import NamedTuple

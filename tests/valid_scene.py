@@ -1,6 +1,6 @@
-"""A scene of which nothing is to be said, and the same with pieces of its text changed."""
+"""A scene without findings, and variants with changed text."""
 
-# a four-bar on ball joints about the coupler, so that no row of its loop repeats another
+# a four-bar with a ball joint, so that its loop has no redundant equation
 SOUND = """<mujoco model="four-bar">
   <option timestep="0.001" gravity="0 0 -9.81"/>
   <compiler angle="radian" autolimits="true"/>
@@ -35,7 +35,7 @@ SOUND = """<mujoco model="four-bar">
 
 
 def changed(*changes):
-    """Return the text of the scene with pieces replaced, each of which it holds once."""
+    """Return the text of the scene with replaced pieces, each of which occurs once."""
     text = SOUND
     for old, new in changes:
         assert text.count(old) == 1, old

@@ -1,4 +1,4 @@
-"""Assembly where the guess leaves links out: any pose that closes will do, but one must be found."""
+"""Assembly with an incomplete guess: any configuration that satisfies the loop equations is accepted."""
 
 import re
 from dataclasses import replace
@@ -18,7 +18,7 @@ from mechsim.model.mechanism import Mechanism
 
 
 def spherical(seed: int, *, reach: float = 1.0) -> Mechanism:
-    """A spherical four-bar drawn around a pose that closes; `reach` scales the coupler's arc."""
+    """Return a spherical four-bar near an assembled pose; `reach` scales the arc of the coupler."""
     rng = np.random.default_rng(seed)
     axes = [item / np.linalg.norm(item) for item in rng.normal(size=(4, 3))]
     frames = [np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(3)]
@@ -29,23 +29,23 @@ def spherical(seed: int, *, reach: float = 1.0) -> Mechanism:
         own = axis if link < 0 else frames[link].T @ axis
         return End("ground" if link < 0 else names[link], axis=tuple(own.tolist()))
 
-    far = axes[2] if reach == 1.0 else axes[1] + reach * (axes[2] - axes[1])
+    far_axis = axes[2] if reach == 1.0 else axes[1] + reach * (axes[2] - axes[1])
     joints = (
         Joint("crank", "revolute", end(-1, axes[0]), end(0, axes[0])),
         Joint("A", "revolute", end(0, axes[1]), end(1, axes[1])),
-        Joint("B", "revolute", end(1, far), end(2, axes[2])),
+        Joint("B", "revolute", end(1, far_axis), end(2, axes[2])),
         Joint("rocker", "revolute", end(-1, axes[3]), end(2, axes[3])),
     )
-    turned = joints[0].a.frame.T @ frames[0] @ joints[0].b.frame
-    start = float(np.arctan2(turned[1, 0], turned[0, 0]))
+    rotated = joints[0].a.frame.T @ frames[0] @ joints[0].b.frame
+    start = float(np.arctan2(rotated[1, 0], rotated[0, 0]))
     links = tuple(Link(name) for name in names)
     return Mechanism("sphere", links, joints, "crank", {"P": ("rocker", (0.0, 0.1, 0.0))}, start=start)
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_spherical_four_bar_closes_without_a_guess(seed):
-    loops, at = assembled(spherical(seed))
-    assert np.abs(loops.linearise(at)[0]).max() < 1e-12
+    loops, q = assembled(spherical(seed))
+    assert np.abs(loops.linearise(q)[0]).max() < 1e-12
 
 
 def test_a_loop_that_cannot_close_is_rejected():
@@ -54,10 +54,10 @@ def test_a_loop_that_cannot_close_is_rejected():
 
 
 def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
-    # a slide that starts out of the rod's reach, and a rod that is too short wherever the slide stands
+    # a slide that starts out of reach of the rod, and a rod too short for every slide position
     def press(rod: float, start: float) -> Mechanism:
         def joint(name: str, kind: str, *ends: tuple[str, tuple[float, float, float]], axis=(0.0, 0.0, 1.0)):
-            return Joint(name, kind, *(End(link, at, axis) for link, at in ends))
+            return Joint(name, kind, *(End(link, q, axis) for link, q in ends))
 
         return Mechanism(
             "press",
@@ -81,8 +81,8 @@ def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
     ) as output:
         assembled(press(0.35, 0.9))
     value = float(re.search(r"close at drive = ([-\d.e]+) m: start there", str(output.value))[1])
-    loops, at = assembled(press(0.35, value))
-    assert np.abs(loops.linearise(at)[0]).max() < 1e-12
+    loops, q = assembled(press(0.35, value))
+    assert np.abs(loops.linearise(q)[0]).max() < 1e-12
     with pytest.raises(
         AssemblyError, match=r"from the guess \w+ remains open at any driver positions; change"
     ):
@@ -90,9 +90,10 @@ def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
 
 
 @pytest.mark.parametrize(
-    ("lead", "near", "stands"), [(0.008, 0.05, 0.048), (-0.008, 0.053, 0.056), (0.03, 0.001, 0.0)]
+    ("lead", "initial_position", "start_position"),
+    [(0.008, 0.05, 0.048), (-0.008, 0.053, 0.056), (0.03, 0.001, 0.0)],
 )
-def test_the_guess_selects_the_revolution_of_the_screw(lead, near, stands):
+def test_the_guess_selects_the_revolution_of_the_screw(lead, initial_position, start_position):
     ex = (1.0, 0.0, 0.0)
     jack = Mechanism(
         "jack",
@@ -106,28 +107,31 @@ def test_the_guess_selects_the_revolution_of_the_screw(lead, near, stands):
         ),
         "crank",
         {"P": ("nut", (0.0, 0.0, 0.0))},
-        guess={"spindle": Pose(np.zeros(3), np.eye(3)), "nut": Pose(np.array([near, 0.0, 0.0]), np.eye(3))},
+        guess={
+            "spindle": Pose(np.zeros(3), np.eye(3)),
+            "nut": Pose(np.array([initial_position, 0.0, 0.0]), np.eye(3)),
+        },
     )
     angle = np.linspace(0.0, 20.0, 9)
-    exact = stands - lead * angle / (2.0 * np.pi)
-    place = loops.solve(jack, angle).points["P"].position[:, 0]
-    np.testing.assert_allclose(place, exact, atol=1e-15)
+    exact = start_position - lead * angle / (2.0 * np.pi)
+    position = loops.solve(jack, angle).points["P"].position[:, 0]
+    np.testing.assert_allclose(position, exact, atol=1e-15)
     run = simulate(jack, speed=2.0, turns=2.0).motion
     np.testing.assert_allclose(
-        run.points["P"].position[:, 0], stands - lead * run.angle / (2.0 * np.pi), atol=1e-14
+        run.points["P"].position[:, 0], start_position - lead * run.angle / (2.0 * np.pi), atol=1e-14
     )
 
 
 def test_a_universal_joint_starts_with_crossed_axes():
     mechanism = ms.load("stewart_gough").mechanism
     bare = replace(mechanism, guess={"plate": mechanism.guess["plate"]})
-    rough = rough_poses(bare)
+    initial = rough_poses(bare)
     for joint in bare.joints:
         if joint.kind == "universal":
-            own = rough[joint.b.link].rotation @ np.asarray(joint.b.axis)
+            own = initial[joint.b.link].rotation @ np.asarray(joint.b.axis)
             assert abs(own @ np.asarray(joint.a.axis)) < 1e-12
-    reported, wanted = start_poses(bare)[1], start_poses(mechanism)[1]
-    assert {name: pytest.approx(value, abs=1e-9) for name, value in wanted.items()} == reported
+    reported, expected = start_poses(bare)[1], start_poses(mechanism)[1]
+    assert {name: pytest.approx(value, abs=1e-9) for name, value in expected.items()} == reported
 
 
 def test_the_search_for_initial_poses_ends_once_it_stops_improving(monkeypatch):
@@ -135,10 +139,12 @@ def test_the_search_for_initial_poses_ends_once_it_stops_improving(monkeypatch):
     name, pose = list(mechanism.guess.items())[-1]
     reported = replace(mechanism, guess={name: pose})
     steps = []
-    looked = oracle.equations
-    monkeypatch.setattr(oracle, "equations", lambda *given: steps.append(given) or looked(*given))
+    evaluate = oracle.equations
+    monkeypatch.setattr(
+        oracle, "equations", lambda *arguments: steps.append(arguments) or evaluate(*arguments)
+    )
     drawn = oracle.completed_poses(reported, rough_poses(reported))
-    # measured 7, the last of which finds nothing left
+    # measured 7, the last without improvement
     assert len(steps) <= 9
     endless = replace(oracle.COMPLETION, last_step=0.0, rounding=0.0)
     monkeypatch.setattr(oracle, "COMPLETION", endless)

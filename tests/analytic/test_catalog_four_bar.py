@@ -11,51 +11,53 @@ from mechsim.errors import AssemblyError
 
 
 @given(four_bars())
-def test_links_keep_their_lengths_and_the_coupler_its_angle(drive):
-    points = drive.positions(angles_of(drive))
+def test_links_keep_their_lengths_and_the_coupler_its_angle(linkage):
+    points = linkage.positions(angles_of(linkage))
     a, b, c = (points[name] for name in "ABC")
     for vectors, length in (
-        (a, drive.crank),
-        (b - a, drive.coupler),
-        (b - [drive.ground, 0.0, 0.0], drive.rocker),
-        (c - a, drive.arm),
+        (a, linkage.crank),
+        (b - a, linkage.coupler),
+        (b - [linkage.ground, 0.0, 0.0], linkage.rocker),
+        (c - a, linkage.arm),
     ):
-        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= CLOSED * longest(drive)
-    # the law of cosines, in squares: a short side of a flat triangle has few digits of its own
-    square = drive.arm**2 + drive.coupler**2 - 2 * drive.arm * drive.coupler * np.cos(drive.arm_angle)
-    assert np.abs(((c - b) ** 2).sum(1) - square).max() <= 4 * CLOSED * longest(drive) ** 2
+        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= CLOSED * longest(linkage)
+    # the law of cosines in squares: the short side of a flat triangle is ill-conditioned
+    square = (
+        linkage.arm**2 + linkage.coupler**2 - 2 * linkage.arm * linkage.coupler * np.cos(linkage.arm_angle)
+    )
+    assert np.abs(((c - b) ** 2).sum(1) - square).max() <= 4 * CLOSED * longest(linkage) ** 2
     assert all((points[name][:, 2] == 0.0).all() for name in "ABC")
 
 
 @given(four_bars())
-def test_the_coupler_point_lies_on_the_side_of_its_angle(drive):
-    points = drive.positions(angles_of(drive))
+def test_the_coupler_point_lies_on_the_side_of_its_angle(linkage):
+    points = linkage.positions(angles_of(linkage))
     along, arm = points["B"] - points["A"], points["C"] - points["A"]
-    sine = np.cross(along, arm)[:, 2] / (drive.coupler * drive.arm)
-    assert np.abs(sine - np.sin(drive.arm_angle)).max() <= 32 * EPS * longest(drive) / drive.coupler
+    sine = np.cross(along, arm)[:, 2] / (linkage.coupler * linkage.arm)
+    assert np.abs(sine - np.sin(linkage.arm_angle)).max() <= 32 * EPS * longest(linkage) / linkage.coupler
 
 
 @given(four_bars())
-def test_branch_selects_the_side_of_the_rocker(drive):
-    points = drive.positions(angles_of(drive))
-    line = np.array([drive.ground, 0.0, 0.0]) - points["A"]
+def test_branch_selects_the_side_of_the_rocker(linkage):
+    points = linkage.positions(angles_of(linkage))
+    line = np.array([linkage.ground, 0.0, 0.0]) - points["A"]
     left = np.cross(line, points["B"] - points["A"])[:, 2]
-    assert (np.sign(left) == drive.branch).all()
-    assert (drive.assembly_sign(points) > 0.0).all()
+    assert (np.sign(left) == linkage.branch).all()
+    assert (linkage.assembly_sign(points) > 0.0).all()
 
 
 @given(four_bars())
-def test_coupler_and_rocker_are_collinear_at_dead_centres(drive):
+def test_coupler_and_rocker_are_collinear_at_dead_centres(linkage):
     ends = []
-    for reach in (drive.coupler + drive.rocker, abs(drive.coupler - drive.rocker)):
-        cosine = (drive.ground**2 + drive.crank**2 - reach**2) / (2 * drive.ground * drive.crank)
+    for reach in (linkage.coupler + linkage.rocker, abs(linkage.coupler - linkage.rocker)):
+        cosine = (linkage.ground**2 + linkage.crank**2 - reach**2) / (2 * linkage.ground * linkage.crank)
         if abs(cosine) < 1.0:
             ends += [np.arccos(cosine), -np.arccos(cosine)]
-    result = [(f + np.pi) % (2 * np.pi) - np.pi for f in drive.dead_centres()]
+    result = [(f + np.pi) % (2 * np.pi) - np.pi for f in linkage.dead_centres()]
     assert len(result) == len(ends)
     for end in ends:
-        # the cosine is known to a few ulp of the squares, the angle to that over its sine
-        slack = 64 * EPS * (longest(drive) ** 2 / (drive.ground * drive.crank)) / abs(np.sin(end))
+        # the cosine has an error of a few ulp of the squares, the angle that divided by its sine
+        slack = 64 * EPS * (longest(linkage) ** 2 / (linkage.ground * linkage.crank)) / abs(np.sin(end))
         assert min(abs((f - end + np.pi) % (2 * np.pi) - np.pi) for f in result) <= slack
 
 
@@ -65,21 +67,21 @@ def test_a_grashof_crank_turns_fully():
 
 
 @given(four_bars())
-def test_assembly_modes_share_the_crank_pin_and_differ_in_the_rocker(drive):
-    f = float(angles_of(drive, count=3, lowest_transmission=0.05)[0])
-    first, second = (each.positions([f]) for each in drive.assemblies(f))
+def test_assembly_modes_share_the_crank_pin_and_differ_in_the_rocker(linkage):
+    f = float(angles_of(linkage, count=3, lowest_transmission=0.05)[0])
+    first, second = (each.positions([f]) for each in linkage.assemblies(f))
     assert (first["A"] == second["A"]).all()
     assert np.linalg.norm(first["B"] - second["B"]) > 0.0
 
 
 def test_a_loop_that_cannot_close_reports_the_crank_range():
-    drive = replace(FourBar(), crank=0.08)
-    (low, high), *_ = drive.crank_range().arcs
+    linkage = replace(FourBar(), crank=0.08)
+    (low, high), *_ = linkage.crank_range().arcs
     with pytest.raises(
         AssemblyError, match=r"does not close at crank angle .* its range is from .* to .* rad"
     ):
-        drive.positions([high + 0.1])
-    assert np.isfinite(drive.positions([low + 1e-9, high - 1e-9])["B"]).all()
+        linkage.positions([high + 0.1])
+    assert np.isfinite(linkage.positions([low + 1e-9, high - 1e-9])["B"]).all()
 
 
 @pytest.mark.parametrize("branch", [1, -1])
@@ -89,14 +91,14 @@ def test_a_loop_that_cannot_close_reports_the_crank_range():
     ids=["parallelogram", "kite", "rhombus", "galloway"],
 )
 def test_linkages_with_change_points_start_away_from_them(lengths, branch):
-    drive = FourBar(
+    linkage = FourBar(
         **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True)), branch=branch
     )
-    mechanism = drive.mechanism
+    mechanism = linkage.mechanism
     poses = loops.assemble(mechanism, [mechanism.start])
-    tip = poses["rocker"].point((drive.rocker, 0.0, 0.0))
-    assert np.abs(tip - drive.positions([mechanism.start])["B"]).max() <= CLOSED * longest(drive)
-    held = loops.equations(mechanism, poses, mechanism.start).jacobian
-    # of 24 + 1 rows three repeat others in a planar loop
-    values = np.linalg.svd(held[0] * np.tile([0.1] * 3 + [1.0] * 3, 3), compute_uv=False)
+    tip = poses["rocker"].point((linkage.rocker, 0.0, 0.0))
+    assert np.abs(tip - linkage.positions([mechanism.start])["B"]).max() <= CLOSED * longest(linkage)
+    locked = loops.equations(mechanism, poses, mechanism.start).jacobian
+    # 3 of the 25 equations of a planar loop are redundant
+    values = np.linalg.svd(locked[0] * np.tile([0.1] * 3 + [1.0] * 3, 3), compute_uv=False)
     assert values[17] > 1e-3 * values[0]

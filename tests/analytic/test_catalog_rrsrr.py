@@ -15,12 +15,12 @@ from mechsim.errors import AssemblyError, InputError
 SWINGING = Rrsrr(pivot=(-0.024, -0.008, 0.040))
 
 
-def exact(drive: Rrsrr, f: float) -> np.ndarray:
-    """S, u2, v2 by the half-angle roots of A cos v + B sin v = K in 50 digits, two derivatives, (3, 5)."""
+def exact(linkage: Rrsrr, f: float) -> np.ndarray:
+    """Return S, u2, v2 by the half-angle roots of A cos v + B sin v = K and two derivatives, (3, 5)."""
     with mp.workdps(50):
-        r1, r, link = (mp.mpf(x) for x in (drive.crank, drive.coupler, drive.link))
-        px, py, pz = (mp.mpf(x) for x in drive.pivot)
-        g1, g2 = mp.mpf(drive.gamma1), mp.mpf(drive.gamma2)
+        r1, r, link = (mp.mpf(x) for x in (linkage.crank, linkage.coupler, linkage.link))
+        px, py, pz = (mp.mpf(x) for x in linkage.pivot)
+        g1, g2 = mp.mpf(linkage.gamma1), mp.mpf(linkage.gamma2)
         x0 = [mp.cos(g1), mp.mpf(0), -mp.sin(g1)]
         y0 = [mp.sin(g1) * mp.sin(g2), mp.cos(g2), mp.cos(g1) * mp.sin(g2)]
         z0 = [mp.sin(g1) * mp.cos(g2), -mp.sin(g2), mp.cos(g1) * mp.cos(g2)]
@@ -34,13 +34,13 @@ def exact(drive: Rrsrr, f: float) -> np.ndarray:
             v = next(
                 v
                 for v in (2 * mp.atan2(b + sign * root, a + k) for sign in (1, -1))
-                if drive.branch * (a * mp.sin(v) - b * mp.cos(v)) > 0
+                if linkage.branch * (a * mp.sin(v) - b * mp.cos(v)) > 0
             )
             reach = r1 + r * mp.cos(v)
-            place = [r * mp.sin(v), reach * c, reach * s]
-            arm = [p - q for p, q in zip(place, (px, py, pz), strict=True)]
-            turned = [mp.fdot(arm, axis) for axis in (x0, y0, z0)]
-            return [*place, mp.atan2(turned[1], turned[0]), mp.asin(turned[2] / link)]
+            position = [r * mp.sin(v), reach * c, reach * s]
+            arm = [p - q for p, q in zip(position, (px, py, pz), strict=True)]
+            rotated = [mp.fdot(arm, axis) for axis in (x0, y0, z0)]
+            return [*position, mp.atan2(rotated[1], rotated[0]), mp.asin(rotated[2] / link)]
 
         columns = [mp.taylor(lambda angle, i=i: everything(angle)[i], mp.mpf(float(f)), 2) for i in range(5)]
         taylor = np.array([[float(value) for value in column] for column in columns]).T
@@ -48,34 +48,34 @@ def exact(drive: Rrsrr, f: float) -> np.ndarray:
 
 
 @given(rrsrrs())
-def test_links_keep_their_lengths_and_the_coupler_its_plane(drive):
-    points = drive.positions(angles_of(drive))
+def test_links_keep_their_lengths_and_the_coupler_its_plane(linkage):
+    points = linkage.positions(angles_of(linkage))
     c, s = points["C"], points["S"]
-    bound = CLOSED * longest(drive)
-    for vectors, length in ((c, drive.crank), (s - c, drive.coupler), (s - drive.pivot, drive.link)):
-        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= bound
-    tangent = np.stack([np.zeros(len(c)), -c[:, 2], c[:, 1]], 1) / drive.crank
-    assert np.abs(((s - c) * tangent).sum(1)).max() <= bound
+    limit = CLOSED * longest(linkage)
+    for vectors, length in ((c, linkage.crank), (s - c, linkage.coupler), (s - linkage.pivot, linkage.link)):
+        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= limit
+    tangent = np.stack([np.zeros(len(c)), -c[:, 2], c[:, 1]], 1) / linkage.crank
+    assert np.abs(((s - c) * tangent).sum(1)).max() <= limit
 
 
 @given(rrsrrs())
-def test_branch_selects_one_of_two_assembly_modes(drive):
-    angles = angles_of(drive)
-    assert (drive.assembly_sign(drive.positions(angles)) > 0.0).all()
-    other = replace(drive, branch=-drive.branch)
-    assert (drive.assembly_sign(other.positions(angles)) < 0.0).all()
-    assert [twin.branch for twin in drive.assemblies(angles[0])] == [1, -1]
+def test_branch_selects_one_of_two_assembly_modes(linkage):
+    angles = angles_of(linkage)
+    assert (linkage.assembly_sign(linkage.positions(angles)) > 0.0).all()
+    other = replace(linkage, branch=-linkage.branch)
+    assert (linkage.assembly_sign(other.positions(angles)) < 0.0).all()
+    assert [twin.branch for twin in linkage.assemblies(angles[0])] == [1, -1]
 
 
 @settings(max_examples=8)
 @given(rrsrrs(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))
-def test_the_path_and_the_rocker_motion_agree_with_fifty_digits(drive, speed, acceleration):
-    angles = angles_of(drive, count=3, lowest_transmission=0.1)
-    motion = drive.solve(angles, speed, acceleration)
+def test_the_path_and_the_rocker_motion_agree_with_fifty_digits(linkage, speed, acceleration):
+    angles = angles_of(linkage, count=3, lowest_transmission=0.1)
+    motion = linkage.solve(angles, speed, acceleration)
     second_hinge = motion.joints["link"].value
     assume(np.cos(second_hinge).min() > 0.1)
     for i, f in enumerate(angles):
-        place, first, second = exact(drive, f)
+        position, first, second = exact(linkage, f)
         first, second = speed * first, acceleration * first + speed**2 * second
         s, hinges = motion.points["S"], (motion.joints["rocker"], motion.joints["link"])
         measured = np.array(
@@ -85,21 +85,21 @@ def test_the_path_and_the_rocker_motion_agree_with_fifty_digits(drive, speed, ac
                 [*s.acceleration[i], *(joint.acceleration[i] for joint in hinges)],
             ]
         )
-        unit = np.array([longest(drive)] * 3 + [1.0] * 2)
-        assert (np.abs(measured[0] - place) <= 1e-12 * unit).all()
+        unit = np.array([longest(linkage)] * 3 + [1.0] * 2)
+        assert (np.abs(measured[0] - position) <= 1e-12 * unit).all()
         for row, expected, power in ((1, first, speed), (2, second, speed**2)):
             scale = np.maximum(np.abs(expected).max(), power * unit)
             assert (np.abs(measured[row] - expected) <= 1e-10 * scale).all()
 
 
-@pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
-def test_loop_equations_agree_with_the_closed_form(drive):
-    angles = drive.mechanism.start + np.linspace(-0.5, 0.5, 5)
-    result, closed = loops.solve(drive.mechanism, angles, 5.0, 2.0), drive.solve(angles, 5.0, 2.0)
+@pytest.mark.parametrize("linkage", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
+def test_loop_equations_agree_with_the_closed_form(linkage):
+    angles = linkage.mechanism.start + np.linspace(-0.5, 0.5, 5)
+    result, closed = loops.solve(linkage.mechanism, angles, 5.0, 2.0), linkage.solve(angles, 5.0, 2.0)
     for name, link in closed.links.items():
         assert np.abs(result.links[name].position - link.position).max() <= 1e-15
         assert np.abs(result.links[name].rotation - link.rotation).max() <= 1e-13
-    assert loops.dof_count(drive.mechanism, loops.assemble(drive.mechanism, angles[:1])).mobility == 1
+    assert loops.dof_count(linkage.mechanism, loops.assemble(linkage.mechanism, angles[:1])).mobility == 1
 
 
 def test_the_rocker_swings_through_the_published_angles():
@@ -113,30 +113,30 @@ def test_the_rocker_swings_through_the_published_angles():
 
 @settings(max_examples=30)
 @given(rrsrrs())
-def test_both_assembly_modes_coincide_at_dead_centres(drive):
-    for end in drive.dead_centres():
-        before, after = drive.discriminant(np.array([end - 1e-6, end + 1e-6]))
+def test_both_assembly_modes_coincide_at_dead_centres(linkage):
+    for end in linkage.dead_centres():
+        before, after = linkage.discriminant(np.array([end - 1e-6, end + 1e-6]))
         assert before * after < 0.0
-    for low, high in drive.crank_range().arcs if not drive.crank_range().full else ():
-        near = np.array([low + 1e-8 * (high - low), high - 1e-8 * (high - low)])
-        first, second = (replace(drive, branch=branch).positions(near)["S"] for branch in (1, -1))
-        assert np.abs(first - second).max() <= 0.02 * longest(drive)
+    for low, high in linkage.crank_range().arcs if not linkage.crank_range().full else ():
+        close = np.array([low + 1e-8 * (high - low), high - 1e-8 * (high - low)])
+        first, second = (replace(linkage, branch=branch).positions(close)["S"] for branch in (1, -1))
+        assert np.abs(first - second).max() <= 0.02 * longest(linkage)
 
 
 def test_the_transmission_angle_follows_from_the_transmitted_force():
-    drive = SWINGING
-    low, high = drive.crank_range().arcs[0]
+    linkage = SWINGING
+    low, high = linkage.crank_range().arcs[0]
     angles = low + (high - low) * (np.arange(9) + 0.37) / 9
-    motion = drive.solve(angles)
-    for i, angle in enumerate(drive.transmission_angle(angles)):
+    motion = linkage.solve(angles)
+    for i, angle in enumerate(linkage.transmission_angle(angles)):
         coupler, link = (motion.links[name] for name in ("coupler", "link"))
         rod, arm = coupler.rotation[i][:, 0], link.rotation[i][:, 0]
         # no moment about either hinge: force . (hinge x arm) = 0 twice
         swings = np.stack([np.cross(coupler.rotation[i][:, 2], rod), np.cross(link.rotation[i][:, 2], arm)])
         force = np.linalg.svd(swings)[2][2]
-        pushed = np.cross(drive.rocker_frame[:, 2], arm)
+        pushed = np.cross(linkage.rocker_frame[:, 2], arm)
         assert abs(np.sin(angle) - abs(force @ pushed) / np.linalg.norm(pushed)) <= 1e-12
-    assert drive.transmission_angle([low + 1e-9, high - 1e-9]).max() <= 1e-3
+    assert linkage.transmission_angle([low + 1e-9, high - 1e-9]).max() <= 1e-3
 
 
 def test_a_swinging_crank_starts_inside_its_range():
@@ -150,15 +150,15 @@ def test_a_swinging_crank_starts_inside_its_range():
 
 
 def test_a_rocker_axis_through_the_spherical_joint_is_rejected():
-    rough, f = Rrsrr(), 0.7
-    x, y, z = (rough.positions([f])["S"][0] - rough.pivot) / rough.link
+    default, f = Rrsrr(), 0.7
+    x, y, z = (default.positions([f])["S"][0] - default.pivot) / default.link
     # the axis TY(gamma1) TX(gamma2) eZ along P02S
-    drive = replace(rough, gamma1=np.arctan2(x, z), gamma2=np.arcsin(-y))
-    assert np.isfinite(drive.positions([f])["S"]).all()
-    for asked in (drive.solve, drive.transmission_angle):
+    linkage = replace(default, gamma1=np.arctan2(x, z), gamma2=np.arcsin(-y))
+    assert np.isfinite(linkage.positions([f])["S"]).all()
+    for solve in (linkage.solve, linkage.transmission_angle):
         with pytest.raises(AssemblyError, match="S lies on the rocker axis"):
-            asked([0.1, f, 1.0])
-    assert abs(drive.solve([f + 1e-3]).joints["link"].value[0]) < np.pi / 2
+            solve([0.1, f, 1.0])
+    assert abs(linkage.solve([f + 1e-3]).joints["link"].value[0]) < np.pi / 2
 
 
 def test_the_sign_of_gamma2_changes_the_rocker_and_not_the_path():
@@ -187,50 +187,52 @@ def test_the_catalogue_rejects_unknown_parameters_and_negative_lengths():
 
 @settings(max_examples=30)
 @given(rrsrrs())
-def test_start_points_are_all_points_on_both_surfaces(drive):
-    result = start_points(drive)
+def test_start_points_are_all_points_on_both_surfaces(linkage):
+    result = start_points(linkage)
     for u in result:
-        apart = torus(drive, u[0], u[1]) - sphere(drive, u[2], u[3])
-        assert np.linalg.norm(apart) <= 1e-9 * longest(drive)
+        distance = torus(linkage, u[0], u[1]) - sphere(linkage, u[2], u[3])
+        assert np.linalg.norm(distance) <= 1e-9 * longest(linkage)
     u2 = np.linspace(0.0, 2 * np.pi, 20001)
-    m = sphere(drive, u2, np.zeros_like(u2))
-    section = np.hypot(np.hypot(m[1], m[2]) - drive.crank, m[0])
+    m = sphere(linkage, u2, np.zeros_like(u2))
+    section = np.hypot(np.hypot(m[1], m[2]) - linkage.crank, m[0])
     # only the outer sheet of the torus has this simple distance; the inner one comes with -reach
-    inner = np.hypot(-np.hypot(m[1], m[2]) - drive.crank, m[0])
-    crossings = sum(int((np.diff(np.sign(d - drive.coupler)) != 0).sum()) for d in (section, inner))
-    assume(min(np.abs(d - drive.coupler).min() for d in (section, inner)) > 1e-7 * drive.coupler or crossings)
+    inner = np.hypot(-np.hypot(m[1], m[2]) - linkage.crank, m[0])
+    crossings = sum(int((np.diff(np.sign(d - linkage.coupler)) != 0).sum()) for d in (section, inner))
+    assume(
+        min(np.abs(d - linkage.coupler).min() for d in (section, inner)) > 1e-7 * linkage.coupler or crossings
+    )
     assert len(result) == crossings
 
 
-@pytest.mark.parametrize("drive", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
-def test_the_arc_length_method_agrees_with_the_closed_form(drive):
-    path = trace_path(drive)
+@pytest.mark.parametrize("linkage", [Rrsrr(), Rrsrr(branch=-1), SWINGING], ids=["full", "other", "swinging"])
+def test_the_arc_length_method_agrees_with_the_closed_form(linkage):
+    path = trace_path(linkage)
     u1 = path.parameters[:, 0]
     assert path.curve.closed
-    assert np.linalg.norm(path.on_torus[-1] - path.on_torus[0]) <= 1e-10 * drive.crank
-    assert np.abs(path.on_torus - path.on_sphere).max() <= 1e-10 * drive.crank
-    full = drive.crank_range().full
+    assert np.linalg.norm(path.on_torus[-1] - path.on_torus[0]) <= 1e-10 * linkage.crank
+    assert np.abs(path.on_torus - path.on_sphere).max() <= 1e-10 * linkage.crank
+    full = linkage.crank_range().full
     assert abs(path.turns) == (1 if full else 0)
     best = np.full(len(u1), np.inf)
-    kinds = (drive,) if full else (drive, replace(drive, branch=-drive.branch))
-    # at a dead centre the crank angle does not determine S to that many digits
-    clear = drive.discriminant(u1) > 1e-2 * drive.discriminant(u1).max()
+    kinds = (linkage,) if full else (linkage, replace(linkage, branch=-linkage.branch))
+    # near a dead centre S is ill-conditioned in the crank angle
+    clear = linkage.discriminant(u1) > 1e-2 * linkage.discriminant(u1).max()
     for kind in kinds:
-        gap = np.linalg.norm(kind.positions(u1[clear])["S"] - path.on_torus[clear], axis=1)
-        best[clear] = np.minimum(best[clear], gap)
-        assert full or (gap <= 1e-10 * drive.crank).any()
-    assert best[clear].max() <= 1e-10 * drive.crank
+        difference = np.linalg.norm(kind.positions(u1[clear])["S"] - path.on_torus[clear], axis=1)
+        best[clear] = np.minimum(best[clear], difference)
+        assert full or (difference <= 1e-10 * linkage.crank).any()
+    assert best[clear].max() <= 1e-10 * linkage.crank
     assert clear.mean() > 0.6
     if not full:
-        own = next(arc for arc in drive.crank_range().arcs if arc[0] < u1[0] < arc[1])
+        own = next(arc for arc in linkage.crank_range().arcs if arc[0] < u1[0] < arc[1])
         assert own[0] - 1e-9 <= u1.min() < own[0] + 0.05
         assert own[1] - 0.05 < u1.max() <= own[1] + 1e-9
 
 
 def test_the_arc_length_method_detects_a_link_too_long_by_a_thousandth():
     path = trace_path(replace(Rrsrr(), coupler=1.001 * Rrsrr().coupler))
-    gap = np.linalg.norm(Rrsrr().positions(path.parameters[:, 0])["S"] - path.on_torus, axis=1)
-    assert gap.min() > 1e-6
+    difference = np.linalg.norm(Rrsrr().positions(path.parameters[:, 0])["S"] - path.on_torus, axis=1)
+    assert difference.min() > 1e-6
 
 
 def test_the_path_length_agrees_with_the_closed_form():

@@ -28,46 +28,46 @@ LAYOUTS = {
         gamma2=np.deg2rad(-60),
     ),
 }
-# swing of the rocker over a turn in degrees, in the assembly -1, known to one decimal from outside
+# swing of the rocker over a revolution in degrees, in assembly mode -1, published with one decimal
 SWINGS = {"general": 47.7, "looper": 51.1, "needle": 51.7}
 
 
 @given(rssrs())
-def test_links_keep_their_lengths_and_the_rocker_its_plane(drive):
-    points = drive.positions(angles_of(drive))
-    arm = points["P3"] - np.array(drive.pivot)
-    bound = CLOSED * longest(drive)
+def test_links_keep_their_lengths_and_the_rocker_its_plane(linkage):
+    points = linkage.positions(angles_of(linkage))
+    arm = points["P3"] - np.array(linkage.pivot)
+    limit = CLOSED * longest(linkage)
     for vectors, length in (
-        (points["P2"], drive.crank),
-        (points["P3"] - points["P2"], drive.coupler),
-        (arm, drive.rocker),
+        (points["P2"], linkage.crank),
+        (points["P3"] - points["P2"], linkage.coupler),
+        (arm, linkage.rocker),
     ):
-        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= bound
-    assert np.abs(arm @ drive.rocker_frame[:, 2]).max() <= bound
+        assert np.abs(np.linalg.norm(vectors, axis=1) - length).max() <= limit
+    assert np.abs(arm @ linkage.rocker_frame[:, 2]).max() <= limit
 
 
 @given(rssrs())
-def test_branch_is_the_sign_of_the_assembly(drive):
-    assert (drive.assembly_sign(drive.positions(angles_of(drive))) > 0.0).all()
+def test_branch_is_the_sign_of_the_assembly(linkage):
+    assert (linkage.assembly_sign(linkage.positions(angles_of(linkage))) > 0.0).all()
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_published_layouts_agree_with_fifty_digits_and_published_swings(name):
-    drive = LAYOUTS[name]
+    linkage = LAYOUTS[name]
     angles = np.linspace(0.0, 2 * np.pi, 7)[:-1] + 0.1
-    point = drive.solve(angles, 2.0).points["P3"]
+    point = linkage.solve(angles, 2.0).points["P3"]
     for i, f in enumerate(angles):
-        p, first, second = rssr_p3(drive, f)
+        p, first, second = rssr_p3(linkage, f)
         for measured, exact in (
             (point.position[i], p),
             (point.velocity[i], 2.0 * first),
             (point.acceleration[i], 4.0 * second),
         ):
             assert np.linalg.norm(measured - exact) <= 1e-12 * np.linalg.norm(exact)
-    other = replace(drive, branch=-1).solve(np.linspace(0.0, 2 * np.pi, 721))
+    other = replace(linkage, branch=-1).solve(np.linspace(0.0, 2 * np.pi, 721))
     swing = np.rad2deg(np.ptp(np.unwrap(other.joints["rocker"].value)))
     assert abs(swing - SWINGS[name]) <= 0.05
-    assert drive.crank_range().full
+    assert linkage.crank_range().full
 
 
 @settings(max_examples=10)
@@ -79,16 +79,16 @@ def test_published_layouts_agree_with_fifty_digits_and_published_swings(name):
     st.integers(1000, 2100).map(lambda value: value * 1e-3),
     st.sampled_from([1, -1]),
 )
-def test_a_guided_coupler_keeps_its_angles_to_pin_and_rod(drive, psi1, psi2, beta1, beta2, guide_branch):
+def test_a_guided_coupler_keeps_its_angles_to_pin_and_rod(linkage, psi1, psi2, beta1, beta2, guide_branch):
     guide = {"psi1": psi1, "psi2": psi2, "beta1": beta1, "beta2": beta2, "guide_branch": guide_branch}
-    drive = replace(drive, guide=True, **guide)
-    angles = angles_of(drive, count=4, lowest_transmission=0.1)
+    linkage = replace(linkage, guide=True, **guide)
+    angles = angles_of(linkage, count=4, lowest_transmission=0.1)
     try:
-        motion = drive.solve(angles, 7.0, -3.0)
+        motion = linkage.solve(angles, 7.0, -3.0)
     except AssemblyError as error:
         assert "the orientation of link 'coupler' is undetermined" in str(error)
         assume(False)
-    # the paper's words: a pin fixed in the crank, a direction fixed in the coupler
+    # as in the paper: a pin fixed in the crank, a direction fixed in the coupler
     c1, s1, c2, s2 = np.cos(psi1), np.sin(psi1), np.cos(psi2), np.sin(psi2)
     pin_at_zero = np.array([-s1 * c2, c1 * c2, s2])
     c, s = np.cos(angles), np.sin(angles)
@@ -101,13 +101,13 @@ def test_a_guided_coupler_keeps_its_angles_to_pin_and_rod(drive, psi1, psi2, bet
         1,
     )
     direction = motion.links["coupler"].rotation @ np.array([np.cos(beta2), 0.0, np.sin(beta2)])
-    rod = (motion.points["P2"].position - motion.points["P3"].position) / drive.coupler
+    rod = (motion.points["P2"].position - motion.points["P3"].position) / linkage.coupler
     side = (direction * np.cross(pin, rod)).sum(1)
     assume(np.abs(side).min() > 0.05)
     assert np.abs((pin * direction).sum(1) - np.cos(beta1)).max() <= 100 * EPS
     assert np.abs((rod * direction).sum(1) - np.cos(beta2)).max() <= 100 * EPS
     assert (np.sign(side) == guide_branch).all()
-    agrees_with_loop_equations(drive, motion)
+    agrees_with_loop_equations(linkage, motion)
 
 
 def test_the_guide_does_not_change_the_rocker_motion():
@@ -118,44 +118,44 @@ def test_the_guide_does_not_change_the_rocker_motion():
 
 @settings(max_examples=12)
 @given(rssrs())
-def test_dead_centres_agree_with_forty_digits(drive):
-    def gap(f):
-        """cos2 - 1 of the angle between rocker and P4P2, times what never vanishes."""
-        x, y, _ = ([mpmath.mpf(float(v)) for v in column] for column in drive.rocker_frame.T)
-        p2 = [0, drive.crank * mpmath.cos(f), drive.crank * mpmath.sin(f)]
-        d = [p - mpmath.mpf(q) for p, q in zip(p2, drive.pivot, strict=True)]
-        a, b = (2 * mpmath.mpf(drive.rocker) * mpmath.fdot(d, u) for u in (x, y))
-        k = mpmath.fdot(d, d) + mpmath.mpf(drive.rocker) ** 2 - mpmath.mpf(drive.coupler) ** 2
-        return (a * a + b * b - k * k) / mpmath.mpf(longest(drive)) ** 4
+def test_dead_centres_agree_with_forty_digits(linkage):
+    def difference(f):
+        """cos2 - 1 of the angle between rocker and P4P2, times a positive factor."""
+        x, y, _ = ([mpmath.mpf(float(v)) for v in column] for column in linkage.rocker_frame.T)
+        p2 = [0, linkage.crank * mpmath.cos(f), linkage.crank * mpmath.sin(f)]
+        d = [p - mpmath.mpf(q) for p, q in zip(p2, linkage.pivot, strict=True)]
+        a, b = (2 * mpmath.mpf(linkage.rocker) * mpmath.fdot(d, u) for u in (x, y))
+        k = mpmath.fdot(d, d) + mpmath.mpf(linkage.rocker) ** 2 - mpmath.mpf(linkage.coupler) ** 2
+        return (a * a + b * b - k * k) / mpmath.mpf(longest(linkage)) ** 4
 
-    result = drive.dead_centres()
+    result = linkage.dead_centres()
     scan = np.linspace(-np.pi, np.pi, 181)
     with mpmath.workdps(40):
-        values = [gap(mpmath.mpf(float(f))) for f in scan]
+        values = [difference(mpmath.mpf(float(f))) for f in scan]
         changes = [i for i in range(180) if values[i] * values[i + 1] < 0]
-        # two dead centres within one step of the scan are not looked for here
+        # the scan does not resolve two dead centres within one step
         assume(min(abs(value) for value in values) > 1e-6 and len(changes) == len(result))
         for i in changes:
-            root = float(mpmath.findroot(gap, (scan[i], scan[i + 1]), solver="anderson", tol=1e-30))
-            gradient = abs(float(mpmath.diff(gap, root)))
+            root = float(mpmath.findroot(difference, (scan[i], scan[i + 1]), solver="anderson", tol=1e-30))
+            gradient = abs(float(mpmath.diff(difference, root)))
             miss = min(abs((f - root + np.pi) % (2 * np.pi) - np.pi) for f in result)
             assert miss <= 1e-13 / min(gradient, 1.0)
-        assert drive.crank_range().full == (not changes and values[0] > 0)
+        assert linkage.crank_range().full == (not changes and values[0] > 0)
 
 
 @given(rssrs())
-def test_the_two_assembly_modes_match_a_scan_of_the_rocker(drive):
-    f = float(angles_of(drive, count=3, lowest_transmission=0.05)[1 if drive.crank_range().full else 0])
-    listed = [each.positions([f])["P3"][0] for each in drive.assemblies(f)]
-    # brute force: swing the rocker through a turn and count where the coupler fits
+def test_the_two_assembly_modes_match_a_scan_of_the_rocker(linkage):
+    f = float(angles_of(linkage, count=3, lowest_transmission=0.05)[1 if linkage.crank_range().full else 0])
+    listed = [each.positions([f])["P3"][0] for each in linkage.assemblies(f)]
+    # scan of the rocker angle for positions in which the coupler fits
     swing = np.linspace(0.0, 2 * np.pi, 20001)
-    x, y, _ = drive.rocker_frame.T
-    rim = np.array(drive.pivot) + drive.rocker * (np.cos(swing)[:, None] * x + np.sin(swing)[:, None] * y)
-    miss = np.linalg.norm(rim - drive.positions([f])["P2"], axis=1) - drive.coupler
+    x, y, _ = linkage.rocker_frame.T
+    rim = np.array(linkage.pivot) + linkage.rocker * (np.cos(swing)[:, None] * x + np.sin(swing)[:, None] * y)
+    miss = np.linalg.norm(rim - linkage.positions([f])["P2"], axis=1) - linkage.coupler
     fits = rim[:-1][miss[:-1] * miss[1:] <= 0.0]
     assert len(listed) == len(fits) == 2
-    for place in fits:
-        assert min(np.linalg.norm(place - point) for point in listed) <= 4e-4 * drive.rocker
+    for position in fits:
+        assert min(np.linalg.norm(position - point) for point in listed) <= 4e-4 * linkage.rocker
 
 
 def test_parallel_shafts_give_the_planar_four_bar():
@@ -171,38 +171,38 @@ def test_parallel_shafts_give_the_planar_four_bar():
     )
     angles = np.linspace(0.0, 6.0, 40)
     flat, solid = planar.solve(angles, 3.0, 2.0).points["B"], spatial.solve(angles, 3.0, 2.0).points["P3"]
-    for part in ("position", "velocity", "acceleration"):
-        expected, measured = getattr(flat, part), getattr(solid, part)
+    for quantity in ("position", "velocity", "acceleration"):
+        expected, measured = getattr(flat, quantity), getattr(solid, quantity)
         assert np.abs(measured[:, [1, 2, 0]] - expected).max() <= 1e-14 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("step", [0.0, 1e-9, -1e-9, 1e-13])
 def test_the_motion_is_smooth_where_the_published_form_is_singular(step):
-    drive = LAYOUTS["looper"]
-    f = np.arccos(drive.pivot[1] / drive.crank) + step  # P4P2 x axis has no X-component there
-    point = drive.solve([f]).points["P3"]
+    linkage = LAYOUTS["looper"]
+    f = np.arccos(linkage.pivot[1] / linkage.crank) + step  # P4P2 x axis has no X-component there
+    point = linkage.solve([f]).points["P3"]
     for measured, exact in zip(
-        (point.position[0], point.velocity[0], point.acceleration[0]), rssr_p3(drive, f), strict=True
+        (point.position[0], point.velocity[0], point.acceleration[0]), rssr_p3(linkage, f), strict=True
     ):
         assert np.linalg.norm(measured - exact) <= 1e-13 * np.linalg.norm(exact)
 
 
 def test_a_loop_that_cannot_close_reports_the_crank_range():
-    drive = catalog.make("rssr", coupler=0.030)
-    low, high = drive.crank_range().arcs[0]
+    linkage = catalog.make("rssr", coupler=0.030)
+    low, high = linkage.crank_range().arcs[0]
     with pytest.raises(
         AssemblyError, match=r"does not close at crank angle .* its range is from .* to .* rad"
     ):
-        drive.positions([high + 0.1])
-    assert np.isfinite(drive.positions([low + 1e-12, high - 1e-12])["P3"]).all()
+        linkage.positions([high + 0.1])
+    assert np.isfinite(linkage.positions([low + 1e-12, high - 1e-12])["P3"]).all()
 
 
 def test_rates_at_a_dead_centre_are_rejected_or_finite():
-    drive = catalog.make("rssr", coupler=0.030)
-    for end in drive.dead_centres():
+    linkage = catalog.make("rssr", coupler=0.030)
+    for end in linkage.dead_centres():
         for f in (end, np.nextafter(end, 10), np.nextafter(end, -10)):
             try:
-                motion = drive.solve([f])
+                motion = linkage.solve([f])
             except AssemblyError as error:
                 assert "dead centre" in str(error) or "does not close" in str(error)
             else:
@@ -210,7 +210,7 @@ def test_rates_at_a_dead_centre_are_rejected_or_finite():
 
 
 def test_a_loop_without_assembly_mode_is_rejected():
-    drive = catalog.make("rssr", coupler=0.001)
-    assert drive.assemblies(0.3) == []
+    linkage = catalog.make("rssr", coupler=0.001)
+    assert linkage.assemblies(0.3) == []
     with pytest.raises(AssemblyError, match="cannot close at any crank angle"):
-        drive.positions([0.3])
+        linkage.positions([0.3])

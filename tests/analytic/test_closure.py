@@ -12,8 +12,8 @@ from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 
-# one of every kind of joint, slanted, and a gear: not to be assembled, only to be differentiated
-EVERYTHING = Mechanism(
+# a joint of every kind with inclined axes and a gear; not assembled, only differentiated
+EVERY_JOINT = Mechanism(
     name="everything",
     links=tuple(Link(name) for name in "abcd"),
     joints=(
@@ -34,24 +34,24 @@ EVERYTHING = Mechanism(
 )
 
 
-# the gear's and the driver's row are linearised for joints that are closed; tests of rates hold them
+# gear and driver equations are linearised at assembled joints; tests of rates cover them
 JOINT_ROWS = slice(0, -2)
 
 
 @pytest.fixture
-def somewhere():
+def random_state():
     random = np.random.default_rng(20240229)
     poses, twists = {}, {}
-    for link in EVERYTHING.links:
+    for link in EVERY_JOINT.links:
         x, y, z = random.uniform(-0.6, 0.6, 3)
-        turned = rotation("x", x) @ rotation("y", y) @ rotation("z", z)
-        poses[link.name] = Pose(random.uniform(-0.2, 0.2, (1, 3)), turned[None])
+        rotated = rotation("x", x) @ rotation("y", y) @ rotation("z", z)
+        poses[link.name] = Pose(random.uniform(-0.2, 0.2, (1, 3)), rotated[None])
         twists[link.name] = random.uniform(-1.0, 1.0, (1, 6))
     return poses, twists
 
 
-def moved(poses, twists, time):
-    """Where the links are after moving at constant velocity and angular velocity."""
+def displaced(poses, twists, time):
+    """Return the poses after motion at constant velocity and angular velocity."""
     return {
         name: Pose(
             pose.position + time * twists[name][:, :3],
@@ -61,25 +61,27 @@ def moved(poses, twists, time):
     }
 
 
-def test_jacobian_is_the_derivative_of_the_residual(somewhere):
-    poses, twists = somewhere
+def test_jacobian_is_the_derivative_of_the_residual(random_state):
+    poses, twists = random_state
     step = 1e-5
-    ahead, behind = (loops.equations(EVERYTHING, moved(poses, twists, t), 0.2) for t in (step, -step))
-    rows = loops.equations(EVERYTHING, poses, 0.2)
-    rate = rows.jacobian @ np.concatenate([twists[link.name][0] for link in EVERYTHING.links])
+    ahead, behind = (loops.equations(EVERY_JOINT, displaced(poses, twists, t), 0.2) for t in (step, -step))
+    equations = loops.equations(EVERY_JOINT, poses, 0.2)
+    rate = equations.jacobian @ np.concatenate([twists[link.name][0] for link in EVERY_JOINT.links])
     # central differences: an error of step squared, and of rounding over the step
     error = (ahead.residual - behind.residual) / (2 * step) - rate
     assert np.abs(error[:, JOINT_ROWS]).max() <= 1e-9
 
 
-def test_the_velocity_product_term_is_the_second_derivative_of_the_residual(somewhere):
-    poses, twists = somewhere
+def test_the_velocity_product_term_is_the_second_derivative_of_the_residual(random_state):
+    poses, twists = random_state
     step = 1e-3
-    values = [loops.equations(EVERYTHING, moved(poses, twists, i * step), 0.2).residual for i in range(-2, 3)]
+    values = [
+        loops.equations(EVERY_JOINT, displaced(poses, twists, i * step), 0.2).residual for i in range(-2, 3)
+    ]
     second = (-values[0] + 16 * values[1] - 30 * values[2] + 16 * values[3] - values[4]) / (12 * step**2)
-    bias = loops.equations(EVERYTHING, poses, 0.2, twists).bias
+    velocity_product = loops.equations(EVERY_JOINT, poses, 0.2, twists).bias
     # fourth-order differences: an error of step to the fourth, and of rounding over step squared
-    assert np.abs(second - bias)[:, JOINT_ROWS].max() <= 1e-8
+    assert np.abs(second - velocity_product)[:, JOINT_ROWS].max() <= 1e-8
 
 
 @pytest.mark.parametrize(
@@ -101,41 +103,41 @@ def test_the_rank_determines_mobility_passive_dofs_and_redundant_equations(name,
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr"])
 @pytest.mark.parametrize("branch", [1, -1])
 def test_loop_equations_agree_with_the_closed_form(name, branch):
-    drive = catalog.make(name, branch=branch)
+    linkage = catalog.make(name, branch=branch)
     angles = np.linspace(0.1, 2 * np.pi, 5)
-    exact, expected = loops.solve(drive.mechanism, angles, 3.0, 2.0), drive.solve(angles, 3.0, 2.0)
+    exact, expected = loops.solve(linkage.mechanism, angles, 3.0, 2.0), linkage.solve(angles, 3.0, 2.0)
     for point, motion in expected.points.items():
-        for part in ("position", "velocity", "acceleration"):
-            a, b = getattr(exact.points[point], part), getattr(motion, part)
+        for quantity in ("position", "velocity", "acceleration"):
+            a, b = getattr(exact.points[point], quantity), getattr(motion, quantity)
             assert np.abs(a - b).max() <= 1e-12 * np.abs(b).max()
 
 
 @settings(max_examples=10)
 @given(rssrs())
-def test_assembly_from_a_guess_gives_the_selected_branch(drive):
-    assume(drive.crank_range().arcs)
-    mechanism = drive.mechanism
+def test_assembly_from_a_guess_gives_the_selected_branch(linkage):
+    assume(linkage.crank_range().arcs)
+    mechanism = linkage.mechanism
     start = np.array([mechanism.start])
-    # near a dead centre a rough place is as near to the other branch
-    assume(drive.transmission_angle(start)[0] > 0.3)
-    rough = {name: Pose(pose.position + 1e-4, pose.rotation) for name, pose in mechanism.guess.items()}
-    poses = loops.assemble(mechanism, start, rough)
+    # near a dead centre a guess is as close to the other branch
+    assume(linkage.transmission_angle(start)[0] > 0.3)
+    guess = {name: Pose(pose.position + 1e-4, pose.rotation) for name, pose in mechanism.guess.items()}
+    poses = loops.assemble(mechanism, start, guess)
     assert loops.residual_norms(mechanism, poses, start)[0][0] <= 8 * EPS * mechanism.characteristic_length
-    tip = poses["rocker"].point((drive.rocker, 0.0, 0.0))
-    assert np.abs(tip - drive.positions(start)["P3"]).max() <= 1e-12 * mechanism.characteristic_length / 0.3
+    tip = poses["rocker"].point((linkage.rocker, 0.0, 0.0))
+    assert np.abs(tip - linkage.positions(start)["P3"]).max() <= 1e-12 * mechanism.characteristic_length / 0.3
 
 
 @settings(max_examples=10)
 @given(four_bars())
-def test_motion_forth_and_back_ends_at_its_start(drive):
-    arcs = drive.crank_range()
+def test_motion_forth_and_back_ends_at_its_start(linkage):
+    arcs = linkage.crank_range()
     assume(arcs.arcs)
-    mechanism = drive.mechanism
+    mechanism = linkage.mechanism
     _, high = next(arc for arc in arcs.arcs if arc[0] <= mechanism.start <= arc[1])
-    aim = mechanism.start + 0.3 * (high - mechanism.start)
-    there = loops.solve(mechanism, [aim, mechanism.start]).links
+    target = mechanism.start + 0.3 * (high - mechanism.start)
+    links = loops.solve(mechanism, [target, mechanism.start]).links
     for name, pose in mechanism.guess.items():
-        assert np.abs(there[name].position[1] - pose.position).max() <= 1e-9 * mechanism.characteristic_length
+        assert np.abs(links[name].position[1] - pose.position).max() <= 1e-9 * mechanism.characteristic_length
 
 
 def test_a_geared_crank_turns_beyond_one_revolution():
@@ -152,17 +154,17 @@ def test_a_geared_crank_turns_beyond_one_revolution():
     )
     angles = np.linspace(0.0, 9.0, 4)
     motion = loops.solve(mechanism, angles, 2.0, 1.0)
-    turned = -1.5 * angles + 0.4
-    expected = np.stack([0.1 + 0.02 * np.cos(turned), 0.02 * np.sin(turned), 0 * turned], 1)
+    rotated = -1.5 * angles + 0.4
+    expected = np.stack([0.1 + 0.02 * np.cos(rotated), 0.02 * np.sin(rotated), 0 * rotated], 1)
     assert np.abs(motion.points["P"].position - expected).max() <= 1e-14
     assert np.abs(motion.joints["second"].rate + 3.0).max() <= 1e-12
     assert np.abs(motion.joints["second"].acceleration + 1.5).max() <= 1e-12
 
 
 def test_loops_that_cannot_close_report_crank_angle_and_residual():
-    drive = catalog.make("four_bar", crank=0.08)
-    mechanism = drive.mechanism
-    out_of_reach = drive.crank_range().arcs[0][1] + 0.3
+    linkage = catalog.make("four_bar", crank=0.08)
+    mechanism = linkage.mechanism
+    out_of_reach = linkage.crank_range().arcs[0][1] + 0.3
     with pytest.raises(AssemblyError, match=r"four_bar: the loops do not close at crank angle .* a gap of"):
         loops.assemble(mechanism, [out_of_reach])
 
@@ -183,22 +185,22 @@ def test_invalid_crank_angles_are_rejected(angles):
 
 
 def test_a_singular_value_vanishes_at_a_dead_centre():
-    drive = catalog.make("four_bar", crank=0.08)
-    (low, high), *_ = drive.crank_range().arcs
+    linkage = catalog.make("four_bar", crank=0.08)
+    (low, high), *_ = linkage.crank_range().arcs
 
     def nearest(angle):
-        motion = drive.solve([angle])
+        motion = linkage.solve([angle])
         poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
-        return loops.singular_values(drive.mechanism, poses)[0, 17]
+        return loops.singular_values(linkage.mechanism, poses)[0, 17]
 
     assert nearest(high - 1e-8) < 1e-3 < nearest((low + high) / 2)
 
 
 def test_a_joint_assembled_with_antiparallel_axes_is_rejected():
-    drive = catalog.make("four_bar")
-    mechanism = drive.mechanism
+    linkage = catalog.make("four_bar")
+    mechanism = linkage.mechanism
     guess = dict(mechanism.guess)
-    # the rocker turned over about its own length: every row is met, but its axes point the other way
+    # the rocker rotated about its length satisfies every equation with antiparallel axes
     rocker = guess["rocker"]
     guess["rocker"] = type(rocker)(rocker.position, rocker.rotation @ np.diag([1.0, -1.0, -1.0]))
     with pytest.raises(AssemblyError, match="antiparallel axes"):

@@ -1,9 +1,9 @@
-"""Change points: where two assembly modes meet, the motion by the loop equations goes on smoothly."""
+"""Continuation of the loop equations: segments, step control, change points and dead centres."""
 
 import mpmath
 import numpy as np
 import pytest
-from flat_linkages import flat_linkages, named, smooth_b, worst
+from change_point_linkages import change_point_lengths, named, smooth_b, worst
 from mechanisms import three_cranks
 
 from mechsim import catalog, loops
@@ -22,10 +22,10 @@ ANGLES = np.unique(
 )
 
 
-def cells_tried(path, stops):
-    """Follow a path to one parameter after the other; return how many cells were tried, and how many hold."""
+def segments_tried(path, stops):
+    """Trace a path to successive parameters; return the numbers of tried and accepted segments."""
     tried, close = [], path.closed
-    path.closed = lambda *given: tried.append(given) or close(*given)
+    path.closed = lambda *arguments: tried.append(arguments) or close(*arguments)
     for stop in stops:
         path.extend(stop)
     return len(tried), sum(map(len, path.segments.values()))
@@ -34,66 +34,68 @@ def cells_tried(path, stops):
 @pytest.mark.parametrize(("name", "most"), [("four_bar", 25), ("rssr", 39), ("slider_crank", 22)])
 def test_a_smooth_path_needs_few_segments_and_none_is_rejected(name, most):
     path = crank_path(catalog.make(name).mechanism)
-    tried, held = cells_tried(path, (1.0, 4.0, 2 * np.pi, -1.0, -2 * np.pi))
-    # measured 24, 37 and 21: each is as long as the smoothness of the one before allows
-    assert tried == held <= most
-    # a tangent foretells the first segment, and that one a longer one the other way
-    first, other = (np.ptp(path.segments[sense][0].nodes) for sense in (1, -1))
+    tried, accepted = segments_tried(path, (1.0, 4.0, 2 * np.pi, -1.0, -2 * np.pi))
+    # measured 24, 37 and 21: the smoothness of a segment limits the length of the next
+    assert tried == accepted <= most
+    # a tangent predicts the first segment, which predicts a longer one in the other direction
+    first, other = (np.ptp(path.segments[direction][0].nodes) for direction in (1, -1))
     assert 2.0 * first < other
 
 
 @pytest.mark.parametrize(("name", "most"), [("four_bar", 31), ("rssr", 46)])
 def test_one_revolution_needs_few_evaluations_of_the_loop_equations(name, most, monkeypatch):
-    looks, look = [], TreeLoops.linearise
-    monkeypatch.setattr(TreeLoops, "linearise", lambda loops, at: looks.append(len(at)) or look(loops, at))
+    evaluations, evaluate = [], TreeLoops.linearise
+    monkeypatch.setattr(
+        TreeLoops, "linearise", lambda loops, q: evaluations.append(len(q)) or evaluate(loops, q)
+    )
     mechanism = catalog.make(name).mechanism
     loops.solve(mechanism, mechanism.start + np.linspace(0.0, 2 * np.pi, 100))
-    # measured 29 and 44: of one pose at the start, of all of them at the end, else two or three a segment
-    assert len(looks) <= most
+    # measured 29 and 44: one at the start, one for all poses at the end, two or three per segment
+    assert len(evaluations) <= most
 
 
 def test_a_path_is_traced_backwards_only_near_a_change_point():
-    held = crank_path(catalog.make("four_bar").mechanism)
-    held.extend(held.initial)
-    assert not held.segments[-1]
-    ((solver, which, rows),) = held.chunks(np.array([held.initial, held.initial]))
-    assert solver is held.first
+    path = crank_path(catalog.make("four_bar").mechanism)
+    path.extend(path.initial)
+    assert not path.segments[-1]
+    ((solver, which, rows),) = path.chunks(np.array([path.initial, path.initial]))
+    assert solver is path.first
     assert which.tolist() == [0, 1]
-    assert np.array_equal(rows, held.loops.flat(held.start).repeat(2, 0))
-    blurred = crank_path(three_cranks((0.04, 0.0), start=0.02))
-    blurred.extend(blurred.initial)
-    assert blurred.change_points == pytest.approx([0.0], abs=1e-9)
+    assert np.array_equal(rows, path.loops.flat(path.start).repeat(2, 0))
+    close = crank_path(three_cranks((0.04, 0.0), start=0.02))
+    close.extend(close.initial)
+    assert close.change_points == pytest.approx([0.0], abs=1e-9)
 
 
 def test_a_path_that_is_too_long_is_rejected_before_it_is_traced():
-    drive = catalog.make("four_bar")
+    linkage = catalog.make("four_bar")
     output = r"the crank would be traced from 0 rad to 8000000 rad, 1,273,240 revolutions.* 1,274 times"
     with pytest.raises(InputError, match=output):
-        loops.solve(drive.mechanism, [0.0, 8e6])
+        loops.solve(linkage.mechanism, [0.0, 8e6])
 
 
 def test_segments_are_at_most_a_fifth_of_a_revolution():
     path = crank_path(catalog.make("slider_crank", crank=1e-6).mechanism)
     path.extend(4 * np.pi)
-    assert 1.1 < max(np.ptp(cell.nodes) for cell in path.segments[1]) < 0.2 * 2 * np.pi
+    assert 1.1 < max(np.ptp(segment.nodes) for segment in path.segments[1]) < 0.2 * 2 * np.pi
 
 
 def test_the_tangent_predictor_has_second_order():
     mechanism = catalog.make("rssr").mechanism
     path = crank_path(mechanism)
-    begin = path.initial
+    start = path.initial
     solver = loop_solver(path.loops, path.start)
-    for sense in (1, -1):
-        s = begin + sense * np.array([1e-3, 2e-3])
-        reported = path.predicted(begin, sense, solver, s)
-        off = np.abs(reported - path.closed(solver, s, reported).states).max(1)
-        assert 3.9 < off[1] / off[0] < 4.1
+    for direction in (1, -1):
+        s = start + direction * np.array([1e-3, 2e-3])
+        reported = path.predicted(start, direction, solver, s)
+        errors = np.abs(reported - path.closed(solver, s, reported).states).max(1)
+        assert 3.9 < errors[1] / errors[0] < 4.1
         # of the same order as the step squared
-        assert 0.05 < off[0] / 1e-6 < 5.0
-    # the other way it is predicted by that segment, with all its nodes
-    path.reach(begin + 0.1, 1)
-    behind = begin - np.array([1e-3, 2e-3])
-    reported = path.predicted(begin, -1, solver, behind)
+        assert 0.05 < errors[0] / 1e-6 < 5.0
+    # the other direction is predicted by all nodes of that segment
+    path.reach(start + 0.1, 1)
+    behind = start - np.array([1e-3, 2e-3])
+    reported = path.predicted(start, -1, solver, behind)
     assert np.abs(reported - path.closed(solver, behind, reported).states).max() < 1e-9
 
 
@@ -103,9 +105,9 @@ def test_step_control_reaches_the_target_correction(moved, before):
     path.reach(path.initial + 0.3, 1)
     path.segments[1][-1] = path.segments[1][-1].restricted(path.initial, path.initial + before)
     growth = path.growth(step, 1, np.zeros(1), np.array([moved]))[0]
-    # what is predicted errs by the power of the nodes of how far it is from the middle of the segment before
-    now, then = step + 0.5 * before, growth * step + 0.5 * step
-    assert moved * (then / now) ** CONTROL.nodes == pytest.approx(CONTROL.target_correction)
+    # the prediction error is the distance from the middle of the previous segment to the power of the nodes
+    current, following = step + 0.5 * before, growth * step + 0.5 * step
+    assert moved * (following / current) ** CONTROL.nodes == pytest.approx(CONTROL.target_correction)
     assert path.growth(step, 1, np.zeros(1), np.zeros(1)) == CONTROL.max_growth
     assert path.growth(step, 1, np.array([4.0 * CONTROL.target_error]), np.zeros(1)) == pytest.approx(
         0.25 ** (2 / (CONTROL.nodes + 1))
@@ -114,94 +116,99 @@ def test_step_control_reaches_the_target_correction(moved, before):
     assert path.growth(step, 1, np.zeros(1), np.ones(1)) == CONTROL.max_growth
 
 
-@pytest.mark.parametrize(("least", "holds"), [(0.19, False), (0.21, True)])
-def test_a_segment_that_loses_most_of_its_rank_margin_is_halved(least, holds, monkeypatch):
+@pytest.mark.parametrize(("ratio", "accepted"), [(0.19, False), (0.21, True)])
+def test_a_segment_that_loses_most_of_its_rank_margin_is_halved(ratio, accepted, monkeypatch):
     path = crank_path(catalog.make("four_bar").mechanism)
-    monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * least, 3.0, CONTROL.nodes))
-    cell, length = path.next_segment(path.initial, 1, 0.05)
-    assert (cell is not None) == holds
-    assert (length == 0.025) == (not holds)
+    monkeypatch.setattr(LoopSolver, "share", lambda *_: np.linspace(3.0 * ratio, 3.0, CONTROL.nodes))
+    segment, length = path.next_segment(path.initial, 1, 0.05)
+    assert (segment is not None) == accepted
+    assert (length == 0.025) == (not accepted)
 
 
 @pytest.mark.parametrize("passing", ["smooth", "branch"])
-@pytest.mark.parametrize(("sense", "to"), [(1, 8.0), (-1, -2.0)])
-def test_segments_are_dropped_back_to_the_last_change_point(sense, to, passing):
-    drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
-    poses = loops.solve(drive.mechanism, [0.5]).links
+@pytest.mark.parametrize(("direction", "to"), [(1, 8.0), (-1, -2.0)])
+def test_segments_are_dropped_back_to_the_last_change_point(direction, to, passing):
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06)
+    poses = loops.solve(linkage.mechanism, [0.5]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
-    path = crank_path(drive.mechanism.with_guess(guess, 0.5), passing)
-    assert not path.drop_last_segment(sense)
-    path.reach(to, sense)
+    path = crank_path(linkage.mechanism.with_guess(guess, 0.5), passing)
+    assert not path.drop_last_segment(direction)
+    path.reach(to, direction)
     (branch_point,) = path.change_points
-    cells, before = path.segments[sense], list(path.segments[sense])
+    segments, before = path.segments[direction], list(path.segments[direction])
     assert path.sign != 0.0
-    while path.drop_last_segment(sense):
+    while path.drop_last_segment(direction):
         assert path.sign == 0.0
-    assert before[: len(cells)] == cells
-    assert len(cells) < len(before)
-    # the last is that which begins at the change point, or leads through it
-    assert sense * cells[-1].nodes[0] <= sense * branch_point < sense * cells[-1].nodes[-1]
-    path.reach(to, sense)
+    assert before[: len(segments)] == segments
+    assert len(segments) < len(before)
+    # the last segment starts at the change point or contains it
+    assert direction * segments[-1].nodes[0] <= direction * branch_point < direction * segments[-1].nodes[-1]
+    path.reach(to, direction)
     assert path.change_points == [branch_point]
-    other = crank_path(drive.mechanism)
-    other.reach(other.initial + sense, sense)
-    while other.drop_last_segment(sense):
+    other = crank_path(linkage.mechanism)
+    other.reach(other.initial + direction, direction)
+    while other.drop_last_segment(direction):
         pass
-    assert not other.segments[sense]
+    assert not other.segments[direction]
 
 
 @pytest.mark.parametrize(
-    "lengths", flat_linkages(), ids=lambda item: "-".join(f"{1e3 * x:.0f}" for x in item)
+    "lengths", change_point_lengths(), ids=lambda item: "-".join(f"{1e3 * x:.0f}" for x in item)
 )
 def test_the_motion_is_smooth_through_change_points(lengths):
     mechanism = catalog.make("four_bar", **named(lengths)).mechanism
-    # where crank and frame lie on each other the coupler could turn about them
+    # where crank and frame coincide the coupler is undetermined
     angles = ANGLES[np.abs(lengths[1] * np.exp(1j * ANGLES) - lengths[0]) > 1e-3 * lengths[0]]
     point = loops.solve(mechanism, angles, 2.0, 0.0).points["B"]
     with mpmath.workdps(40):
-        truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
+        truths = {sign: [smooth_b(lengths, mpmath.mpf(angle), sign) for angle in angles] for sign in (1, -1)}
         sign = min(truths, key=lambda item: worst(truths[item], point.position))
-        slopes = [2 * mpmath.diff(lambda at: smooth_b(lengths, at, sign), mpmath.mpf(at)) for at in angles]
+        derivatives = [
+            2 * mpmath.diff(lambda angle: smooth_b(lengths, angle, sign), mpmath.mpf(angle))
+            for angle in angles
+        ]
     # measured 3e-13 and 8e-11
     assert worst(truths[sign], point.position) <= 1e-11 * mechanism.characteristic_length
-    assert worst(slopes, point.velocity) <= 1e-8 * mechanism.characteristic_length
+    assert worst(derivatives, point.velocity) <= 1e-8 * mechanism.characteristic_length
 
 
 def test_a_parallelogram_keeps_its_assembly_mode_over_revolutions():
-    drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=1)
-    mechanism = drive.mechanism
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=1)
+    mechanism = linkage.mechanism
     path = crank_path(mechanism)
     path.extend(7.0)
     path.extend(-7.0)
     result = np.sort(path.change_points)
     np.testing.assert_allclose(result, np.pi * np.round(result / np.pi), atol=1e-9)
     assert {0, 1, 2} <= set(np.round(result / np.pi).astype(int))
-    # it goes on where it ended
+    # the path continues from its end
     path.extend(9.0)
-    for cells in path.segments.values():
-        assert [cell.nodes[-1] for cell in cells[:-1]] == [cell.nodes[0] for cell in cells[1:]]
+    for segments in path.segments.values():
+        assert [segment.nodes[-1] for segment in segments[:-1]] == [
+            segment.nodes[0] for segment in segments[1:]
+        ]
     motion = loops.solve(mechanism, ANGLES)
     np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)
 
 
-# crank and frame nearly alike, so that the coupler whips round; and ones whose path once ended a segment
-# just clear of the flat pose
-SHARP = {
-    "a kite": (0.034801572306382825, 0.03809267197104313, 0.034801572306382825, 0.03809267197104313),
-    "a hundredth": (0.1, 0.099, 0.1, 0.099),
-    "a hundredth longer": (0.1, 0.101, 0.1, 0.101),
-    "one flat pose": (0.1, 0.098, 0.15, 0.152),
+# almost equal crank and frame, so that the coupler rotates fast; and linkages whose path once ended a segment
+# just before the change point
+HIGH_CURVATURE = {
+    "kite": (0.034801572306382825, 0.03809267197104313, 0.034801572306382825, 0.03809267197104313),
+    "crank 1 % shorter": (0.1, 0.099, 0.1, 0.099),
+    "crank 1 % longer": (0.1, 0.101, 0.1, 0.101),
+    "one change point": (0.1, 0.098, 0.15, 0.152),
 }
 
 
-@pytest.mark.parametrize("which", SHARP)
+@pytest.mark.parametrize("which", HIGH_CURVATURE)
 def test_a_path_of_high_curvature_is_resolved(which):
-    lengths = SHARP[which]
+    lengths = HIGH_CURVATURE[which]
     mechanism = catalog.make("four_bar", **named(lengths)).mechanism
     angles = np.unique([*np.linspace(-4.0, 4.0, 33), *np.linspace(-0.02, 0.02, 21), 1e-6, -1e-9])
     result = loops.solve(mechanism, angles).points["B"].position
     with mpmath.workdps(40):
-        truths = {sign: [smooth_b(lengths, mpmath.mpf(at), sign) for at in angles] for sign in (1, -1)}
+        truths = {sign: [smooth_b(lengths, mpmath.mpf(angle), sign) for angle in angles] for sign in (1, -1)}
     # measured 4e-12
     assert min(worst(truth, result) for truth in truths.values()) <= 1e-10 * mechanism.characteristic_length
 
@@ -209,32 +216,34 @@ def test_a_path_of_high_curvature_is_resolved(which):
 @pytest.mark.parametrize(
     ("lengths", "most"),
     [
-        *zip(SHARP.values(), (127, 170, 170, 104), strict=True),
+        *zip(HIGH_CURVATURE.values(), (127, 170, 170, 104), strict=True),
         ((0.1, 0.045, 0.1, 0.045), 75),
         ((0.1, 0.04, 0.12, 0.06 + 1e-9), 260),
     ],
 )
 def test_paths_of_high_curvature_need_few_segments(lengths, most):
     path = crank_path(catalog.make("four_bar", **named(lengths)).mechanism)
-    # measured 116 to 121, 160 to 164, 160 to 164, 95 to 99, 67 to 72 and 222 to 247, as the rounding of five
-    # kernels has it: how often segments are halved, and how much longer they are then
-    assert cells_tried(path, (2 * np.pi, -2 * np.pi))[0] <= most
+    # measured 116 to 121, 160 to 164, 160 to 164, 95 to 99, 67 to 72 and 222 to 247, under five
+    # BLAS kernels, which differ in how often segments are halved
+    assert segments_tried(path, (2 * np.pi, -2 * np.pi))[0] <= most
 
 
 @pytest.mark.parametrize("start", np.linspace(-2.0, -0.4, 9))
 def test_change_points_are_detected_from_any_start(start):
-    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
-    poses = loops.solve(drive.mechanism, [start]).links
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06, branch=-1)
+    poses = loops.solve(linkage.mechanism, [start]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
-    path = crank_path(drive.mechanism.with_guess(guess, float(start)))
+    path = crank_path(linkage.mechanism.with_guess(guess, float(start)))
     path.extend(7.0)
     path.extend(-7.0)
     result = np.sort(path.change_points) / np.pi
     np.testing.assert_allclose(result, np.round(result), atol=1e-12)
     assert np.unique(np.round(result)).size == result.size >= 5
-    # each lies amid the segment that leads through it
+    # each is the middle of the segment that contains it
     ends = np.sort(
-        np.concatenate([cell.nodes[[0, -1]] for cells in path.segments.values() for cell in cells])
+        np.concatenate(
+            [segment.nodes[[0, -1]] for segments in path.segments.values() for segment in segments]
+        )
     )
     for branch_point in path.change_points:
         after = np.searchsorted(ends, branch_point)
@@ -245,16 +254,16 @@ def test_change_points_are_detected_from_any_start(start):
 
 def test_a_change_point_between_two_segments_is_bracketed_again(monkeypatch):
     path = crank_path(catalog.make("four_bar").mechanism)
-    side, hidden = Linearised.signed_distance.func, []
+    signed_distance, hidden = Linearised.signed_distance.func, []
 
-    def misled(loops):
-        cells = path.segments[1]
-        if len(cells) != 3 or (hidden and hidden[0] is not cells[-1]):
-            return side(loops)
-        hidden[:] = cells[-1:]
-        return -side(loops)
+    def wrong_sign(loops):
+        segments = path.segments[1]
+        if len(segments) != 3 or (hidden and hidden[0] is not segments[-1]):
+            return signed_distance(loops)
+        hidden[:] = segments[-1:]
+        return -signed_distance(loops)
 
-    monkeypatch.setattr(Linearised, "signed_distance", property(misled))
+    monkeypatch.setattr(Linearised, "signed_distance", property(wrong_sign))
     path.reach(3.0, 1)
     third = path.segments[1][2]
     assert third.nodes[0] == hidden[0].nodes[0]
@@ -263,65 +272,66 @@ def test_a_change_point_between_two_segments_is_bracketed_again(monkeypatch):
 
 @pytest.mark.parametrize("off", [3e-3, -2e-5])
 def test_a_path_can_start_close_to_a_change_point(off):
-    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
-    poses = loops.solve(drive.mechanism, [off]).links
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    poses = loops.solve(linkage.mechanism, [off]).links
     guess = {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in poses.items()}
-    result = loops.solve(drive.mechanism.with_guess(guess, off), ANGLES).points["B"].position
+    result = loops.solve(linkage.mechanism.with_guess(guess, off), ANGLES).points["B"].position
     assert (
-        np.abs(result - drive.positions(ANGLES)["B"]).max() <= 1e-12 * drive.mechanism.characteristic_length
+        np.abs(result - linkage.positions(ANGLES)["B"]).max()
+        <= 1e-12 * linkage.mechanism.characteristic_length
     )
 
 
 @pytest.mark.parametrize(
     ("off", "output"),
-    [*((at, "since its start, .* start elsewhere") for at in (0.0, np.pi)), (1e-7, "start elsewhere")],
+    [*((angle, "since its start, .* start elsewhere") for angle in (0.0, np.pi)), (1e-7, "start elsewhere")],
 )
 def test_a_start_at_a_change_point_is_rejected(off, output):
-    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
-    links = drive.solve([off]).links
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.1, rocker=0.06)
+    links = linkage.solve([off]).links
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
     with pytest.raises(AssemblyError, match=f"rad.*{output}"):
-        loops.solve(drive.mechanism.with_guess(guess, off), [-1.0, 1.0])
+        loops.solve(linkage.mechanism.with_guess(guess, off), [-1.0, 1.0])
 
 
 def test_a_path_beyond_a_dead_centre_is_rejected_with_a_remedy():
-    drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.055)
-    ((_, high),) = drive.crank_range().arcs
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.055)
+    ((_, high),) = linkage.crank_range().arcs
     start = high - 5e-4
     guess = {
-        name: Pose(item.position[0], item.rotation[0]) for name, item in drive.solve([start]).links.items()
+        name: Pose(item.position[0], item.rotation[0]) for name, item in linkage.solve([start]).links.items()
     }
     with pytest.raises(AssemblyError, match=r"cannot pass .*; stay on this side of the dead centre"):
-        crank_path(drive.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
+        crank_path(linkage.mechanism.with_guess(guess, float(start))).extend(high + 0.5)
 
 
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_the_assembly_mode_is_kept_close_to_a_change_point(excess):
-    drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
-    assert drive.crank_range().full
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
+    assert linkage.crank_range().full
     angles = np.linspace(-np.pi, 3 * np.pi, 64)
-    result, exact = loops.solve(drive.mechanism, angles).links, drive.solve(angles).links
+    result, exact = loops.solve(linkage.mechanism, angles).links, linkage.solve(angles).links
     for name, link in exact.items():
         assert (
             np.abs(result[name].position - link.position).max()
-            <= 1e-9 * drive.mechanism.characteristic_length
+            <= 1e-9 * linkage.mechanism.characteristic_length
         )
 
 
-@pytest.mark.parametrize("lack", [1e-4, 1e-6, 1e-9])
-def test_a_path_ends_at_a_dead_centre_close_to_a_change_point(lack):
-    drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - lack)
-    ((low, high),) = drive.crank_range().arcs
+@pytest.mark.parametrize("deficit", [1e-4, 1e-6, 1e-9])
+def test_a_path_ends_at_a_dead_centre_close_to_a_change_point(deficit):
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 - deficit)
+    ((low, high),) = linkage.crank_range().arcs
     assert high - low < 2 * np.pi
-    path = crank_path(drive.mechanism)
-    with pytest.raises(AssemblyError, match="cannot pass") as refused:
+    path = crank_path(linkage.mechanism)
+    with pytest.raises(AssemblyError, match="cannot pass") as error:
         path.extend(high + 2.0 * (2 * np.pi - (high - low)))
-    output = float(str(refused.value).split("cannot pass ")[1].split()[0])
+    output = float(str(error.value).split("cannot pass ")[1].split()[0])
     assert output == pytest.approx(high, abs=1e-6)
 
 
 def sarrus(start, length=0.05):
-    """Two folding chains in upright planes that carry a platform: overconstrained, stretched at pi / 2."""
+    """Return a Sarrus linkage: two chains in vertical planes carry a platform; singular at pi / 2."""
     folds = (((1.0, 0.0, 0.0), (0.0, -1.0, 0.0)), ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
     high = 2.0 * length * np.sin(start)
     links, joints = [Link("platform")], []
@@ -335,13 +345,13 @@ def sarrus(start, length=0.05):
             Joint(f"knee{k}", "revolute", End(lower, tip, axis), End(upper, tip, axis)),
             Joint(f"top{k}", "revolute", End(upper, axis=axis), End("platform", tuple(base), axis)),
         ]
-        guess[lower] = Pose(base, about(axis, start))
-        guess[upper] = Pose(base + np.array([0.0, 0.0, high]), about(axis, -start))
+        guess[lower] = Pose(base, rotation_about(axis, start))
+        guess[upper] = Pose(base + np.array([0.0, 0.0, high]), rotation_about(axis, -start))
     point = {"P": ("platform", (0.0, 0.0, 0.0))}
     return Mechanism("sarrus", tuple(links), tuple(joints), "crank", point, guess=guess, start=start)
 
 
-def about(axis, angle):
+def rotation_about(axis, angle):
     cross = np.cross(np.eye(3), axis)
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
@@ -352,17 +362,17 @@ def test_change_points_of_an_overconstrained_linkage_are_reported(start):
     angles = np.linspace(-3.0, 3.0, 24)
     height = loops.solve(mechanism, angles).points["P"].position[:, 2]
     np.testing.assert_allclose(height, 0.1 * np.sin(angles), atol=1e-12)
-    form = LoopForm(mechanism)
-    # folded, at 0 and pi, the second chain can swing about its own axes while the crank stands
-    assert np.sort(np.sin(form.change_points())) == pytest.approx([-1.0, 0.0, 0.0, 1.0], abs=1e-9)
-    assert form.period == 2.0 * np.pi
+    solver = LoopForm(mechanism)
+    # folded at 0 and pi, the second chain can rotate about its own axes at a constant crank angle
+    assert np.sort(np.sin(solver.change_points())) == pytest.approx([-1.0, 0.0, 0.0, 1.0], abs=1e-9)
+    assert solver.period == 2.0 * np.pi
     flat = loops.solve(mechanism, [0.0, np.pi])
     np.testing.assert_allclose(flat.points["P"].velocity[:, 2], [0.1, -0.1], atol=1e-12)
 
 
-@pytest.mark.parametrize("aside", [0.013, 0.06, -0.0002])
-def test_a_third_crank_off_the_line_of_pivots_removes_change_points(aside):
-    mechanism = three_cranks((0.047, aside))
+@pytest.mark.parametrize("offset", [0.013, 0.06, -0.0002])
+def test_a_third_crank_off_the_line_of_pivots_removes_change_points(offset):
+    mechanism = three_cranks((0.047, offset))
     angles = np.concatenate([[np.pi, 2.0 * np.pi], np.linspace(-4.0, 7.0, 50)])
     motion = loops.solve(mechanism, angles)
     np.testing.assert_allclose(motion.links["coupler"].angular_velocity, 0.0, atol=1e-9)

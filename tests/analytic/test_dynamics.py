@@ -1,4 +1,4 @@
-"""The analytic method to forces against other formulas, 50 digits, and the laws of energy and momentum."""
+"""Analytic dynamics compared with other formulas, 50 digits and the laws of energy and momentum."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from mechsim.model.masses import slender_rod, with_inertia
 from mechsim.model.mechanism import Mechanism
 
 GRAVITY = (0.3, -9.81, 2.1)
-TURN = 2.0 * np.pi
+REVOLUTION = 2.0 * np.pi
 FULL = [name for name in catalog.DRIVES if catalog.make(name).crank_range().full]
 ANGLES = np.linspace(0.1, 6.4, 41)
 
@@ -28,9 +28,9 @@ def with_inertias(mechanism, **inertias):
     return replace(mechanism, links=links)
 
 
-def busy(drive):
-    """Forces of every kind that the mechanism can bear."""
-    mechanism = drive.mechanism
+def all_forces(linkage):
+    """Return forces of every kind that the mechanism supports."""
+    mechanism = linkage.mechanism
     point = list(mechanism.points)[-1]
     slot = [joint.name for joint in mechanism.joints if joint.kind in ("revolute", "prismatic")][-1]
     return Forces(
@@ -47,60 +47,64 @@ def busy(drive):
 
 
 @pytest.fixture(scope="module", params=FULL)
-def drive(request):
+def linkage(request):
     return catalog.make(request.param)
 
 
-def test_virtual_power_and_newton_euler_give_the_same_torque(drive):
-    study = dynamics.prescribed(dynamics.dynamic_model(drive, busy(drive)), ANGLES, 80.0, 900.0)
-    size = np.abs(study.forces.torque).max()
-    assert np.abs(study.second_torque - study.forces.torque).max() <= 1e-12 * size
+def test_virtual_power_and_newton_euler_give_the_same_torque(linkage):
+    study = dynamics.prescribed(dynamics.dynamic_model(linkage, all_forces(linkage)), ANGLES, 80.0, 900.0)
+    scale = np.abs(study.forces.torque).max()
+    assert np.abs(study.second_torque - study.forces.torque).max() <= 1e-12 * scale
     assert study.forces.residual.max() <= 1e-12
 
 
-def test_power_and_kinetic_energy_balance(drive):
-    machine = dynamics.dynamic_model(drive, busy(drive))
-    study = dynamics.prescribed(machine, ANGLES, 80.0, 900.0)
-    parts = study.forces.power_in + study.forces.power_loads - study.forces.power_lost - study.power_stored
-    assert np.abs(parts).max() <= 1e-12 * np.abs(study.forces.power_in).max()
+def test_power_and_kinetic_energy_balance(linkage):
+    model = dynamics.dynamic_model(linkage, all_forces(linkage))
+    study = dynamics.prescribed(model, ANGLES, 80.0, 900.0)
+    imbalance = (
+        study.forces.power_in + study.forces.power_loads - study.forces.power_lost - study.power_stored
+    )
+    assert np.abs(imbalance).max() <= 1e-12 * np.abs(study.forces.power_in).max()
     assert np.allclose(study.forces.kinetic, 0.5 * study.reduced.inertia * 80.0**2, rtol=1e-13)
     assert (study.forces.power_lost >= 0.0).all()
 
 
-def test_derivatives_of_inertia_and_energy_agree_with_fourier_series(drive):
-    machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY, springs=busy(drive).springs))
-    part = dynamics.reduced(machine, np.arange(256) * (TURN / 256))
+def test_derivatives_of_inertia_and_energy_agree_with_fourier_series(linkage):
+    model = dynamics.dynamic_model(linkage, Forces(gravity=GRAVITY, springs=all_forces(linkage).springs))
+    reduced = dynamics.reduced(model, np.arange(256) * (REVOLUTION / 256))
 
-    def slope(values):
+    def derivative(values):
         waves = np.fft.rfft(values)
         waves[np.abs(waves) < 1e-15 * np.abs(waves).max()] = 0.0
         return np.fft.irfft(1j * np.arange(129) * waves)
 
     assert (
-        np.abs(slope(part.inertia) - part.inertia_derivative).max()
-        <= 1e-9 * np.abs(part.inertia_derivative).max()
+        np.abs(derivative(reduced.inertia) - reduced.inertia_derivative).max()
+        <= 1e-9 * np.abs(reduced.inertia_derivative).max()
     )
-    assert np.abs(slope(part.energy) + part.static).max() <= 1e-9 * np.abs(part.static).max()
+    assert np.abs(derivative(reduced.energy) + reduced.static).max() <= 1e-9 * np.abs(reduced.static).max()
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "rrsrr", "looper"])
 def test_closed_form_and_loop_equations_give_the_same_forces(name):
-    drive = catalog.make(name)
+    linkage = catalog.make(name)
     angles = np.linspace(0.2, 2.0, 7)
-    closed = dynamics.prescribed(dynamics.dynamic_model(drive, busy(drive)), angles, 80.0).forces
-    loops = dynamics.prescribed(dynamics.dynamic_model(drive.mechanism, busy(drive)), angles, 80.0).forces
+    closed = dynamics.prescribed(dynamics.dynamic_model(linkage, all_forces(linkage)), angles, 80.0).forces
+    loops = dynamics.prescribed(
+        dynamics.dynamic_model(linkage.mechanism, all_forces(linkage)), angles, 80.0
+    ).forces
     assert np.abs(closed.torque - loops.torque).max() <= 1e-11 * np.abs(closed.torque).max()
     most = max(np.abs(item.force).max() for item in closed.reactions.values())
     for joint, item in closed.reactions.items():
         assert np.abs(item.force - loops.reactions[joint].force).max() <= 1e-10 * most
 
 
-def slender(drive, masses):
+def with_slender_rods(linkage, masses):
     return with_inertias(
-        drive.mechanism,
+        linkage.mechanism,
         **{
             link: slender_rod((0.0, 0.0, 0.0), end, mass)
-            for (link, end), mass in zip(RODS[drive.name](drive).items(), masses, strict=True)
+            for (link, end), mass in zip(RODS[linkage.name](linkage).items(), masses, strict=True)
         },
     )
 
@@ -122,11 +126,11 @@ RODS = {
 @pytest.mark.parametrize(("name", "tip"), [("rssr", rssr_p3), ("four_bar", four_bar_b)])
 def test_inertia_of_thin_rods_follows_from_their_end_points(name, tip):
     """J = m (u.u + u.v + v.v) / 3 for a thin rod whose ends move at u, v: no centre, no angular velocity."""
-    drive, (m1, m2, m3) = catalog.make(name), (0.3, 0.7, 0.5)
-    machine = dynamics.dynamic_model(drive, mechanism=slender(drive, (m1, m2, m3)))
+    linkage, (m1, m2, m3) = catalog.make(name), (0.3, 0.7, 0.5)
+    model = dynamics.dynamic_model(linkage, mechanism=with_slender_rods(linkage, (m1, m2, m3)))
     for f in (0.3, 1.9, 4.4):
-        part, c = dynamics.reduced(machine, [f]), drive.crank
-        _, v, a = tip(drive, f)
+        reduced, c = dynamics.reduced(model, [f]), linkage.crank
+        _, v, a = tip(linkage, f)
         cos, sin = np.cos(f), np.sin(f)
         u, w = (
             ((0.0, -c * sin, c * cos), (0.0, -c * cos, -c * sin))
@@ -135,20 +139,20 @@ def test_inertia_of_thin_rods_follows_from_their_end_points(name, tip):
         )
         u, w = np.array(u), np.array(w)
         inertia = m1 * c**2 / 3.0 + m2 * (u @ u + u @ v + v @ v) / 3.0 + m3 * (v @ v) / 3.0
-        slope = m2 * (2.0 * u @ w + w @ v + u @ a + 2.0 * v @ a) / 3.0 + 2.0 * m3 * (v @ a) / 3.0
-        assert part.inertia[0] == pytest.approx(inertia, rel=1e-13)
-        assert part.inertia_derivative[0] == pytest.approx(slope, rel=1e-11)
+        derivative = m2 * (2.0 * u @ w + w @ v + u @ a + 2.0 * v @ a) / 3.0 + 2.0 * m3 * (v @ a) / 3.0
+        assert reduced.inertia[0] == pytest.approx(inertia, rel=1e-13)
+        assert reduced.inertia_derivative[0] == pytest.approx(derivative, rel=1e-11)
 
 
-def loop_acceleration(drive, f, w, torque, gravity):
+def loop_acceleration(linkage, f, w, torque, gravity):
     """Crank acceleration of a planar slider-crank from its loop equations with 50 digits.
 
     Coordinates x, y, angle of crank and rod and x of the slider; no reduced equation, no closed form of
     rates: [M J'; J 0] [a; -lambda] = [Q; -bias], velocities from J v = 0 with the crank's speed.
     """
-    inertias = {link.name: link.inertia for link in with_inertia(drive.mechanism).links}
+    inertias = {link.name: link.inertia for link in with_inertia(linkage.mechanism).links}
     with mp.workdps(DIGITS):
-        r, rod, e = mp.mpf(drive.crank), mp.mpf(drive.rod), mp.mpf(drive.offset)
+        r, rod, e = mp.mpf(linkage.crank), mp.mpf(linkage.rod), mp.mpf(linkage.offset)
         m1, m2, m3 = (mp.mpf(inertias[name].mass) for name in ("crank", "rod", "slider"))
         i1, i2 = (mp.mpf(inertias[name].moments[2][2]) for name in ("crank", "rod"))
         f, w = mp.mpf(f), mp.mpf(w)
@@ -170,7 +174,7 @@ def loop_acceleration(drive, f, w, torque, gravity):
             for column, value in values.items():
                 jac[row, column] = value
         q = -w * r * c1 / (rod * c2)
-        bias = mp.matrix(
+        velocity_product = mp.matrix(
             [
                 r * c1 * w**2 / 2,
                 r * s1 * w**2 / 2,
@@ -190,17 +194,17 @@ def loop_acceleration(drive, f, w, torque, gravity):
             for k in range(6):
                 whole[i, 7 + k] = whole[7 + k, i] = jac[k, i]
         for k in range(6):
-            right[7 + k] = -bias[k]
+            right[7 + k] = -velocity_product[k]
         return float(mp.lu_solve(whole, right)[2])
 
 
 def test_reduced_and_loop_equations_give_the_same_acceleration():
-    drive = catalog.make("slider_crank")
-    machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY))
+    linkage = catalog.make("slider_crank")
+    model = dynamics.dynamic_model(linkage, Forces(gravity=GRAVITY))
     for f, w in ((0.4, 12.0), (2.7, -35.0), (5.1, 0.0)):
-        part = dynamics.reduced(machine, [f])
-        result = (part.force(w) + 0.7 - 0.5 * part.inertia_derivative * w**2) / part.inertia
-        assert result[0] == pytest.approx(loop_acceleration(drive, f, w, 0.7, GRAVITY), rel=1e-11)
+        reduced = dynamics.reduced(model, [f])
+        result = (reduced.force(w) + 0.7 - 0.5 * reduced.inertia_derivative * w**2) / reduced.inertia
+        assert result[0] == pytest.approx(loop_acceleration(linkage, f, w, 0.7, GRAVITY), rel=1e-11)
 
 
 def test_forces_of_a_slider_crank_agree_with_a_textbook():
@@ -208,20 +212,20 @@ def test_forces_of_a_slider_crank_agree_with_a_textbook():
 
     Source: Shigley & Uicker, Theory of Machines and Mechanisms, section on gas and inertia forces.
     """
-    drive = catalog.make("slider_crank", offset=0.0)
+    linkage = catalog.make("slider_crank", offset=0.0)
     tiny = Inertia(1e-12, (0.0, 0.0, 0.0), (1e-16, 1e-16, 1e-16))
     block = Inertia(2.0, (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3))
-    mechanism = with_inertias(drive.mechanism, crank=tiny, rod=tiny, slider=block)
+    mechanism = with_inertias(linkage.mechanism, crank=tiny, rod=tiny, slider=block)
     pressure = load_profile.function(
         lambda x: np.stack([-30.0 + 5.0 * np.cos(x), 0.0 * x, 0.0 * x], 1), width=3
     )
-    machine = dynamics.dynamic_model(drive, Forces(loads=(Load("B", pressure),)), mechanism=mechanism)
+    model = dynamics.dynamic_model(linkage, Forces(loads=(Load("B", pressure),)), mechanism=mechanism)
     f = np.linspace(0.2, 6.0, 30)
-    study = dynamics.prescribed(machine, f, 40.0)
-    r, rod = drive.crank, drive.rod
+    study = dynamics.prescribed(model, f, 40.0)
+    r, rod = linkage.crank, linkage.rod
     b = np.arcsin(r / rod * np.sin(f))
-    pull = drive.solve(f, 40.0).points["B"].acceleration[:, 0]
-    # what pushes the rod at B, along X; the slide pushes the slider the other way than the rod does
+    pull = linkage.solve(f, 40.0).points["B"].acceleration[:, 0]
+    # force on the rod at B along X; the reaction of the slide opposes that of the rod
     piston = -30.0 + 5.0 * np.cos(f) - 2.0 * pull
     torque = piston * r * np.sin(f + b) / np.cos(b)
     assert np.allclose(study.forces.torque, torque, rtol=0.0, atol=1e-9 * np.abs(torque).max())
@@ -231,14 +235,14 @@ def test_forces_of_a_slider_crank_agree_with_a_textbook():
     assert np.allclose(rod_force, np.abs(piston / np.cos(b)), rtol=0.0, atol=1e-9 * np.abs(piston).max())
 
 
-def test_shaking_forces_agree_with_the_rate_of_momentum(drive):
+def test_shaking_forces_agree_with_the_rate_of_momentum(linkage):
     """Shaking force and moment about the origin from linear and angular momentum, differenced."""
-    machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY))
+    model = dynamics.dynamic_model(linkage, Forces(gravity=GRAVITY))
     f, w, h = np.array([0.7, 2.3]), 30.0, 1e-4
-    study = dynamics.prescribed(machine, f, w)
+    study = dynamics.prescribed(model, f, w)
 
     def momentum(angle):
-        unit = machine.unit_motion(angle)
+        unit = model.unit_motion(angle)
         twist = w * unit.twist
         velocity = twist[..., :3] + np.cross(twist[..., 3:], unit.centres)
         linear = unit.masses[:, None] * velocity
@@ -248,7 +252,7 @@ def test_shaking_forces_agree_with_the_rate_of_momentum(drive):
 
     weights = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
     lost = [sum(weights[k] * momentum(f + k * h)[i] for k in weights) * (-w / h) for i in (0, 1)]
-    unit = machine.unit_motion(f)
+    unit = model.unit_motion(f)
     weight = unit.masses[:, None] * np.array(GRAVITY)
     lost[0] = lost[0] + weight.sum(0)
     lost[1] = lost[1] + np.cross(unit.position + unit.centres, weight).sum(1)
@@ -257,15 +261,15 @@ def test_shaking_forces_agree_with_the_rate_of_momentum(drive):
     assert kinetic_energy_of_links(unit, np.full(2, w)) == pytest.approx(study.forces.kinetic, rel=1e-14)
 
 
-def test_shaking_forces_are_the_sum_of_frame_reactions(drive):
-    machine = dynamics.dynamic_model(drive, Forces(gravity=GRAVITY))
-    study = dynamics.prescribed(machine, ANGLES, 50.0, 100.0)
+def test_shaking_forces_are_the_sum_of_frame_reactions(linkage):
+    model = dynamics.dynamic_model(linkage, Forces(gravity=GRAVITY))
+    study = dynamics.prescribed(model, ANGLES, 50.0, 100.0)
     force, moment = np.zeros((2, len(ANGLES), 3))
-    for joint in machine.mechanism.joints:
+    for joint in model.mechanism.joints:
         if joint.a.link == GROUND:
             item = study.forces.reactions[joint.name]
             force, moment = force - item.force, moment - item.moment - np.cross(item.point, item.force)
-            if joint.name == machine.mechanism.driver:
+            if joint.name == model.mechanism.driver:
                 axis = np.array(joint.a.axis)
                 moment = moment - study.forces.torque[:, None] * axis
     assert np.allclose(force, study.shaking_force, atol=1e-11 * np.abs(force).max())
@@ -283,15 +287,15 @@ def test_planar_mechanisms_have_undetermined_out_of_plane_reactions():
 
 
 def test_a_passive_spin_does_not_change_forces():
-    """The spin of a round rod changes nothing: neither torque nor forces, up to its tiny moment."""
+    """The spin of a round rod changes neither torque nor forces, apart from its small inertia."""
     free = catalog.make("rssr")
     guided = replace(free, guide=True)
     thin = {}
-    for drive in (free, guided):
-        machine = dynamics.dynamic_model(
-            drive, Forces(gravity=GRAVITY), mechanism=slender(drive, (0.3, 0.7, 0.5))
+    for linkage in (free, guided):
+        model = dynamics.dynamic_model(
+            linkage, Forces(gravity=GRAVITY), mechanism=with_slender_rods(linkage, (0.3, 0.7, 0.5))
         )
-        thin[drive.guide] = dynamics.prescribed(machine, ANGLES, 30.0).forces
+        thin[linkage.guide] = dynamics.prescribed(model, ANGLES, 30.0).forces
     assert np.allclose(
         thin[True].torque,
         thin[False].torque,
@@ -303,72 +307,74 @@ def test_a_passive_spin_does_not_change_forces():
 
 
 def test_a_passive_spin_with_a_moment_is_rejected():
-    drive = catalog.make("rssr")
+    linkage = catalog.make("rssr")
     flat = Inertia(0.1, (-0.02, 0.0, 0.0), (1e-6, 2e-5, 2.05e-5))
     symmetry = r"rotation of link 'coupler' about its line.*no symmetry of revolution"
     with pytest.raises(InputError, match=symmetry):
         dynamics.prescribed(
-            dynamics.dynamic_model(drive, mechanism=with_inertias(drive.mechanism, coupler=flat)), [0.5], 1.0
+            dynamics.dynamic_model(linkage, mechanism=with_inertias(linkage.mechanism, coupler=flat)),
+            [0.5],
+            1.0,
         )
-    rubbing = dynamics.dynamic_model(drive, Forces(friction=(Friction("P2", 1e-3),)))
+    rubbing = dynamics.dynamic_model(linkage, Forces(friction=(Friction("P2", 1e-3),)))
     with pytest.raises(InputError, match="would spin a link whose spin nothing determines"):
         dynamics.prescribed(rubbing, [0.5], 1.0)
     aside = dynamics.dynamic_model(
-        drive, Forces(loads=(Load(("coupler", (0.0, 0.01, 0.0)), load_profile.constant((1.0, 2.0, 3.0))),))
+        linkage, Forces(loads=(Load(("coupler", (0.0, 0.01, 0.0)), load_profile.constant((1.0, 2.0, 3.0))),))
     )
     with pytest.raises(InputError, match="a load would spin"):
         dynamics.prescribed(aside, [0.5], 1.0)
 
 
 def test_friction_in_a_universal_joint_acts_on_both_angles():
-    drive = catalog.make("rssr", guide=True)
-    machine = dynamics.dynamic_model(drive, Forces(friction=(Friction("P2", 1e-3),)))
+    linkage = catalog.make("rssr", guide=True)
+    model = dynamics.dynamic_model(linkage, Forces(friction=(Friction("P2", 1e-3),)))
     f, w, h = np.array([0.6, 3.1]), 20.0, 1e-4
-    study = dynamics.prescribed(machine, f, w)
+    study = dynamics.prescribed(model, f, w)
     from mechsim.model.joints import joint_coordinate
 
-    def angles(at):
-        poses = machine.unit_motion(at).poses()
-        return joint_coordinate(drive.mechanism.joint("P2"), poses["crank"], poses["coupler"])
+    def angles(angle):
+        poses = model.unit_motion(angle).poses()
+        return joint_coordinate(linkage.mechanism.joint("P2"), poses["crank"], poses["coupler"])
 
     rates = w * (8.0 * (angles(f + h) - angles(f - h)) - angles(f + 2 * h) + angles(f - 2 * h)) / (12.0 * h)
     assert study.forces.power_lost == pytest.approx(1e-3 * (rates**2).sum(1), rel=1e-8)
 
 
 def test_a_flywheel_needs_torque_only_to_accelerate():
-    drive = catalog.make("four_bar")
-    bare, heavy = (dynamics.dynamic_model(drive, Forces(flywheel=j)) for j in (0.0, 0.01))
-    steady = [dynamics.prescribed(machine, ANGLES, 10.0).forces.torque for machine in (bare, heavy)]
+    linkage = catalog.make("four_bar")
+    bare, heavy = (dynamics.dynamic_model(linkage, Forces(flywheel=j)) for j in (0.0, 0.01))
+    steady = [dynamics.prescribed(model, ANGLES, 10.0).forces.torque for model in (bare, heavy)]
     assert np.allclose(*steady, atol=1e-15)
-    gaining = [dynamics.prescribed(machine, ANGLES, 10.0, 5.0).forces.torque for machine in (bare, heavy)]
+    gaining = [dynamics.prescribed(model, ANGLES, 10.0, 5.0).forces.torque for model in (bare, heavy)]
     assert gaining[1] - gaining[0] == pytest.approx(np.full(len(ANGLES), 0.05), rel=1e-10)
 
 
 def test_the_required_flywheel_limits_the_speed_fluctuation():
-    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
-    even = dynamics.flywheel_for(machine, 20.0, 1e-3)
-    kept = dynamics.fluctuation(machine.with_forces(replace(machine.forces, flywheel=even.flywheel)), 20.0)
+    model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    even = dynamics.flywheel_for(model, 20.0, 1e-3)
+    kept = dynamics.fluctuation(model.with_forces(replace(model.forces, flywheel=even.flywheel)), 20.0)
     assert kept.coefficient == pytest.approx(1e-3, rel=1e-10)
     assert 1.0 / np.mean(1.0 / kept.speed) == pytest.approx(20.0, rel=1e-12)
     # the textbook's flywheel, from the drive torque at constant speed: excess energy over delta w2
-    torque = dynamics.prescribed(machine, kept.angle, 20.0).forces.torque
-    gained = np.cumsum(torque - torque.mean()) * (TURN / len(torque))
+    torque = dynamics.prescribed(model, kept.angle, 20.0).forces.torque
+    gained = np.cumsum(torque - torque.mean()) * (REVOLUTION / len(torque))
     rule = np.ptp(gained) / (1e-3 * 20.0**2)
-    assert even.flywheel + machine_mean_inertia(machine) == pytest.approx(rule, rel=5e-3)
-    assert dynamics.flywheel_for(machine, 20.0, 5.0).flywheel == 0.0
+    assert even.flywheel + mean_inertia(model) == pytest.approx(rule, rel=5e-3)
+    assert dynamics.flywheel_for(model, 20.0, 5.0).flywheel == 0.0
 
 
-def machine_mean_inertia(machine):
-    return dynamics.reduced(machine, np.arange(64) * (TURN / 64)).inertia.mean()
+def mean_inertia(model):
+    return dynamics.reduced(model, np.arange(64) * (REVOLUTION / 64)).inertia.mean()
 
 
 def test_the_speed_fluctuation_agrees_with_a_free_run():
-    machine = dynamics.dynamic_model(catalog.make("slider_crank"), Forces(gravity=GRAVITY))
-    turn = dynamics.fluctuation(machine, 25.0)
-    assert turn.torque == pytest.approx(0.0, abs=1e-12)
-    run = dynamics.free_run(machine, angle=0.0, speed=float(turn.speed[0]), turns=1.0, samples=101)
-    assert run.time[-1] == pytest.approx(TURN / 25.0, rel=1e-10)
-    assert np.ptp(run.speed) / 25.0 == pytest.approx(turn.coefficient, rel=1e-3)
+    model = dynamics.dynamic_model(catalog.make("slider_crank"), Forces(gravity=GRAVITY))
+    fluctuation = dynamics.fluctuation(model, 25.0)
+    assert fluctuation.torque == pytest.approx(0.0, abs=1e-12)
+    run = dynamics.free_run(model, angle=0.0, speed=float(fluctuation.speed[0]), turns=1.0, samples=101)
+    assert run.time[-1] == pytest.approx(REVOLUTION / 25.0, rel=1e-10)
+    assert np.ptp(run.speed) / 25.0 == pytest.approx(fluctuation.coefficient, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -384,9 +390,9 @@ def test_the_speed_fluctuation_agrees_with_a_free_run():
     ],
 )
 def test_invalid_speeds_and_times_are_rejected(call, output):
-    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
     with pytest.raises(InputError, match=output):
-        call(machine)
+        call(model)
 
 
 def test_a_flywheel_without_a_crank_on_the_frame_is_rejected():
@@ -405,50 +411,52 @@ def test_a_flywheel_without_a_crank_on_the_frame_is_rejected():
 
 
 def test_applied_forces_are_evaluated_once(monkeypatch):
-    counted = {"applied": 0, "loads": 0, "reduced_coefficients": 0, "balance": 0}
+    counts = {"applied": 0, "loads": 0, "reduced_coefficients": 0, "balance": 0}
 
     def counting(name, function):
         def call(*args, **options):
-            counted[name] += 1
+            counts[name] += 1
             return function(*args, **options)
 
         return call
 
-    for name in counted:
+    for name in counts:
         monkeypatch.setattr(prescribed_motion, name, counting(name, getattr(prescribed_motion, name)))
-    asked = []
-    monkeypatch.setattr(applied_forces, "add_friction", lambda *args: asked.append(args[-1].joint) or [])
-    drive = catalog.make("rssr")
-    machine = dynamics.dynamic_model(drive, busy(drive))
-    dynamics.prescribed(machine, ANGLES, 80.0)
-    assert set(counted.values()) == {1}
-    assert sorted(asked) == sorted(item.joint for item in machine.forces.friction)
+    joints = []
+    monkeypatch.setattr(applied_forces, "add_friction", lambda *args: joints.append(args[-1].joint) or [])
+    linkage = catalog.make("rssr")
+    model = dynamics.dynamic_model(linkage, all_forces(linkage))
+    dynamics.prescribed(model, ANGLES, 80.0)
+    assert set(counts.values()) == {1}
+    assert sorted(joints) == sorted(item.joint for item in model.forces.friction)
 
 
-def put_together(study):
+def columns_of(study):
     return {**dict(study.columns()), **study.torque_parts, "second": study.second_torque, "load": study.load}
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "warp_knitter", "loop equations"])
 def test_batches_of_instants_give_the_same_forces(name, monkeypatch):
-    drive = catalog.make("four_bar" if name == "loop equations" else name)
-    source = drive.mechanism if name == "loop equations" else drive
-    machine = dynamics.dynamic_model(source, replace(busy(drive), loads=()))
-    # from rest, so that the threshold below which a crank stands is that of all instants
+    linkage = catalog.make("four_bar" if name == "loop equations" else name)
+    source = linkage.mechanism if name == "loop equations" else linkage
+    model = dynamics.dynamic_model(source, replace(all_forces(linkage), loads=()))
+    # from rest, so that all instants determine the threshold of a crank at rest
     time = np.linspace(0.0, 1.0, len(ANGLES))
-    asked = machine, drive.mechanism.start + 3.0 * time**2, 6.0 * time, 6.0
-    whole = dynamics.prescribed(*asked, time=time)
+    arguments = model, linkage.mechanism.start + 3.0 * time**2, 6.0 * time, 6.0
+    whole = dynamics.prescribed(*arguments, time=time)
     monkeypatch.setattr(prescribed_motion, "BATCH_SIZE", 16)
     reported = []
-    parts = dynamics.prescribed(*asked, time=time, progress=lambda done, part: reported.append((done, part)))
+    batches = dynamics.prescribed(
+        *arguments, time=time, progress=lambda text, fraction: reported.append((text, fraction))
+    )
     assert reported[0] == ("16 of 41 instants", 16 / 41)
-    assert [part for _, part in reported] == [16 / 41, 32 / 41, 1.0]
-    columns = put_together(parts)
-    for key, wanted in put_together(whole).items():
-        assert columns[key].shape == wanted.shape
-        # the loops are closed to rounding, each time anew
-        assert np.abs(columns[key] - wanted).max() <= 1e-9 * (1e-3 + np.abs(wanted).max())
-    assert parts.indeterminacy == whole.indeterminacy
-    np.testing.assert_array_equal(parts.forces.sliding, whole.forces.sliding)
+    assert [fraction for _, fraction in reported] == [16 / 41, 32 / 41, 1.0]
+    columns = columns_of(batches)
+    for key, expected in columns_of(whole).items():
+        assert columns[key].shape == expected.shape
+        # each batch solves the loop equations anew, to rounding
+        assert np.abs(columns[key] - expected).max() <= 1e-9 * (1e-3 + np.abs(expected).max())
+    assert batches.indeterminacy == whole.indeterminacy
+    np.testing.assert_array_equal(batches.forces.sliding, whole.forces.sliding)
     for joint, item in whole.forces.reactions.items():
-        np.testing.assert_array_equal(parts.forces.reactions[joint].determined, item.determined)
+        np.testing.assert_array_equal(batches.forces.reactions[joint].determined, item.determined)

@@ -54,29 +54,31 @@ def test_a_damped_oscillator_has_its_transfer_function():
 
 
 def test_a_four_bar_has_a_stable_and_an_unstable_equilibrium():
-    form = ms.catalog.make("four_bar")
-    result = ms.dynamics.equilibria(form, WEIGHT, starts=6)
+    solver = ms.catalog.make("four_bar")
+    result = ms.dynamics.equilibria(solver, WEIGHT, starts=6)
     assert [equilibrium.stable for equilibrium in result] == [True, False]
     assert all(equilibrium.reached for equilibrium in result)
     for equilibrium in result:
-        torque = ms.dynamics.holding(form, WEIGHT, initial={"crank.q": equilibrium.q["crank"]})
+        torque = ms.dynamics.holding(solver, WEIGHT, initial={"crank.q": equilibrium.q["crank"]})
         assert abs(torque["crank"]) <= 1e-12
 
 
 def test_the_holding_torque_agrees_with_inverse_dynamics_at_rest():
-    form = ms.catalog.make("four_bar")
-    exact = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form, WEIGHT), [0.5], speed=0.0).forces.torque[0]
-    assert ms.dynamics.holding(form, WEIGHT, initial={"crank.q": 0.5})["crank"] == pytest.approx(
+    solver = ms.catalog.make("four_bar")
+    exact = ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver, WEIGHT), [0.5], speed=0.0).forces.torque[
+        0
+    ]
+    assert ms.dynamics.holding(solver, WEIGHT, initial={"crank.q": 0.5})["crank"] == pytest.approx(
         exact, rel=1e-10
     )
 
 
 def test_small_vibrations_of_the_nonlinear_run_have_the_linear_frequency():
-    form = ms.catalog.make("four_bar")
-    stable = ms.dynamics.equilibria(form, WEIGHT, starts=0, initial={"crank.q": "-95deg"})[0]
+    solver = ms.catalog.make("four_bar")
+    stable = ms.dynamics.equilibria(solver, WEIGHT, starts=0, initial={"crank.q": "-95deg"})[0]
     start = {"crank.q": stable.q["crank"] + 1e-4}
     period = 1.0 / stable.modes[0].frequency
-    run = ms.dynamics.run(form, WEIGHT, initial=start, duration=period, samples=4)
+    run = ms.dynamics.run(solver, WEIGHT, initial=start, duration=period, samples=4)
     swing = run.motion.joints["crank"].value - stable.q["crank"]
     assert swing[[0, 2, 4]] == pytest.approx([1e-4, -1e-4, 1e-4], rel=1e-3)
 
@@ -88,10 +90,10 @@ def test_a_model_without_equilibrium_is_rejected():
 
 def test_equilibria_of_other_assembly_modes_are_labelled():
     crank, rod = 0.05, 0.2
-    form = ms.catalog.make("slider_crank", crank=crank, rod=rod, offset=0.0)
-    result = ms.dynamics.equilibria(form, WEIGHT, starts=4, assemblies=12)
+    solver = ms.catalog.make("slider_crank", crank=crank, rod=rod, offset=0.0)
+    result = ms.dynamics.equilibria(solver, WEIGHT, starts=4, assemblies=12)
     assert {equilibrium.reached for equilibrium in result} == {True, False}
-    # crank up or down, the slider on either side: by symmetry the crank is across the guide
+    # crank up or down, the slider on either side: by symmetry the crank is perpendicular to the guide
     sides = set()
     for equilibrium in result:
         angle = equilibrium.q["crank"]

@@ -1,4 +1,4 @@
-"""Laws of every closed form, run over the catalogue: a mechanism brings its row in `strategies.CASES`."""
+"""Laws of every closed form of the catalogue; `strategies.CASES` has a row for each mechanism."""
 
 from dataclasses import replace
 
@@ -16,19 +16,19 @@ from mechsim import catalog
 from mechsim.errors import AssemblyError
 from mechsim.studies.extremes.axes import resized
 
-# mechanism -> the point that is known to fifty digits, and by what
-DIGITS = {
+# mechanism -> point and its function in fifty digits
+EXACT_POINTS = {
     "four_bar": ("B", exact.four_bar_b),
     "slider_crank": ("B", exact.slider_crank_b),
     "rssr": ("P3", exact.rssr_p3),
 }
-PARTS = ("position", "velocity", "acceleration")
+QUANTITIES = ("position", "velocity", "acceleration")
 
 
-def held(drive, angles, **rates):
-    """The motion, where every link is held: a guide or hinge in a singular pose holds none."""
+def determined_motion(linkage, angles, **rates):
+    """Return the motion if every link is determined, which a guide or hinge in a singular pose is not."""
     try:
-        return drive.solve(angles, **rates)
+        return linkage.solve(angles, **rates)
     except AssemblyError as error:
         assert "is undetermined at crank angle" in str(error) or "lies on the rocker axis" in str(error)
         assume(False)
@@ -41,34 +41,34 @@ def test_every_mechanism_of_the_catalogue_has_a_test_case():
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data())
 def test_motions_satisfy_the_loop_equations_and_their_derivatives(name, data):
-    drive = data.draw(CASES[name].random)
-    angles = angles_of(drive, count=4, lowest_transmission=0.1)
-    motion = held(drive, angles, speed=7.0, acceleration=-3.0)
-    agrees_with_loop_equations(drive, motion, CASES[name].slack(drive))
-    places = drive.positions(angles)
+    linkage = data.draw(CASES[name].random)
+    angles = angles_of(linkage, count=4, lowest_transmission=0.1)
+    motion = determined_motion(linkage, angles, speed=7.0, acceleration=-3.0)
+    agrees_with_loop_equations(linkage, motion, CASES[name].slack(linkage))
+    positions = linkage.positions(angles)
     for point, motion_of in motion.points.items():
-        assert (places[point] == motion_of.position).all()
+        assert (positions[point] == motion_of.position).all()
 
 
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data())
 def test_points_of_one_link_keep_their_distances(name, data):
-    drive = data.draw(CASES[name].random)
-    points, described = drive.positions(angles_of(drive)), drive.mechanism.points
-    bound = CASES[name].slack(drive) * CLOSED * longest(drive)
+    linkage = data.draw(CASES[name].random)
+    points, described = linkage.positions(angles_of(linkage)), linkage.mechanism.points
+    limit = CASES[name].slack(linkage) * CLOSED * longest(linkage)
     for item, (link, local) in described.items():
-        for other, (same, far) in described.items():
+        for other, (same, other_local) in described.items():
             if link == same:
-                gap = np.linalg.norm(points[item] - points[other], axis=1)
-                assert np.abs(gap - np.linalg.norm(np.subtract(local, far))).max() <= bound
+                distance = np.linalg.norm(points[item] - points[other], axis=1)
+                assert np.abs(distance - np.linalg.norm(np.subtract(local, other_local))).max() <= limit
 
 
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data())
 def test_the_assembly_sign_is_positive(name, data):
-    drive = data.draw(CASES[name].random)
-    away = angles_of(drive, lowest_transmission=1e-6)
-    assert (drive.assembly_sign(drive.positions(away)) >= 0.0).all()
+    linkage = data.draw(CASES[name].random)
+    away = angles_of(linkage, lowest_transmission=1e-6)
+    assert (linkage.assembly_sign(linkage.positions(away)) >= 0.0).all()
 
 
 @pytest.mark.parametrize("name", grid(CASES))
@@ -76,44 +76,44 @@ def test_the_assembly_sign_is_positive(name, data):
 def test_the_mirrored_mechanism_has_the_mirrored_motion(name, data):
     case = CASES[name]
     if case.mirror is None:
-        pytest.skip("its assemblies are numbered by angle, which a mirror turns about")
-    drive = data.draw(case.random)
-    mirrored, sense, image = case.mirror(drive)
-    angles = angles_of(drive, 6, lowest_transmission=0.05)
-    here, there = drive.positions(angles), mirrored.positions(sense * angles)
-    for point, place in here.items():
-        # in the plane nothing but signs differs
-        bound = 0.0 if sense < 0.0 else (case.scaled or CLOSED) * longest(drive)
-        assert np.abs(place * image - there[point]).max() <= bound
+        pytest.skip("its assembly modes are numbered by angle, which a mirror reverses")
+    linkage = data.draw(case.random)
+    mirrored, direction, image = case.mirror(linkage)
+    angles = angles_of(linkage, 6, lowest_transmission=0.05)
+    original, reflected = linkage.positions(angles), mirrored.positions(direction * angles)
+    for point, position in original.items():
+        # in the plane only signs differ
+        limit = 0.0 if direction < 0.0 else (case.scaled or CLOSED) * longest(linkage)
+        assert np.abs(position * image - reflected[point]).max() <= limit
 
 
 @pytest.mark.parametrize("name", grid(CASES))
 @given(st.data(), st.sampled_from([2.0**-7, 2.0**5]))
 def test_larger_dimensions_scale_the_motion(name, data, scale):
-    drive = data.draw(CASES[name].random)
-    larger, angles = resized(drive, scale), angles_of(drive, 6, lowest_transmission=1e-3)
-    here, there = (item.solve(angles, 3.0, 2.0, links=False).points for item in (drive, larger))
-    for point, motion in here.items():
-        for part in PARTS:
-            expected = scale * getattr(motion, part)
-            bound = CASES[name].scaled * max(np.abs(expected).max(), scale * longest(drive))
-            if part == "position" or not bound:
-                assert np.abs(getattr(there[point], part) - expected).max() <= bound
+    linkage = data.draw(CASES[name].random)
+    larger, angles = resized(linkage, scale), angles_of(linkage, 6, lowest_transmission=1e-3)
+    original, scaled = (item.solve(angles, 3.0, 2.0, links=False).points for item in (linkage, larger))
+    for point, motion in original.items():
+        for quantity in QUANTITIES:
+            expected = scale * getattr(motion, quantity)
+            limit = CASES[name].scaled * max(np.abs(expected).max(), scale * longest(linkage))
+            if quantity == "position" or not limit:
+                assert np.abs(getattr(scaled[point], quantity) - expected).max() <= limit
 
 
-@pytest.mark.parametrize("name", DIGITS)
+@pytest.mark.parametrize("name", EXACT_POINTS)
 @settings(max_examples=12)
 @given(st.data(), st.floats(1.0, 300.0), st.floats(-500.0, 500.0))
 def test_motions_agree_with_fifty_digits(name, data, speed, acceleration):
-    drive = data.draw(CASES[name].random)
-    point, by_digits = DIGITS[name]
-    angles = angles_of(drive, count=3, lowest_transmission=0.05)
-    motion = drive.solve(angles, speed, acceleration).points[point]
+    linkage = data.draw(CASES[name].random)
+    point, by_digits = EXACT_POINTS[name]
+    angles = angles_of(linkage, count=3, lowest_transmission=0.05)
+    motion = linkage.solve(angles, speed, acceleration).points[point]
     for i, f in enumerate(angles):
-        p, first, second = by_digits(drive, f)
-        assert np.linalg.norm(motion.position[i] - p) <= 1e-13 * longest(drive) / 0.05
+        p, first, second = by_digits(linkage, f)
+        assert np.linalg.norm(motion.position[i] - p) <= 1e-13 * longest(linkage) / 0.05
         v, a = speed * first, acceleration * first + speed**2 * second
-        scale = speed * longest(drive)
+        scale = speed * longest(linkage)
         assert np.linalg.norm(motion.velocity[i] - v) <= 1e-10 * max(np.linalg.norm(v), scale)
         scale *= speed
         assert np.linalg.norm(motion.acceleration[i] - a) <= 1e-10 * max(np.linalg.norm(a), scale)
@@ -121,10 +121,10 @@ def test_motions_agree_with_fifty_digits(name, data, speed, acceleration):
 
 @pytest.mark.parametrize("name", grid(CASES))
 def test_a_faulty_description_violates_the_loop_equations(name):
-    drive = catalog.make(name)
-    motion = drive.solve(np.linspace(0.1, 6.0, 9), 7.0, -3.0)
-    agrees_with_loop_equations(drive, motion)
-    for changes in FAULTS[drive.name].values():
+    linkage = catalog.make(name)
+    motion = linkage.solve(np.linspace(0.1, 6.0, 9), 7.0, -3.0)
+    agrees_with_loop_equations(linkage, motion)
+    for changes in FAULTS[linkage.name].values():
         if not {"branch", "side", "assembly"} & changes.keys():
             with pytest.raises(AssertionError):
-                agrees_with_loop_equations(replace(drive, **changes), motion)
+                agrees_with_loop_equations(replace(linkage, **changes), motion)

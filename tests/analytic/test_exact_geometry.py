@@ -1,4 +1,4 @@
-"""Dimensions with few digits are moved by the least that lets overconstrained loops close as they mean to."""
+"""Rounded dimensions of overconstrained loops are corrected by the smallest change that assembles them."""
 
 from dataclasses import replace
 
@@ -11,18 +11,18 @@ from mechsim.analytic.loops.rounded_geometry import DIMENSION_TOLERANCE, correct
 from mechsim.errors import MechsimError
 from mechsim.model.mechanism import Mechanism
 
-# loops of these close only if axes are parallel, or as Bennett found
+# their loops assemble only with parallel axes or under Bennett's condition
 OVERCONSTRAINED = ["four_bar", "slider_crank", "bennett"]
 
 
-def rounded(mechanism: Mechanism, by: float) -> Mechanism:
-    """Return a mechanism whose points and axes are off at random by a part of the size."""
+def with_random_errors(mechanism: Mechanism, by: float) -> Mechanism:
+    """Return a mechanism with random relative errors in points and axes."""
     random = np.random.default_rng(3)
 
     def off(end):
         point, axis, reference = (
-            tuple(np.array(of) + scale * random.uniform(-by, by, 3))
-            for of, scale in (
+            tuple(np.array(vector) + scale * random.uniform(-by, by, 3))
+            for vector, scale in (
                 (end.point, mechanism.characteristic_length),
                 (end.axis, 1.0),
                 (end.reference, 1.0),
@@ -38,7 +38,7 @@ def rounded(mechanism: Mechanism, by: float) -> Mechanism:
 def test_a_rounded_linkage_moves_after_correction(name):
     whole = catalog.make(name).mechanism
     angles = whole.start + np.linspace(-0.4, 0.4, 5)
-    off = rounded(whole, 1e-6)
+    off = with_random_errors(whole, 1e-6)
     with pytest.raises(MechsimError):
         loops.solve(off, angles)
     result = corrected(off)
@@ -53,7 +53,7 @@ def test_a_rounded_linkage_moves_after_correction(name):
 
 @pytest.mark.parametrize("name", OVERCONSTRAINED)
 def test_errors_above_rounding_are_not_corrected(name):
-    off = rounded(catalog.make(name).mechanism, 1000.0 * DIMENSION_TOLERANCE)
+    off = with_random_errors(catalog.make(name).mechanism, 1000.0 * DIMENSION_TOLERANCE)
     assert corrected(off).mechanism is off
 
 
@@ -73,16 +73,16 @@ def test_the_correction_is_no_larger_than_the_error():
 
 
 def test_the_characteristic_length_is_evaluated_a_few_times(monkeypatch):
-    """Of a robot of 74 joints, the size measured for each of them took minutes."""
-    mechanism = rounded(catalog.make("bennett").mechanism, 1e-6)
+    """Its evaluation for each of the 74 joints of a robot took minutes."""
+    mechanism = with_random_errors(catalog.make("bennett").mechanism, 1e-6)
     measured, perturbed = [], []
-    size = Mechanism.characteristic_length
+    length = Mechanism.characteristic_length
     monkeypatch.setattr(
-        Mechanism, "characteristic_length", property(lambda self: measured.append(1) or size.fget(self))
+        Mechanism, "characteristic_length", property(lambda self: measured.append(1) or length.fget(self))
     )
     trial = rounded_geometry.with_moved_sides
     monkeypatch.setattr(
-        rounded_geometry, "with_moved_sides", lambda *given: perturbed.append(1) or trial(*given)
+        rounded_geometry, "with_moved_sides", lambda *arguments: perturbed.append(1) or trial(*arguments)
     )
     corrected(mechanism)
     assert 0 < len(measured) <= 3 * len(perturbed) + 50

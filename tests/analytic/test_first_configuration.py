@@ -1,23 +1,23 @@
-"""The sign of an assembly applies at the first configuration that is asked for."""
+"""The branch applies at the first requested configuration."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from flat_linkages import FLAT_ONES, FOLDING
+from change_point_linkages import CHANGE_POINT_LINKAGES, WITH_BRANCHES
 
 from mechsim import catalog, dynamics, loops
 from mechsim.model.forces import Forces
 
-TURN = 2.0 * np.pi
+REVOLUTION = 2.0 * np.pi
 PARALLELOGRAM = {"ground": 0.1, "crank": 0.04, "coupler": 0.1, "rocker": 0.04}
 
 
-def deviation(drive, angles, speed=1.0):
-    """Return how far AB of a four-bar is from being parallel to its frame, in [m]."""
-    points = drive.solve(np.deg2rad(angles), speed).points
+def deviation(linkage, angles, speed=1.0):
+    """Return the deviation of AB from parallel to the frame of a four-bar, in [m]."""
+    points = linkage.solve(np.deg2rad(angles), speed).points
     along = points["B"].position - points["A"].position
-    return np.abs(along - [drive.ground, 0.0, 0.0]).max()
+    return np.abs(along - [linkage.ground, 0.0, 0.0]).max()
 
 
 @pytest.mark.parametrize(
@@ -40,70 +40,70 @@ def test_the_branch_selects_parallelogram_or_antiparallelogram(angles, speed, br
         assert deviation(catalog.make("four_bar", **PARALLELOGRAM, branch=-branch), angles, speed) > 0.01
 
 
-@pytest.mark.parametrize("which", FLAT_ONES)
+@pytest.mark.parametrize("which", CHANGE_POINT_LINKAGES)
 @pytest.mark.parametrize("direction", [1.0, -1.0])
 def test_the_branch_applies_at_any_first_configuration(which, direction):
-    drive = FLAT_ONES[which]
-    for first in [*np.linspace(-7.0, 7.0, 5), *drive.change_points()]:
-        angles = first + direction * np.linspace(0.0, TURN, 41)
+    linkage = CHANGE_POINT_LINKAGES[which]
+    for first in [*np.linspace(-7.0, 7.0, 5), *linkage.change_points()]:
+        angles = first + direction * np.linspace(0.0, REVOLUTION, 41)
         after = first + direction * np.array([0.0, 1e-3])
         for branch in (1, -1):
-            form = replace(drive, branch=branch)
-            assert form.assembly_sign(form.positions(after))[1] > 0.0
-            own = form.solve(angles, direction)
-            # the same motion asked for with one configuration more keeps its assembly
-            more = form.solve(np.append(angles, angles[-1] + direction), direction)
-            other = replace(drive, branch=-branch).solve(angles, direction)
+            solver = replace(linkage, branch=branch)
+            assert solver.assembly_sign(solver.positions(after))[1] > 0.0
+            own = solver.solve(angles, direction)
+            # one more configuration does not change the assembly mode
+            more = solver.solve(np.append(angles, angles[-1] + direction), direction)
+            other = replace(linkage, branch=-branch).solve(angles, direction)
             name = list(own.points)[1]
-            size = drive.mechanism.characteristic_length
+            scale = linkage.mechanism.characteristic_length
             np.testing.assert_allclose(
-                own.points[name].position, more.points[name].position[:-1], atol=1e-12 * size
+                own.points[name].position, more.points[name].position[:-1], atol=1e-12 * scale
             )
-            assert np.abs(own.points[name].position - other.points[name].position).max() > 0.01 * size
+            assert np.abs(own.points[name].position - other.points[name].position).max() > 0.01 * scale
 
 
-@pytest.mark.parametrize("which", FLAT_ONES)
+@pytest.mark.parametrize("which", CHANGE_POINT_LINKAGES)
 def test_the_branch_applies_to_the_loop_equations(which):
-    drive = FLAT_ONES[which]
+    linkage = CHANGE_POINT_LINKAGES[which]
     angles = 3.7 + np.linspace(0.0, 3.0, 12)
-    exact, by_loops = drive.solve(angles), loops.solve(drive, angles)
+    exact, by_loops = linkage.solve(angles), loops.solve(linkage, angles)
     for name, point in exact.points.items():
         assert (
             np.abs(by_loops.points[name].position - point.position).max()
-            <= 1e-12 * drive.mechanism.characteristic_length
+            <= 1e-12 * linkage.mechanism.characteristic_length
         )
 
 
-@pytest.mark.parametrize("which", FOLDING)
+@pytest.mark.parametrize("which", WITH_BRANCHES)
 def test_the_branch_policy_starts_with_its_sign(which):
-    drive = FLAT_ONES[which].with_change_point("branch")
+    linkage = CHANGE_POINT_LINKAGES[which].with_change_point("branch")
     for first in (0.3, 2.0, 3.9, 5.5):
-        assert drive.assembly_sign(drive.positions([first, first + 1e-3]))[0] > 0.0
+        assert linkage.assembly_sign(linkage.positions([first, first + 1e-3]))[0] > 0.0
 
 
 def test_starting_at_an_angle_selects_the_assembly_mode():
-    drive = catalog.make("four_bar", **PARALLELOGRAM)
+    linkage = catalog.make("four_bar", **PARALLELOGRAM)
     later = np.deg2rad([200.0, 300.0])
-    kept = drive.starting_at(np.deg2rad([1.0, 359.0]))
-    assert np.abs(kept.positions(later)["B"] - drive.positions(later)["B"]).max() > 0.01
+    kept = linkage.starting_at(np.deg2rad([1.0, 359.0]))
+    assert np.abs(kept.positions(later)["B"] - linkage.positions(later)["B"]).max() > 0.01
     assert deviation(kept, [200.0, 300.0]) <= 1e-15
     assert {item.branch for item in kept.assemblies(4.0)} == {1, -1}
-    places = [points["B"] for _, points in kept.assembly_points(4.0)]
-    assert np.abs(places[0] - places[1]).max() > 0.01
+    positions = [points["B"] for _, points in kept.assembly_points(4.0)]
+    assert np.abs(positions[0] - positions[1]).max() > 0.01
 
 
 def test_the_start_does_not_matter_without_change_points():
-    drive = catalog.make("four_bar")
-    assert drive.starting_at([3.0]) is drive
+    linkage = catalog.make("four_bar")
+    assert linkage.starting_at([3.0]) is linkage
 
 
 def test_the_torque_belongs_to_the_first_assembly_mode():
-    drive = catalog.make("four_bar", **PARALLELOGRAM, branch=-1)
+    linkage = catalog.make("four_bar", **PARALLELOGRAM, branch=-1)
     angles = np.deg2rad(np.linspace(195.0, 255.0, 7))
-    machine = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.81, 0.0)))
-    own = dynamics.prescribed(machine, angles, 1e-6).forces.torque
-    # of a parallelogram crank, rocker and coupler rise alike: torque is the weight times one cosine
+    model = dynamics.dynamic_model(linkage, Forces(gravity=(0.0, -9.81, 0.0)))
+    own = dynamics.prescribed(model, angles, 1e-6).forces.torque
+    # the links of a parallelogram rise equally: the torque is the weight times a cosine
     assert np.abs(own / np.cos(angles) - own[0] / np.cos(angles[0])).max() <= 1e-9 * np.abs(own).max()
-    other = dynamics.dynamic_model(replace(drive, branch=1), machine.forces)
+    other = dynamics.dynamic_model(replace(linkage, branch=1), model.forces)
     result = dynamics.prescribed(other, angles, 1e-6).forces.torque
     assert np.abs(result / np.cos(angles) - own[0] / np.cos(angles[0])).max() > 0.1 * np.abs(own).max()

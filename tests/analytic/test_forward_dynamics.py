@@ -37,13 +37,13 @@ def pendulum():
 
 
 def double_pendulum():
-    far = (1.0, 0.0, 0.0)
-    links = tuple(ms.Link(name, outline=(far,), inertia=point_mass()) for name in ("first", "second"))
+    tip = (1.0, 0.0, 0.0)
+    links = tuple(ms.Link(name, outline=(tip,), inertia=point_mass()) for name in ("first", "second"))
     joints = (
         ms.Joint("A", "revolute", ms.End("ground"), ms.End("first")),
-        ms.Joint("B", "revolute", ms.End("first", far), ms.End("second")),
+        ms.Joint("B", "revolute", ms.End("first", tip), ms.End("second")),
     )
-    points = {"P": ("first", far), "Q": ("second", far)}
+    points = {"P": ("first", tip), "Q": ("second", tip)}
     return ms.Mechanism("double pendulum", links, joints, ("A", "B"), points)
 
 
@@ -113,12 +113,12 @@ def test_coupled_four_bars_pass_five_singular_configurations_accurately():
         (0.0, 6.0), right, "DOP853", run.time, rtol=2.3e-14, atol=1e-14,
     )  # fmt: skip
     error = np.abs(run.motion.points["B0"].position[:, :2] - a02_four_bars.tip(exact.y[0])).max()
-    # measured 2.3e-11; extrapolation over the poses left 2.9e-9
+    # measured 2.3e-11; extrapolation across the configurations gave 2.9e-9
     assert error <= 3e-10
     assert run.energy_error <= 1e-9
 
 
-# the crank of the row of four-bars lies in line for the first time after 0.63743126 s
+# the coupled four-bars reach their first singular configuration after 0.63743126 s
 FLAT = 0.63743126
 
 
@@ -196,10 +196,10 @@ def test_bricards_overconstrained_linkage_keeps_its_energy():
 
 
 def test_a_run_agrees_with_the_reduced_equation():
-    form = ms.catalog.make("four_bar")
-    run = ms.dynamics.run(form, WEIGHT, initial={"crank.q": "30deg"}, duration=0.5, samples=25)
-    machine = ms.dynamics.dynamic_model(form, WEIGHT)
-    reduced = ms.dynamics.free_run(machine, angle=np.deg2rad(30.0), duration=0.5, times=run.time)
+    solver = ms.catalog.make("four_bar")
+    run = ms.dynamics.run(solver, WEIGHT, initial={"crank.q": "30deg"}, duration=0.5, samples=25)
+    model = ms.dynamics.dynamic_model(solver, WEIGHT)
+    reduced = ms.dynamics.free_run(model, angle=np.deg2rad(30.0), duration=0.5, times=run.time)
     assert np.abs(reduced.angle - run.motion.joints["crank"].value).max() <= 1e-9
 
 
@@ -251,15 +251,15 @@ def test_a_start_at_a_change_point_is_rejected():
 
 
 def test_friction_that_never_releases_is_reported_from_the_start():
-    held = Forces(gravity=(3.0, 0.0, 0.0), friction=(Friction("s", coulomb=400.0),))
-    run = ms.dynamics.run(slider(), held, duration=1.0, samples=4)
+    forces = Forces(gravity=(3.0, 0.0, 0.0), friction=(Friction("s", coulomb=400.0),))
+    run = ms.dynamics.run(slider(), forces, duration=1.0, samples=4)
     assert (run.outcome, run.reason) == ("stopped", "friction holds the mechanism at rest from 0 s on")
 
 
 def test_a_growing_load_overcomes_static_friction():
     push = load_profile.table([0.0, 1.0, 2.0], [[0.0] * 3, [0.0] * 3, [8.0, 0.0, 0.0]], over="time")
-    held = Forces(loads=(Load("P", push),), friction=(Friction("s", coulomb=2.0),))
-    run = ms.dynamics.run(slider(), held, duration=2.0, samples=8)
+    forces = Forces(loads=(Load("P", push),), friction=(Friction("s", coulomb=2.0),))
+    run = ms.dynamics.run(slider(), forces, duration=2.0, samples=8)
     # the load passes 2 N at 1.25 s; from there 2 x'' = 8 (t - 1.25)
     late = np.maximum(run.time - 1.25, 0.0)
     assert run.motion.joints["s"].value == pytest.approx(2.0 / 3.0 * late**3, abs=1e-9)

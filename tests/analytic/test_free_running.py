@@ -1,4 +1,4 @@
-"""Free running against elliptic functions, the law of energy, and machines that end in every way there is."""
+"""Free runs compared with elliptic functions and the law of energy, and every outcome of a run."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -47,10 +47,10 @@ def test_a_pendulum_agrees_with_elliptic_functions():
 
 
 def test_the_bearing_of_a_pendulum_carries_three_times_its_weight():
-    machine = pendulum(gravity=DOWN)
-    run = dynamics.free_run(machine, angle=0.0, times=np.linspace(0.0, PERIOD / 4.0, 5))
-    study = dynamics.prescribed(machine, run.angle, run.speed, run.acceleration)
-    # what moves freely needs no drive
+    model = pendulum(gravity=DOWN)
+    run = dynamics.free_run(model, angle=0.0, times=np.linspace(0.0, PERIOD / 4.0, 5))
+    study = dynamics.prescribed(model, run.angle, run.speed, run.acceleration)
+    # free motion needs no drive torque
     assert np.abs(study.forces.torque).max() <= 1e-10
     assert np.abs(study.second_torque).max() <= 1e-10
     assert study.forces.reactions["crank"].force[-1] == pytest.approx([0.0, 3 * 9.81, 0.0], abs=1e-9)
@@ -64,37 +64,37 @@ def test_the_bearing_of_a_pendulum_carries_three_times_its_weight():
     ],
 )
 def test_a_model_without_losses_keeps_its_energy(name, turns):
-    machine = dynamics.dynamic_model(catalog.make(name), Forces(gravity=DOWN))
-    run = dynamics.free_run(machine, angle=0.3, speed=40.0, turns=turns, samples=81)
+    model = dynamics.dynamic_model(catalog.make(name), Forces(gravity=DOWN))
+    run = dynamics.free_run(model, angle=0.3, speed=40.0, turns=turns, samples=81)
     assert run.outcome == "done"
     assert run.energy_error <= 1e-10
     assert run.angle[-1] - run.angle[0] == pytest.approx(2.0 * np.pi * turns, rel=1e-12)
 
 
 def test_the_period_without_forces_follows_from_the_reduced_inertia():
-    machine = dynamics.dynamic_model(catalog.make("rrsrr"))
+    model = dynamics.dynamic_model(catalog.make("rrsrr"))
     angle = np.arange(512) * (2.0 * np.pi / 512)
-    inertia = dynamics.reduced(machine, angle).inertia
-    run = dynamics.free_run(machine, angle=0.0, speed=30.0, turns=2.0, samples=3)
+    inertia = dynamics.reduced(model, angle).inertia
+    run = dynamics.free_run(model, angle=0.0, speed=30.0, turns=2.0, samples=3)
     exact = 2.0 * 2.0 * np.pi * np.mean(np.sqrt(inertia / inertia[0])) / 30.0
     assert run.time[-1] == pytest.approx(exact, rel=1e-11)
     assert run.speed[-1] == pytest.approx(30.0, rel=1e-11)
 
 
 def test_closed_form_and_loop_equations_give_the_same_run():
-    drive = catalog.make("four_bar")
+    linkage = catalog.make("four_bar")
     forces = Forces(gravity=DOWN, motor=motors.TorqueSpeedLine(0.01, 50.0), friction=(Friction("B", 1e-5),))
     times = np.linspace(0.0, 0.1, 5)
     closed, by_loops = (
-        dynamics.free_run(dynamics.dynamic_model(source, forces), angle=drive.mechanism.start, times=times)
-        for source in (drive, drive.mechanism)
+        dynamics.free_run(dynamics.dynamic_model(source, forces), angle=linkage.mechanism.start, times=times)
+        for source in (linkage, linkage.mechanism)
     )
     assert np.abs(closed.angle - by_loops.angle).max() <= 1e-9
-    motion = drive.solve(closed.angle, closed.speed, closed.acceleration)
-    links = loops.solve(drive.mechanism, closed.angle[-1:]).links
+    motion = linkage.solve(closed.angle, closed.speed, closed.acceleration)
+    links = loops.solve(linkage.mechanism, closed.angle[-1:]).links
     assert motion.points["B"].velocity[-1] == pytest.approx(
         loops.rates(
-            drive.mechanism,
+            linkage.mechanism,
             {name: Pose(link.position, link.rotation) for name, link in links.items()},
             closed.angle[-1:],
             closed.speed[-1:],
@@ -127,8 +127,8 @@ def test_coulomb_friction_stops_a_wheel_and_locks_it():
 
 def test_coulomb_friction_reduces_each_half_swing_equally():
     """x'' = -k x - T sign x': every half swing ends 2 T / k nearer, until it sticks within T / k."""
-    machine = pendulum(friction=(Friction("crank", 0.0, 0.3),), joint_springs=(JointSpring("crank", 4.0),))
-    run = dynamics.free_run(machine, angle=1.0, duration=12.0, samples=2401)
+    model = pendulum(friction=(Friction("crank", 0.0, 0.3),), joint_springs=(JointSpring("crank", 4.0),))
+    run = dynamics.free_run(model, angle=1.0, duration=12.0, samples=2401)
     assert run.outcome == "stopped"
     half = np.pi / 2.0
     peaks = [float(np.interp(half * k, run.time, run.angle)) for k in range(5)]
@@ -158,7 +158,7 @@ def test_a_motor_too_weak_to_start_is_reported(forces, output):
 def test_incomplete_runs_report_their_outcome():
     rising = dynamics.free_run(pendulum(gravity=DOWN), angle=-np.pi / 2, speed=6.0, turns=1.0)
     assert rising.outcome == "turned back"
-    # v2 = 4 g l at the top is needed; 36 = 2 g (1 - cos t) is where it turns
+    # a full revolution needs v2 = 4 g l; 36 = 2 g (1 - cos t) gives the reversal
     assert rising.angle[-1] + np.pi / 2 == pytest.approx(np.arccos(1.0 - 36.0 / (2.0 * 9.81)), rel=1e-10)
     braked = dynamics.free_run(
         pendulum(friction=(Friction("crank", 0.0, 1.0),)), angle=0.0, speed=2.0, turns=1.0
@@ -174,21 +174,21 @@ def test_incomplete_runs_report_their_outcome():
 
 
 def test_a_crank_turns_back_at_its_dead_centre():
-    drive = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
-    start = drive.mechanism.start
-    run = dynamics.free_run(dynamics.dynamic_model(drive), angle=start, speed=5.0, turns=1.0, samples=5)
+    linkage = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
+    start = linkage.mechanism.start
+    run = dynamics.free_run(dynamics.dynamic_model(linkage), angle=start, speed=5.0, turns=1.0, samples=5)
     assert run.outcome == "turned back"
-    ahead = min((end - start) % (2.0 * np.pi) for end in drive.dead_centres())
+    ahead = min((end - start) % (2.0 * np.pi) for end in linkage.dead_centres())
     assert run.angle[-1] - start == pytest.approx(ahead, abs=1e-9)
     assert run.energy_error <= 1e-9
 
 
 def test_a_run_ends_at_a_simultaneous_reversal_of_friction():
     """The rocker reverses at the start, and so at the end of each turn."""
-    drive = catalog.make("four_bar")
-    friction = tuple(Friction(joint.name, 1e-5, 1e-5) for joint in drive.mechanism.joints)
-    machine = dynamics.dynamic_model(drive, Forces(gravity=DOWN, friction=friction))
-    run = dynamics.free_run(machine, angle=0.0, speed=40.0, turns=1.0, samples=3)
+    linkage = catalog.make("four_bar")
+    friction = tuple(Friction(joint.name, 1e-5, 1e-5) for joint in linkage.mechanism.joints)
+    model = dynamics.dynamic_model(linkage, Forces(gravity=DOWN, friction=friction))
+    run = dynamics.free_run(model, angle=0.0, speed=40.0, turns=1.0, samples=3)
     assert run.outcome == "done"
     assert run.angle[-1] == pytest.approx(2.0 * np.pi, rel=1e-12)
     assert run.energy_error <= 1e-10
@@ -196,50 +196,50 @@ def test_a_run_ends_at_a_simultaneous_reversal_of_friction():
 
 def test_friction_torques_of_several_joints_add_up():
     """Each alone is too weak, and that of the ball has a direction only while the ball moves."""
-    drive = catalog.make("rrsrr")
-    friction = tuple(Friction(joint.name, 1e-5, 3e-6) for joint in drive.mechanism.joints)
-    machine = dynamics.dynamic_model(drive, Forces(gravity=DOWN, friction=friction))
-    run = dynamics.free_run(machine, angle=0.0, speed=40.0, turns=1.0, samples=3)
+    linkage = catalog.make("rrsrr")
+    friction = tuple(Friction(joint.name, 1e-5, 3e-6) for joint in linkage.mechanism.joints)
+    model = dynamics.dynamic_model(linkage, Forces(gravity=DOWN, friction=friction))
+    run = dynamics.free_run(model, angle=0.0, speed=40.0, turns=1.0, samples=3)
     assert run.outcome == "stopped"
-    held = dynamics.reduced(machine, run.angle[-1:])
-    assert 3e-6 < abs(held.static[0]) < held.coulomb[0]
+    reduced = dynamics.reduced(model, run.angle[-1:])
+    assert 3e-6 < abs(reduced.static[0]) < reduced.coulomb[0]
 
 
 def test_friction_on_a_passive_spin_is_rejected():
-    drive = catalog.make("rssr")
-    friction = tuple(Friction(joint.name, 1e-5) for joint in drive.mechanism.joints)
-    machine = dynamics.dynamic_model(drive, Forces(friction=friction))
+    linkage = catalog.make("rssr")
+    friction = tuple(Friction(joint.name, 1e-5) for joint in linkage.mechanism.joints)
+    model = dynamics.dynamic_model(linkage, Forces(friction=friction))
     with pytest.raises(InputError, match="would spin a link whose spin nothing determines"):
-        dynamics.free_run(machine, speed=40.0, turns=1.0)
+        dynamics.free_run(model, speed=40.0, turns=1.0)
 
 
-def root_of_inertia(machine, lengths, short, beside):
-    """Return the root of a four-bar's inertia, (n,), at angles next to the pose where it nearly lies in line.
+def root_of_inertia(model, lengths, short, angle):
+    """Return the root of a four-bar's reduced inertia, (n,), near its singular configuration.
 
-    By Heron's formula: coupler, rocker and the line from crank pin to pivot, of which nothing is lost in
-    differences, for it is given by how much the coupler is too short to lie in line.
+    Heron's formula for coupler, rocker and the line from crank pin to pivot avoids cancellation, since it
+    uses the deficit of the coupler length.
     """
     ground, crank, coupler, rocker = lengths
-    bulge = 4.0 * ground * crank * np.sin(0.5 * beside) ** 2
-    away = ground - crank * np.exp(1j * beside)
-    reach = np.abs(away)
+    bulge = 4.0 * ground * crank * np.sin(0.5 * angle) ** 2
+    diagonal = ground - crank * np.exp(1j * angle)
+    reach = np.abs(diagonal)
     slack = short + bulge / (reach + ground - crank)
     height = np.sqrt(
         slack * (2.0 * rocker - slack) * (2.0 * rocker + 2.0 * reach - slack) * (2.0 * reach - slack)
     )
     height /= 2.0 * reach
     beyond = (coupler**2 - rocker**2 - reach**2) / (2.0 * reach)
-    turned = away / reach * (reach + beyond + 1j * height) / coupler
-    other = away / reach * (beyond + 1j * height) / rocker
-    sine, arm = reach * height / (coupler * rocker), crank * np.exp(1j * beside)
+    coupler_axis = diagonal / reach * (reach + beyond + 1j * height) / coupler
+    rocker_axis = diagonal / reach * (beyond + 1j * height) / rocker
+    sine, arm = reach * height / (coupler * rocker), crank * np.exp(1j * angle)
     rate, last = (
         (item.conjugate() * arm).imag / (length * sine)
-        for item, length in ((other, coupler), (turned, rocker))
+        for item, length in ((rocker_axis, coupler), (coupler_axis, rocker))
     )
-    links = [link.inertia for link in machine.mechanism.links]
+    links = [link.inertia for link in model.mechanism.links]
     speeds = (
         links[0].centre[0],
-        arm + complex(*links[1].centre[:2]) * rate * turned,
+        arm + complex(*links[1].centre[:2]) * rate * coupler_axis,
         links[2].centre[0] * last,
     )
     each = zip(links, speeds, (1.0, rate, last), strict=True)
@@ -247,22 +247,22 @@ def root_of_inertia(machine, lengths, short, beside):
 
 
 def test_a_crank_passes_close_to_a_singular_configuration():
-    # a ten-millionth of the size, where rounding is 1e-9 of the inertia
+    # a ten-millionth of the length, where rounding is 1e-9 of the inertia
     lengths, short = (0.05, 0.02, 0.07 - 1e-8, 0.04), 1e-8
-    drive = catalog.make(
+    linkage = catalog.make(
         "four_bar", **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True))
     )
-    machine = dynamics.dynamic_model(drive)
-    run = dynamics.free_run(machine, angle=2.0, speed=60.0, turns=1.0, samples=3)
+    model = dynamics.dynamic_model(linkage)
+    run = dynamics.free_run(model, angle=2.0, speed=60.0, turns=1.0, samples=3)
     assert run.outcome == "done"
     nodes, weights = np.polynomial.legendre.leggauss(60)
     total = 0.0
-    for sign, far in ((-1.0, 2.0 * np.pi - 2.0), (1.0, 2.0)):
-        ends = np.array([0.0, *(far * 10.0 ** -np.arange(8.0, -0.5, -0.5))])
+    for sign, width in ((-1.0, 2.0 * np.pi - 2.0), (1.0, 2.0)):
+        ends = np.array([0.0, *(width * 10.0 ** -np.arange(8.0, -0.5, -0.5))])
         for low, high in pairwise(ends):
-            at = sign * (0.5 * (low + high) + 0.5 * (high - low) * nodes)
-            total += 0.5 * (high - low) * weights @ root_of_inertia(machine, lengths, short, at)
-    exact = total / root_of_inertia(machine, lengths, short, np.array([2.0]))[0] / 60.0
+            angle = sign * (0.5 * (low + high) + 0.5 * (high - low) * nodes)
+            total += 0.5 * (high - low) * weights @ root_of_inertia(model, lengths, short, angle)
+    exact = total / root_of_inertia(model, lengths, short, np.array([2.0]))[0] / 60.0
     # measured 5e-11
     assert run.time[-1] == pytest.approx(exact, rel=1e-9)
 
@@ -278,34 +278,34 @@ def test_a_growing_load_overcomes_static_friction():
 
 
 def test_a_load_on_a_point_does_its_work():
-    drive = catalog.make("slider_crank")
+    linkage = catalog.make("slider_crank")
     against = load_profile.constant((-3.0, 0.0, 0.0))
-    machine = dynamics.dynamic_model(drive, Forces(loads=(Load("B", against),)))
-    run = dynamics.free_run(machine, angle=0.2, speed=30.0, turns=1.3, samples=50)
-    path = drive.solve(run.angle).points["B"].position[:, 0]
+    model = dynamics.dynamic_model(linkage, Forces(loads=(Load("B", against),)))
+    run = dynamics.free_run(model, angle=0.2, speed=30.0, turns=1.3, samples=50)
+    path = linkage.solve(run.angle).points["B"].position[:, 0]
     assert run.work == pytest.approx(-3.0 * (path - path[0]), abs=1e-10)
     assert run.energy_error <= 1e-10
 
 
 def test_mirrored_forces_give_the_mirrored_run():
-    machine = pendulum(gravity=DOWN, motor=motors.ConstantTorque(12.0))
-    mirrored = machine.with_forces(replace(machine.forces, motor=motors.ConstantTorque(-12.0)))
-    item = dynamics.free_run(machine, angle=-np.pi / 2 + 0.4, times=np.linspace(0.0, 2.0, 9))
+    model = pendulum(gravity=DOWN, motor=motors.ConstantTorque(12.0))
+    mirrored = model.with_forces(replace(model.forces, motor=motors.ConstantTorque(-12.0)))
+    item = dynamics.free_run(model, angle=-np.pi / 2 + 0.4, times=np.linspace(0.0, 2.0, 9))
     other = dynamics.free_run(mirrored, angle=-np.pi / 2 - 0.4, times=np.linspace(0.0, 2.0, 9))
     assert item.angle + np.pi / 2 == pytest.approx(-(other.angle + np.pi / 2), rel=1e-9)
 
 
 @pytest.mark.parametrize("force", [(-5.0, 0.0, 0.0), (0.0, 0.0, 3.0), (-5.0, 2.0, 1.0)])
 def test_user_defined_and_catalogue_mechanisms_give_the_same_run(force):
-    """Along two axes the slider never moves: what the load has of a lever there is rounding."""
-    drive = catalog.make("slider_crank")
+    """The slider does not move along two axes: the lever of the load there is rounding."""
+    linkage = catalog.make("slider_crank")
     loads = (Load("B", load_profile.constant(force)),)
     couple = Couple("slider", load_profile.constant((0.0, 0.0, 2.0)))
     friction = (Friction("crank", 1e-4, 1e-3), Friction("B", 1e-3))
     forces = Forces(loads=loads, couples=(couple,), friction=friction, gravity=(0.0, 0.0, -9.81))
-    own, known = (
+    by_loops, closed_form = (
         dynamics.free_run(dynamics.dynamic_model(item, forces), speed=60.0, duration=0.05)
-        for item in (drive.mechanism, drive)
+        for item in (linkage.mechanism, linkage)
     )
-    assert own.outcome == "done"
-    np.testing.assert_allclose(own.angle, known.angle, rtol=0, atol=1e-9)
+    assert by_loops.outcome == "done"
+    np.testing.assert_allclose(by_loops.angle, closed_form.angle, rtol=0, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Many designs by loop equations together: each as it is by itself, in the assembly of its own guess."""
+"""Loop equations of many designs together: each agrees with its single solution."""
 
 from functools import cache
 
@@ -21,12 +21,12 @@ JOINTS = {
 
 
 @cache
-def form(name, parameter, value):
+def solver(name, parameter, value):
     return ms.load(name, {parameter: value})
 
 
 def designs(name, parameter, values):
-    return [form(name, parameter, float(item)).mechanism for item in values]
+    return [solver(name, parameter, float(item)).mechanism for item in values]
 
 
 def moved(name, parameter, values, joints):
@@ -34,11 +34,11 @@ def moved(name, parameter, values, joints):
 
 
 def together(mechanism, mechanisms, joints=(), *, angles=ANGLES, speed=1.0):
-    """Return the motion of those that are like one, and of which of all it is reported."""
-    like = shared_loops(mechanism, joints)
+    """Return the motion of the designs similar to one, and a mask of the solved designs."""
+    loops = shared_loops(mechanism, joints)
     started, which = similar_designs(mechanism, mechanisms)
-    motion, good = many_motion(like, started, angles, speed, joints)
-    return motion, np.isin(np.arange(len(mechanisms)), which[good])
+    motion, valid = many_motion(loops, started, angles, speed, joints)
+    return motion, np.isin(np.arange(len(mechanisms)), which[valid])
 
 
 @pytest.mark.parametrize("name", ["watt_six_bar", "quick_return"])
@@ -48,35 +48,35 @@ def test_designs_solved_together_agree_with_single_designs(name):
     motion, reported = moved(name, parameter, values, joints)
     assert reported.sum() >= 6
     for i in np.flatnonzero(reported):
-        alone = form(name, parameter, float(values[i])).solve(ANGLES, 3.0)
+        alone = solver(name, parameter, float(values[i])).solve(ANGLES, 3.0)
         rows = slice(i * len(ANGLES), (i + 1) * len(ANGLES))
         for point, exact in alone.points.items():
-            for part in ("position", "velocity", "acceleration"):
-                wanted, result = getattr(exact, part), getattr(motion.points[point], part)[rows]
-                np.testing.assert_allclose(result, wanted, atol=1e-11 * np.abs(wanted).max())
+            for quantity in ("position", "velocity", "acceleration"):
+                expected, result = getattr(exact, quantity), getattr(motion.points[point], quantity)[rows]
+                np.testing.assert_allclose(result, expected, atol=1e-11 * np.abs(expected).max())
         for joint in joints:
             exact, result = alone.joints[joint], motion.joints[joint]
             np.testing.assert_allclose(np.unwrap(result.value[rows]), np.unwrap(exact.value), atol=1e-11)
-            for part in ("rate", "acceleration"):
-                wanted = getattr(exact, part)
+            for quantity in ("rate", "acceleration"):
+                expected = getattr(exact, quantity)
                 np.testing.assert_allclose(
-                    getattr(result, part)[rows], wanted, atol=1e-11 * np.abs(wanted).max()
+                    getattr(result, quantity)[rows], expected, atol=1e-11 * np.abs(expected).max()
                 )
 
 
 def test_designs_with_a_passive_spin_agree_with_the_closed_form():
     angles = np.random.default_rng(22).uniform(-7.0, 7.0, 40)
     drives = [ms.catalog.make("rssr", crank=length) for length in (0.0186, 0.02, 0.0212)]
-    mechanisms = [drive.mechanism for drive in drives]
+    mechanisms = [linkage.mechanism for linkage in drives]
     motion, reported = together(mechanisms[1], mechanisms, angles=angles, speed=3.0)
     assert reported.all()
-    for i, drive in enumerate(drives):
+    for i, linkage in enumerate(drives):
         rows = slice(i * len(angles), (i + 1) * len(angles))
-        for point, exact in drive.solve(angles, 3.0).points.items():
-            for part in ("position", "velocity", "acceleration"):
-                wanted, result = getattr(exact, part), getattr(motion.points[point], part)[rows]
+        for point, exact in linkage.solve(angles, 3.0).points.items():
+            for quantity in ("position", "velocity", "acceleration"):
+                expected, result = getattr(exact, quantity), getattr(motion.points[point], quantity)[rows]
                 # measured 1.3e-15
-                np.testing.assert_allclose(result, wanted, rtol=0, atol=1e-14 * np.abs(wanted).max())
+                np.testing.assert_allclose(result, expected, rtol=0, atol=1e-14 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("rows_are_enough", [True, False])
@@ -85,7 +85,7 @@ def test_ill_conditioned_designs_select_equations_for_every_segment(rows_are_eno
     exact = [ms.loops.solve(mechanism, ANGLES).points for mechanism in mechanisms]
     selections, select = [], continuation.loop_solver
     monkeypatch.setattr(
-        continuation, "loop_solver", lambda *given: selections.append(given) or select(*given)
+        continuation, "loop_solver", lambda *arguments: selections.append(arguments) or select(*arguments)
     )
     if not rows_are_enough:
         monkeypatch.setattr(loop_solver, "MIN_VALUE_RATIO", 2.0)
@@ -138,29 +138,29 @@ def test_each_design_keeps_its_own_assembly_mode():
         np.testing.assert_allclose(motion.points["B"].position[rows], exact, atol=1e-13)
 
 
-def flat_and_others():
-    """Return a kite that can be laid flat and others next to it, put together at the same crank angle."""
+def designs_with_a_change_point():
+    """Return a kite with a change point and similar designs, assembled at one crank angle."""
     lengths = {"ground": 0.1, "coupler": 0.1, "rocker": 0.04}
     result = []
     for crank in (0.04, 0.038, 0.037, 0.036):
         mechanism = ms.catalog.make("four_bar", crank=crank, **lengths).mechanism
-        there = ms.loops.solve(mechanism, [2.0]).links
+        links = ms.loops.solve(mechanism, [2.0]).links
         result.append(
             mechanism.with_guess(
-                {name: Pose(link.position[0], link.rotation[0]) for name, link in there.items()}, 2.0
+                {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}, 2.0
             )
         )
     return result
 
 
 def test_a_design_with_a_change_point_is_excluded():
-    mechanisms = flat_and_others()
+    mechanisms = designs_with_a_change_point()
     _, reported = together(mechanisms[-1], mechanisms)
     assert reported.tolist() == [False, True, True, True]
 
 
 def test_the_sign_of_the_determinant_excludes_change_points(monkeypatch):
-    mechanisms = flat_and_others()
+    mechanisms = designs_with_a_change_point()
     whole = np.linalg.slogdet
     monkeypatch.setattr(
         design_motion.np.linalg, "slogdet", lambda matrix: (np.ones(len(matrix)), whole(matrix)[1])

@@ -1,4 +1,4 @@
-"""Loops of which nothing but rounding is left: a ball where all axes meet, or on a shaft's own axis."""
+"""Loops with negligible equations: a ball joint at the intersection of all axes, or on a shaft axis."""
 
 import math
 from dataclasses import replace
@@ -24,7 +24,7 @@ from mechsim.studies.scene.exact_closure import exact_closure
 from mechsim.theory.continuation.free_loops import free_loops
 from mechsim.theory.continuation.mechanism_trace import CurveSearch
 
-AXES = {  # of each joint: on its first and on its second link, with their marks
+AXES = {  # of each joint: axis and reference on its first and second link
     "crank": ((0.36, -0.48, 0.8), (0.8, 0.6, 0.0), (0.28, 0.0, 0.96), (0.0, 1.0, 0.0)),
     "A": ((-0.6, 0.64, 0.48), (0.8, 0.48, 0.36), (0.48, 0.6, 0.64), (0.8, 0.0, -0.6)),
     "B": ((0.0, -0.28, 0.96), (1.0, 0.0, 0.0), (0.8, -0.36, 0.48), (0.6, 0.48, -0.64)),
@@ -37,7 +37,7 @@ CENTRES = {
     "rocker": (0.57, -0.3, 1.9),
 }
 TIP = (-0.83, 1.21, 0.37)
-PROGRAMS = {"crank": "1.1rad/s", "A": "0.4rad + 0.7rad*sin(t)", "B": "-0.3rad - 0.9rad*t"}
+MOTION_LAWS = {"crank": "1.1rad/s", "A": "0.4rad + 0.7rad*sin(t)", "B": "-0.3rad - 0.9rad*t"}
 # the second bearing lies 7 cm along the axis of the first
 SHAFT = """name = "shaft"
 drivers = ["crank"]
@@ -56,16 +56,16 @@ P = { link = "shaft", at = [0.01, 0.02, 0.03] }
 """
 
 
-def spherical(tmp_path, drivers):
-    """Three hinges through one point and a ball there: the ball's rows hold nothing."""
+def spherical_linkage(tmp_path, drivers):
+    """Return three revolute joints through one point and a redundant ball joint there."""
     lines = ['name = "spherical"', f"drivers = {[*drivers]}", 'units = { length = "cm", angle = "rad" }']
-    lines += ["[motion_laws]", *(f'{name} = "{PROGRAMS[name]}"' for name in drivers)]
+    lines += ["[motion_laws]", *(f'{name} = "{MOTION_LAWS[name]}"' for name in drivers)]
     for (name, (u, x, v, y)), a, b in zip(AXES.items(), CHAIN[:-1], CHAIN[1:], strict=True):
         lines += [f"[joints.{name}]", 'kind = "revolute"']
         for side, link, axis, reference in (("a", a, u, x), ("b", b, v, y)):
-            at = [*CENTRES[link]]
+            centre = [*CENTRES[link]]
             lines += [
-                f'{side} = {{ link = "{link}", at = {at}, axis = {[*axis]}, reference = {[*reference]} }}'
+                f'{side} = {{ link = "{link}", at = {centre}, axis = {[*axis]}, reference = {[*reference]} }}'
             ]
     ball = [
         f'{s} = {{ link = "{link}", at = {[*CENTRES[link]]} }}'
@@ -85,18 +85,18 @@ def frame(axis, reference):
     return np.column_stack([across, np.cross(axis, across), axis])
 
 
-def truth(values):
-    """Where the point is: the product of three turns about the centre, in [m]."""
-    turn = np.eye(3)
+def exact_point(values):
+    """Return the position of the point by three rotations about the centre, in [m]."""
+    rotation = np.eye(3)
     for (u, x, v, y), q in zip(AXES.values(), values, strict=True):
         spin = np.array([[math.cos(q), -math.sin(q), 0.0], [math.sin(q), math.cos(q), 0.0], [0.0, 0.0, 1.0]])
-        turn = turn @ frame(u, x) @ spin @ frame(v, y).T
-    return 1e-2 * (np.array(CENTRES["ground"]) + turn @ (np.array(TIP) - CENTRES["rocker"]))
+        rotation = rotation @ frame(u, x) @ spin @ frame(v, y).T
+    return 1e-2 * (np.array(CENTRES["ground"]) + rotation @ (np.array(TIP) - CENTRES["rocker"]))
 
 
 @pytest.mark.parametrize("method", ["closed", "pose", "step"])
 def test_a_redundant_ball_joint_removes_no_dof_in_any_method(method, tmp_path):
-    linkage = spherical(tmp_path, AXES)
+    linkage = spherical_linkage(tmp_path, AXES)
     result = driver_determinacy(linkage.mechanism)
     assert (result.dofs, result.outcome, result.redundant_equations) == (3, "determined", 3)
     if method == "closed":
@@ -107,21 +107,21 @@ def test_a_redundant_ball_joint_removes_no_dof_in_any_method(method, tmp_path):
         assert run.outcome == "passed"
         motion = run.motion
     values = np.stack([motion.joints[name].value for name in AXES], 1)
-    for at, place in zip(values, motion.points["P"].position, strict=True):
-        np.testing.assert_allclose(place, truth(at), rtol=0, atol=1e-15)
+    for q, position in zip(values, motion.points["P"].position, strict=True):
+        np.testing.assert_allclose(position, exact_point(q), rtol=0, atol=1e-15)
     t = np.linspace(0.0, 1.0, 9)
-    meant = np.stack([1.1 * t, 0.4 + 0.7 * np.sin(t), -0.3 - 0.9 * t], 1)
-    np.testing.assert_allclose(values, meant, rtol=0, atol=1e-5 if method == "step" else 1e-14)
+    expected = np.stack([1.1 * t, 0.4 + 0.7 * np.sin(t), -0.3 - 0.9 * t], 1)
+    np.testing.assert_allclose(values, expected, rtol=0, atol=1e-5 if method == "step" else 1e-14)
 
 
 def test_undetermined_joints_are_reported_by_both_methods(tmp_path):
-    linkage = spherical(tmp_path, ["crank", "A"])
+    linkage = spherical_linkage(tmp_path, ["crank", "A"])
     with pytest.raises(MobilityError, match="underdetermined: with the drivers locked, B can still move"):
         linkage.solve(t=np.linspace(0.0, 1.0, 5))
-    lone = spherical(tmp_path, ["crank"])
-    standing = mobility.residual_mobility(source.from_source(lone.mechanism))
-    assert "point P" in standing.undetermined
-    assert not standing.immobile_drivers
+    lone = spherical_linkage(tmp_path, ["crank"])
+    residual = mobility.residual_mobility(source.from_source(lone.mechanism))
+    assert "point P" in residual.undetermined
+    assert not residual.immobile_drivers
 
 
 @pytest.fixture
@@ -158,8 +158,10 @@ def test_a_redundant_bearing_has_no_reaction(method, shaft):
 
 
 def test_reactions_of_redundant_joints_are_undetermined(tmp_path):
-    known = determinacy.determined_components(loaded_model(spherical(tmp_path, AXES).mechanism, Forces()))
-    assert not np.any([settles[:3] for settles in known.values()])
+    determined = determinacy.determined_components(
+        loaded_model(spherical_linkage(tmp_path, AXES).mechanism, Forces())
+    )
+    assert not np.any([components[:3] for components in determined.values()])
 
 
 @pytest.mark.parametrize("exactly", [True, False])
@@ -170,18 +172,18 @@ def test_three_redundant_equations_of_a_shaft_are_reported(exactly, shaft, tmp_p
 
 
 def test_a_spherical_linkage_with_six_digits_has_the_exact_motion(tmp_path):
-    path = written(spherical(tmp_path, AXES), tmp_path, exactly=False)
+    path = written(spherical_linkage(tmp_path, AXES), tmp_path, exactly=False)
     moves = {"crank": "1.1rad/s", "A": "0.4rad + 0.7rad*sin(t)", "B": "-0.3rad - 0.9rad*t"}
     model = ms.load(path, drive=moves)
     assert driver_determinacy(model.mechanism).dofs == 3
     motion = model.solve(t=np.linspace(0.0, 1.0, 7))
     values = np.stack([motion.joints[name].value for name in AXES], 1)
-    for at, place in zip(values, motion.points["P"].position, strict=True):
-        np.testing.assert_allclose(place, truth(at), rtol=0, atol=1e-6)
+    for q, position in zip(values, motion.points["P"].position, strict=True):
+        np.testing.assert_allclose(position, exact_point(q), rtol=0, atol=1e-6)
 
 
 def test_undetermined_joints_stay_at_rest(tmp_path):
-    path = written(spherical(tmp_path, AXES), tmp_path, exactly=True)
+    path = written(spherical_linkage(tmp_path, AXES), tmp_path, exactly=True)
     read = read_model(path, drivers=("crank", "A"))
     model = compiled(read.spec)
     closure = exact_closure(read.mechanism, model, {"P": ("rocker", TIP)})

@@ -1,4 +1,4 @@
-"""What is called a rate is the derivative of what it is the rate of, in mechanisms of every kind of joint."""
+"""Rates are the derivatives of their quantities, in mechanisms with joints of every kind."""
 
 from functools import cache
 
@@ -21,7 +21,7 @@ MIDDLE = 4
 
 
 def rocking_slide() -> Mechanism:
-    """A block on a table, a crank's pin and a rocker: a slide and a pin on moving, slanted axes."""
+    """Return a block on a table, driven by a crank pin and guided by a rocker, with inclined axes."""
     return mechanisms.placed(
         Mechanism(
             "rocking slide",
@@ -51,7 +51,7 @@ def rocking_slide() -> Mechanism:
 
 
 def bevel_wheels() -> Mechanism:
-    """Wheels on a turning arm, each about a slanted axis that the one before carries, geared to the arm."""
+    """Return wheels in series on a rotating arm, with inclined axes, geared to the arm."""
     links = tuple(Link(name) for name in ("arm", "wheel", "idler"))
     return mechanisms.placed(
         Mechanism(
@@ -87,7 +87,7 @@ def bevel_wheels() -> Mechanism:
 
 
 def racks() -> Mechanism:
-    """A rack on a turning arm that goes with the arm, and one on it that goes with the first, not evenly."""
+    """Return a rack coupled to its rotating arm, and a second rack coupled nonlinearly to the first."""
     names = ("arm", "rack", "second")
     first, second = (0.3, 1.0, 0.5), (1.0, -0.4, 0.2)
     return mechanisms.placed(
@@ -117,7 +117,7 @@ def racks() -> Mechanism:
 
 
 def plate() -> Mechanism:
-    """A plate that slides and turns on a wheel that turns on an arm, each of its coordinates by another."""
+    """Return a plate on a wheel on an arm, with a coupling for each of its coordinates."""
     names, axis, normal = ("arm", "wheel", "plate"), (0.3, 1.0, 0.5), (1.0, -0.4, 0.2)
     return mechanisms.placed(
         Mechanism(
@@ -147,17 +147,17 @@ def plate() -> Mechanism:
     )
 
 
-WHOLE = [*mechanisms.everything(), rocking_slide()]
-# what is coupled would turn or slide the other way, were its sides swapped
-KINDS = [*WHOLE, bevel_wheels(), racks(), plate()]
-EVERY = [*KINDS, *(mechanisms.swapped(item) for item in WHOLE)]
-NAMES = [item.name for item in KINDS] + [f"{item.name}, sides swapped" for item in WHOLE]
+WITHOUT_GEARS = [*mechanisms.everything(), rocking_slide()]
+# swapping the sides of a coupled joint would reverse its coupling
+KINDS = [*WITHOUT_GEARS, bevel_wheels(), racks(), plate()]
+EVERY = [*KINDS, *(mechanisms.swapped(item) for item in WITHOUT_GEARS)]
+NAMES = [item.name for item in KINDS] + [f"{item.name}, sides swapped" for item in WITHOUT_GEARS]
 cases = pytest.mark.parametrize("mechanism", EVERY, ids=NAMES)
 
 
 @cache
 def motions(name: str):
-    """The motion through nine instants by both sets of equations."""
+    """Return the motion at nine instants by both sets of equations."""
     mechanism = EVERY[NAMES.index(name)]
     time = STEP * (np.arange(9) - MIDDLE)
     angle = mechanism.start + 0.2 + SPEED * time + 0.5 * ACCELERATION * time**2
@@ -171,15 +171,15 @@ def derivatives(values, weights, order):
     return np.tensordot(weights, values, 1) / STEP**order
 
 
-def vector_of(rotation):
+def rotation_vectors(rotation):
     """Rotation vectors from the middle one, (n, 3)."""
-    turned = rotation @ rotation[MIDDLE].T
-    odd = 0.5 * (turned[:, [2, 0, 1], [1, 2, 0]] - turned[:, [1, 2, 0], [2, 0, 1]])
+    rotated = rotation @ rotation[MIDDLE].T
+    odd = 0.5 * (rotated[:, [2, 0, 1], [1, 2, 0]] - rotated[:, [1, 2, 0], [2, 0, 1]])
     sine = np.linalg.norm(odd, axis=1)
     return odd * (np.arcsin(sine) / np.where(sine > 0.0, sine, 1.0))[:, None]
 
 
-def near(result, expected, tolerance):
+def assert_close(result, expected, tolerance):
     assert np.abs(result - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
 
 
@@ -188,36 +188,40 @@ def test_rates_of_joints_are_the_derivatives_of_their_coordinates(mechanism, req
     for motion in motions(request.node.callspec.id):
         assert motion.joints
         for joint in motion.joints.values():
-            near(joint.rate[MIDDLE], derivatives(joint.value, FIRST, 1), 1e-10)
-            near(joint.acceleration[MIDDLE], derivatives(joint.value, SECOND, 2), 1e-7)
-            near(joint.acceleration[MIDDLE], derivatives(joint.rate, FIRST, 1), 1e-9)
+            assert_close(joint.rate[MIDDLE], derivatives(joint.value, FIRST, 1), 1e-10)
+            assert_close(joint.acceleration[MIDDLE], derivatives(joint.value, SECOND, 2), 1e-7)
+            assert_close(joint.acceleration[MIDDLE], derivatives(joint.rate, FIRST, 1), 1e-9)
 
 
 @cases
 def test_rates_of_points_and_links_are_the_derivatives_of_positions(mechanism, request):
     for motion in motions(request.node.callspec.id):
         for item in (*motion.points.values(), *motion.links.values()):
-            near(item.velocity[MIDDLE], derivatives(item.position, FIRST, 1), 1e-10)
-            near(item.acceleration[MIDDLE], derivatives(item.velocity, FIRST, 1), 1e-9)
+            assert_close(item.velocity[MIDDLE], derivatives(item.position, FIRST, 1), 1e-10)
+            assert_close(item.acceleration[MIDDLE], derivatives(item.velocity, FIRST, 1), 1e-9)
         for link in motion.links.values():
-            near(link.angular_velocity[MIDDLE], derivatives(vector_of(link.rotation), FIRST, 1), 1e-10)
-            near(link.angular_acceleration[MIDDLE], derivatives(link.angular_velocity, FIRST, 1), 1e-9)
+            assert_close(
+                link.angular_velocity[MIDDLE], derivatives(rotation_vectors(link.rotation), FIRST, 1), 1e-10
+            )
+            assert_close(
+                link.angular_acceleration[MIDDLE], derivatives(link.angular_velocity, FIRST, 1), 1e-9
+            )
 
 
 @cases
 def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
     six, tree = motions(request.node.callspec.id)
     for name, link in six.links.items():
-        for part in ("velocity", "angular_velocity", "acceleration", "angular_acceleration"):
-            near(getattr(tree.links[name], part), getattr(link, part), 1e-11)
+        for quantity in ("velocity", "angular_velocity", "acceleration", "angular_acceleration"):
+            assert_close(getattr(tree.links[name], quantity), getattr(link, quantity), 1e-11)
     assert six.points.keys() == tree.points.keys() == mechanism.points.keys()
     assert six.joints.keys() == tree.joints.keys()
     assert tree.joints.keys() == {name for joint in mechanism.joints for name in joint.coordinates}
     for name, joint in six.joints.items():
         turns = (tree.joints[name].value - joint.value) / (2.0 * np.pi if joint.unit == "rad" else np.inf)
-        near(tree.joints[name].value, joint.value + 2.0 * np.pi * np.round(turns), 1e-12)
-        near(tree.joints[name].rate, joint.rate, 1e-11)
-        near(tree.joints[name].acceleration, joint.acceleration, 1e-11)
+        assert_close(tree.joints[name].value, joint.value + 2.0 * np.pi * np.round(turns), 1e-12)
+        assert_close(tree.joints[name].rate, joint.rate, 1e-11)
+        assert_close(tree.joints[name].acceleration, joint.acceleration, 1e-11)
         assert (tree.joints[name].unit, tree.joints[name].index) == (joint.unit, joint.index)
 
 
@@ -225,9 +229,9 @@ def test_both_sets_of_equations_give_the_same_rates(mechanism, request):
 def test_solutions_satisfy_the_loop_equations(mechanism, request):
     motion = motions(request.node.callspec.id)[1]
     poses = {link: Pose(item.position, item.rotation) for link, item in motion.links.items()}
-    open_by, turned_by = loops.residual_norms(mechanism, poses, motion.angle)
-    assert open_by.max() <= 1e-14
-    assert turned_by.max() <= 1e-13
+    length_residual, angle_residual = loops.residual_norms(mechanism, poses, motion.angle)
+    assert length_residual.max() <= 1e-14
+    assert angle_residual.max() <= 1e-13
 
 
 def test_crank_rates_are_scalars_or_one_per_angle():

@@ -1,4 +1,4 @@
-"""Where a mechanism is put together: the assembly its guess means, in which every method begins."""
+"""The initial configuration: the assembly mode of the guess, from which every method starts."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from mechsim.subjects.toml_writer import to_toml
 
 
 def spherical_four_bar() -> Mechanism:
-    """Four hinges through one point; its rough guess is far from closed."""
+    """Return four revolute joints through one point, with an inaccurate guess."""
 
     def end(link: str, arc: float = 0.0) -> End:
         arc = np.deg2rad(arc)
@@ -61,14 +61,14 @@ def test_both_methods_start_from_the_assembled_configuration():
     assert with_closed_guess(mechanism) is mechanism
     result = simulate(mechanism, speed=1.0, turns=0.2, method="pose").motion
     exact = loops.solve(spherical_four_bar(), result.angle)
-    assert max(gap.max() for gap in result.position_errors(exact).values()) < 1e-13
+    assert max(difference.max() for difference in result.position_errors(exact).values()) < 1e-13
 
 
 def test_an_assembled_file_is_written_and_read_back(tmp_path):
-    rough = tmp_path / "rough.toml"
-    rough.write_text(to_toml(spherical_four_bar()), "utf-8")
-    started = load(str(rough)).mechanism
-    reported = toml_model(read_source(str(rough))).solver.mechanism.guess["three"].rotation
+    source = tmp_path / "rough.toml"
+    source.write_text(to_toml(spherical_four_bar()), "utf-8")
+    started = load(str(source)).mechanism
+    reported = toml_model(read_source(str(source))).solver.mechanism.guess["three"].rotation
     assert np.abs(started.guess["three"].rotation - reported).max() > 0.1
     again = tmp_path / "again.toml"
     again.write_text(to_toml(started), "utf-8")
@@ -78,6 +78,6 @@ def test_an_assembled_file_is_written_and_read_back(tmp_path):
 
 def test_an_unsupported_floating_joint_is_rejected():
     crank = spherical_four_bar()
-    beside = (*crank.joints, Joint("free", "floating", End(GROUND), End("body")))
+    joints = (*crank.joints, Joint("free", "floating", End(GROUND), End("body")))
     with pytest.raises(InputError, match="joint 'free' floats"):
-        simulate(replace(crank, links=(*crank.links, Link("body")), joints=beside), speed=1.0)
+        simulate(replace(crank, links=(*crank.links, Link("body")), joints=joints), speed=1.0)

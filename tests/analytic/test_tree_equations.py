@@ -1,4 +1,4 @@
-"""The equations of a tree: derivatives, twists and biases are derivatives, for every kind of joint."""
+"""Equations of a spanning tree: Jacobians, twists and velocity products for every kind of joint."""
 
 from dataclasses import astuple, replace
 
@@ -24,7 +24,7 @@ def joint(name, kind, a, b):
 
 
 def branched(swap, names=("shaft", *"abcdefghijklm"), seed=3):
-    """Chains with balls, a link that floats and every other kind of joint, each named from either side."""
+    """Return chains with joints of every kind, each described from either side."""
     chain = [
         ("universal", GROUND, "a"),
         ("spherical", "a", "b"),
@@ -42,10 +42,10 @@ def branched(swap, names=("shaft", *"abcdefghijklm"), seed=3):
     ]
     random = np.random.default_rng(seed)
     joints = []
-    for i, (kind, near, far) in enumerate(chain):
+    for i, (kind, inner, outer) in enumerate(chain):
         ends = [
             at(link, tuple(random.uniform(-0.2, 0.2, 3)), tuple(random.uniform(0.2, 1.0, 3)))
-            for link in (near, far)
+            for link in (inner, outer)
         ]
         joints.append(joint(f"j{i}", kind, *(ends[::-1] if (i + swap) % 2 else ends)))
     shaft = Joint("shaft", "revolute", at(GROUND), at("shaft"))
@@ -54,7 +54,7 @@ def branched(swap, names=("shaft", *"abcdefghijklm"), seed=3):
 
 
 class Moving:
-    """A tree at nine instants of constant coordinate rates, with one joint more that closes a loop."""
+    """A tree at nine instants of constant coordinate rates, optionally with a cut joint."""
 
     def __init__(self, swap, cut):
         mechanism = branched(swap)
@@ -76,41 +76,41 @@ class Moving:
         self.bias = self.loops.velocity_products(self.at, self.here, self.rates, self.twist, self.drift)
 
 
-def near(result, expected, tolerance=1e-9):
+def assert_close(result, expected, tolerance=1e-9):
     assert np.abs(result - expected).max() <= tolerance * max(1.0, np.abs(expected).max())
 
 
-def rotation_of(here, link):
+def rotation_of(poses, link):
     """The link's axes as columns, (n, 3, 3)."""
-    return here.rotation[link].transpose(2, 0, 1)
+    return poses.rotation[link].transpose(2, 0, 1)
 
 
 @pytest.mark.parametrize("swap", [0, 1])
 def test_twists_and_velocity_products_are_derivatives(swap):
     moving = Moving(swap, None)
     for link in range(len(moving.tree.branches)):
-        turned, place, twist = (
+        rotated, position, twist = (
             rotation_of(moving.here, link),
             moving.here.position[link].T,
             moving.twist[link].T,
         )
-        near(turned @ turned.transpose(0, 2, 1), np.eye(3), 1e-13)
-        spin = np.tensordot(FIRST, turned, 1) @ turned[MIDDLE].T
-        near(twist[MIDDLE, 3:], spin[[2, 0, 1], [1, 2, 0]])
-        near(twist[MIDDLE, :3] + np.cross(twist[MIDDLE, 3:], place[MIDDLE]), FIRST @ place)
-        near(moving.drift[link, :, MIDDLE], FIRST @ twist)
+        assert_close(rotated @ rotated.transpose(0, 2, 1), np.eye(3), 1e-13)
+        spin = np.tensordot(FIRST, rotated, 1) @ rotated[MIDDLE].T
+        assert_close(twist[MIDDLE, 3:], spin[[2, 0, 1], [1, 2, 0]])
+        assert_close(twist[MIDDLE, :3] + np.cross(twist[MIDDLE, 3:], position[MIDDLE]), FIRST @ position)
+        assert_close(moving.drift[link, :, MIDDLE], FIRST @ twist)
 
 
 @pytest.mark.parametrize("swap", [0, 1])
 def test_the_order_of_links_does_not_change_their_poses(swap):
     names = ("h", "c", "k", "shaft", "i", "a", "l", "f", "b", "e", "j", "d", "g", "m")
     item, other = Moving(swap, None), spanning_tree(branched(swap, names))
-    there = link_poses(other, item.at)
+    poses = link_poses(other, item.at)
     for i, name in enumerate(names):
         k = item.tree.links[name]
-        near(there.position[i], item.here.position[k], 1e-15)
-        near(there.rotation[i], item.here.rotation[k], 1e-15)
-    near(there.unit_twists, item.here.unit_twists, 1e-15)
+        assert_close(poses.position[i], item.here.position[k], 1e-15)
+        assert_close(poses.rotation[i], item.here.rotation[k], 1e-15)
+    assert_close(poses.unit_twists, item.here.unit_twists, 1e-15)
 
 
 def test_links_on_a_common_link_agree_with_separate_chains():
@@ -123,14 +123,14 @@ def test_links_on_a_common_link_agree_with_separate_chains():
     joints = tuple(Joint(name, "revolute", *pair) for name, pair in zip(names, ends, strict=True))
     values = random.uniform(-3.0, 3.0, (count + 1, 4))
 
-    def places(some):
-        links = tuple(Link(name) for name in ("hub", *(names[i] for i in some)))
-        star = Mechanism("star", links, (shaft, *(joints[i] for i in some)), "shaft", {})
-        rows = values[[0, *(i + 1 for i in some)]]
+    def positions(subset):
+        links = tuple(Link(name) for name in ("hub", *(names[i] for i in subset)))
+        star = Mechanism("star", links, (shaft, *(joints[i] for i in subset)), "shaft", {})
+        rows = values[[0, *(i + 1 for i in subset)]]
         return link_poses(spanning_tree(star), Coordinates(rows, np.empty((0, 3, 3, 4)))).position[1:]
 
-    alone = np.concatenate([places([i]) for i in range(count)])
-    near(places(range(count)), alone, 1e-15)
+    alone = np.concatenate([positions([i]) for i in range(count)])
+    assert_close(positions(range(count)), alone, 1e-15)
 
 
 @pytest.mark.parametrize("swap", [0, 1])
@@ -142,33 +142,35 @@ def test_jacobian_and_velocity_products_are_derivatives_of_the_residual(kind, si
         for i, item in enumerate(sides)
     ]
     cut = joint("cut", kind, *ends)
-    # a slide without marks takes one that turns the links by the least
+    # a slide without references gets those of the smallest rotation
     ends = (cut.a, cut.b)
     moving = Moving(swap, cut)
     residual, gradient, _ = moving.loops.linearise(moving.at)
     rate = np.einsum("mkn,kn->mn", gradient, moving.rates / moving.loops.units[:, None])
-    near(rate[:, MIDDLE], residual @ FIRST)
-    near(moving.bias[:, MIDDLE], rate @ FIRST)
-    # by hand, from the links' places
-    sight = []
+    assert_close(rate[:, MIDDLE], residual @ FIRST)
+    assert_close(moving.bias[:, MIDDLE], rate @ FIRST)
+    # by hand, from the poses of the links
+    ends_in_ground = []
     for end in ends:
         link = moving.tree.links.get(end.link, -1)
-        turned = np.broadcast_to(np.eye(3), (9, 3, 3)) if link < 0 else rotation_of(moving.here, link)
-        place = 0.0 if link < 0 else moving.here.position[link].T
-        sight.append((place + turned @ np.array(end.point), (turned @ end.frame).transpose(2, 0, 1)))
-    (point_a, (xa, ya, za)), (point_b, (_, yb, zb)) = sight
-    gap = (point_b - point_a) / moving.tree.mechanism.characteristic_length
+        rotation = np.broadcast_to(np.eye(3), (9, 3, 3)) if link < 0 else rotation_of(moving.here, link)
+        position = 0.0 if link < 0 else moving.here.position[link].T
+        ends_in_ground.append(
+            (position + rotation @ np.array(end.point), (rotation @ end.frame).transpose(2, 0, 1))
+        )
+    (point_a, (xa, ya, za)), (point_b, (_, yb, zb)) = ends_in_ground
+    offset = (point_b - point_a) / moving.tree.mechanism.characteristic_length
     aligned = [xa * zb, ya * zb]
     expected = {
-        "revolute": [xa * gap, ya * gap, za * gap, *aligned],
-        "prismatic": [xa * gap, ya * gap, *aligned, xa * yb],
-        "cylindrical": [xa * gap, ya * gap, *aligned],
-        "universal": [xa * gap, ya * gap, za * gap, za * zb - np.cos(CROSS) / 3.0],
-        "spherical": [xa * gap, ya * gap, za * gap],
-        "planar": [za * gap, *aligned],
-        "fixed": [xa * gap, ya * gap, za * gap, *aligned, xa * yb],
+        "revolute": [xa * offset, ya * offset, za * offset, *aligned],
+        "prismatic": [xa * offset, ya * offset, *aligned, xa * yb],
+        "cylindrical": [xa * offset, ya * offset, *aligned],
+        "universal": [xa * offset, ya * offset, za * offset, za * zb - np.cos(CROSS) / 3.0],
+        "spherical": [xa * offset, ya * offset, za * offset],
+        "planar": [za * offset, *aligned],
+        "fixed": [xa * offset, ya * offset, za * offset, *aligned, xa * yb],
     }[kind]
-    near(residual, np.array([row.sum(1) for row in expected]), 1e-13)
+    assert_close(residual, np.array([row.sum(1) for row in expected]), 1e-13)
 
 
 def test_a_tree_without_revolute_joints_has_its_exact_poses():
@@ -182,12 +184,12 @@ def test_a_tree_without_revolute_joints_has_its_exact_poses():
         Joint("ball", "spherical", at("block", (0.0, 0.3, 0.0)), at("bob", (0.0, 0.0, 0.2))),
     )
     whole = Mechanism("hung", (Link("block"), Link("bob")), joints, "slide", {})
-    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    here = link_poses(spanning_tree(whole), Coordinates(np.full((4, 1), 0.6), turn[None, ..., None]))
+    rotation = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    poses = link_poses(spanning_tree(whole), Coordinates(np.full((4, 1), 0.6), rotation[None, ..., None]))
     axis = np.array([1.0, 2.0, 2.0]) / 3.0
-    near(here.position[0, :, 0], np.array([0.1, 0.0, 0.0]) + 0.6 * axis, 1e-15)
-    near(here.position[1, :, 0], here.position[0, :, 0] + np.array([0.0, 0.3, -0.2]), 1e-15)
-    near(here.rotation[1, ..., 0], turn, 1e-15)
+    assert_close(poses.position[0, :, 0], np.array([0.1, 0.0, 0.0]) + 0.6 * axis, 1e-15)
+    assert_close(poses.position[1, :, 0], poses.position[0, :, 0] + np.array([0.0, 0.3, -0.2]), 1e-15)
+    assert_close(poses.rotation[1, ..., 0], rotation, 1e-15)
 
 
 @pytest.mark.parametrize("swap", [0, 1])
@@ -204,5 +206,5 @@ def test_poses_of_stacked_designs_agree_with_single_designs(swap):
     together = link_poses(tree, two)
     for i, own in enumerate(trees):
         alone = link_poses(own, Coordinates(two.values[:, [i]], two.turns[..., [i]]))
-        for part in ("position", "rotation", "unit_twists"):
-            near(getattr(together, part)[..., i], getattr(alone, part)[..., 0], 1e-14)
+        for quantity in ("position", "rotation", "unit_twists"):
+            assert_close(getattr(together, quantity)[..., i], getattr(alone, quantity)[..., 0], 1e-14)

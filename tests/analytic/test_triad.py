@@ -8,7 +8,7 @@ import pytest
 from mechsim.analytic.vector_method import triad
 
 EPS = np.finfo(np.float64).eps
-# angles of poses within one turn of the reference poses, as printed
+# published poses, with angles within one revolution
 REFERENCE = np.array(
     [
         (-15.150496, 5.144167, -0.378489),
@@ -37,13 +37,13 @@ def plane(points: np.ndarray) -> np.ndarray:
     return points @ np.array([1.0, 1j])
 
 
-def real(poses: np.ndarray) -> np.ndarray:
+def existing_poses(poses: np.ndarray) -> np.ndarray:
     return poses[np.isfinite(poses[..., 0])]
 
 
-def same_poses(here: np.ndarray, there: np.ndarray, bound: float) -> bool:
-    """Say whether two lists of poses (n, 6, 3) hold the same ones in any order."""
-    return len(study.disagreements(here, [real(poses) for poses in there], bound)) == 0
+def same_poses(first: np.ndarray, second: np.ndarray, tolerance: float) -> bool:
+    """Return whether two lists of poses (n, 6, 3) are equal in any order."""
+    return len(study.disagreements(first, [existing_poses(poses) for poses in second], tolerance)) == 0
 
 
 def test_the_reference_triad_has_its_six_published_poses():
@@ -59,10 +59,10 @@ def test_legs_of_every_pose_keep_their_lengths():
     pivots, platform, legs = study.random_triads(2000, seed=1)
     poses = triad.triad_modes(pivots, platform, legs)
     ends = plane(poses[..., :2])[..., None] + np.exp(1j * poses[..., 2:]) * plane(platform)[:, None]
-    gaps = abs(abs(ends - plane(pivots)[:, None]) - legs[:, None])
-    # pose angle and place are rounded once more on the way out; the triads are of size 3 at most
-    assert np.nanmax(gaps) <= 16 * EPS * 3.0
-    assert np.isfinite(gaps).any()
+    differences = abs(abs(ends - plane(pivots)[:, None]) - legs[:, None])
+    # angle and position are rounded once more; the triads have lengths of at most 3
+    assert np.nanmax(differences) <= 16 * EPS * 3.0
+    assert np.isfinite(differences).any()
 
 
 def test_poses_are_sorted_by_angle_within_one_revolution():
@@ -86,14 +86,14 @@ def test_sixty_digits_give_the_same_number_of_poses():
     problems = study.random_triads(30, seed=4)
     poses = triad.triad_modes(*problems)
     for pose, *problem in zip(poses, *problems, strict=True):
-        assert len(real(pose)) == study.exact_count(*problem)
+        assert len(existing_poses(pose)) == study.exact_count(*problem)
 
 
 @pytest.mark.parametrize("fault", ["missed", "invented", "moved"])
 def test_the_comparison_of_methods_rejects_a_wrong_list_of_poses(fault):
     problems = study.random_triads(40, seed=5)
     poses = triad.triad_modes(*problems)
-    others = [real(pose) for pose in poses]
+    others = [existing_poses(pose) for pose in poses]
     wrong = next(j for j, other in enumerate(others) if 2 <= len(other) < 6)
     if fault == "missed":
         poses[wrong, 0] = np.nan
@@ -111,35 +111,35 @@ def test_the_study_reports_no_disagreement(capsys):
 
 def test_legs_in_another_order_give_the_same_poses():
     pivots, platform, legs = study.random_triads(300, seed=6)
-    turned = [part[:, [2, 0, 1]] for part in (pivots, platform, legs)]
-    assert same_poses(triad.triad_modes(pivots, platform, legs), triad.triad_modes(*turned), 1e-9)
+    permuted = [array[:, [2, 0, 1]] for array in (pivots, platform, legs)]
+    assert same_poses(triad.triad_modes(pivots, platform, legs), triad.triad_modes(*permuted), 1e-9)
 
 
 def test_the_mirror_image_has_mirrored_poses():
     pivots, platform, legs = study.random_triads(300, seed=7)
     mirror = np.array([1.0, -1.0])
-    there = triad.triad_modes(pivots * mirror, platform * mirror, legs)
-    there = there * np.array([1.0, -1.0, -1.0])
-    assert same_poses(triad.triad_modes(pivots, platform, legs), there, 1e-9)
+    mirrored = triad.triad_modes(pivots * mirror, platform * mirror, legs)
+    mirrored = mirrored * np.array([1.0, -1.0, -1.0])
+    assert same_poses(triad.triad_modes(pivots, platform, legs), mirrored, 1e-9)
 
 
 def test_poses_move_and_scale_with_the_pivots():
     pivots, platform, legs = study.random_triads(300, seed=8)
     poses = triad.triad_modes(pivots, platform, legs)
-    scale, turn, shift = 1e-6, np.exp(0.7j), 3e-6 - 5e-6j
-    moved = scale * turn * plane(pivots) + shift
-    there = triad.triad_modes(np.stack([moved.real, moved.imag], -1), scale * platform, scale * legs)
-    back = (plane(there[..., :2]) - shift) / turn / scale
-    there = np.stack([back.real, back.imag, there[..., 2] - 0.7], -1)
-    assert same_poses(poses, there, 1e-9)
+    scale, rotation, shift = 1e-6, np.exp(0.7j), 3e-6 - 5e-6j
+    moved = scale * rotation * plane(pivots) + shift
+    transformed = triad.triad_modes(np.stack([moved.real, moved.imag], -1), scale * platform, scale * legs)
+    inverse = (plane(transformed[..., :2]) - shift) / rotation / scale
+    transformed = np.stack([inverse.real, inverse.imag, transformed[..., 2] - 0.7], -1)
+    assert same_poses(poses, transformed, 1e-9)
 
 
 def test_two_poses_of_equal_angle_are_both_returned():
-    # a platform similar to its pivots, all on one line: every pose has a twin of the same angle, and
+    # a platform similar to its collinear pivots: poses come in pairs of equal angle, and
     # the sextic has double roots only
     pivots = np.array([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)])
     platform, legs = 0.7 * pivots, [0.5, 0.6, 0.81]
-    poses = real(triad.triad_modes(pivots, platform, legs))
+    poses = existing_poses(triad.triad_modes(pivots, platform, legs))
     assert len(poses) == 4
     assert np.abs(poses[0, 2] - poses[1, 2]) < 1e-7
     assert np.abs(poses[2, 2] - poses[3, 2]) < 1e-7
@@ -155,10 +155,10 @@ def test_legs_of_impossible_length_give_no_pose():
 
 
 def test_two_poses_vanish_together_at_a_dead_centre():
-    pivots, platform, legs = (part[0] for part in study.random_triads(1, seed=11))
+    pivots, platform, legs = (array[0] for array in study.random_triads(1, seed=11))
 
     def count(longer: float) -> int:
-        return len(real(triad.triad_modes(pivots, platform, [legs[0], legs[1], legs[2] + longer])))
+        return len(existing_poses(triad.triad_modes(pivots, platform, [legs[0], legs[1], legs[2] + longer])))
 
     low, high = 0.0, 3.0
     assert count(low) > 0

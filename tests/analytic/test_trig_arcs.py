@@ -8,11 +8,11 @@ from mechsim.analytic.vector_method.trig_polynomial import REVOLUTION, Arcs, rea
 
 
 def with_roots(roots, scale=1.0):
-    """A trigonometric polynomial of degree len(roots) / 2 with these roots and no others."""
+    """Return a trigonometric polynomial of degree len(roots) / 2 with these roots and no others."""
     return lambda f: scale * np.prod([2.0 * np.sin((np.asarray(f) - root) / 2.0) for root in roots], axis=0)
 
 
-def apart(roots):
+def smallest_distance(roots):
     ordered = np.sort(roots)
     return np.diff(np.append(ordered, ordered[0] + REVOLUTION)).min()
 
@@ -22,9 +22,9 @@ def apart(roots):
     st.sampled_from([1e-9, -1e6]),
 )
 def test_arcs_end_at_the_roots_and_contain_positive_values(roots, scale):
-    assume(apart(roots) > 0.05)
-    margin = with_roots(roots, scale)
-    arcs = reachable_arcs(margin, 2 if len(roots) == 4 else 1)
+    assume(smallest_distance(roots) > 0.05)
+    polynomial = with_roots(roots, scale)
+    arcs = reachable_arcs(polynomial, 2 if len(roots) == 4 else 1)
     assert not arcs.full
     assert len(arcs.arcs) == len(roots) // 2
     ends = [end for arc in arcs.arcs for end in arc]
@@ -33,7 +33,7 @@ def test_arcs_end_at_the_roots_and_contain_positive_values(roots, scale):
     for low, high in arcs.arcs:
         assert -np.pi <= low < np.pi
         inside = np.linspace(low, high, 9)[1:-1]
-        assert (margin(inside) > 0.0).all()
+        assert (polynomial(inside) > 0.0).all()
 
 
 @given(turns)
@@ -46,7 +46,7 @@ def test_a_double_root_does_not_end_an_arc(double):
 
 @given(turns, turns, turns)
 def test_a_double_root_between_simple_roots_does_not_end_an_arc(double, low, high):
-    assume(apart([double, low, high]) > 0.1)
+    assume(smallest_distance([double, low, high]) > 0.1)
     arcs = reachable_arcs(with_roots([double, double, low, high]), 2)
     assert len(arcs.arcs) == 1
     for root in (low, high):

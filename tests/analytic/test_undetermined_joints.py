@@ -1,4 +1,4 @@
-"""The loop equations name what the crank leaves open, and invent no motion."""
+"""The loop equations report undetermined joints and assume no motion for them."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ LINKS = {"a": (0.0, 0.0), "b": (0.03, 0.0), "c": (0.1, 0.05), "d": (0.1, 0.0)}
 
 
 def five_bar(*gears):
-    """Five bars with two pivots on the frame: two degrees of freedom."""
+    """Return a five-bar linkage with two degrees of freedom."""
     joints = (
         Joint("crank", "revolute", End(GROUND), End("a")),
         Joint("A", "revolute", End("a", (0.03, 0.0, 0.0)), End("b")),
@@ -22,7 +22,7 @@ def five_bar(*gears):
         Joint("C", "revolute", End("c"), End("d", (0.0, 0.05, 0.0))),
         Joint("D", "revolute", End(GROUND, (0.1, 0.0, 0.0)), End("d")),
     )
-    guess = {name: Pose(np.array([*at, 0.0]), np.eye(3)) for name, at in LINKS.items()}
+    guess = {name: Pose(np.array([*position, 0.0]), np.eye(3)) for name, position in LINKS.items()}
     whole = Mechanism(
         name="five-bar",
         links=tuple(Link(name) for name in LINKS),
@@ -35,9 +35,9 @@ def five_bar(*gears):
 
 
 def test_a_five_bar_with_one_driver_is_rejected():
-    with pytest.raises(MobilityError, match=r"underdetermined: .* A can still move") as refused:
+    with pytest.raises(MobilityError, match=r"underdetermined: .* A can still move") as error:
         loops.solve(five_bar(), [0.0, 0.1])
-    assert refused.value.outcome == "underdetermined"
+    assert error.value.outcome == "underdetermined"
 
 
 def test_a_gear_pair_determines_a_five_bar():
@@ -47,13 +47,13 @@ def test_a_gear_pair_determines_a_five_bar():
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
 def test_a_passive_spin_is_not_underdetermined(name):
-    drive = catalog.make(name)
-    assert len(loops.solve(drive.mechanism, [drive.mechanism.start])) == 1
+    linkage = catalog.make(name)
+    assert len(loops.solve(linkage.mechanism, [linkage.mechanism.start])) == 1
 
 
 def test_an_unobserved_ball_is_not_underdetermined():
     mechanism = Mechanism(
-        "beside",
+        "crank and ball",
         (Link("crank"), Link("ball")),
         (
             Joint("crank", "revolute", End(GROUND), End("crank")),
@@ -67,30 +67,30 @@ def test_an_unobserved_ball_is_not_underdetermined():
 
 
 def test_a_start_at_a_dead_centre_is_not_underdetermined():
-    drive = catalog.make("four_bar", rocker=0.035)
-    ((_, high), *_) = drive.crank_range().arcs
+    linkage = catalog.make("four_bar", rocker=0.035)
+    ((_, high), *_) = linkage.crank_range().arcs
     poses = {
         name: Pose(link.position[0], link.rotation[0])
-        for name, link in drive.solve([high - 1e-7]).links.items()
+        for name, link in linkage.solve([high - 1e-7]).links.items()
     }
-    mechanism = drive.mechanism.with_guess(poses, high - 1e-7)
+    mechanism = linkage.mechanism.with_guess(poses, high - 1e-7)
     result = loops.solve(mechanism, [high - 0.1]).links
     assert loops.solve(mechanism, [high - 0.1]).spinning == frozenset()
-    exact = drive.solve([high - 0.1]).links
-    # the start stands 1e-7 rad from where digits are halved; the pose asked for does not
+    exact = linkage.solve([high - 0.1]).links
+    # the start is 1e-7 rad from the dead centre, where half the digits are lost; the requested pose is not
     for name, link in exact.items():
         np.testing.assert_allclose(
-            result[name].position, link.position, atol=1e-9 * drive.mechanism.characteristic_length
+            result[name].position, link.position, atol=1e-9 * linkage.mechanism.characteristic_length
         )
 
 
 def test_locking_a_coordinate_removes_one_dof():
-    freedoms = np.linalg.qr(np.random.default_rng(3).standard_normal((9, 9)))[0][:5]
-    left = with_coordinate_locked(freedoms, 4)
-    assert left.shape == (4, 9)
-    np.testing.assert_allclose(left[:, 4], 0.0, atol=1e-15)
-    np.testing.assert_allclose(left @ left.T, np.eye(4), atol=1e-14)
-    assert np.linalg.matrix_rank(np.vstack([freedoms, left]), tol=1e-12) == 5
+    basis = np.linalg.qr(np.random.default_rng(3).standard_normal((9, 9)))[0][:5]
+    locked = with_coordinate_locked(basis, 4)
+    assert locked.shape == (4, 9)
+    np.testing.assert_allclose(locked[:, 4], 0.0, atol=1e-15)
+    np.testing.assert_allclose(locked @ locked.T, np.eye(4), atol=1e-14)
+    assert np.linalg.matrix_rank(np.vstack([basis, locked]), tol=1e-12) == 5
 
 
 def test_undetermined_coordinates_of_many_bodies_are_counted():

@@ -24,12 +24,12 @@ def test_a_unit_vector_has_both_angles_and_its_side(v1, v2, first, second, sign)
     assume(between > 1e-3)
     p = vectors.unit_at_angles(v1, v2, angle1, angle2, sign)
     assume(np.isfinite(p).all())
-    bound = 32 * EPS / between
-    assert abs(np.linalg.norm(p) - 1.0) <= bound / between
+    limit = 32 * EPS / between
+    assert abs(np.linalg.norm(p) - 1.0) <= limit / between
     for v, angle in ((v1, angle1), (v2, angle2)):
         # Cramer's rule for two equations whose determinant is the square of the sine between the axes
-        assert abs(p @ v / np.linalg.norm(v) - np.cos(angle)) <= bound / between
-    assert sign * (p @ np.cross(v1, v2)) >= -bound * np.linalg.norm(v1) * np.linalg.norm(v2)
+        assert abs(p @ v / np.linalg.norm(v) - np.cos(angle)) <= limit / between
+    assert sign * (p @ np.cross(v1, v2)) >= -limit * np.linalg.norm(v1) * np.linalg.norm(v2)
 
 
 @given(triples, triples, st.integers(300, 1200), st.integers(300, 1200), branches)
@@ -42,10 +42,10 @@ def test_a_unit_vector_agrees_with_fifty_digits(v1, v2, first, second, sign):
     assert np.abs(p - exact.unit_at_angles(v1, v2, angle1, angle2, sign)).max() <= 1e-13
 
 
-@pytest.mark.parametrize("gap", [0.0, 1e-9, -1e-9, 1e-5])
+@pytest.mark.parametrize("difference", [0.0, 1e-9, -1e-9, 1e-5])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_unit_vector_is_exact_where_the_published_form_is_singular(gap, sign):
-    v1, v2 = np.array([1.3, 0.4, 0.0]), np.array([-0.2, 0.9, gap])  # v1 x v2 along Z but for the gap
+def test_a_unit_vector_is_exact_where_the_published_form_is_singular(difference, sign):
+    v1, v2 = np.array([1.3, 0.4, 0.0]), np.array([-0.2, 0.9, difference])  # v1 x v2 along Z but for the gap
     p = vectors.unit_at_angles(v1, v2, 0.9, 0.7, sign)
     assert np.abs(p - exact.unit_at_angles(v1, v2, 0.9, 0.7, sign)).max() <= 4 * EPS
 
@@ -65,13 +65,13 @@ def test_a_circle_and_a_sphere_intersect_on_both(centre, first, second, radius, 
     with np.errstate(invalid="ignore"):
         p = vectors.circle_sphere(column(centre), axis, radius, other, reach, sign)
     assume(np.isfinite(p).all())
-    size = max(radius, reach, np.linalg.norm(centre), np.linalg.norm(away))
-    assert abs(np.linalg.norm(p) - 1.0) <= 8 * EPS * size / radius
-    gap = other - column(centre)
-    beside = vectors.norm(gap - vectors.dot(gap, axis) * axis)[0]
-    assume(beside > 1e-3 * size)
-    assert abs(vectors.dot(p, axis)[0]) <= 8 * EPS * max(1.0, size / beside)
-    place = column(centre) + radius * p
-    assert abs(vectors.norm(place - other)[0] - reach) <= 16 * EPS * size * max(1.0, size / reach)
-    side = vectors.dot(p, vectors.cross(gap, axis))[0]
-    assert sign * side >= -16 * EPS * size
+    length = max(radius, reach, np.linalg.norm(centre), np.linalg.norm(away))
+    assert abs(np.linalg.norm(p) - 1.0) <= 8 * EPS * length / radius
+    difference = other - column(centre)
+    offset = vectors.norm(difference - vectors.dot(difference, axis) * axis)[0]
+    assume(offset > 1e-3 * length)
+    assert abs(vectors.dot(p, axis)[0]) <= 8 * EPS * max(1.0, length / offset)
+    position = column(centre) + radius * p
+    assert abs(vectors.norm(position - other)[0] - reach) <= 16 * EPS * length * max(1.0, length / reach)
+    side = vectors.dot(p, vectors.cross(difference, axis))[0]
+    assert sign * side >= -16 * EPS * length

@@ -1,4 +1,4 @@
-"""Compiled solvers against reference data known to 30 digits, and where they must not go."""
+"""Compiled solvers agree with reference data of 30 digits and reject inputs outside their range."""
 
 import numpy as np
 import pytest
@@ -64,11 +64,11 @@ def test_the_record_agrees_with_the_loop_equations(compiled, name):
     solver = compiled(name)
     source = solver.code.assembly.source
     angles = np.linspace(*((0.0, 6.0) if source.period > 6.0 else (0.0, source.period)), 25)
-    form = LoopForm(source.mechanism, motion_laws=source.motion_laws)
+    model = LoopForm(source.mechanism, motion_laws=source.motion_laws)
     if source.motion_laws.crank:
-        mine, exact = solver.solve(angles, 2.0, 3.0), form.solve(angles, 2.0, 3.0)
+        mine, exact = solver.solve(angles, 2.0, 3.0), model.solve(angles, 2.0, 3.0)
     else:
-        mine, exact = solver.solve(t=[0.0, 0.2]), form.solve(t=[0.0, 0.2])
+        mine, exact = solver.solve(t=[0.0, 0.2]), model.solve(t=[0.0, 0.2])
     assert mine.joints.keys() == exact.joints.keys()
     assert mine.spinning == exact.spinning
     for joint, motion in exact.joints.items():
@@ -108,19 +108,19 @@ def test_random_order_and_long_steps_keep_the_assembly_mode(compiled, name):
 
 
 def test_configurations_near_a_change_point_keep_the_assembly_mode(compiled):
-    # nearly a parallelogram: two assemblies come near each other at 0 and 180 deg
+    # nearly a parallelogram: two assembly modes are close at 0 and 180 deg
     rng = np.random.default_rng(6)
     for miss in 10.0 ** rng.uniform(-6.0, -1.0, 2):
         four_bar = ms.catalog.make(
             "four_bar", ground=0.1, crank=0.04, coupler=0.1 * (1.0 + miss), rocker=0.04 * (1.0 + miss)
         )
-        solver, form = ms.compile(four_bar), LoopForm(four_bar.mechanism)
+        solver, model = ms.compile(four_bar), LoopForm(four_bar.mechanism)
         for angle in rng.uniform(-np.pi, np.pi, 24):
             try:
                 mine = solver.solve([angle]).points["B"].position
             except AssemblyError:
                 continue
-            assert np.abs(mine - form.solve([angle]).points["B"].position).max() < 1e-7
+            assert np.abs(mine - model.solve([angle]).points["B"].position).max() < 1e-7
 
 
 def test_angles_outside_the_range_are_rejected(compiled):

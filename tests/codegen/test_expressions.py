@@ -1,4 +1,4 @@
-"""Symbolic expressions: folded, shared, and equal to what they are made from."""
+"""Symbolic expressions: constant folding, common subexpressions, and values."""
 
 import math
 import re

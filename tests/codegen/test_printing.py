@@ -34,7 +34,9 @@ def written(solver, folder, name="solver.h"):
 
 
 def run(*command):
-    return subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [str(component) for component in command], capture_output=True, text=True, check=False
+    )
 
 
 def built(compiler, source, *flags):
@@ -91,7 +93,7 @@ def test_the_self_test_rejects_a_missing_range_check(compiled, tmp_path):
     assert "outside the range is not rejected" in result.stdout
 
 
-# names that end a comment, that the code has for its own values and constants, and that differ in signs only
+# names that end a comment, that the code uses itself, and that differ only in special characters
 ARM = """
 name = "int */"
 drivers = ["UNIT", "x.turn", "x.way"]

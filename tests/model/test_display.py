@@ -9,33 +9,33 @@ from mechsim.errors import MissingToolError
 from mechsim.files import read, write
 from mechsim.theory.continuation.mechanism_trace import trace
 
-DRIVE = catalog.make("rssr")
+LINKAGE = catalog.make("rssr")
 
 
 @cache
 def run():
-    return simulate(DRIVE, speed=60.0, turns=0.1)
+    return simulate(LINKAGE, speed=60.0, turns=0.1)
 
 
 @cache
 def inverse():
-    return dynamics.prescribed(dynamics.dynamic_model(DRIVE), np.linspace(0.0, 6.0, 200), 60.0)
+    return dynamics.prescribed(dynamics.dynamic_model(LINKAGE), np.linspace(0.0, 6.0, 200), 60.0)
 
 
 @pytest.mark.parametrize(
     ("record", "lines", "output"),
     [
-        (lambda: DRIVE.mechanism, 3, "links=(crank, coupler, rocker)"),
+        (lambda: LINKAGE.mechanism, 3, "links=(crank, coupler, rocker)"),
         (lambda: run(), 3, "outcome='passed'"),
         (lambda: run().motion, 5, "angle=<(9,): 0 to 0.6283>"),
         (lambda: run().motion.points["P3"], 3, "position=<(9, 3): "),
         (lambda: inverse(), 4, "forces=<ForceRecord>"),
         (lambda: inverse().forces, 6, "reactions={crank, P2, P3"),
         (lambda: inverse().forces.reactions["P2"], 3, "link='coupler', by='crank'"),
-        (lambda: trace(DRIVE, starts=0), 8, "branch_points=()"),
-        (lambda: crosscheck(run().motion, DRIVE), 11, "passed\n  position of P2 "),
+        (lambda: trace(LINKAGE, starts=0), 8, "branch_points=()"),
+        (lambda: crosscheck(run().motion, LINKAGE), 11, "passed\n  position of P2 "),
     ],
-    ids=["mechanism", "run", "motion", "point", "inverse", "efforts", "reaction", "trace", "verdict"],
+    ids=["mechanism", "run", "motion", "point", "inverse", "forces", "reaction", "trace", "verdict"],
 )
 def test_results_are_printed_in_a_few_lines(record, lines, output):
     text = repr(record())
@@ -63,11 +63,11 @@ def test_to_xarray_returns_variables_with_units():
     assert dataset["P3.az"].dims == ("instant",)
     assert dataset["P3.az"].attrs == {"units": "m/s2"}
     np.testing.assert_array_equal(dataset["P3.az"], run().motion.points["P3"].acceleration[:, 2])
-    assert set(DRIVE.solve([0.0, 1.0]).to_xarray().coords) == {"angle"}
+    assert set(LINKAGE.solve([0.0, 1.0]).to_xarray().coords) == {"angle"}
 
 
-@pytest.mark.parametrize(("asked", "library"), [("to_pandas", "pandas"), ("to_xarray", "xarray")])
-def test_a_missing_library_is_named_with_its_extra(asked, library, monkeypatch):
+@pytest.mark.parametrize(("method", "library"), [("to_pandas", "pandas"), ("to_xarray", "xarray")])
+def test_a_missing_library_is_named_with_its_extra(method, library, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(MissingToolError, match=rf"{library} is not installed; .*mechsim\[tables\]"):
-        getattr(run().motion, asked)()
+        getattr(run().motion, method)()

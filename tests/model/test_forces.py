@@ -10,7 +10,7 @@ from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 RSSR = catalog.make("rssr").mechanism
 LOOPER = catalog.make("looper").mechanism
 PUSH = load_profile.constant((0.0, 0.0, 1.0))
-FAR = (0.0, 0.0, 1.0)
+POINT = (0.0, 0.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -42,9 +42,9 @@ def test_invalid_parameters_of_forces_are_rejected(make, output):
         (Forces(friction=(Friction("P2", 0.0, 1.0, 0.0, 1.0),)), "given in spherical joint 'P2'; only a cyl"),
         (Forces(joint_springs=(JointSpring("P3", 1.0),)), "a spring in spherical joint 'P3'"),
         (Forces(loads=(Load("P9", PUSH),)), "no point 'P9' .*P2, P3"),
-        (Forces(loads=(Load(("arm", FAR), PUSH),)), "no link 'arm', only ground, crank"),
-        (Forces(loads=(Load(("ground", FAR), PUSH),)), "acts on the frame"),
-        (Forces(springs=(Spring("P2", ("crank", FAR), 1.0),)), "both ends of a spring are on link 'crank'"),
+        (Forces(loads=(Load(("arm", POINT), PUSH),)), "no link 'arm', only ground, crank"),
+        (Forces(loads=(Load(("ground", POINT), PUSH),)), "acts on the frame"),
+        (Forces(springs=(Spring("P2", ("crank", POINT), 1.0),)), "both ends of a spring are on link 'crank'"),
     ],
 )
 def test_forces_on_unknown_or_unsuitable_elements_are_rejected(forces, output):
@@ -55,7 +55,7 @@ def test_forces_on_unknown_or_unsuitable_elements_are_rejected(forces, output):
 def test_valid_forces_are_accepted_with_and_without_motor():
     forces = Forces(
         friction=(Friction("rocker", 1.0, 2.0), Friction("P2", 1.0)),
-        springs=(Spring(("ground", FAR), "P3", 10.0, 0.1, 1.0),),
+        springs=(Spring(("ground", POINT), "P3", 10.0, 0.1, 1.0),),
         joint_springs=(JointSpring("rocker", 1.0),),
         loads=(Load("P3", PUSH),),
         motor=motors.ConstantTorque(1.0),

@@ -9,7 +9,7 @@ CROSS_ANGLE = 1.1
 
 
 @pytest.mark.parametrize(
-    ("name", "freedoms", "forces", "moments", "units"),
+    ("name", "dofs", "forces", "moments", "units"),
     [
         ("revolute", 1, 3, 2, ("rad",)),
         ("prismatic", 1, 2, 3, ("m",)),
@@ -21,9 +21,9 @@ CROSS_ANGLE = 1.1
         ("floating", 6, 0, 0, ("m", "m", "m")),
     ],
 )
-def test_joint_kinds_have_their_degrees_of_freedom(name, freedoms, forces, moments, units):
+def test_joint_kinds_have_their_degrees_of_freedom(name, dofs, forces, moments, units):
     kind = KINDS[name]
-    assert (kind.dof, kind.forces, kind.moments, kind.units) == (freedoms, forces, moments, units)
+    assert (kind.dof, kind.forces, kind.moments, kind.units) == (dofs, forces, moments, units)
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
@@ -31,8 +31,8 @@ def test_joint_kinds_have_their_degrees_of_freedom(name, freedoms, forces, momen
 def test_coordinates_are_the_inverse_of_displacements(kind, first, second, angle, other):
     lengths, angles = iter((first, second, first)), iter((angle, other))
     values = [next(lengths if unit == "m" else angles) for unit in kind.units]
-    shift, turn = displaced(kind, values, CROSS_ANGLE)
-    result = coordinates(kind, shift, np.eye(3), turn, CROSS_ANGLE)
+    shift, rotation = displaced(kind, values, CROSS_ANGLE)
+    result = coordinates(kind, shift, np.eye(3), rotation, CROSS_ANGLE)
     assert result.shape == (len(kind.units),)
     assert np.abs(result - values).max(initial=0.0) <= 16 * EPS * np.pi
 

@@ -4,27 +4,27 @@ import pytest
 from mechsim import load_profile
 from mechsim.errors import InputError
 
-TURN = 2.0 * np.pi
+REVOLUTION = 2.0 * np.pi
 
 
 def test_a_table_over_one_revolution_is_periodic():
-    at, values = np.linspace(0.5, 0.5 + TURN, 9), [0.0, 1.0, 4.0, 2.0, -1.0, -3.0, -2.0, 0.5, 0.0]
+    angles, values = np.linspace(0.5, 0.5 + REVOLUTION, 9), [0.0, 1.0, 4.0, 2.0, -1.0, -3.0, -2.0, 0.5, 0.0]
     for smooth in (False, True):
-        load = load_profile.table(at, values, smooth=smooth)
+        load = load_profile.table(angles, values, smooth=smooth)
         for turns in (-3, 0, 7):
-            assert np.allclose(load.evaluate(at + turns * TURN), values, atol=1e-13)
-    straight = load_profile.table(at, values)
-    assert straight.evaluate((at[2] + at[3]) / 2.0)[0] == pytest.approx(3.0)
+            assert np.allclose(load.evaluate(angles + turns * REVOLUTION), values, atol=1e-13)
+    straight = load_profile.table(angles, values)
+    assert straight.evaluate((angles[2] + angles[3]) / 2.0)[0] == pytest.approx(3.0)
 
 
 def test_a_smooth_table_has_fourth_order():
     def error(rows):
-        at = np.linspace(0.0, TURN, rows + 1)
-        values = np.sin(at) + 0.3 * np.cos(3.0 * at)
+        angles = np.linspace(0.0, REVOLUTION, rows + 1)
+        values = np.sin(angles) + 0.3 * np.cos(3.0 * angles)
         values[-1] = values[0]
-        x = np.linspace(0.0, TURN, 997)
+        x = np.linspace(0.0, REVOLUTION, 997)
         return np.abs(
-            load_profile.table(at, values, smooth=True).evaluate(x) - np.sin(x) - 0.3 * np.cos(3.0 * x)
+            load_profile.table(angles, values, smooth=True).evaluate(x) - np.sin(x) - 0.3 * np.cos(3.0 * x)
         ).max()
 
     assert 3.8 < np.log2(error(48) / error(96)) < 4.2
@@ -37,29 +37,33 @@ def test_harmonics_are_the_sum_of_cosines_and_sines():
 
 
 @pytest.mark.parametrize(
-    ("at", "values", "output"),
+    ("angles", "values", "output"),
     [
-        ([0.0, 1.0, 0.5, TURN], [0.0] * 4, r"does not increase: angle 0.5 in row 3 follows 1"),
-        ([0.0, 1.0, 1.0, TURN], [0.0] * 4, "does not increase"),
+        ([0.0, 1.0, 0.5, REVOLUTION], [0.0] * 4, r"does not increase: angle 0.5 in row 3 follows 1"),
+        ([0.0, 1.0, 1.0, REVOLUTION], [0.0] * 4, "does not increase"),
         ([0.0, 1.0, 6.0], [0.0] * 3, r"does not span one revolution: it goes from 0 to 6 rad"),
         ([0.0, 1.0, 7.0], [0.0] * 3, "does not span one revolution"),
-        ([0.0, 1.0, TURN], [0.0, 1.0, 0.1], "is not periodic: its last row differs from its first by 0.1"),
-        ([0.0, np.nan, TURN], [0.0] * 3, "not a finite number"),
-        ([0.0, TURN], [[0.0, 0.0]] * 2, "one value or three each"),
+        (
+            [0.0, 1.0, REVOLUTION],
+            [0.0, 1.0, 0.1],
+            "is not periodic: its last row differs from its first by 0.1",
+        ),
+        ([0.0, np.nan, REVOLUTION], [0.0] * 3, "not a finite number"),
+        ([0.0, REVOLUTION], [[0.0, 0.0]] * 2, "one value or three each"),
         ([0.0], [0.0], "two rows or more"),
     ],
 )
-def test_an_invalid_load_table_is_rejected(at, values, output):
+def test_an_invalid_load_table_is_rejected(angles, values, output):
     with pytest.raises(InputError, match=output):
-        load_profile.table(at, values)
+        load_profile.table(angles, values)
 
 
 def test_a_period_rounded_to_six_digits_is_scaled_to_a_revolution():
-    x = np.linspace(0.0, TURN, 9)
-    exact, written = (load_profile.table(at, np.cos(x).round(12)) for at in (x, x.round(5)))
-    places = np.linspace(0.0, TURN, 40)
+    x = np.linspace(0.0, REVOLUTION, 9)
+    exact, written = (load_profile.table(angles, np.cos(x).round(12)) for angles in (x, x.round(5)))
+    samples = np.linspace(0.0, REVOLUTION, 40)
     # half a unit of the sixth digit, at a derivative of one
-    assert np.abs(exact.evaluate(places, places) - written.evaluate(places, places)).max() < 1e-5
+    assert np.abs(exact.evaluate(samples, samples) - written.evaluate(samples, samples)).max() < 1e-5
 
 
 def test_a_table_that_is_not_periodic_is_not_extrapolated():

@@ -78,14 +78,14 @@ def test_joint_coordinates_are_invariant_under_rigid_motion(angle, whole):
     hinge = joint("revolute")
     b = placed(hinge, rotation("z", angle))
     about = np.array([0.3, -1.0, 0.5])
-    turned = Rotation.from_rotvec(whole * about / np.linalg.norm(about)).as_matrix()
+    rotated = Rotation.from_rotvec(whole * about / np.linalg.norm(about)).as_matrix()
     shift = np.array([1.0, 2.0, 3.0])
-    moved = [Pose(shift + turned @ p.position, turned @ p.rotation) for p in (IDENTITY, b)]
+    moved = [Pose(shift + rotated @ p.position, rotated @ p.rotation) for p in (IDENTITY, b)]
     assert abs(joint_coordinate(hinge, *moved)[0] - angle) <= 64 * EPS
 
 
 def chain(**changes):
-    given = {
+    fields = {
         "name": "chain",
         "links": (Link("arm"), Link("tip")),
         "joints": (
@@ -95,18 +95,18 @@ def chain(**changes):
         "driver": "crank",
         "points": {"P": ("tip", (0.1, 0.0, 0.0))},
     }
-    return Mechanism(**{**given, **changes})
+    return Mechanism(**{**fields, **changes})
 
 
 def test_rounding_does_not_set_the_characteristic_length():
-    near = End("arm", (0.1, 0.2, 0.3)), End("arm", (0.1, 0.1 + 0.1, 0.3 + 1e-17), axis=EX)
+    ends = End("arm", (0.1, 0.2, 0.3)), End("arm", (0.1, 0.1 + 0.1, 0.3 + 1e-17), axis=EX)
     hinges = (
-        Joint("crank", "revolute", End(GROUND), near[0]),
-        Joint("out", "revolute", End(GROUND), near[1]),
+        Joint("crank", "revolute", End(GROUND), ends[0]),
+        Joint("out", "revolute", End(GROUND), ends[1]),
     )
-    apart = Joint("out", "revolute", End(GROUND), End("arm", (0.1, 0.2, 0.3 + 2e-16), axis=EX))
+    distinct = Joint("out", "revolute", End(GROUND), End("arm", (0.1, 0.2, 0.3 + 2e-16), axis=EX))
     points = {"P": ("arm", (0.1, 0.2, 0.7))}
-    for joints in (hinges, (hinges[0], apart)):
+    for joints in (hinges, (hinges[0], distinct)):
         assert Mechanism(
             "sphere", (Link("arm"),), joints, "crank", points
         ).characteristic_length == pytest.approx(0.4)
@@ -167,11 +167,11 @@ def test_a_slide_without_references_has_the_smallest_rotation(kind, first, secon
         rotation("y", second) @ np.array([0.1, 0.8, 0.4]),
     )
     made = Joint("slide", kind, End(GROUND, axis=tuple(a)), End("arm", axis=tuple(b)))
-    turned = made.a.frame @ made.b.frame.T
-    assert np.abs(turned @ made.b.axis - made.a.axis).max() <= 64 * EPS
+    rotated = made.a.frame @ made.b.frame.T
+    assert np.abs(rotated @ made.b.axis - made.a.axis).max() <= 64 * EPS
     cosine = float(np.dot(made.a.axis, made.b.axis))
-    # opposed axes have no least turn, and near them it is lost
-    assert np.trace(turned) == pytest.approx(1.0 + 2.0 * cosine, abs=1e-9)
+    # antiparallel axes have no smallest rotation, and near them it is ill-conditioned
+    assert np.trace(rotated) == pytest.approx(1.0 + 2.0 * cosine, abs=1e-9)
 
 
 @given(turns, turns)
@@ -192,34 +192,34 @@ def test_references_determine_the_orientation_of_a_slide():
 SLIDE = Joint("slide", "prismatic", End(GROUND, axis=(1.0, 0.1, 0.2)), End("arm", axis=(0.2, 0.3, 1.0)))
 
 
-def guessed(turned, joint=SLIDE):
-    guess = {"arm": Pose(np.zeros(3), turned)}
+def guessed(rotated, joint=SLIDE):
+    guess = {"arm": Pose(np.zeros(3), rotated)}
     return Mechanism("slant", (Link("arm"),), (joint,), "slide", {}, guess=guess)
 
 
 @given(turns)
 def test_a_guess_selects_the_orientation_of_a_slide(about):
     by_itself = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=SLIDE.b.axis, reference=EX))
-    off = {}
-    for meant in (SLIDE, by_itself):
-        roughly = SLIDE.a.frame @ rotation("z", about) @ meant.b.frame.T
-        # a rough guess tilts the axis, too
-        off[meant.b.reference] = rotation("y", 0.3) @ roughly
+    guesses = {}
+    for expected in (SLIDE, by_itself):
+        roughly = SLIDE.a.frame @ rotation("z", about) @ expected.b.frame.T
+        # an inaccurate guess also tilts the axis
+        guesses[expected.b.reference] = rotation("y", 0.3) @ roughly
     least = min(abs(about + item) for item in (0.0, 2.0 * np.pi, -2.0 * np.pi))
-    for reference, turned in off.items():
+    for reference, orientation in guesses.items():
         if least < 0.4:
-            result = guessed(turned)
+            result = guessed(orientation)
             assert result.joints[0].b.reference == pytest.approx(reference, abs=1e-15)
-            assert result.with_guess({"arm": Pose(np.ones(3), turned)}, 0.0).joints == result.joints
+            assert result.with_guess({"arm": Pose(np.ones(3), orientation)}, 0.0).joints == result.joints
         elif least > 2.9:
             with pytest.raises(
                 InputError, match="prismatic joint 'slide' has no reference, and the guess rotates"
             ):
-                guessed(turned)
+                guessed(orientation)
 
 
 def test_a_guess_does_not_change_slides_with_references():
-    turned = rotation("x", 1.7)
+    rotated = rotation("x", 1.7)
     for a, b in (((0.2, 0.3, 1.0), {"reference": EY}), (SLIDE.a.axis, {})):
         made = Joint("slide", "prismatic", SLIDE.a, End("arm", axis=a, **b))
-        assert guessed(turned, made).joints[0] == made
+        assert guessed(rotated, made).joints[0] == made

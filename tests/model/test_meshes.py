@@ -14,12 +14,12 @@ Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 ANGLE = np.deg2rad(20.0)
 
 
-def hinge(name, at=(0.0, 0.0, 0.0), axis=Z):
-    return Joint(name, "revolute", End(GROUND, at, axis), End(name, (0.0, 0.0, 0.0), axis))
+def hinge(name, position=(0.0, 0.0, 0.0), axis=Z):
+    return Joint(name, "revolute", End(GROUND, position, axis), End(name, (0.0, 0.0, 0.0), axis))
 
 
-def slide(name, at, axis):
-    return Joint(name, "prismatic", End(GROUND, at, axis), End(name, (0.0, 0.0, 0.0), axis))
+def slide(name, position, axis):
+    return Joint(name, "prismatic", End(GROUND, position, axis), End(name, (0.0, 0.0, 0.0), axis))
 
 
 def mechanism(joints, gears=(), couplings=()):
@@ -89,7 +89,7 @@ def test_tooth_forces_of_a_bevel_pair_agree_with_a_textbook():
         (hinge("two", (0.0, 0.03, 0.0), X), -2.0),
         (hinge("two", (0.0, 0.0, 0.0), X), -2.0),
     ],
-    ids=["as a belt", "one shaft in line with the other", "shafts that pass", "joints where shafts meet"],
+    ids=["positive ratio", "coaxial shafts", "skew shafts", "joints at the apex"],
 )
 def test_gears_without_a_pitch_point_have_no_tooth_forces(second, ratio):
     assert meshes_of(mechanism((hinge("one"), second), (Gear("one", "two", ratio),))) == {}

@@ -58,23 +58,25 @@ def of_angles(name, angle):
 
 
 def require_understood(name, dimension):
-    size = getattr(catalog.make("four_bar"), dimension)
-    moved = value(name, **{dimension: 1.01 * size})
+    length = getattr(catalog.make("four_bar"), dimension)
+    moved = value(name, **{dimension: 1.01 * length})
     table = ms.sensitivity("four_bar", name, dimension, angles=ANGLES, speed=2.0)
     (column,) = table.values
     np.testing.assert_allclose(table.values[column], value(name), rtol=1e-12)
-    ahead, behind = (value(name, **{dimension: size * (1.0 + sign * STEP)}) for sign in (1.0, -1.0))
-    gradient = (ahead - behind) / (2.0 * STEP * size)
+    ahead, behind = (value(name, **{dimension: length * (1.0 + sign * STEP)}) for sign in (1.0, -1.0))
+    gradient = (ahead - behind) / (2.0 * STEP * length)
     np.testing.assert_allclose(
         table.by[dimension][column], gradient, rtol=1e-6, atol=1e-6 * np.abs(gradient).max()
     )
     measure = f"at:0.3rad:{name}"
-    swept = ms.sweep("four_bar", {dimension: [size, 1.01 * size]}, measure=[measure], speed=2.0)
-    gap = swept[measure].values - [value(name)[0], moved[0]]
-    np.testing.assert_allclose(gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)), 0.0, atol=1e-9)
+    swept = ms.sweep("four_bar", {dimension: [length, 1.01 * length]}, measure=[measure], speed=2.0)
+    difference = swept[measure].values - [value(name)[0], moved[0]]
+    np.testing.assert_allclose(
+        difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi)), 0.0, atol=1e-9
+    )
     subject = ms.moved("four_bar", angles=ANGLES, speed=2.0)
     fitted = ms.fit(subject, {"angle": ANGLES, column: moved}, [dimension])
-    assert fitted.values[dimension] == pytest.approx(1.01 * size, rel=1e-9)
+    assert fitted.values[dimension] == pytest.approx(1.01 * length, rel=1e-9)
     largest = goal_of(f"max:{name}", subject).function(table.values)
     assert np.real(largest) == pytest.approx(value(name).max())
     assert agrees(lambda angle: {name: of_angles(name, angle)})
@@ -97,32 +99,32 @@ def test_every_study_accepts_a_new_quantity(monkeypatch):
 
 
 def test_force_quantities_have_names_and_tolerances():
-    form = catalog.make("four_bar")
-    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 2.0)
+    solver = catalog.make("four_bar")
+    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), ANGLES, 2.0)
     columns = dict(study.columns())
     assert effort_units().keys() <= columns.keys()
     units = {row.unit for row in FORCES}
     for name, unit in effort_units().items():
-        assert quantity(name, form.mechanism).unit == unit
+        assert quantity(name, solver.mechanism).unit == unit
         assert unit in units or name not in vars(type(study.forces))
-    assert agrees(lambda angle: {"kinetic": energy(form, angle)})
-    assert not agrees(lambda angle: {"kinetic": 1.001 * energy(form, angle)})
+    assert agrees(lambda angle: {"kinetic": energy(solver, angle)})
+    assert not agrees(lambda angle: {"kinetic": 1.001 * energy(solver, angle)})
 
 
-def energy(form, angle):
-    return ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), angle, 2.0).forces.kinetic
+def energy(solver, angle):
+    return ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), angle, 2.0).forces.kinetic
 
 
 def test_columns_of_motions_and_forces_are_quantities():
-    form = catalog.make("rssr")
-    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 2.0)
+    solver = catalog.make("rssr")
+    study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), ANGLES, 2.0)
     skipped = {"time", "angle", "speed", "acceleration"}
-    for record in (form.solve(ANGLES, 2.0), study):
+    for record in (solver.solve(ANGLES, 2.0), study):
         for name, column in record.columns():
             if name not in skipped:
-                item = quantity(name, form.mechanism)
+                item = quantity(name, solver.mechanism)
                 np.testing.assert_array_equal(item.number(dict(record.columns())), column)
-                assert [part.name for part in item.scalars()] == [name]
+                assert [scalar.name for scalar in item.scalars()] == [name]
 
 
 def test_a_vector_expands_to_its_components():
@@ -157,10 +159,10 @@ def test_commas_inside_names_and_brackets_do_not_separate_names():
 
 
 def test_a_distance_from_a_fixed_point_is_a_quantity_but_its_position_is_not():
-    form = catalog.make("four_bar")
-    points = {**form.mechanism.points, "O": ("ground", (0.0, 0.0, 0.0)), "O4": ("ground", (0.1, 0.0, 0.0))}
-    mechanism = replace(form.mechanism, points=points)
-    motion = form.solve(ANGLES)
+    solver = catalog.make("four_bar")
+    points = {**solver.mechanism.points, "O": ("ground", (0.0, 0.0, 0.0)), "O4": ("ground", (0.1, 0.0, 0.0))}
+    mechanism = replace(solver.mechanism, points=points)
+    motion = solver.solve(ANGLES)
     for name in ("distance:A,O", "distance:O,A"):
         length = quantity(name, mechanism)
         assert length.number(record_columns(motion, [length])) == pytest.approx(0.032, abs=1e-15)
@@ -187,6 +189,6 @@ def test_expressions_have_the_unit_of_their_operands():
 
 
 def test_measured_tables_use_the_same_names():
-    form = catalog.make("four_bar")
+    solver = catalog.make("four_bar")
     table = {"angle": ANGLES, "distance:A,B [mm]": 1e3 * value("distance:A,B")}
-    np.testing.assert_allclose(measured_of(table, form).values["distance:A,B"], value("distance:A,B"))
+    np.testing.assert_allclose(measured_of(table, solver).values["distance:A,B"], value("distance:A,B"))

@@ -76,8 +76,8 @@ def test_collinear_points_are_one_rod_and_triangles_two():
     whole = round_rod((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), 1000.0, 0.01)
     assert straight.links[0].inertia.mass == pytest.approx(whole.mass, rel=1e-13)
     assert straight.links[0].inertia.centre == pytest.approx(whole.centre, rel=1e-13)
-    bent = Mechanism("bar", (Link("bar", ((0.3, 0.4, 0.0),)),), (joints[0], joints[1]), "crank", {})
-    inertia = with_inertia(bent, 1000.0, 0.01).links[0].inertia
+    curved = Mechanism("bar", (Link("bar", ((0.3, 0.4, 0.0),)),), (joints[0], joints[1]), "crank", {})
+    inertia = with_inertia(curved, 1000.0, 0.01).links[0].inertia
     assert inertia.mass == pytest.approx(1000.0 * np.pi / 4.0 * 1e-4 * 0.7, rel=1e-13)
 
 

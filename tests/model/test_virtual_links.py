@@ -15,29 +15,29 @@ ANGLES = np.linspace(0.0, 6.0, 7)
 
 
 @pytest.fixture(scope="module")
-def form():
+def solver():
     return ms.load(str(LOOPER))
 
 
-def test_poses_of_virtual_bodies_follow_from_their_joints(form):
-    unseen = [link.name for link in form.mechanism.links if not link.is_body]
+def test_poses_of_virtual_bodies_follow_from_their_joints(solver):
+    unseen = [link.name for link in solver.mechanism.links if not link.is_body]
     assert unseen == ["~slide.way"]
-    everything = LoopForm.solve_along(form, ANGLES)
+    everything = LoopForm.solve_along(solver, ANGLES)
     for motion in (
-        form.solve(ANGLES),
-        ms.simulate(form, speed=1.0, turns=6.0 / (2 * np.pi), samples=6).motion,
+        solver.solve(ANGLES),
+        ms.simulate(solver, speed=1.0, turns=6.0 / (2 * np.pi), samples=6).motion,
     ):
         assert unseen[0] not in motion.links
-        placed = moved_links(form.mechanism, motion)
+        placed = moved_links(solver.mechanism, motion)
         for name, pose in placed.items():
-            wanted = everything.links[name]
+            expected = everything.links[name]
             # rounding of a turn of six radians
-            assert np.abs(pose.position - wanted.position).max() < 1e-13, name
-            assert np.abs(pose.rotation - wanted.rotation).max() < 1e-12, name
+            assert np.abs(pose.position - expected.position).max() < 1e-13, name
+            assert np.abs(pose.rotation - expected.rotation).max() < 1e-12, name
 
 
-def test_a_motion_must_contain_every_body(form):
-    motion = form.solve(ANGLES)
+def test_a_motion_must_contain_every_body(solver):
+    motion = solver.solve(ANGLES)
     motion.links.pop("crank")
     with pytest.raises(InputError, match="the motion has no pose of link 'crank'"):
-        moved_links(form.mechanism, motion)
+        moved_links(solver.mechanism, motion)

@@ -13,14 +13,14 @@ def test_a_revolution_is_the_circumference_of_the_unit_circle():
 
 @pytest.mark.parametrize("angle", [-20.3, -0.4, 0.0, 3.9, 31.0])
 @pytest.mark.parametrize(
-    "wanted", [(0.5,), (0.1, 2.0), (-4.0, 1.5), (-9.0, -3.2), (40.0, 46.0), (-3.0, 12.0)]
+    "targets", [(0.5,), (0.1, 2.0), (-4.0, 1.5), (-9.0, -3.2), (40.0, 46.0), (-3.0, 12.0)]
 )
-def test_other_revolutions_match_an_exhaustive_search(angle, wanted):
-    near = [
-        laps
-        for laps in range(-12, 13)
-        if laps and all(abs(angle + laps * REVOLUTION - item) <= REVOLUTION for item in wanted)
+def test_other_revolutions_match_an_exhaustive_search(angle, targets):
+    expected = [
+        revolutions
+        for revolutions in range(-12, 13)
+        if revolutions and all(abs(angle + revolutions * REVOLUTION - item) <= REVOLUTION for item in targets)
     ]
-    result = other_revolutions(angle, np.array(wanted))
-    assert sorted(result) == near
-    assert [abs(laps) for laps in result] == sorted(abs(laps) for laps in result)
+    result = other_revolutions(angle, np.array(targets))
+    assert sorted(result) == expected
+    assert [abs(revolutions) for revolutions in result] == sorted(abs(revolutions) for revolutions in result)

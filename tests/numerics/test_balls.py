@@ -62,9 +62,9 @@ def test_reciprocals_and_roots_contain_the_exact_results(a, ra):
             assert all(contains(root, mpmath.sqrt(x)) for x in ends)
 
 
-@pytest.mark.parametrize("size", [1e-150, 1e160, 1e300])
-def test_reciprocals_and_roots_do_not_overflow(size):
-    value = Ball(np.array(size), np.array(0.1 * size))
+@pytest.mark.parametrize("scale", [1e-150, 1e160, 1e300])
+def test_reciprocals_and_roots_do_not_overflow(scale):
+    value = Ball(np.array(scale), np.array(0.1 * scale))
     with mpmath.workdps(DIGITS):
         for end, _ in corners(value, ball(0.0)):
             assert contains(value.reciprocal(), 1 / end)

@@ -17,8 +17,8 @@ def test_reachable_nodes_and_components_agree_with_networkx(seed):
     successors = random_successors(seed)
     graph = nx.DiGraph(successors)
     assert reachable(successors, [0]) == nx.descendants(graph, 0) | {0}
-    undirected = {frozenset(part) for part in nx.connected_components(graph.to_undirected())}
-    assert {frozenset(part) for part in components(graph, graph.edges)} == undirected
+    undirected = {frozenset(component) for component in nx.connected_components(graph.to_undirected())}
+    assert {frozenset(component) for component in components(graph, graph.edges)} == undirected
 
 
 @pytest.mark.parametrize("seed", range(5))

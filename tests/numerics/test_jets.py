@@ -43,8 +43,8 @@ FORMULAS = {
 }
 
 
-def jet(parts):
-    return Jet(*(np.array([part]) for part in parts))
+def jet(values):
+    return Jet(*(np.array([value]) for value in values))
 
 
 @pytest.mark.parametrize("name", FORMULAS)
@@ -53,26 +53,30 @@ def test_value_and_rates_agree_with_fifty_digits(name, x, y):
     formula = FORMULAS[name]
     with mp.workdps(50):
 
-        def at(t):
+        def of_time(t):
             u, v = (mp.mpf(a) + mp.mpf(b) * t + mp.mpf(c) * t * t / 2 for a, b, c in (x, y))
             return formula(IN_DIGITS, u, v)
 
-        value, first, half_second = (float(part) for part in mp.taylor(at, 0, 2))
+        value, first, half_second = (float(computed) for computed in mp.taylor(of_time, 0, 2))
     result = formula(IN_NUMPY, jet(x), jet(y))
     assume(name != "direction" or np.hypot(x[0] - 1.0, y[0]) > 0.1)
     scale = 1.0 + max(abs(value), abs(first), abs(2.0 * half_second))
-    for part, expected in ((result.value, value), (result.rate, first), (result.second, 2.0 * half_second)):
-        assert abs(part[0] - expected) <= 1e-11 * scale
+    for computed, expected in (
+        (result.value, value),
+        (result.rate, first),
+        (result.second, 2.0 * half_second),
+    ):
+        assert abs(computed[0] - expected) <= 1e-11 * scale
 
 
 @given(st.lists(series, min_size=6, max_size=6))
-def test_vector_products_have_the_rates_of_their_components(parts):
+def test_vector_products_have_the_rates_of_their_components(six):
     stacked = [
-        Jet(*(np.array([part[i] for part in three])[:, None] for i in range(3)))
-        for three in (parts[:3], parts[3:])
+        Jet(*(np.array([quantity[i] for quantity in three])[:, None] for i in range(3)))
+        for three in (six[:3], six[3:])
     ]
     a, b = stacked
-    components = [[jet(part) for part in three] for three in (parts[:3], parts[3:])]
+    components = [[jet(quantity) for quantity in three] for three in (six[:3], six[3:])]
     (a0, a1, a2), (b0, b1, b2) = components
     by_parts = {
         "dot": a0 * b0 + a1 * b1 + a2 * b2,
@@ -81,9 +85,9 @@ def test_vector_products_have_the_rates_of_their_components(parts):
     }
     result = {"dot": vectors.dot(a, b), "norm": vectors.norm(a), "z of cross": vectors.cross(a, b)[2]}
     for name, expected in by_parts.items():
-        for part in ("value", "rate", "second"):
-            gap = getattr(result[name], part) - getattr(expected, part)
-            assert np.abs(gap).max() <= 1e-12 * (1.0 + np.abs(getattr(expected, part)).max())
+        for quantity in ("value", "rate", "second"):
+            difference = getattr(result[name], quantity) - getattr(expected, quantity)
+            assert np.abs(difference).max() <= 1e-12 * (1.0 + np.abs(getattr(expected, quantity)).max())
 
 
 def test_a_formula_gives_the_same_positions_on_arrays_and_on_jets():

@@ -9,18 +9,18 @@ from mechsim.numerics.newton import NewtonSettings, newton, root
 from mechsim.numerics.rank import least_norm
 
 
-@pytest.mark.parametrize("wanted", [1.0 / 3.0, -np.pi, 2.0**0.5 * 1e-200])
+@pytest.mark.parametrize("expected", [1.0 / 3.0, -np.pi, 2.0**0.5 * 1e-200])
 @pytest.mark.parametrize(
     "shape",
     [lambda x: x, lambda x: x**3, np.sign, lambda x: np.arctan(1e9 * x)],
     ids=["line", "cube", "step", "steep"],
 )
-def test_a_root_is_accurate_to_rounding(wanted, shape):
+def test_a_root_is_accurate_to_rounding(expected, shape):
     def function(x):
-        return float(shape((x - wanted) / wanted))
+        return float(shape((x - expected) / expected))
 
-    low, high = sorted((0.1 * wanted, 2.3 * wanted))
-    assert abs(root(function, low, high) - wanted) <= 1e-15 * abs(wanted)
+    low, high = sorted((0.1 * expected, 2.3 * expected))
+    assert abs(root(function, low, high) - expected) <= 1e-15 * abs(expected)
 
 
 @dataclass(frozen=True)

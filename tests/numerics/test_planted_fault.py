@@ -48,8 +48,8 @@ def test_both_methods_reject_unconverged_configurations(name, monkeypatch):
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
 def test_both_methods_correct_small_errors_and_reject_large_ones(name, monkeypatch):
-    drive, chunks = catalog.make(name), ContinuationPath.chunks
-    form = LoopForm(drive.mechanism)
+    linkage, chunks = catalog.make(name), ContinuationPath.chunks
+    model = LoopForm(linkage.mechanism)
 
     def plant_offset(offset):
         def off(path, s):
@@ -58,16 +58,16 @@ def test_both_methods_correct_small_errors_and_reject_large_ones(name, monkeypat
         monkeypatch.setattr(ContinuationPath, "chunks", off)
 
     plant_offset(1e-6)
-    run = simulate(drive, speed=1.0, method="pose", samples=20)
-    exact = drive.positions(run.motion.angle)
-    for motion in (run.motion, form.solve(run.motion.angle)):
+    run = simulate(linkage, speed=1.0, method="pose", samples=20)
+    exact = linkage.positions(run.motion.angle)
+    for motion in (run.motion, model.solve(run.motion.angle)):
         for point, positions in exact.items():
             assert np.abs(motion.points[point].position - positions).max() < 1e-13
     plant_offset(0.1)
     with pytest.raises(AssemblyError):
-        simulate(drive, speed=1.0, method="pose", samples=20)
+        simulate(linkage, speed=1.0, method="pose", samples=20)
     with pytest.raises(AssemblyError):
-        form.solve(run.motion.angle)
+        model.solve(run.motion.angle)
 
 
 def test_mujoco_states_are_checked_by_their_own_residual(monkeypatch):

@@ -34,7 +34,7 @@ def test_a_limit_of_the_address_space_limits_the_available_memory(monkeypatch, t
     monkeypatch.setattr(resources, "CONTAINER_MEMORY", [])
     monkeypatch.setattr(resources, "PROCESS_MEMORY", tmp_path / "own")
     monkeypatch.setattr(resource, "getrlimit", lambda _: (5e9, 5e9))
-    left = 5e9 - 1000 * resources.os.sysconf("SC_PAGE_SIZE")
-    assert resources.available_memory() == resources.MAX_ADDRESS_FRACTION * left
+    free = 5e9 - 1000 * resources.os.sysconf("SC_PAGE_SIZE")
+    assert resources.available_memory() == resources.MAX_ADDRESS_FRACTION * free
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY,) * 2)
     assert resources.available_memory() == resources.MAX_FRACTION * 8.192e9

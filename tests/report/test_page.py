@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from browser import PROGRAM, Browser, in_browser
+from browser import CHROMIUM, Browser, in_browser
 
 from mechsim import catalog
 from mechsim.errors import OutputError
@@ -363,7 +363,7 @@ def test_a_report_of_all_mechanisms_prints_on_four_pages_and_is_small(section, t
     page = report.write_report(tmp_path, computed, sections)
     assert page.stat().st_size < 3_000_000
     paper = tmp_path / "page.pdf"
-    command = [PROGRAM, "--headless", "--no-sandbox", "--disable-gpu", f"--print-to-pdf={paper}"]
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", f"--print-to-pdf={paper}"]
     command += [f"--user-data-dir={tmp_path / 'profile'}", page.as_uri()]
     subprocess.run(command, capture_output=True, timeout=120, check=True)
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", paper.read_bytes())) <= 4

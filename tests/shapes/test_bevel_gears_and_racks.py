@@ -12,7 +12,7 @@ from mechsim.model.links import IDENTITY as STANDING
 from mechsim.model.mechanism import Mechanism
 from mechsim.shapes.joints import link_shapes
 
-TURN = np.linspace(0.0, 2.0 * np.pi, 25)
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
 AXES = np.array([[0.2, 0.1, 1.0], [1.0, 0.3, -0.4]])
 AXES /= np.linalg.norm(AXES, axis=1)[:, None]
 APEX = np.array([0.01, -0.02, 0.03])
@@ -32,27 +32,27 @@ def shafts(heights, carried):
     return Mechanism("bevel", links, joints, "one", points, guess=guess, gears=gears)
 
 
-def heels(mechanism, link, poses):
+def outer_tooth_ends(mechanism, link, poses):
     """Return the outer ends of the teeth, which point at the apex, in the world, (teeth, n, 3)."""
     boxes = [shape for shape in link_shapes(mechanism)[link] if shape.kind == "box"]
     local = [
         np.array(box.to) for box in boxes if np.linalg.norm(np.cross(box.frm - APEX, box.to - APEX)) < 1e-12
     ]
     assert len(local) == len(boxes) > 10
-    return np.array([np.broadcast_to(poses[link].point(one), (len(TURN), 3)) for one in local])
+    return np.array([np.broadcast_to(poses[link].point(point), (len(ANGLES), 3)) for point in local])
 
 
 @pytest.mark.parametrize("heights", [(0.03, 0.05), (0.0, 0.0), (0.04, 0.0), (-0.03, 0.04)])
 @pytest.mark.parametrize("carried", [GROUND, "one"])
 def test_teeth_of_bevel_gears_mesh_at_every_angle(heights, carried):
     mechanism = shafts(heights, carried)
-    motion = loops.solve(mechanism, TURN)
+    motion = loops.solve(mechanism, ANGLES)
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
     poses[GROUND] = STANDING
-    arm = np.broadcast_to(np.eye(3), (len(TURN), 3, 3)) if carried == GROUND else poses["one"].rotation
+    arm = np.broadcast_to(np.eye(3), (len(ANGLES), 3, 3)) if carried == GROUND else poses["one"].rotation
     wheels = ("one", "two") if carried == GROUND else (GROUND, "two")
-    axes = [np.broadcast_to(AXES[0], (len(TURN), 3)), arm @ AXES[1]]
-    rims = [heels(mechanism, link, poses) - APEX for link in wheels]
+    axes = [np.broadcast_to(AXES[0], (len(ANGLES), 3)), arm @ AXES[1]]
+    rims = [outer_tooth_ends(mechanism, link, poses) - APEX for link in wheels]
     slants = [np.linalg.norm(rim, axis=2) for rim in rims]
     assert np.ptp(np.concatenate(slants)) < 1e-12
     cosines = [
@@ -60,8 +60,8 @@ def test_teeth_of_bevel_gears_mesh_at_every_angle(heights, carried):
     ]
     # the line that has both cones' angles to the axes: the cones touch, they do not cross
     square = np.array([[1.0, AXES[0] @ AXES[1]], [AXES[0] @ AXES[1], 1.0]])
-    parts = np.linalg.solve(square, cosines)
-    line = parts[0] * axes[0] + parts[1] * axes[1]
+    factors = np.linalg.solve(square, cosines)
+    line = factors[0] * axes[0] + factors[1] * axes[1]
     np.testing.assert_allclose(np.linalg.norm(line, axis=1), 1.0, atol=1e-9)
     phases = []
     for rim, axis in zip(rims, axes, strict=True):
@@ -76,19 +76,19 @@ def test_teeth_of_bevel_gears_mesh_at_every_angle(heights, carried):
 
 def test_skew_shafts_have_no_bevel_gears():
     mechanism = shafts((0.03, 0.05), GROUND)
-    one, two = mechanism.joints
-    aside = tuple(np.add(two.a.point, 0.01 * np.cross(*AXES)))
-    moved = replace(mechanism, joints=(one, replace(two, a=replace(two.a, point=aside))))
+    first, second = mechanism.joints
+    aside = tuple(np.add(second.a.point, 0.01 * np.cross(*AXES)))
+    moved = replace(mechanism, joints=(first, replace(second, a=replace(second.a, point=aside))))
     assert not [shape for shape in link_shapes(moved)["one"] if shape.kind == "box"]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_pinion_meshes_with_its_rack_over_the_whole_travel(sign):
-    form = load("rack_steering")
-    mesh = form.mechanism.couplings[0]
+    solver = load("rack_steering")
+    mesh = solver.mechanism.couplings[0]
     radius = 0.04
     coupling = Coupling(mesh.name, mesh.left, mesh.right, (0.003, sign * radius), (0.001, 0.2))
-    mechanism = replace(form.mechanism, couplings=(coupling,))
+    mechanism = replace(solver.mechanism, couplings=(coupling,))
     joints = {joint.name: joint for joint in mechanism.joints}
     shapes = link_shapes(mechanism, {"rack": (-0.05, 0.06)})
     spokes = [s for s in shapes["pinion"] if s.kind == "box" and s.thickness == (0.0, 0.0, 1.0)]
@@ -99,13 +99,13 @@ def test_a_pinion_meshes_with_its_rack_over_the_whole_travel(sign):
     tooth = np.arctan2(spokes[0].to[1], spokes[0].to[0])
     step = 2.0 * np.pi * radius / len(spokes)
     shaft, slide = joints["pinion"].a.point, joints["rack"].a.point
-    branch_point = -0.5 * np.pi * sign
+    contact_angle = -0.5 * np.pi * sign
     assert {round(np.sign(s.to[1] - s.frm[1])) for s in teeth} == {-round(sign)}
     for angle in np.linspace(-1.0, 1.0, 9):
-        direction = 0.001 + 0.003 + sign * radius * (angle - 0.2)
-        offset = (teeth[0].frm[0] + slide[0] + direction - shaft[0]) / step
-        turned = (tooth + angle - branch_point) * len(spokes) / (2.0 * np.pi)
-        assert (offset - sign * turned) % 1.0 == pytest.approx(0.5, abs=1e-6)
+        displacement = 0.001 + 0.003 + sign * radius * (angle - 0.2)
+        offset = (teeth[0].frm[0] + slide[0] + displacement - shaft[0]) / step
+        rotated = (tooth + angle - contact_angle) * len(spokes) / (2.0 * np.pi)
+        assert (offset - sign * rotated) % 1.0 == pytest.approx(0.5, abs=1e-6)
     ends = [t.frm[0] + slide[0] - shaft[0] for t in teeth]
     assert min(ends) < -0.06 - step
     assert max(ends) > 0.05 + step

@@ -21,7 +21,7 @@ def pieces(shapes, radius):
     spec.add_material(name=scenery.MATTE)
     for shape in shapes:
         frm, to = (tuple(np.divide(end, radius)) for end in (shape.frm, shape.to))
-        size = tuple(part / radius for part in shape.sizes)
+        size = tuple(length / radius for length in shape.sizes)
         scenery.add_shape(spec, spec.worldbody.add_body(), replace(shape, frm=frm, to=to, sizes=size))
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -34,7 +34,7 @@ def pieces(shapes, radius):
     return [[i for i, item in enumerate(piece) if item == number] for number in set(piece)]
 
 
-def in_two_ways(joint):
+def in_both_orders(joint):
     """Return a joint, and the same joint with its sides exchanged."""
     return joint, replace(joint, a=joint.b, b=joint.a)
 
@@ -50,14 +50,14 @@ def of_joints(*joints, travel=None, **couplings):
 
 CRANK = Joint("crank", "revolute", End(GROUND), End("crank"))
 SHAFT = Joint("crank", "revolute", End(GROUND, axis=(0.6, 0.0, 0.8)), End("crank"))
-KINDS_HELD = ("revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed")
-FAR = {"held": (0.07, 0.09)}
+JOINT_KINDS = ("revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed")
+TRAVEL = {"held": (0.07, 0.09)}
 
 
-def held(kind, carrier):
+def joint_pairs(kind, carrier):
     axis = (0.0, 1.0, 0.0) if kind == "prismatic" else (0.0, 0.0, 1.0)
     ends = End(carrier, (0.03, 0.02, 0.0), axis=axis), End("guest", (0.002, 0.01, 0.0), axis=axis)
-    return in_two_ways(Joint("held", kind, *ends, lead=0.01 if kind == "screw" else 0.0))
+    return in_both_orders(Joint("held", kind, *ends, lead=0.01 if kind == "screw" else 0.0))
 
 
 @pytest.mark.parametrize("name", [*catalog.DRIVES, *gallery.files()])
@@ -69,19 +69,19 @@ def test_every_link_is_drawn_in_one_piece(name):
 
 @pytest.mark.parametrize("first", [CRANK, SHAFT], ids=["flat", "spatial"])
 @pytest.mark.parametrize("carrier", [GROUND, "crank"])
-@pytest.mark.parametrize("kind", KINDS_HELD)
+@pytest.mark.parametrize("kind", JOINT_KINDS)
 def test_links_are_in_one_piece_with_joints_of_every_kind_and_order(kind, carrier, first):
-    for joint in held(kind, carrier):
-        mechanism, shapes = of_joints(first, joint, travel=FAR)
+    for joint in joint_pairs(kind, carrier):
+        mechanism, shapes = of_joints(first, joint, travel=TRAVEL)
         for link in mechanism.links:
             assert len(pieces(shapes[link.name], rod_radius(mechanism))) == 1, link
 
 
-@pytest.mark.parametrize("kind", KINDS_HELD)
+@pytest.mark.parametrize("kind", JOINT_KINDS)
 def test_shapes_on_the_ground_reach_the_floor_or_wall(kind):
     for first in (CRANK, SHAFT):
-        for joint in held(kind, GROUND):
-            mechanism, shapes = of_joints(first, joint, travel=FAR)
+        for joint in joint_pairs(kind, GROUND):
+            mechanism, shapes = of_joints(first, joint, travel=TRAVEL)
             radius, floor, ground = rod_radius(mechanism), -0.2, shapes[GROUND]
             flat = planar_normals(mechanism)
             if not flat:
@@ -112,20 +112,20 @@ def test_only_the_lowest_of_stacked_bearings_gets_a_post():
 def test_rods_connect_all_points_of_a_link_without_crossing_them(number, dimensions):
     chance = np.random.default_rng(number)
     for _ in range(20):
-        places = np.zeros((number, 3))
-        places[:, :dimensions] = np.round(chance.normal(size=(number, dimensions)), chance.integers(1, 5))
-        places = list(np.unique(places, axis=0))
+        positions = np.zeros((number, 3))
+        positions[:, :dimensions] = np.round(chance.normal(size=(number, dimensions)), chance.integers(1, 5))
+        positions = list(np.unique(positions, axis=0))
         rods = [
-            tuple(sorted(next(i for i, p in enumerate(places) if p is end) for end in rod))
-            for rod in edges(places)
+            tuple(sorted(next(i for i, p in enumerate(positions) if p is end) for end in rod))
+            for rod in edges(positions)
         ]
-        piece = list(range(len(places)))
+        piece = list(range(len(positions)))
         for i, j in rods:
             piece = [piece[i] if item == piece[j] else item for item in piece]
-            direction = places[j] - places[i]
-            for k in set(range(len(places))) - {i, j}:
-                share = (places[k] - places[i]) @ direction / (direction @ direction)
-                off = np.linalg.norm(places[i] + share * direction - places[k])
+            direction = positions[j] - positions[i]
+            for k in set(range(len(positions))) - {i, j}:
+                share = (positions[k] - positions[i]) @ direction / (direction @ direction)
+                off = np.linalg.norm(positions[i] + share * direction - positions[k])
                 assert not (0.0 < share < 1.0 and off < 1e-12)
         assert len(set(rods)) == len(rods)
         assert len(set(piece)) == 1
@@ -133,7 +133,7 @@ def test_rods_connect_all_points_of_a_link_without_crossing_them(number, dimensi
 
 def test_inner_points_of_a_plate_connect_to_all_corners():
     turns = np.radians([50, 70, 170, 190, 290, 310])
-    ring = [np.array([np.cos(turn), np.sin(turn), 0.0]) for turn in turns]
+    ring = [np.array([np.cos(angle), np.sin(angle), 0.0]) for angle in turns]
     assert len(list(edges(ring))) == 6
     lengths = [np.linalg.norm(a - b) for a, b in edges([*ring, np.zeros(3)])]
     assert sum(abs(length - 1.0) < 1e-12 for length in lengths) == 6

@@ -15,7 +15,7 @@ from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import PALETTE, Shape
 
 NAMES = list(catalog.DRIVES)
-TURN = np.linspace(0.0, 2.0 * np.pi, 73)
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 73)
 
 
 def mechanism_of(name):
@@ -43,11 +43,11 @@ def test_every_joint_lies_in_a_shape_of_both_its_links(name):
             if end.link == GROUND:
                 continue
             point = np.asarray(end.point)
-            gaps = []
+            differences = []
             for shape in shapes[end.link]:
                 start, direction = np.asarray(shape.frm), np.subtract(shape.to, shape.frm)
                 off = point - start
-                if normals:  # layers stand apart along the normal, which nobody minds
+                if normals:  # layers are separated along the normal
                     n = normals[end.link]
                     off, direction = off - n * (off @ n), direction - n * (direction @ n)
                 share = (
@@ -55,8 +55,8 @@ def test_every_joint_lies_in_a_shape_of_both_its_links(name):
                     if direction @ direction > 0.0
                     else 0.0
                 )
-                gaps.append(np.linalg.norm(off - share * direction))
-            assert min(gaps) <= 2.7 * rod_radius(mechanism)
+                differences.append(np.linalg.norm(off - share * direction))
+            assert min(differences) <= 2.7 * rod_radius(mechanism)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -111,12 +111,12 @@ def test_links_that_share_a_joint_lie_in_different_layers():
 
 @pytest.mark.parametrize("branch", [1, -1])
 def test_the_default_rail_covers_the_full_stroke(branch):
-    drive = catalog.make("slider_crank", branch=branch)
-    mechanism = drive.mechanism
+    linkage = catalog.make("slider_crank", branch=branch)
+    mechanism = linkage.mechanism
     rail = next(shape for shape in link_shapes(mechanism)[GROUND] if shape.kind == "box")
-    direction = drive.solve(TURN).links["slider"].position[:, 0]
-    assert min(rail.frm[0], rail.to[0]) < direction.min()
-    assert max(rail.frm[0], rail.to[0]) > direction.max()
+    displacement = linkage.solve(ANGLES).links["slider"].position[:, 0]
+    assert min(rail.frm[0], rail.to[0]) < displacement.min()
+    assert max(rail.frm[0], rail.to[0]) > displacement.max()
 
 
 def test_a_rail_covers_a_given_stroke():
@@ -133,7 +133,9 @@ def teeth_of(mechanism, link, centre, axis):
     spokes = [s for s in spokes if abs(np.linalg.det(s)) < 1e-9 * np.linalg.norm(s) ** 2]
     sizes = [(np.linalg.norm(s, axis=1) * 1e6).round(2).tolist() for s in spokes]
     most = max(sizes, key=sizes.count)
-    return np.array([np.arctan2(*s[1][::-1]) for s, size in zip(spokes, sizes, strict=True) if size == most])
+    return np.array(
+        [np.arctan2(*s[1][::-1]) for s, lengths in zip(spokes, sizes, strict=True) if lengths == most]
+    )
 
 
 def assert_mesh(motion, mechanism, wheels, inside):
@@ -147,29 +149,29 @@ def assert_mesh(motion, mechanism, wheels, inside):
     for (joint, link), sign in zip(wheels, (1.0, 1.0 if inside else -1.0), strict=True):
         end = joint.a if joint.a.link == link else joint.b
         teeth = teeth_of(mechanism, link, end.point[:2], (0.0, 0.0, 1.0))
-        turned = np.atleast_3d(links[link].rotation).reshape(-1, 3, 3)
-        angle = np.arctan2(turned[:, 1, 0], turned[:, 0, 0]) + teeth[0]
+        rotated = np.atleast_3d(links[link].rotation).reshape(-1, 3, 3)
+        angle = np.arctan2(rotated[:, 1, 0], rotated[:, 0, 0]) + teeth[0]
         phases.append((np.arctan2(*(sign * line).T[::-1]) - angle) * len(teeth) / (2.0 * np.pi))
     off = (phases[0] + (-1.0 if inside else 1.0) * phases[1]) % 1.0
     np.testing.assert_allclose(off, 0.5, atol=1e-6)
 
 
 def test_gears_mesh_at_every_crank_angle():
-    drive = catalog.make("warp_knitter")
-    mechanism = drive.mechanism
+    linkage = catalog.make("warp_knitter")
+    mechanism = linkage.mechanism
     first, second = (mechanism.joint(name) for name in ("crank", "crank2"))
-    assert_mesh(drive.solve(TURN), mechanism, ((first, "crank1"), (second, "crank2")), inside=False)
+    assert_mesh(linkage.solve(ANGLES), mechanism, ((first, "crank1"), (second, "crank2")), inside=False)
 
 
 @pytest.mark.parametrize(("ring", "sun"), [(60, 24), (66, 18), (67, 19)])
 def test_a_planet_meshes_with_its_sun_and_its_ring(ring, sun):
     planet = (ring - sun) / 2
-    form = load("planetary_gear", set={"teeth_sun": str(sun), "teeth_planet": str(planet)})
+    solver = load("planetary_gear", set={"teeth_sun": str(sun), "teeth_planet": str(planet)})
     gears = tuple(
-        replace(gear, phase=phase) for gear, phase in zip(form.mechanism.gears, (0.2, -0.5), strict=True)
+        replace(gear, phase=phase) for gear, phase in zip(solver.mechanism.gears, (0.2, -0.5), strict=True)
     )
-    mechanism = replace(form.mechanism, gears=gears)
-    motion = loops.solve(mechanism, TURN)
+    mechanism = replace(solver.mechanism, gears=gears)
+    motion = loops.solve(mechanism, ANGLES)
     carrier, planet, sun = (mechanism.joint(name) for name in ("carrier", "planet", "sun"))
     assert_mesh(motion, mechanism, ((planet, "planet"), (sun, "sun")), inside=False)
     assert_mesh(motion, mechanism, ((carrier, GROUND), (planet, "planet")), inside=True)
@@ -181,13 +183,13 @@ def test_a_planet_meshes_with_a_fixed_wheel():
     gears = replace(first, ratio=1.5, phase=0.2), replace(second, ratio=-1.0 / 1.5, phase=0.1)
     mechanism = replace(mechanism, gears=gears)
     wheels = (mechanism.joint("carrier"), GROUND), (mechanism.joint("planet"), "planet")
-    assert_mesh(loops.solve(mechanism, TURN), mechanism, wheels, inside=False)
+    assert_mesh(loops.solve(mechanism, ANGLES), mechanism, wheels, inside=False)
 
 
 def test_shafts_extend_to_the_side_without_links():
-    drive = catalog.make("rssr")
-    motion = drive.solve(TURN)
-    sides = free_sides(drive.mechanism, {GROUND: STANDING, **motion.links})
+    linkage = catalog.make("rssr")
+    motion = linkage.solve(ANGLES)
+    sides = free_sides(linkage.mechanism, {GROUND: STANDING, **motion.links})
     # the coupler and rocker lie at positive x, where the crank shaft would be in their way
     assert sides["crank"] == -1.0
 
@@ -204,12 +206,12 @@ def test_bounds_contain_the_shape(kind):
 
 
 def test_the_slide_displacement_agrees_with_the_guess():
-    drive = catalog.make("slider_crank")
-    mechanism = drive.mechanism
+    linkage = catalog.make("slider_crank")
+    mechanism = linkage.mechanism
     joint = mechanism.joint("slide")
     guess = {GROUND: STANDING, **mechanism.guess}
-    direction = joint_coordinate(joint, guess[joint.a.link], guess[joint.b.link])
-    assert float(direction[0]) == pytest.approx(float(mechanism.guess["slider"].position[0]))
+    displacement = joint_coordinate(joint, guess[joint.a.link], guess[joint.b.link])
+    assert float(displacement[0]) == pytest.approx(float(mechanism.guess["slider"].position[0]))
 
 
 @pytest.mark.parametrize(
@@ -279,19 +281,19 @@ def test_planar_mechanisms_are_viewed_along_their_normal():
 
 @pytest.mark.parametrize("name", ["slider_crank", "four_bar", "rssr"])
 def test_the_clearest_pose_has_a_large_projected_area(name):
-    form = catalog.make(name)
-    motion = form.solve(TURN, 1.0)
+    solver = catalog.make(name)
+    motion = solver.solve(ANGLES, 1.0)
     poses = {name: Pose(link.position, link.rotation) for name, link in motion.links.items()}
     poses[GROUND] = STANDING
-    back, up = camera.directions(form.mechanism, "iso")
+    back, up = camera.directions(solver.mechanism, "iso")
     view = np.cross(up, back), up
 
     def area(index):
-        ends = [end for joint in form.mechanism.joints for end in (joint.a, joint.b)]
-        at = [np.broadcast_to(poses[end.link].point(end.point), (len(TURN), 3))[index] for end in ends]
-        return float(np.linalg.det(np.cov(np.array(at) @ np.column_stack(view), rowvar=False)))
+        ends = [end for joint in solver.mechanism.joints for end in (joint.a, joint.b)]
+        points = [np.broadcast_to(poses[end.link].point(end.point), (len(ANGLES), 3))[index] for end in ends]
+        return float(np.linalg.det(np.cov(np.array(points) @ np.column_stack(view), rowvar=False)))
 
-    chosen = camera.clearest_pose(form.mechanism, poses, view)
-    areas = [area(i) for i in range(len(TURN))]
+    chosen = camera.clearest_pose(solver.mechanism, poses, view)
+    areas = [area(i) for i in range(len(ANGLES))]
     assert areas[chosen] > 0.8 * max(areas)
     assert areas[chosen] >= areas[0]

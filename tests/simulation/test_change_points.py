@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flat_linkages import flat_linkages, named
+from change_point_linkages import change_point_lengths, named
 
 from mechsim import catalog
 from mechsim.analytic import dynamics
@@ -31,7 +31,7 @@ NEARLY_FLAT = catalog.make(
     coupler=0.11849674876387652,
     rocker=0.12217760580451921,
 )
-FLAT = [NEARLY_FLAT, *(catalog.make("four_bar", **named(item)) for item in flat_linkages(9)), *OTHERS]
+FLAT = [NEARLY_FLAT, *(catalog.make("four_bar", **named(item)) for item in change_point_lengths(9)), *OTHERS]
 
 
 def assert_same_motion(motion, exact, size, bounds):

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from driven_mechanisms import (
     boom,
+    circle_intersection,
     five_bar,
     five_bar_with_cam,
     platform,
     press,
     rack_and_cam,
+    sinusoidal,
     table,
-    waving,
-    where_circles_meet,
 )
 
 from mechsim import crosscheck, simulate
@@ -24,7 +24,7 @@ from mechsim.model.links import GROUND
 from mechsim.model.motion_laws import make_motion_laws, steady
 from mechsim.simulation.settings import Settings
 
-ARMS = {"left": waving(2.0, 0.3, 6.0, 0.2), "right": waving(1.0, 0.4, 9.0, 1.0)}
+ARMS = {"left": sinusoidal(2.0, 0.3, 6.0, 0.2), "right": sinusoidal(1.0, 0.4, 9.0, 1.0)}
 FIRST = np.array([3, -32, 168, -672, 0, 672, -168, 32, -3]) / 840.0
 
 
@@ -33,12 +33,12 @@ def moved(mechanism, states, duration):
 
 
 CASES = {
-    "press": lambda: moved(press(), {"crank": waving(0.0, 9.0, 2.0)}, 1.0),
+    "press": lambda: moved(press(), {"crank": sinusoidal(0.0, 9.0, 2.0)}, 1.0),
     "five-bar": lambda: moved(five_bar(), ARMS, 1.0),
-    "boom": lambda: moved(boom(), {"stroke": waving(0.8, 0.1, 2.0)}, 3.0),
-    "table": lambda: moved(table(backwards=False), {"tool": waving(0.0, 1.0, 3.0)}, 2.0),
-    "table, backwards": lambda: moved(table(backwards=True), {"tool": waving(0.0, 1.0, 3.0)}, 2.0),
-    "rack and cam": lambda: moved(rack_and_cam(), {"crank": waving(0.3, 1.0, 3.0)}, 2.0),
+    "boom": lambda: moved(boom(), {"stroke": sinusoidal(0.8, 0.1, 2.0)}, 3.0),
+    "table": lambda: moved(table(backwards=False), {"tool": sinusoidal(0.0, 1.0, 3.0)}, 2.0),
+    "table, backwards": lambda: moved(table(backwards=True), {"tool": sinusoidal(0.0, 1.0, 3.0)}, 2.0),
+    "rack and cam": lambda: moved(rack_and_cam(), {"crank": sinusoidal(0.3, 1.0, 3.0)}, 2.0),
     "platform": lambda: platform()[:2],
 }
 
@@ -84,7 +84,7 @@ def test_rates_are_derivatives_of_positions(case):
 def test_a_five_bar_reaches_the_intersection_of_two_circles(method, near):
     mechanism, moves = CASES["five-bar"]()
     motion = simulate(mechanism, motion_laws=moves, method=method).motion
-    exact = where_circles_meet(motion.joints["left"].value, motion.joints["right"].value)
+    exact = circle_intersection(motion.joints["left"].value, motion.joints["right"].value)
     assert motion.points["P"].position[:, :2] == pytest.approx(exact, abs=near)
     assert [name for name, _ in motion.columns()][:3] == ["t", "left", "right"]
     assert set(motion.links) == {"a", "b", "c", "d"}
@@ -103,7 +103,7 @@ def test_a_tolerance_is_satisfied_at_the_driver_positions():
     mechanism, moves = CASES["five-bar"]()
     run = simulate(mechanism, motion_laws=moves, tolerance=1e-8)
     joints = run.motion.joints
-    exact = where_circles_meet(joints["left"].value, joints["right"].value)
+    exact = circle_intersection(joints["left"].value, joints["right"].value)
     assert run.outcome == "passed"
     assert np.abs(run.motion.points["P"].position[:, :2] - exact).max() < 1e-8
 
@@ -173,7 +173,7 @@ def test_a_joint_beyond_its_range_is_rejected_with_the_time():
     text = """<mujoco><worldbody><body><joint name="left" axis="0 0 1"/><geom size=".01"/><body pos=".1 0 0">
     <joint name="right" axis="0 0 1" range="-30 30"/><geom size=".01" pos=".05 0 0"/><site name="P"/>
     </body></body></worldbody></mujoco>"""
-    arms = {"left": waving(0.0, 0.3, 1.0), "right": steady(0.0, 1.0)}
+    arms = {"left": sinusoidal(0.0, 0.3, 1.0), "right": steady(0.0, 1.0)}
     moves = make_motion_laws(replace(five_bar(), guess_coordinates={}), arms, 2.0)
     with pytest.raises(AssemblyError, match=r"'right' would be at 2 rad, .* at 2 s; widen the range"):
         simulate(text, motion_laws=moves)
@@ -191,7 +191,7 @@ def test_conflicting_or_missing_motion_laws_are_rejected():
 
 def test_a_wrong_motion_law_fails_the_check_of_its_driver():
     mechanism, moves = CASES["five-bar"]()
-    other = make_motion_laws(mechanism, ARMS | {"right": waving(1.0, 0.4, 9.0, 1.0 + 1e-9)}, 1.0)
+    other = make_motion_laws(mechanism, ARMS | {"right": sinusoidal(1.0, 0.4, 9.0, 1.0 + 1e-9)}, 1.0)
     verdict = crosscheck(simulate(mechanism, motion_laws=moves), LoopForm(mechanism, motion_laws=other))
     assert [check.title for check in verdict.checks if not check.passed] == ["drive: right"]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from wheel_linkages import assert_all_turn_alike, wheel_linkages
+from wheel_linkages import assert_equal_rotation, wheel_linkages
 
 from mechsim.simulation import loop_jacobian, simulate
 from mechsim.simulation.poses import follow
@@ -17,7 +17,7 @@ def test_coupled_wheels_turn_equally_through_multiple_change_points(wheels, lag)
     mechanism = wheel_linkages(wheels, lag)
     run = simulate(mechanism, speed=3.0, turns=1, samples=72, method="pose")
     assert run.outcome == "passed"
-    assert_all_turn_alike(mechanism, run.motion, BOUNDS)
+    assert_equal_rotation(mechanism, run.motion, BOUNDS)
 
 
 @pytest.mark.parametrize("wheels", [3, 4])

@@ -23,7 +23,10 @@ WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 
 def five_bar():
     mechanism = machines.five_bar()
-    states = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
+    states = {
+        "left": machines.sinusoidal(2.0, 0.3, 6.0, 0.2),
+        "right": machines.sinusoidal(1.0, 0.4, 9.0, 1.0),
+    }
     rubbing = replace(WEIGHT, friction=(Friction("A", viscous=0.01),))
     return dynamics.dynamic_model(
         LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0)), rubbing
@@ -32,7 +35,7 @@ def five_bar():
 
 def boom():
     mechanism = machines.boom()
-    states = {"stroke": machines.waving(0.8, 0.1, 2.0)}
+    states = {"stroke": machines.sinusoidal(0.8, 0.1, 2.0)}
     return dynamics.dynamic_model(
         LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 3.0)), WEIGHT
     )
@@ -43,19 +46,19 @@ def locked_rack():
     mechanism = machines.rack_and_cam()
     mesh = Coupling("mesh", "rack", "crank", (0.001, 0.02))
     mechanism = replace(mechanism, driver=("crank",), couplings=(mesh,), locked={"cam": 0.01})
-    moves = make_motion_laws(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
+    moves = make_motion_laws(mechanism, {"crank": machines.sinusoidal(0.3, 1.0, 2.0)}, 2.0)
     return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), Forces(gravity=(-9.81, -9.81, 0.0)))
 
 
 def nonlinear_rack():
-    mechanism = machines.bending_rack()
-    moves = make_motion_laws(mechanism, {"crank": machines.waving(0.3, 1.0, 2.0)}, 2.0)
+    mechanism = machines.nonlinear_rack()
+    moves = make_motion_laws(mechanism, {"crank": machines.sinusoidal(0.3, 1.0, 2.0)}, 2.0)
     return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), WEIGHT)
 
 
 def nonlinear_passive_joint():
     mechanism = machines.five_bar_with_cam()
-    arms = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
+    arms = {"left": machines.sinusoidal(2.0, 0.3, 6.0, 0.2), "right": machines.sinusoidal(1.0, 0.4, 9.0, 1.0)}
     return dynamics.dynamic_model(
         LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, arms, 1.0)), WEIGHT
     )
@@ -64,7 +67,7 @@ def nonlinear_passive_joint():
 def nonlinear_table():
     """A plate of 9 g with nonlinear couplings to a tool of 2 mg and between its coordinates."""
     mechanism = machines.table(backwards=False)
-    moves = make_motion_laws(mechanism, {"tool": machines.waving(0.3, 1.0, 2.0)}, 2.0)
+    moves = make_motion_laws(mechanism, {"tool": machines.sinusoidal(0.3, 1.0, 2.0)}, 2.0)
     return dynamics.dynamic_model(LoopForm(mechanism, motion_laws=moves), WEIGHT)
 
 

@@ -84,7 +84,7 @@ def linkage(seed: int) -> Case:
     mechanism = replace(mechanism, links=tuple(replace(item, inertia=inertia()) for item in mechanism.links))
     start = case_data.pose[len(case_data.pose) - len(case_data.names) :]
     laws = {
-        case_data.names[i]: machines.waving(start[i], 0.05 * swing, 2.0, 0.3)
+        case_data.names[i]: machines.sinusoidal(start[i], 0.05 * swing, 2.0, 0.3)
         for i, swing in zip(case_data.drivers, case_data.swings, strict=True)
     }
     return Case(mechanism, acting(mechanism, size), laws)
@@ -93,20 +93,20 @@ def linkage(seed: int) -> Case:
 @cache
 def train(seed: int) -> Case:
     mechanism = gear_trains.train(seed)
-    return Case(mechanism, acting(mechanism, 0.1), {"crank": machines.waving(0.1, 0.5, 3.0, 0.4)})
+    return Case(mechanism, acting(mechanism, 0.1), {"crank": machines.sinusoidal(0.1, 0.5, 3.0, 0.4)})
 
 
 @cache
 def screw_feed(spindle_first: bool) -> Case:
     mechanism = gear_trains.screw_feed(0, spindle_first)
-    return Case(mechanism, acting(mechanism, 0.1), {"crank": machines.waving(0.1, 0.5, 3.0, 0.4)})
+    return Case(mechanism, acting(mechanism, 0.1), {"crank": machines.sinusoidal(0.1, 0.5, 3.0, 0.4)})
 
 
 @cache
 def of_gallery(name: str) -> Case:
     form = load(str(GALLERY / f"{name}.toml"))
     mechanism = dynamics.dynamic_model(form).mechanism
-    wave = machines.waving(mechanism.start + 0.1, 0.2, 3.0, 0.4)
+    wave = machines.sinusoidal(mechanism.start + 0.1, 0.2, 3.0, 0.4)
     return Case(mechanism, acting(mechanism, mechanism.characteristic_length), {mechanism.driver: wave})
 
 

@@ -8,7 +8,7 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.simulation.source import from_source
 from mechsim.studies.dynamics_check import crosscheck_free
 
-# a slider pushed along x by 500 N: the inertia of the links takes next to nothing next to it
+# a slider pushed along x by 500 N: the inertia of the links is negligible
 PRESS = """
 name = "press"
 [joints.crank]
@@ -64,37 +64,37 @@ def test_explicit_forces_replace_those_of_a_file(press):
 
 
 def test_forces_of_a_file_act_in_dynamics_by_simulation(press):
-    form = ms.load(press)
-    run = driven(form, speed=SPEED, samples=12)
+    solver = ms.load(press)
+    run = driven(solver, speed=SPEED, samples=12)
     np.testing.assert_allclose(run.forces.torque, torque_by_virtual_power(run.forces.angle), atol=1e-5)
-    free = driven(form, ms.Forces(), speed=SPEED, samples=12)
+    free = driven(solver, ms.Forces(), speed=SPEED, samples=12)
     assert np.abs(free.forces.torque).max() < 1e-5
 
 
 def test_forces_of_a_file_act_in_free_running(press):
-    form = ms.load(press)
-    machine = ms.dynamics.dynamic_model(form)
-    run = ms.dynamics.free_run(machine, angle=1.0, duration=0.002, samples=5)
+    solver = ms.load(press)
+    model = ms.dynamics.dynamic_model(solver)
+    run = ms.dynamics.free_run(model, angle=1.0, duration=0.002, samples=5)
     assert run.angle[-1] > 1.5
-    assert crosscheck_free(run, machine).passed
+    assert crosscheck_free(run, model).passed
 
 
 def test_forces_of_a_file_act_in_a_scene_of_level_dynamics(press):
-    form = ms.load(press)
-    assert from_source(form, ms.Scene(level="dynamics")).model.opt.gravity[1] == 0.0
+    solver = ms.load(press)
+    assert from_source(solver, ms.Scene(level="dynamics")).model.opt.gravity[1] == 0.0
     heavy = ms.Scene(level="dynamics", forces=ms.Forces(gravity=(0.0, -9.81, 0.0)))
-    assert from_source(form, heavy).model.opt.gravity[1] == -9.81
-    assert from_source(form.mechanism, ms.Scene(level="dynamics")).model.opt.gravity[1] == -9.81
+    assert from_source(solver, heavy).model.opt.gravity[1] == -9.81
+    assert from_source(solver.mechanism, ms.Scene(level="dynamics")).model.opt.gravity[1] == -9.81
 
 
 def test_forces_of_a_file_act_in_sensitivities_sweeps_and_validation(press):
-    form = ms.load(press)
+    solver = ms.load(press)
     exact = torque_by_virtual_power(ANGLES)
-    result = dict(ms.sensitivity(form, "torque", "A.at.x", angles=ANGLES, speed=SPEED).values)
+    result = dict(ms.sensitivity(solver, "torque", "A.at.x", angles=ANGLES, speed=SPEED).values)
     np.testing.assert_allclose(result["torque"], exact, atol=1e-5)
-    largest = ms.sweep(form, {"A.at.x": [0.0]}, "at:1.5:torque", speed=SPEED)
+    largest = ms.sweep(solver, {"A.at.x": [0.0]}, "at:1.5:torque", speed=SPEED)
     np.testing.assert_allclose(largest["at:1.5:torque"].values, exact[1], atol=1e-5)
     agrees = ms.validate(
-        form, lambda at: {"torque:crank": torque_by_virtual_power(at)}, speed=SPEED, tolerance=1e-4
+        solver, lambda angle: {"torque:crank": torque_by_virtual_power(angle)}, speed=SPEED, tolerance=1e-4
     )
     assert agrees.passed, agrees

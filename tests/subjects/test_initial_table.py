@@ -1,4 +1,4 @@
-"""The state of release in a TOML file: read in its units, used by dynamics, written back, and checked."""
+"""The initial state of a TOML file: read in its units, used by dynamics, written back, and checked."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The range of a user's joint holds on every method: a start beyond it is rejected in the same words."""
+"""Joint ranges apply in every method: a start outside its range is rejected with the same message."""
 
 import numpy as np
 import pytest
@@ -23,24 +23,24 @@ ARM = """
 
 @pytest.fixture
 def arm(tmp_path):
-    def made(held, text=ARM):
+    def made(value, text=ARM):
         path = tmp_path / "arm.xml"
         path.write_text(text)
-        return load(str(path), drive={"crank": "0.3*sin(t)"}, lock={"wrist": held})
+        return load(str(path), drive={"crank": "0.3*sin(t)"}, lock={"wrist": value})
 
     return made
 
 
-def prescribed(form):
-    machine = dynamics.dynamic_model(form, form.forces)
-    return dynamics.prescribed(machine, t=np.linspace(0.0, 1.0, 5))
+def prescribed(solver):
+    model = dynamics.dynamic_model(solver, solver.forces)
+    return dynamics.prescribed(model, t=np.linspace(0.0, 1.0, 5))
 
 
 ROUTES = {
-    "solved": lambda form: form.solve(t=np.linspace(0.0, 1.0, 5)),
-    "row by row": lambda form: poses_of_table(form, {"crank": np.array([0.0, 0.1])}, "rows.csv"),
-    "posed": lambda form: simulate(form, method="pose"),
-    "stepped": lambda form: simulate(form, method="step"),
+    "solved": lambda solver: solver.solve(t=np.linspace(0.0, 1.0, 5)),
+    "row by row": lambda solver: poses_of_table(solver, {"crank": np.array([0.0, 0.1])}, "rows.csv"),
+    "posed": lambda solver: simulate(solver, method="pose"),
+    "stepped": lambda solver: simulate(solver, method="step"),
     "inverse dynamics": prescribed,
 }
 
@@ -50,8 +50,8 @@ def test_a_start_outside_a_range_is_rejected_by_every_method(arm, route):
     with pytest.raises(AssemblyError, match=r"joint 'wrist' would be at 0\.1 rad, .* of 0\.2 to 1, at "):
         ROUTES[route](arm("0.1rad"))
     ROUTES[route](arm("0.3rad"))
-    off = ARM.replace("<worldbody>", '<option><flag limit="disable"/></option><worldbody>')
-    ROUTES[route](arm("0.1rad", off))
+    disabled = ARM.replace("<worldbody>", '<option><flag limit="disable"/></option><worldbody>')
+    ROUTES[route](arm("0.1rad", disabled))
 
 
 def test_poses_report_floating_bodies(tmp_path):
@@ -81,48 +81,48 @@ FOUR_BAR = """
 </mujoco>"""
 
 
-def parallelogram(tmp_path, joint, low, high, **asked):
+def parallelogram(tmp_path, joint, low, high, **options):
     """Return a parallelogram whose rocker turns as its crank does, one joint of it with a range."""
     path = tmp_path / "bar.xml"
     limited = f'name="{joint}" axis="0 0 1" limited="true" range="{low} {high}"'
     path.write_text(FOUR_BAR.replace(f'name="{joint}" axis="0 0 1"', limited))
-    return load(str(path), key="up", **asked)
+    return load(str(path), key="up", **options)
 
 
 @pytest.mark.parametrize("joint", ["crank", "rocker"])
 def test_the_crank_range_ends_at_the_limit_of_any_joint(tmp_path, joint):
-    form = parallelogram(tmp_path, joint, 0.1, 0.85)
-    arcs = form.crank_range()
+    solver = parallelogram(tmp_path, joint, 0.1, 0.85)
+    arcs = solver.crank_range()
     assert not arcs.full
     # beyond 0 and pi lie change points of the parallelogram
     np.testing.assert_allclose(arcs.arcs, [(0.1, 0.85)], atol=1e-9)
-    assert form.dead_centres() == ()
-    assert form.change_points() == ()
-    reported = facts(form)
+    assert solver.dead_centres() == ()
+    assert solver.change_points() == ()
+    reported = facts(solver)
     np.testing.assert_allclose(reported["crank_range"], [0.1, 0.85], atol=1e-9)
     assert reported["change_points"] == []
 
 
 def test_a_range_that_is_never_reached_allows_a_full_revolution(tmp_path):
-    form = parallelogram(tmp_path, "rocker", -10.0, 10.0)
-    assert form.crank_range().full
-    assert len(form.change_points()) == 2
+    solver = parallelogram(tmp_path, "rocker", -10.0, 10.0)
+    assert solver.crank_range().full
+    assert len(solver.change_points()) == 2
 
 
 def test_a_range_that_contains_a_change_point_keeps_it(tmp_path):
-    form = parallelogram(tmp_path, "crank", -0.3, 0.85)
-    np.testing.assert_allclose(form.crank_range().arcs, [(-0.3, 0.85)], atol=1e-9)
-    np.testing.assert_allclose(form.change_points(), [0.0], atol=1e-9)
+    solver = parallelogram(tmp_path, "crank", -0.3, 0.85)
+    np.testing.assert_allclose(solver.crank_range().arcs, [(-0.3, 0.85)], atol=1e-9)
+    np.testing.assert_allclose(solver.change_points(), [0.0], atol=1e-9)
 
 
-BETWEEN = {
-    "solved": lambda form, samples: form.solve(t=np.linspace(0.0, 0.9, samples)),
-    "posed": lambda form, samples: simulate(form, method="pose", samples=samples - 1),
-    "stepped": lambda form, samples: simulate(form, method="step", samples=samples - 1),
+SAMPLED_ROUTES = {
+    "solved": lambda solver, samples: solver.solve(t=np.linspace(0.0, 0.9, samples)),
+    "posed": lambda solver, samples: simulate(solver, method="pose", samples=samples - 1),
+    "stepped": lambda solver, samples: simulate(solver, method="step", samples=samples - 1),
 }
 
 
-@pytest.mark.parametrize("route", BETWEEN)
+@pytest.mark.parametrize("route", SAMPLED_ROUTES)
 @pytest.mark.parametrize("samples", [3, 4, 91])
 @pytest.mark.parametrize("joint", ["crank", "rocker"])
 def test_ranges_are_checked_between_samples_by_every_method(tmp_path, route, samples, joint):
@@ -130,13 +130,13 @@ def test_ranges_are_checked_between_samples_by_every_method(tmp_path, route, sam
     law, limit = "0.4 + 0.2*(1-cos(2*pi*t))", 0.8
     beyond = parallelogram(tmp_path, joint, 0.1, limit - 1e-6, drive={"crank": law}, duration="0.9s")
     with pytest.raises(AssemblyError, match=rf"joint '{joint}' would be at 0\.8 rad, .* at 0\.5 s"):
-        BETWEEN[route](beyond, samples)
+        SAMPLED_ROUTES[route](beyond, samples)
     within = parallelogram(tmp_path, joint, 0.1, limit + 1e-9, drive={"crank": law}, duration="0.9s")
-    BETWEEN[route](within, samples)
+    SAMPLED_ROUTES[route](within, samples)
 
 
 def test_rows_of_driver_coordinates_are_independent_poses(tmp_path):
-    form = parallelogram(tmp_path, "rocker", 0.1, 0.85)
-    assert len(poses_of_table(form, {"crank": np.array([0.2, 0.8])}, "rows.csv")) == 2
+    solver = parallelogram(tmp_path, "rocker", 0.1, 0.85)
+    assert len(poses_of_table(solver, {"crank": np.array([0.2, 0.8])}, "rows.csv")) == 2
     with pytest.raises(AssemblyError, match=r"joint 'rocker' would be at 0\.9 rad"):
-        poses_of_table(form, {"crank": np.array([0.2, 0.9])}, "rows.csv")
+        poses_of_table(solver, {"crank": np.array([0.2, 0.9])}, "rows.csv")

@@ -1,4 +1,4 @@
-"""`--lock-others` locks what the drivers leave undetermined, and nothing else."""
+"""`--lock-others` locks undetermined joints and no others."""
 
 from itertools import pairwise
 
@@ -36,30 +36,30 @@ def robot(file):
 
 
 def test_undriven_joints_outside_the_driven_loop_are_locked(robot):
-    drive = {"motor": "0.2*t"}
+    laws = {"motor": "0.2*t"}
     with pytest.raises(MobilityError, match="underdetermined"):
-        load(robot, drive=drive).solve(t=np.linspace(0.0, 1.0, 3))
-    form = load(robot, drive=drive, lock_others=True)
-    assert set(form.mechanism.locked) == {"shoulder", "elbow"}
-    assert driver_determinacy(form.mechanism).outcome == "determined"
-    by_hand = load(robot, drive=drive, lock=("float", "shoulder", "elbow", "neck"))
+        load(robot, drive=laws).solve(t=np.linspace(0.0, 1.0, 3))
+    solver = load(robot, drive=laws, lock_others=True)
+    assert set(solver.mechanism.locked) == {"shoulder", "elbow"}
+    assert driver_determinacy(solver.mechanism).outcome == "determined"
+    by_hand = load(robot, drive=laws, lock=("float", "shoulder", "elbow", "neck"))
     times = np.linspace(0.0, 1.0, 3)
-    item, other = form.solve(t=times), by_hand.solve(t=times)
+    item, other = solver.solve(t=times), by_hand.solve(t=times)
     path, same = item.points["B1"].position, other.points["B1"].position
     np.testing.assert_allclose(path, same, atol=1e-12)
     assert np.linalg.norm(path[-1] - path[0]) > 1e-3
-    assert simulate(form, method="pose", samples=5).outcome == "passed"
+    assert simulate(solver, method="pose", samples=5).outcome == "passed"
 
 
 def test_explicit_locks_keep_their_values(robot):
-    form = load(robot, drive={"motor": "0.2*t"}, lock={"elbow": 0.5}, lock_others=True)
-    assert form.mechanism.locked["elbow"] == 0.5
+    solver = load(robot, drive={"motor": "0.2*t"}, lock={"elbow": 0.5}, lock_others=True)
+    assert solver.mechanism.locked["elbow"] == 0.5
 
 
 def test_in_a_loop_only_the_necessary_joints_are_locked(robot):
-    form = load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
-    assert "elbow" in form.mechanism.locked
-    assert len({"motor", "A", "C"} & set(form.mechanism.locked)) == 1
+    solver = load(robot, drive={"shoulder": "0.2*t"}, lock_others=True)
+    assert "elbow" in solver.mechanism.locked
+    assert len({"motor", "A", "C"} & set(solver.mechanism.locked)) == 1
 
 
 def test_nothing_is_locked_if_the_drivers_determine_the_motion():

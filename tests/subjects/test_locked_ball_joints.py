@@ -1,4 +1,4 @@
-"""Balls and free bodies that are held where they start: on every road they stand as MuJoCo has them there."""
+"""Locked ball joints and free bodies keep MuJoCo's initial pose in every method."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from mechsim.studies.scene.scene import spec_of
 from mechsim.studies.scene.write_tuned import tuned_text
 from mechsim.subjects.readers import load
 
-# a post on a hinge, a ball and a slide, all of them askew; an arm on it; and a body that floats next to
+# a post on a hinge, a ball and a slide with inclined axes, an arm on the post, and a free body
 BOOM = """
 <mujoco model="boom">
   <worldbody>
@@ -29,7 +29,7 @@ BOOM = """
   </worldbody>
   <keyframe><key name="k" qpos="0.4 0.8 0.3 -0.4 0.2 0.05 0.7 1 2 3 0.5 0.5 0.5 0.5"/></keyframe>
 </mujoco>"""
-HELD = ("lift", "neck", "rail", "loose")
+LOCKED = ("lift", "neck", "rail", "loose")
 
 
 @pytest.fixture
@@ -39,38 +39,38 @@ def boom(tmp_path):
     return str(path)
 
 
-def tip(key, turned):
-    """Return where MuJoCo's kinematics of the whole file have the tip, the crank turned from its start."""
+def tip(key, rotation):
+    """Return the tip by MuJoCo's kinematics of the whole file, the crank rotated from its start."""
     model = mujoco.MjModel.from_xml_string(BOOM)
     data = mujoco.MjData(model)
     if key is not None:
         mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
-    data.joint("crank").qpos += turned
+    data.joint("crank").qpos += rotation
     mujoco.mj_kinematics(model, data)
     return data.site("tip").xpos.copy()
 
 
 @pytest.mark.parametrize("key", [None, "k"])
 def test_locked_ball_and_free_joints_keep_their_initial_pose(boom, key):
-    form = load(boom, drive={"crank": "0.5*t"}, lock=HELD, key=key)
-    begin = float(form.motion_laws.first["crank"])
-    at = 0.0 if key is None else 0.7
-    poses = form.solve(t=np.array([0.0, 1.0])).points["tip"].position
+    solver = load(boom, drive={"crank": "0.5*t"}, lock=LOCKED, key=key)
+    initial = float(solver.motion_laws.first["crank"])
+    crank_start = 0.0 if key is None else 0.7
+    poses = solver.solve(t=np.array([0.0, 1.0])).points["tip"].position
     for method in ("pose", "step"):
-        run = simulate(form, method=method)
+        run = simulate(solver, method=method)
         assert run.outcome == "passed"
         np.testing.assert_allclose(run.motion.points["tip"].position[-1], poses[-1], atol=1e-7)
         np.testing.assert_allclose(run.motion.points["tip"].position[0], poses[0], atol=1e-14)
-    for turned, place in ((0.0, poses[0]), (0.5, poses[1])):
-        np.testing.assert_allclose(place, tip(key, begin - at + turned), atol=1e-14)
+    for rotation, position in ((0.0, poses[0]), (0.5, poses[1])):
+        np.testing.assert_allclose(position, tip(key, initial - crank_start + rotation), atol=1e-14)
 
 
 @pytest.mark.parametrize("key", [None, "k"])
 def test_ball_joints_of_a_specification_can_be_locked(key):
     spec = mujoco.MjSpec.from_string(BOOM)
-    run = simulate(spec, drive="crank", speed=1.0, turns=0.1, lock=dict.fromkeys(HELD), key=key)
-    place = run.motion.points["tip"].position
-    np.testing.assert_allclose(place[-1], tip(key, 0.2 * np.pi), atol=1e-13)
+    run = simulate(spec, drive="crank", speed=1.0, turns=0.1, lock=dict.fromkeys(LOCKED), key=key)
+    position = run.motion.points["tip"].position
+    np.testing.assert_allclose(position[-1], tip(key, 0.2 * np.pi), atol=1e-13)
     with pytest.raises(InputError, match="no hinge or slide called 'neck' to lock"):
         simulate(spec, drive="crank", speed=1.0, lock={"neck": 0.1})
 
@@ -109,14 +109,16 @@ turn = { axis = [1, 0.5, 0.2], angle = 0.7 }
 def test_a_locked_ball_joint_connects_its_links_rigidly(tmp_path):
     path = tmp_path / "arm.toml"
     path.write_text(ARM)
-    form = load(str(path), lock=["neck"])
-    place = form.positions([0.0, 1.2])["tip"]
+    solver = load(str(path), lock=["neck"])
+    position = solver.positions([0.0, 1.2])["tip"]
     c, s = np.cos(1.2), np.sin(1.2)
-    np.testing.assert_allclose(place[1], np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ place[0], atol=1e-14)
+    np.testing.assert_allclose(
+        position[1], np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ position[0], atol=1e-14
+    )
     for method in ("pose", "step"):
-        run = simulate(form, speed=1.0, turns=0.25, method=method)
+        run = simulate(solver, speed=1.0, turns=0.25, method=method)
         assert run.outcome == "passed"
-        np.testing.assert_allclose(run.motion.points["tip"].position[0], place[0], atol=1e-13)
+        np.testing.assert_allclose(run.motion.points["tip"].position[0], position[0], atol=1e-13)
         assert np.ptp(np.linalg.norm(run.motion.points["tip"].position, axis=1)) < 1e-9
     with pytest.raises(InputError, match="'neck' rotates about every axis, so that no single value locks it"):
         load(str(path), lock={"neck": "10deg"})

@@ -34,35 +34,38 @@ arm = { at = [0.12, 0, 0], turn = { axis = [0, 0, 1], angle = 0.8727 } }
 
 
 @pytest.fixture
-def bound(tmp_path: Path) -> str:
+def coupled_loop(tmp_path: Path) -> str:
     (tmp_path / "bound.toml").write_text(TEXT)
     return str(tmp_path / "bound.toml")
 
 
-def test_both_methods_agree_on_a_loop_of_coupled_joints(bound: str) -> None:
-    form = ms.load(bound)
-    tree = spanning_tree(form.mechanism)
+def test_both_methods_agree_on_a_loop_of_coupled_joints(coupled_loop: str) -> None:
+    solver = ms.load(coupled_loop)
+    tree = spanning_tree(solver.mechanism)
     assert not {"A", "B", "C", "arm", "crank"} - tree.index_of.keys()
-    assert [*tree.links] == [link.name for link in form.mechanism.links]
+    assert [*tree.links] == [link.name for link in solver.mechanism.links]
 
-    swung = ms.load(bound, drive={"crank": "0.4*sin(3*t)"}, duration=1.0)
+    swung = ms.load(coupled_loop, drive={"crank": "0.4*sin(3*t)"}, duration=1.0)
     run = ms.simulate(swung, method="pose", samples=9)
     exact = swung.solve(t=run.motion.time)
-    size = form.mechanism.characteristic_length
-    assert np.abs(run.motion.points["tip"].position - exact.points["tip"].position).max() < 1e-12 * size
+    length = solver.mechanism.characteristic_length
+    assert np.abs(run.motion.points["tip"].position - exact.points["tip"].position).max() < 1e-12 * length
     assert exact.links.keys() == {"crank", "left", "far", "arm"}
     q = {name: item.value for name, item in exact.joints.items()}
-    wanted = 1.0 + 0.3 * q["crank"] + 0.1 * q["crank"] ** 2
-    assert np.abs(q["A"] + 0.3 * q["B"] + 0.2 * q["C"] + 0.3 * q["arm"] - wanted).max() < 1e-12
+    expected = 1.0 + 0.3 * q["crank"] + 0.1 * q["crank"] ** 2
+    assert np.abs(q["A"] + 0.3 * q["B"] + 0.2 * q["C"] + 0.3 * q["arm"] - expected).max() < 1e-12
     assert np.ptp(q["A"]) > 0.1
 
 
-def test_loops_of_coupled_joints_have_derivatives(bound: str) -> None:
-    table = ms.sensitivity(bound, quantities="tip.x", to=["left"], angles=[0.2])
+def test_loops_of_coupled_joints_have_derivatives(coupled_loop: str) -> None:
+    table = ms.sensitivity(coupled_loop, quantities="tip.x", to=["left"], angles=[0.2])
     step = 1e-5
-    there = [ms.load(bound, set={"left": 0.1 + item}).positions([0.2])["tip"][0, 0] for item in (step, -step)]
+    positions = [
+        ms.load(coupled_loop, set={"left": 0.1 + item}).positions([0.2])["tip"][0, 0]
+        for item in (step, -step)
+    ]
     assert dict(table.columns())["tip.x/left"][0] == pytest.approx(
-        (there[0] - there[1]) / (2 * step), rel=1e-6
+        (positions[0] - positions[1]) / (2 * step), rel=1e-6
     )
 
 
@@ -70,16 +73,16 @@ def test_both_methods_keep_revolutions_that_no_pose_determines(tmp_path: Path) -
     path = tmp_path / "wound.toml"
     loose = TEXT.replace(", arm = 0.3 }", " }").replace("[1.0, 0.3, 0.1]", "[0.01745, 0.3, 5.73]")
     path.write_text(loose + "crank = {}\n")
-    form = ms.load(str(path), drive={"crank": "0.02*sin(3*t)"}, duration=0.5)
-    wound = form.mechanism.guess_coordinates["C"]
+    solver = ms.load(str(path), drive={"crank": "0.02*sin(3*t)"}, duration=0.5)
+    wound = solver.mechanism.guess_coordinates["C"]
     assert abs(wound) > np.pi
-    run = ms.simulate(form, method="pose", samples=4)
-    exact = form.solve(t=run.motion.time)
+    run = ms.simulate(solver, method="pose", samples=4)
+    exact = solver.solve(t=run.motion.time)
     assert exact.joints["C"].value[0] == pytest.approx(wound, abs=1e-9)
-    apart = run.motion.points["tip"].position - exact.points["tip"].position
-    assert np.abs(apart).max() < 1e-12 * form.mechanism.characteristic_length
-    # no gear, but a coupling all the same
-    assert mobility(form.mechanism).redundant_in_plane == 0
+    difference = run.motion.points["tip"].position - exact.points["tip"].position
+    assert np.abs(difference).max() < 1e-12 * solver.mechanism.characteristic_length
+    # no gear, but a coupling
+    assert mobility(solver.mechanism).redundant_in_plane == 0
 
 
 RING = """

@@ -1,4 +1,4 @@
-"""MJCF files solved by our own loop equations: laws of linkages, and MuJoCo's constraints at our poses."""
+"""MJCF files solved by the loop equations, compared with laws of linkages and MuJoCo's constraints."""
 
 import mujoco
 import numpy as np
@@ -12,8 +12,8 @@ from mechsim.simulation.mjcf_reader import states_of
 from mechsim.subjects.mjcf_source import read_mjcf, scene_findings
 from mechsim.subjects.readers import load
 
-# five bars in a tilted plane: two cranks of 0.05 m, 0.1 m apart, rods of 0.09 m; closed by sites, the drawing
-# 3 mm open; one crank is drawn turned
+# five bars in an inclined plane: two cranks of 0.05 m, 0.1 m apart, rods of 0.09 m; closed by sites with an
+# initial loop-closure error of 3 mm; one crank has another zero
 FIVE_BAR = """
 <mujoco model="five-bar">
   <compiler angle="radian"/>
@@ -33,15 +33,15 @@ FIVE_BAR = """
 
 
 def five_bar(gap=3e-3, rod=0.09):
-    """Return the text, drawn with the cranks at 2 and 1 rad."""
+    """Return the text of the model with the cranks at 2 and 1 rad."""
     a, d = 0.05 * np.array([np.cos(2.0), np.sin(2.0)]), 0.05 * np.array([np.cos(1.0), np.sin(1.0)])
     middle = (a + d + [0.1, 0.0]) / 2.0
-    apart = d - a + [0.1, 0.0]
-    up = np.array([-apart[1], apart[0]]) / np.linalg.norm(apart)
-    tip = middle + up * np.sqrt(rod**2 - (apart @ apart) / 4.0)
+    diagonal = d - a + [0.1, 0.0]
+    up = np.array([-diagonal[1], diagonal[0]]) / np.linalg.norm(diagonal)
+    tip = middle + up * np.sqrt(rod**2 - (diagonal @ diagonal) / 4.0)
     p, q = tip - a, tip - d - [0.1, 0.0]
-    turn = gap / rod
-    q = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ q
+    angle = gap / rod
+    q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ q
     text = FIVE_BAR
     values = {
         "ACOS": a[0],
@@ -58,9 +58,9 @@ def five_bar(gap=3e-3, rod=0.09):
     return text
 
 
-def opening(form, motion):
-    """Return MuJoCo's own residuals of the file's equalities at our poses, the worst."""
-    model = form.source.spec.copy().compile()
+def mujoco_residual(solver, motion):
+    """Return MuJoCo's largest residual of the equalities of the file at the solved poses."""
+    model = solver.source.spec.copy().compile()
     data, worst = mujoco.MjData(model), 0.0
     for row in states_of(model, motion):
         data.qpos[:] = row
@@ -69,33 +69,33 @@ def opening(form, motion):
     return worst
 
 
-def driven(path, states, duration=1.0, **asked):
-    form = load(path, drive=states, duration=duration, **asked)
-    return form, form.solve(t=np.linspace(0.0, duration, 21))
+def driven(path, states, duration=1.0, **options):
+    solver = load(path, drive=states, duration=duration, **options)
+    return solver, solver.solve(t=np.linspace(0.0, duration, 21))
 
 
 def test_a_five_bar_with_an_initial_error_has_the_exact_motion(file):
     states = {"left": lambda t: (2.0 + 0.3 * np.sin(5 * t), 1.5 * np.cos(5 * t), -7.5 * np.sin(5 * t))}
     states["right"] = steady(7.28, 0.5)
-    form, motion = driven(file(five_bar()), states)
+    solver, motion = driven(file(five_bar()), states)
     left, right = motion.joints["left"].value, motion.joints["right"].value - 7.28 + 1.0
     a = 0.05 * np.column_stack([np.cos(left), np.sin(left)])
     d = [0.1, 0.0] + 0.05 * np.column_stack([np.cos(right), np.sin(right)])
-    apart = d - a
-    length = np.linalg.norm(apart, axis=1)[:, None]
-    up = np.column_stack([-apart[:, 1], apart[:, 0]]) / length
-    tip = a + apart / 2.0 + up * np.sqrt(0.09**2 - length**2 / 4.0)
-    plane = form.source.spec.copy().compile().body("plane")
-    turn = np.empty(9)
-    mujoco.mju_quat2Mat(turn, plane.quat)
-    truth = plane.pos + np.column_stack([tip, np.zeros(21)]) @ turn.reshape(3, 3).T
+    diagonal = d - a
+    length = np.linalg.norm(diagonal, axis=1)[:, None]
+    up = np.column_stack([-diagonal[:, 1], diagonal[:, 0]]) / length
+    tip = a + diagonal / 2.0 + up * np.sqrt(0.09**2 - length**2 / 4.0)
+    plane = solver.source.spec.copy().compile().body("plane")
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, plane.quat)
+    truth = plane.pos + np.column_stack([tip, np.zeros(21)]) @ rotation.reshape(3, 3).T
     np.testing.assert_allclose(motion.points["P"].position, truth, atol=1e-14)
-    assert form.source.gap == pytest.approx(3e-3, rel=1e-3)
-    assert any("loop-closure error of the file is 0.003 m" in fact for fact in form.facts)
-    assert opening(form, motion) < 1e-15
+    assert solver.source.gap == pytest.approx(3e-3, rel=1e-3)
+    assert any("loop-closure error of the file is 0.003 m" in fact for fact in solver.facts)
+    assert mujoco_residual(solver, motion) < 1e-15
 
 
-# a chain closed on itself by a weld, three hinges on one of its bodies; and a ball that a free body hangs on
+# a chain closed by a weld, with three hinges on one body; and a free body welded to it
 WELDED = """
 <mujoco model="welded">
   <worldbody>
@@ -114,20 +114,20 @@ WELDED = """
 
 
 def test_a_spatial_chain_satisfies_the_weld_in_mujoco(file):
-    form = read_mjcf(file(WELDED))
+    solver = read_mjcf(file(WELDED))
     start = np.radians(400.0)
-    assert form.mechanism.start == pytest.approx(start)
-    motion = form.solve(start + np.linspace(-0.3, 0.3, 9))
-    assert opening(form, motion) < 1e-14
+    assert solver.mechanism.start == pytest.approx(start)
+    motion = solver.solve(start + np.linspace(-0.3, 0.3, 9))
+    assert mujoco_residual(solver, motion) < 1e-14
     assert motion.joints["crank"].value[4] == pytest.approx(start)
     assert motion.joints["z"].value[4] == pytest.approx(0.0, abs=1e-12)
     assert set(motion.links) == {"a", "b", "c", "r", "load"}
 
 
 def test_rates_are_derivatives_of_joint_values(file):
-    form = read_mjcf(file(WELDED))
-    h, at = 1e-4, np.radians(400.0) + 0.2
-    motion = form.solve(at + h * np.arange(-2, 3))
+    solver = read_mjcf(file(WELDED))
+    h, angle = 1e-4, np.radians(400.0) + 0.2
+    motion = solver.solve(angle + h * np.arange(-2, 3))
     for name in ("rocker", "v", "z"):
         joint = motion.joints[name]
         rate = (joint.value[3] - joint.value[1]) / (2.0 * h)
@@ -137,17 +137,17 @@ def test_rates_are_derivatives_of_joint_values(file):
 
 
 def test_a_keyframe_is_the_initial_configuration(file):
-    form = read_mjcf(file(WELDED), key="other")
-    assert form.mechanism.start == 7.3
-    assert form.source.gap > 1e-3
-    assert opening(form, form.solve([7.3, 7.4])) < 1e-13
+    solver = read_mjcf(file(WELDED), key="other")
+    assert solver.mechanism.start == 7.3
+    assert solver.source.gap > 1e-3
+    assert mujoco_residual(solver, solver.solve([7.3, 7.4])) < 1e-13
 
 
 def test_a_joint_moves_to_its_locked_value_within_the_assembly_mode(file):
     path = file(five_bar())
-    form = read_mjcf(path, drivers=["left"], lock={"right": "8.0rad"})
-    assert form.mechanism.locked == {"right": 8.0}
-    motion = form.solve([2.0, 2.1])
+    solver = read_mjcf(path, drivers=["left"], lock={"right": "8.0rad"})
+    assert solver.mechanism.locked == {"right": 8.0}
+    motion = solver.solve([2.0, 2.1])
     _, moved = driven(path, {"left": steady(2.0, 0.1), "right": lambda t: (8.0 + 0 * t, 0 * t, 0 * t)})
     assert motion.points["P"].position[1] == pytest.approx(moved.points["P"].position[-1], abs=1e-13)
 
@@ -158,10 +158,10 @@ def test_an_unreachable_locked_value_is_rejected_with_the_configuration(file):
 
 
 def test_undetermined_joints_are_reported_by_name(file):
-    form = read_mjcf(file(WELDED.replace('<weld body1="c" body2="s"/>', "")))
-    with pytest.raises(MobilityError, match=r"x, y, z, u, v and rocker can still move; drive") as refused:
-        form.solve([7.0])
-    assert refused.value.outcome == "underdetermined"
+    solver = read_mjcf(file(WELDED.replace('<weld body1="c" body2="s"/>', "")))
+    with pytest.raises(MobilityError, match=r"x, y, z, u, v and rocker can still move; drive") as error:
+        solver.solve([7.0])
+    assert error.value.outcome == "underdetermined"
 
 
 def test_a_floating_base_is_reported_with_its_remedy(file):
@@ -169,38 +169,38 @@ def test_a_floating_base_is_reported_with_its_remedy(file):
     text = text.replace('euler="0.4 -0.7 1.1">', '><freejoint name="root"/><geom size="1"/>')
     text = text.replace("ACOS ASIN", "0.1 0").replace("PX PY", "0.1 0")
     path = file(text)
-    drive = {"left": steady(2.0, 1.0), "elbow": steady(-1.3, 0.5)}
+    laws = {"left": steady(2.0, 1.0), "elbow": steady(-1.3, 0.5)}
     with pytest.raises(MobilityError, match=r"root can still move; .*--fix-base"):
-        driven(path, drive)
-    _, motion = driven(path, drive, fix_base=True)
+        driven(path, laws)
+    _, motion = driven(path, laws, fix_base=True)
     assert motion.joints["elbow"].value[-1] == pytest.approx(-0.8)
 
 
 def test_redundant_drivers_are_named(file):
-    states = {name: steady(at, 0.1) for name, at in (("left", 2.0), ("right", 7.28), ("elbow", -1.3))}
-    with pytest.raises(
-        MobilityError, match=r"overdetermined: left, right determine elbow already"
-    ) as refused:
+    states = {
+        name: steady(initial, 0.1) for name, initial in (("left", 2.0), ("right", 7.28), ("elbow", -1.3))
+    }
+    with pytest.raises(MobilityError, match=r"overdetermined: left, right determine elbow already") as error:
         driven(file(five_bar(0.0)), states)
-    assert refused.value.outcome == "overdetermined"
+    assert error.value.outcome == "overdetermined"
 
 
 def test_nearly_parallel_axes_of_a_rounded_file_are_corrected(file):
     text = five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-6 -2e-6 1"')
-    form, motion = driven(file(text), {"left": steady(2.0, 0.2), "right": steady(7.28, 0.1)})
-    moved, turned = form.corrected
+    solver, motion = driven(file(text), {"left": steady(2.0, 0.2), "right": steady(7.28, 0.1)})
+    moved, rotated = solver.corrected
     assert 0.0 < moved < 1e-6
-    assert 0.0 < turned < 3e-6
-    assert any("with the rounded numbers of the file" in fact for fact in form.facts)
+    assert 0.0 < rotated < 3e-6
+    assert any("with the rounded numbers of the file" in fact for fact in solver.facts)
     exact, truth = driven(file(five_bar(0.0)), {"left": steady(2.0, 0.2), "right": steady(7.28, 0.1)})
     assert exact.corrected == (0.0, 0.0)
     np.testing.assert_allclose(motion.points["P"].position, truth.points["P"].position, atol=1e-6)
-    assert opening(form, motion) < 1e-6
+    assert mujoco_residual(solver, motion) < 1e-6
 
 
 def test_axes_with_a_real_tilt_are_not_changed(file):
-    form = read_mjcf(file(five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-3 -2e-3 1"')))
-    assert form.corrected == (0.0, 0.0)
+    solver = read_mjcf(file(five_bar(0.0).replace('name="wrist"', 'name="wrist" axis="1e-3 -2e-3 1"')))
+    assert solver.corrected == (0.0, 0.0)
 
 
 def test_commands_report_corrections_on_stderr(file, monkeypatch, capsys):
@@ -246,24 +246,24 @@ def test_a_model_without_a_driver_lists_its_joints(file):
 
 def test_mobility_needs_no_driver(file):
     text = five_bar().replace('<motor joint="left"/><position joint="right"/>', "")
-    form = load(file(text), still=True)
-    output = facts(form)
+    solver = load(file(text), still=True)
+    output = facts(solver)
     assert output["mobility"].dofs == 2
     assert output["mobility"].drivers == ()
     assert len(output["mobility"].undetermined) == 2
-    assert scene_findings(form) is not None
+    assert scene_findings(solver) is not None
     with pytest.raises(InputError, match="nothing is driven; name a driver"):
-        form.solve([0.0])
+        solver.solve([0.0])
 
 
 @pytest.mark.parametrize("body", ["", "<body><freejoint/><geom size='0.1'/></body>"])
 def test_models_without_joints_or_with_one_free_body_are_valid(file, body):
-    form = load(file(f"<mujoco><worldbody>{body}</worldbody></mujoco>"), still=True)
-    assert facts(form)["mobility"].dofs == 6 * bool(body)
-    assert scene_findings(form) == ()
+    solver = load(file(f"<mujoco><worldbody>{body}</worldbody></mujoco>"), still=True)
+    assert facts(solver)["mobility"].dofs == 6 * bool(body)
+    assert scene_findings(solver) == ()
 
 
 def test_every_driver_of_a_file_needs_a_motion_law(file):
-    form = read_mjcf(file(five_bar()))
+    solver = read_mjcf(file(five_bar()))
     with pytest.raises(InputError, match="right has no motion law"):
-        make_motion_laws(form.mechanism, {"left": steady(2.0, 1.0)}, 1.0)
+        make_motion_laws(solver.mechanism, {"left": steady(2.0, 1.0)}, 1.0)

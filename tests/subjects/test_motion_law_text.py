@@ -1,4 +1,4 @@
-"""Programs as people write them: what they say, their exact rates, and what is no program."""
+"""Motion laws as text: their values, exact rates, and invalid texts."""
 
 import re
 
@@ -45,7 +45,7 @@ def test_a_motion_law_gives_the_position_of_its_driver(text, unit, value):
 
 
 def complex_step(text, time):
-    """Return value and rate of an expression by a complex step, by Python's own reading of it."""
+    """Return value and rate of an expression by a complex step, evaluated by Python."""
     names = {item: getattr(np, item) for item in ("sin", "cos", "tan", "exp", "log", "sqrt", "pi")}
     names |= {"asin": np.arcsin, "acos": np.arccos, "atan": np.arctan}
     result = eval(text.replace("/1rad", ""), {**names, "t": time + 1e-30j})
@@ -63,7 +63,7 @@ def expressions(draw, depth=3):
         other = draw(expressions(depth - 1))
         return f"({item} {draw(st.sampled_from(['+', '-', '*']))} {other})"
     # angles are divided by their unit: their products and powers are no angles
-    forms = [
+    patterns = [
         "sin({})",
         "cos({})",
         "exp(-({})**2)",
@@ -77,7 +77,7 @@ def expressions(draw, depth=3):
         "1/(1 + ({})**2)",
         "1.5**sin({})",
     ]
-    return draw(st.sampled_from(forms)).format(item)
+    return draw(st.sampled_from(patterns)).format(item)
 
 
 @given(expressions())
@@ -85,12 +85,12 @@ def expressions(draw, depth=3):
 def test_rates_of_an_expression_are_exact(text):
     state = time_function(f"({text}) + 0*t", "rad")[1]
     value, rate, second = state(TIMES)
-    wanted, first = complex_step(f"({text}) + 0*t", TIMES)
-    # differences of the exact rate judge the second one
+    expected, first = complex_step(f"({text}) + 0*t", TIMES)
+    # differences of the exact rate check the second derivative
     step = 1e-5
     by_differences = (state(TIMES + step)[1] - state(TIMES - step)[1]) / (2 * step)
     for result, other, exact in (
-        (value, wanted, 1e-12),
+        (value, expected, 1e-12),
         (rate, first, 1e-12),
         (second, by_differences, 1e-6),
     ):

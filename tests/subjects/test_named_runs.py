@@ -1,4 +1,4 @@
-"""A name does in Python what it does on the command line."""
+"""Names of mechanisms mean the same in Python as on the command line."""
 
 import numpy as np
 import pytest
@@ -28,10 +28,10 @@ def test_an_mjcf_text_is_simulated():
     assert ms.simulate(text, speed=1.0, turns=0.1).motion.points.keys() == {"P"}
 
 
-@pytest.mark.parametrize("of", [ms.load, lambda name: ms.simulate(name, speed=1.0)])
-def test_an_unknown_name_is_rejected_with_the_list_command(of):
+@pytest.mark.parametrize("function", [ms.load, lambda name: ms.simulate(name, speed=1.0)])
+def test_an_unknown_name_is_rejected_with_the_list_command(function):
     with pytest.raises(ms.InputError, match=r"there is no mechanism 'nope'.* choose from .*`mechsim list`"):
-        of("nope")
+        function("nope")
 
 
 def test_catalogue_names_are_suggested_first():

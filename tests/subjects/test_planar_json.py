@@ -1,4 +1,4 @@
-"""Planar linkages in JSON of other programs move as the catalogue's, and wrong files end in one sentence."""
+"""Planar linkages in JSON of other programs agree with the catalogue, and invalid files are rejected."""
 
 import copy
 import json
@@ -202,10 +202,10 @@ def test_masses_of_linkage_sim_are_read(written):
 
 def changed(content, *path, to):
     result = copy.deepcopy(content)
-    place = result
+    position = result
     for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = to
+        position = position[key]
+    position[path[-1]] = to
     return result
 
 
@@ -262,7 +262,7 @@ def test_parameters_and_missing_files_are_rejected(written, tmp_path):
         ms.load(str(tmp_path / "missing.json"))
 
 
-def places(content, path=()):
+def entry_paths(content, path=()):
     """Yield the paths of all entries of nested lists and objects."""
     items = (
         content.items()
@@ -273,14 +273,14 @@ def places(content, path=()):
     )
     for key, value in items:
         yield (*path, key)
-        yield from places(value, (*path, key))
+        yield from entry_paths(value, (*path, key))
 
 
 @pytest.mark.parametrize(
     "content", [PYLINKAGE, PYLINKAGE_SLIDER, PMKS_SLIDER, LINKAGE_SIM, LINKAGE_SIM_SLIDER]
 )
 def test_entries_of_a_wrong_type_are_accepted_or_rejected(written, content):
-    for place in places(content):
+    for position in entry_paths(content):
         for value in (None, [], {}, [[1]], "x", -1, 1e400, True):
             with suppress(ms.MechsimError):
-                open_model(written(changed(content, *place, to=value))).describe({}, Prescription())
+                open_model(written(changed(content, *position, to=value))).describe({}, Prescription())

@@ -1,4 +1,4 @@
-"""Inverse kinematics: points and links follow their laws as separate formulas have it, by both methods."""
+"""Inverse kinematics of points and links by both methods agrees with separate formulas."""
 
 import mujoco
 import numpy as np
@@ -70,8 +70,8 @@ def test_a_platform_has_the_prescribed_pose_and_leg_lengths():
 
 @pytest.mark.parametrize(("model", "laws"), [("five_bar", CIRCLE), ("stewart_gough", TILT)])
 def test_both_methods_agree_on_pose_drivers(model, laws, monkeypatch, capsys):
-    drive = [part for name, law in laws.items() for part in ("--drive", f"{name}={law}")]
-    monkeypatch.setattr("sys.argv", ["mechsim", "validate", model, *drive, "--duration", "1s"])
+    arguments = [argument for name, law in laws.items() for argument in ("--drive", f"{name}={law}")]
+    monkeypatch.setattr("sys.argv", ["mechsim", "validate", model, *arguments, "--duration", "1s"])
     with pytest.raises(SystemExit) as ended:
         main()
     out = capsys.readouterr().out
@@ -119,15 +119,15 @@ def test_default_classes_of_a_file_do_not_affect_the_chain():
         <body name="hand" pos=".1 0 0" euler="0 0 20"><joint name="elbow" axis="0 0 1"/>
         <geom size=".01" pos=".1 0 0"/><site name="tip" pos=".1 0 0"/></body></body></worldbody></mujoco>"""
     )
-    drive = {"tip.x": "0.19+0.003*sin(2*pi*t)", "tip.y": "0.03+0.01*t"}
-    solver = ms.load(limited, drive=drive)
+    laws = {"tip.x": "0.19+0.003*sin(2*pi*t)", "tip.y": "0.03+0.01*t"}
+    solver = ms.load(limited, drive=laws)
     assert set(solver.ranges) == {"shoulder", "elbow"}
     tip = solver.solve(t=TIMES).points["tip"].position
     np.testing.assert_allclose(tip[:, 0], 0.19 + 0.003 * np.sin(2 * np.pi * TIMES), atol=1e-14)
 
 
 @pytest.mark.parametrize(
-    ("drive", "message"),
+    ("laws", "message"),
     [
         ({"P.x": "300mm*t", "P.y": "100mm"}, r"the target is 0\.2\d+ m beyond"),
         ({"P.rz": "10deg*t", "P.y": "100mm"}, "P is a point"),
@@ -136,7 +136,7 @@ def test_default_classes_of_a_file_do_not_affect_the_chain():
         ({"P.x": "10mm*t", "P.y": "100mm", "left": "120deg+1deg*t"}, "overdetermined"),
     ],
 )
-def test_invalid_pose_drivers_are_rejected(drive, message):
+def test_invalid_pose_drivers_are_rejected(laws, message):
     with pytest.raises(ms.MechsimError, match=message) as caught:
-        ms.load("five_bar", drive=drive, duration=1.0).solve(t=TIMES)
+        ms.load("five_bar", drive=laws, duration=1.0).solve(t=TIMES)
     assert "\n" not in str(caught.value)

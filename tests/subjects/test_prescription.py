@@ -1,4 +1,4 @@
-"""What is asked of a subject: drivers under motion laws, holds, points, poses row by row."""
+"""Prescribed motions: drivers with motion laws, locked joints, tracked points and tables of poses."""
 
 import re
 
@@ -74,7 +74,7 @@ rod = { at = [200, 350, 0], turn = { axis = [0, 0, 1], angle = 100 } }
 
 
 def two_circles(left, right, arm=0.05, rod=0.09, ground=0.1):
-    """Return where the five-bar's rods meet: where two circles about the arms' ends do, above them."""
+    """Return the upper intersection of two circles about the ends of the arms."""
     a = np.stack([arm * np.cos(left), arm * np.sin(left)], 1)
     d = np.stack([ground + arm * np.cos(right), arm * np.sin(right)], 1)
     half = (d - a) / 2.0
@@ -84,9 +84,9 @@ def two_circles(left, right, arm=0.05, rod=0.09, ground=0.1):
 
 def test_a_five_bar_follows_two_circles_with_the_rates_of_its_laws(file):
     motion_laws = {"left": "110deg + 20deg*sin(2*pi*t)", "right": "60deg + 15deg*cos(3*t) - 0.1rad*t"}
-    form = load(file(FIVE_BAR), drive=motion_laws, duration="1.5 s")
+    solver = load(file(FIVE_BAR), drive=motion_laws, duration="1.5 s")
     time = np.linspace(0.0, 1.5, 31)
-    motion = form.solve(t=time)
+    motion = solver.solve(t=time)
 
     def law(t):
         left = np.deg2rad(110 + 20 * np.sin(2 * np.pi * t))
@@ -104,18 +104,18 @@ def test_a_five_bar_follows_two_circles_with_the_rates_of_its_laws(file):
 
 
 def test_a_parameter_and_a_motion_law_can_be_set_together(file):
-    drive = {"left": "100deg + 10deg*sin(t)", "right": "80deg + 0*t"}
-    form = load(file(FIVE_BAR), {"rod": "80 mm"}, drive=drive)
-    place = form.solve(t=[0.0]).points["P"].position[:, :2]
+    laws = {"left": "100deg + 10deg*sin(t)", "right": "80deg + 0*t"}
+    solver = load(file(FIVE_BAR), {"rod": "80 mm"}, drive=laws)
+    position = solver.solve(t=[0.0]).points["P"].position[:, :2]
     np.testing.assert_allclose(
-        place, two_circles(np.deg2rad([100.0]), np.deg2rad([80.0]), rod=0.08), atol=1e-14
+        position, two_circles(np.deg2rad([100.0]), np.deg2rad([80.0]), rod=0.08), atol=1e-14
     )
 
 
 def test_a_boom_on_a_ram_follows_the_law_of_cosines(file):
-    form = load(file(BOOM), drive={"ram": "20mm/s"}, duration=2.0)
+    solver = load(file(BOOM), drive={"ram": "20mm/s"}, duration=2.0)
     time = np.linspace(0.0, 2.0, 21)
-    motion = form.solve(t=time)
+    motion = solver.solve(t=time)
     np.testing.assert_allclose(motion.joints["ram"].value, 0.52 + 0.02 * time, atol=1e-15)
     base = np.hypot(0.3, 0.2)
     between = np.arccos((base**2 + 0.4**2 - (0.52 + 0.02 * time) ** 2) / (2 * base * 0.4))
@@ -126,50 +126,50 @@ def test_a_boom_on_a_ram_follows_the_law_of_cosines(file):
 
 def test_another_driver_starts_at_its_initial_value(file):
     own = load(file(BOOM), drive={"ram": "20mm/s"}).solve(t=[0.0]).joints["foot"].value[0]
-    form = load(file(BOOM), drive={"foot": "3deg/s"})
-    assert form.mechanism.drivers == ("foot",)
-    assert form.mechanism.has_crank
-    motion = form.solve(t=[0.0])
+    solver = load(file(BOOM), drive={"foot": "3deg/s"})
+    assert solver.mechanism.drivers == ("foot",)
+    assert solver.mechanism.has_crank
+    motion = solver.solve(t=[0.0])
     np.testing.assert_allclose(motion.joints["foot"].value, [own], atol=1e-14)
     np.testing.assert_allclose(motion.joints["ram"].value, [0.52], atol=1e-14)
 
 
 @pytest.mark.parametrize(("value", "angle"), [(None, 120.0), ("100deg", 100.0), (np.deg2rad(100.0), 100.0)])
 def test_a_locked_driver_is_at_rest_and_the_other_moves(file, value, angle):
-    form = load(file(FIVE_BAR), drive={"right": "10deg/s"}, lock={"left": value})
-    assert form.mechanism.drivers == ("right",)
+    solver = load(file(FIVE_BAR), drive={"right": "10deg/s"}, lock={"left": value})
+    assert solver.mechanism.drivers == ("right",)
     time = np.linspace(0.0, 1.0, 5)
-    motion = form.solve(t=time)
-    wanted = two_circles(np.full(5, np.deg2rad(angle)), np.deg2rad(60 + 10 * time))
-    np.testing.assert_allclose(motion.points["P"].position[:, :2], wanted, atol=1e-13)
+    motion = solver.solve(t=time)
+    expected = two_circles(np.full(5, np.deg2rad(angle)), np.deg2rad(60 + 10 * time))
+    np.testing.assert_allclose(motion.points["P"].position[:, :2], expected, atol=1e-13)
 
 
 def test_a_function_of_time_is_a_motion_law(file):
     def swing(time):
         return 2.0 + 0.1 * np.sin(time), 0.1 * np.cos(time), -0.1 * np.sin(time)
 
-    form = load(file(FIVE_BAR), drive={"left": swing, "right": "60deg + 0*t"})
+    solver = load(file(FIVE_BAR), drive={"left": swing, "right": "60deg + 0*t"})
     time = np.linspace(0.0, 1.0, 5)
-    motion = form.solve(t=time)
-    wanted = two_circles(2.0 + 0.1 * np.sin(time), np.full(5, np.pi / 3))
-    np.testing.assert_allclose(motion.points["P"].position[:, :2], wanted, atol=1e-14)
+    motion = solver.solve(t=time)
+    expected = two_circles(2.0 + 0.1 * np.sin(time), np.full(5, np.pi / 3))
+    np.testing.assert_allclose(motion.points["P"].position[:, :2], expected, atol=1e-14)
 
 
 def test_a_mechanism_of_the_catalogue_is_driven_by_any_of_its_joints():
     from mechsim.analytic import catalog
 
-    form = load("slider_crank", drive={"crank": "600rpm"}, duration=0.1)
+    solver = load("slider_crank", drive={"crank": "600rpm"}, duration=0.1)
     time = np.linspace(0.0, 0.1, 9)
-    motion = form.solve(t=time)
+    motion = solver.solve(t=time)
     exact = catalog.make("slider_crank").solve(20 * np.pi * time, 20 * np.pi)
-    for part in ("position", "velocity", "acceleration"):
-        result, wanted = (getattr(item.points["B"], part) for item in (motion, exact))
-        np.testing.assert_allclose(result, wanted, atol=1e-12 * np.abs(wanted).max())
+    for quantity in ("position", "velocity", "acceleration"):
+        result, expected = (getattr(item.points["B"], quantity) for item in (motion, exact))
+        np.testing.assert_allclose(result, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_only_tracked_points_are_reported(file):
-    form = load(file(FIVE_BAR), track=["P", "knee,a@50mm,0,0", "d"])
-    assert dict(form.mechanism.points) == {
+    solver = load(file(FIVE_BAR), track=["P", "knee,a@50mm,0,0", "d"])
+    assert dict(solver.mechanism.points) == {
         "P": ("b", (0.09, 0.0, 0.0)),
         "knee": ("a", (0.05, 0.0, 0.0)),
         "d": ("d", (0.0, 0.0, 0.0)),
@@ -195,11 +195,11 @@ hand = { link = "arm", at = [0.3, 0, 0] }
 at = [1, 2, 3]
 turn = { axis = [1, 0, 0], angle = 0.5 }
 """
-    form = load(file(text), fix_base=True)
-    place = form.positions([0.0, np.pi / 2])["hand"]
+    solver = load(file(text), fix_base=True)
+    position = solver.positions([0.0, np.pi / 2])["hand"]
     across = np.array([0.0, np.cos(0.5), np.sin(0.5)])
     pivot = np.array([1.0, 2.0, 3.0]) + 0.2 * across
-    np.testing.assert_allclose(place, [pivot + np.array([0.3, 0, 0]), pivot + 0.3 * across], atol=1e-14)
+    np.testing.assert_allclose(position, [pivot + np.array([0.3, 0, 0]), pivot + 0.3 * across], atol=1e-14)
     with pytest.raises(InputError, match="no floating link"):
         load(file(FIVE_BAR), fix_base=True)
 
@@ -212,8 +212,8 @@ def test_a_table_of_poses_keeps_the_assembly_mode_of_the_guess(file):
     columns = dict(poses.columns())
     joints = [f"{name}.q" for name in ("left", "right", "A", "D", "P")]
     assert list(columns) == ["left", "right", "P.x", "P.y", "P.z", *joints]
-    wanted = two_circles(left, right)
-    np.testing.assert_allclose(np.stack([columns["P.x"], columns["P.y"]], 1), wanted, atol=1e-13)
+    expected = two_circles(left, right)
+    np.testing.assert_allclose(np.stack([columns["P.x"], columns["P.y"]], 1), expected, atol=1e-13)
     assert len(poses_of_table(load(file(FIVE_BAR)), {"left": left[:1], "right": right[:1]}, "rows.csv")) == 1
 
 
@@ -223,7 +223,7 @@ def test_unreachable_rows_are_reported(file):
         poses_of_table(load(file(FIVE_BAR)), table, "rows.csv")
 
 
-REFUSED = [
+INVALID = [
     ({"drive": {"lift": "1"}}, "did you mean 'left'"),
     ({"drive": {"left": "3mm/s"}}, "a speed of rotation"),
     ({"drive": {"left": "10deg*t"}}, "right has no motion law; give each driver one: --drive"),
@@ -242,26 +242,26 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("asked", "words"), REFUSED)
-def test_an_invalid_prescription_is_rejected_in_one_line(file, asked, words):
+@pytest.mark.parametrize(("options", "words"), INVALID)
+def test_an_invalid_prescription_is_rejected_in_one_line(file, options, words):
     with pytest.raises(InputError, match=re.escape(words)) as error:
-        load(file(FIVE_BAR), **asked)
+        load(file(FIVE_BAR), **options)
     assert "\n" not in str(error.value)
 
 
 def test_a_table_limits_the_duration(file, tmp_path):
     path = tmp_path / "left.csv"
     path.write_text("t,left\n" + "".join(f"{0.1 * i},{2 + 0.01 * i}\n" for i in range(8)))
-    drive = {"left": str(path), "right": "10deg*t"}
-    assert load(file(FIVE_BAR), drive=drive).motion_laws.duration == pytest.approx(0.7)
+    laws = {"left": str(path), "right": "10deg*t"}
+    assert load(file(FIVE_BAR), drive=laws).motion_laws.duration == pytest.approx(0.7)
     with pytest.raises(InputError, match=r"ends at 0.7 s, before the duration, 1 s"):
-        load(file(FIVE_BAR), drive=drive, duration=1.0)
+        load(file(FIVE_BAR), drive=laws, duration=1.0)
 
 
 def test_missing_and_redundant_drivers_are_rejected(file):
-    form = load(file(FIVE_BAR), drive={"left": "1rad/s", "right": "1rad/s", "P": "1rad/s"})
+    solver = load(file(FIVE_BAR), drive={"left": "1rad/s", "right": "1rad/s", "P": "1rad/s"})
     with pytest.raises((MobilityError, AssemblyError)):
-        form.solve(t=[0.0, 0.1])
-    form = load(file(FIVE_BAR.replace('["left", "right"]', '["left"]').replace(", right = 60", "")))
+        solver.solve(t=[0.0, 0.1])
+    solver = load(file(FIVE_BAR.replace('["left", "right"]', '["left"]').replace(", right = 60", "")))
     with pytest.raises(MobilityError, match="right"):
-        form.solve([0.0])
+        solver.solve([0.0])

@@ -1,4 +1,4 @@
-"""The reference data are what their script makes, and meet printed values and their own derivatives."""
+"""Reference data agree with their script, with published values and with their own derivatives."""
 
 import csv
 import json
@@ -33,13 +33,13 @@ def made(name, digits, row):
         "(cell, row), = make.solved(sys.argv[2], int(sys.argv[3]), [int(sys.argv[4])]);"
         "print(json.dumps({'cell': cell} | {key: make.written(one) for key, one in row.items()}))"
     )
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-c", reported, str(WHERE), name, str(digits), str(row)],
         capture_output=True,
         text=True,
         check=True,
     )
-    return json.loads(done.stdout)
+    return json.loads(completed.stdout)
 
 
 @pytest.mark.parametrize(("name", "row"), grid([("rssr", 3), ("five_bar", 5)]))
@@ -67,8 +67,8 @@ def test_tables_have_72_rows_of_30_digits_and_valid_checksums(name):
     reference_data.read(WHERE, name)
     result = rows(name)
     assert len(result) == 72
-    cells = [cell for row in result for cell in row.values()]
-    assert all(cell == "0" or len(re.sub(r"e.*|[-.]", "", cell)) == 30 for cell in cells)
+    segments = [segment for row in result for segment in row.values()]
+    assert all(segment == "0" or len(re.sub(r"e.*|[-.]", "", segment)) == 30 for segment in segments)
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "looper", "klann", "cardan_joint", "stewart_gough"])
@@ -109,8 +109,10 @@ def test_the_example_of_the_readme_runs_without_mechsim():
     block = re.search(r"```python\n(.*?)```", (WHERE / "README.md").read_text(), re.DOTALL).group(1)
     assert "mechsim" not in re.sub(r"#.*", "", block)
     assert len([line for line in block.splitlines() if line]) <= 10
-    done = subprocess.run([sys.executable, "-c", block], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert float(done.stdout.split()[0]) < 1e-15
+    completed = subprocess.run(
+        [sys.executable, "-c", block], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert float(completed.stdout.split()[0]) < 1e-15
     wrong = block.replace("0.2**2", "0.2001**2")
     assert subprocess.run([sys.executable, "-c", wrong], cwd=ROOT, capture_output=True).returncode == 1
 

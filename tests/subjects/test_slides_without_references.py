@@ -1,4 +1,4 @@
-"""Slides whose axes differ from one link's frame to the other's: both methods begin in one assembly."""
+"""Slides with different axes in the frames of their links: both methods start in one assembly mode."""
 
 from pathlib import Path
 
@@ -43,21 +43,21 @@ def written(folder: Path, mark_a: str = "", mark_b: str = "") -> str:
 
 @pytest.mark.parametrize("tilt", [0.7, -2.2])
 def test_the_orientation_of_an_inclined_slider_agrees_in_both_methods(tmp_path: Path, tilt: float) -> None:
-    form = ms.load(written(tmp_path), set={"tilt": tilt})
-    run = ms.simulate(form, method="pose", speed=1.0)
-    exact = form.solve(run.motion.angle)
+    solver = ms.load(written(tmp_path), set={"tilt": tilt})
+    run = ms.simulate(solver, method="pose", speed=1.0)
+    exact = solver.solve(run.motion.angle)
     for motion in (run.motion, exact):
         along = motion.links["slider"].rotation[:, :, 0]
         assert np.abs(along - [np.cos(tilt), np.sin(tilt), 0.0]).max() < 1e-12
         assert np.abs(motion.links["slider"].rotation[:, 2, 2] - 1.0).max() < 1e-12
-    apart = run.motion.points["nose"].position - exact.points["nose"].position
-    assert np.abs(apart).max() < 1e-12 * form.mechanism.characteristic_length
+    distance = run.motion.points["nose"].position - exact.points["nose"].position
+    assert np.abs(distance).max() < 1e-12 * solver.mechanism.characteristic_length
 
 
 def test_antiparallel_references_of_a_slide_are_rejected(tmp_path: Path) -> None:
     model = written(tmp_path, ", reference = [0, 0, 1]", ", reference = [0, 0, -1]")
-    form = ms.load(model)
+    solver = ms.load(model)
     with pytest.raises(AssemblyError, match="'slide' is assembled with antiparallel references"):
-        form.solve([0.0])
+        solver.solve([0.0])
     with pytest.raises(AssemblyError, match="'B' is assembled with antiparallel axes"):
-        ms.simulate(form.mechanism, method="pose", speed=1.0)
+        ms.simulate(solver.mechanism, method="pose", speed=1.0)

@@ -1,4 +1,4 @@
-"""Drivers without a start begin where their motion laws begin, unless the guess states otherwise."""
+"""Motion laws determine the start of drivers that have none."""
 
 import numpy as np
 import pytest
@@ -28,10 +28,10 @@ def platform(law, more=""):
 
 @pytest.fixture
 def load(tmp_path):
-    def loaded(*given, **asked):
+    def loaded(*arguments, **options):
         path = tmp_path / "rps.toml"
-        path.write_text(platform(*given))
-        return ms.load(path, **asked)
+        path.write_text(platform(*arguments))
+        return ms.load(path, **options)
 
     return loaded
 
@@ -41,22 +41,22 @@ def lengths(motion):
 
 
 def test_motion_laws_determine_the_start_of_a_platform(load):
-    form = load("0.3 + 0.02*sin(2*pi*t)")
+    solver = load("0.3 + 0.02*sin(2*pi*t)")
     times = np.array([0.0, 0.25, 0.6])
-    wanted = np.broadcast_to(0.3 + 0.02 * np.sin(2.0 * np.pi * times), (3, 3))
-    np.testing.assert_allclose(lengths(form.solve(t=times)), wanted, atol=1e-13)
-    run = ms.simulate(form, samples=4)
-    assert ms.crosscheck(run, form).passed
+    expected = np.broadcast_to(0.3 + 0.02 * np.sin(2.0 * np.pi * times), (3, 3))
+    np.testing.assert_allclose(lengths(solver.solve(t=times)), expected, atol=1e-13)
+    run = ms.simulate(solver, samples=4)
+    assert ms.crosscheck(run, solver).passed
 
 
 def test_replaced_motion_laws_determine_the_start(load):
-    form = load("0.05 + 0.01*t", drive=dict.fromkeys(DRIVERS, "0.32 + 0.01*t"))
-    np.testing.assert_allclose(lengths(form.solve(t=[0.0])), 0.32, atol=1e-13)
+    solver = load("0.05 + 0.01*t", drive=dict.fromkeys(DRIVERS, "0.32 + 0.01*t"))
+    np.testing.assert_allclose(lengths(solver.solve(t=[0.0])), 0.32, atol=1e-13)
 
 
 def test_an_explicit_start_has_priority_over_motion_laws(load):
-    form = load("20mm/s", "start = { l1 = 0.3, l2 = 0.3, l3 = 0.3 }")
-    np.testing.assert_allclose(lengths(form.solve(t=[0.0, 1.0]))[:, 1], 0.32, atol=1e-13)
+    solver = load("20mm/s", "start = { l1 = 0.3, l2 = 0.3, l3 = 0.3 }")
+    np.testing.assert_allclose(lengths(solver.solve(t=[0.0, 1.0]))[:, 1], 0.32, atol=1e-13)
 
 
 def test_a_relative_motion_law_does_not_determine_the_start(load):

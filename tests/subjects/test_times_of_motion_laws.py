@@ -1,4 +1,4 @@
-"""Where motion laws drive, motions are requested by time, and crank angles are rejected."""
+"""Motions with motion laws are requested by time, and crank angles are rejected."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ ANGLES = 0.3 * np.sin(2.0 * np.pi * TIMES)
 
 
 @pytest.fixture(scope="module")
-def swung():
+def swinging():
     """A four-bar whose crank swings by a motion law for 2 s, the fastest rate of which is 1.9 rad/s."""
     return ms.load("four_bar", drive=LAW, duration=2.0)
 
@@ -26,40 +26,40 @@ def exact():
     return ms.catalog.make("four_bar").solve(ANGLES, rate, -((2.0 * np.pi) ** 2) * ANGLES)
 
 
-def test_solve_accepts_times_in_seconds(swung, exact):
-    motion = swung.solve(t=TIMES)
+def test_solve_accepts_times_in_seconds(swinging, exact):
+    motion = swinging.solve(t=TIMES)
     np.testing.assert_array_equal(motion.time, TIMES)
     np.testing.assert_allclose(motion.joints["crank"].value, ANGLES, atol=1e-14)
     for rate in ("position", "velocity", "acceleration"):
         np.testing.assert_allclose(
             getattr(motion.points["B"], rate), getattr(exact.points["B"], rate), atol=1e-11
         )
-    np.testing.assert_allclose(swung.positions(t=TIMES)["B"], exact.points["B"].position, atol=1e-14)
+    np.testing.assert_allclose(swinging.positions(t=TIMES)["B"], exact.points["B"].position, atol=1e-14)
 
 
 ANGLES_GIVEN = {
-    "solve": lambda form: form.solve(TIMES),
-    "solve with the rates of a run": lambda form: form.solve(TIMES, 1.0, 0.0),
-    "positions": lambda form: form.positions(TIMES),
-    "inverse dynamics": lambda form: ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), TIMES, 1.0),
-    "sensitivity": lambda form: ms.sensitivity(form, "B.x", "rocker.at.x", angles=TIMES),
-    "a moved family": lambda form: ms.moved(form, angles=TIMES),
+    "solve": lambda solver: solver.solve(TIMES),
+    "solve with the rates of a run": lambda solver: solver.solve(TIMES, 1.0, 0.0),
+    "positions": lambda solver: solver.positions(TIMES),
+    "inverse dynamics": lambda solver: ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), TIMES, 1.0),
+    "sensitivity": lambda solver: ms.sensitivity(solver, "B.x", "rocker.at.x", angles=TIMES),
+    "a moved family": lambda solver: ms.moved(solver, angles=TIMES),
 }
 
 
 @pytest.mark.parametrize("call", ANGLES_GIVEN)
-def test_crank_angles_are_rejected_with_motion_laws(swung, call):
+def test_crank_angles_are_rejected_with_motion_laws(swinging, call):
     with pytest.raises(InputError, match=r"four_bar: motion laws drive crank, .*give times in s, as t=\["):
-        ANGLES_GIVEN[call](swung)
+        ANGLES_GIVEN[call](swinging)
 
 
-def test_invalid_instants_are_rejected_with_the_remedy(swung, tmp_path):
+def test_invalid_instants_are_rejected_with_the_remedy(swinging, tmp_path):
     with pytest.raises(InputError, match=r"no times are given; give times in s, as t="):
-        swung.solve()
+        swinging.solve()
     with pytest.raises(InputError, match="determine every rate; leave speed out"):
-        swung.solve(t=TIMES, speed=2.0)
+        swinging.solve(t=TIMES, speed=2.0)
     with pytest.raises(InputError, match="times t must be a list of finite numbers"):
-        swung.solve(t=[0.0, np.nan])
+        swinging.solve(t=[0.0, np.nan])
     path = tmp_path / "crank.csv"
     path.write_text("t,crank\n" + "".join(f"{0.1 * i},{0.01 * i}\n" for i in range(8)))
     table = ms.load("four_bar", drive={"crank": str(path)})
@@ -68,36 +68,36 @@ def test_invalid_instants_are_rejected_with_the_remedy(swung, tmp_path):
     assert table.solve(t=[0.35]).joints["crank"].value[0] == pytest.approx(0.035)
 
 
-def test_inverse_dynamics_and_sensitivities_accept_times(swung):
-    machine = ms.dynamics.dynamic_model(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)))
-    run = driven(swung, ms.Forces(gravity=(0.0, -9.81, 0.0)), samples=8, method="pose")
-    result = ms.dynamics.prescribed(machine, t=TIMES).forces.drives["crank"]
+def test_inverse_dynamics_and_sensitivities_accept_times(swinging):
+    model = ms.dynamics.dynamic_model(swinging, ms.Forces(gravity=(0.0, -9.81, 0.0)))
+    run = driven(swinging, ms.Forces(gravity=(0.0, -9.81, 0.0)), samples=8, method="pose")
+    result = ms.dynamics.prescribed(model, t=TIMES).forces.drives["crank"]
     np.testing.assert_allclose(result, run.forces.drives["crank"], atol=1e-12)
-    table = ms.sensitivity(swung, "B.x", "rocker.at.x", t=TIMES)
+    table = ms.sensitivity(swinging, "B.x", "rocker.at.x", t=TIMES)
     np.testing.assert_array_equal(dict(table.columns())["t"], TIMES)
-    np.testing.assert_allclose(table.values["B.x"], swung.positions(t=TIMES)["B"][:, 0], atol=1e-14)
+    np.testing.assert_allclose(table.values["B.x"], swinging.positions(t=TIMES)["B"][:, 0], atol=1e-14)
 
 
 @pytest.mark.parametrize("looped", [False, True])
 def test_a_crank_of_constant_speed_accepts_times(looped):
-    form = ms.catalog.make("four_bar")
-    form = LoopForm(form.mechanism) if looped else form
-    start = form.mechanism.start
-    motion = form.solve(t=TIMES, speed=3.0)
-    by_angle = form.solve(start + 3.0 * TIMES, 3.0)
+    solver = ms.catalog.make("four_bar")
+    solver = LoopForm(solver.mechanism) if looped else solver
+    start = solver.mechanism.start
+    motion = solver.solve(t=TIMES, speed=3.0)
+    by_angle = solver.solve(start + 3.0 * TIMES, 3.0)
     np.testing.assert_array_equal(motion.time, TIMES)
     np.testing.assert_allclose(motion.points["B"].acceleration, by_angle.points["B"].acceleration, atol=1e-11)
     np.testing.assert_allclose(
-        form.positions(t=TIMES, speed=3.0)["B"], by_angle.points["B"].position, atol=1e-14
+        solver.positions(t=TIMES, speed=3.0)["B"], by_angle.points["B"].position, atol=1e-14
     )
-    run = ms.simulate(form, speed=3.0, samples=4)
-    assert ms.crosscheck(run, form.solve(t=run.motion.time, speed=3.0)).passed
+    run = ms.simulate(solver, speed=3.0, samples=4)
+    assert ms.crosscheck(run, solver.solve(t=run.motion.time, speed=3.0)).passed
     with pytest.raises(InputError, match="times t of a crank need its constant speed"):
-        form.solve(t=TIMES)
+        solver.solve(t=TIMES)
     with pytest.raises(InputError, match="both crank angles and times t are given"):
-        form.solve(TIMES, 3.0, t=TIMES)
+        solver.solve(TIMES, 3.0, t=TIMES)
     with pytest.raises(InputError, match="no instants are given"):
-        form.solve()
+        solver.solve()
 
 
 def test_several_drivers_without_motion_laws_are_rejected():
@@ -105,10 +105,10 @@ def test_several_drivers_without_motion_laws_are_rejected():
         LoopForm(ms.load("five_bar").mechanism).solve(t=TIMES)
 
 
-def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swung):
-    run = ms.simulate(swung, samples=40)
+def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swinging):
+    run = ms.simulate(swinging, samples=40)
     crank = ms.catalog.make("four_bar")
-    assert ms.crosscheck(run, swung).passed
+    assert ms.crosscheck(run, swinging).passed
     assert ms.crosscheck(run, crank).passed
     assert ms.crosscheck(run, lambda angle: {"B": crank.positions(angle)["B"]}).passed
     wrong = ms.catalog.make("four_bar", coupler=1.001 * crank.coupler)
@@ -116,10 +116,10 @@ def test_a_run_with_a_motion_law_is_compared_at_its_crank_angles(swung):
     assert not ms.crosscheck(run, lambda angle: {"B": wrong.positions(angle)["B"]}).passed
 
 
-def test_comparing_a_crank_run_with_motion_laws_is_rejected(swung):
+def test_comparing_a_crank_run_with_motion_laws_is_rejected(swinging):
     run = ms.simulate(ms.catalog.make("four_bar"), speed=1.0, samples=8)
     with pytest.raises(InputError, match="motion laws drive crank in the analytic motion"):
-        ms.crosscheck(run, swung)
+        ms.crosscheck(run, swinging)
 
 
 def test_comparing_several_drivers_with_a_function_of_angle_is_rejected():
@@ -170,11 +170,11 @@ def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path):
     table = ms.sweep(str(path), {"arm": arms}, ["at:0.5:tip.x", "at:500ms:tip.y"], samples=20)
     alone = ms.sweep(str(path), {"arm": arms}, ["max:tip.vx", function], samples=20)
     for i, arm in enumerate(arms):
-        form = ms.load(path, {"arm": arm})
-        place = form.positions(t=[0.5])["tip"][0]
-        assert table["at:0.5:tip.x"].values[i] == pytest.approx(place[0], abs=1e-13)
-        assert table["at:500ms:tip.y"].values[i] == pytest.approx(place[1], abs=1e-13)
-        fastest = form.solve(t=np.linspace(0.0, 2.0, 20)).points["tip"].velocity[:, 0].max()
+        solver = ms.load(path, {"arm": arm})
+        position = solver.positions(t=[0.5])["tip"][0]
+        assert table["at:0.5:tip.x"].values[i] == pytest.approx(position[0], abs=1e-13)
+        assert table["at:500ms:tip.y"].values[i] == pytest.approx(position[1], abs=1e-13)
+        fastest = solver.solve(t=np.linspace(0.0, 2.0, 20)).points["tip"].velocity[:, 0].max()
         assert alone["max:tip.vx"].values[i] == pytest.approx(fastest, rel=1e-12)
         assert alone["fastest.py:fastest"].values[i] == pytest.approx(fastest, rel=1e-12)
 

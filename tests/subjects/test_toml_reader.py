@@ -1,4 +1,4 @@
-"""A mechanism in a TOML file: what it becomes, and how what it may not hold is rejected."""
+"""Mechanisms in TOML files: contents are read in their units, and invalid ones are rejected."""
 
 import re
 
@@ -50,11 +50,11 @@ def test_a_four_bar_file_agrees_with_the_closed_form(file):
     read = load(file(FOUR_BAR))
     exact = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.09)
     angles = np.linspace(-3.0, 7.0, 41)
-    result, wanted = read.solve(angles, 3.0, -2.0), exact.solve(angles, 3.0, -2.0)
+    result, expected = read.solve(angles, 3.0, -2.0), exact.solve(angles, 3.0, -2.0)
     for name in ("A", "B"):
-        np.testing.assert_allclose(result.points[name].position, wanted.points[name].position, atol=1e-14)
+        np.testing.assert_allclose(result.points[name].position, expected.points[name].position, atol=1e-14)
         np.testing.assert_allclose(
-            result.points[name].acceleration, wanted.points[name].acceleration, atol=1e-11
+            result.points[name].acceleration, expected.points[name].acceleration, atol=1e-11
         )
     assert read.crank_range().full
     coupler = next(link for link in read.mechanism.links if link.name == "coupler")
@@ -118,27 +118,35 @@ CHANGES = {
         ("line 17", "lead", "displacement per revolution"),
     ),
     "an unknown parameter": ('"ground + crank/2"', '"grond"', ("line 8", "'grond'", "did you mean 'ground'")),
-    "a parameter of later": ("ground = 100", 'ground = "rocker"', ("line 6", "no parameter defined before")),
+    "a parameter defined later": (
+        "ground = 100",
+        'ground = "rocker"',
+        ("line 6", "no parameter defined before"),
+    ),
     "division by zero": ('"ground + crank/2"', '"1/(crank - crank)"', ("line 8", "divides by zero")),
-    "no number": ('"ground + crank/2"', '"sqrt(-1)"', ("line 8", "finite real number")),
+    "an imaginary number": ('"ground + crank/2"', '"sqrt(-1)"', ("line 8", "finite real number")),
     "code": ('"ground + crank/2"', '"().__class__"', ("line 8", "no arithmetic")),
     "a call": ('"ground + crank/2"', "\"__import__('os')\"", ("line 8", "no known function")),
-    "a tower of powers": ('"ground + crank/2"', '"9**9**9"', ("line 8", "exponent", "64")),
+    "nested powers": ('"ground + crank/2"', '"9**9**9"', ("line 8", "exponent", "64")),
     "a long expression": ('"ground + crank/2"', f'"{"1+" * 400}1"', ("line 8", "801 characters")),
     "a deep expression": ('"ground + crank/2"', f'"{"-" * 200}1"', ("line 8", "50 deep")),
-    "a guess beyond sense": ('"crank*cos(10)"', "1e300", ("1e+300", "give at most 1e+30 in SI")),
+    "a huge position in the guess": ('"crank*cos(10)"', "1e300", ("1e+300", "give at most 1e+30 in SI")),
     "pi in degrees": (
         '"crank*cos(10)"',
         '"crank*cos(pi/18)"',
         ("line 33", "guess.coupler.at[0]", "a part of pi"),
     ),
-    "a parameter in a unit of angle for a length": (
+    "a parameter in degrees used as a length": (
         '"4 cm"',
         '"4 deg"',
         ("line 7", "parameters.crank", "uses it as a length"),
     ),
-    "an angle for a length": ('"30 mm"', '"30 deg"', ("line 11", "'30 deg'", "is the wrong kind of unit")),
-    "a place beyond sense": (
+    "an angle instead of a length": (
+        '"30 mm"',
+        '"30 deg"',
+        ("line 11", "'30 deg'", "is the wrong kind of unit"),
+    ),
+    "a huge position of a joint": (
         '["ground", 0, 0] }\nb',
         '["ground", 1e200, 0] }\nb',
         ("line 27", "1e+200", "give at most 1e+30 in SI"),
@@ -158,18 +166,26 @@ CHANGES = {
         'b = { link = "rokker" }',
         ("line 24", "did you mean 'rokker'"),
     ),
-    "drivers that are none": ('["crank"]', "[]", ("no joint is driven", "--drive")),
-    "a duration that is none": ("start = 10", "start = 10\nduration = -1", ("line 5", "duration is -1 s")),
+    "an empty list of drivers": ('["crank"]', "[]", ("no joint is driven", "--drive")),
+    "a negative duration": ("start = 10", "start = 10\nduration = -1", ("line 5", "duration is -1 s")),
     "an unknown driver": ('["crank"]', '["handle"]', ("line 3", "'handle'", "choose from crank")),
-    "one start of two": ('["crank"]', '["crank", "rocker"]', ("line 4", "crank, rocker are driven", "table")),
-    "a start of none": ("start = 10", "start = { handle = 3 }", ("line 4", "'handle'", "choose from crank")),
-    "a slide's start": ("start = 10", 'start = { crank = "3 mm" }', ("line 4", "an angle")),
-    "a motion law of none": (
+    "one start for two drivers": (
+        '["crank"]',
+        '["crank", "rocker"]',
+        ("line 4", "crank, rocker are driven", "table"),
+    ),
+    "a start of an unknown driver": (
+        "start = 10",
+        "start = { handle = 3 }",
+        ("line 4", "'handle'", "choose from crank"),
+    ),
+    "a start with a unit of length": ("start = 10", 'start = { crank = "3 mm" }', ("line 4", "an angle")),
+    "a motion law of an unknown joint": (
         "start = 10",
         'start = 10\nprograms = { handle = "600rpm" }',
         ("line 5", "'handle'", "choose from crank"),
     ),
-    "a motion law of what is not driven": (
+    "a motion law of a passive joint": (
         "start = 10",
         'start = 10\nprograms = { crank = "600rpm", rocker = "600rpm" }',
         ("line 5", "rocker", "not driven", "drivers are crank"),
@@ -179,29 +195,29 @@ CHANGES = {
         'start = 10\nprograms = { crank = "20mm/s*t" }',
         ("line 5", "'20mm/s*t'", "is a length; give an angle"),
     ),
-    "a unitless sum": (
+    "a sum with a missing unit": (
         "start = 10",
         'start = 10\nprograms = { crank = "10deg*t + 3" }',
         ("line 5", "without a unit"),
     ),
-    "a hold of none": ("start = 10", "start = 10\nlocked = { handle = 3 }", ("line 5", "'handle'")),
-    "held and driven": ("start = 10", "start = 10\nlocked = { crank = 3 }", ("line 5", "crank")),
-    "a coupling that is told twice": (
+    "an unknown locked joint": ("start = 10", "start = 10\nlocked = { handle = 3 }", ("line 5", "'handle'")),
+    "a locked driver": ("start = 10", "start = 10\nlocked = { crank = 3 }", ("line 5", "crank")),
+    "a coupling with ratio and radius": (
         "[points]",
         '[couplings.c]\ndriver = "crank"\ndriven = "rocker"\nratio = 1\nradius = 2\n[points]',
         ("line 29", "ratio and radius", "give one"),
     ),
-    "a coupling that is not told": (
+    "a coupling without a law": (
         "[points]",
         '[couplings.c]\ndriver = "crank"\ndriven = "rocker"\n[points]',
         ("line 29", "none of ratio", "give one"),
     ),
-    "a rack between two turns": (
+    "a rack between two angles": (
         "[points]",
         '[couplings.c]\ndriver = "crank"\ndriven = "rocker"\nradius = 2\n[points]',
         ("line 29", "a rack between two coordinates of one unit"),
     ),
-    "a coupling of no coordinate": (
+    "a coupling of an unknown coordinate": (
         "[points]",
         '[couplings.c]\ndriver = "crank"\ndriven = "roker"\nratio = 2\n[points]',
         ("line 31", "couplings.c.driven", "did you mean 'rocker'"),
@@ -219,14 +235,14 @@ CHANGES = {
     "a point on no link": ('A = { link = "crank"', 'A = { link = "wheel"', ("'wheel'",)),
     "an unknown unit": ('"mm"', '"furlongz"', ("line 2", "furlongz")),
     "a unit of time": ('"mm"', '"s"', ("line 2", "is the wrong kind of unit")),
-    "no TOML": ("start = 10", "start == 10", ("no TOML", "line 4")),
+    "invalid TOML": ("start = 10", "start == 10", ("no TOML", "line 4")),
     "negative mass": ('"400 g"', '"-400 g"', ("line 10", "mass of a link")),
     "a zero axis": (
         'a = { link = "ground" }',
         'a = { link = "ground", axis = [0, 0, 0] }',
         ("line 13", "zero vector"),
     ),
-    "teeth where no pitch point is": (
+    "a pressure angle without a pitch point": (
         "[points]",
         '[couplings.c]\ndriven = "A"\ndriver = "crank"\ncoefficients=[0, 1, 2]\npressure_angle=1\n[points]',
         ("couplings.c.pressure_angle", "no pitch point"),
@@ -236,8 +252,8 @@ CHANGES = {
         '[couplings.c]\ndriver = "crank"\ndriven = "A"\nratio = 2\npressure_angle = "90 deg"\n[points]',
         ("pressure angle of coupling 'crank-A'", "less than 90 deg"),
     ),
-    "a table for a list": ('["crank"]', "{}", ("line 3", "drivers")),
-    "nests": ("start = 10", f"start = {'[' * 5000}{']' * 5000}", ("nests too deep",)),
+    "a table instead of a list": ('["crank"]', "{}", ("line 3", "drivers")),
+    "deep nesting": ("start = 10", f"start = {'[' * 5000}{']' * 5000}", ("nests too deep",)),
 }
 
 

@@ -1,4 +1,4 @@
-"""A mechanism written as TOML reads back to the same one, to the last bit."""
+"""Mechanisms written as TOML are read back exactly."""
 
 import json
 import sys
@@ -30,7 +30,7 @@ def read_back(mechanism: Mechanism, folder: Path) -> Mechanism:
     return load(str(path)).mechanism
 
 
-def alike(item: Mechanism, other: Mechanism) -> bool:
+def identical(item: Mechanism, other: Mechanism) -> bool:
     """Whether two mechanisms are equal to the last bit."""
     poses = item.guess.keys() == other.guess.keys() and all(
         np.array_equal(item.guess[name].position, other.guess[name].position)
@@ -44,16 +44,16 @@ def alike(item: Mechanism, other: Mechanism) -> bool:
 @pytest.mark.parametrize("name", VARIANTS)
 def test_catalogue_mechanisms_are_read_back_exactly(name, tmp_path):
     mechanism = VARIANTS[name].mechanism
-    assert alike(read_back(mechanism, tmp_path), mechanism)
+    assert identical(read_back(mechanism, tmp_path), mechanism)
     heavy = with_inertia(mechanism)
-    assert alike(read_back(heavy, tmp_path), heavy)
-    assert not alike(read_back(heavy, tmp_path), mechanism)
+    assert identical(read_back(heavy, tmp_path), heavy)
+    assert not identical(read_back(heavy, tmp_path), mechanism)
 
 
 def test_the_comparison_detects_one_bit(tmp_path):
     mechanism = catalog.make("rssr").mechanism
     moved = replace(mechanism, start=float(np.nextafter(mechanism.start, 1.0)))
-    assert not alike(read_back(moved, tmp_path), mechanism)
+    assert not identical(read_back(moved, tmp_path), mechanism)
 
 
 def test_mechanisms_are_compared_with_their_guess(tmp_path):
@@ -67,7 +67,9 @@ def test_mechanisms_are_compared_with_their_guess(tmp_path):
 def test_names_with_quotes_are_read_back(tmp_path):
     mechanism = catalog.make("four_bar").mechanism
     points = {'a "b"\\': mechanism.points["A"], "ü.1": mechanism.points["B"], "🙂": mechanism.points["C"]}
-    assert alike(read_back(replace(mechanism, points=points), tmp_path), replace(mechanism, points=points))
+    assert identical(
+        read_back(replace(mechanism, points=points), tmp_path), replace(mechanism, points=points)
+    )
 
 
 def test_exported_toml_has_the_motion_of_the_catalogue(monkeypatch, tmp_path):
@@ -78,8 +80,8 @@ def test_exported_toml_has_the_motion_of_the_catalogue(monkeypatch, tmp_path):
     assert not ended.value.code
     angles = np.linspace(0.0, 6.0, 13)
     exact = catalog.make("rssr").positions(angles)
-    for name, place in load(str(path)).positions(angles).items():
-        np.testing.assert_allclose(place, exact[name], atol=1e-15)
+    for name, position in load(str(path)).positions(angles).items():
+        np.testing.assert_allclose(position, exact[name], atol=1e-15)
 
 
 def test_the_schema_contains_every_key_of_the_reader(monkeypatch, capsys):
@@ -91,7 +93,7 @@ def test_the_schema_contains_every_key_of_the_reader(monkeypatch, capsys):
     assert json.loads(capsys.readouterr().out)["properties"]["joints"]["additionalProperties"]["required"]
 
 
-MACHINE = """
+PRESS = """
 name = "press"
 units = { length = "mm", angle = "deg" }
 drivers = ["crank", "sleeve.way"]
@@ -204,7 +206,7 @@ python = "press.py:law"
 @pytest.fixture
 def press(tmp_path):
     path = tmp_path / "press.toml"
-    path.write_text(MACHINE)
+    path.write_text(PRESS)
     return load(str(path))
 
 
@@ -213,17 +215,17 @@ def test_couplings_are_read_in_si(press):
     (mesh,) = mechanism.gears
     assert (mesh.driver, mesh.driven, mesh.ratio, mesh.phase) == ("crank", "second", -2, np.deg2rad(75))
     assert mesh.pressure_angle == np.deg2rad(20)
-    feed, lift, both, twin = mechanism.couplings
+    rack_law, nut_law, sum_law, sleeve_law = mechanism.couplings
     assert [item.pressure_angle for item in mechanism.couplings] == [0.4, None, None, None]
-    assert (feed.left, feed.right) == ("rack", "crank")
-    np.testing.assert_allclose(feed.coefficients, [0.002, 0.036 / (2 * np.pi)], rtol=1e-15)
+    assert (rack_law.left, rack_law.right) == ("rack", "crank")
+    np.testing.assert_allclose(rack_law.coefficients, [0.002, 0.036 / (2 * np.pi)], rtol=1e-15)
     # an angle in degrees over a length in millimetres
     x = 0.0173
-    wanted = np.deg2rad(15 + 2 * 7.3 + 0.1 * 7.3**2 + 1e-4 * 7.3**4)
-    np.testing.assert_allclose(lift.polynomial(np.array([x]))[0], [wanted], rtol=1e-12)
-    np.testing.assert_allclose(lift.zeros, [np.deg2rad(3), 0.01])
-    assert (both.left, both.right) == ("table.x", {"rack": 1.0, "sleeve.way": -0.5})
-    assert (twin.coefficients, twin.turns) == ((0.0, 3.0), True)
+    expected = np.deg2rad(15 + 2 * 7.3 + 0.1 * 7.3**2 + 1e-4 * 7.3**4)
+    np.testing.assert_allclose(nut_law.polynomial(np.array([x]))[0], [expected], rtol=1e-12)
+    np.testing.assert_allclose(nut_law.zeros, [np.deg2rad(3), 0.01])
+    assert (sum_law.left, sum_law.right) == ("table.x", {"rack": 1.0, "sleeve.way": -0.5})
+    assert (sleeve_law.coefficients, sleeve_law.turns) == ((0.0, 3.0), True)
     assert mechanism.joint("nut").lead == 0.004
 
 
@@ -245,14 +247,14 @@ def test_all_contents_are_read_back_exactly(press, tmp_path):
     path = tmp_path / "again.toml"
     path.write_text(to_toml(press))
     again = load(str(path))
-    assert alike(again.mechanism, press.mechanism)
+    assert identical(again.mechanism, press.mechanism)
     assert again.motion_laws.duration == press.motion_laws.duration
     time = np.linspace(0.0, 0.5, 11)
     np.testing.assert_allclose(again.motion_laws.state(time), press.motion_laws.state(time), rtol=1e-14)
     assert Path(again.formula).name == Path(press.formula).name
-    # loads hold functions: what they give at an instant stands for them
-    for result, wanted in zip(again.forces.load_profiles, press.forces.load_profiles, strict=True):
-        assert np.array_equal(result.evaluate([0.0]), wanted.evaluate([0.0]))
+    # loads contain functions, which are compared at one instant
+    for result, expected in zip(again.forces.load_profiles, press.forces.load_profiles, strict=True):
+        assert np.array_equal(result.evaluate([0.0]), expected.evaluate([0.0]))
     bare = [replace(item.forces, loads=(), couples=(), crank_torque=None) for item in (again, press)]
     assert bare[0] == bare[1]
     assert to_toml(again) == to_toml(press)
@@ -277,9 +279,9 @@ def test_writing_a_motion_law_without_text_is_rejected():
     def state(time):
         return time, np.ones_like(time), np.zeros_like(time)
 
-    form = load("four_bar", drive={"crank": state})
+    solver = load("four_bar", drive={"crank": state})
     with pytest.raises(InputError, match="without text"):
-        to_toml(form)
+        to_toml(solver)
 
 
 def test_the_schema_lists_the_values_of_the_reader(press):

@@ -1,4 +1,4 @@
-"""Loops of URDF files: every dialect closes the same four-bar, and a wrong file ends in one sentence."""
+"""Loops of URDF files: every dialect closes the same four-bar, and invalid files are rejected."""
 
 import numpy as np
 import pytest
@@ -51,8 +51,8 @@ DIALECTS = {
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 13)
 
 
-def robot(*parts):
-    return f'<robot name="four_bar">{TREE}{"".join(parts)}</robot>'
+def robot(*elements):
+    return f'<robot name="four_bar">{TREE}{"".join(elements)}</robot>'
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def written(tmp_path):
 
 
 def gap(path, **options):
-    """Return how far the ends of rod and follower are apart, and that of the rod from its two pivots."""
+    """Return the distance between the ends of rod and follower, and the motion."""
     motion = ms.load(path, drive={"motor": "1rad/s"}, duration=6.28, **options).solve(
         t=np.linspace(0.0, 6.28, 13)
     )
@@ -78,15 +78,15 @@ def gap(path, **options):
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_every_dialect_closes_the_four_bar(written, dialect):
-    apart, motion = gap(written(robot(DIALECTS[dialect])))
-    assert apart <= 1e-14
+    error, motion = gap(written(robot(DIALECTS[dialect])))
+    assert error <= 1e-14
     # the law of cosines at the crank's pivot and the follower's
     crank = motion.joints["motor"].value
     pin = CRANK * np.stack([-np.sin(crank), np.cos(crank)], 1)
     distance = np.hypot(*(pin - [GROUND, 0.0]).T)
-    bent = (ROD**2 + FOLLOWER**2 - distance**2) / (2.0 * ROD * FOLLOWER)
+    cosine = (ROD**2 + FOLLOWER**2 - distance**2) / (2.0 * ROD * FOLLOWER)
     rod, follower = (motion.links[name].rotation for name in ("rod", "follower"))
-    assert -np.einsum("ni,ni->n", rod[:, :, 0], follower[:, :, 1]) == pytest.approx(-bent, abs=1e-12)
+    assert -np.einsum("ni,ni->n", rod[:, :, 0], follower[:, :, 1]) == pytest.approx(-cosine, abs=1e-12)
 
 
 def coupling(predecessor, successor, ratio="6"):
@@ -102,16 +102,16 @@ def test_a_coupling_multiplies_the_angles_between_its_links(written, predecessor
 
 
 @pytest.mark.parametrize(
-    ("part", "message"),
+    ("element", "message"),
     [
         (coupling("crank", "rood"), "names link 'rood' .did you mean 'rod'"),
         (coupling("crank", "rod"), "no joint between its predecessor or successor"),
         (coupling("crank", "follower", "six"), "1 finite numbers belong"),
     ],
 )
-def test_an_invalid_coupling_is_rejected(written, part, message):
+def test_an_invalid_coupling_is_rejected(written, element, message):
     with pytest.raises(ms.InputError, match=message):
-        ms.closed_qpos(written(robot(part)), {"motor": 0.1})
+        ms.closed_qpos(written(robot(element)), {"motor": 0.1})
 
 
 def test_a_gazebo_loop_joint_uses_the_initial_configuration(written):
@@ -155,7 +155,7 @@ def test_a_sidecar_file_makes_joints_spherical_universal_or_fixed(written):
 
 
 @pytest.mark.parametrize(
-    ("part", "message"),
+    ("element", "message"),
     [
         (DIALECTS["URDF+"].replace('link="rod"', 'link="rood"'), "names link 'rood' .did you mean 'rod'"),
         (DIALECTS["URDF+"].replace("revolute", "planar"), "is of type 'planar'; a loop is closed by"),
@@ -165,9 +165,9 @@ def test_a_sidecar_file_makes_joints_spherical_universal_or_fixed(written):
         (ENDS + BUSHING.replace("90 90 0", "90 0 0"), "stiff about one axis"),
     ],
 )
-def test_an_invalid_loop_is_rejected(written, part, message):
+def test_an_invalid_loop_is_rejected(written, element, message):
     with pytest.raises(ms.InputError, match=message) as caught:
-        ms.load(written(robot(part)), still=True)
+        ms.load(written(robot(element)), still=True)
     assert "\n" not in str(caught.value)
 
 

@@ -1,4 +1,4 @@
-"""What points up in pictures: against gravity where a file gives it, else as the file states."""
+"""The vertical of pictures: opposite to gravity, or as the file states."""
 
 import sys
 from dataclasses import replace
@@ -46,7 +46,7 @@ def loaded(tmp_path: Path, text: str, name: str = "arm.toml"):
     return load(str(path))
 
 
-def ended_with(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+def exit_code(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
     monkeypatch.setattr(sys, "argv", ["mechsim", *words])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -78,8 +78,8 @@ def test_the_vertical_of_a_scene_is_opposite_to_gravity(tmp_path, gravity, expec
 
 
 def test_a_scene_exported_as_toml_keeps_its_vertical(tmp_path):
-    form = loaded(tmp_path, SCENE.format("0 0 -9.81"), "arm.xml")
-    for source in (form, form.mechanism):
+    solver = loaded(tmp_path, SCENE.format("0 0 -9.81"), "arm.xml")
+    for source in (solver, solver.mechanism):
         written = to_toml(source)
         assert 'up = "z"' in written
         again = loaded(tmp_path, written).mechanism
@@ -94,20 +94,20 @@ def test_a_mechanism_with_gravity_along_z_is_drawn_upright(tmp_path):
 
 
 def test_pages_and_pictures_accept_another_vertical(tmp_path, capsys, monkeypatch):
-    form = loaded(tmp_path, ARM)
-    view = mechanism_view(form, 1.0)
+    solver = loaded(tmp_path, ARM)
+    view = mechanism_view(solver, 1.0)
     assert page(view) != page(replace(view, up="z"))
     paths = [tmp_path / "y.png", tmp_path / "z.png"]
     for path in paths:
         words = ["render", str(tmp_path / "arm.toml"), "-o", str(path), "--up", path.stem, "--size", "64x48"]
-        assert ended_with(monkeypatch, *words) == 0
+        assert exit_code(monkeypatch, *words) == 0
     assert paths[0].read_bytes() != paths[1].read_bytes()
-    for command, place in (("render", tmp_path / "no.png"), ("view", tmp_path / "no.html")):
-        assert ended_with(monkeypatch, command, "rssr", "-o", str(place), "--up", "w") == 2
-        refused = capsys.readouterr().err
-        assert "--up" in refused
-        assert "-z" in refused
-        assert not place.exists()
+    for command, target in (("render", tmp_path / "no.png"), ("view", tmp_path / "no.html")):
+        assert exit_code(monkeypatch, command, "rssr", "-o", str(target), "--up", "w") == 2
+        message = capsys.readouterr().err
+        assert "--up" in message
+        assert "-z" in message
+        assert not target.exists()
 
 
 def test_an_invalid_axis_is_rejected_with_its_line(tmp_path):

@@ -1,4 +1,4 @@
-"""Curves of assemblies: every pose on a closed form, every closed form's assembly on a curve."""
+"""Curves of assembly modes agree with the closed forms in both directions."""
 
 from dataclasses import replace
 
@@ -23,118 +23,124 @@ from mechsim.theory.continuation import mechanism_trace, segments
 from mechsim.theory.continuation.assembly_curve import crank_path_length, even_motion
 from mechsim.theory.continuation.mechanism_trace import trace
 
-TURN = 2.0 * np.pi
-FORMS = {name: catalog.make(name) for name in catalog.DRIVES}
-FORMS |= {
-    f"{name} {case}": replace(drive, **wanted)
-    for name, drive in tuple(FORMS.items())
-    for case, wanted in {
-        "swinging": special_designs(drive.name).swinging,
-        **special_designs(drive.name).change_points,
+REVOLUTION = 2.0 * np.pi
+SOLVERS = {name: catalog.make(name) for name in catalog.DRIVES}
+SOLVERS |= {
+    f"{name} {case}": replace(closed_form, **changes)
+    for name, closed_form in tuple(SOLVERS.items())
+    for case, changes in {
+        "swinging": special_designs(closed_form.name).swinging,
+        **special_designs(closed_form.name).change_points,
     }.items()
-    if wanted
+    if changes
 }
 TRACES = {}
-# enough for every curve here: the rarest takes a tenth of them
+# enough for every curve: a tenth of them reach the rarest
 STARTS = 30
 
 
 def traced(name):
     if name not in TRACES:
-        TRACES[name] = trace(FORMS[name], starts=STARTS)
+        TRACES[name] = trace(SOLVERS[name], starts=STARTS)
     return TRACES[name]
 
 
-def apart(angles, others):
-    """How far angles are from the nearest of others, in [rad], whole turns left out."""
-    gaps = np.abs(np.exp(1j * np.asarray(angles))[:, None] - np.exp(1j * np.asarray(others)))
-    return gaps.min(1)
+def angular_distances(angles, others):
+    """Return the distances of angles from the nearest of others, in [rad], modulo a revolution."""
+    differences = np.abs(np.exp(1j * np.asarray(angles))[:, None] - np.exp(1j * np.asarray(others)))
+    return differences.min(1)
 
 
-def gap_to_closed_form(drive, poses, k):
-    listed = drive.assembly_points(float(poses.angle[k]))
-    gaps = [
-        max(float(np.linalg.norm(place - poses.points[name][k])) for name, place in points.items())
+def gap_to_closed_form(linkage, poses, k):
+    listed = linkage.assembly_points(float(poses.angle[k]))
+    differences = [
+        max(float(np.linalg.norm(position - poses.points[name][k])) for name, position in points.items())
         for _, points in listed
     ]
-    return min(gaps, default=np.inf) / drive.mechanism.characteristic_length
+    return min(differences, default=np.inf) / linkage.mechanism.characteristic_length
 
 
-@pytest.mark.parametrize("name", grid(FORMS))
+@pytest.mark.parametrize("name", grid(SOLVERS))
 def test_every_pose_of_a_curve_agrees_with_the_closed_form(name):
-    drive = FORMS[name]
+    linkage = SOLVERS[name]
     for curve in traced(name).curves:
         poses = curve.samples(16)
-        gaps, turned = loops.residual_norms(drive.mechanism, poses.poses, poses.angle)
-        assert gaps.max() <= 1e-13 * drive.mechanism.characteristic_length
-        assert turned.max() <= 1e-13
-        # a closed form keeps half the digits where the crank turns back
-        clear = loops.conditioning(drive.mechanism, poses.poses) > 1e-3
+        differences, angles = loops.residual_norms(linkage.mechanism, poses.poses, poses.angle)
+        assert differences.max() <= 1e-13 * linkage.mechanism.characteristic_length
+        assert angles.max() <= 1e-13
+        # closed forms lose half the digits where the crank reverses
+        clear = loops.conditioning(linkage.mechanism, poses.poses) > 1e-3
         assert clear.sum() > 12
-        assert max(gap_to_closed_form(drive, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
+        assert max(gap_to_closed_form(linkage, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
 
 
-@pytest.mark.parametrize("name", grid(FORMS))
+@pytest.mark.parametrize("name", grid(SOLVERS))
 def test_every_assembly_mode_of_the_closed_form_is_on_a_curve(name):
-    drive, result = FORMS[name], traced(name)
-    arcs = drive.crank_range()
+    linkage, result = SOLVERS[name], traced(name)
+    arcs = linkage.crank_range()
     low, high = arcs.arcs[0] if not arcs.full else (-np.pi, np.pi)
     for angle in (low + 0.37 * (high - low), low + 0.81 * (high - low)):
-        there = [points for curve in result.curves for points in passing(curve, angle)]
-        for _, points in drive.assembly_points(angle):
-            gaps = [max(np.linalg.norm(points[name] - at[name]) for name in points) for at in there]
-            assert min(gaps) <= 1e-10 * drive.mechanism.characteristic_length
+        on_curves = [points for curve in result.curves for points in points_at_angle(curve, angle)]
+        for _, points in linkage.assembly_points(angle):
+            differences = [
+                max(np.linalg.norm(points[name] - position[name]) for name in points)
+                for position in on_curves
+            ]
+            assert min(differences) <= 1e-10 * linkage.mechanism.characteristic_length
 
 
-def passing(curve, angle):
-    """The tracked points wherever a curve passes a crank angle."""
+def points_at_angle(curve, angle):
+    """Yield the tracked points wherever a curve crosses a crank angle."""
     poses = curve.samples(200)
-    off = (poses.angle - angle + np.pi) % TURN - np.pi
-    for k in np.flatnonzero((off[:-1] * off[1:] < 0.0) & (np.abs(off[:-1]) < 1.0)):
-        wanted = angle + TURN * round((poses.angle[k] - angle) / TURN)
+    offset = (poses.angle - angle + np.pi) % REVOLUTION - np.pi
+    for k in np.flatnonzero((offset[:-1] * offset[1:] < 0.0) & (np.abs(offset[:-1]) < 1.0)):
+        expected = angle + REVOLUTION * round((poses.angle[k] - angle) / REVOLUTION)
 
-        def ahead(arc, wanted=wanted):
-            return float(curve.poses_at(arc).angle[0]) - wanted
+        def ahead(arc, expected=expected):
+            return float(curve.poses_at(arc).angle[0]) - expected
 
-        at = curve.poses_at(root(ahead, poses.arc[k], poses.arc[k + 1]))
-        yield {name: place[0] for name, place in at.points.items()}
+        pose = curve.poses_at(root(ahead, poses.arc[k], poses.arc[k + 1]))
+        yield {name: position[0] for name, position in pose.points.items()}
 
 
-@pytest.mark.parametrize("name", grid(name for name in FORMS if FORMS[name].dead_centres()))
+@pytest.mark.parametrize("name", grid(name for name in SOLVERS if SOLVERS[name].dead_centres()))
 def test_swinging_cranks_reverse_at_the_dead_centres(name):
-    dead = FORMS[name].dead_centres()
+    dead = SOLVERS[name].dead_centres()
     for curve in traced(name).curves:
         assert curve.turns == 0
         assert len(curve.dead_centres) == 2
-        assert apart(curve.dead_centres, dead).max() <= 1e-11
+        assert angular_distances(curve.dead_centres, dead).max() <= 1e-11
     every = np.concatenate([curve.dead_centres for curve in traced(name).curves])
-    assert apart(dead, every).max() <= 1e-11
+    assert angular_distances(dead, every).max() <= 1e-11
 
 
-@pytest.mark.parametrize("name", grid(name for name in FORMS if FORMS[name].change_points()))
+@pytest.mark.parametrize("name", grid(name for name in SOLVERS if SOLVERS[name].change_points()))
 def test_branch_points_agree_with_the_closed_form(name):
-    result, known = traced(name), FORMS[name].change_points()
+    result, exact = traced(name), SOLVERS[name].change_points()
     angles = [branch_point.angle for branch_point in result.branch_points]
-    assert apart(angles, known).max() <= 1e-8
-    assert apart(known, angles).max() <= 1e-8
+    assert angular_distances(angles, exact).max() <= 1e-8
+    assert angular_distances(exact, angles).max() <= 1e-8
     for branch_point in result.branch_points:
         assert len(branch_point.locations) == 2
-        here = [result.curves[i].poses_at(arc).points for i, arc in branch_point.locations]
-        for point, place in here[0].items():
-            assert np.abs(place - here[1][point]).max() <= 1e-8 * FORMS[name].mechanism.characteristic_length
+        points = [result.curves[i].poses_at(arc).points for i, arc in branch_point.locations]
+        for point, position in points[0].items():
+            assert (
+                np.abs(position - points[1][point]).max()
+                <= 1e-8 * SOLVERS[name].mechanism.characteristic_length
+            )
 
 
 @pytest.mark.slow
 def test_close_curves_without_a_branch_point_are_separated():
-    near = FourBar(ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
-    assert trace(replace(near, coupler=0.1), starts=0).branch_points
-    result = trace(near, starts=2)
+    linkage = FourBar(ground=0.1, crank=0.05, coupler=0.1 + 1e-5, rocker=0.05)
+    assert trace(replace(linkage, coupler=0.1), starts=0).branch_points
+    result = trace(linkage, starts=2)
     assert not result.branch_points
-    # it rounds the place where it would change over, and its crank swings past neither
+    # each curve keeps its assembly mode where the curves are close
     for curve in result.curves:
         poses = curve.samples(16)
-        clear = loops.conditioning(near.mechanism, poses.poses) > 1e-3
-        assert max(gap_to_closed_form(near, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
+        clear = loops.conditioning(linkage.mechanism, poses.poses) > 1e-3
+        assert max(gap_to_closed_form(linkage, poses, k) for k in np.flatnonzero(clear)) <= 1e-10
 
 
 def test_curves_of_a_geared_mechanism_satisfy_the_gear_equation():
@@ -142,18 +148,18 @@ def test_curves_of_a_geared_mechanism_satisfy_the_gear_equation():
     for curve in trace(mechanism, starts=30).curves:
         poses = curve.samples(12)
         assert np.abs(poses.joints["wheel.q"] + 1.5 * poses.joints["crank.q"]).max() <= 1e-12
-        gaps, turned = loops.residual_norms(mechanism, poses.poses, poses.angle)
-        assert gaps.max() <= 1e-15
-        assert turned.max() <= 1e-13
+        differences, angles = loops.residual_norms(mechanism, poses.poses, poses.angle)
+        assert differences.max() <= 1e-15
+        assert angles.max() <= 1e-13
 
 
 @pytest.mark.parametrize("away", [1e-7, 1e-10])
 def test_a_curve_of_high_curvature_keeps_its_assembly_mode(away):
-    near = FourBar(ground=0.11, crank=0.05, coupler=0.08, rocker=0.08 + away)
-    curve = trace(near, starts=0).curves[0]
+    linkage = FourBar(ground=0.11, crank=0.05, coupler=0.08, rocker=0.08 + away)
+    curve = trace(linkage, starts=0).curves[0]
     assert abs(curve.turns) == 1
     poses = curve.samples(60)
-    assert set(np.sign(near.assembly_sign(poses.points))) == {1.0}
+    assert set(np.sign(linkage.assembly_sign(poses.points))) == {1.0}
 
 
 def test_a_folded_kite_has_a_curve_with_constant_crank_angle():
@@ -170,42 +176,42 @@ def test_a_folded_kite_has_a_curve_with_constant_crank_angle():
 
 
 def test_rockers_reverse_where_crank_and_coupler_are_collinear():
-    drive = FourBar()
-    first, second = trace(drive, starts=20).curves
+    linkage = FourBar()
+    first, second = trace(linkage, starts=20).curves
     for curve in (first, second):
-        turned = [one for one in curve.turning_points if one.coordinate == "rocker.q"]
-        reach = np.array([drive.coupler + drive.crank, drive.coupler - drive.crank])
+        reversals = [point for point in curve.turning_points if point.coordinate == "rocker.q"]
+        reach = np.array([linkage.coupler + linkage.crank, linkage.coupler - linkage.crank])
         # the cosine rule in the triangle of ground, rocker and the straight line of both others
-        cosines = (drive.ground**2 + drive.rocker**2 - reach**2) / (2.0 * drive.ground * drive.rocker)
-        assert len(turned) == 2
-        assert {one.which for one in turned} == {"highest", "lowest"}
-        values = np.sort(np.cos([np.pi - one.value for one in turned]))
+        cosines = (linkage.ground**2 + linkage.rocker**2 - reach**2) / (2.0 * linkage.ground * linkage.rocker)
+        assert len(reversals) == 2
+        assert {point.which for point in reversals} == {"highest", "lowest"}
+        values = np.sort(np.cos([np.pi - point.value for point in reversals]))
         assert np.abs(values - np.sort(cosines)).max() <= 1e-12
 
 
 def test_the_length_of_a_curve_is_the_integral_of_twists():
-    drive = Rrsrr()
-    motion = drive.solve(np.linspace(0.0, TURN, 400)[:-1])
+    linkage = Rrsrr()
+    motion = linkage.solve(np.linspace(0.0, REVOLUTION, 400)[:-1])
     squares = sum(
-        (link.velocity**2).sum(1) / drive.mechanism.characteristic_length**2
+        (link.velocity**2).sum(1) / linkage.mechanism.characteristic_length**2
         + (link.angular_velocity**2).sum(1)
         for link in motion.links.values()
     )
-    assert abs(trace(drive, starts=0).curves[0].length - TURN * np.sqrt(squares).mean()) <= 1e-8
+    assert abs(trace(linkage, starts=0).curves[0].length - REVOLUTION * np.sqrt(squares).mean()) <= 1e-8
 
 
 def test_the_curve_of_a_spherical_joint_lies_on_torus_and_sphere():
-    drive = Rrsrr()
-    system = torus_sphere(drive)
-    for curve in trace(drive, starts=STARTS).curves:
-        gaps = np.array([system.residual(place) for place in curve.samples(60).points["S"]])
-        scales = np.array([drive.link**4, drive.link**2])
-        assert np.abs(gaps / scales).max() <= 1e-13
+    linkage = Rrsrr()
+    system = torus_sphere(linkage)
+    for curve in trace(linkage, starts=STARTS).curves:
+        differences = np.array([system.residual(position) for position in curve.samples(60).points["S"]])
+        scales = np.array([linkage.link**4, linkage.link**2])
+        assert np.abs(differences / scales).max() <= 1e-13
 
 
 def test_traces_are_reproducible_for_any_seed():
-    drive = SliderCrank()
-    first, again, other = (trace(drive, starts=40, seed=seed) for seed in (4, 4, 5))
+    linkage = SliderCrank()
+    first, again, other = (trace(linkage, starts=40, seed=seed) for seed in (4, 4, 5))
     assert [c.starts_ended for c in first.curves] == [c.starts_ended for c in again.curves]
     assert [c.length for c in first.curves] == [c.length for c in again.curves]
     assert (
@@ -219,20 +225,20 @@ def test_poses_are_assigned_to_their_own_curve():
     result = traced("four_bar")
     loops = result.curves[0].loops
     for i, curve in enumerate(result.curves):
-        walked = curve.traced.segments[3]
-        marks = walked.features.evaluate(np.linspace(walked.low, walked.high, 7))
-        on = [mechanism_trace.lie_on(other, marks).all() for other in result.curves]
+        segment = curve.traced.segments[3]
+        features = segment.features.evaluate(np.linspace(segment.low, segment.high, 7))
+        on = [mechanism_trace.lie_on(other, features).all() for other in result.curves]
         assert on == [k == i for k in range(len(result.curves))]
-        astray = marks + 1e-5 * np.eye(marks.shape[1])[0]
-        assert not mechanism_trace.lie_on(curve, astray).any()
+        moved = features + 1e-5 * np.eye(features.shape[1])[0]
+        assert not mechanism_trace.lie_on(curve, moved).any()
     assert loops.features is result.curves[1].loops.features
 
 
 def geared(ratio):
-    """A crank that turns a four-bar through a gear: its curve closes when all have come round."""
+    """Return a four-bar driven through a gear: its curve closes after a common period."""
     z = (0.0, 0.0, 1.0)
     ground = {"p": (0.0, 0.0, 0.0), "q": (0.05, 0.0, 0.0), "r": (0.13, 0.0, 0.0)}
-    ends = {name: End("ground", place, z) for name, place in ground.items()}
+    ends = {name: End("ground", position, z) for name, position in ground.items()}
     return Mechanism(
         "geared",
         (Link("crank"), Link("wheel"), Link("rod"), Link("lever")),
@@ -266,7 +272,7 @@ def test_a_curve_that_never_closes_is_rejected(monkeypatch):
 
 
 def on_a_rail(kind, *, lead=0.0):
-    """A carriage on a rail, moved by hand or by a spindle's thread."""
+    """Return a carriage on a rail, driven directly or by a screw."""
     rail = Joint("rail", "prismatic", End("ground", (0.06, 0.0, 0.0)), End("car", (0.06, 0.0, 0.0)))
     points = {"P": ("car", (0.08, 0.02, 0.0))}
     if kind == "slide":
@@ -291,10 +297,10 @@ def test_a_locked_joint_is_constant_along_a_curve():
     rail = on_a_rail("slide")
     arm = Joint("crank", "revolute", End("car", (0.01, 0.02, 0.0), (0.1, 0.3, 1.0)), End("arm"))
     links, points = (*rail.links, Link("arm")), {"P": ("arm", (0.05, 0.0, 0.01))}
-    held = replace(
+    mechanism = replace(
         rail, links=links, joints=(*rail.joints, arm), driver="crank", points=points, locked={"rail": 0.013}
     )
-    (curve,) = trace(held, starts=8).curves
+    (curve,) = trace(mechanism, starts=8).curves
     assert curve.turns == 1
     rails = curve.samples(30).joints["rail.q"]
     assert (rails == 0.013).all()
@@ -309,11 +315,11 @@ def test_an_unbounded_screw_is_rejected(monkeypatch):
 def test_chunks_of_random_starts_give_the_same_curves(monkeypatch):
     whole, reported = trace(SliderCrank(), starts=40), []
     monkeypatch.setattr(start, "CHUNK_BYTES", 4000.0)
-    parts = trace(SliderCrank(), starts=40, progress=lambda *output: reported.append(output))
-    assert [curve.starts_ended for curve in parts.curves] == [curve.starts_ended for curve in whole.curves]
-    done = [part for output, part in reported if output.endswith("of 40 random starts")]
-    assert len(done) > 2
-    assert done[-1] == 1.0
+    chunked = trace(SliderCrank(), starts=40, progress=lambda *output: reported.append(output))
+    assert [curve.starts_ended for curve in chunked.curves] == [curve.starts_ended for curve in whole.curves]
+    fractions = [fraction for output, fraction in reported if output.endswith("of 40 random starts")]
+    assert len(fractions) > 2
+    assert fractions[-1] == 1.0
 
 
 def arms(*, joined=False):
@@ -368,27 +374,28 @@ def test_invalid_traces_are_rejected():
 
 
 def test_the_motion_along_a_curve_has_uniform_speed():
-    drive = FORMS["rssr swinging"]
+    linkage = SOLVERS["rssr swinging"]
     curve = traced("rssr swinging").curves[0]
     motion = even_motion(curve, 96, 3.0)
-    direction = sum(
-        ((link.position[1:] - link.position[:-1]) ** 2).sum(1) / drive.mechanism.characteristic_length**2
+    squares = sum(
+        ((link.position[1:] - link.position[:-1]) ** 2).sum(1) / linkage.mechanism.characteristic_length**2
         + 0.5 * ((link.rotation[1:] - link.rotation[:-1]) ** 2).sum((1, 2))
         for name, link in motion.links.items()
         if name != "coupler"
     )
-    # the crank's and the rocker's ends are the coupler's too
+    # the ends of crank and rocker belong to the coupler, too
     for name in ("P2", "P3"):
-        place = motion.points[name].position
-        direction = (
-            direction + ((place[1:] - place[:-1]) ** 2).sum(1) / drive.mechanism.characteristic_length**2
+        position = motion.points[name].position
+        squares = (
+            squares
+            + ((position[1:] - position[:-1]) ** 2).sum(1) / linkage.mechanism.characteristic_length**2
         )
-    assert np.ptp(np.sqrt(direction)) <= 0.02 * np.sqrt(direction).mean()
+    assert np.ptp(np.sqrt(squares)) <= 0.02 * np.sqrt(squares).mean()
     for point in motion.points.values():
         assert np.abs(point.position[-1] - point.position[0]).max() <= 1e-9
     signs = {
         float(sign)
-        for sign in np.sign(drive.assembly_sign({n: p.position for n, p in motion.points.items()}))
+        for sign in np.sign(linkage.assembly_sign({n: p.position for n, p in motion.points.items()}))
     }
     assert signs >= {1.0, -1.0}
     assert motion.time[-1] == pytest.approx(3.0)
@@ -397,10 +404,10 @@ def test_the_motion_along_a_curve_has_uniform_speed():
 
 
 def test_rates_along_a_curve_agree_with_the_closed_form():
-    drive = Rssr()
-    motion = even_motion(trace(drive, starts=0).curves[0], 24, 2.0)
-    exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
+    linkage = Rssr()
+    motion = even_motion(trace(linkage, starts=0).curves[0], 24, 2.0)
+    exact = linkage.solve(motion.angle, motion.speed, motion.acceleration)
     for name, point in exact.points.items():
         for rate in ("position", "velocity", "acceleration"):
-            result, wanted = getattr(motion.points[name], rate), getattr(point, rate)
-            assert np.abs(result - wanted).max() <= 1e-7 * max(1e-2, np.abs(wanted).max())
+            result, expected = getattr(motion.points[name], rate), getattr(point, rate)
+            assert np.abs(result - expected).max() <= 1e-7 * max(1e-2, np.abs(expected).max())

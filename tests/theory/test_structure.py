@@ -1,4 +1,4 @@
-"""Mobility and Assur groups: known mechanisms, laws on random chains, and a second method to the groups."""
+"""Mobility and Assur groups: known mechanisms, laws on random chains, and groups by exhaustive search."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -21,11 +21,11 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.theory.structure.assur import assur_groups
 from mechsim.theory.structure.mobility_count import mobility, plane_normal
 
-Places = Mapping[str, tuple[str, str, tuple[float, float]]]
+JointPositions = Mapping[str, tuple[str, str, tuple[float, float]]]
 
-# where the parts of the warp-knitting mechanism stand, in [mm]: papers.md section 3, joints on the
+# joints of the warp-knitting mechanism in [mm]: papers.md section 3, joints on the
 # pose of link 4 given there; rod lengths follow from the pose
-KNITTER: Places = {
+KNITTER: JointPositions = {
     "crank": (GROUND, "crank1", (0.0, 0.0)),
     "crank2": (GROUND, "crank2", (55.0, 23.0)),
     "A": ("crank1", "rod3", (9.0, 0.0)),
@@ -35,13 +35,13 @@ KNITTER: Places = {
     "K": ("base", "rocker", (31.14, 71.29)),
     "rocker": (GROUND, "rocker", (-3.0, 79.0)),
 }
-FOUR_BAR: Places = {
+FOUR_BAR: JointPositions = {
     "crank": (GROUND, "crank", (0.0, 0.0)),
     "A": ("crank", "coupler", (11.0, 29.0)),
     "B": ("coupler", "rocker", (83.0, 61.0)),
     "rocker": (GROUND, "rocker", (103.0, -7.0)),
 }
-PARALLEL: Places = {
+PARALLEL: JointPositions = {
     "crank": (GROUND, "crank", (0.0, 0.0)),
     "A": ("crank", "coupler", (11.0, 29.0)),
     "B": ("coupler", "rocker", (81.0, 42.0)),
@@ -52,14 +52,14 @@ PARALLEL: Places = {
 
 
 def planar(
-    places: Places,
+    places: JointPositions,
     *,
     gears: tuple[Gear, ...] = (),
     turn: np.ndarray | None = None,
     slides: Mapping[str, float] | None = None,
     driver: str = "crank",
 ) -> Mechanism:
-    """Return a planar mechanism standing as drawn: every link's frame lies on the ground's at the start."""
+    """Return a planar mechanism whose link frames coincide with the ground frame at the start."""
     turn = np.eye(3) if turn is None else turn
     names = dict.fromkeys(link for a, b, _ in places.values() for link in (a, b) if link != GROUND)
     joints = []
@@ -85,18 +85,18 @@ def knitter() -> Mechanism:
     return planar(KNITTER, gears=(Gear("crank", "crank2", -2.0),))
 
 
-def found(mechanism: Mechanism, driver: str | None = None, stopped: Sequence[str] = ()) -> list[tuple]:
+def groups_of(mechanism: Mechanism, driver: str | None = None, stopped: Sequence[str] = ()) -> list[tuple]:
     groups = assur_groups(mechanism, driver, stopped).groups
     return [(group.class_, group.order, set(group.links)) for group in groups]
 
 
-def peeled(mechanism: Mechanism, placed: Iterable[str]) -> list[set[str]] | None:
-    """Peel off the smallest subsets with 3n = 2p by trying all; None where something is left over."""
+def groups_by_search(mechanism: Mechanism, placed: Iterable[str]) -> list[set[str]] | None:
+    """Return groups by removing the smallest subsets with 3n = 2p; None if links remain."""
     placed = {GROUND, *placed}
-    left = [link.name for link in mechanism.links if link.name not in placed]
+    remaining = [link.name for link in mechanism.links if link.name not in placed]
     ends = [{joint.a.link, joint.b.link} for joint in mechanism.joints]
 
-    def freedoms(chosen: set[str]) -> int:
+    def dofs(chosen: set[str]) -> int:
         return 3 * len(chosen) - 2 * sum(bool(e & chosen) and e <= chosen | placed for e in ends)
 
     def subsets(links: Iterable[str]) -> Iterator[set[str]]:
@@ -104,14 +104,14 @@ def peeled(mechanism: Mechanism, placed: Iterable[str]) -> list[set[str]] | None
         return (set(chosen) for n in range(1, len(links) + 1) for chosen in combinations(links, n))
 
     groups = []
-    while left:
-        group = next((chosen for chosen in subsets(left) if freedoms(chosen) == 0), None)
-        # a link held too often and a loose one also add up to zero, but are no group
-        if group is None or any(freedoms(part) < 0 for part in subsets(group)):
+    while remaining:
+        group = next((chosen for chosen in subsets(remaining) if dofs(chosen) == 0), None)
+        # an overconstrained link and a loose one also add up to zero, but are no group
+        if group is None or any(dofs(subset) < 0 for subset in subsets(group)):
             return None
         groups.append(group)
         placed |= group
-        left = [name for name in left if name not in group]
+        remaining = [name for name in remaining if name not in group]
     return groups
 
 
@@ -127,7 +127,7 @@ def test_a_four_bar_has_one_dof_and_three_redundant_constraints():
 )
 def test_four_bar_and_slider_crank_consist_of_a_crank_and_a_dyad(name, links):
     mechanism = catalog.make(name).mechanism
-    assert found(mechanism) == [(2, 2, links)]
+    assert groups_of(mechanism) == [(2, 2, links)]
     assert mobility(mechanism).grubler == 1
 
 
@@ -147,7 +147,7 @@ def test_a_passive_spin_satisfies_the_loop_equations():
     p2, p3 = rod.point((0.0, 0.0, 0.0)), rod.point((-0.046, 0.0, 0.0))
     axis = (p3 - p2) / np.linalg.norm(p3 - p2)
     poses["coupler"] = Pose(p2, turned_by(rod.rotation, 1.1 * axis))
-    # a turn about any other line opens the loop by the order of the rod, 46 mm
+    # a rotation about another line violates the loop by up to the length of the rod, 46 mm
     assert residual_norms(mechanism, poses, mechanism.start)[0] <= 1e-15
 
 
@@ -175,24 +175,24 @@ def test_a_spin_that_moves_a_tracked_point_is_not_passive():
 def test_each_passive_spin_is_named():
     plain = Rssr().mechanism
     poses = assemble(plain, [plain.start])
-    rocker, far = poses["rocker"].select(0), np.array([0.071, 0.013, 0.009])
+    rocker, position = poses["rocker"].select(0), np.array([0.071, 0.013, 0.009])
     arm = np.array([0.003, 0.002, 0.019])
-    near = rocker.rotation.T @ (far + arm - rocker.position)
+    local = rocker.rotation.T @ (position + arm - rocker.position)
     rod = (
-        Joint("Q2", "spherical", End("rocker", tuple(near.tolist())), End("rod", tuple(arm.tolist()))),
-        Joint("Q3", "spherical", End("rod"), End("slider", tuple(far.tolist()))),
+        Joint("Q2", "spherical", End("rocker", tuple(local.tolist())), End("rod", tuple(arm.tolist()))),
+        Joint("Q3", "spherical", End("rod"), End("slider", tuple(position.tolist()))),
     )
     slide = Joint(
         "slide", "cylindrical", End(GROUND, (0.0, 0.013, 0.009), EX), End("slider", (0.0, 0.013, 0.009), EX)
     )
-    still = {name: poses[name].select(0) for name in ("crank", "coupler", "rocker")}
+    guess = {name: poses[name].select(0) for name in ("crank", "coupler", "rocker")}
     mechanism = Mechanism(
         name="two rods",
         links=(*plain.links, Link("rod"), Link("slider")),
         joints=(*plain.joints, *rod, slide),
         driver="crank",
         points=plain.points,
-        guess={**still, "rod": Pose(far, np.eye(3)), "slider": IDENTITY},
+        guess={**guess, "rod": Pose(position, np.eye(3)), "slider": IDENTITY},
         start=plain.start,
     )
     m = mobility(mechanism)
@@ -205,19 +205,19 @@ def test_each_passive_spin_is_named():
 
 
 def test_dyads_are_listed_in_the_order_of_assembly():
-    places = dict(FOUR_BAR)
-    places["E"] = ("rocker", "rod", (121.0, 37.0))
-    places["F"] = ("rod", "slider", (190.0, 12.0))
-    places["slide"] = (GROUND, "slider", (190.0, 12.0))
-    mechanism = planar(places, slides={"slide": 0.2})
-    assert found(mechanism) == [(2, 2, {"coupler", "rocker"}), (2, 2, {"rod", "slider"})]
+    positions = dict(FOUR_BAR)
+    positions["E"] = ("rocker", "rod", (121.0, 37.0))
+    positions["F"] = ("rod", "slider", (190.0, 12.0))
+    positions["slide"] = (GROUND, "slider", (190.0, 12.0))
+    mechanism = planar(positions, slides={"slide": 0.2})
+    assert groups_of(mechanism) == [(2, 2, {"coupler", "rocker"}), (2, 2, {"rod", "slider"})]
     assert mobility(mechanism).redundant == 6
     assert "three for each of 2 planar loops" in str(mobility(mechanism))
 
 
 def test_the_warp_knitter_has_class_three_and_order_three():
     assert assur_groups(knitter()).drivers == ("crank1", "crank2")
-    assert found(knitter()) == [(3, 3, {"rod3", "rod5", "base", "rocker"})]
+    assert groups_of(knitter()) == [(3, 3, {"rod3", "rod5", "base", "rocker"})]
     assert plain(assur_groups(knitter()).groups) == [
         {"class": 3, "order": 3, "links": ["rod3", "base", "rod5", "rocker"]}
     ]
@@ -242,8 +242,8 @@ def test_the_gear_pair_of_the_warp_knitter_removes_a_dof():
 )
 def test_a_warp_knitter_driven_by_a_rod_consists_of_dyads(driver, stopped, groups):
     expected = [(2, 2, links) for links in groups]
-    assert found(knitter(), driver, [stopped]) == expected
-    assert found(knitter(), driver) == expected
+    assert groups_of(knitter(), driver, [stopped]) == expected
+    assert groups_of(knitter(), driver) == expected
     chosen = assur_groups(knitter(), driver)
     assert (chosen.drivers, chosen.stopped, chosen.class_) == ((driver,), (stopped,), 2)
 
@@ -258,7 +258,7 @@ def test_the_structure_of_the_warp_knitter_agrees_with_the_paper():
     if "warp_knitter" not in catalog.DRIVES:
         pytest.skip("warp_knitter is not yet entered in the catalogue; the chain by hand is tested above")
     mechanism = catalog.make("warp_knitter").mechanism
-    assert found(mechanism) == [(3, 3, {"rod3", "rod5", "base", "rocker"})]
+    assert groups_of(mechanism) == [(3, 3, {"rod3", "rod5", "base", "rocker"})]
     assert [group.class_ for group in assur_groups(mechanism, "rod5").groups] == [2, 2]
     assert [group.class_ for group in assur_groups(mechanism, "rod3").groups] == [2, 2]
     assert mobility(mechanism).actual == mobility(mechanism).grubler == 1
@@ -279,8 +279,8 @@ def stephenson() -> Mechanism:
 
 
 def test_the_class_of_a_stephenson_six_bar_depends_on_its_driver():
-    assert found(stephenson()) == [(3, 3, {"rod", "base", "left", "right"})]
-    assert found(stephenson(), "left") == [(2, 2, {"base", "right"}), (2, 2, {"crank", "rod"})]
+    assert groups_of(stephenson()) == [(3, 3, {"rod", "base", "left", "right"})]
+    assert groups_of(stephenson(), "left") == [(2, 2, {"base", "right"}), (2, 2, {"crank", "rod"})]
 
 
 def test_a_closed_contour_of_four_links_has_class_four():
@@ -295,7 +295,7 @@ def test_a_closed_contour_of_four_links_has_class_four():
             "second": (GROUND, "second", (111.0, 2.0)),
         }
     )
-    assert found(mechanism) == [(4, 2, {"first", "second", "upper", "lower"})]
+    assert groups_of(mechanism) == [(4, 2, {"first", "second", "upper", "lower"})]
     assert "class IV, order 2" in str(assur_groups(mechanism))
 
 
@@ -304,16 +304,16 @@ def test_multiple_joints_can_be_described_in_any_order():
     answers = []
     for first, second in (("coupler", "rocker"), ("coupler", "rod"), ("rocker", "rod")):
         other = ({"coupler", "rocker", "rod"} - {first, second}).pop()
-        places = dict(FOUR_BAR)
-        places["B"] = (first, second, (83.0, 61.0))
-        places["B2"] = (second, other, (83.0, 61.0))
-        answers.append(found(planar({**places, **dict((rod, slide))}, slides={"slide": 0.0})))
+        positions = dict(FOUR_BAR)
+        positions["B"] = (first, second, (83.0, 61.0))
+        positions["B2"] = (second, other, (83.0, 61.0))
+        answers.append(groups_of(planar({**positions, **dict((rod, slide))}, slides={"slide": 0.0})))
     assert answers == [[(2, 2, {"coupler", "rocker"}), (2, 2, {"rod", "slider"})]] * 3
 
 
 def test_welded_links_have_the_structure_of_single_links():
     whole = catalog.make("warp_knitter").mechanism
-    # every joint's second side is carried by a piece of its own, welded to the link
+    # side b of every joint belongs to a separate piece, welded to the link
     welds = {joint.name: f"piece of {joint.name}" for joint in whole.joints if joint.name != whole.driver}
     joints = [
         replace(joint, b=replace(joint.b, link=welds.get(joint.name, joint.b.link))) for joint in whole.joints
@@ -337,8 +337,8 @@ def test_welded_links_have_the_structure_of_single_links():
     # without the plate, which nothing drives
     del guess["plate"]
     pieces = replace(pieces, links=links[:-1], joints=tuple(joints[:-1]), guess=guess)
-    known = {link.name for link in whole.links}
-    groups = [(g.class_, g.order, known & {*g.links}) for g in assur_groups(pieces).groups]
+    names = {link.name for link in whole.links}
+    groups = [(g.class_, g.order, names & {*g.links}) for g in assur_groups(pieces).groups]
     assert groups == [(g.class_, g.order, {*g.links}) for g in assur_groups(whole).groups]
 
 
@@ -353,18 +353,18 @@ def test_a_parallel_crank_has_a_redundant_constraint():
 
 
 def test_a_parallelogram_at_a_change_point_has_one_dof():
-    places = {**FOUR_BAR, "A": ("crank", "coupler", (30.0, 0.0)), "B": ("coupler", "rocker", (133.0, 0.0))}
-    places["rocker"] = (GROUND, "rocker", (103.0, 0.0))
-    assert mobility(planar(places)).actual == 1
+    positions = {**FOUR_BAR, "A": ("crank", "coupler", (30.0, 0.0)), "B": ("coupler", "rocker", (133.0, 0.0))}
+    positions["rocker"] = (GROUND, "rocker", (103.0, 0.0))
+    assert mobility(planar(positions)).actual == 1
 
 
 def test_an_immobile_structure_is_reported():
-    places = {**PARALLEL, "middle": (GROUND, "middle", (19.0, -23.0))}
-    m = mobility(planar(places))
+    positions = {**PARALLEL, "middle": (GROUND, "middle", (19.0, -23.0))}
+    m = mobility(planar(positions))
     assert (m.actual, m.grubler, m.redundant_in_plane, m.crank_moves) == (0, 0, 0, False)
     assert "locked: no link can move" in m.lines()
     with pytest.raises(InputError, match="cannot move freely"):
-        assur_groups(planar(places))
+        assur_groups(planar(positions))
 
 
 def test_an_infinitesimal_motion_is_reported():
@@ -382,37 +382,37 @@ def test_an_infinitesimal_motion_is_reported():
 
 
 def test_an_immobile_crank_is_reported():
-    places = {
+    positions = {
         **PARALLEL,
         "middle": (GROUND, "middle", (19.0, -23.0)),
         "wheel": (GROUND, "wheel", (9.0, 50.0)),
     }
-    m = mobility(planar(places))
+    m = mobility(planar(positions))
     assert (m.actual, m.crank_moves) == (1, False)
     assert "locked: the crank cannot move" in m.lines()
     assert "idle degree of freedom: wheel spins about the axis of joint wheel" in m.lines()
 
 
 def test_an_undriven_dof_is_rejected_with_its_links():
-    places = {**FOUR_BAR, "B": ("coupler", "link", (83.0, 61.0)), "C": ("link", "rocker", (99.0, 44.0))}
+    positions = {**FOUR_BAR, "B": ("coupler", "link", (83.0, 61.0)), "C": ("link", "rocker", (99.0, 44.0))}
     with pytest.raises(InputError, match="leave 1 degree of freedom to coupler, link, rocker; drive one"):
-        assur_groups(planar(places))
-    both = assur_groups(planar(places), ("crank", "rocker"))
+        assur_groups(planar(positions))
+    both = assur_groups(planar(positions), ("crank", "rocker"))
     assert [group.links for group in both.groups] == [("coupler", "link")]
 
 
 def test_planarity_depends_on_every_axis():
-    turn = rotation("x", 0.7) @ rotation("y", -1.1)
-    normal = plane_normal(planar(FOUR_BAR, turn=turn))
+    rotated = rotation("x", 0.7) @ rotation("y", -1.1)
+    normal = plane_normal(planar(FOUR_BAR, turn=rotated))
     assert normal is not None
-    assert normal == pytest.approx(turn[:, 2], abs=1e-15)
-    assert found(planar(FOUR_BAR, turn=turn)) == found(planar(FOUR_BAR))
+    assert normal == pytest.approx(rotated[:, 2], abs=1e-15)
+    assert groups_of(planar(FOUR_BAR, turn=rotated)) == groups_of(planar(FOUR_BAR))
     assert plane_normal(Rssr().mechanism) is None
     tilted = planar({"crank": FOUR_BAR["crank"], "A": FOUR_BAR["A"]})
     slide = Joint(
         "out", "prismatic", End("coupler", axis=(0.0, 1.0, 1e-6)), End("slider", axis=(0.0, 1.0, 1e-6))
     )
-    bent = Mechanism(
+    nonplanar = Mechanism(
         name="bent",
         links=(*tilted.links, Link("slider")),
         joints=(*tilted.joints, slide),
@@ -420,7 +420,7 @@ def test_planarity_depends_on_every_axis():
         points={},
         guess={**tilted.guess, "slider": IDENTITY},
     )
-    assert plane_normal(bent) is None
+    assert plane_normal(nonplanar) is None
 
 
 @pytest.mark.parametrize(
@@ -443,14 +443,14 @@ def test_assur_groups_of_spatial_mechanisms_are_rejected():
 
 
 @st.composite
-def grown(draw: st.DrawFn, most: int = 3) -> tuple[Mechanism, list[tuple[int, set[str]]]]:
+def generated_chains(draw: st.DrawFn, most: int = 3) -> tuple[Mechanism, list[tuple[int, set[str]]]]:
     """Return a planar chain grown group by group on a frame, a crank and a geared crank, and its groups."""
     seed = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    places: dict[str, tuple[str, str, tuple[float, float]]] = {}
+    positions: dict[str, tuple[str, str, tuple[float, float]]] = {}
 
     def join(name: str, a: str, b: str) -> None:
         x, y = seed.uniform(-100.0, 100.0, 2).tolist()
-        places[name] = (a, b, (x, y))
+        positions[name] = (a, b, (x, y))
 
     join("crank", GROUND, "crank")
     join("crank2", GROUND, "crank2")
@@ -465,11 +465,11 @@ def grown(draw: st.DrawFn, most: int = 3) -> tuple[Mechanism, list[tuple[int, se
             join(f"{item}{i}", draw(st.sampled_from(placed)), f"{item}{i}")
         placed += links
         groups.append((kind, set(links)))
-    shuffled = draw(st.permutations(list(places)))
-    return planar({name: places[name] for name in shuffled}, gears=(Gear("crank", "crank2", 1.5),)), groups
+    shuffled = draw(st.permutations(list(positions)))
+    return planar({name: positions[name] for name in shuffled}, gears=(Gear("crank", "crank2", 1.5),)), groups
 
 
-@given(grown())
+@given(generated_chains())
 def test_a_generated_chain_has_the_groups_it_was_built_from(chain):
     mechanism, grown_from = chain
     answer = assur_groups(mechanism)
@@ -480,12 +480,12 @@ def test_a_generated_chain_has_the_groups_it_was_built_from(chain):
     assert all(3 * len(g.links) == 2 * g.pairs for g in answer.groups)
 
 
-@given(grown(), st.data())
+@given(generated_chains(), st.data())
 def test_assur_groups_agree_with_an_exhaustive_search(chain, data):
     mechanism, _ = chain
     names = [link.name for link in mechanism.links]
     drivers = tuple(data.draw(st.permutations(names))[:2])
-    expected = peeled(mechanism, drivers)
+    expected = groups_by_search(mechanism, drivers)
     try:
         answer = assur_groups(mechanism, drivers, stopped=())
     except InputError:
@@ -493,20 +493,20 @@ def test_assur_groups_agree_with_an_exhaustive_search(chain, data):
         assert expected is None or not all({GROUND, name} in joined for name in drivers)
         return
     if answer.stopped:
-        expected = peeled(mechanism, (*answer.drivers, *answer.stopped))
+        expected = groups_by_search(mechanism, (*answer.drivers, *answer.stopped))
     assert expected is not None
     assert {frozenset(g.links) for g in answer.groups} == {frozenset(g) for g in expected}
-    there = {GROUND, *answer.drivers, *answer.stopped}
+    assembled = {GROUND, *answer.drivers, *answer.stopped}
     for group in answer.groups:
-        # assembled in this order, everything a group hangs on is there
+        # a group connects only to links that were assembled before
         ends = [{joint.a.link, joint.b.link} for joint in mechanism.joints]
         ends = [e for e in ends if e & set(group.links)]
-        assert group.order == sum(bool(e & there) for e in ends)
-        there |= set(group.links)
+        assert group.order == sum(bool(e & assembled) for e in ends)
+        assembled |= set(group.links)
 
 
 @settings(max_examples=8)
-@given(grown(most=2))
+@given(generated_chains(most=2))
 def test_rank_and_grubler_count_agree_for_generic_chains(chain):
     mechanism, _ = chain
     m = mobility(mechanism)

@@ -38,9 +38,9 @@ def test_the_reported_deviation_agrees_with_the_linkage(paper):
     # an independent run of the whole linkage, past both ends of the line
     low, high = sorted(paper.angles[[0, -1]])
     c = paper.design.planar_point(np.linspace(low, high, 4001))[:, :2]
-    off = np.abs(distance_to_line(c, THROUGH, TILT)).max()
-    # the end of the run is the crank's, where C crosses the normal at the end of the line
-    assert paper.deviation == pytest.approx(off, rel=1e-4)
+    deviation = np.abs(distance_to_line(c, THROUGH, TILT)).max()
+    # the run ends at the crank angle where C crosses the normal at the end of the line
+    assert paper.deviation == pytest.approx(deviation, rel=1e-4)
     assert 2.7e-6 < paper.deviation < 2.8e-6
     assert 0.5 < paper.radial_error / paper.deviation < 1.5
 
@@ -64,15 +64,15 @@ def test_the_best_circle_agrees_with_forty_digits():
     assert (signs[1:] == -signs[:-1]).all()
     with mp.workdps(40):
         rows, right = mp.matrix(4, 4), mp.matrix(4, 1)
-        for i, at in enumerate(best.alternation):
-            x, y = mp.mpf(float(b[at, 0])), mp.mpf(float(b[at, 1]))
+        for i, index in enumerate(best.alternation):
+            x, y = mp.mpf(float(b[index, 0])), mp.mpf(float(b[index, 1]))
             for j, value in enumerate((2 * x, 2 * y, mp.mpf(1), mp.mpf((-1) ** i))):
                 rows[i, j] = value
             right[i] = x * x + y * y
         p = mp.lu_solve(rows, right)
         radius = float(mp.sqrt(p[2] + p[0] ** 2 + p[1] ** 2))
         level = abs(float(p[3]))
-    # four points of a flat arc fix its centre badly: 1e5 times the rounding of the points
+    # the centre of a flat arc is ill-conditioned: 1e5 times the rounding of the points
     assert best.radius == pytest.approx(radius, rel=1e-10)
     assert best.level == pytest.approx(level, rel=1e-6)
     assert np.abs(best.error).max() <= level * (1.0 + 1e-6)
@@ -81,10 +81,10 @@ def test_the_best_circle_agrees_with_forty_digits():
 @pytest.mark.parametrize("in_space", [False, True])
 def test_equal_ripple_reduces_the_deviation(in_space):
     result = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), equal_ripple=True, in_space=in_space)
-    held = result.error[list(result.alternation)]
-    assert len(held) == 4
-    assert (np.sign(held[1:]) == -np.sign(held[:-1])).all()
-    assert np.abs(held) == pytest.approx(result.deviation, rel=1e-3)
+    extrema = result.error[list(result.alternation)]
+    assert len(extrema) == 4
+    assert (np.sign(extrema[1:]) == -np.sign(extrema[:-1])).all()
+    assert np.abs(extrema) == pytest.approx(result.deviation, rel=1e-3)
     plain = synthesize_looper(THROUGH, TILT, LENGTH, Looper(), in_space=in_space)
     assert result.deviation < plain.deviation
 
@@ -111,30 +111,30 @@ def test_spatial_synthesis_follows_the_line_in_space():
 
 
 def straight_path(frame, frame_angle, rocker):
-    """Return offsets along and across the line of THROUGH and TILT over a turn, by circles in the plane."""
-    turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 20001))
+    """Return offsets along and across the line of THROUGH and TILT over a revolution, by planar circles."""
+    angle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 20001))
     base, pivot = Looper(), frame * np.exp(1j * frame_angle)
-    a = base.crank * turn
-    gap = abs(pivot - a)
+    a = base.crank * angle
+    difference = abs(pivot - a)
     with np.errstate(invalid="ignore"):
-        inner = np.arccos((gap**2 + base.coupler**2 - rocker**2) / (2.0 * gap * base.coupler))
-    # B lies left of the way from A to O2
-    rod = (pivot - a) / gap * np.exp(1j * inner)
+        inner = np.arccos((difference**2 + base.coupler**2 - rocker**2) / (2.0 * difference * base.coupler))
+    # B is left of the line from A to O2
+    rod = (pivot - a) / difference * np.exp(1j * inner)
     c = a + base.arm * np.exp(1j * base.arm_angle) * rod
-    off = (c - complex(*THROUGH)) * np.exp(-1j * (np.pi / 2.0 - TILT))
-    return off.real, -off.imag
+    deviation = (c - complex(*THROUGH)) * np.exp(-1j * (np.pi / 2.0 - TILT))
+    return deviation.real, -deviation.imag
 
 
-def measured(frame, frame_angle, rocker, length):
-    """Return the farthest that C leaves the line, by whose extent in y the length counts, in [m]."""
+def measured_deviation(frame, frame_angle, rocker, length):
+    """Return the largest deviation of C from a line of a length measured along y, in [m]."""
     along, across = straight_path(frame, frame_angle, rocker)
     half = 0.5 * length / np.cos(TILT)
-    # C comes by twice a turn; the stretch wanted is the straighter
+    # C passes the line twice a revolution; the straighter section counts
     risings = np.split(np.arange(len(along)), np.nonzero(np.diff(np.sign(np.diff(along))))[0] + 1)
     risings = [np.concatenate([risings[-1], risings[0]]), *risings[1:-1]]
     worst = np.inf
-    for part in risings:
-        order = part[np.argsort(along[part])]
+    for section in risings:
+        order = section[np.argsort(along[section])]
         if along[order[0]] <= -half and along[order[-1]] >= half:
             inside = np.abs(across[order][np.abs(along[order]) <= half]).max()
             ends = np.abs(np.interp([-half, half], along[order], across[order])).max()
@@ -146,11 +146,11 @@ def measured(frame, frame_angle, rocker, length):
 @pytest.mark.parametrize("length", [1e-3, 4e-3, 11e-3])
 def test_deviation_agrees_with_an_independent_measurement(length, equal_ripple):
     result = synthesize_looper(THROUGH, TILT, length, Looper(), equal_ripple=equal_ripple)
-    own = measured(result.frame, result.frame_angle, result.rocker, length)
+    own = measured_deviation(result.frame, result.frame_angle, result.rocker, length)
     # 801 points hide 2e-5 of a ripple, 20001 of a turn 1e-5
     assert result.deviation == pytest.approx(own, rel=1e-4)
-    # the measure sees a frame a thousandth long
-    assert measured(1.001 * result.frame, result.frame_angle, result.rocker, length) > 1.05 * own
+    # the measurement detects a frame too long by a thousandth
+    assert measured_deviation(1.001 * result.frame, result.frame_angle, result.rocker, length) > 1.05 * own
 
 
 @pytest.mark.parametrize("length", [pytest.param(4e-3, marks=pytest.mark.slow), 11e-3])
@@ -159,22 +159,22 @@ def test_perturbed_linkages_have_a_larger_deviation(length):
     plain = synthesize_looper(THROUGH, TILT, length, Looper())
     best = np.array([result.frame, result.frame_angle, result.rocker])
     toward = np.array([plain.frame, plain.frame_angle, plain.rocker]) - best
-    # long lines decide the linkage well in some directions and badly in others: clouds of many sizes, and
-    # the direction of the other optimum, which is nearly the badly decided one
+    # long lines determine the linkage poorly in one direction: random perturbations of many sizes, and
+    # perturbations towards the other optimum, which is almost that direction
     rng = np.random.default_rng(7)
     sizes = 10.0 ** rng.uniform(-6.0, -2.0, 200)
     cloud = best * (1.0 + sizes[:, None] * rng.normal(size=(200, 3)))
     cloud[:60] = best + rng.normal(size=(60, 1)) * toward + 1e-3 * (cloud[:60] - best)
-    level = measured(*best, length)
-    assert min(measured(*item, length) for item in cloud) >= level * 0.999
-    # the same cloud about the paper's optimum finds better ones
-    other = measured(*(best + toward), length)
-    assert min(measured(*(item + toward), length) for item in cloud) < other * 0.999
+    level = measured_deviation(*best, length)
+    assert min(measured_deviation(*item, length) for item in cloud) >= level * 0.999
+    # the same perturbations of the paper's optimum contain better linkages
+    other = measured_deviation(*(best + toward), length)
+    assert min(measured_deviation(*(item + toward), length) for item in cloud) < other * 0.999
 
 
 def test_a_long_line_is_followed_better_than_by_a_direct_search():
     result = synthesize_looper(THROUGH, TILT, 11e-3, Looper(), equal_ripple=True)
-    audit = measured(28.684e-3, 1.03720, 21.667e-3, 11e-3)
+    audit = measured_deviation(28.684e-3, 1.03720, 21.667e-3, 11e-3)
     assert result.deviation < audit < 105e-6
 
 
@@ -210,13 +210,13 @@ def test_a_rocker_too_long_by_a_thousandth_deviates(paper):
 def test_loop_equations_agree_on_the_synthesised_linkage(paper):
     angles = np.linspace(*sorted(paper.angles[[0, -1]]), 7)
     ours, theirs = paper.design.positions(angles), loops.solve(paper.design.mechanism, angles, 1.0)
-    for name, place in ours.items():
-        assert np.abs(place - theirs.points[name].position).max() <= 1e-14
+    for name, position in ours.items():
+        assert np.abs(position - theirs.points[name].position).max() <= 1e-14
 
 
 def test_the_best_circle_through_points_of_a_circle_is_that_circle():
-    turn = np.linspace(0.2, 0.9, 30)
-    points = np.array([0.3, -0.2]) + 0.07 * np.column_stack([np.cos(turn), np.sin(turn)])
+    angle = np.linspace(0.2, 0.9, 30)
+    points = np.array([0.3, -0.2]) + 0.07 * np.column_stack([np.cos(angle), np.sin(angle)])
     best = best_circle(points)
     assert best.centre == pytest.approx([0.3, -0.2], abs=1e-13)
     assert best.radius == pytest.approx(0.07, rel=1e-12)
@@ -224,7 +224,7 @@ def test_the_best_circle_through_points_of_a_circle_is_that_circle():
 
 
 @pytest.mark.parametrize(
-    ("through", "tilt", "length", "says"),
+    ("through", "tilt", "length", "message"),
     [
         ((0.2, 0.2), 0.0, 0.004, "reach"),
         ((np.nan, 0.03), 0.0, 0.004, "no line"),
@@ -233,8 +233,8 @@ def test_the_best_circle_through_points_of_a_circle_is_that_circle():
         ((0.013, 0.03), 0.0, np.inf, "no line"),
     ],
 )
-def test_an_invalid_line_is_rejected(through, tilt, length, says):
-    with pytest.raises(InputError, match=says):
+def test_an_invalid_line_is_rejected(through, tilt, length, message):
+    with pytest.raises(InputError, match=message):
         synthesize_looper(through, tilt, length, Looper())
 
 
@@ -247,7 +247,7 @@ def test_an_invalid_curve_is_rejected(curve):
 def test_the_deviation_from_an_unreachable_curve_is_reported():
     y = np.linspace(-1.0, 1.0, 41)
     result = follow_curve(np.column_stack([0.0126 + 1e-4 * np.sin(6.0 * y), 0.030 + 0.002 * y]), Looper())
-    # the best circle takes out a line and a bow, and leaves most of a wave
+    # the best circle fits a line and an arc, but not a wave
     assert 3e-5 < result.deviation < 2e-4
     assert result.deviation == np.abs(result.error).max()
 
@@ -261,6 +261,6 @@ def test_the_command_reports_both_optimal_linkages(paper, capsys):
     best = output.pop("straightest")
     assert output["rocker"] == pytest.approx(paper.rocker, rel=1e-12)
     for item in (output, best):
-        own = measured(item["frame"], item["frame_angle"], item["rocker"], LENGTH)
+        own = measured_deviation(item["frame"], item["frame_angle"], item["rocker"], LENGTH)
         assert item["deviation"] == pytest.approx(own, rel=1e-4)
     assert best["deviation"] < 0.99 * output["deviation"]

@@ -18,14 +18,14 @@ from mechsim.verdict.crosscheck import crosscheck
 from mechsim.verdict.tolerances import Tolerance
 
 SPEED = 62.8
-DRIVES: dict[str, ClosedForm] = {
+LINKAGES: dict[str, ClosedForm] = {
     "rssr": catalog.make("rssr"),
     "guided rssr": catalog.make("rssr", guide=True),
     "four_bar": catalog.make("four_bar"),
     "slider_crank": catalog.make("slider_crank"),
 }
 ROUTES = ("pose", "step")
-# what each mechanism's second and third link are called among its parameters
+# parameters of the second and third link of each mechanism
 LINKS = {
     "rssr": ("coupler", "rocker"),
     "guided rssr": ("coupler", "rocker"),
@@ -39,66 +39,66 @@ def motion_of(mechanism: Mechanism, route: str = "step", speed: float = SPEED, *
 
 
 @cache
-def turned(name: str, route: str = "step") -> Motion:
+def revolution_of(name: str, route: str = "step") -> Motion:
     """Return a revolution of a correct mechanism, for several tests."""
-    return motion_of(DRIVES[name].mechanism, route)
+    return motion_of(LINKAGES[name].mechanism, route)
 
 
-def named_as_the_points(drive: ClosedForm):
-    return lambda angles: drive.positions(angles)
+def named_as_the_points(linkage: ClosedForm):
+    return lambda angles: linkage.positions(angles)
 
 
-# right things pass
+# correct mechanisms
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", LINKAGES)
 @pytest.mark.parametrize("route", ROUTES)
 def test_a_correct_mechanism_passes_by_both_methods(name: str, route: str) -> None:
-    drive = DRIVES[name]
-    verdict = crosscheck(turned(name, route), drive, speed=SPEED)
+    linkage = LINKAGES[name]
+    verdict = crosscheck(revolution_of(name, route), linkage, speed=SPEED)
     assert verdict.passed, verdict
     assert verdict.outcome == "passed"
     assert all(check.worst <= check.tolerance for check in verdict.checks)
     assert any("drive" in check.title for check in verdict.checks)
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", LINKAGES)
 @pytest.mark.parametrize("route", ROUTES)
 def test_a_function_can_be_the_analytic_motion(name: str, route: str) -> None:
-    drive = DRIVES[name]
-    verdict = crosscheck(turned(name, route), named_as_the_points(drive))
+    linkage = LINKAGES[name]
+    verdict = crosscheck(revolution_of(name, route), named_as_the_points(linkage))
     assert verdict.passed, verdict
     assert {check.title.split()[0] for check in verdict.checks} >= {"position", "velocity", "acceleration"}
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", LINKAGES)
 def test_the_loop_equations_can_be_the_analytic_motion(name: str) -> None:
-    mechanism = DRIVES[name].mechanism
+    mechanism = LINKAGES[name].mechanism
     motion = motion_of(mechanism, samples=24)
     exact = loops.solve(mechanism, motion.angle, motion.speed, motion.acceleration)
-    free = frozenset() if "guided" in name else DRIVES[name].solve([0.0]).spinning
+    free = frozenset() if "guided" in name else LINKAGES[name].solve([0.0]).spinning
     assert crosscheck(motion, replace(exact, spinning=free)).passed
 
 
 def test_the_analytic_motion_is_solved_at_the_simulated_angles() -> None:
-    drive = DRIVES["rssr"]
-    exact = drive.solve(np.linspace(0.0, 1.0, 5), SPEED)
-    verdict = crosscheck(motion_of(drive.mechanism, samples=50), exact)
+    linkage = LINKAGES["rssr"]
+    exact = linkage.solve(np.linspace(0.0, 1.0, 5), SPEED)
+    verdict = crosscheck(motion_of(linkage.mechanism, samples=50), exact)
     assert verdict.passed
-    # the steady speed of the analytic side is taken as the one wanted
+    # the constant speed of the analytic motion is the target
     assert any(check.title == "drive: crank speed" for check in verdict.checks)
 
 
 def test_crosscheck_is_callable_from_the_package() -> None:
-    drive = DRIVES["four_bar"]
+    linkage = LINKAGES["four_bar"]
     for _ in range(2):
-        assert ms.crosscheck(turned("four_bar", "pose"), drive).passed
+        assert ms.crosscheck(revolution_of("four_bar", "pose"), linkage).passed
 
 
-# wrong things are rejected
+# wrong mechanisms
 
 
-def refused(verdict: Verdict, outcome: str = "failed") -> None:
+def assert_rejected(verdict: Verdict, outcome: str = "failed") -> None:
     assert not verdict.passed
     assert verdict.outcome == outcome, verdict
     assert verdict.reason
@@ -113,50 +113,50 @@ ONE_ROUTE = [
 
 @pytest.mark.parametrize(("name", "link", "route"), ONE_ROUTE)
 def test_a_link_too_long_by_a_thousandth_fails(name: str, link: str, route: str) -> None:
-    drive = DRIVES[name]
-    wrong = replace(drive, **{link: 1.001 * getattr(drive, link)})
-    refused(crosscheck(motion_of(wrong.mechanism, route), drive))
+    linkage = LINKAGES[name]
+    wrong = replace(linkage, **{link: 1.001 * getattr(linkage, link)})
+    assert_rejected(crosscheck(motion_of(wrong.mechanism, route), linkage))
 
 
 @pytest.mark.parametrize("name", ["rssr", "guided rssr", "four_bar"])
 def test_two_swapped_links_fail(name: str) -> None:
-    drive = DRIVES[name]
-    wrong = replace(drive, coupler=drive.rocker, rocker=drive.coupler)
+    linkage = LINKAGES[name]
+    wrong = replace(linkage, coupler=linkage.rocker, rocker=linkage.coupler)
     assert wrong.crank_range().full
-    assert not crosscheck(motion_of(wrong.mechanism), drive).passed
+    assert not crosscheck(motion_of(wrong.mechanism), linkage).passed
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", LINKAGES)
 @pytest.mark.parametrize("route", ROUTES)
 def test_the_other_assembly_mode_is_reported(name: str, route: str) -> None:
-    drive = DRIVES[name]
-    wrong = replace(drive, branch=-drive.branch)
-    refused(crosscheck(motion_of(wrong.mechanism, route), drive), "changed assembly")
+    linkage = LINKAGES[name]
+    wrong = replace(linkage, branch=-linkage.branch)
+    assert_rejected(crosscheck(motion_of(wrong.mechanism, route), linkage), "changed assembly")
 
 
-@pytest.mark.parametrize("turned", ["gamma1", "gamma2"])
+@pytest.mark.parametrize("rotated", ["gamma1", "gamma2"])
 @pytest.mark.parametrize("route", ROUTES)
-def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(turned: str, route: str) -> None:
-    drive = DRIVES["rssr"]
-    wrong = replace(drive, **{turned: getattr(drive, turned) + np.deg2rad(0.1)})
-    refused(crosscheck(motion_of(wrong.mechanism, route), drive))
+def test_a_rocker_axis_tilted_by_a_tenth_of_a_degree_fails(rotated: str, route: str) -> None:
+    linkage = LINKAGES["rssr"]
+    wrong = replace(linkage, **{rotated: getattr(linkage, rotated) + np.deg2rad(0.1)})
+    assert_rejected(crosscheck(motion_of(wrong.mechanism, route), linkage))
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", LINKAGES)
 def test_a_crank_of_opposite_speed_fails_the_drive_check(name: str) -> None:
-    drive = DRIVES[name]
-    verdict = crosscheck(motion_of(drive.mechanism, speed=-SPEED), drive, speed=SPEED)
-    refused(verdict)
+    linkage = LINKAGES[name]
+    verdict = crosscheck(motion_of(linkage.mechanism, speed=-SPEED), linkage, speed=SPEED)
+    assert_rejected(verdict)
     assert {check.title for check in verdict.checks if not check.passed} == {
         "drive: crank speed",
         "drive: crank angle",
     }
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", LINKAGES)
 def test_a_crank_angle_of_the_wrong_sign_fails(name: str) -> None:
-    drive = DRIVES[name]
-    driver = drive.mechanism.driver
+    linkage = LINKAGES[name]
+    driver = linkage.mechanism.driver
     joints = tuple(
         joint
         if joint.name != driver
@@ -165,98 +165,98 @@ def test_a_crank_angle_of_the_wrong_sign_fails(name: str) -> None:
             a=replace(joint.a, axis=tuple(-c for c in joint.a.axis)),
             b=replace(joint.b, axis=tuple(-c for c in joint.b.axis)),
         )
-        for joint in drive.mechanism.joints
+        for joint in linkage.mechanism.joints
     )
-    backwards = replace(drive.mechanism, joints=joints, start=-drive.mechanism.start)
-    assert not crosscheck(motion_of(backwards), drive).passed
+    backwards = replace(linkage.mechanism, joints=joints, start=-linkage.mechanism.start)
+    assert not crosscheck(motion_of(backwards), linkage).passed
 
 
 @pytest.mark.parametrize(
     ("name", "points"), [("rssr", ("P2", "P3")), ("four_bar", ("A", "B")), ("four_bar", ("B", "C"))]
 )
 def test_two_swapped_points_fail(name: str, points: tuple[str, str]) -> None:
-    drive = DRIVES[name]
-    motion = turned(name)
-    one, other = points
-    swapped = dict(motion.points) | {one: motion.points[other], other: motion.points[one]}
-    assert not crosscheck(replace(motion, points=swapped), drive).passed
+    linkage = LINKAGES[name]
+    motion = revolution_of(name)
+    name_a, other = points
+    swapped = dict(motion.points) | {name_a: motion.points[other], other: motion.points[name_a]}
+    assert not crosscheck(replace(motion, points=swapped), linkage).passed
 
 
 @pytest.mark.parametrize("kind", ["position", "velocity", "acceleration"])
 def test_a_nan_is_reported_as_a_diverged_run(kind: str) -> None:
-    drive = DRIVES["rssr"]
-    motion = turned("rssr")
+    linkage = LINKAGES["rssr"]
+    motion = revolution_of("rssr")
     values = getattr(motion.points["P3"], kind).copy()
     values[17, 1] = np.nan
     bad = replace(motion, points={**motion.points, "P3": replace(motion.points["P3"], **{kind: values})})
-    refused(crosscheck(bad, drive), "diverged")
+    assert_rejected(crosscheck(bad, linkage), "diverged")
 
 
 def test_a_nan_in_joints_or_residuals_is_detected() -> None:
-    drive = DRIVES["four_bar"]
-    motion = turned("four_bar")
+    linkage = LINKAGES["four_bar"]
+    motion = revolution_of("four_bar")
     values = motion.joints["rocker"].value.copy()
     values[3] = np.nan
     joints = {**motion.joints, "rocker": replace(motion.joints["rocker"], value=values)}
-    refused(crosscheck(replace(motion, joints=joints), drive), "diverged")
+    assert_rejected(crosscheck(replace(motion, joints=joints), linkage), "diverged")
     assert motion.closure is not None
     open_loop = motion.closure.copy()
     open_loop[-1] = np.nan
-    refused(crosscheck(replace(motion, closure=open_loop), drive), "diverged")
+    assert_rejected(crosscheck(replace(motion, closure=open_loop), linkage), "diverged")
 
 
 def test_a_run_that_diverges_late_fails() -> None:
-    drive = DRIVES["rssr"]
+    linkage = LINKAGES["rssr"]
     wild = Settings(integrator="Euler", steps_per_turn=100, constant_steps=0.1)
-    run = simulate(drive.mechanism, speed=SPEED, turns=5.0, settings=wild)
-    refused(crosscheck(run.motion, drive), "diverged")
-    # nor does a bound without end let it through
-    refused(crosscheck(run.motion, drive, tolerance=1e9), "diverged")
+    run = simulate(linkage.mechanism, speed=SPEED, turns=5.0, settings=wild)
+    assert_rejected(crosscheck(run.motion, linkage), "diverged")
+    # a huge tolerance does not accept it
+    assert_rejected(crosscheck(run.motion, linkage, tolerance=1e9), "diverged")
 
 
 def test_a_run_with_soft_loops_fails_with_its_error() -> None:
-    drive = DRIVES["rssr"]
-    motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=30))
-    verdict = crosscheck(motion, drive, tolerance=1e-9)
-    refused(verdict)
+    linkage = LINKAGES["rssr"]
+    motion = motion_of(linkage.mechanism, settings=Settings(steps_per_turn=30))
+    verdict = crosscheck(motion, linkage, tolerance=1e-9)
+    assert_rejected(verdict)
     assert "beyond the tolerance: position of P3 by" in verdict.reason
 
 
 def test_velocities_of_another_instant_fail() -> None:
-    drive = DRIVES["rssr"]
-    motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=1000), samples=1000)
+    linkage = LINKAGES["rssr"]
+    motion = motion_of(linkage.mechanism, settings=Settings(steps_per_turn=1000), samples=1000)
     point = motion.points["P3"]
     late = PointMotion(point.position, np.roll(point.velocity, 1, 0), point.acceleration)
-    assert not crosscheck(replace(motion, points={**motion.points, "P3": late}), drive).passed
+    assert not crosscheck(replace(motion, points={**motion.points, "P3": late}), linkage).passed
 
 
 def test_a_crank_too_fast_by_a_thousandth_fails_only_the_drive_check() -> None:
-    drive = DRIVES["slider_crank"]
-    verdict = crosscheck(motion_of(drive.mechanism, speed=1.001 * SPEED), drive, speed=SPEED)
-    refused(verdict)
+    linkage = LINKAGES["slider_crank"]
+    verdict = crosscheck(motion_of(linkage.mechanism, speed=1.001 * SPEED), linkage, speed=SPEED)
+    assert_rejected(verdict)
     assert all(check.title.startswith("drive") for check in verdict.checks if not check.passed)
 
 
 def test_a_closed_form_out_of_reach_is_reported() -> None:
     swinging = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
-    refused(crosscheck(turned("four_bar"), swinging), "cannot assemble")
+    assert_rejected(crosscheck(revolution_of("four_bar"), swinging), "cannot assemble")
 
 
 def test_explicit_tolerances_replace_the_defaults() -> None:
-    drive = DRIVES["four_bar"]
-    motion = motion_of(drive.mechanism, settings=Settings(steps_per_turn=100))
-    strict = {"acceleration": Tolerance(1e-12, "m/s2", "as asked")}
-    verdict = crosscheck(motion, drive, bounds=strict)
-    refused(verdict)
+    linkage = LINKAGES["four_bar"]
+    motion = motion_of(linkage.mechanism, settings=Settings(steps_per_turn=100))
+    strict = {"acceleration": Tolerance(1e-12, "m/s2", "as requested")}
+    verdict = crosscheck(motion, linkage, bounds=strict)
+    assert_rejected(verdict)
     assert {check.title.split()[0] for check in verdict.checks if not check.passed} == {"acceleration"}
 
 
-# what cannot be compared
+# invalid comparisons
 
 
 def function(shape: str):
     def points(angles: np.ndarray) -> Mapping[str, np.ndarray]:
-        right = DRIVES["four_bar"].positions(angles)
+        right = LINKAGES["four_bar"].positions(angles)
         return {
             "transposed": {"A": right["A"].T, "B": right["B"]},
             "flat": {"A": right["A"][:, 0]},
@@ -282,27 +282,27 @@ def function(shape: str):
 )
 def test_an_invalid_function_is_rejected(shape: str, sentence: str) -> None:
     with pytest.raises(InputError, match=sentence) as reported:
-        crosscheck(turned("four_bar"), function(shape))
+        crosscheck(revolution_of("four_bar"), function(shape))
     assert "\n" not in str(reported.value)
 
 
 def test_a_missing_point_is_rejected_by_name() -> None:
-    drive = DRIVES["rssr"]
-    motion = turned("rssr")
+    linkage = LINKAGES["rssr"]
+    motion = revolution_of("rssr")
     with pytest.raises(InputError, match=r"has no point P3 \(it has P2\)"):
-        crosscheck(replace(motion, points={"P2": motion.points["P2"]}), drive)
+        crosscheck(replace(motion, points={"P2": motion.points["P2"]}), linkage)
 
 
 def test_a_motion_without_solver_at_other_angles_is_rejected() -> None:
-    drive = DRIVES["rssr"]
-    exact = replace(drive.solve(np.linspace(0.0, 1.0, 73), SPEED), origin=None)
+    linkage = LINKAGES["rssr"]
+    exact = replace(linkage.solve(np.linspace(0.0, 1.0, 73), SPEED), origin=None)
     with pytest.raises(InputError, match="has other crank angles"):
-        crosscheck(turned("rssr"), exact)
+        crosscheck(revolution_of("rssr"), exact)
 
 
 def test_a_verdict_prints_one_line_per_quantity() -> None:
-    drive = DRIVES["four_bar"]
-    verdict = crosscheck(turned("four_bar"), drive)
+    linkage = LINKAGES["four_bar"]
+    verdict = crosscheck(revolution_of("four_bar"), linkage)
     lines = str(verdict).splitlines()
     assert lines[0] == "passed"
     assert len(lines) == 1 + len(verdict.checks)

@@ -26,7 +26,7 @@ def push(angle):
     return np.stack([np.sin(angle), np.cos(2.0 * angle), 1.0 + 0.0 * angle], 1)
 
 
-def everything(name: str) -> Forces:
+def every_force(name: str) -> Forces:
     """Return forces of every kind that the mechanism's joints allow."""
     mechanism = catalog.make(name).mechanism
     tip = list(mechanism.points)[-1]
@@ -43,100 +43,104 @@ def everything(name: str) -> Forces:
     )
 
 
-def of(name: str, forces: Forces) -> dynamics.DynamicModel:
+def model_of(name: str, forces: Forces) -> dynamics.DynamicModel:
     return dynamics.dynamic_model(catalog.make(name), forces)
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("name", grid(catalog.DRIVES))
 def test_torque_reactions_and_energies_agree_under_every_kind_of_force(name, method):
-    machine = of(name, everything(name))
-    run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=36)
-    verdict = crosscheck_driven(run, machine)
+    model = model_of(name, every_force(name))
+    run = driven(model.mechanism, model.forces, speed=SPEED, method=method, samples=36)
+    verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
 
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
 def test_torques_of_a_swinging_crank_agree(name):
-    machine = of(name, Forces(gravity=GRAVITY, flywheel=2e-3))
-    profile = swing(machine.mechanism.start + 0.3, 0.5, 30.0)
-    run = driven(machine.mechanism, machine.forces, profile=profile, samples=36)
-    verdict = crosscheck_driven(run, machine)
+    model = model_of(name, Forces(gravity=GRAVITY, flywheel=2e-3))
+    profile = swing(model.mechanism.start + 0.3, 0.5, 30.0)
+    run = driven(model.mechanism, model.forces, profile=profile, samples=36)
+    verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
 
 
 def test_the_torque_of_a_stepped_run_converges_with_fourth_order():
-    machine = of("rssr", Forces(gravity=GRAVITY))
+    model = model_of("rssr", Forces(gravity=GRAVITY))
     errors = []
     for steps in (144, 288):
         settings = Settings(steps_per_turn=steps, constant_steps=steps / 10.0)
-        run = driven(machine.mechanism, machine.forces, speed=SPEED, method="step", settings=settings)
-        exact = dynamics.prescribed(machine, run.motion.angle, run.motion.speed, run.motion.acceleration)
+        run = driven(model.mechanism, model.forces, speed=SPEED, method="step", settings=settings)
+        exact = dynamics.prescribed(model, run.motion.angle, run.motion.speed, run.motion.acceleration)
         errors.append(np.sqrt(np.mean((run.forces.torque - exact.forces.torque) ** 2)))
     assert 3.5 < np.log2(errors[0] / errors[1]) < 5.5
 
 
-def heavier(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
-    last = machine.mechanism.links[-1]
+def with_heavier_link(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
+    last = model.mechanism.links[-1]
     more = replace(last.inertia, mass=1.001 * last.inertia.mass)
-    return _with_link(machine, replace(last, inertia=more))
+    return _with_link(model, replace(last, inertia=more))
 
 
-def turned(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
-    last = machine.mechanism.links[-1]
+def with_rotated_inertia(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
+    last = model.mechanism.links[-1]
     moments = last.inertia.matrix[[1, 2, 0]][:, [1, 2, 0]]
-    return _with_link(
-        machine, replace(last, inertia=Inertia(last.inertia.mass, last.inertia.centre, moments))
-    )
+    return _with_link(model, replace(last, inertia=Inertia(last.inertia.mass, last.inertia.centre, moments)))
 
 
-def _with_link(machine: dynamics.DynamicModel, link) -> dynamics.DynamicModel:
-    links = (*machine.mechanism.links[:-1], link)
-    return replace(machine, mechanism=replace(machine.mechanism, links=links))
+def _with_link(model: dynamics.DynamicModel, link) -> dynamics.DynamicModel:
+    links = (*model.mechanism.links[:-1], link)
+    return replace(model, mechanism=replace(model.mechanism, links=links))
 
 
-def upside_down(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
-    x, y, z = machine.forces.gravity
-    return machine.with_forces(replace(machine.forces, gravity=(-x, -y, -z)))
+def with_reversed_gravity(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
+    x, y, z = model.forces.gravity
+    return model.with_forces(replace(model.forces, gravity=(-x, -y, -z)))
 
 
-def load_next_door(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
-    other = list(machine.mechanism.points)[-2]
-    loads = tuple(replace(load, location=other) for load in machine.forces.loads)
-    return machine.with_forces(replace(machine.forces, loads=loads))
+def with_moved_load(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
+    other = list(model.mechanism.points)[-2]
+    loads = tuple(replace(load, location=other) for load in model.forces.loads)
+    return model.with_forces(replace(model.forces, loads=loads))
 
 
-def frictionless(machine: dynamics.DynamicModel) -> dynamics.DynamicModel:
-    return machine.with_forces(replace(machine.forces, friction=()))
+def without_friction(model: dynamics.DynamicModel) -> dynamics.DynamicModel:
+    return model.with_forces(replace(model.forces, friction=()))
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("name", ["four_bar", "rssr"])
 def test_every_wrong_model_fails(name, method):
-    machine = of(name, everything(name))
-    run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
-    for wrong in (heavier, turned, upside_down, load_next_door, frictionless):
-        assert crosscheck_driven(run, wrong(machine)).outcome == "failed", wrong
+    model = model_of(name, every_force(name))
+    run = driven(model.mechanism, model.forces, speed=SPEED, method=method, samples=24)
+    for wrong in (
+        with_heavier_link,
+        with_rotated_inertia,
+        with_reversed_gravity,
+        with_moved_load,
+        without_friction,
+    ):
+        assert crosscheck_driven(run, wrong(model)).outcome == "failed", wrong
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_a_torque_of_the_wrong_sign_and_a_nan_fail(method):
-    machine = of("four_bar", Forces(gravity=GRAVITY))
-    run = driven(machine.mechanism, machine.forces, speed=SPEED, method=method, samples=24)
+    model = model_of("four_bar", Forces(gravity=GRAVITY))
+    run = driven(model.mechanism, model.forces, speed=SPEED, method=method, samples=24)
     backwards = replace(run, forces=replace(run.forces, torque=-run.forces.torque))
-    assert crosscheck_driven(backwards, machine).outcome == "failed"
+    assert crosscheck_driven(backwards, model).outcome == "failed"
     lost = run.forces.torque.copy()
     lost[3] = np.nan
     broken = replace(run, forces=replace(run.forces, torque=lost))
-    assert crosscheck_driven(broken, machine).outcome == "diverged"
+    assert crosscheck_driven(broken, model).outcome == "diverged"
 
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr"), ("four_bar",)))
 def test_frictionless_free_runs_agree_with_the_reduced_equation(name):
-    machine = of(name, Forces(gravity=GRAVITY))
-    run = dynamics.free_run(machine, speed=60.0, turns=2.0, samples=81)
+    model = model_of(name, Forces(gravity=GRAVITY))
+    run = dynamics.free_run(model, speed=60.0, turns=2.0, samples=81)
     assert run.outcome == "done"
-    verdict = crosscheck_free(run, machine)
+    verdict = crosscheck_free(run, model)
     assert verdict.passed, verdict
 
 
@@ -149,59 +153,59 @@ def test_frictionless_free_runs_agree_with_the_reduced_equation(name):
     ],
 )
 def test_motor_driven_free_runs_agree_with_the_reduced_equation(motor):
-    machine = of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
-    run = dynamics.free_run(machine, turns=1.0, samples=61)
+    model = model_of("four_bar", Forces(gravity=GRAVITY, motor=motor, friction=(Friction("crank", 1e-3),)))
+    run = dynamics.free_run(model, turns=1.0, samples=61)
     assert run.outcome == "done"
-    verdict = crosscheck_free(run, machine)
+    verdict = crosscheck_free(run, model)
     assert verdict.passed, verdict
 
 
 def test_every_wrong_model_fails_in_a_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
-    machine = of("four_bar", forces)
-    run = dynamics.free_run(machine, turns=0.25, samples=31)
-    for wrong in (heavier, upside_down, frictionless):
-        assert crosscheck_free(run, wrong(machine)).outcome == "failed", wrong
+    model = model_of("four_bar", forces)
+    run = dynamics.free_run(model, turns=0.25, samples=31)
+    for wrong in (with_heavier_link, with_reversed_gravity, without_friction):
+        assert crosscheck_free(run, wrong(model)).outcome == "failed", wrong
 
 
 def test_free_runs_under_an_angle_dependent_load_agree():
     forces = Forces(
         motor=TorqueSpeedLine(5.0, 100.0), crank_torque=load_profile.harmonics([-0.2, 0.1]), flywheel=0.01
     )
-    machine = of("four_bar", forces)
-    run = dynamics.free_run(machine, turns=1.0, samples=61)
-    verdict = crosscheck_free(run, machine)
+    model = model_of("four_bar", forces)
+    run = dynamics.free_run(model, turns=1.0, samples=61)
+    verdict = crosscheck_free(run, model)
     assert verdict.passed, verdict
     assert mujoco.get_mjcb_control() is None
 
 
 def test_a_motor_that_is_too_weak_cannot_start():
     locked = Forces(motor=ConstantTorque(0.01), friction=(Friction("crank", 0.0, 0.02),))
-    assert dynamics.free_run(of("four_bar", locked), turns=1.0).outcome == "cannot start"
+    assert dynamics.free_run(model_of("four_bar", locked), turns=1.0).outcome == "cannot start"
     weak = Forces(gravity=(0.0, -9.81, 0.0), motor=ConstantTorque(1e-3))
-    run = dynamics.free_run(of("four_bar", weak), turns=1.0)
+    run = dynamics.free_run(model_of("four_bar", weak), turns=1.0)
     assert run.outcome == "cannot start"
     assert "turns back" in run.reason
 
 
 def test_forces_of_a_slow_crank_under_gravity_are_correct():
     """The residual of accelerations was relative to those of the motion, which are almost zero."""
-    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
-    run = driven(machine.mechanism, machine.forces, speed=1e-4, method="pose", samples=12)
-    assert crosscheck_driven(run, machine).passed
+    model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(gravity=GRAVITY))
+    run = driven(model.mechanism, model.forces, speed=1e-4, method="pose", samples=12)
+    assert crosscheck_driven(run, model).passed
     assert run.forces.residual.max() < 1e-12
 
 
 def test_a_free_run_without_an_end_is_rejected():
     with pytest.raises(InputError, match="needs turns of the crank, or a duration"):
-        dynamics.free_run(of("four_bar", Forces()))
+        dynamics.free_run(model_of("four_bar", Forces()))
     with pytest.raises(InputError, match="or a duration above 0"):
-        dynamics.free_run(of("four_bar", Forces()), duration=0.0)
+        dynamics.free_run(model_of("four_bar", Forces()), duration=0.0)
 
 
 @pytest.mark.parametrize("name", grid(catalog.DRIVES))
 def test_a_model_with_all_forces_is_read_back_exactly(name):
-    forces = replace(everything(name), motor=DCMotor(12.0, 1.3, 0.0123))
+    forces = replace(every_force(name), motor=DCMotor(12.0, 1.3, 0.0123))
     spec = assembled(catalog.make(name).mechanism, Scene(level="dynamics", forces=forces))
     model = spec.compile()
     back = mujoco.MjModel.from_xml_string(mjcf.to_xml(spec))
@@ -226,7 +230,7 @@ def test_cut_joints_have_no_coulomb_friction():
         model = assembled(mechanism, Scene(level="dynamics", forces=forces)).compile()
         assert model.dof_frictionloss.any()
         assert model.nu == 0
-    everywhere = Forces(friction=tuple(Friction(name, 0.0, 0.1) for name in names))
-    model = assembled(mechanism, Scene(level="dynamics", forces=everywhere)).compile()
+    forces_everywhere = Forces(friction=tuple(Friction(name, 0.0, 0.1) for name in names))
+    model = assembled(mechanism, Scene(level="dynamics", forces=forces_everywhere)).compile()
     assert (model.dof_frictionloss > 0.0).sum() == 3
     assert [model.actuator(i).name.split(" dry")[1] for i in range(model.nu)] == [".z"]

@@ -28,64 +28,64 @@ SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
 
 @pytest.mark.parametrize(("name", "fault", "method"), CASES, ids=": ".join)
 def test_a_wrong_mechanism_fails(name, fault, method):
-    drive = catalog.make(name)
-    wrong = replace(drive, **FAULTS[drive.declaration.name][fault])
-    # a crank with a dead centre on its way, as on the looper's other side, goes half round
+    linkage = catalog.make(name)
+    wrong = replace(linkage, **FAULTS[linkage.declaration.name][fault])
+    # a crank with a dead centre, as on the looper's other side, makes half a revolution
     turns = 1.0 if wrong.crank_range().full else 0.5
     run = simulate(wrong.mechanism, speed=SPEED, turns=turns, method=method, samples=36)
-    verdict = crosscheck(run.motion, drive)
+    verdict = crosscheck(run.motion, linkage)
     assert not verdict.passed, str(verdict)
     assert verdict.reason
     if "assembly" in fault:
         assert verdict.outcome == "changed assembly"
 
 
-@pytest.mark.parametrize("drive", catalog.DRIVES.values())
-def test_every_mechanism_has_a_planted_fault(drive):
-    assert FAULTS[drive.declaration.name]
+@pytest.mark.parametrize("linkage", catalog.DRIVES.values())
+def test_every_mechanism_has_a_planted_fault(linkage):
+    assert FAULTS[linkage.declaration.name]
 
 
 @pytest.mark.parametrize("name", grid(catalog.DRIVES))
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_the_correct_mechanism_passes(name, method):
-    drive = catalog.make(name)
-    run = simulate(drive.mechanism, speed=SPEED, method=method, samples=36)
-    verdict = crosscheck(run.motion, drive, speed=SPEED)
+    linkage = catalog.make(name)
+    run = simulate(linkage.mechanism, speed=SPEED, method=method, samples=36)
+    verdict = crosscheck(run.motion, linkage, speed=SPEED)
     assert verdict.passed, str(verdict)
 
 
 def test_a_crank_that_rotates_backwards_fails():
-    drive = catalog.make("looper")
-    run = simulate(drive.mechanism, speed=-SPEED, samples=36, method="step")
-    assert not crosscheck(run.motion, drive, speed=SPEED).passed
+    linkage = catalog.make("looper")
+    run = simulate(linkage.mechanism, speed=-SPEED, samples=36, method="step")
+    assert not crosscheck(run.motion, linkage, speed=SPEED).passed
 
 
 def test_a_looper_with_a_wrong_cylinder_axis_fails():
-    drive = catalog.make("looper")
-    turned = _with_slide_along(drive.mechanism, EZ)
+    linkage = catalog.make("looper")
+    rotated = _with_slide_along(linkage.mechanism, EZ)
     try:
-        run = simulate(turned, speed=SPEED, method="pose", samples=36)
+        run = simulate(rotated, speed=SPEED, method="pose", samples=36)
     except AssemblyError:
         return  # cannot assemble: rejected even sooner
-    assert not crosscheck(run.motion, drive).passed
+    assert not crosscheck(run.motion, linkage).passed
 
 
 def _with_slide_along(mechanism: Mechanism, axis) -> Mechanism:
     slide = mechanism.joint("slide")
-    turned = replace(slide, a=replace(slide.a, axis=axis, reference=EX if axis == EZ else EY))
+    rotated = replace(slide, a=replace(slide.a, axis=axis, reference=EX if axis == EZ else EY))
     return replace(
-        mechanism, joints=tuple(turned if joint.name == "slide" else joint for joint in mechanism.joints)
+        mechanism, joints=tuple(rotated if joint.name == "slide" else joint for joint in mechanism.joints)
     )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lying:
+class WrongClosedForm:
     """A wrong closed form: its rocker point is off by a thousandth."""
 
     drive: ClosedForm
 
-    def solve(self, *given):
-        motion = self.drive.solve(*given)
+    def solve(self, *arguments):
+        motion = self.drive.solve(*arguments)
         p3 = motion.points["P3"]
         return replace(motion, points={**motion.points, "P3": replace(p3, position=1.001 * p3.position)})
 
@@ -94,9 +94,9 @@ class Lying:
 
 
 def test_a_wrong_closed_form_fails():
-    drive = catalog.make("rssr")
-    run = simulate(drive.mechanism, speed=SPEED, samples=36, method="step")
-    assert not crosscheck(run.motion, Lying(drive=drive)).passed
+    linkage = catalog.make("rssr")
+    run = simulate(linkage.mechanism, speed=SPEED, samples=36, method="step")
+    assert not crosscheck(run.motion, WrongClosedForm(drive=linkage)).passed
 
 
 @pytest.mark.parametrize("name", grid(SWINGING))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from driven_mechanisms import bending_rocker
+from driven_mechanisms import nonlinear_rocker
 from mechanisms import rscr, three_cranks
 
 from mechsim import catalog, dynamics, load, load_profile, motors
@@ -21,7 +21,7 @@ from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
 from mechsim.studies.reference import weighing
 from mechsim.verdict.record_errors import of_reactions
 
-DRIVE = catalog.make("rrsrr")
+LINKAGE = catalog.make("rrsrr")
 PUSH = load_profile.table(
     [0.0, 2.0, 4.0, 2.0 * np.pi], [[0.0, 0.5, 1.0], [1.0, 0.0, -1.0], [0.5, 2.0, 0.0], [0.0, 0.5, 1.0]]
 )
@@ -30,14 +30,14 @@ FORCES = Forces(
     friction=(Friction("rocker", 1e-4, 2e-3), Friction("C", 1e-5, 1e-4)),
     loads=(Load("S", PUSH),),
 )
-RIGHT = with_inertia(DRIVE.mechanism)
+RIGHT = with_inertia(LINKAGE.mechanism)
 SPEED = 60.0
 
 
-def judged(method, mechanism=RIGHT, forces=FORCES):
+def verdict_of(method, mechanism=RIGHT, forces=FORCES):
     """Return the verdict on MuJoCo's run of a model against the correct model's reduced equation."""
     result = driven(mechanism, forces, speed=SPEED, method=method, samples=24)
-    return crosscheck_driven(result, dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT))
+    return crosscheck_driven(result, dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT))
 
 
 def with_link(name, change):
@@ -62,7 +62,7 @@ WRONG = {
     "gravity reversed": {"forces": replace(FORCES, gravity=(-0.3, 9.81, -2.1))},
     "load at the neighbour point": {"forces": replace(FORCES, loads=(Load("C", PUSH),))},
     "friction left out": {"forces": replace(FORCES, friction=FORCES.friction[1:])},
-    "dry friction left out": {
+    "Coulomb friction left out": {
         "forces": replace(FORCES, friction=(Friction("rocker", 1e-4), FORCES.friction[1]))
     },
 }
@@ -70,7 +70,7 @@ WRONG = {
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_the_correct_model_passes(method):
-    verdict = judged(method)
+    verdict = verdict_of(method)
     assert verdict.passed, verdict
     assert len(verdict.checks) > 10
 
@@ -78,104 +78,104 @@ def test_the_correct_model_passes(method):
 @pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_a_wrong_model_fails(method, wrong):
-    verdict = judged(method, **WRONG[wrong])
+    verdict = verdict_of(method, **WRONG[wrong])
     assert verdict.outcome == "failed", verdict
     assert "drive torque" in verdict.reason or "force in" in verdict.reason
 
 
 def test_a_torque_of_the_wrong_sign_or_a_nan_is_detected():
     result = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
-    machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
-    turned = replace(result, forces=replace(result.forces, torque=-result.forces.torque))
-    assert crosscheck_driven(turned, machine).outcome == "failed"
+    model = dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT)
+    rotated = replace(result, forces=replace(result.forces, torque=-result.forces.torque))
+    assert crosscheck_driven(rotated, model).outcome == "failed"
     torque = result.forces.torque.copy()
     torque[5] = np.nan
     broken = replace(result, forces=replace(result.forces, torque=torque))
-    assert crosscheck_driven(broken, machine).outcome == "diverged"
-    assert crosscheck_driven(replace(result, outcome="diverged"), machine).outcome == "diverged"
+    assert crosscheck_driven(broken, model).outcome == "diverged"
+    assert crosscheck_driven(replace(result, outcome="diverged"), model).outcome == "diverged"
 
 
 def test_a_reaction_on_the_wrong_link_is_detected():
     result = driven(RIGHT, FORCES, speed=SPEED, method="pose", samples=24)
-    machine = dynamics.dynamic_model(DRIVE, FORCES, mechanism=RIGHT)
+    model = dynamics.dynamic_model(LINKAGE, FORCES, mechanism=RIGHT)
     item = result.forces.reactions["S"]
     other = result.forces.reactions | {"S": replace(item, force=-item.force)}
-    verdict = crosscheck_driven(replace(result, forces=replace(result.forces, reactions=other)), machine)
+    verdict = crosscheck_driven(replace(result, forces=replace(result.forces, reactions=other)), model)
     assert [check.title for check in verdict.checks if not check.passed] == ["force in S"]
 
 
 def test_catalogue_mechanisms_satisfy_the_reduced_equation():
     for name in catalog.DRIVES:
-        drive = catalog.make(name)
-        if drive.crank_range().full:
-            machine = dynamics.dynamic_model(drive, Forces(gravity=(0.3, -9.81, 2.1)))
-            result = driven(machine.mechanism, machine.forces, speed=SPEED, method="pose", samples=12)
-            verdict = crosscheck_driven(result, machine)
+        linkage = catalog.make(name)
+        if linkage.crank_range().full:
+            model = dynamics.dynamic_model(linkage, Forces(gravity=(0.3, -9.81, 2.1)))
+            result = driven(model.mechanism, model.forces, speed=SPEED, method="pose", samples=12)
+            verdict = crosscheck_driven(result, model)
             assert verdict.passed, verdict
 
 
 def test_a_free_run_with_another_motor_fails():
-    drive = catalog.make("four_bar")
+    linkage = catalog.make("four_bar")
     motor = motors.DCMotor(6.0, 2.0, 0.05)
-    machine = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
-    result = dynamics.free_run(machine, angle=0.3, speed=20.0, duration=0.1, samples=21)
-    verdict = crosscheck_free(result, machine)
+    model = dynamics.dynamic_model(linkage, Forces(gravity=(0.0, -9.81, 0.0), motor=motor))
+    result = dynamics.free_run(model, angle=0.3, speed=20.0, duration=0.1, samples=21)
+    verdict = crosscheck_free(result, model)
     assert verdict.passed, verdict
-    weaker = machine.with_forces(replace(machine.forces, motor=motors.DCMotor(5.99, 2.0, 0.05)))
+    weaker = model.with_forces(replace(model.forces, motor=motors.DCMotor(5.99, 2.0, 0.05)))
     assert crosscheck_free(result, weaker).outcome == "failed"
 
 
-def three_armed(place):
+def three_armed(position):
     """Return a parallelogram with a third crank under gravity, with its unit motion by loop equations."""
-    return dynamics.dynamic_model(three_cranks(place), Forces(gravity=(0.4, -9.81, 0.0)))
+    return dynamics.dynamic_model(three_cranks(position), Forces(gravity=(0.4, -9.81, 0.0)))
 
 
 def test_determined_reactions_of_a_redundant_crank_are_checked():
-    machine = three_armed((0.047, 0.02))
+    model = three_armed((0.047, 0.02))
     # where all cranks lie along x the third takes no part in the self-stress
     angle = 0.2 + np.linspace(0.0, 2.0 * np.pi, 25)
-    study = dynamics.prescribed(machine, angle, 50.0)
+    study = dynamics.prescribed(model, angle, 50.0)
     pin = study.forces.reactions["third pin"]
     force, _ = pin.project(pin.force, pin.moment)
     across, along = (
-        np.stack([part(angle), other(angle), 0.0 * angle], 1)
-        for part, other in ((lambda x: -np.sin(x), np.cos), (np.cos, np.sin))
+        np.stack([function(angle), other(angle), 0.0 * angle], 1)
+        for function, other in ((lambda x: -np.sin(x), np.cos), (np.cos, np.sin))
     )
-    arm = next(link.inertia for link in machine.mechanism.links if link.name == "third")
-    # the arm turns evenly: about its pivot the pin holds up its weight
+    arm = next(link.inertia for link in model.mechanism.links if link.name == "third")
+    # at constant speed the pin carries the moment of the arm's weight
     weight = arm.mass * (across @ [0.4, -9.81, 0.0]) * arm.centre[0] / 0.03
     np.testing.assert_allclose((force * across).sum(1), weight, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose((force * along).sum(1), 0.0, atol=1e-12)
     assert pin.partly_undetermined == ("fx", "fy")
-    run = driven(machine.mechanism, machine.forces, speed=50.0, method="step", samples=24)
-    verdict = crosscheck_driven(run, machine)
+    run = driven(model.mechanism, model.forces, speed=50.0, method="step", samples=24)
+    verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
     links = tuple(
         replace(link, inertia=heavier(link.inertia)) if link.name == "third" else link
-        for link in machine.mechanism.links
+        for link in model.mechanism.links
     )
     wrong = dynamics.dynamic_model(
-        machine.solver, machine.forces, mechanism=replace(machine.mechanism, links=links)
+        model.solver, model.forces, mechanism=replace(model.mechanism, links=links)
     )
-    missed = {(item.kind, item.subject) for item in crosscheck_driven(run, wrong).checks if not item.passed}
-    assert {("force", "third"), ("force", "third pin")} <= missed
+    failed = {(item.kind, item.subject) for item in crosscheck_driven(run, wrong).checks if not item.passed}
+    assert {("force", "third"), ("force", "third pin")} <= failed
 
 
 def test_forces_near_a_change_point_are_continuous():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
-    machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
+    model = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
     angle = np.array([0.0, 0.7, 2.0, np.pi, 4.0])
-    whole, part = (dynamics.prescribed(machine, at, 50.0).forces for at in (angle, angle[[1, 2, 4]]))
+    whole, subset = (dynamics.prescribed(model, angles, 50.0).forces for angles in (angle, angle[[1, 2, 4]]))
     assert whole.unbounded.tolist() == [True, False, False, True, False]
-    for name, item in part.reactions.items():
+    for name, item in subset.reactions.items():
         assert item.undetermined == whole.reactions[name].undetermined
         np.testing.assert_allclose(whole.reactions[name].force[[1, 2, 4]], item.force, rtol=1e-9, atol=1e-9)
 
 
 def test_records_under_test_do_not_exclude_instants():
     flat = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.1, rocker=0.03)
-    machine = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
-    exact = dynamics.prescribed(machine, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).forces
+    model = dynamics.dynamic_model(flat, Forces(gravity=(0.4, -9.81, 0.0)))
+    exact = dynamics.prescribed(model, np.array([0.0, 0.7, 2.0, np.pi, 4.0]), 50.0).forces
     doubled = {name: replace(item, force=2.0 * item.force) for name, item in exact.reactions.items()}
     wrong = replace(exact, at_branch_point=np.ones(5, dtype=np.bool_), reactions=doubled)
     for name in doubled:
@@ -208,17 +208,17 @@ def test_cylindrical_and_fixed_cut_joints_have_the_newton_euler_reactions(mechan
         gravity=(0.3, -9.81, 2.1),
         friction=(Friction("sleeve", 0.02, 0.01, viscous_turn=1e-5, coulomb_turn=1e-4),),
     )
-    machine = dynamics.dynamic_model(mechanism, acting)
-    run = driven(machine.mechanism, acting, speed=30.0, turns=0.2, method=method, samples=8, cut=(cut,))
-    verdict = crosscheck_driven(run, machine)
+    model = dynamics.dynamic_model(mechanism, acting)
+    run = driven(model.mechanism, acting, speed=30.0, turns=0.2, method=method, samples=8, cut=(cut,))
+    verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
     sound = next(check for check in verdict.checks if check.subject == cut and check.kind == "moment")
     assert sound.worst >= 0.0
     half = tuple(
         replace(link, inertia=heavier(link.inertia)) if link.name == "rod" else link
-        for link in machine.mechanism.links
+        for link in model.mechanism.links
     )
-    wrong = dynamics.dynamic_model(machine.solver, acting, mechanism=replace(machine.mechanism, links=half))
+    wrong = dynamics.dynamic_model(model.solver, acting, mechanism=replace(model.mechanism, links=half))
     assert not crosscheck_driven(run, wrong).passed
 
 
@@ -237,32 +237,32 @@ def test_links_too_light_for_mujoco_are_rejected():
 
 @pytest.mark.parametrize("name", ["rack_steering", "elliptic_trammel", "oldham_coupling"])
 def test_stepped_torques_near_dead_centres_pass(name):
-    form = load(name)
-    machine = weighing(form)
-    profile = within_range(form.mechanism, form.crank_range(), SPEED)
-    run = driven(machine.mechanism, machine.forces, profile=profile, method="step")
-    verdict = crosscheck_driven(run, machine)
+    solver = load(name)
+    model = weighing(solver)
+    profile = within_range(solver.mechanism, solver.crank_range(), SPEED)
+    run = driven(model.mechanism, model.forces, profile=profile, method="step")
+    verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
 
 
 def test_free_runs_with_redundant_loops_pass():
     bennett = dynamics.dynamic_model(catalog.make("bennett"), Forces())
-    for machine, turns in ((three_armed((0.05, 0.03)), 1.0), (bennett, 0.2)):
-        result = dynamics.free_run(machine, speed=60.0, turns=turns, samples=31)
-        verdict = crosscheck_free(result, machine)
+    for model, turns in ((three_armed((0.05, 0.03)), 1.0), (bennett, 0.2)):
+        result = dynamics.free_run(model, speed=60.0, turns=turns, samples=31)
+        verdict = crosscheck_free(result, model)
         assert verdict.passed, verdict
 
 
-def test_a_free_crank_with_nonlinear_couplings_passes_and_keeps_its_order():
-    machine = dynamics.dynamic_model(bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
+def test_a_free_run_with_nonlinear_couplings_has_fourth_order():
+    model = dynamics.dynamic_model(nonlinear_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
     errors = []
-    result = dynamics.free_run(machine, speed=40.0, duration=0.06, samples=41)
-    verdict = crosscheck_free(result, machine)
+    result = dynamics.free_run(model, speed=40.0, duration=0.06, samples=41)
+    verdict = crosscheck_free(result, model)
     assert verdict.passed, verdict
-    name = machine.mechanism.crank.name
+    name = model.mechanism.crank.name
     start = {name: float(result.angle[0])}, {name: float(result.speed[0])}
     for substeps in (1, 2):
-        run = stepped_run(machine.mechanism, machine.forces, *start, result.time, substeps)
+        run = stepped_run(model.mechanism, model.forces, *start, result.time, substeps)
         errors.append(float(np.abs(run.motion.angle - result.angle).max()))
     assert 3.5 < np.log2(errors[0] / errors[1]) < 5.0, errors
 
@@ -270,9 +270,9 @@ def test_a_free_crank_with_nonlinear_couplings_passes_and_keeps_its_order():
 def test_poor_conditioning_is_reported_with_stepped_forces():
     output = {}
     for aside in (1e-4, 0.03):
-        machine = dynamics.dynamic_model(three_cranks((0.047, aside), start=0.0), Forces())
+        model = dynamics.dynamic_model(three_cranks((0.047, aside), start=0.0), Forces())
         settings = Settings(steps_per_turn=288)
-        run = driven(machine.mechanism, machine.forces, speed=50.0, method="step", settings=settings)
+        run = driven(model.mechanism, model.forces, speed=50.0, method="step", settings=settings)
         output[aside] = run.note
     assert "the loops hardly hold the links" in output[1e-4]
     assert output[0.03] == ""
@@ -280,12 +280,12 @@ def test_poor_conditioning_is_reported_with_stepped_forces():
 
 def test_a_start_with_a_stiff_motor_conserves_energy():
     motor = motors.TorqueSpeedLine(100.0, 60.0)
-    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
-    result = dynamics.free_run(machine, turns=0.2, samples=21)
-    verdict = crosscheck_free(result, machine)
+    model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
+    result = dynamics.free_run(model, turns=0.2, samples=21)
+    verdict = crosscheck_free(result, model)
     assert verdict.passed, verdict
     # the motor is at its speed before the second record
     assert result.speed[1] == pytest.approx(60.0, rel=1e-2)
     assert result.energy_error <= 1e-6
-    weaker = machine.with_forces(replace(machine.forces, motor=motors.TorqueSpeedLine(100.0, 59.99)))
+    weaker = model.with_forces(replace(model.forces, motor=motors.TorqueSpeedLine(100.0, 59.99)))
     assert not crosscheck_free(result, weaker).passed

@@ -18,67 +18,69 @@ SLEEVE = Friction("sleeve", 0.2, 0.5, 1e-3, 4e-3)
 ALL = {
     "cylindrical": (rscr(), SLEEVE),
     "universal": (rsup(), Friction("cross", 1e-3, 3e-3)),
-    "cut in space": (catalog.make("bennett").mechanism, None),
-    "spherical, cut": (catalog.make("rrsrr").mechanism, Friction("S", 1e-5, 4e-4)),
+    "spatial cut joint": (catalog.make("bennett").mechanism, None),
+    "spherical cut joint": (catalog.make("rrsrr").mechanism, Friction("S", 1e-5, 4e-4)),
 }
 
 
-def of(kind):
+def model_of(kind):
     mechanism, friction = ALL[kind]
-    # a linkage with dry friction in every joint has to be cut at one of them
+    # Coulomb friction in every joint includes the cut joint
     frictions = (friction,) if friction else tuple(Friction(j.name, 0.0, 2e-3) for j in mechanism.joints)
     source = mechanism
-    for drive in map(catalog.make, ("bennett", "rrsrr")):
-        source = drive if drive.name == mechanism.name else source
+    for linkage in map(catalog.make, ("bennett", "rrsrr")):
+        source = linkage if linkage.name == mechanism.name else source
     return dynamics.dynamic_model(source, Forces(gravity=GRAVITY, friction=frictions))
 
 
-def without(machine, **parts):
-    friction = tuple(replace(item, **parts) for item in machine.forces.friction)
-    return machine.with_forces(replace(machine.forces, friction=friction))
+def with_changed_friction(model, **coefficients):
+    friction = tuple(replace(item, **coefficients) for item in model.forces.friction)
+    return model.with_forces(replace(model.forces, friction=friction))
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("kind", ALL)
 def test_torques_and_reactions_agree_under_friction(kind, method):
-    machine = of(kind)
-    run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, method=method, samples=12)
-    verdict = crosscheck_driven(run, machine)
+    model = model_of(kind)
+    run = driven(model.mechanism, model.forces, speed=30.0, turns=0.1, method=method, samples=12)
+    verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
-    assert crosscheck_driven(run, without(machine, coulomb=0.0)).outcome == "failed"
+    assert crosscheck_driven(run, with_changed_friction(model, coulomb=0.0)).outcome == "failed"
 
 
 @pytest.mark.parametrize("opposed", [(), ("A",), ("B",), ("crank", "A")])
 def test_friction_in_a_cut_joint_opposes_its_motion(opposed):
     mechanism = catalog.make("four_bar").mechanism
     down = {"axis": (0.0, 0.0, -1.0)}
-    turned = tuple(
+    rotated = tuple(
         replace(item, a=replace(item.a, **down), b=replace(item.b, **down)) if item.name in opposed else item
         for item in mechanism.joints
     )
-    friction = tuple(Friction(item.name, 1e-4, 2e-3) for item in turned)
-    machine = dynamics.dynamic_model(replace(mechanism, joints=turned), Forces(friction=friction))
-    run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, samples=12)
-    verdict = crosscheck_driven(run, machine)
+    friction = tuple(Friction(item.name, 1e-4, 2e-3) for item in rotated)
+    model = dynamics.dynamic_model(replace(mechanism, joints=rotated), Forces(friction=friction))
+    run = driven(model.mechanism, model.forces, speed=30.0, turns=0.1, samples=12)
+    verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
 
 
-@pytest.mark.parametrize("part", ["viscous", "coulomb", "viscous_turn", "coulomb_turn"])
-def test_missing_friction_in_a_cylindrical_joint_is_detected(part):
-    machine = of("cylindrical")
-    run = driven(machine.mechanism, machine.forces, speed=30.0, turns=0.1, samples=12)
-    assert crosscheck_driven(run, without(machine, **{part: 0.0})).outcome == "failed"
+@pytest.mark.parametrize("coefficient", ["viscous", "coulomb", "viscous_turn", "coulomb_turn"])
+def test_missing_friction_in_a_cylindrical_joint_is_detected(coefficient):
+    model = model_of("cylindrical")
+    run = driven(model.mechanism, model.forces, speed=30.0, turns=0.1, samples=12)
+    assert crosscheck_driven(run, with_changed_friction(model, **{coefficient: 0.0})).outcome == "failed"
 
 
 def test_friction_power_follows_from_joint_rates():
-    machine = of("cylindrical")
-    study = dynamics.prescribed(machine, np.linspace(0.7, 1.4, 9), 30.0)
+    model = model_of("cylindrical")
+    study = dynamics.prescribed(model, np.linspace(0.7, 1.4, 9), 30.0)
     result = study.forces
     bare = dynamics.prescribed(
-        without(machine, **dict.fromkeys(("viscous", "coulomb"), 0.0)), result.angle, 30.0
+        with_changed_friction(model, **dict.fromkeys(("viscous", "coulomb"), 0.0)), result.angle, 30.0
     ).forces
     bare_turn = dynamics.prescribed(
-        without(machine, **dict.fromkeys(("viscous_turn", "coulomb_turn"), 0.0)), result.angle, 30.0
+        with_changed_friction(model, **dict.fromkeys(("viscous_turn", "coulomb_turn"), 0.0)),
+        result.angle,
+        30.0,
     ).forces
     assert (result.power_lost > bare.power_lost).all()
     assert result.power_lost == pytest.approx(bare.power_lost + bare_turn.power_lost, rel=1e-12)
@@ -86,55 +88,55 @@ def test_friction_power_follows_from_joint_rates():
 
 
 def test_coulomb_friction_of_a_ball_opposes_its_angular_velocity():
-    machine = of("spherical, cut")
-    ball = machine.mechanism.joint("S")
-    study = dynamics.prescribed(machine, np.linspace(0.0, 6.0, 13), 30.0)
-    links = machine.solver.solve(study.forces.angle, 30.0).links
+    model = model_of("spherical cut joint")
+    ball = model.mechanism.joint("S")
+    study = dynamics.prescribed(model, np.linspace(0.0, 6.0, 13), 30.0)
+    links = model.solver.solve(study.forces.angle, 30.0).links
     still = np.zeros((13, 3))
     spins = [links[end.link].angular_velocity if end.link in links else still for end in (ball.a, ball.b)]
     spin = np.sqrt(((spins[1] - spins[0]) ** 2).sum(1))
     assert study.forces.power_lost == pytest.approx(4e-4 * spin + 1e-5 * spin**2, rel=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["spherical, cut", "cut in space"])
+@pytest.mark.parametrize("kind", ["spherical cut joint", "spatial cut joint"])
 def test_a_free_run_loses_the_energy_of_the_reduced_equation(kind):
-    machine = of(kind)
-    machine = machine.with_forces(replace(machine.forces, flywheel=1e-3))
-    run = dynamics.free_run(machine, speed=60.0, duration=0.01, samples=21)
-    verdict = crosscheck_free(run, machine)
+    model = model_of(kind)
+    model = model.with_forces(replace(model.forces, flywheel=1e-3))
+    run = dynamics.free_run(model, speed=60.0, duration=0.01, samples=21)
+    verdict = crosscheck_free(run, model)
     assert verdict.passed, verdict
-    assert crosscheck_free(run, without(machine, coulomb=0.0)).outcome == "failed"
+    assert crosscheck_free(run, with_changed_friction(model, coulomb=0.0)).outcome == "failed"
 
 
 def test_a_crank_locked_by_ball_friction_cannot_start():
-    held = Forces(friction=(Friction("S", 0.0, 0.5),), motor=ConstantTorque(0.01))
-    machine = dynamics.dynamic_model(catalog.make("rrsrr"), held)
-    assert dynamics.free_run(machine, turns=1.0).outcome == "cannot start"
+    forces = Forces(friction=(Friction("S", 0.0, 0.5),), motor=ConstantTorque(0.01))
+    model = dynamics.dynamic_model(catalog.make("rrsrr"), forces)
+    assert dynamics.free_run(model, turns=1.0).outcome == "cannot start"
 
 
 def test_a_couple_on_another_link_fails():
     moment = load_profile.function(
-        lambda at: np.stack([np.cos(at), 0.3 + 0.0 * at, np.sin(2.0 * at)], 1), width=3
+        lambda angle: np.stack([np.cos(angle), 0.3 + 0.0 * angle, np.sin(2.0 * angle)], 1), width=3
     )
-    machine = dynamics.dynamic_model(catalog.make("rrsrr"), Forces(couples=(Couple("link", moment),)))
-    run = driven(machine.mechanism, machine.forces, speed=30.0, samples=24)
-    assert crosscheck_driven(run, machine).passed
-    other = machine.with_forces(Forces(couples=(Couple("coupler", moment),)))
+    model = dynamics.dynamic_model(catalog.make("rrsrr"), Forces(couples=(Couple("link", moment),)))
+    run = driven(model.mechanism, model.forces, speed=30.0, samples=24)
+    assert crosscheck_driven(run, model).passed
+    other = model.with_forces(Forces(couples=(Couple("coupler", moment),)))
     assert crosscheck_driven(run, other).outcome == "failed"
-    spin = machine.solver.solve(run.motion.angle, 30.0).links["link"].angular_velocity
-    result = dynamics.prescribed(machine, run.motion.angle, 30.0).forces
+    spin = model.solver.solve(run.motion.angle, 30.0).links["link"].angular_velocity
+    result = dynamics.prescribed(model, run.motion.angle, 30.0).forces
     assert result.power_loads == pytest.approx((moment.evaluate(result.angle) * spin).sum(1), abs=1e-12)
 
 
 @pytest.mark.parametrize("motor", [TorqueSpeedLine(0.02, 900.0), DCMotor(12.0, 4.0, 0.012)])
 def test_a_geared_motor_with_a_wrong_ratio_fails(motor):
-    machine = dynamics.dynamic_model(
+    model = dynamics.dynamic_model(
         catalog.make("four_bar"), Forces(gravity=GRAVITY, motor=Geared(motor, 9.0))
     )
-    run = dynamics.free_run(machine, duration=0.02, samples=21)
-    verdict = crosscheck_free(run, machine)
+    run = dynamics.free_run(model, duration=0.02, samples=21)
+    verdict = crosscheck_free(run, model)
     assert verdict.passed, verdict
-    wrong = machine.with_forces(replace(machine.forces, motor=Geared(motor, 9.01)))
+    wrong = model.with_forces(replace(model.forces, motor=Geared(motor, 9.01)))
     assert crosscheck_free(run, wrong).outcome == "failed"
     geared = Geared(motor, 9.0)
     assert geared.torque(geared.no_load) == pytest.approx(0.0, abs=1e-12)

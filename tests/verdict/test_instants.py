@@ -18,27 +18,27 @@ LAW = {"crank": "0.3*sin(2*pi*t)"}
 
 
 @pytest.fixture(scope="module")
-def swung():
+def swinging():
     return ms.load("four_bar", drive=LAW, duration=2.0)
 
 
-def late(form, by):
+def late(solver, by):
     """Return a function of the crank angle that is off by 1 mm at one angle."""
 
     def claim(angle):
-        place = form.positions(angle)["B"]
-        return {"B": place + 1e-3 * np.exp(-(((angle - by) / 0.01) ** 2))[:, None]}
+        position = solver.positions(angle)["B"]
+        return {"B": position + 1e-3 * np.exp(-(((angle - by) / 0.01) ** 2))[:, None]}
 
     return claim
 
 
-def test_verdicts_on_motion_laws_report_times(swung):
-    run = ms.simulate(swung, samples=200)
+def test_verdicts_on_motion_laws_report_times(swinging):
+    run = ms.simulate(swinging, samples=200)
     verdict = ms.crosscheck(run, late(ms.catalog.make("four_bar"), 0.3))
     check = next(item for item in verdict.checks if item.kind == "position")
     assert not check.passed
     assert check.at_unit == "s"
-    # the crank stands at 0.3 rad at a quarter of each second
+    # the crank is at 0.3 rad at a quarter of each second
     assert min(abs(check.instant - 0.25), abs(check.instant - 1.25)) < 1e-9
     assert {item["at_unit"] for item in plain(verdict)["checks"]} == {"s"}
     assert f"at {check.instant:7.4f} s" in str(check)
@@ -46,22 +46,22 @@ def test_verdicts_on_motion_laws_report_times(swung):
 
 
 def test_verdicts_on_a_crank_report_crank_angles():
-    drive = ms.catalog.make("four_bar")
-    verdict = ms.crosscheck(ms.simulate(drive, speed=3.0, samples=72), late(drive, np.pi / 3))
+    linkage = ms.catalog.make("four_bar")
+    verdict = ms.crosscheck(ms.simulate(linkage, speed=3.0, samples=72), late(linkage, np.pi / 3))
     check = next(item for item in verdict.checks if item.kind == "position")
     assert (check.instant, check.at_unit) == (pytest.approx(np.pi / 3), "rad")
     assert "at [rad]" in verdict_html(verdict)
 
 
-def test_force_checks_on_motion_laws_report_times(swung):
-    run = driven(swung, samples=20)
-    verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(swung))
+def test_force_checks_on_motion_laws_report_times(swinging):
+    run = driven(swinging, samples=20)
+    verdict = crosscheck_driven(run, ms.dynamics.dynamic_model(swinging))
     assert {item.at_unit for item in verdict.checks} == {"s"}
     assert max(item.instant for item in verdict.checks) <= 2.0
 
 
-def test_formula_checks_on_motion_laws_report_times(swung):
-    result = ms.validate(swung, late(ms.catalog.make("four_bar"), 0.3))
+def test_formula_checks_on_motion_laws_report_times(swinging):
+    result = ms.validate(swinging, late(ms.catalog.make("four_bar"), 0.3))
     (check,) = result.checks
     assert check.at_unit == "s"
     assert min(abs(check.instant - 0.25), abs(check.instant - 1.25)) < 0.01
@@ -70,13 +70,13 @@ def test_formula_checks_on_motion_laws_report_times(swung):
 
 
 def test_checks_of_a_table_without_times_report_rows(tmp_path):
-    form = ms.load("five_bar")
-    motion = form.solve(t=np.linspace(0.0, 1.0, 11))
-    place = motion.points["P"].position.copy()
-    place[6, 0] += 1e-3
+    solver = ms.load("five_bar")
+    motion = solver.solve(t=np.linspace(0.0, 1.0, 11))
+    position = motion.points["P"].position.copy()
+    position[6, 0] += 1e-3
     path = tmp_path / "places.csv"
     columns = [motion.joints[name].value for name in ("left", "right")]
-    rows = np.column_stack([*columns, place])
+    rows = np.column_stack([*columns, position])
     np.savetxt(path, rows, delimiter=",", header="left,right,P.x,P.y,P.z", comments="", fmt="%.17g")
     result = ms.validate(ms.load("five_bar"), path, stepped=False)
     check = next(item for item in result.checks if not item.passed)

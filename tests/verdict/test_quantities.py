@@ -25,14 +25,14 @@ from mechsim.verdict.tolerances import Requested, Tolerance, ToleranceRule
 
 ANGLES, SPEED = np.linspace(0.1, 5.9, 31), 20.0
 GRAVITY = Forces(gravity=(0.3, -9.81, 0.5), friction=(Friction("crank", 1e-3, 1e-2),))
-MACHINE = dynamics.dynamic_model(catalog.make("warp_knitter"), GRAVITY)
-FOUND = dynamics.prescribed(MACHINE, ANGLES, SPEED).forces
-# as of a driver under a program
-EXACT = replace(FOUND, drives={"crank": FOUND.torque})
+MODEL = dynamics.dynamic_model(catalog.make("warp_knitter"), GRAVITY)
+RECORD = dynamics.prescribed(MODEL, ANGLES, SPEED).forces
+# as for a driver with a motion law
+EXACT = replace(RECORD, drives={"crank": RECORD.torque})
 RUN = dynamics.free_run(dynamics.dynamic_model(catalog.make("four_bar"), GRAVITY), speed=SPEED, duration=0.2)
 
 
-def missed(verdict):
+def failed_kinds(verdict):
     return {check.kind for check in verdict.checks if not check.passed}
 
 
@@ -49,14 +49,14 @@ def changed(mapping, name, **fields):
 def test_motion_by_rounding_alone_does_not_define_the_stroke():
     motion = motion_of("four_bar")
     still = motion.points["A"].position[:1]
-    for part, alike in ((0.0, True), (1e-16, True), (1e-9, False)):
-        path = still * (1.0 + part * np.sin(ANGLES)[:, None])
+    for relative, alike in ((0.0, True), (1e-16, True), (1e-9, False)):
+        path = still * (1.0 + relative * np.sin(ANGLES)[:, None])
         stroke = stroke_of(replace(motion, points={"A": replace(motion.points["A"], position=path)}))
         reach = max(np.abs(link.position).max() for link in motion.links.values())
         assert (stroke >= 0.5 * reach) == alike
 
 
-def spoiled_motion(kind):
+def wrong_motion(kind):
     motion = motion_of("slider_crank")
     off = 1e-3 * np.ones(len(ANGLES))
     if kind in ("position", "velocity", "acceleration"):
@@ -67,26 +67,29 @@ def spoiled_motion(kind):
         name = next(item for item, joint in motion.joints.items() if joint.unit == unit and item != "crank")
         return replace(motion, joints=changed(motion.joints, name, value=motion.joints[name].value + off))
     if kind == "orientation":
-        turned = motion.links["rod"].rotation[:, :, [1, 2, 0]]
-        return replace(motion, links=changed(motion.links, "rod", rotation=turned))
+        rotated = motion.links["rod"].rotation[:, :, [1, 2, 0]]
+        return replace(motion, links=changed(motion.links, "rod", rotation=rotated))
     return replace(motion, closure=off)
 
 
 @pytest.mark.parametrize("kind", [row.name for row in MOTION])
 def test_every_wrong_quantity_of_a_motion_fails_only_its_check(kind):
-    drive = catalog.make("slider_crank")
-    assert crosscheck(motion_of("slider_crank"), drive, speed=SPEED).passed
-    assert missed(crosscheck(spoiled_motion(kind), drive, speed=SPEED)) == {kind}
+    linkage = catalog.make("slider_crank")
+    assert crosscheck(motion_of("slider_crank"), linkage, speed=SPEED).passed
+    assert failed_kinds(crosscheck(wrong_motion(kind), linkage, speed=SPEED)) == {kind}
 
 
 def test_a_lagging_crank_fails_its_drive_check():
     motion = motion_of("slider_crank")
     late = replace(motion, time=motion.time * (1.0 + 1e-6))
-    assert missed(crosscheck(late, catalog.make("slider_crank"), speed=SPEED)) == {"drive"}
-    assert missed(crosscheck(motion, catalog.make("slider_crank"), speed=21.0)) == {"drive", "drive speed"}
+    assert failed_kinds(crosscheck(late, catalog.make("slider_crank"), speed=SPEED)) == {"drive"}
+    assert failed_kinds(crosscheck(motion, catalog.make("slider_crank"), speed=21.0)) == {
+        "drive",
+        "drive speed",
+    }
 
 
-def spoiled_efforts(kind):
+def wrong_forces(kind):
     fields = {
         "drive torque": "torque",
         "kinetic energy": "kinetic",
@@ -110,30 +113,30 @@ def spoiled_efforts(kind):
 
 def test_zero_potential_energy_is_scaled_by_forces():
     exact = replace(EXACT, potential=np.zeros(len(ANGLES)))
-    force, size = force_scales(exact)["force"], exact.characteristic_length
-    rounded = replace(exact, potential=np.full(len(ANGLES), 1e-16 * force * size))
+    force, scale = force_scales(exact)["force"], exact.characteristic_length
+    rounded = replace(exact, potential=np.full(len(ANGLES), 1e-16 * force * scale))
     assert crosscheck_forces(rounded, exact, method="pose").passed
-    wrong = replace(exact, potential=np.full(len(ANGLES), 1e-12 * force * size))
-    assert missed(crosscheck_forces(wrong, exact, method="pose")) == {"potential energy"}
+    wrong = replace(exact, potential=np.full(len(ANGLES), 1e-12 * force * scale))
+    assert failed_kinds(crosscheck_forces(wrong, exact, method="pose")) == {"potential energy"}
 
 
 @pytest.mark.parametrize("route", ["pose", "step"])
 @pytest.mark.parametrize("kind", [row.name for row in FORCES])
 def test_every_wrong_quantity_of_forces_fails_only_its_check(kind, route):
     assert crosscheck_forces(EXACT, EXACT, method=route).passed
-    assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=route)) == {kind}
-    assert missed(crosscheck_forces(spoiled_efforts(kind), EXACT, method=route, tolerance=1e-7)) == {kind}
+    assert failed_kinds(crosscheck_forces(wrong_forces(kind), EXACT, method=route)) == {kind}
+    assert failed_kinds(crosscheck_forces(wrong_forces(kind), EXACT, method=route, tolerance=1e-7)) == {kind}
 
 
 def test_explicit_tolerances_are_relative_or_absolute():
     off = replace(EXACT, torque=EXACT.torque + 1e-3)
-    size = force_scales(EXACT)["torque"]
-    for bound, unit in ((2e-3 / size, "1"), (2e-3, "N m")):
-        own = {"drive torque": Tolerance(bound, unit, "as asked")}
+    scale = force_scales(EXACT)["torque"]
+    for limit, unit in ((2e-3 / scale, "1"), (2e-3, "N m")):
+        own = {"drive torque": Tolerance(limit, unit, "as requested")}
         verdict = crosscheck_forces(off, EXACT, method="pose", bounds=own)
         assert verdict.passed
         assert verdict.checks[0].tolerance == pytest.approx(2e-3)
-        assert verdict.checks[0].reason.endswith("as asked")
+        assert verdict.checks[0].reason.endswith("as requested")
 
 
 def test_a_nan_never_passes():
@@ -156,18 +159,18 @@ def test_a_check_has_a_title_of_variant_method_quantity_and_subject():
 
 
 def test_larger_requests_have_wider_tolerances():
-    place = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Requested(1e-6, scale=0.3))
-    assert place.value == 1e-6
-    assert place.reason == "requested: 3e-06 of the stroke of 0.3 m"
+    position = QUANTITIES["position"].bounds["step"].tolerance("m", 0.3, Requested(1e-6, scale=0.3))
+    assert position.value == 1e-6
+    assert position.reason == "requested: 3e-06 of the stroke of 0.3 m"
 
 
 def test_every_quantity_has_a_scale_and_a_reason_for_each_tolerance():
-    known = {*motion_scales(1.0, 1.0), *force_scales(EXACT)}
+    scales = {*motion_scales(1.0, 1.0), *force_scales(EXACT)}
     assert len(QUANTITIES) == len(MOTION) + len(CRANK_DRIVE) + len(DRIVERS) + len(FORCES)
     for row in QUANTITIES.values():
-        assert row.scale in known
+        assert row.scale in scales
         assert row.bounds
-        assert all(bound.reason and (bound.fixed or bound.requested) for bound in row.bounds.values())
+        assert all(limit.reason and (limit.fixed or limit.requested) for limit in row.bounds.values())
 
 
 def test_a_new_quantity_needs_one_table_row():
@@ -177,4 +180,4 @@ def test_a_new_quantity_needs_one_table_row():
     rows = (*FORCES, crank)
     allowed = tolerances_of(rows, "pose", force_scales(EXACT), Requested())
     wrong = replace(EXACT, acceleration=EXACT.acceleration + 1.0)
-    assert missed(concluded(checks_of(rows, wrong, EXACT, allowed))) == {"crank"}
+    assert failed_kinds(concluded(checks_of(rows, wrong, EXACT, allowed))) == {"crank"}

@@ -17,8 +17,8 @@ from mechsim.verdict.quantities import (
 )
 from mechsim.verdict.tolerances import EPS, WELL_CONDITIONED
 
-# quantity -> method -> part of the scale, times the tolerance asked for, powers of turns and of conditioning
-PROMISED = {
+# quantity -> method -> fraction of the scale, factor of the requested tolerance, power of the conditioning
+DOCUMENTED = {
     "position": {
         "pose": (512 * EPS, 0.0, 1),
         "step": (0.0, 1.0, 0),
@@ -123,33 +123,35 @@ PROMISED = {
         "requested": (0.001, 0.0, 0),
     },
 }
-STATED = re.compile(r"measured (?P<number>[\d.]+(e-\d+)?)")
+MEASURED = re.compile(r"measured (?P<number>[\d.]+(e-\d+)?)")
 
 
-@pytest.mark.parametrize("name", PROMISED)
+@pytest.mark.parametrize("name", DOCUMENTED)
 def test_tolerances_have_the_documented_values(name):
     result = {
-        route: (bound.fixed, bound.requested, bound.power) for route, bound in QUANTITIES[name].bounds.items()
+        route: (limit.fixed, limit.requested, limit.power) for route, limit in QUANTITIES[name].bounds.items()
     }
-    assert result == {route: pytest.approx(row, rel=1e-12, abs=0.0) for route, row in PROMISED[name].items()}
+    assert result == {
+        route: pytest.approx(row, rel=1e-12, abs=0.0) for route, row in DOCUMENTED[name].items()
+    }
 
 
 def test_every_quantity_has_a_unique_name_and_a_documented_tolerance():
     assert len(QUANTITIES) == len((*MOTION, *CRANK_DRIVE, *DRIVERS, *FORCES))
-    assert PROMISED.keys() == QUANTITIES.keys()
+    assert DOCUMENTED.keys() == QUANTITIES.keys()
 
 
 def test_tolerances_are_at_most_a_hundred_times_the_measured_errors():
     stated = 0
     for row in QUANTITIES.values():
-        for bound in row.bounds.values():
-            output = STATED.search(bound.reason)
+        for limit in row.bounds.values():
+            output = MEASURED.search(limit.reason)
             if output:
-                unit = EPS if " eps" in bound.reason else 1.0
+                unit = EPS if " eps" in limit.reason else 1.0
                 stated += 1
-                # of those by rounding all were measured over random drives, and none is far from that
-                low, high = (3.0, 30.0) if " eps" in bound.reason else (1.2, 100.01)
-                assert low <= bound.fixed / (float(output["number"]) * unit) <= high, (row.name, bound.reason)
+                # rounding errors were measured over random linkages, and their tolerances are close to them
+                low, high = (3.0, 30.0) if " eps" in limit.reason else (1.2, 100.01)
+                assert low <= limit.fixed / (float(output["number"]) * unit) <= high, (row.name, limit.reason)
     assert stated >= 10
 
 

@@ -37,8 +37,8 @@ def test_no_tolerance_is_requested_by_default():
 
 
 def test_the_larger_of_fixed_and_requested_tolerance_applies():
-    bound = ToleranceRule("{part:.3g} of {scale:.3g} {unit}", 1e-3, requested=2.0, power=3)
-    strict, loose = (bound.tolerance("m", 0.5, Requested(part, scale=4.0)) for part in (1e-6, 0.1))
+    limit = ToleranceRule("{part:.3g} of {scale:.3g} {unit}", 1e-3, requested=2.0, power=3)
+    strict, loose = (limit.tolerance("m", 0.5, Requested(fraction, scale=4.0)) for fraction in (1e-6, 0.1))
     assert strict.value == pytest.approx(0.5e-3)
     assert strict.reason == "0.001 of 0.5 m"
     assert loose.value == pytest.approx(2.0 * 0.1 * 0.5 / 4.0)
@@ -98,47 +98,51 @@ def test_a_tolerance_of_zero_is_exceeded_by_any_error():
 
 
 def test_a_failed_verdict_lists_at_most_three_quantities():
-    bad = [check_of("loop", "", k * ONES, ANGLE, Tolerance(0.5, "m", "")) for k in (1.0, 2.0, 3.0, 4.0, 5.0)]
-    good = check_of("loop", "", 0.1 * ONES, ANGLE, Tolerance(0.5, "m", ""))
-    assert concluded([good]) == Verdict("passed", (good,))
-    assert concluded([good], lambda: 1.0).outcome == "passed"
+    beyond = [
+        check_of("loop", "", k * ONES, ANGLE, Tolerance(0.5, "m", "")) for k in (1.0, 2.0, 3.0, 4.0, 5.0)
+    ]
+    within = check_of("loop", "", 0.1 * ONES, ANGLE, Tolerance(0.5, "m", ""))
+    assert concluded([within]) == Verdict("passed", (within,))
+    assert concluded([within], lambda: 1.0).outcome == "passed"
     names = "loop residual by 2 times, loop residual by 4 times, loop residual by 6 times"
-    assert concluded([*bad[:3], good]).reason == f"beyond the tolerance: {names}"
-    assert concluded([good, *bad]).reason == f"beyond the tolerance: {names} and 2 more"
-    assert concluded(bad[:4]).reason == f"beyond the tolerance: {names} and 1 more"
-    assert concluded(bad, lambda: None).outcome == "failed"
-    moved = concluded(bad, lambda: 1.23456)
+    assert concluded([*beyond[:3], within]).reason == f"beyond the tolerance: {names}"
+    assert concluded([within, *beyond]).reason == f"beyond the tolerance: {names} and 2 more"
+    assert concluded(beyond[:4]).reason == f"beyond the tolerance: {names} and 1 more"
+    assert concluded(beyond, lambda: None).outcome == "failed"
+    moved = concluded(beyond, lambda: 1.23456)
     assert (moved.outcome, moved.reason) == ("changed assembly", "first seen at crank angle 1.2346 rad")
-    odd = check_of("loop", "", np.nan * ONES, ANGLE, Tolerance(0.5, "m", ""))
-    assert concluded([good, odd]).outcome == "diverged"
-    assert good.passed
-    assert concluded([good]).passed
-    assert not concluded(bad).passed
+    undefined = check_of("loop", "", np.nan * ONES, ANGLE, Tolerance(0.5, "m", ""))
+    assert concluded([within, undefined]).outcome == "diverged"
+    assert within.passed
+    assert concluded([within]).passed
+    assert not concluded(beyond).passed
 
 
 def test_a_verdict_prints_outcome_reason_and_checks():
-    good, bad, odd = (
-        check_of("loop", "", size * ONES, ANGLE, Tolerance(0.5, "m", "why")) for size in (0.25, 1.0, np.nan)
+    within, beyond, undefined = (
+        check_of("loop", "", error * ONES, ANGLE, Tolerance(0.5, "m", "why")) for error in (0.25, 1.0, np.nan)
     )
-    assert [" ".join(str(check).split()) for check in (good, bad, odd)] == [
+    assert [" ".join(str(check).split()) for check in (within, beyond, undefined)] == [
         "loop residual 2.50e-01 <= 5.0e-01 m at 0.2000 rad (why)",
         "loop residual 1.00e+00 > 5.0e-01 m at 0.2000 rad (why)",
         "loop residual nan ? 5.0e-01 m at 0.2000 rad (why)",
     ]
-    assert (good.fraction_of_tolerance, bad.fraction_of_tolerance, odd.fraction_of_tolerance) == (
+    assert (within.fraction_of_tolerance, beyond.fraction_of_tolerance, undefined.fraction_of_tolerance) == (
         0.5,
         2.0,
         None,
     )
-    assert str(concluded([good])) == f"passed\n  {good}"
-    assert str(concluded([bad])) == f"failed: beyond the tolerance: loop residual by 2 times\n  {bad}"
+    assert str(concluded([within])) == f"passed\n  {within}"
+    assert str(concluded([beyond])) == f"failed: beyond the tolerance: loop residual by 2 times\n  {beyond}"
 
 
 def test_explicit_tolerances_have_a_unit_or_are_relative():
     rows = [QUANTITIES[name] for name in ("position", "acceleration", "accelerations under these forces")]
     scales = {**motion_scales(0.5, 2.0, 0.8), "1": 1.0}
-    given = {row.name: Tolerance(0.1, unit, "own") for row, unit in zip(rows, ("m", "1", "1"), strict=True)}
-    result = tolerances_of(rows, "pose", scales, Requested(), given)
+    explicit = {
+        row.name: Tolerance(0.1, unit, "own") for row, unit in zip(rows, ("m", "1", "1"), strict=True)
+    }
+    result = tolerances_of(rows, "pose", scales, Requested(), explicit)
     assert result["position"].value == 0.1
     assert result["acceleration"].value == pytest.approx(0.1 * 0.5 * 4.0)
     assert result["acceleration"].unit == "m/s2"
@@ -176,7 +180,7 @@ def test_stroke_and_reach_of_a_path_are_its_extents():
     path = np.outer(np.linspace(-1.0, 3.0, N), (0.5, -1.0, 0.2))
     assert stroke_of(moving(path)) == pytest.approx(2.0)
     assert reach_of(moving(path)) == pytest.approx(3.0)
-    # where nothing moves there is no stroke to measure by
+    # without motion the largest coordinate replaces the stroke
     assert stroke_of(moving(FLAT + np.array([0.1, -0.7, 0.2]))) == pytest.approx(0.7)
 
 
@@ -191,11 +195,11 @@ def test_crank_angles_of_records_may_differ_by_rounding(off, same):
             crosscheck(moving(path), exact)
 
 
-def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0.0, 0.0), **more):
+def forces_of(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0.0, 0.0), **more):
     item = Reaction(link="a", by="b", force=np.asarray(force), moment=FLAT, point=FLAT)
     names = ("acceleration", "potential", "power_in", "power_loads", "power_lost", "residual")
     zeros = dict.fromkeys(names, np.zeros(N))
-    given = {
+    values = {
         "characteristic_length": 0.2,
         "time": None,
         "angle": ANGLE,
@@ -203,12 +207,12 @@ def efforts(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0, 0
         "gears": {},
         **zeros,
     }
-    given |= {"torque": np.array(torque), "kinetic": np.array(kinetic), "sliding": np.ones((N, 1))}
-    return ForceRecord(**{**given, "reactions": {"A": item}, **more})
+    values |= {"torque": np.array(torque), "kinetic": np.array(kinetic), "sliding": np.ones((N, 1))}
+    return ForceRecord(**{**values, "reactions": {"A": item}, **more})
 
 
 def test_scales_of_forces_are_root_mean_squares():
-    result = efforts(FLAT + np.array([2.0, 0.0, 1.5]), potential=np.array([1.0, -7.0, 0.0, 0.0, 0.0]))
+    result = forces_of(FLAT + np.array([2.0, 0.0, 1.5]), potential=np.array([1.0, -7.0, 0.0, 0.0, 0.0]))
     scales, torque = force_scales(result), np.sqrt(5.0)
     assert scales["torque"] == pytest.approx(torque)
     assert (scales["force"], scales["moment"]) == pytest.approx((2.5, 0.5))
@@ -218,52 +222,52 @@ def test_scales_of_forces_are_root_mean_squares():
 
 
 def test_zero_forces_and_torques_have_a_nonzero_scale():
-    idle = force_scales(efforts(FLAT, torque=np.zeros(N)))
+    idle = force_scales(forces_of(FLAT, torque=np.zeros(N)))
     assert idle["torque"] == pytest.approx(2e-3)
     assert idle["force"] == pytest.approx(2e-3 / 0.2)
 
 
-# judges
+# verdicts
 
 
-def off_by(size, **more):
-    return moving(PATH + size * np.array([0.0, 0.6, 0.8]), **more)
+def off_by(distance, **more):
+    return moving(PATH + distance * np.array([0.0, 0.6, 0.8]), **more)
 
 
 PATH = np.outer(np.linspace(-1.0, 1.0, N), (1.0, 0.0, 0.0))
 EXACT = moving(PATH)
 BAR = LinkMotion(PATH, np.broadcast_to(np.eye(3), (N, 3, 3)), FLAT, FLAT, FLAT, FLAT)
-# bounds on the path's stroke of one metre: asked for, and by default a ten-thousandth
-PLACES = ((1e-3, 1e-3), (None, 1e-4), (2e-6, 2e-6))
+# requested tolerances and their limits for a stroke of one metre; default a ten-thousandth
+TOLERANCES = ((1e-3, 1e-3), (None, 1e-4), (2e-6, 2e-6))
 
 
-@pytest.mark.parametrize(("tolerance", "bound"), PLACES)
-def test_a_stepped_motion_has_the_requested_or_default_tolerance(tolerance, bound):
+@pytest.mark.parametrize(("tolerance", "limit"), TOLERANCES)
+def test_a_stepped_motion_has_the_requested_or_default_tolerance(tolerance, limit):
     simulated = replace(EXACT, source="step")
-    given = replace(EXACT, source="closed form")
-    for size, passed in ((0.99 * bound, True), (1.01 * bound, False)):
-        result = replace(simulated, points=off_by(size).points)
-        verdict = crosscheck(result, given, tolerance=tolerance)
+    exact = replace(EXACT, source="closed form")
+    for distance, passed in ((0.99 * limit, True), (1.01 * limit, False)):
+        result = replace(simulated, points=off_by(distance).points)
+        verdict = crosscheck(result, exact, tolerance=tolerance)
         assert verdict.passed == passed
-        assert verdict.checks[0].worst == pytest.approx(size)
-        assert verdict.checks[0].tolerance == pytest.approx(bound)
+        assert verdict.checks[0].worst == pytest.approx(distance)
+        assert verdict.checks[0].tolerance == pytest.approx(limit)
 
 
-@pytest.mark.parametrize(("source", "bound"), [("step", 3e-3), ("pose", None)])
-def test_the_tolerance_of_a_stepped_run_applies(source, bound):
-    given = replace(EXACT, source="closed form")
+@pytest.mark.parametrize(("source", "limit"), [("step", 3e-3), ("pose", None)])
+def test_the_tolerance_of_a_stepped_run_applies(source, limit):
+    exact = replace(EXACT, source="closed form")
     run = SimpleNamespace(motion=replace(EXACT, source=source), tolerance=3e-3, outcome="passed")
-    places, alone = (crosscheck(item, given).checks[0].tolerance for item in (run, run.motion))
-    assert places == (alone if bound is None else pytest.approx(bound))
-    assert crosscheck(run, given, tolerance=0.2).checks[0].tolerance == pytest.approx(0.2)
+    positions, alone = (crosscheck(item, exact).checks[0].tolerance for item in (run, run.motion))
+    assert positions == (alone if limit is None else pytest.approx(limit))
+    assert crosscheck(run, exact, tolerance=0.2).checks[0].tolerance == pytest.approx(0.2)
 
 
 def test_solved_configurations_have_a_tolerance_of_rounding():
-    given, solved = replace(EXACT, source="closed form"), replace(EXACT, source="pose")
-    near = replace(solved, points=off_by(1e-9).points)
-    assert crosscheck(solved, given).passed
-    assert not crosscheck(near, given).passed
-    assert crosscheck(near, given, tolerance=1e-8).passed
+    exact, solved = replace(EXACT, source="closed form"), replace(EXACT, source="pose")
+    close = replace(solved, points=off_by(1e-9).points)
+    assert crosscheck(solved, exact).passed
+    assert not crosscheck(close, exact).passed
+    assert crosscheck(close, exact, tolerance=1e-8).passed
 
 
 def test_rates_of_user_functions_have_wider_tolerances():
@@ -318,60 +322,60 @@ def test_a_single_instant_of_another_speed_fails():
 
 
 def test_motions_at_other_angles_or_points_are_rejected():
-    given = replace(EXACT, source="closed form")
+    exact = replace(EXACT, source="closed form")
     shifted = replace(EXACT, angle=ANGLE + 1e-9)
     with pytest.raises(Exception, match="has other crank angles"):
-        crosscheck(shifted, given)
+        crosscheck(shifted, exact)
     with pytest.raises(Exception, match="has other crank angles"):
-        crosscheck(shifted, replace(given, angle=ANGLE[:1]))
-    assert crosscheck(replace(EXACT, angle=ANGLE + 1e-13), given).passed
+        crosscheck(shifted, replace(exact, angle=ANGLE[:1]))
+    assert crosscheck(replace(EXACT, angle=ANGLE + 1e-13), exact).passed
     with pytest.raises(Exception, match="has no point Q"):
-        crosscheck(EXACT, replace(given, points={**EXACT.points, "Q": EXACT.points["P"]}))
+        crosscheck(EXACT, replace(exact, points={**EXACT.points, "Q": EXACT.points["P"]}))
     with pytest.raises(Exception, match="has no point"):
-        crosscheck(EXACT, replace(given, points={}))
+        crosscheck(EXACT, replace(exact, points={}))
     hole = PATH.copy()
     hole[2, 1] = np.nan
     with pytest.raises(Exception, match=f"no finite position of point 'P' at crank angle {ANGLE[2]:.6g}"):
-        crosscheck(EXACT, replace(given, points=moving(hole).points))
+        crosscheck(EXACT, replace(exact, points=moving(hole).points))
     with pytest.raises(Exception, match="no instants"):
-        crosscheck(replace(EXACT, angle=ANGLE[:0]), given)
+        crosscheck(replace(EXACT, angle=ANGLE[:0]), exact)
 
 
 def test_the_drive_is_checked_if_its_speed_is_known():
-    given = replace(EXACT, source="closed form")
+    exact = replace(EXACT, source="closed form")
     time = (ANGLE - ANGLE[0]) / 1.0 + 7.0
-    verdict = crosscheck(replace(EXACT, time=time), given)
+    verdict = crosscheck(replace(EXACT, time=time), exact)
     assert verdict.passed
     assert {"drive", "drive speed"} <= {check.kind for check in verdict.checks}
-    assert {check.kind for check in crosscheck(EXACT, given).checks} >= {"drive speed"}
-    uneven = replace(given, speed=np.linspace(1.0, 1.1, N))
+    assert {check.kind for check in crosscheck(EXACT, exact).checks} >= {"drive speed"}
+    uneven = replace(exact, speed=np.linspace(1.0, 1.1, N))
     assert not {"drive", "drive speed"} & {check.kind for check in crosscheck(EXACT, uneven).checks}
-    fast = crosscheck(replace(EXACT, time=time, speed=1.5 * ONES), given, speed=1.5)
+    fast = crosscheck(replace(EXACT, time=time, speed=1.5 * ONES), exact, speed=1.5)
     assert {check.kind for check in fast.checks if not check.passed} == {"drive"}
 
 
 @pytest.mark.parametrize("field", ["position", "velocity", "acceleration"])
 def test_nonfinite_numbers_are_reported_as_a_diverged_run(field):
-    given, wild = replace(EXACT, source="closed form"), FLAT.copy()
+    exact, wild = replace(EXACT, source="closed form"), FLAT.copy()
     wild[3, 2] = np.inf
     broken = replace(EXACT, points={"P": replace(EXACT.points["P"], **{field: wild})})
-    assert crosscheck(broken, given).outcome == "diverged"
+    assert crosscheck(broken, exact).outcome == "diverged"
     for name in ("speed", "acceleration"):
-        assert crosscheck(replace(EXACT, **{name: wild[:, 2]}), given).outcome == "diverged"
-    assert crosscheck(replace(EXACT, broken="why"), given).reason == "why"
+        assert crosscheck(replace(EXACT, **{name: wild[:, 2]}), exact).outcome == "diverged"
+    assert crosscheck(replace(EXACT, broken="why"), exact).reason == "why"
 
 
 def test_forces_have_the_requested_or_default_tolerance():
-    exact = efforts(FLAT + 1.0)
-    for route, tolerance, bound in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
-        for part, passed in ((0.99, True), (1.01, False)):
-            result = replace(exact, torque=exact.torque + part * bound * np.sqrt(5.0))
+    exact = forces_of(FLAT + 1.0)
+    for route, tolerance, limit in (("pose", None, 1e-10), ("step", None, 1e-6), ("step", 1e-3, 1e-3)):
+        for fraction, passed in ((0.99, True), (1.01, False)):
+            result = replace(exact, torque=exact.torque + fraction * limit * np.sqrt(5.0))
             assert crosscheck_forces(result, exact, method=route, tolerance=tolerance).passed == passed
 
 
 def test_the_largest_error_is_relative_to_its_scale():
     row = QUANTITIES["kinetic energy"]
-    exact = efforts(FLAT)
+    exact = forces_of(FLAT)
     result = replace(exact, kinetic=exact.kinetic + np.linspace(0.0, 0.5, N))
     assert row.largest(result, exact, {"kinetic energy": 2.0}) == pytest.approx(0.25)
     silent = replace(row, error=lambda *_: None)
@@ -380,7 +384,7 @@ def test_the_largest_error_is_relative_to_its_scale():
 
 
 def test_the_most_severe_of_several_verdicts_gives_the_reason():
-    fine, bad = Verdict("passed", ()), Verdict("failed", (), "beyond the tolerance")
-    verdict = combined({"pose": fine, "step": bad})
+    fine, failed_checks = Verdict("passed", ()), Verdict("failed", (), "beyond the tolerance")
+    verdict = combined({"pose": fine, "step": failed_checks})
     assert (verdict.outcome, verdict.reason) == ("failed", "step: beyond the tolerance")
     assert combined({"pose": fine, "step": fine}).reason == ""

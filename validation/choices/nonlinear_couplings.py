@@ -26,11 +26,11 @@ from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 
 STEPS, FREE_STEPS = (250, 1000, 4000), (125, 250, 500, 1000)
-ARMS = {"left": machines.waving(2.0, 0.3, 6.0, 0.2), "right": machines.waving(1.0, 0.4, 9.0, 1.0)}
+ARMS = {"left": machines.sinusoidal(2.0, 0.3, 6.0, 0.2), "right": machines.sinusoidal(1.0, 0.4, 9.0, 1.0)}
 CASES = {
     "rack on the driven pinion": (
-        machines.bending_rack(),
-        {"crank": machines.waving(0.3, 1.0, 2.0)},
+        machines.nonlinear_rack(),
+        {"crank": machines.sinusoidal(0.3, 1.0, 2.0)},
         2.0,
     ),
     "passive joint of a five-bar": (machines.five_bar_with_cam(), ARMS, 1.0),
@@ -62,7 +62,7 @@ def errors(machine: DynamicModel, steps: int) -> dict[str, float]:
 
 def running_free(steps: int) -> float:
     """Return the largest error of a free crank's angle in [rad], of a four-bar whose rocker bends a slide."""
-    machine = dynamics.dynamic_model(machines.bending_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
+    machine = dynamics.dynamic_model(machines.nonlinear_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
     name, duration = machine.mechanism.crank.name, 0.08
     exact = dynamics.free_run(machine, speed=40.0, duration=duration, samples=41)
     substeps = max(1, round(steps * 40.0 * duration / (2.0 * np.pi) / 40))

@@ -1,4 +1,4 @@
-"""Four-bars whose bars come to lie on each other, and where their joints are by half angles."""
+"""Linkages with change points, and positions of four-bars by half angles."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import numpy as np
 
 from mechsim import catalog
 
-TURN = 2.0 * np.pi
+REVOLUTION = 2.0 * np.pi
 NAMES = ("ground", "crank", "coupler", "rocker")
 
 
@@ -15,8 +15,8 @@ def named(lengths):
     return dict(zip(NAMES, lengths, strict=True))
 
 
-def flat_linkages(many=12, seed=5):
-    """Shortest and longest link are as long as the other two: one or two poses lie in line."""
+def change_point_lengths(many=12, seed=5):
+    """Return lengths whose shortest and longest sum to the others: one or two change points."""
     rng = np.random.default_rng(seed)
     result = []
     while len(result) < many:
@@ -32,7 +32,7 @@ def flat_linkages(many=12, seed=5):
 
 
 def smooth_b(lengths, angle, sign):
-    """B by half angles, whose product is the root that changes sign as the linkage passes a flat pose."""
+    """Return B by half angles, whose product changes sign at a change point."""
     ground, crank, coupler, rocker = (mpmath.mpf(length) for length in lengths)
     a = crank * mpmath.expj(angle)
     arm = ground - a
@@ -58,33 +58,33 @@ def worst(exact, result):
 
 def touching_rrsrr():
     """An RRSRR whose torus and sphere just touch: the link's length found by bisection."""
-    drive = catalog.make("rrsrr")
-    turn = np.linspace(0.0, TURN, 20001)
+    linkage = catalog.make("rrsrr")
+    angle = np.linspace(0.0, REVOLUTION, 20001)
     inside, outside = 0.039, 0.055
     for _ in range(30):
         middle = 0.5 * (inside + outside)
-        above = replace(drive, link=middle).discriminant(turn).min() > 0.0
+        above = replace(linkage, link=middle).discriminant(angle).min() > 0.0
         inside, outside = (middle, outside) if above else (inside, middle)
-    closest = float(turn[np.argmin(replace(drive, link=inside).discriminant(turn))])
+    closest = float(angle[np.argmin(replace(linkage, link=inside).discriminant(angle))])
     for _ in range(60):
         middle = 0.5 * (inside + outside)
         around = closest + np.linspace(-1e-3, 1e-3, 2001)
-        above = replace(drive, link=middle).discriminant(around).min() > 0.0
+        above = replace(linkage, link=middle).discriminant(around).min() > 0.0
         inside, outside = (middle, outside) if above else (inside, middle)
-    return replace(drive, link=inside)
+    return replace(linkage, link=inside)
 
 
-FLAT_ONES = {
+CHANGE_POINT_LINKAGES = {
     "parallelogram": catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1),
     "kite": catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.04, rocker=0.1),
-    "kite round its frame": catalog.make("four_bar", ground=0.05, crank=0.05, coupler=0.1, rocker=0.1),
+    "kite about its frame": catalog.make("four_bar", ground=0.05, crank=0.05, coupler=0.1, rocker=0.1),
     "rhombus": catalog.make("four_bar", ground=0.1, crank=0.1, coupler=0.1, rocker=0.1, branch=-1),
-    "rod as long as the crank": catalog.make("slider_crank", crank=0.05, rod=0.05, offset=0.0),
+    "equal rod and crank": catalog.make("slider_crank", crank=0.05, rod=0.05, offset=0.0),
     "offset slide": catalog.make("slider_crank", crank=0.05, rod=0.06, offset=0.01),
-    "rssr laid flat": catalog.make(
+    "planar rssr": catalog.make(
         "rssr", crank=0.04, coupler=0.1, rocker=0.04, pivot=(0.0, -0.1, 0.0), gamma1=np.pi / 2, gamma2=0.0
     ),
-    "rrsrr just touching": touching_rrsrr(),
+    "tangent rrsrr": touching_rrsrr(),
 }
-# where A lies on O4 coupler and rocker could turn about both: the assemblies that meet there do not fold
-FOLDING = [which for which in FLAT_ONES if which not in ("kite round its frame", "rhombus")]
+# where A coincides with O4 the coupler is undetermined, and a branch ends
+WITH_BRANCHES = [which for which in CHANGE_POINT_LINKAGES if which not in ("kite about its frame", "rhombus")]

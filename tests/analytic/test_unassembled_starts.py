@@ -1,4 +1,4 @@
-"""Loops that do not close from where a file starts are reported where they do; those that lock are named."""
+"""Unassembled starts: the error reports a configuration that assembles, or the loops that lock."""
 
 import re
 
@@ -11,7 +11,7 @@ from mechsim.analytic.loops.start import assembled
 from mechsim.errors import AssemblyError, MobilityError
 from mechsim.subjects.mjcf_source import read_mjcf
 
-# all joints on one line, as hand-written files have it: the gap pulls along the line, and nothing turns
+# collinear joints, as in hand-written files: the residual acts along the line and rotates nothing
 IN_A_LINE = """<mujoco>
   <default><geom contype="0" conaffinity="0"/></default>
   <worldbody>
@@ -38,11 +38,11 @@ def test_an_unassembled_start_reports_joint_values_that_assemble(tmp_path):
         assembled(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
     output = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", str(reported.value)))
     key = f'<keyframe><key name="on" qpos="{output["crank"]} {output["rod"]} {output["rocker"]}"/></keyframe>'
-    loops, at = assembled(read_mjcf(str(_line(tmp_path, 0.07, key)), key="on").mechanism)
-    assert np.abs(loops.linearise(at)[0]).max() < 1e-12
-    # the triangle that is left where the crank stands on the line, by the law of cosines
+    loops, q = assembled(read_mjcf(str(_line(tmp_path, 0.07, key)), key="on").mechanism)
+    assert np.abs(loops.linearise(q)[0]).max() < 1e-12
+    # the triangle with the crank on the line, by the law of cosines
     angle = np.arccos((0.04**2 + 0.07**2 - 0.08**2) / (2 * 0.04 * 0.07))
-    assert abs(at.values[loops.tree.index_of["rod"], 0]) == pytest.approx(angle, abs=1e-12)
+    assert abs(q.values[loops.tree.index_of["rod"], 0]) == pytest.approx(angle, abs=1e-12)
 
 
 def test_mobility_analysis_reports_an_unassembled_start(tmp_path):
@@ -57,21 +57,23 @@ def test_loops_that_cannot_close_are_rejected_with_a_remedy(tmp_path):
 
 def test_an_out_of_plane_pin_is_reported_with_its_offset(tmp_path):
     path = _line(tmp_path, 0.07)
-    bent = path.read_text().replace('pos="-.08 0 0"', 'pos="0 .07 .002"')
-    path.write_text(bent)
+    offset = path.read_text().replace('pos="-.08 0 0"', 'pos="0 .07 .002"')
+    path.write_text(offset)
     with pytest.raises(
         AssemblyError, match=r"loop has a gap of .* m that no joint in its loop can close"
     ) as reported:
         assembled(read_mjcf(str(path)).mechanism)
-    direction = [float(part) for part in re.findall(r"gap of \((.*)\) m", str(reported.value))[0].split(",")]
+    direction = [
+        float(number) for number in re.findall(r"gap of \((.*)\) m", str(reported.value))[0].split(",")
+    ]
     np.testing.assert_allclose(np.abs(direction), [0.0, 0.0, 0.002], atol=1e-9)
-    path.write_text(bent.replace(".002", "0"))
-    loops, at = assembled(read_mjcf(str(path)).mechanism)
-    assert np.abs(loops.linearise(at)[0]).max() < 1e-12
+    path.write_text(offset.replace(".002", "0"))
+    loops, q = assembled(read_mjcf(str(path)).mechanism)
+    assert np.abs(loops.linearise(q)[0]).max() < 1e-12
 
 
-# two rods between arms on both sides of their pivots: with arms of unequal length nothing turns, and with
-# lengths 2 parts in 1,000 apart it has a loop-closure error of no more than 1e-7 of the size
+# two rods between double arms: immobile with arms of unequal length; with
+# a difference of 0.2 % the loop-closure error is at most 1e-7 of the characteristic length
 TWO_RODS = """<mujoco>
   <worldbody>
     <body><joint name="crank" axis="0 0 1"/><geom type="capsule" fromto="-.01 -.02 0 .01 .02 0" size=".003"/>
@@ -93,10 +95,10 @@ TWO_RODS = """<mujoco>
 
 def test_loops_that_lock_a_driver_are_reported_by_name(tmp_path):
     path = tmp_path / "rods.xml"
-    drive = {"crank": "0.3*sin(2*pi*t)"}
+    laws = {"crank": "0.3*sin(2*pi*t)"}
     path.write_text(TWO_RODS.format(active="true"))
     with pytest.raises(MobilityError, match=r"crank cannot move, for upper and lower .* lock"):
-        ms.load(path, drive=drive).solve(t=np.linspace(0.0, 1.0, 21))
+        ms.load(path, drive=laws).solve(t=np.linspace(0.0, 1.0, 21))
     path.write_text(TWO_RODS.format(active="false"))
-    motion = ms.load(path, drive=drive, lock={"two": None}).solve(t=np.linspace(0.0, 1.0, 21))
+    motion = ms.load(path, drive=laws, lock={"two": None}).solve(t=np.linspace(0.0, 1.0, 21))
     assert np.isfinite(motion.joints["arm"].value).all()

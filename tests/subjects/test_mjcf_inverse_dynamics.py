@@ -1,4 +1,4 @@
-"""What a file's links weigh and what acts in its joints: inverse dynamics against MuJoCo's own."""
+"""Masses and joint forces of a file: inverse dynamics compared with MuJoCo's."""
 
 import mujoco
 import numpy as np
@@ -34,11 +34,11 @@ MIDDLES, REACHES, RATES = (0.2, -0.3, 0.02), (0.4, 0.3, 0.05), (3.0, 2.0, 5.0)
 
 def waving(middle, reach, rate):
     def state(time):
-        turned = rate * time
+        rotated = rate * time
         return (
-            middle + reach * np.sin(turned),
-            reach * rate * np.cos(turned),
-            -reach * rate**2 * np.sin(turned),
+            middle + reach * np.sin(rotated),
+            reach * rate * np.cos(rotated),
+            -reach * rate**2 * np.sin(rotated),
         )
 
     return state
@@ -47,12 +47,12 @@ def waving(middle, reach, rate):
 def test_drive_forces_agree_with_inverse_dynamics_of_mujoco(tmp_path):
     file = tmp_path / "arm.xml"
     file.write_text(ARM.format(dry=0.0))
-    form = read_mjcf(str(file), drivers=NAMES)
+    solver = read_mjcf(str(file), drivers=NAMES)
     states = dict(zip(NAMES, map(waving, MIDDLES, REACHES, RATES), strict=True))
-    moves = make_motion_laws(form.mechanism, states, 1.0)
-    bound = type(form)(form.mechanism, forces=form.forces, source=form.source, motion_laws=moves)
+    moves = make_motion_laws(solver.mechanism, states, 1.0)
+    limit = type(solver)(solver.mechanism, forces=solver.forces, source=solver.source, motion_laws=moves)
     times = np.linspace(0.0, 1.0, 7)
-    result = dynamics.prescribed(dynamics.dynamic_model(bound, form.forces), t=times).forces
+    result = dynamics.prescribed(dynamics.dynamic_model(limit, solver.forces), t=times).forces
     model = mujoco.MjModel.from_xml_path(str(file))
     data = mujoco.MjData(model)
     value, rate, second = moves.state(times)
@@ -66,13 +66,13 @@ def test_drive_forces_agree_with_inverse_dynamics_of_mujoco(tmp_path):
 def test_friction_gravity_and_masses_of_a_file_are_read(tmp_path):
     file = tmp_path / "arm.xml"
     file.write_text(ARM.format(dry=0.2))
-    form = read_mjcf(str(file), drivers=NAMES)
-    assert form.forces is not None
-    friction = {item.joint: item for item in form.forces.friction}
+    solver = read_mjcf(str(file), drivers=NAMES)
+    assert solver.forces is not None
+    friction = {item.joint: item for item in solver.forces.friction}
     assert (friction["shoulder"].viscous, friction["shoulder"].coulomb) == (0.3, 0.2)
-    assert form.forces.gravity == (0.5, -9.81, 0.3)
-    masses = [link.inertia.mass for link in form.mechanism.links if link.inertia is not None]
-    assert len(masses) == len(form.mechanism.links)
+    assert solver.forces.gravity == (0.5, -9.81, 0.3)
+    masses = [link.inertia.mass for link in solver.mechanism.links if link.inertia is not None]
+    assert len(masses) == len(solver.mechanism.links)
     assert min(masses) > 0.0
     model = mujoco.MjModel.from_xml_path(str(file))
     assert sum(masses) == pytest.approx(model.body_mass.sum(), rel=1e-9)
