@@ -64,10 +64,10 @@ def linkage(seed: int) -> Case:
     """Return a random linkage of the robustness study with a random inertia on every link."""
     sys.path.insert(0, str(ROBUSTNESS))
     try:
-        from random_mechanism_files import drawn
+        from random_mechanism_files import random_mechanism
     finally:
         sys.path.remove(str(ROBUSTNESS))
-    case_data, chance = drawn(seed), np.random.default_rng(seed)
+    case_data, chance = random_mechanism(seed), np.random.default_rng(seed)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "drawn.toml"
         path.write_text(case_data.text, "utf-8")
@@ -85,7 +85,7 @@ def linkage(seed: int) -> Case:
     start = case_data.pose[len(case_data.pose) - len(case_data.names) :]
     laws = {
         case_data.names[i]: machines.sinusoidal(start[i], 0.05 * swing, 2.0, 0.3)
-        for i, swing in zip(case_data.drivers, case_data.swings, strict=True)
+        for i, swing in zip(case_data.drivers, case_data.amplitudes, strict=True)
     }
     return Case(mechanism, acting(mechanism, size), laws)
 

@@ -1,4 +1,4 @@
-"""The study of curves of assemblies, with a few linkages; it finds what is wrong."""
+"""The study of assembly curves with a few linkages, and wrong curves that it must reject."""
 
 import importlib
 import sys
@@ -16,19 +16,19 @@ def study():
     sys.path.remove(str(FOLDER))
 
 
-@pytest.mark.parametrize("near", [False, True], ids=["flat", "nearly flat"])
-def test_flat_linkages_meet_at_their_change_points_and_nearly_flat_ones_nowhere(study, near):
-    assert study.flat(3, near, seed=3) == (3, [])
+@pytest.mark.parametrize("near", [False, True], ids=["change point", "near change point"])
+def test_only_linkages_with_change_points_have_branch_points(study, near):
+    assert study.check_change_points(3, near, seed=3) == (3, [])
 
 
-def test_a_curve_of_another_linkage_is_found_out(study):
-    drive = study.catalog.make("four_bar")
-    curve = study.trace(drive, starts=0).curves[0]
-    assert study.gap(drive, curve) <= 1e-14
-    longer = study.replace(drive, coupler=drive.coupler * (1.0 + 1e-7))
-    assert study.gap(longer, curve) > 1e-8
+def test_a_curve_of_another_linkage_is_rejected(study):
+    solver = study.catalog.make("four_bar")
+    curve = study.trace(solver, starts=0).curves[0]
+    assert study.curve_error(solver, curve) <= 1e-14
+    longer = study.replace(solver, coupler=solver.coupler * (1.0 + 1e-7))
+    assert study.curve_error(longer, curve) > 1e-8
 
 
-def test_a_row_states_what_there_is(study):
-    result = study.row("bennett", study.catalog.make("bennett"))
-    assert (result.curves, result.rarest, result.turning, result.branch_points) == (1, 1.0, 0, 0)
+def test_a_row_lists_curves_and_points(study):
+    result = study.trace_row("bennett", study.catalog.make("bennett"))
+    assert (result.curves, result.rarest, result.turning_points, result.branch_points) == (1, 1.0, 0, 0)

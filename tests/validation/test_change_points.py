@@ -18,31 +18,33 @@ def study():
     return module
 
 
-@pytest.mark.parametrize("near", [False, True], ids=["flat", "nearly flat"])
-@pytest.mark.parametrize("route", ["closed form", "loop equations", "MuJoCo, poses"])
-def test_no_linkage_is_wrong_without_a_word(study, route, near):
-    result = study.tallied(route, study.random_linkages(6, near, seed=3))
-    assert (result.right, result.refused, result.wrong) == (6, 0, 0)
+@pytest.mark.parametrize("near", [False, True], ids=["change point", "near change point"])
+@pytest.mark.parametrize("method", ["closed form", "loop equations", "MuJoCo, poses"])
+def test_no_linkage_is_silently_wrong(study, method, near):
+    result = study.tally(method, study.random_linkages(6, near, seed=3))
+    assert (result.correct, result.rejected, result.wrong) == (6, 0, 0)
 
 
-def test_loop_equations_keep_their_assembly_round_the_sharpest_bends(study):
-    # nearer to a change point than these the digits of the lengths do not tell
+def test_loop_equations_keep_their_assembly_at_the_highest_curvature(study):
+    # closer to a change point the rounding of the lengths decides
     sharpest = [
         (0.038107835611592526, 0.0851754843762121, 0.14693424644299166, 0.19400189520751593),
         (0.037658439604518194, 0.06527316173992515, 0.07922779501300287, 0.10684251714834374),
     ]
-    result = study.tallied("loop equations", sharpest)
-    assert (result.right, result.refused, result.wrong) == (2, 0, 0)
+    result = study.tally("loop equations", sharpest)
+    assert (result.correct, result.rejected, result.wrong) == (2, 0, 0)
 
 
-def test_poses_fold_where_the_path_bends_so_sharply_that_little_of_it_is_known(study):
+def test_poses_keep_the_branch_at_high_curvature(study):
     alike = (0.06679722798869933, 0.07148163874581459, 0.11481950387243817, 0.11950391462955343)
-    result = study.tallied("MuJoCo, poses", [alike], "branch")
-    assert (result.right, result.refused, result.wrong) == (1, 0, 0)
+    result = study.tally("MuJoCo, poses", [alike], "branch")
+    assert (result.correct, result.rejected, result.wrong) == (1, 0, 0)
 
 
-def test_a_method_that_folds_is_found_out(study, monkeypatch):
+def test_a_method_with_the_wrong_policy_is_rejected(study, monkeypatch):
     monkeypatch.setitem(
-        study.ROUTES, "folding", lambda drive: drive.positions(study.ANGLES, change_point="branch")["B"]
+        study.METHODS,
+        "branch policy",
+        lambda linkage: linkage.positions(study.ANGLES, change_point="branch")["B"],
     )
-    assert study.tallied("folding", study.random_linkages(3, False)).wrong == 3
+    assert study.tally("branch policy", study.random_linkages(3, False)).wrong == 3

@@ -19,20 +19,20 @@ def case():
 
 
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr", "rrsrr"])
-def test_errors_are_what_rounding_of_the_inputs_makes_them(name, case):
-    drive, point = case.DRIVES[name]
-    error, condition = case.errors(drive, point, case.angles_near(drive, NEAR))
-    assert (error <= case.MOST * case.EPS * condition).all()
-    # the square root of the distance: the condition is what it should be
+def test_errors_are_at_most_those_of_rounded_inputs(name, case):
+    linkage, point = case.LINKAGES[name]
+    error, condition = case.errors(linkage, point, case.angles_near(linkage, NEAR))
+    assert (error <= case.MAX_UNITS * case.EPS * condition).all()
+    # the condition grows as the inverse square root of the distance
     assert condition[0] / condition[2] == pytest.approx(1e5, rel=0.5)
 
 
 def test_the_published_form_loses_two_digits_where_v3x_vanishes_at_a_dead_centre(case):
-    drive = case.dead_where_v3x_vanishes()
-    angles = case.angles_near(drive, case.DISTANCES)
-    error, condition = case.errors(drive, "P3", angles)
-    assert (error <= case.MOST * case.EPS * condition).all()
-    # 21 units at the worst, 100 times the sound form's error
-    other = case.published(drive, angles)
+    linkage = case.dead_centre_at_zero_v3x()
+    angles = case.angles_near(linkage, case.DISTANCES)
+    error, condition = case.errors(linkage, "P3", angles)
+    assert (error <= case.MAX_UNITS * case.EPS * condition).all()
+    # 21 units at most, 100 times the error of the closed form
+    other = case.published_errors(linkage, angles)
     assert (other / condition).max() > 5.0 * case.EPS
     assert np.median(other / error) > 20.0

@@ -1,4 +1,4 @@
-"""A slice of the fuzzing study: random commands end in a result or one line, killed ones in no half file."""
+"""A small fuzzing study: random commands end in a result or one line and leave no incomplete file."""
 
 import importlib
 import random
@@ -34,18 +34,18 @@ def test_random_commands_end_in_a_result_or_one_clear_line(study):
 
 
 @pytest.mark.slow
-def test_an_interrupted_command_reports_so_and_leaves_nothing(study):
+def test_an_interrupted_command_reports_it_and_leaves_no_file(study):
     assert study.interrupts(3) == []
 
 
 @pytest.mark.slow
-def test_a_killed_process_leaves_a_whole_file_or_none(study):
-    hit, faults = study.kills(2)
+def test_a_killed_process_leaves_a_complete_file_or_none(study):
+    writing, faults = study.kills(2)
     assert faults == []
-    assert hit > 0
+    assert writing > 0
 
 
-def test_the_fuzzer_knows_a_fault_when_it_meets_one(study, monkeypatch, tmp_path):
+def test_the_fuzzer_detects_seeded_faults(study, monkeypatch, tmp_path):
     def raising():
         raise ZeroDivisionError("oops")
 
@@ -53,28 +53,30 @@ def test_the_fuzzer_knows_a_fault_when_it_meets_one(study, monkeypatch, tmp_path
         Path("half.csv").write_text("time,angle\n1")
         sys.exit(0)
 
-    def chatting():
+    def two_lines():
         print("one\ntwo", file=sys.stderr)
         sys.exit(2)
 
-    for wrong, output in ((raising, "got through"), (leaving, "left half.csv"), (chatting, "2 lines")):
+    for wrong, output in ((raising, "was not caught"), (leaving, "left half.csv"), (two_lines, "2 lines")):
         monkeypatch.setattr(study, "command_line", wrong)
-        _, faults = study.tried(study.Case(("list",)))
+        _, faults = study.run_case(study.Case(("list",)))
         assert any(output in fault for fault in faults)
     (tmp_path / "out.csv").write_text("a,b\n1,2\n3")
-    assert importlib.import_module("command_outcomes").broken(tmp_path / "out.csv") is not None
+    assert importlib.import_module("command_outcomes").file_defect(tmp_path / "out.csv") is not None
 
 
 @pytest.mark.slow
-def test_odd_magnitudes_end_in_a_result_or_one_clear_line(study, capfd):
+def test_extreme_magnitudes_end_in_a_result_or_one_clear_line(study, capfd):
     import invalid_models
 
     chance = random.Random(3)
     quick = ("show", "solve", "export")
-    tried = [item for item in invalid_models.drawn(chance, 900, 0.0) if item.kind == "odd magnitude"]
-    tried = [item for item in tried if item.case.words[0] in quick][:5]
-    assert len(tried) == 5
-    for item in tried:
+    cases = [
+        item for item in invalid_models.random_cases(chance, 900, 0.0) if item.kind == "extreme magnitude"
+    ]
+    cases = [item for item in cases if item.case.words[0] in quick][:5]
+    assert len(cases) == 5
+    for item in cases:
         with capfd.disabled():
             code, _, faults, _ = invalid_models.run(item)
         assert faults == [], item.case.words

@@ -30,14 +30,14 @@ def test_no_random_mechanism_is_rejected_and_every_run_agrees_with_its_verdict()
 def test_errors_lie_below_their_tolerances_but_not_far_below(monkeypatch):
     import bounds
 
-    # a thousand steps a turn are too few for the dynamics of a sharp linkage, unless more are asked for
-    monkeypatch.setattr(bounds, "prescribed_checks", lambda drive: [])
-    monkeypatch.setattr(bounds, "FREELY", {"free, asked": bounds.ASKED})
-    result = bounds.parts(4, seed=3)
+    # 1,000 steps a revolution are too few for the dynamics of these linkages without a tolerance
+    monkeypatch.setattr(bounds, "prescribed_checks", lambda solver: [])
+    monkeypatch.setattr(bounds, "FREE_TOLERANCES", {"free, tolerance": bounds.ANGLE_TOLERANCE})
+    result = bounds.tolerance_fractions(4, seed=3)
     worst = {key: max(used)[0] for key, used in result.items()}
     for (route, kind), used in worst.items():
         assert used <= 1.0, (route, kind)
-    # a few mechanisms use less of a bound than the worst of many, which use a hundredth or more
+    # a few mechanisms use less of a tolerance than the worst of many, which use a hundredth or more
     for route in ("closed form", "pose", "step"):
         for kind in ("velocity", "acceleration", "loop"):
             assert worst[route, kind] > 1e-4, (route, kind)

@@ -1,13 +1,13 @@
-"""Every assembly as closed curves: catalogue and gallery in a table, linkages that lie in line or nearly so.
+"""Trace every assembly as closed curves: catalogue, gallery, and linkages with change points or nearly so.
 
     python validation/robustness/assembly_curves.py [--count 40] [--picture FILE.png]
 
-Truths: the closed form of a mechanism of the catalogue, in all its assemblies, at every pose that is not
-within 1e-3 of a singular one; for the gallery the rows of all joints, which share nothing with the tree in
-whose coordinates curves are walked, and what couplings ask for at the turns that the curve counts. A pose
-farther off than 1e-10 of the size is wrong. Random four-bars with change points must meet there and nowhere
-else; near ones, which miss a change point by 1e-12 to 1e-3 of a length, must meet nowhere and keep the
-sign of their assembly all the way.
+References: for the catalogue the closed form of every assembly, at poses farther than 1e-3 from a singular
+one. For the gallery the constraint equations of all joints, which are independent of the spanning tree that
+the tracer uses, and the coupling equations at the multi-turn values of the curve. A pose is wrong if it
+deviates by more than 1e-10 of the characteristic length. Random four-bars with change points must have
+branch points there and nowhere else. Four-bars that miss a change point by 1e-12 to 1e-3 of a length must
+have none and keep the sign of their assembly along the curve.
 """
 
 import argparse
@@ -31,59 +31,62 @@ from mechsim.subjects.readers import load
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, CurvePoses
 from mechsim.theory.continuation.mechanism_trace import trace
 
-WRONG, CLEAR, SAMPLES = 1e-10, 1e-3, 24
+# relative to the characteristic length; conditioning below which a pose is singular; samples of a curve
+ERROR_LIMIT, MIN_CONDITIONING, SAMPLES = 1e-10, 1e-3, 24
 
 
 @dataclass(frozen=True)
 class Row:
-    """What came of one mechanism."""
+    """Results of one mechanism."""
 
     name: str
     curves: int
     rarest: float
-    turning: int
+    turning_points: int
     branch_points: int
-    worst: float
+    error: float
     seconds: float
 
 
-def subjects() -> Iterator[tuple[str, KinematicSolver]]:
-    """Yield the catalogue, as it stands, with cranks that swing, and laid flat; then the gallery's cranks."""
+def solvers() -> Iterator[tuple[str, KinematicSolver]]:
+    """Yield catalogue mechanisms (default, swinging, collinear), then gallery mechanisms of one driver."""
     for name, kind in catalog.DRIVES.items():
-        own = catalog.make(name)
-        for case, changed in {
+        default = catalog.make(name)
+        for design_name, parameters in {
             "": {},
             " swinging": special_designs(kind.name).swinging,
             **special_designs(kind.name).change_points,
         }.items():
-            if changed or not case:
-                yield f"{name} {case}".replace("  ", " ").strip(), replace(own, **changed)
+            if parameters or not design_name:
+                yield f"{name} {design_name}".replace("  ", " ").strip(), replace(default, **parameters)
     for name, path in gallery.files().items():
-        form = load(str(path))
-        if len(form.mechanism.drivers) == 1:
-            yield name, form
+        user_solver = load(str(path))
+        if len(user_solver.mechanism.drivers) == 1:
+            yield name, user_solver
 
 
-def gap(drive: KinematicSolver, curve: AssemblyCurve) -> float:
-    """Return how far the poses of a curve are from the truth, in parts of the size."""
-    poses, size = curve.samples(SAMPLES + 1), drive.mechanism.characteristic_length
-    # with several turns of a wheel on a crank's, poses alone do not tell what a coupling asks for
-    gaps, turned = loops.residual_norms(replace(drive.mechanism, gears=(), couplings=()), poses.poses, None)
-    worst = max(float(gaps.max()) / size, float(turned.max()), *off_laws(curve, poses))
-    if isinstance(drive, ClosedForm):
-        clear = loops.conditioning(drive.mechanism, poses.poses) > CLEAR
-        for k in np.flatnonzero(clear):
-            listed = drive.assembly_points(float(poses.angle[k]))
-            apart = [
-                max(float(np.linalg.norm(at - poses.points[name][k])) for name, at in points.items())
-                for _, points in listed
+def curve_error(solver: KinematicSolver, curve: AssemblyCurve) -> float:
+    """Return the largest error of the poses of a curve relative to the characteristic length."""
+    poses, length = curve.samples(SAMPLES + 1), solver.mechanism.characteristic_length
+    # poses do not determine the revolutions of a gear, so couplings are checked on joint values
+    lengths, angles = loops.residual_norms(
+        replace(solver.mechanism, gears=(), couplings=()), poses.poses, None
+    )
+    largest = max(float(lengths.max()) / length, float(angles.max()), *coupling_errors(curve, poses))
+    if isinstance(solver, ClosedForm):
+        regular = loops.conditioning(solver.mechanism, poses.poses) > MIN_CONDITIONING
+        for k in np.flatnonzero(regular):
+            assemblies = solver.assembly_points(float(poses.angle[k]))
+            errors = [
+                max(float(np.linalg.norm(p - poses.points[point][k])) for point, p in points.items())
+                for _, points in assemblies
             ]
-            worst = max(worst, min(apart, default=np.inf) / size)
-    return worst
+            largest = max(largest, min(errors, default=np.inf) / length)
+    return largest
 
 
-def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
-    """Return how far the joints are from what each coupling asks for, in [rad] or parts of the size."""
+def coupling_errors(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
+    """Return the residual of each coupling, in [rad] or relative to the characteristic length."""
     values = {column.coordinate: poses.joints[column.name] for column in curve.joints.columns}
     result = [0.0]
     for law in curve.mechanism.laws:
@@ -91,70 +94,79 @@ def off_laws(curve: AssemblyCurve, poses: CurvePoses) -> list[float]:
             sum(weight * values[name] for name, weight in terms.items())
             for terms in (law.left_terms, law.right_terms)
         )
-        off = left - law.zeros[0] - law.polynomial(np.asarray(right))[0]
+        residual = left - law.zeros[0] - law.polynomial(np.asarray(right))[0]
         if law.turns:
-            off = off - REVOLUTION * np.round(off / REVOLUTION)
-        slides = any(curve.mechanism.unit(name) == "m" for name in law.left_terms)
-        result.append(float(np.abs(off).max()) / (curve.mechanism.characteristic_length if slides else 1.0))
+            residual = residual - REVOLUTION * np.round(residual / REVOLUTION)
+        is_length = any(curve.mechanism.unit(name) == "m" for name in law.left_terms)
+        result.append(
+            float(np.abs(residual).max()) / (curve.mechanism.characteristic_length if is_length else 1.0)
+        )
     return result
 
 
-def row(name: str, drive: KinematicSolver) -> Row:
-    """Return what comes of one mechanism."""
+def trace_row(name: str, solver: KinematicSolver) -> Row:
+    """Return the results of one mechanism."""
     start = time.process_time()
-    result = trace(drive)
-    turning = sum(len(curve.turning_points) for curve in result.curves)
+    result = trace(solver)
+    turning_points = sum(len(curve.turning_points) for curve in result.curves)
     seconds = time.process_time() - start
     rarest = min(curve.starts_ended for curve in result.curves) / result.starts
-    worst = max(gap(drive, curve) for curve in result.curves)
-    return Row(name, len(result.curves), rarest, turning, len(result.branch_points), worst, seconds)
+    error = max(curve_error(solver, curve) for curve in result.curves)
+    return Row(name, len(result.curves), rarest, turning_points, len(result.branch_points), error, seconds)
 
 
-def flat(count: int, near: bool, seed: int = 11) -> tuple[int, list[str]]:
-    """Return how many random linkages come out right, and what is wrong with the others."""
-    wrong: list[str] = []
+def check_change_points(count: int, near: bool, seed: int = 11) -> tuple[int, list[str]]:
+    """Return how many random linkages are traced correctly, and a message for each other one."""
+    failures: list[str] = []
     for lengths in random_linkages(count, near, seed):
-        drive = catalog.make("four_bar", **dict(zip(NAMES, lengths, strict=True)))
+        solver = catalog.make("four_bar", **dict(zip(NAMES, lengths, strict=True)))
         try:
-            result = trace(drive, starts=8)
+            result = trace(solver, starts=8)
         except MechsimError as error:
-            wrong.append(f"{lengths}: {error}")
+            failures.append(f"{lengths}: {error}")
             continue
-        known = 0 if near else len(drive.change_points())
-        worst = max(gap(drive, curve) for curve in result.curves)
-        signs = [np.sign(drive.assembly_sign(curve.samples(73).points)) for curve in result.curves]
-        changed = near and any(len(set(sign)) > 1 for sign in signs)
-        if len(result.branch_points) != known or not worst <= WRONG or changed or result.left_out:
-            wrong.append(
-                f"{lengths}: {len(result.branch_points)} of {known} branch points, {worst:.1e} off, {changed}"
+        expected = 0 if near else len(solver.change_points())
+        largest = max(curve_error(solver, curve) for curve in result.curves)
+        signs = [np.sign(solver.assembly_sign(curve.samples(73).points)) for curve in result.curves]
+        sign_changed = near and any(len(set(sign)) > 1 for sign in signs)
+        if (
+            len(result.branch_points) != expected
+            or not largest <= ERROR_LIMIT
+            or sign_changed
+            or result.left_out
+        ):
+            failures.append(
+                f"{lengths}: {len(result.branch_points)} of {expected} branch points, "
+                f"error {largest:.1e}{', sign changed' * sign_changed}"
             )
-    return count - len(wrong), wrong
+    return count - len(failures), failures
 
 
 def main() -> int:
-    """Print the table and the tallies."""
-    words = argparse.ArgumentParser()
-    words.add_argument("--count", type=int, default=40)
-    words.add_argument("--picture")
-    asked = words.parse_args()
-    print("| mechanism | curves | rarest | turning points | branch points | off | cpu s |")
+    """Print the table and the counts."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--picture")
+    options = parser.parse_args()
+    print("| mechanism | curves | rarest start | turning points | branch points | error | CPU s |")
     print("|---|---|---|---|---|---|---|")
-    missed = 0
-    for name, drive in subjects():
-        result = row(name, drive)
-        missed += not result.worst <= WRONG
+    failures = 0
+    for name, solver in solvers():
+        result = trace_row(name, solver)
+        failures += not result.error <= ERROR_LIMIT
         print(
-            f"| {name} | {result.curves} | {result.rarest:.0%} | {result.turning} | {result.branch_points} "
-            f"| {result.worst:.0e} | {result.seconds:.1f} |",
+            f"| {name} | {result.curves} | {result.rarest:.0%} | {result.turning_points} "
+            f"| {result.branch_points} | {result.error:.0e} | {result.seconds:.1f} |",
             flush=True,
         )
     for near in (False, True):
-        right, wrong = flat(asked.count, near)
-        print(f"{'nearly flat' if near else 'flat'}: {right} of {asked.count} right", *wrong, sep="\n  ")
-        missed += len(wrong)
-    if asked.picture:
-        draw(asked.picture)
-    return int(missed > 0)
+        correct, messages = check_change_points(options.count, near)
+        label = "near change point" if near else "change point"
+        print(f"{label}: {correct} of {options.count} correct", *messages, sep="\n  ")
+        failures += len(messages)
+    if options.picture:
+        draw(options.picture)
+    return int(failures > 0)
 
 
 def draw(path: str) -> None:

@@ -1,17 +1,19 @@
-"""Is a changed assembly always seen, and never where there is none? Runs that pass close to singular poses.
+"""Count missed and false detections of a changed assembly in runs that pass close to singular poses.
 
     python validation/robustness/assembly_detector.py [--runs 1200] [--seed 7]
 
-Random mechanisms whose crank just turns fully: one length is moved until it is 1e-2 ... 1e-14 of itself from
-where the crank would stop. The run starts half a turn away. They are stepped with 10 to 400 steps a turn,
-hard and soft loops, several integrators: some stay, some jump, some tear their loops open.
+Each random mechanism has a crank that just rotates fully: one length is 1e-2 to 1e-14 of itself from the
+value that stops the crank. The run starts half a revolution away, with 10 to 400 steps a revolution, stiff
+or compliant loops and several integrators. Some runs stay in their assembly, some change it, and in some the
+loop-closure error is large.
 
-Truth: both closed forms at the crank angles simulated. A run is in the other assembly if it comes
-within a tenth of the way between them at two records in a row, its loops not torn open by half that
-way, where they are a twentieth of their farthest apart or more; it is in its own if it stays within a
-third of the way wherever they are a hundredth apart or more. The rest, loops torn open mostly, is in
-neither, and not counted. Both detectors are compared with that: the simulator's own, which knows no
-closed form, and the check's. The exit code is 1 if either has a false alarm or a miss.
+Reference: the closed forms of both assemblies at the simulated crank angles. Span is the distance
+between the assemblies. A run is in the other assembly if it comes within a tenth of the span in two
+consecutive records with a loop-closure error below half of it, where the separation is at least a twentieth
+of its maximum. It is in its own assembly if it stays within a third of the span wherever that is at
+least a hundredth of its maximum. Other runs are in neither assembly and are not counted. Two detectors are
+compared with the reference: the simulator's, which knows no closed form, and the check's. The exit code is
+1 if either has a false alarm or a miss.
 """
 
 import argparse
@@ -30,67 +32,72 @@ from mechsim.simulation import Settings, simulate
 from mechsim.verdict.crosscheck import crosscheck
 
 Array = NDArray[np.float64]
-# the length that is moved until the crank only just passes
+# the length that is changed until the crank just rotates fully
 CRITICAL = {"four_bar": "coupler", "slider_crank": "rod", "rssr": "coupler", "rrsrr": "link"}
-# how far apart both assemblies must be, next to their farthest: to be surely reported apart, to be at all
-APART, BARELY = 0.05, 0.01
-# parts of the way between them within which a run is in the other, and in its own
-THERE, HERE = 0.1, 1.0 / 3.0
+# smallest span of the assemblies, relative to the largest: for the other assembly, for the own one
+MIN_SPAN, ANY_SPAN = 0.05, 0.01
+# fraction of the span within which a run is in the other assembly, and in its own
+NEAR_OTHER, NEAR_OWN = 0.1, 1.0 / 3.0
 
 
 def near_singular(random: np.random.Generator) -> TwoBranchForm:
-    """Return a random mechanism whose crank turns fully, but only just, past an almost dead centre."""
-    kinds = (FourBar, SliderCrank, Rssr, Rrsrr)
+    """Return a random mechanism whose crank just rotates fully, past an almost dead centre."""
+    classes = (FourBar, SliderCrank, Rssr, Rrsrr)
     while True:
-        kind = kinds[random.integers(len(kinds))]
-        drive = kind(branch=int(random.choice([1, -1])))
-        values = {}
-        for name in ("ground", "crank", "coupler", "rocker", "rod", "link"):
-            if hasattr(drive, name):
-                values[name] = getattr(drive, name) * random.uniform(0.7, 1.4)
-        drive = replace(drive, **values)
-        name = CRITICAL[drive.name]
-        moved = _to_the_brink(drive, name, 10.0 ** random.uniform(-14.0, -2.0))
-        if moved is not None:
-            return moved
+        linkage_class = classes[random.integers(len(classes))]
+        linkage = linkage_class(branch=int(random.choice([1, -1])))
+        lengths = {}
+        for length_name in ("ground", "crank", "coupler", "rocker", "rod", "link"):
+            if hasattr(linkage, length_name):
+                lengths[length_name] = getattr(linkage, length_name) * random.uniform(0.7, 1.4)
+        linkage = replace(linkage, **lengths)
+        length_name = CRITICAL[linkage.name]
+        result = just_rotating(linkage, length_name, 10.0 ** random.uniform(-14.0, -2.0))
+        if result is not None:
+            return result
 
 
-def _to_the_brink(drive: TwoBranchForm, name: str, slack: float) -> TwoBranchForm | None:
-    """Return the drive with a length changed so that the crank just turns fully, or None."""
-    length = getattr(drive, name)
+def just_rotating(linkage: TwoBranchForm, length_name: str, slack: float) -> TwoBranchForm | None:
+    """Return the linkage with one length changed so that the crank just rotates fully, or None."""
+    length = getattr(linkage, length_name)
 
-    def full(factor: float) -> bool:
-        return replace(drive, **{name: factor * length}).crank_range().full
+    def rotates_fully(factor: float) -> bool:
+        return replace(linkage, **{length_name: factor * length}).crank_range().full
 
-    if not full(1.0):
+    if not rotates_fully(1.0):
         return None
-    for inside, outside in ((1.0, 0.3), (1.0, 3.0)):
-        if full(outside):
+    for rotating, blocked in ((1.0, 0.3), (1.0, 3.0)):
+        if rotates_fully(blocked):
             continue
         for _ in range(60):
-            middle = 0.5 * (inside + outside)
-            inside, outside = (middle, outside) if full(middle) else (inside, middle)
-        factor = inside + slack * np.sign(inside - outside)
-        moved = replace(drive, **{name: factor * length})
-        return moved if moved.crank_range().full else None
+            middle = 0.5 * (rotating + blocked)
+            rotating, blocked = (middle, blocked) if rotates_fully(middle) else (rotating, middle)
+        factor = rotating + slack * np.sign(rotating - blocked)
+        result = replace(linkage, **{length_name: factor * length})
+        return result if result.crank_range().full else None
     return None
 
 
-def truth(drive: TwoBranchForm, motion: Motion) -> str:
+def reference_assembly(linkage: TwoBranchForm, motion: Motion) -> str:
     """Return "own", "other" or "neither", from the closed forms of both assemblies."""
     points = {name: point.position for name, point in motion.points.items()}
-    own, other = drive.positions(motion.angle), replace(drive, branch=-drive.branch).positions(motion.angle)
+    own, other = (
+        linkage.positions(motion.angle),
+        replace(linkage, branch=-linkage.branch).positions(motion.angle),
+    )
 
-    def far(a: dict[str, Array], b: dict[str, Array]) -> Array:
+    def distance(a: dict[str, Array], b: dict[str, Array]) -> Array:
         return np.max([np.linalg.norm(a[name] - b[name], axis=1) for name in own], axis=0)
 
-    gap, e_own, e_other = far(own, other), far(points, own), far(points, other)
-    # with its loops torn open by half that way a run is in no assembly, wherever its points pass
+    span, own_error, other_error = distance(own, other), distance(points, own), distance(points, other)
+    # a run with a loop-closure error of half the span is in no assembly
     assert motion.closure is not None
-    there = (e_other < THERE * gap) & (gap >= APART * gap.max()) & (motion.closure < 0.5 * gap)
-    if (there[1:] & there[:-1]).any():
+    in_other = (
+        (other_error < NEAR_OTHER * span) & (span >= MIN_SPAN * span.max()) & (motion.closure < 0.5 * span)
+    )
+    if (in_other[1:] & in_other[:-1]).any():
         return "other"
-    return "own" if (e_own < HERE * gap)[gap >= BARELY * gap.max()].all() else "neither"
+    return "own" if (own_error < NEAR_OWN * span)[span >= ANY_SPAN * span.max()].all() else "neither"
 
 
 def random_settings(random: np.random.Generator) -> Settings:
@@ -106,53 +113,53 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description="False alarms and misses of the changed-assembly detectors.")
     parser.add_argument("--runs", type=int, default=1200)
     parser.add_argument("--seed", type=int, default=7)
-    asked = parser.parse_args(arguments)
-    random = np.random.default_rng(asked.seed)
+    options = parser.parse_args(arguments)
+    random = np.random.default_rng(options.seed)
     counts: collections.Counter[tuple[str, str, str]] = collections.Counter()
-    wrong: list[str] = []
-    judged = 0
-    while judged < asked.runs:
-        drive, settings = near_singular(random), random_settings(random)
-        closest = _closest(drive)
+    failures: list[str] = []
+    compared = 0
+    while compared < options.runs:
+        linkage, settings = near_singular(random), random_settings(random)
+        angle = closest_angle(linkage)
         try:
-            run = simulate(_started(drive, closest + np.pi), speed=10.0, settings=settings)
+            run = simulate(start_at(linkage, angle + np.pi), speed=10.0, settings=settings)
         except MechsimError as error:
-            counts["refused", str(error).split(":")[1][:40], ""] += 1
+            counts["rejected", str(error).split(":")[1][:40], ""] += 1
             continue
         if run.outcome == "diverged":
             counts["diverged", "", ""] += 1
             continue
-        verdict = crosscheck(run.motion, drive)
-        known = truth(drive, run.motion)
-        counts[known, run.outcome, verdict.outcome] += 1
-        if known == "neither":
+        verdict = crosscheck(run.motion, linkage)
+        expected = reference_assembly(linkage, run.motion)
+        counts[expected, run.outcome, verdict.outcome] += 1
+        if expected == "neither":
             continue
-        judged += 1
-        observed = {"simulator": run.outcome, "judge": verdict.outcome}
-        for who, outcome in observed.items():
-            if (outcome == "changed assembly") != (known == "other"):
-                wrong.append(f"{who} said {outcome}, truth {known}: {drive} {settings}")
-    print("truth     simulator         judge             runs")
-    for (known, own, judge), count in sorted(counts.items()):
-        print(f"{known:<9} {own:<17} {judge:<17} {count}")
-    print(f"{judged} runs judged, {len(wrong)} false alarms and misses")
-    for line in wrong[:12]:
+        compared += 1
+        outcomes = {"simulator": run.outcome, "check": verdict.outcome}
+        for detector, outcome in outcomes.items():
+            if (outcome == "changed assembly") != (expected == "other"):
+                failures.append(f"{detector} reports {outcome}, reference {expected}: {linkage} {settings}")
+    print("reference simulator         check             runs")
+    for (expected, simulator, check), count in sorted(counts.items()):
+        print(f"{expected:<9} {simulator:<17} {check:<17} {count}")
+    print(f"{compared} runs compared, {len(failures)} false alarms and misses")
+    for line in failures[:12]:
         print(line)
-    return 1 if wrong else 0
+    return 1 if failures else 0
 
 
-def _closest(drive: TwoBranchForm) -> float:
+def closest_angle(linkage: TwoBranchForm) -> float:
     angles = np.linspace(-np.pi, np.pi, 2000)
-    return float(angles[np.argmin(drive.discriminant(angles))])
+    return float(angles[np.argmin(linkage.discriminant(angles))])
 
 
-def _started(drive: TwoBranchForm, angle: float):
+def start_at(linkage: TwoBranchForm, angle: float):
     """Return the mechanism with its start at a crank angle."""
     from mechsim.model.links import Pose
 
-    motion = drive.solve([angle])
+    motion = linkage.solve([angle])
     guess = {name: Pose(link.position[0], link.rotation[0]) for name, link in motion.links.items()}
-    return drive.mechanism.with_guess(guess, angle)
+    return linkage.mechanism.with_guess(guess, angle)
 
 
 if __name__ == "__main__":

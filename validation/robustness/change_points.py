@@ -1,13 +1,13 @@
-"""Linkages whose assemblies meet, or nearly do, on every route against a truth that is tangent-continuous.
+"""Four-bars with change points, or nearly so: every method against a tangent-continuous solution.
 
     python validation/robustness/change_points.py [--count 200] [--seed 11]
 
-Random four-bars whose shortest and longest links are together as long as the other two lie in line once or
-twice a turn; the truth goes through there as the product of two half-angle roots does, in 40 digits. Near
-ones miss that by 1e-3 to 1e-12 of a length, and keep their assembly round the bend. Each is asked for
-over two turns, at the flat poses themselves and close to them; those that meet another assembly also to
-fold, which keeps the sign of that product. A place farther off than 1e-6 of the size without a word is a
-silent wrong.
+The shortest and longest links of these random four-bars are together as long as the other two, so that all
+links lie in line once or twice a revolution. The reference passes there as the product of two half-angle
+roots, in 40 digits. Near ones miss a change point by 1e-3 to 1e-12 of a length and keep their assembly. Each
+is solved over two revolutions, at the change points and close to them; linkages with change points also with
+the policy "branch", which keeps the sign of that product. A result is silently wrong if it deviates by more
+than 1e-6 of the longest link without an error.
 """
 
 import argparse
@@ -31,27 +31,27 @@ NAMES = ("ground", "crank", "coupler", "rocker")
 ANGLES: Array = np.unique(
     [*np.linspace(-2 * np.pi, 2 * np.pi, 25), *(np.pi + np.array([-1e-3, 1e-6, 1e-9])), 1e-9, -1e-6, 1e-3]
 )
-WRONG = 1e-6
+ERROR_LIMIT = 1e-6
 KINDS: tuple[tuple[str, bool, ChangePointPolicy], ...] = (
     ("change point", False, "smooth"),
     ("near change point", True, "smooth"),
-    ("that fold", False, "branch"),
+    ("branch policy", False, "branch"),
 )
 
 
 @dataclass(frozen=True)
 class Tally:
-    """What came of many linkages on one method."""
+    """Results of many linkages by one method."""
 
-    route: str
-    right: int
-    refused: int
+    method: str
+    correct: int
+    rejected: int
     wrong: int
     worst: float
 
 
 def random_linkages(count: int, near: bool, seed: int = 11) -> list[Lengths]:
-    """Return linkages with change points, or with nearly some, whose cranks turn fully."""
+    """Return linkages with change points, or nearly so, whose cranks rotate fully."""
     rng = np.random.default_rng(seed)
     result: list[Lengths] = []
     while len(result) < count:
@@ -60,87 +60,88 @@ def random_linkages(count: int, near: bool, seed: int = 11) -> list[Lengths]:
         coupler = ground if kind == 2 else coupler
         rocker = (ground + crank - coupler, coupler + abs(ground - crank), crank)[kind]
         if near:
-            away = 10.0 ** rng.uniform(-12.0, -3.0) * ground
-            rocker += -away if kind == 1 else away
+            deviation = 10.0 ** rng.uniform(-12.0, -3.0) * ground
+            rocker += -deviation if kind == 1 else deviation
         lengths = (float(ground), float(crank), float(coupler), float(rocker))
-        full = (
+        rotates_fully = (
             min(lengths) > 0.01
             and catalog.make("four_bar", **dict(zip(NAMES, lengths, strict=True))).crank_range().full
         )
-        # where crank and frame are alike the coupler turns about both
-        if full and abs(ground - crank) > 1e-3:
+        # with equal crank and frame the coupler can rotate about both pivots
+        if rotates_fully and abs(ground - crank) > 1e-3:
             result.append(lengths)
     return result
 
 
-def truth(lengths: Lengths, angle: float, sign: int, through: ChangePointPolicy) -> complex:
-    """Return joint B, to 40 digits, where the root that tells the assemblies apart is smooth, or folds."""
+def exact_joint_b(lengths: Lengths, angle: float, sign: int, through: ChangePointPolicy) -> complex:
+    """Return joint B in 40 digits, with the smooth or the sign-keeping root of the closure equation."""
     with mpmath.workdps(40):
         ground, crank, coupler, rocker = (mpmath.mpf(length) for length in lengths)
-        at = mpmath.mpf(angle)
-        a = crank * mpmath.expj(at)
+        crank_angle = mpmath.mpf(angle)
+        a = crank * mpmath.expj(crank_angle)
         arm = ground - a
-        reach = 2 * mpmath.sqrt(ground * crank)
-        first, second = reach * mpmath.cos(at / 2), reach * mpmath.sin(at / 2)
+        scale = 2 * mpmath.sqrt(ground * crank)
+        cosine_root, sine_root = scale * mpmath.cos(crank_angle / 2), scale * mpmath.sin(crank_angle / 2)
         outer = (coupler + rocker) ** 2 - (ground + crank) ** 2
         inner = (ground - crank) ** 2 - (coupler - rocker) ** 2
-        # what lengths kept to 16 digits leave open is nothing
-        tiny = mpmath.mpf(10) ** -14 * (ground + crank) ** 2
-        first = mpmath.sqrt(first**2 + outer) if abs(outer) > tiny else first
-        second = mpmath.sqrt(second**2 + inner) if abs(inner) > tiny else second
-        root = abs(first * second) if through == "branch" else first * second
+        # below the rounding of lengths in double precision the term is zero
+        rounding = mpmath.mpf(10) ** -14 * (ground + crank) ** 2
+        cosine_root = mpmath.sqrt(cosine_root**2 + outer) if abs(outer) > rounding else cosine_root
+        sine_root = mpmath.sqrt(sine_root**2 + inner) if abs(inner) > rounding else sine_root
+        root = abs(cosine_root * sine_root) if through == "branch" else cosine_root * sine_root
         along = (abs(arm) ** 2 + coupler**2 - rocker**2) / 2
         return complex(a + arm / abs(arm) ** 2 * (along + mpmath.mpc(0, 1) * sign * root / 2))
 
 
-def by_closed_form(drive: catalog.FourBar) -> Array:
+def closed_form(linkage: catalog.FourBar) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
-    return drive.positions(ANGLES)["B"]
+    return linkage.positions(ANGLES)["B"]
 
 
-def by_loop_equations(drive: catalog.FourBar) -> Array:
+def loop_equations(linkage: catalog.FourBar) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
-    return loops.solve(drive.mechanism, ANGLES, change_point=drive.change_point).points["B"].position
+    return loops.solve(linkage.mechanism, ANGLES, change_point=linkage.change_point).points["B"].position
 
 
-def by_poses(drive: catalog.FourBar) -> Array:
+def mujoco_poses(linkage: catalog.FourBar) -> Array:
     """Return joint B at the angles, (n, 3) in [m]."""
-    closed = from_source(drive)
-    return closed.point_positions(follow.follow(closed.loops, closed.qpos, ANGLES))[
-        :, closed.track.points.index("B")
+    source = from_source(linkage)
+    return source.point_positions(follow.follow(source.loops, source.qpos, ANGLES))[
+        :, source.track.points.index("B")
     ]
 
 
-ROUTES: dict[str, Callable[[catalog.FourBar], Array]] = {
-    "closed form": by_closed_form,
-    "loop equations": by_loop_equations,
-    "MuJoCo, poses": by_poses,
+METHODS: dict[str, Callable[[catalog.FourBar], Array]] = {
+    "closed form": closed_form,
+    "loop equations": loop_equations,
+    "MuJoCo, poses": mujoco_poses,
 }
 
 
-def tallied(route: str, linkages: Sequence[Lengths], through: ChangePointPolicy = "smooth") -> Tally:
-    """Return how many linkages a method gets right, rejects, and gets wrong without a word."""
-    right = refused = wrong = 0
+def tally(method: str, linkages: Sequence[Lengths], policy: ChangePointPolicy = "smooth") -> Tally:
+    """Return how many linkages a method solves correctly, rejects, and solves silently wrong."""
+    correct = rejected = wrong = 0
     worst = 0.0
     for lengths in linkages:
-        drive = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)), change_point=through)
+        linkage = catalog.FourBar(**dict(zip(NAMES, lengths, strict=True)), change_point=policy)
         try:
-            result = ROUTES[route](drive)
+            result = METHODS[method](linkage)
         except MechsimError as error:
-            print(f"refused by {route}: {lengths}: {error}", file=sys.stderr)
-            refused += 1
+            print(f"rejected by {method}: {lengths}: {error}", file=sys.stderr)
+            rejected += 1
             continue
-        flat = result[:, 0] + 1j * result[:, 1]
-        # the assembly is chosen where the guess stands; from there on it has to be kept
+        computed = result[:, 0] + 1j * result[:, 1]
+        # the initial guess selects the assembly, which the method then has to keep
         errors = [
-            np.abs(flat - [truth(lengths, at, sign, through) for at in ANGLES]).max() for sign in (1, -1)
+            np.abs(computed - [exact_joint_b(lengths, angle, sign, policy) for angle in ANGLES]).max()
+            for sign in (1, -1)
         ]
         error = float(min(errors)) / max(lengths)
-        if not error <= WRONG:
-            print(f"wrong by {route}: {lengths}: {error:.2g} of the size", file=sys.stderr)
+        if not error <= ERROR_LIMIT:
+            print(f"wrong by {method}: {lengths}: {error:.2g} of the size", file=sys.stderr)
         worst = max(worst, error)
-        right, wrong = right + (error <= WRONG), wrong + (not error <= WRONG)
-    return Tally(route, right, refused, wrong, worst)
+        correct, wrong = correct + (error <= ERROR_LIMIT), wrong + (not error <= ERROR_LIMIT)
+    return Tally(method, correct, rejected, wrong, worst)
 
 
 def main() -> None:
@@ -148,14 +149,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=11)
-    asked = parser.parse_args()
-    print(f"{'linkages':<24}{'route':<18}{'right':>7}{'refused':>9}{'wrong':>7}   worst error / size")
+    options = parser.parse_args()
+    print(f"{'linkages':<24}{'method':<18}{'correct':>8}{'rejected':>9}{'wrong':>7}   worst error / size")
     for kind, near, through in KINDS:
-        linkages = random_linkages(asked.count, near, asked.seed)
-        for route in ROUTES:
-            item = tallied(route, linkages, through)
-            counts = f"{item.right:>7}{item.refused:>9}{item.wrong:>7}"
-            print(f"{len(linkages)} {kind:<20}{item.route:<18}{counts}   {item.worst:.1e}", flush=True)
+        linkages = random_linkages(options.count, near, options.seed)
+        for method in METHODS:
+            result = tally(method, linkages, through)
+            counts = f"{result.correct:>8}{result.rejected:>9}{result.wrong:>7}"
+            print(f"{len(linkages)} {kind:<20}{result.method:<18}{counts}   {result.worst:.1e}", flush=True)
 
 
 if __name__ == "__main__":

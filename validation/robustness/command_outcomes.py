@@ -1,4 +1,4 @@
-"""How a command may end: exit code, what it says, and the files it leaves."""
+"""How a command may end: exit code, output, and files."""
 
 import csv
 import xml.etree.ElementTree as ET
@@ -11,18 +11,19 @@ from mechsim import files as tables
 
 @dataclass(frozen=True)
 class Case:
-    """What is typed, and the files that lie there."""
+    """A command line and the files in its folder."""
 
     words: tuple[str, ...]
     files: dict[str, bytes] = field(default_factory=dict)
 
 
-def unclear(code: int | None, output: str) -> Iterator[str]:
+def output_faults(code: int | None, output: str) -> Iterator[str]:
+    """Yield what is wrong with an exit code and the output on stderr."""
     if code not in (0, 1, 2):
         yield f"exit code {code}"
     if "Traceback" in output:
         yield f"a traceback on stderr: {output[-300:]!r}"
-    # that code is run is said before it is
+    # a note precedes the execution of Python code
     lines = [
         line
         for line in output.splitlines()
@@ -32,28 +33,28 @@ def unclear(code: int | None, output: str) -> Iterator[str]:
         yield f"exit code 2 with {len(lines)} lines: {output[:300]!r}"
 
 
-def untidy(place: Path, case: Case, code: int | None) -> Iterator[str]:
+def file_faults(folder: Path, case: Case, code: int | None) -> Iterator[str]:
     """Yield what is wrong with the files left in a folder."""
-    for path in place.rglob("*"):
-        # the parts of a sweep that was stopped are there to go on with
+    for path in folder.rglob("*"):
+        # a stopped sweep keeps its chunks for --resume
         if path.name in case.files or any(part.endswith(".parts") for part in path.parts):
             continue
-        # a report is a folder of files
-        if not any(part in word for part in path.relative_to(place).parts for word in case.words):
+        # a report is a folder
+        if not any(part in word for part in path.relative_to(folder).parts for word in case.words):
             yield f"left {path.name}"
         elif code == 2:
-            yield f"refused, but wrote {path.name}"
-        elif (why := broken(path)) is not None:
-            yield f"{path.name} is not whole: {why}"
+            yield f"rejected, but wrote {path.name}"
+        elif (defect := file_defect(path)) is not None:
+            yield f"{path.name} is incomplete: {defect}"
 
 
-def broken(path: Path) -> str | None:
-    """Return why a file is not a whole one of its kind; None if it is."""
+def file_defect(path: Path) -> str | None:
+    """Return why a file is incomplete or invalid; None if it is valid."""
     try:
         if path.suffix.lower() == ".csv":
             text = path.read_text()
             widths = {len(row) for row in csv.reader(text.splitlines())}
-            return None if len(widths) == 1 and text.endswith("\n") else "rows of several lengths"
+            return None if len(widths) == 1 and text.endswith("\n") else "rows of different lengths"
         if path.suffix.lower() == ".npz":
             tables.read(path)
         elif path.suffix.lower() in (".xml", ".svg"):

@@ -1,17 +1,17 @@
-"""MJCF with a number of an odd magnitude: far too small, far too large, denormal, where it may stand at all.
+"""MJCF models with extreme numbers: far too small, far too large, or denormal, in any attribute.
 
-`odd` gives an attribute of a random element such a number, as one of its components, or adds it.
+`with_extreme_magnitude` replaces a component of an attribute of a random element, or adds the attribute.
 """
 
 import random
 import re
 
-# what squares, cubes or reciprocals of a number end beyond what a float holds; and where rounding begins
+# magnitudes at which squares, cubes or reciprocals overflow or underflow, and at which rounding starts
 MAGNITUDES = (
     *("5e-324", "1e-320", "1e-300", "1e-200", "1e-160", "1e-120", "1e-80", "1e-40", "1e-16"),
     *("1e16", "1e40", "1e80", "1e120", "1e150", "1e160", "1e200", "1e300", "1.7e308"),
 )
-# element -> attribute, and the numbers that make it a sound one
+# element -> attribute -> valid numbers
 ATTRIBUTES = {
     "joint": {
         "ref": "0",
@@ -33,19 +33,19 @@ ATTRIBUTES = {
 }
 
 
-def odd(chance: random.Random, text: str) -> str:
-    """Return a model with a number of an odd magnitude in it."""
-    result = [item for item in re.finditer(r"<(\w+)\b[^<>]*>", text) if item[1] in ATTRIBUTES]
-    element = chance.choice(result)
+def with_extreme_magnitude(chance: random.Random, text: str) -> str:
+    """Return a model with one number of extreme magnitude."""
+    elements = [item for item in re.finditer(r"<(\w+)\b[^<>]*>", text) if item[1] in ATTRIBUTES]
+    element = chance.choice(elements)
     name = chance.choice(list(ATTRIBUTES[element[1]]))
-    odd = chance.choice(("", "", "-")) + chance.choice(MAGNITUDES)
-    there = re.search(rf'\s{name}="([^"]*)"', element[0])
-    numbers = (there[1] if there else ATTRIBUTES[element[1]][name]).split()
-    numbers[chance.randrange(len(numbers))] = odd
-    given = f'{name}="{" ".join(numbers)}"'
-    if there:
-        made = element[0][: there.start(0) + 1] + given + element[0][there.end() :]
+    number = chance.choice(("", "", "-")) + chance.choice(MAGNITUDES)
+    present = re.search(rf'\s{name}="([^"]*)"', element[0])
+    numbers = (present[1] if present else ATTRIBUTES[element[1]][name]).split()
+    numbers[chance.randrange(len(numbers))] = number
+    attribute = f'{name}="{" ".join(numbers)}"'
+    if present:
+        changed = element[0][: present.start(0) + 1] + attribute + element[0][present.end() :]
     else:
         end = -2 if element[0].endswith("/>") else -1
-        made = f"{element[0][:end].rstrip()} {given}{element[0][end:]}"
-    return text[: element.start()] + made + text[element.end() :]
+        changed = f"{element[0][:end].rstrip()} {attribute}{element[0][end:]}"
+    return text[: element.start()] + changed + text[element.end() :]

@@ -1,4 +1,4 @@
-"""Sound commands with something wrong: in what is typed, or in a file."""
+"""Valid commands with a fault in a word or in a file."""
 
 import random
 import re
@@ -7,8 +7,8 @@ from dataclasses import replace
 from itertools import islice
 
 from command_outcomes import Case
-from extreme_magnitudes import odd
-from valid_commands import Tried, sound_cases
+from extreme_magnitudes import with_extreme_magnitude
+from valid_commands import CommandCase, valid_cases
 
 from mechsim import cli
 
@@ -22,98 +22,98 @@ at:1:C.x at:x:C.x max: max: sobol:4 sobol:0 sobol:x latin:-1 normal uniform smoo
 trajectory torque closure 1um 1deg 1e-6 1s 0.1s -1s 600rpm 0rpm 5deg 0rpm 5deg 0,-9.81,0 0,0 constant:1
 dc:1,0,1 line:1 A:B=1,0 crank=1,2 crank=-1,0
 """
-STRANGE = ["", " ", "n" * 300, "\ud83d", *VALUES.split()]
-# extension -> what a file with something wrong is counted as
-BROKEN = {"toml": "broken TOML", "xml": "broken MJCF", "csv": "broken table", "py": "broken formula"}
+UNUSUAL_VALUES = ["", " ", "n" * 300, "\ud83d", *VALUES.split()]
+# extension -> class of a corrupted file
+FILE_CLASSES = {"toml": "broken TOML", "xml": "broken MJCF", "csv": "broken table", "py": "broken formula"}
 NUMBERS = re.compile(r"(?<![A-Za-z_])-?\d+\.?\d*(?:[eE]-?\d+)?")
 WORDS = re.compile(r"[A-Za-z_]{2,}")
-ODD_NUMBERS = ["0", "-1", "nan", "inf", "1e300", "1e-300", "1e999", '""', "abc", "1e9", "10", "0.1", "3x"]
-ODD_TEXT = ["\x00", "\ufeff", "\t", "\r", *"é#\"'[]{}=<>&,"]
+UNUSUAL_NUMBERS = ["0", "-1", "nan", "inf", "1e300", "1e-300", "1e999", '""', "abc", "1e9", "10", "0.1", "3x"]
+UNUSUAL_TEXT = ["\x00", "\ufeff", "\t", "\r", *"é#\"'[]{}=<>&,"]
 
 
-def drawn(chance: random.Random, count: int, sound: float) -> list[Tried]:
-    """Return cases, a part of them sound, the rest with something wrong."""
-    every, by_command = sound_cases(), defaultdict[str, list[Tried]](list)
-    for item in every:
+def random_cases(chance: random.Random, count: int, valid_fraction: float) -> list[CommandCase]:
+    """Return random cases: a fraction of them valid, the others invalid."""
+    all_cases, by_command = valid_cases(), defaultdict[str, list[CommandCase]](list)
+    for item in all_cases:
         by_command[item.case.words[0]].append(item)
-    often = [command for command in sorted(by_command) for _ in range(1 if command in SLOW else 3)]
-    whole = chance.sample(every, min(len(every), round(sound * count)))
-    wrong = (spoilt(chance, chance.choice(by_command[chance.choice(often)])) for _ in range(count))
-    return [*whole, *islice(wrong, count - len(whole))]
+    commands = [command for command in sorted(by_command) for _ in range(1 if command in SLOW else 3)]
+    valid_ones = chance.sample(all_cases, min(len(all_cases), round(valid_fraction * count)))
+    invalid_ones = (
+        invalid_case(chance, chance.choice(by_command[chance.choice(commands)])) for _ in range(count)
+    )
+    return [*valid_ones, *islice(invalid_ones, count - len(valid_ones))]
 
 
-def spoilt(chance: random.Random, item: Tried) -> Tried:
-    """Return a sound case with something wrong."""
+def invalid_case(chance: random.Random, item: CommandCase) -> CommandCase:
+    """Return a valid case with a fault."""
     words = list(item.case.words)
     kinds = ["value", "value", "word", *["file"] * (3 if item.breakable else 0)]
     scenes = [name for name in item.breakable if name.endswith(".xml")]
-    kind = chance.choice([*kinds, *["odd"] * (3 if scenes else 0)])
-    if kind == "odd":
+    kind = chance.choice([*kinds, *["magnitude"] * (3 if scenes else 0)])
+    if kind == "magnitude":
         name = chance.choice(scenes)
-        made = item.case.files[name].decode()
+        model = item.case.files[name].decode()
         for _ in range(chance.randint(1, 2)):
-            made = odd(chance, made)
-        return _with_file(item, "odd magnitude", name, made.encode())
+            model = with_extreme_magnitude(chance, model)
+        return _with_file(item, "extreme magnitude", name, model.encode())
     if kind == "file":
         name = chance.choice(item.breakable)
         text = item.case.files[name]
         for _ in range(chance.randint(1, 3)):
-            text = broken(chance, text)
-        return _with_file(item, BROKEN[name.rpartition(".")[2]], name, text)
+            text = corrupted(chance, text)
+        return _with_file(item, FILE_CLASSES[name.rpartition(".")[2]], name, text)
     if kind == "value":
         for option in chance.sample(options_of(words[0]), k=chance.randint(1, 2)):
-            words += [option, chance.choice(STRANGE)]
+            words += [option, chance.choice(UNUSUAL_VALUES)]
     else:
-        at = chance.randrange(1, len(words))
+        i = chance.randrange(1, len(words))
         if chance.randrange(4) == 0:
-            words[at] = chance.choice(STRANGE)
+            words[i] = chance.choice(UNUSUAL_VALUES)
         else:
-            _slip(chance, words, at, ODD_TEXT[1:])
-    kind = "strange value" if kind == "value" else "garbled word"
-    return replace(
-        item, kind=kind, case=Case(tuple(words), item.case.files), sound=False, missed_is_wrong=False
-    )
+            change_item(chance, words, i, UNUSUAL_TEXT[1:])
+    kind = "unusual value" if kind == "value" else "garbled word"
+    return replace(item, kind=kind, case=Case(tuple(words), item.case.files), valid=False, must_agree=False)
 
 
-def _with_file(item: Tried, kind: str, name: str, content: bytes) -> Tried:
-    made = Case(item.case.words, {**item.case.files, name: content})
-    return replace(item, kind=kind, case=made, sound=False, missed_is_wrong=False)
+def _with_file(item: CommandCase, kind: str, name: str, content: bytes) -> CommandCase:
+    case = Case(item.case.words, {**item.case.files, name: content})
+    return replace(item, kind=kind, case=case, valid=False, must_agree=False)
 
 
-def _slip(chance: random.Random, parts: list[str], at: int, letters: list[str]) -> None:
-    """Lose one of some words or rows, double it, or put a letter into it."""
+def change_item(chance: random.Random, items: list[str], i: int, letters: list[str]) -> None:
+    """Remove a word or row, duplicate it, or insert a letter into it."""
     change = chance.randrange(3)
     if change == 0:
-        del parts[at]
+        del items[i]
     elif change == 1:
-        parts.insert(at, parts[at])
+        items.insert(i, items[i])
     else:
-        cut = chance.randrange(len(parts[at]) + 1)
-        parts[at] = parts[at][:cut] + chance.choice(letters) + parts[at][cut:]
+        j = chance.randrange(len(items[i]) + 1)
+        items[i] = items[i][:j] + chance.choice(letters) + items[i][j:]
 
 
-def broken(chance: random.Random, content: bytes) -> bytes:
-    """Return a text with one thing wrong with it."""
+def corrupted(chance: random.Random, content: bytes) -> bytes:
+    """Return a text with one fault."""
     text = content.decode(errors="replace")
     rows = text.splitlines(keepends=True) or [""]
-    at = chance.randrange(len(rows))
+    i = chance.randrange(len(rows))
     change = chance.randrange(9)
     if change < 3:
-        _slip(chance, rows, at, ODD_TEXT)
+        change_item(chance, rows, i, UNUSUAL_TEXT)
     elif change == 3:
         return content[: chance.randrange(len(content) + 1)]
     elif change == 4:
-        other = chance.randrange(len(rows))
-        rows[at], rows[other] = rows[other], rows[at]
+        j = chance.randrange(len(rows))
+        rows[i], rows[j] = rows[j], rows[i]
     elif change == 5:
         return content + bytes(chance.randrange(256) for _ in range(9))
     else:
-        # half of all: a number, or a word, for another
-        result = list((NUMBERS if change < 8 else WORDS).finditer(text))
-        if result:
-            place = chance.choice(result)
-            new = chance.choice(ODD_NUMBERS) if change < 8 else chance.choice(WORDS.findall(text))
-            return (text[: place.start()] + new + text[place.end() :]).encode(errors="replace")
+        # replace a number or a word by another
+        matches = list((NUMBERS if change < 8 else WORDS).finditer(text))
+        if matches:
+            match = chance.choice(matches)
+            new = chance.choice(UNUSUAL_NUMBERS) if change < 8 else chance.choice(WORDS.findall(text))
+            return (text[: match.start()] + new + text[match.end() :]).encode(errors="replace")
     return "".join(rows).encode(errors="replace")
 
 
@@ -121,7 +121,9 @@ def options_of(command: str) -> list[str]:
     """Return the options of a command that take a value."""
     if command not in cli.COMMANDS:
         return ["--set"]
-    made = cli.load_command(command).params
+    parameters = cli.load_command(command).params
     return [
-        item.opts[0] for item in made if item.opts[0].startswith("-") and not getattr(item, "is_flag", True)
+        item.opts[0]
+        for item in parameters
+        if item.opts[0].startswith("-") and not getattr(item, "is_flag", True)
     ]

@@ -1,11 +1,11 @@
-"""What someone may type: commands, options, values, parameters and files, a third of them strange."""
+"""Random command lines: commands, options, values, parameters and files, a third of them invalid."""
 
 from command_outcomes import Case
 from hypothesis import strategies as st
 
 from mechsim import catalog
 
-# values people type: sound, strange, wrong
+# values: valid, unusual, invalid
 numbers = st.one_of(
     st.floats(-1e3, 1e3).map(repr),
     st.floats(allow_nan=True, allow_infinity=True).map(repr),
@@ -13,7 +13,7 @@ numbers = st.one_of(
 )
 units = st.sampled_from(
     [
-        *("", "mm", "m", "deg", "rad", "rpm", "s", "ms", "um", " mm", "parrots", "kg", "%", "1/m"),
+        *("", "mm", "m", "deg", "rad", "rpm", "s", "ms", "um", " mm", "parsecs", "kg", "%", "1/m"),
         *("mm!", "mm=1", "mm#x", "m**9**9**9", "m**2", "(m)"),
     ]
 )
@@ -28,11 +28,12 @@ names = st.one_of(
 
 
 @st.composite
-def sets(draw: st.DrawFn, name: str) -> list[str]:
-    known = list(catalog.parameters(name)) if name in catalog.DRIVES else ["crank"]
+def set_options(draw: st.DrawFn, name: str) -> list[str]:
+    """Return `--set` options, valid and invalid."""
+    listed = list(catalog.parameters(name)) if name in catalog.DRIVES else ["crank"]
     words: list[str] = []
     for _ in range(draw(st.integers(0, 3))):
-        parameter = draw(st.one_of(st.sampled_from(known), st.sampled_from(known), st.text(max_size=5)))
+        parameter = draw(st.one_of(st.sampled_from(listed), st.sampled_from(listed), st.text(max_size=5)))
         equals = draw(st.sampled_from(["=", "=", "=", "=", "", "=="]))
         words += ["--set", f"{parameter}{equals}{draw(st.one_of(lengths, texts))}"]
     return words
@@ -66,7 +67,7 @@ angles = st.one_of(
 speeds = st.one_of(st.sampled_from(["600rpm", "-1rpm", "1e5rpm", "0", "3mm"]), quantities)
 small = st.integers(-3, 400).map(str)
 
-# option -> values; every command takes a few of its own
+# command -> option -> values
 OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
     "list": {},
     "show": {
@@ -75,7 +76,7 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
     },
     "solve": {"--angles": angles, "--speed": speeds, "-o": outputs},
     "export": {
-        "--scene": st.sampled_from(["pose", "motion", "dynamics", "picture", "sea", ""]),
+        "--scene": st.sampled_from(["pose", "motion", "dynamics", "picture", "other", ""]),
         "--cut": st.one_of(st.sampled_from(["A", "B", "P3", "A,B", "crank", ""]), st.text(max_size=4)),
         "-o": outputs,
     },
@@ -94,7 +95,7 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
         "--method": st.sampled_from(["step", "pose", "guess"]),
         "--profile": st.sampled_from(["crank.csv", "crank.npz", "no.csv", "."]),
         "--every": quantities,
-        "--scene": st.sampled_from(["motion", "dynamics", "picture", "pose", "sea"]),
+        "--scene": st.sampled_from(["motion", "dynamics", "picture", "pose", "other"]),
         "-o": outputs,
     },
     "plot": {
@@ -132,13 +133,13 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
     "extremes": {"--report": st.sampled_from(["no/out", "n" * 304])},
 }
 FREQUENT = ["show", "solve", "solve", "export", "export", "simulate", "simulate", "simulate", "plot", "list"]
-SCARCE = ["synthesize", "validate", "render", "dynamics", "dynamics", "dynamics"]
-# which take long; only rejections of theirs are tried
-REFUSED = {"tradeoff": "--budget", "extremes": "--report", "render": "-o"}
+RARE = ["synthesize", "validate", "render", "dynamics", "dynamics", "dynamics"]
+# slow commands -> the option that makes them invalid
+ALWAYS_INVALID = {"tradeoff": "--budget", "extremes": "--report", "render": "-o"}
 
 
-# values that are right by themselves; together they may still be rejected
-SOUND: dict[str, list[str]] = {
+# values that are valid alone; a combination may still be rejected
+VALID: dict[str, list[str]] = {
     "--angle": ["30deg", "1", "-400deg"],
     "--angles": ["0:360:5deg", "0:1:0.1", "30deg", "-10:10:3"],
     "--speed": ["600rpm", "-1rpm", "1e5rpm", "1e-3"],
@@ -162,7 +163,7 @@ SOUND: dict[str, list[str]] = {
 
 
 FILES: dict[str, list[str]] = {"render": [], "export": ["out.xml"], "plot": ["out.svg", "out.png", "out.pdf"]}
-NEEDED: dict[str, tuple[str, ...]] = {
+REQUIRED: dict[str, tuple[str, ...]] = {
     "plot": ("-o", "out.svg"),
     "synthesize": ("--through", "12.8751,29.9574mm", "--tilt", "1.3905deg", "--length", "4mm"),
 }
@@ -171,53 +172,56 @@ WITH_JSON = ("list", "show", "solve", "simulate", "validate", "synthesize")
 
 @st.composite
 def cases(draw: st.DrawFn) -> Case:
-    """What someone may type: a third of it strange, the rest made of sound parts."""
-    sound = draw(st.integers(0, 2)) > 0
-    command = draw(st.sampled_from(FREQUENT * 3 + SCARCE + ["tradeoff", "extremes"]))
-    sound = sound and command not in REFUSED
+    """Return a command line: a third of them with invalid components, the others of valid ones."""
+    valid = draw(st.integers(0, 2)) > 0
+    command = draw(st.sampled_from(FREQUENT * 3 + RARE + ["tradeoff", "extremes"]))
+    valid = valid and command not in ALWAYS_INVALID
     words = [command]
     if command != "list":
-        name = draw(st.sampled_from(list(catalog.DRIVES)) if sound else names)
+        name = draw(st.sampled_from(list(catalog.DRIVES)) if valid else names)
         words.append(name)
-        words += draw(stretched(name) if sound else sets(name))
-    known = OPTIONS[command]
-    for option in draw(st.lists(st.sampled_from(sorted(known)), max_size=4, unique=True)) if known else []:
-        values = FILES.get(command, ["out.csv", "out.npz"]) if option == "-o" else SOUND.get(option, [])
-        if not sound or values:
-            words += [option, draw(st.sampled_from(values) if sound else known[option])]
-    if command in REFUSED and REFUSED[command] not in words:
-        words += [REFUSED[command], draw(known[REFUSED[command]])]
-    if sound and not set(NEEDED.get(command, ())) & set(words):
-        words += NEEDED.get(command, ())
-    if (not sound or command in WITH_JSON) and draw(st.integers(0, 3)) == 0:
+        words += draw(scaled_parameters(name) if valid else set_options(name))
+    choices = OPTIONS[command]
+    for option in (
+        draw(st.lists(st.sampled_from(sorted(choices)), max_size=4, unique=True)) if choices else []
+    ):
+        values = FILES.get(command, ["out.csv", "out.npz"]) if option == "-o" else VALID.get(option, [])
+        if not valid or values:
+            words += [option, draw(st.sampled_from(values) if valid else choices[option])]
+    if command in ALWAYS_INVALID and ALWAYS_INVALID[command] not in words:
+        words += [ALWAYS_INVALID[command], draw(choices[ALWAYS_INVALID[command]])]
+    if valid and not set(REQUIRED.get(command, ())) & set(words):
+        words += REQUIRED.get(command, ())
+    if (not valid or command in WITH_JSON) and draw(st.integers(0, 3)) == 0:
         words.append("--json")
-    if not sound and draw(st.integers(0, 9)) == 0:
+    if not valid and draw(st.integers(0, 9)) == 0:
         words.append(draw(st.text(max_size=6)))
     return Case(tuple(words), draw(profiles()) if "--profile" in words else {})
 
 
 @st.composite
-def stretched(draw: st.DrawFn, name: str) -> list[str]:
-    """Some parameters of a mechanism changed by up to a half, or to far beyond sense."""
+def scaled_parameters(draw: st.DrawFn, name: str) -> list[str]:
+    """Return `--set` options that scale parameters by up to a half, or far more."""
     words: list[str] = []
     for parameter, kind in catalog.parameters(name).items():
         if not isinstance(kind.default, float) or draw(st.integers(0, 2)):
             continue
-        wide = st.sampled_from([1e-9, 1e-3, 30.0, 1e6, -1.0])
-        factor = draw(st.one_of(st.floats(0.7, 1.4), st.floats(0.5, 1.5), st.floats(0.9, 1.1), wide))
+        extreme = st.sampled_from([1e-9, 1e-3, 30.0, 1e6, -1.0])
+        factor = draw(st.one_of(st.floats(0.7, 1.4), st.floats(0.5, 1.5), st.floats(0.9, 1.1), extreme))
         words += ["--set", f"{parameter}={float(kind.default * factor)!r}"]
     return words
 
 
 @st.composite
 def profiles(draw: st.DrawFn) -> dict[str, bytes]:
+    """Return crank profiles, valid and invalid."""
     rows = draw(
         st.lists(st.tuples(st.floats(-1, 1), st.floats(-10, 10)), max_size=12)
         | st.integers(6, 30).map(lambda n: [(0.01 * i, 0.03 * i) for i in range(n)])
     )
     head = draw(st.sampled_from(["time,angle", "time, angle", "\ufefftime,angle", "angle,time", "t,a", ""]))
     text = "\n".join([head, *(f"{t!r},{a!r}" for t, a in rows)])
-    made = draw(
+    content = draw(
         st.sampled_from([text.encode(), text.encode()[:-3], b"\xff\xfe\x00", b"", text.encode("utf-16")])
     )
-    return {"crank.csv": made, "crank.npz": draw(st.binary(max_size=40))}
+    return {"crank.csv": content, "crank.npz": draw(st.binary(max_size=40))}

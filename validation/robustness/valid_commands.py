@@ -1,4 +1,4 @@
-"""Every command with sound subjects: catalogue names, files of the gallery, exported models."""
+"""Every command with valid models: catalogue names, gallery files, exported models."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from mechsim import catalog
 
 ROOT = Path(__file__).resolve().parents[2]
 GALLERY = ROOT / "models" / "gallery"
-SWINGS = "peaucellier_lipkin.toml"
-SCENES = ("four_bar", "slider_crank", "rssr", "rrsrr", "looper", "bennett")
-# catalogue name -> a point, a dimension of its own, and what it may be
+SWINGING = "peaucellier_lipkin.toml"
+EXPORTED = ("four_bar", "slider_crank", "rssr", "rrsrr", "looper", "bennett")
+# catalogue name -> a point, a dimension and its range
 VARIED = {
     "four_bar": ("C", "rocker", "70mm:78mm"),
     "slider_crank": ("B", "rod", "0.19:0.21"),
@@ -21,7 +21,7 @@ VARIED = {
     "looper": ("E", "rocker", "31.5mm:32.5mm"),
     "bennett": ("A", "twist0", "33deg:35deg"),
 }
-FORMULA = """import numpy as np
+FORMULA_TEXT = """import numpy as np
 
 def law(angle):
     return {"A": np.stack([0.032 * np.cos(angle), 0.032 * np.sin(angle), 0 * angle], 1)}
@@ -29,34 +29,34 @@ def law(angle):
 
 
 @dataclass(frozen=True)
-class Tried:
-    """A case, its class, which of its files may be broken, and whether a rejection of it is a fault."""
+class CommandCase:
+    """A case, its class, the files that may be corrupted, and what counts as a fault."""
 
     kind: str
     case: Case
     breakable: tuple[str, ...] = ()
-    sound: bool = False
-    missed_is_wrong: bool = False
+    valid: bool = False
+    must_agree: bool = False
 
 
 def subjects() -> Iterator[tuple[str, dict[str, bytes]]]:
-    """Yield sound subjects: what is typed, and the files it needs."""
+    """Yield valid models: the argument, and the files it needs."""
     for name in catalog.DRIVES:
         yield name, {}
-    laws = {path.name: path.read_bytes() for path in GALLERY.glob("*.py")}
+    python_files = {path.name: path.read_bytes() for path in GALLERY.glob("*.py")}
     for path in sorted(GALLERY.glob("*.toml")):
-        yield path.name, {path.name: path.read_bytes(), **laws}
-    for name in SCENES:
+        yield path.name, {path.name: path.read_bytes(), **python_files}
+    for name in EXPORTED:
         yield f"{name}.xml", {f"{name}.xml": (ROOT / "models" / f"{name}.xml").read_bytes()}
 
 
-def lines(model: str) -> Iterator[str]:
-    """Yield the commands that a sound subject has to stand."""
-    # a whole turn of a crank that only swings is rejected, and rightly so
-    far = " --angles -60deg:60deg:5deg" if model == SWINGS else ""
-    yield from (f"show {model} --json", f"solve {model}{far} -o out.csv", f"solve {model}{far} --json")
+def command_lines(model: str) -> Iterator[str]:
+    """Yield the commands that must accept a valid model."""
+    # a full revolution of a swinging crank is correctly rejected
+    angles = " --angles -60deg:60deg:5deg" if model == SWINGING else ""
+    yield from (f"show {model} --json", f"solve {model}{angles} -o out.csv", f"solve {model}{angles} --json")
     yield f"view {model} -o out.html"
-    if not far:
+    if not angles:
         yield f"simulate {model} -o out.npz"
     yield from (f"plot {model} -o out.svg", f"render {model} -o out.png --size 64x48")
     if not model.endswith(".xml"):
@@ -77,8 +77,8 @@ def lines(model: str) -> Iterator[str]:
         yield f"sweep {model} --vary {dimension}={values}:4 --measure stroke:{point} -o out.csv --samples 12"
         yield f"sweep {model} --vary {dimension}={values} --sample sobol:4 --measure max:{point}.x -o out.nc"
         yield f"sensitivity {model} --of {point} --to {dimension} -o out.csv"
-        little = "0.01deg" if values.endswith("deg") else "1um"
-        yield f"sensitivity {model} --of {point}.v --tolerances {dimension}={little} --samples 100 --json"
+        tolerance = "0.01deg" if values.endswith("deg") else "1um"
+        yield f"sensitivity {model} --of {point}.v --tolerances {dimension}={tolerance} --samples 100 --json"
         yield f"fit {model} --to measured.csv --vary {dimension} -o out.json --json"
         yield f"trace {model} -o out.csv --starts 9"
         yield f"validate {model} --against measured.csv --json"
@@ -89,34 +89,33 @@ def lines(model: str) -> Iterator[str]:
         yield f"sweep {model} --design designs.csv --measure range:rocker -o out.csv"
 
 
-def sound_cases() -> list[Tried]:
-    """Return every command with every sound subject."""
+def valid_cases() -> list[CommandCase]:
+    """Return every command with every valid model."""
     rows = "".join(f"{0.01 * i},{0.03 * i}\n" for i in range(12))
-    beside = {"crank.csv": f"time,angle\n{rows}".encode(), "law.py": FORMULA.encode()}
-    beside["designs.csv"] = b"crank,rocker\n0.03,0.07\n0.032,0.075\n"
-    result: list[Tried] = []
-    for model, needed in subjects():
-        mine = dict(beside)
+    tables = {"crank.csv": f"time,angle\n{rows}".encode(), "law.py": FORMULA_TEXT.encode()}
+    tables["designs.csv"] = b"crank,rocker\n0.03,0.07\n0.032,0.075\n"
+    result: list[CommandCase] = []
+    for model, model_files in subjects():
+        own = dict(tables)
         if model in VARIED:
-            mine["measured.csv"] = measured(model)
-        for line in lines(model):
+            own["measured.csv"] = measured(model)
+        for line in command_lines(model):
             words = tuple(line.split())
-            files = needed | {
-                name: text for name, text in mine.items() if any(name in word for word in words)
+            files = model_files | {
+                name: content for name, content in own.items() if any(name in word for word in words)
             }
             breakable = tuple(name for name in files if name in line)
-            judged = words[0] == "validate"
-            result.append(Tried("sound", Case(words, files), breakable, True, missed_is_wrong=judged))
+            compared = words[0] == "validate"
+            result.append(CommandCase("valid", Case(words, files), breakable, True, must_agree=compared))
     return result
 
 
 def measured(name: str) -> bytes:
-    """Return a table of the motion of a mechanism of the catalogue."""
+    """Return a table of the motion of a catalogue mechanism."""
     point = VARIED[name][0]
     drive = catalog.make(name)
-    low, high = drive.crank_range().interval if not drive.crank_range().full else (0.0, 6.0)
-    angles = [low + (high - low) * (0.1 + 0.04 * i) for i in range(20)]
-    places = drive.positions(angles)[point]
+    angles = [6.0 * (0.1 + 0.04 * i) for i in range(20)]
+    positions = drive.positions(angles)[point]
     head = f"angle,{point}.x,{point}.y,{point}.z"
-    body = [",".join(repr(float(v)) for v in (a, *place)) for a, place in zip(angles, places, strict=True)]
-    return "\n".join([head, *body]).encode()
+    rows = [",".join(repr(float(v)) for v in (a, *p)) for a, p in zip(angles, positions, strict=True)]
+    return "\n".join([head, *rows]).encode()
