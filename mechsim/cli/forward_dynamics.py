@@ -149,7 +149,10 @@ class ForwardOptions(InitialOptions):
         0, "With --statics: also search from N random configurations of any assembly.", metavar="N"
     )
     modes: bool = option(
-        False, "Natural frequencies, damping ratios and mode shapes about the equilibrium.", name="--modes"
+        False,
+        "Natural frequencies, damping ratios and mode shapes about the equilibrium next to the initial "
+        "configuration (--initial); --statics lists all equilibria, with their modes in JSON.",
+        name="--modes",
     )
     response: str | None = option(
         None,

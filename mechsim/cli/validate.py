@@ -71,7 +71,8 @@ class ValidateOptions:
     budget: str = option(f"{BUDGET:g}s", "Processor time for the stepped runs of each mechanism.")
     against: str | None = option(
         None,
-        "Compare one model with your own function, which is run, or a table.",
+        "Compare one model with your own function, which is run, or a table, of points (P), joints (J), "
+        "columns (P.x, J.v, torque), distance:P,Q, angle:LINK,LINK or expr:EXPRESSION.",
         metavar="FILE.py:FUNC|FILE.csv",
     )
     tolerance: str | None = option(

@@ -173,3 +173,30 @@ def test_pass_and_fail_are_in_colour_in_a_terminal_only(monkeypatch):
     assert pass_or_fail(False) == "\x1b[31m\x1b[1mFAIL\x1b[0m"
     monkeypatch.setenv("NO_COLOR", "1")
     assert pass_or_fail(True) == "PASS"
+
+
+DERIVED = """
+import numpy as np
+def derived(angle):
+    a = 0.032 * np.stack([np.cos(angle), np.sin(angle)])
+    to_pivot = np.array([[0.1], [0.0]]) - a
+    distance = np.hypot(*to_pivot)
+    cosine = (distance**2 + 0.091**2 - 0.074**2) / (2 * distance * 0.091)
+    at_a = np.arctan2(*to_pivot[::-1]) + np.arccos(cosine)
+    return {
+        "distance:A,B": np.full_like(angle, 0.091),
+        "angle:ground,coupler": at_a,
+        "expr:A.x*2": 2.0 * a[0] + ERROR,
+    }
+"""
+
+
+@pytest.mark.parametrize(("error", "wrong"), [("0.0", []), ("1e-6", ["expr:A.x*2"])])
+def test_distances_angles_and_expressions_are_compared(mechsim, tmp_path, error, wrong):
+    file = tmp_path / "derived.py"
+    file.write_text(DERIVED.replace("ERROR", error))
+    code, out, _ = mechsim("validate", "four_bar", "--against", f"{file}:derived", "--json")
+    checks = json.loads(out)["mechanisms"]["four_bar"]["checks"]
+    assert code == int(bool(wrong))
+    assert [check["quantity"] for check in checks] == ["distance:A,B", "angle:ground,coupler", "expr:A.x*2"]
+    assert [check["quantity"] for check in checks if not check["passed"]] == wrong
