@@ -13,6 +13,7 @@ from mechsim.analytic.dynamics.equations_of_motion import Dynamics, EquationsOfM
 from mechsim.analytic.dynamics.link_forces import constrained_acceleration
 from mechsim.model.joint_kinds import KINDS
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import null_spaces
 
 # largest number of changes of sticking, sliding and contact at one instant
 MAX_CHANGES = 50
@@ -24,6 +25,8 @@ SOFT_IMPACT = 1e-7
 REVERSAL = 1e-6
 # relative excess of a friction force over its limit that counts as rounding
 BALANCED = 1e-9
+# friction in a unit combination of redundant constraint forces that is rounding
+NO_FRICTION = 1e-9
 
 # n states and times (n,) in [s] -> numbers (n,) that are zero at the event
 EventFunction = Callable[[Kinematics, Array], Array]
@@ -78,8 +81,11 @@ class Contacts:
         functions: list[EventFunction] = []
         for i in np.flatnonzero(mode.sliding):
             functions.append(lambda state, _, i=i: self.equations.friction_rates(state)[i] * mode.sliding[i])
-        for i in mode.stuck:
-            functions.append(lambda state, times, i=i: self._reserve(dynamics(state, times), i))
+        if mode.stuck:
+            # positive for a balance to rounding
+            functions.append(
+                lambda state, times: 1.0 + BALANCED - self._friction_load(dynamics(state, times), mode)
+            )
         for i, stop in enumerate(self.stops):
             if i in mode.contacts:
                 functions.append(lambda state, times, i=i: self._pressing(dynamics(state, times), mode, i))
@@ -87,10 +93,22 @@ class Contacts:
                 functions.append(lambda state, _, stop=stop: self._clearance(state, stop))
         return functions
 
-    def _reserve(self, dynamics: Dynamics, index: int) -> Array:
-        """Return the difference of the friction limit and the sticking friction, in [N m] or [N]."""
-        magnitude = self.equations.frictions[index].magnitude
-        return magnitude * (1.0 + BALANCED) - np.abs(dynamics.holding[index])
+    def _friction_load(self, dynamics: Dynamics, mode: ContactMode) -> Array:
+        """Return the largest sticking friction relative to its limit at n states, (n,).
+
+        If more frictions stick than the motion needs, their forces are not unique: those of the smallest
+        largest load count, since the frictions hold if any distribution of the forces is admissible.
+        """
+        limits = np.array([self.equations.frictions[i].magnitude for i in mode.stuck])[:, None]
+        holding = dynamics.holding[mode.stuck] / limits
+        loads = np.abs(holding).max(0)
+        if len(limits) > 1:
+            last = dynamics.rows.shape[1] - len(mode.contacts)
+            for k, rows in enumerate(dynamics.rows):
+                unloaded = null_spaces(rows)[0][last - len(limits) : last]
+                redundant = np.abs(unloaded).max(0, initial=0.0) > NO_FRICTION
+                loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits)
+        return loads
 
     def _pressing(self, dynamics: Dynamics, mode: ContactMode, index: int) -> Array:
         """Return the contact force of a stop; negative for a tensile force."""
@@ -159,8 +177,8 @@ class Contacts:
             loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)
             pulled = [i for i in mode.contacts if float(self._pressing(dynamics, mode, i)[0]) < 0.0]
-            # smaller than the excess at which `_reserve` ends sticking: the friction slides at that instant
-            if slipping is not None and loads[slipping] > 1.0 + 0.5 * BALANCED:
+            # smaller than the excess that ends sticking: the friction slides at that instant
+            if slipping is not None and self._friction_load(dynamics, mode)[0] > 1.0 + 0.5 * BALANCED:
                 mode = self._sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
             elif pulled:
                 mode = replace(mode, contacts=[i for i in mode.contacts if i not in pulled])
@@ -201,6 +219,22 @@ class Contacts:
         sliding, ball = mode.sliding.copy(), KINDS[self.equations.frictions[index].joint.kind].ball
         sliding[index] = 1.0 if ball else np.sign(direction)
         return replace(mode, sliding=sliding, stuck=[i for i in mode.stuck if i != index])
+
+
+def _least_largest(values: Array, directions: Array) -> float:
+    """Return the least largest magnitude of values (m,) plus a combination of the columns (m, k)."""
+    if not directions.size:
+        return float(np.abs(values).max())
+    from scipy.optimize import linprog
+
+    bounded = -np.ones((len(values), 1))
+    result = linprog(
+        np.append(np.zeros(directions.shape[1]), 1.0),
+        A_ub=np.block([[directions, bounded], [-directions, bounded]]),
+        b_ub=np.concatenate([-values, values]),
+        bounds=(None, None),
+    )
+    return float(result.fun)
 
 
 def stops_of(equations: EquationsOfMotion, ranges: Mapping[str, tuple[float, float]]) -> tuple[Stop, ...]:

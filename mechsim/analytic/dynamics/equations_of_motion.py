@@ -82,6 +82,7 @@ class Dynamics:
             if the joint reverses at a dead centre, which no friction prevents.
         contact: force of each stop in contact along its coordinate, (contacts, n) in [N m] or [N] times the
             unit of the coordinate.
+        rows: constraint Jacobian of loops, sticking frictions and stops, (n, rows, free).
         kinetic: kinetic energy, (n,) in [J].
         potential: potential energy of gravity and springs, (n,) in [J].
         power_in: power of motor, loads and prescribed motion, (n,) in [W].
@@ -93,6 +94,7 @@ class Dynamics:
     holding: Array
     slip: Array
     contact: Array
+    rows: Array
     kinetic: Array
     potential: Array
     power_in: Array
@@ -228,6 +230,7 @@ class EquationsOfMotion:
             holding=holding,
             slip=slip,
             contact=multipliers[:, first + len(stuck) :].T,
+            rows=rows,
             kinetic=kinetic_energy(mass, rates),
             potential=acting.energy,
             power_in=(loaded.wrenches * unit.twist).sum((1, 2))
