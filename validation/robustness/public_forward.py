@@ -35,11 +35,14 @@ OFF = mujoco.mjtDisableBit
 def stepped(path: Path, run: ms.dynamics.DynamicRun, steps: int, offset: np.ndarray) -> dict[str, np.ndarray]:
     """Return the positions of bodies at the instants of a run, stepped by MuJoCo from its first state."""
     spec = mujoco.MjSpec.from_file(str(path))
+    # before compilation, which stores the inertia of single bodies
+    for joint in spec.joints:
+        joint.armature = 0.0
     model = spec.compile()
     model.opt.disableflags |= int(OFF.mjDSBL_CONTACT | OFF.mjDSBL_LIMIT | OFF.mjDSBL_ACTUATION)
     model.opt.timestep, model.opt.integrator = DURATION / steps, mujoco.mjtIntegrator.mjINT_RK4
     model.opt.tolerance, model.opt.iterations = 0.0, 100
-    model.dof_armature[:], model.opt.density, model.opt.viscosity = 0.0, 0.0, 0.0
+    model.opt.density, model.opt.viscosity = 0.0, 0.0
     model.opt.solver, model.opt.cone = mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtCone.mjCONE_ELLIPTIC
     if model.neq:
         model.eq_solref[:] = 2.0 * model.opt.timestep, 1.0

@@ -16,7 +16,7 @@ from mechsim.simulation.dynamics.inverse_dynamics import stiffen_friction
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.model_loops import ModelLoops
-from mechsim.simulation.settings import Settings, set_armature
+from mechsim.simulation.settings import Settings
 
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
@@ -31,11 +31,11 @@ def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations
         iterations: minimum number of Newton iterations of MuJoCo's constraint solver in a step.
     """
     loops = replace(model.loops, model=copy.copy(model.model))
-    crank = np.array([loops.crank])
-    drive_inertia = float(loops.model.dof_armature[loops.crank])
+    inertias = loops.model.dof_armature.copy(), loops.model.dof_M0.copy()
     settings.apply(loops, timestep, velocity_products=True)
     stiffen_friction(loops.model, timestep)
-    set_armature(loops.model, crank, drive_inertia)
+    # a difference would leave the rounding of the virtual drive inertia
+    loops.model.dof_armature[:], loops.model.dof_M0[:] = inertias
     loops.model.opt.iterations = max(loops.model.opt.iterations, iterations)
     return loops
 
