@@ -298,7 +298,7 @@ def _run(
 
 def _comparison(result: DynamicRun, compared: bool) -> str:
     """Return which segments of a run with impacts or changes of friction are compared with MuJoCo."""
-    soft = "its impacts, contacts and sticking friction are soft"
+    soft = "its impacts, contacts and changes of friction are soft"
     if not compared:
         return f"not compared with MuJoCo: {soft}"
     spans = [f"{number(segment.first)} to {number(segment.last)} s" for segment in compared_segments(result)]

@@ -29,6 +29,8 @@ from mechsim.verdict.tolerances import RecordInstants, Tolerance
 MIN_STEPS_PER_STEP, STEPS_PER_STEP = 20, 300
 # largest number of steps of one run, and of compared segments of a run with impacts
 MAX_STEPS, MAX_SEGMENTS = 400_000, 8
+# rate of a joint that never moves, in [rad/s] or [m/s]
+REST = 1e-12
 # tolerance relative to the largest value, for rounding and the compliance of MuJoCo's constraints; MuJoCo
 # models Coulomb friction by a soft constraint
 RELATIVE_TOLERANCE, FRICTION_TOLERANCE = 1e-9, 1e-4
@@ -101,9 +103,14 @@ def crosscheck_free(
 def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:
     """Return the segments of a run that are compared with MuJoCo.
 
-    They are the longest without contacts and sticking friction, which are soft in MuJoCo.
+    They are the longest without contacts, which are soft in MuJoCo; none if the mechanism never moves.
     """
-    free = [segment for segment in run.segments if not segment.sticking and _instants(run, segment).sum() > 2]
+    moves = any(np.abs(joint.rate).max() > REST for joint in run.motion.joints.values())
+    free = [
+        segment
+        for segment in run.segments
+        if moves and not segment.touching and _instants(run, segment).sum() > 2
+    ]
     longest = sorted(free, key=lambda segment: segment.first - segment.last)[:MAX_SEGMENTS]
     return tuple(sorted(longest, key=lambda segment: segment.first))
 
@@ -148,7 +155,8 @@ def crosscheck_forward(
         raise InputError(f"tolerance of a free run is {tolerance}; give a finite number above 0")
     segments, checks = compared_segments(run), list[Check]()
     if not segments:
-        return Verdict("failed", (), "no segment of the run is comparable: friction sticks or stops touch")
+        reason = "no segment of the run is comparable: nothing moves, stops touch, or all segments are short"
+        return Verdict("failed", (), reason)
     for segment in segments:
         rows = _instants(run, segment)
         section = replace(

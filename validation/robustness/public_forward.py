@@ -26,7 +26,7 @@ from mechsim.errors import MechsimError
 from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.subjects.mjcf_source import MjcfForm
 
-DURATION, SAMPLES, STEPS = 0.5, 10, 2000
+DURATION, SAMPLES, STEPS = 0.5, 40, 2000
 # initial displacement and rate of every joint that is free, in [rad] or sizes
 PUSH, RATE = 0.05, 0.5
 OFF = mujoco.mjtDisableBit
@@ -44,6 +44,8 @@ def stepped(path: Path, run: ms.dynamics.DynamicRun, steps: int, offset: np.ndar
     model.opt.tolerance, model.opt.iterations = 0.0, 100
     model.opt.density, model.opt.viscosity = 0.0, 0.0
     model.opt.solver, model.opt.cone = mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtCone.mjCONE_ELLIPTIC
+    model.dof_solref[:] = 2.0 * model.opt.timestep, 1.0
+    model.dof_solimp[:] = 0.9999, 0.9999, 0.001, 0.5, 2.0
     if model.neq:
         model.eq_solref[:] = 2.0 * model.opt.timestep, 1.0
         model.eq_solimp[:] = 0.99999, 0.99999, 1.0, 0.5, 2.0

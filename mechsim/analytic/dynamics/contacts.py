@@ -191,8 +191,9 @@ class Contacts:
     ) -> ContactMode | None:
         """Return the mode in which all frictions at rest slide, or all stick; None if neither is certain.
 
-        Just after the instant they slide as the forces without them tend to move the joints, unless they then
-        reverse this motion: in that case they hold it. `mode` has them sticking.
+        Just after the instant they slide as the forces without them tend to move the joints. If they then
+        reverse this motion, they hold it, provided that there is only one: of several motions, some may
+        continue. `mode` has them sticking.
         """
         equations, times = self.equations, np.array([time])
         tendency = self.accelerate(state, times, replace(mode, stuck=[])).acceleration
@@ -211,7 +212,7 @@ class Contacts:
         # a friction that balances the forces to rounding holds
         growth -= 0.5 * BALANCED * np.abs(equations.friction_accelerations(after, tendency)[:, 0])
         if (growth[moving] <= 0.0).all():
-            return mode
+            return mode if len(equations.free) - equations.rank == 1 else None
         return sliding if (growth[moving] > 0.0).all() else None
 
     def _sliding(self, mode: ContactMode, index: int, direction: float) -> ContactMode:

@@ -50,11 +50,13 @@ class RunSegment:
         first: start in [s].
         last: end in [s].
         sticking: whether a friction sticks or a stop is in contact.
+        touching: whether a stop is in contact.
     """
 
     first: float
     last: float
     sticking: bool
+    touching: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,7 +235,8 @@ def _segments(pieces: Sequence[Piece]) -> tuple[RunSegment, ...]:
     for _, group in groupby(pieces, key=lambda piece: id(piece.mode)):
         first, *others = group
         last = others[-1] if others else first
-        segments.append(RunSegment(first.first, last.last, bool(first.mode.stuck or first.contacts)))
+        touching = bool(first.contacts)
+        segments.append(RunSegment(first.first, last.last, bool(first.mode.stuck) or touching, touching))
     return tuple(segments)
 
 

@@ -33,7 +33,7 @@ def prepared(model: LoadedModel, settings: Settings, timestep: float, iterations
     loops = replace(model.loops, model=copy.copy(model.model))
     inertias = loops.model.dof_armature.copy(), loops.model.dof_M0.copy()
     settings.apply(loops, timestep, velocity_products=True)
-    stiffen_friction(loops.model, timestep)
+    stiffen_friction(loops.model, timestep, settings.compliance_used)
     # a difference would leave the rounding of the virtual drive inertia
     loops.model.dof_armature[:], loops.model.dof_M0[:] = inertias
     loops.model.opt.iterations = max(loops.model.opt.iterations, iterations)

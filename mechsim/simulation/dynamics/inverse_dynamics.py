@@ -34,6 +34,9 @@ from mechsim.simulation.recording import CHUNK, States, closure_acceleration, li
 from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import rescale_coupled_tendons
 
+# ratio of the regularisation of a friction to its inverse inertia, and MuJoCo's smallest impedance (mjMINIMP)
+FRICTION_SOFTNESS, MIN_IMPEDANCE = 1e-4, 1e-4
+
 
 @dataclass(frozen=True, slots=True)
 class LoadedState:
@@ -471,9 +474,18 @@ def _coupling_accelerations(loaded: LoadedModel, state: LoadedState) -> Array:
     return _least(constraints, row_scale(loaded, constraints.shape[1]), state.plain["inertia"], right)[0]
 
 
-def stiffen_friction(model: mujoco.MjModel, timestep: float) -> None:
-    """Make dry friction act within two steps: MuJoCo's default of 20 ms is long relative to a revolution."""
-    for name in ("dof_solref", "tendon_solref_fri"):
-        getattr(model, name)[:] = 2.0 * timestep, 1.0
-    for name in ("dof_solimp", "tendon_solimp_fri"):
-        getattr(model, name)[:] = 0.9999, 0.9999, 0.001, 0.5, 2.0
+def stiffen_friction(model: mujoco.MjModel, timestep: float, compliance: float = 1.0) -> None:
+    """Make dry friction act within two steps: MuJoCo's default of 20 ms is long relative to a revolution.
+
+    Args:
+        model: changed in place.
+        timestep: in [s].
+        compliance: factor on the weights of degrees of freedom. If several frictions are as hard as that,
+            MuJoCo's solver stops at wrong forces; a smaller impedance leaves the softness that they have
+            without the factor.
+    """
+    impedance = max(1.0 / (1.0 + FRICTION_SOFTNESS / compliance), MIN_IMPEDANCE)
+    for kind, value in (("dof_sol{}", impedance), ("tendon_sol{}_fri", 1.0 - FRICTION_SOFTNESS)):
+        # damping of a constraint is 2 / (impedance * time constant)
+        getattr(model, kind.format("ref"))[:] = 2.0 * timestep / value, 1.0
+        getattr(model, kind.format("imp"))[:] = value, value, 0.001, 0.5, 2.0
