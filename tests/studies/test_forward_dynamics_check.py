@@ -10,6 +10,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.model.forces import Forces, Friction, JointSpring
+from mechsim.model.links import Inertia
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "analytic"))
@@ -70,6 +71,38 @@ def test_runs_are_compared_between_friction_reversals():
     assert len({check.variant for check in verdict.checks}) == len(compared_segments(run)) == 3
     wrong = machine.with_forces(replace(WITH_FRICTION, friction=(Friction("rocker", 0.0, 2.2e-3),)))
     assert not crosscheck_forward(run, wrong, InitialValues({}, {"crank": 30.0})).passed
+
+
+def arm():
+    """Return three links in a chain that start level."""
+    masses = (1.2, 0.8, 0.05)
+    links = tuple(
+        ms.Link(
+            f"link{i}", inertia=Inertia(mass, (0.15, 0.0, 0.0), np.diag([1e-4, 1e-2 * mass, 1e-2 * mass]))
+        )
+        for i, mass in enumerate(masses)
+    )
+    ends = ms.End("ground"), *(ms.End(f"link{i}", (0.3, 0.0, 0.0)) for i in range(2))
+    joints = tuple(ms.Joint(f"J{i}", "revolute", end, ms.End(f"link{i}")) for i, end in enumerate(ends))
+    return ms.Mechanism("arm", links, joints, ("J0", "J1", "J2"), {"P": ("link2", (0.3, 0.0, 0.0))})
+
+
+def test_a_joint_reverses_although_friction_holds_joints_on_both_sides_of_it():
+    sizes = {"J0": 20.0, "J1": 0.6, "J2": 0.6}
+    friction = tuple(Friction(name, 0.3, size) for name, size in sizes.items())
+    machine = ms.dynamics.dynamic_model(arm(), Forces(gravity=RUBBING.gravity, friction=friction))
+    run = ms.dynamics.run(machine, initial={"J1.v": 0.5, "J2.v": 0.5}, duration=0.2, samples=40)
+    rates = {name: joint.rate[-1] for name, joint in run.motion.joints.items()}
+    # the weight of both outer links, 1.3 N m at the least, exceeds 0.6 N m
+    assert rates["J1"] < -1.0
+    assert rates["J0"] == pytest.approx(0.0, abs=1e-12)
+    assert rates["J2"] == pytest.approx(0.0, abs=1e-12)
+    initial = InitialValues({}, {"J1": 0.5, "J2": 0.5})
+    verdict = crosscheck_forward(run, machine, initial)
+    assert verdict.passed, verdict
+    stronger = (*friction[:1], Friction("J1", 0.3, 0.61), friction[2])
+    wrong = machine.with_forces(replace(machine.forces, friction=stronger))
+    assert not crosscheck_forward(run, wrong, initial).passed
 
 
 def test_a_mechanism_that_never_moves_is_not_compared():

@@ -35,7 +35,7 @@ from mechsim.simulation.settings import set_armature
 from mechsim.simulation.stepping import rescale_coupled_tendons
 
 # ratio of the regularisation of a friction to its inverse inertia, and MuJoCo's smallest impedance (mjMINIMP)
-FRICTION_SOFTNESS, MIN_IMPEDANCE = 1e-4, 1e-4
+REGULARISATION, MIN_IMPEDANCE = 1e-4, 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -481,11 +481,11 @@ def stiffen_friction(model: mujoco.MjModel, timestep: float, compliance: float =
         model: changed in place.
         timestep: in [s].
         compliance: factor on the weights of degrees of freedom. If several frictions are as hard as that,
-            MuJoCo's solver stops at wrong forces; a smaller impedance leaves the softness that they have
+            MuJoCo's solver stops at wrong forces; a smaller impedance leaves the regularisation that they have
             without the factor.
     """
-    impedance = max(1.0 / (1.0 + FRICTION_SOFTNESS / compliance), MIN_IMPEDANCE)
-    for kind, value in (("dof_sol{}", impedance), ("tendon_sol{}_fri", 1.0 - FRICTION_SOFTNESS)):
+    impedance = max(1.0 / (1.0 + REGULARISATION / compliance), MIN_IMPEDANCE)
+    for kind, value in (("dof_sol{}", impedance), ("tendon_sol{}_fri", 1.0 - REGULARISATION)):
         # damping of a constraint is 2 / (impedance * time constant)
         getattr(model, kind.format("ref"))[:] = 2.0 * timestep / value, 1.0
         getattr(model, kind.format("imp"))[:] = value, value, 0.001, 0.5, 2.0
