@@ -90,7 +90,7 @@ def arm():
 def test_a_joint_reverses_although_friction_holds_joints_on_both_sides_of_it():
     sizes = {"J0": 20.0, "J1": 0.6, "J2": 0.6}
     friction = tuple(Friction(name, 0.3, size) for name, size in sizes.items())
-    machine = ms.dynamics.dynamic_model(arm(), Forces(gravity=RUBBING.gravity, friction=friction))
+    machine = ms.dynamics.dynamic_model(arm(), Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
     run = ms.dynamics.run(machine, initial={"J1.v": 0.5, "J2.v": 0.5}, duration=0.2, samples=40)
     rates = {name: joint.rate[-1] for name, joint in run.motion.joints.items()}
     # the weight of both outer links, 1.3 N m at the least, exceeds 0.6 N m

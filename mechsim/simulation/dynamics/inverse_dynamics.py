@@ -481,8 +481,8 @@ def stiffen_friction(model: mujoco.MjModel, timestep: float, compliance: float =
         model: changed in place.
         timestep: in [s].
         compliance: factor on the weights of degrees of freedom. If several frictions are as hard as that,
-            MuJoCo's solver stops at wrong forces; a smaller impedance leaves the regularisation that they have
-            without the factor.
+            MuJoCo's solver stops at wrong forces; a smaller impedance leaves their regularisation without the
+            factor.
     """
     impedance = max(1.0 / (1.0 + REGULARISATION / compliance), MIN_IMPEDANCE)
     for kind, value in (("dof_sol{}", impedance), ("tendon_sol{}_fri", 1.0 - REGULARISATION)):
