@@ -44,38 +44,38 @@ COMMANDS = (
 )
 
 
-def floor() -> tuple[int, ...]:
+def lowest_allowed() -> tuple[int, ...]:
     """Return the lowest release that pyproject.toml allows."""
     dependencies = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     (requirement,) = (text for text in dependencies if text.startswith("mujoco>="))
-    return numbers(requirement)
+    return version(requirement)
 
 
-def numbers(text: str) -> tuple[int, ...]:
-    """Return the numbers of a release."""
+def version(text: str) -> tuple[int, ...]:
+    """Return a version as numbers."""
     return tuple(int(number) for number in re.findall(r"\d+", text))
 
 
-def release(python: Path) -> str:
+def installed_release(python: Path) -> str:
     """Return the release of MuJoCo in an environment."""
-    program = "import mujoco; print(mujoco.__version__)"
-    return subprocess.run([python, "-c", program], check=True, capture_output=True, text=True).stdout.strip()
+    code = "import mujoco; print(mujoco.__version__)"
+    return subprocess.run([python, "-c", code], check=True, capture_output=True, text=True).stdout.strip()
 
 
 def failure(python: Path, command: str) -> str:
     """Return the last line of the messages of a command that fails; empty for one that runs."""
     with tempfile.TemporaryDirectory() as folder:
-        words = command.format(out=Path(folder) / "out", custom=CUSTOM).split()
-        ended = subprocess.run(
-            [python, "-m", "mechsim", *words], cwd=folder, check=False, capture_output=True, text=True
+        arguments = command.format(out=Path(folder) / "out", custom=CUSTOM).split()
+        run = subprocess.run(
+            [python, "-m", "mechsim", *arguments], cwd=folder, check=False, capture_output=True, text=True
         )
-    lines = (ended.stderr.strip() or ended.stdout.strip() or f"exit code {ended.returncode}").splitlines()
-    return lines[-1] if ended.returncode else ""
+    lines = (run.stderr.strip() or run.stdout.strip() or f"exit code {run.returncode}").splitlines()
+    return lines[-1] if run.returncode else ""
 
 
 def main() -> None:
     pythons = [Path(venv).absolute() / "bin" / "python" for venv in sys.argv[1:]]
-    releases = [release(python) for python in pythons]
+    releases = [installed_release(python) for python in pythons]
     width = max(len(command) for command in COMMANDS)
     print(f"{'command':{width}}", *(f"{name:>7}" for name in releases))
     messages, rejected = dict[str, str](), False
@@ -83,7 +83,7 @@ def main() -> None:
         failures = [failure(python, command) for python in pythons]
         print(f"{command:{width}}", *(f"{'fails' if text else 'runs':>7}" for text in failures), flush=True)
         for name, text in zip(releases, failures, strict=True):
-            rejected |= bool(text) and numbers(name) >= floor()
+            rejected |= bool(text) and version(name) >= lowest_allowed()
             if text:
                 messages.setdefault(f"{name}: {text}", command)
     for message, command in messages.items():

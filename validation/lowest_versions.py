@@ -1,4 +1,4 @@
-"""Print pip constraints that pin what pyproject.toml asks for to the lowest versions it allows.
+"""Print pip constraints with the lowest version of each dependency that pyproject.toml allows.
 
 `python validation/lowest_versions.py > lowest.txt && pip install -c lowest.txt -e '.[test]'`
 """
@@ -8,21 +8,21 @@ import tomllib
 from pathlib import Path
 
 PYPROJECT = Path(__file__).resolve().parents[1] / "pyproject.toml"
-FLOOR = re.compile(r"^(?P<name>[\w-]+)(\[[\w,]+\])?>=(?P<version>[\w.]+)$")
+LOWEST_VERSION = re.compile(r"^(?P<name>[\w-]+)(\[[\w,]+\])?>=(?P<version>[\w.]+)$")
 
 
 def lowest(project: dict) -> list[str]:
-    """Return a pin for every floor of what is needed to use and to test; refuse what has none."""
+    """Return a pin of each dependency of use and tests to its lowest version; reject one without it."""
     extras = project["optional-dependencies"]
     names = [name for name in extras if name not in ("dev", "docs", "peers", "engines")]
-    asked = [*project["dependencies"], *(item for name in names for item in extras[name])]
+    requirements = [*project["dependencies"], *(text for name in names for text in extras[name])]
     pins = []
-    for item in asked:
-        if not item.startswith(f"{project['name']}["):
-            result = FLOOR.match(item)
-            if result is None:
-                raise SystemExit(f"{item!r} names no lowest version; write it as name>=version")
-            pins.append(f"{result['name']}=={result['version']}")
+    for requirement in requirements:
+        if not requirement.startswith(f"{project['name']}["):
+            match = LOWEST_VERSION.match(requirement)
+            if match is None:
+                raise SystemExit(f"{requirement!r} has no lowest version; write name>=version")
+            pins.append(f"{match['name']}=={match['version']}")
     return pins
 
 

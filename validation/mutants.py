@@ -1,7 +1,7 @@
 """Mutants: a file of the package with one operator, sign, condition or number changed.
 
-Messages, annotations and text are left alone, and so is `<` for `<=`: no two floats
-that matter here are equal.
+Messages, annotations and text are not changed. `<` is not changed to `<=`, because no two relevant floats
+are equal.
 """
 
 import ast
@@ -39,15 +39,15 @@ Change = Callable[[], None]
 
 @dataclass(frozen=True)
 class Mutant:
-    """A file with one thing changed, or with none.
+    """A file with one change, or unchanged.
 
     Attributes:
         file: below `mechsim/`.
-        text: of the file, as it was when the run began.
-        line: of what is changed.
-        before: the line as it is.
-        after: the line as it is changed.
-        place: which of the file's nodes is changed, and which of its changes it is.
+        text: source of the file at the start of the run.
+        line: number of the changed line.
+        before: original line.
+        after: changed line.
+        position: index of the changed node in the file, and of the change among those of the node.
     """
 
     file: str
@@ -55,20 +55,20 @@ class Mutant:
     line: int = 0
     before: str = ""
     after: str = ""
-    place: tuple[int, int] | None = None
+    position: tuple[int, int] | None = None
 
     def __str__(self) -> str:
-        same = _alike(self.before, self.after)
-        end = _alike(self.before[:same:-1], self.after[:same:-1])
+        prefix = _common_prefix_length(self.before, self.after)
+        suffix = _common_prefix_length(self.before[:prefix:-1], self.after[:prefix:-1])
         before, after = (
-            text[max(0, same - 60) : same] + text[same : len(text) - end] + text[len(text) - end :][:20]
+            text[max(0, prefix - 60) : len(text) - suffix] + text[len(text) - suffix :][:20]
             for text in (self.before, self.after)
         )
         return f"mechsim/{self.file}:{self.line}: {before}  ->  {after}"
 
     @property
     def equivalent(self) -> bool:
-        """Whether it is known to change nothing that counts."""
+        """Whether the mutant is listed as equivalent."""
         return any((self.file, self.before, after) in EQUIVALENT for after in (self.after, "..."))
 
     @property
@@ -77,20 +77,20 @@ class Mutant:
         return "mechsim." + self.file.removesuffix(".py").replace("/", ".")
 
     def run(self, names: dict[str, object]) -> None:
-        """Run the changed file over the names of its module."""
+        """Execute the changed file in the namespace of its module."""
         tree = ast.parse(self.text)
-        if self.place is not None:
-            _change(tree, *self.place)
+        if self.position is not None:
+            _change(tree, *self.position)
         exec(compile(ast.fix_missing_locations(tree), PACKAGE / self.file, "exec"), names)
 
 
 def unchanged(file: str) -> Mutant:
-    """A file with nothing changed."""
+    """Return the unchanged file."""
     return Mutant(file, (PACKAGE / file).read_text())
 
 
 def mutants(file: str) -> list[Mutant]:
-    """All mutants of a file."""
+    """Return all mutants of a file."""
     text, result = unchanged(file).text, list[Mutant]()
     for k, (node, statement) in enumerate(nodes(ast.parse(text))):
         before = ""
@@ -98,19 +98,19 @@ def mutants(file: str) -> list[Mutant]:
             before = before or ast.unparse(statement)
             after = ast.unparse(_change(ast.parse(text), k, m))
             line = getattr(node, "lineno", 0)
-            result.append(Mutant(file, text, line, *_differing(before, after), (k, m)))
+            result.append(Mutant(file, text, line, *_first_different_lines(before, after), (k, m)))
     return result
 
 
-def _change(tree: ast.Module, k: int, m: int) -> ast.AST:
-    """Make a change in a tree, and return the statement that it is in."""
-    node, statement = next(itertools.islice(nodes(tree), k, None))
-    list(changes(node))[m]()
+def _change(tree: ast.Module, node_index: int, change_index: int) -> ast.AST:
+    """Apply a change to a tree; return the statement that contains it."""
+    node, statement = next(itertools.islice(nodes(tree), node_index, None))
+    list(changes(node))[change_index]()
     return statement
 
 
 def nodes(node: ast.AST, statement: ast.AST | None = None) -> Iterator[tuple[ast.AST, ast.AST]]:
-    """All nodes but messages, annotations and checks of lengths, each with the statement it is in."""
+    """Yield each node that may be changed, with the statement that contains it."""
     statement = node if statement is None or isinstance(node, ast.stmt) else statement
     yield node, statement
     for name, value in ast.iter_fields(node):
@@ -118,14 +118,14 @@ def nodes(node: ast.AST, statement: ast.AST | None = None) -> Iterator[tuple[ast
             continue
         for child in value if isinstance(value, list) else [value]:
             message = isinstance(child, (ast.JoinedStr, ast.Raise))
-            # zip's check of lengths that are equal
+            # `strict` of zip only checks lengths
             strict = isinstance(child, ast.keyword) and child.arg == "strict"
             if isinstance(child, ast.AST) and not message and not strict:
                 yield from nodes(child, statement)
 
 
 def changes(node: ast.AST) -> Iterator[Change]:
-    """What can be changed in a node, in place."""
+    """Yield the functions that change a node in place."""
     if isinstance(node, (ast.BinOp, ast.BoolOp, ast.AugAssign)) and type(node.op) in SWAPPED:
         yield lambda: setattr(node, "op", SWAPPED[type(node.op)]())
     elif isinstance(node, ast.Compare):
@@ -138,12 +138,12 @@ def changes(node: ast.AST) -> Iterator[Change]:
     elif isinstance(node, (ast.If, ast.IfExp, ast.While)) and not isinstance(node.test, ast.Compare):
         yield lambda: setattr(node, "test", ast.UnaryOp(ast.Not(), node.test))
     elif isinstance(node, ast.Constant) and isinstance(node.value, (bool, int, float)):
-        for other in others(node.value):
-            yield lambda other=other: setattr(node, "value", other)
+        for value in changed_values(node.value):
+            yield lambda value=value: setattr(node, "value", value)
 
 
-def others(value: bool | float) -> list[bool | float]:
-    """Numbers for a number: the tenfold and the tenth, or of a small whole number the next."""
+def changed_values(value: bool | float) -> list[bool | float]:
+    """Return the values that replace a number: ten times and a tenth of it, or the next small integer."""
     if isinstance(value, bool):
         return [not value]
     if isinstance(value, int):
@@ -151,13 +151,13 @@ def others(value: bool | float) -> list[bool | float]:
     return [10.0 * value, 0.1 * value] if value else [1.0]
 
 
-def _alike(item: str, other: str) -> int:
-    """How many letters two texts begin with alike."""
-    pairs = zip(item, other, strict=False)
-    return next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(item), len(other)))
+def _common_prefix_length(first: str, second: str) -> int:
+    """Return the number of leading characters that two texts share."""
+    pairs = zip(first, second, strict=False)
+    return next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(first), len(second)))
 
 
-def _differing(before: str, after: str) -> tuple[str, str]:
-    """The lines in which two texts differ."""
+def _first_different_lines(before: str, after: str) -> tuple[str, str]:
+    """Return the first line that differs, of both texts."""
     pairs = zip(before.splitlines(), after.splitlines(), strict=True)
     return next((a.strip(), b.strip()) for a, b in pairs if a != b)

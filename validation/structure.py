@@ -22,7 +22,7 @@ import networkx as nx
 PACKAGE = Path(__file__).parents[1] / "mechsim"
 # methods of a class; a class with more is listed
 MAX_METHODS = 20
-# tokens that are no code
+# tokens that are not code
 NO_CODE = {
     tokenize.COMMENT,
     tokenize.NL,
@@ -34,15 +34,15 @@ NO_CODE = {
 
 
 def imports_of(source: str, package: str) -> set[str]:
-    """Return the full names a module imports, inside functions too; `package` is the one it lies in."""
+    """Return the full names that a module of a package imports, also inside functions."""
     result: set[str] = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             result |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            parts = package.split(".")
-            base = ".".join(parts[: len(parts) - node.level + 1]) if node.level else ""
-            module = ".".join(part for part in (base, node.module) if part)
+            names = package.split(".")
+            base = ".".join(names[: len(names) - node.level + 1]) if node.level else ""
+            module = ".".join(filter(None, (base, node.module)))
             result |= {f"{module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Call) and _called(node) in ("import_module", "__import__"):
             result |= {arg.value for arg in node.args if isinstance(arg, ast.Constant)}
@@ -67,9 +67,9 @@ def import_graph(imported: Mapping[str, set[str]]) -> nx.DiGraph:
     """Return which module imports which of the same package; a package's name stands for its `__init__`."""
     graph = nx.DiGraph()
     graph.add_nodes_from(imported)
-    for name, result in imported.items():
-        for entry in result:
-            target = entry if entry in imported else entry.rpartition(".")[0]
+    for name, full_names in imported.items():
+        for full_name in full_names:
+            target = full_name if full_name in imported else full_name.rpartition(".")[0]
             if target in imported and target != name:
                 graph.add_edge(name, target)
     return graph
@@ -94,7 +94,7 @@ def packages(graph: nx.DiGraph) -> nx.DiGraph:
 
 def cycles(graph: nx.DiGraph) -> list[list[str]]:
     """Return the sets of modules that import each other, largest first."""
-    result = [sorted(part) for part in nx.strongly_connected_components(graph) if len(part) > 1]
+    result = [sorted(modules) for modules in nx.strongly_connected_components(graph) if len(modules) > 1]
     return sorted(result, key=len, reverse=True)
 
 
@@ -107,8 +107,8 @@ def functions(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the lines, without signature and docstring, and the name of every function of a file."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            does = node.body[ast.get_docstring(node) is not None :]
-            yield (node.end_lineno or 0) - does[0].lineno + 1 if does else 0, node.name
+            body = node.body[ast.get_docstring(node) is not None :]
+            yield (node.end_lineno or 0) - body[0].lineno + 1 if body else 0, node.name
 
 
 def docstring_lines(source: str) -> set[int]:
@@ -134,7 +134,7 @@ def code_lines(source: str) -> int:
 def large_classes(source: str) -> list[str]:
     """Return the classes with more than `MAX_METHODS` methods."""
     classes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef)]
-    counts = {entry.name: sum(isinstance(item, ast.FunctionDef) for item in entry.body) for entry in classes}
+    counts = {node.name: sum(isinstance(item, ast.FunctionDef) for item in node.body) for node in classes}
     return [f"{name} ({count})" for name, count in counts.items() if count > MAX_METHODS]
 
 
@@ -154,13 +154,13 @@ def uncommented_constants(source: str) -> list[str]:
 
 def same_names(package: Path = PACKAGE) -> dict[str, list[str]]:
     """Return public functions of one name in several files whose first sentences differ: name -> files."""
-    places: defaultdict[str, dict[str, str]] = defaultdict(dict)
+    first_sentences: defaultdict[str, dict[str, str]] = defaultdict(dict)
     for path in modules(package).values():
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
                 first = (ast.get_docstring(node) or "").partition("\n")[0]
-                places[node.name][str(path.relative_to(package))] = first
-    return {name: sorted(files) for name, files in places.items() if len(set(files.values())) > 1}
+                first_sentences[node.name][str(path.relative_to(package))] = first
+    return {name: sorted(files) for name, files in first_sentences.items() if len(set(files.values())) > 1}
 
 
 def figures(package: Path = PACKAGE) -> dict[str, object]:
@@ -168,8 +168,8 @@ def figures(package: Path = PACKAGE) -> dict[str, object]:
     graph = import_graph(imports(package))
     between = packages(graph)
     sizes = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in modules(package).values()}
-    length, name, path = max((*result, str(path)) for path in sizes for result in functions(path))
-    result = cycles(graph)
+    length, name, path = max((*function, str(path)) for path in sizes for function in functions(path))
+    cyclic = cycles(graph)
     largest = max(sizes, key=lambda path: sizes[path])
     sources = [path.read_text(encoding="utf-8") for path in sizes]
     classes = [name for source in sources for name in large_classes(source)]
@@ -178,7 +178,7 @@ def figures(package: Path = PACKAGE) -> dict[str, object]:
         "folders": sum(path.is_dir() and any(path.rglob("*.py")) for path in package.iterdir()),
         "files next to them": len(list(package.glob("*.py"))),
         "imports between packages": between.number_of_edges(),
-        "cycles of files": f"{len(result)}, the largest of {len(result[0])}" if result else "0",
+        "cycles of files": f"{len(cyclic)}, the largest of {len(cyclic[0])}" if cyclic else "0",
         "cycles of packages": len(cycles(between)),
         "layers": layers(between),
         "files": len(sizes),
@@ -194,8 +194,8 @@ def figures(package: Path = PACKAGE) -> dict[str, object]:
 
 
 def _name(path: Path, package: Path) -> str:
-    parts = [package.name, *path.relative_to(package).with_suffix("").parts]
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+    path_parts = [package.name, *path.relative_to(package).with_suffix("").parts]
+    return ".".join(path_parts[:-1] if path_parts[-1] == "__init__" else path_parts)
 
 
 def _called(node: ast.Call) -> str:
@@ -238,8 +238,8 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=PACKAGE)
     parser.add_argument("--list", action="store_true")
     options = parser.parse_args()
-    for what, value in figures(options.folder).items():
-        print(f"{what:24} {value}")
+    for name, value in figures(options.folder).items():
+        print(f"{name:24} {value}")
     if options.list:
         _print_lists(options.folder)
 

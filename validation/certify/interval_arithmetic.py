@@ -1,7 +1,7 @@
 """Arithmetics for certificates, by time and width: balls in numpy, intervals by nextafter, python-flint.
 
-The task is a chain of 6 rotations about two axes, as of a mechanism, at 500 boxes of half-width 1e-3 and at
-500 points. python-flint is optional: `pip install python-flint`.
+The task is the product of 6 rotations about two axes, at 500 boxes of half-width 1e-3 and at 500 points.
+python-flint is optional: `pip install python-flint`.
 """
 
 import time
@@ -27,28 +27,26 @@ def by_balls(angles, radius):
     return total.mid, total.rad
 
 
-def outward(low, high):
+def widened(low, high):
     return np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
 
 
-def times(a, b):
-    """Return products of intervals by the four products of their ends."""
+def interval_product(a, b):
+    """Return products of intervals from the four products of their bounds."""
     products = [x * y for x in a for y in b]
-    return outward(np.minimum.reduce(products), np.maximum.reduce(products))
+    return widened(np.minimum.reduce(products), np.maximum.reduce(products))
 
 
 def matrix_product(a, b):
-    low, high = times(
-        *((x[0][:, :, :, None], x[1][:, :, :, None]) for x in (a,)), tuple(y[:, None] for y in b)
-    )
+    low, high = interval_product(tuple(x[:, :, :, None] for x in a), tuple(y[:, None] for y in b))
     total = low[:, :, 0], high[:, :, 0]
     for k in (1, 2):
-        total = outward(total[0] + low[:, :, k], total[1] + high[:, :, k])
+        total = widened(total[0] + low[:, :, k], total[1] + high[:, :, k])
     return total
 
 
-def by_ends(angles, radius):
-    """Return midpoints and radii by intervals with nextafter; sines are those of the balls."""
+def by_nextafter(angles, radius):
+    """Return midpoints and radii by intervals with nextafter; sines come from the balls."""
     n = len(angles)
     inclined = (np.broadcast_to(INCLINED, (n, 3, 3)),) * 2
     total = (np.broadcast_to(np.eye(3), (n, 3, 3)),) * 2
@@ -56,15 +54,15 @@ def by_ends(angles, radius):
         rotation = np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
         sine, cosine = Ball(column, np.full(n, radius)).sin_cos()
         for (i, j), entry in {(0, 0): cosine, (0, 1): -sine, (1, 0): sine, (1, 1): cosine}.items():
-            rotation[0][:, i, j], rotation[1][:, i, j] = outward(entry.mid - entry.rad, entry.mid + entry.rad)
-        for side in rotation:
-            side[:, 2, 2] = 1.0
+            rotation[0][:, i, j], rotation[1][:, i, j] = widened(entry.mid - entry.rad, entry.mid + entry.rad)
+        for bound in rotation:
+            bound[:, 2, 2] = 1.0
         total = matrix_product(matrix_product(total, rotation), inclined)
     return 0.5 * (total[0] + total[1]), 0.5 * (total[1] - total[0])
 
 
 def by_flint(angles, radius):
-    """Return midpoints and radii of python-flint's balls of 53 bits, one box after another."""
+    """Return midpoints and radii by python-flint with 53 bits, box by box."""
     import flint
 
     inclined, mids, rads = flint.arb_mat(INCLINED.tolist()), [], []
@@ -81,7 +79,7 @@ def by_flint(angles, radius):
 def main():
     angles = np.random.default_rng(0).uniform(-np.pi, np.pi, (BOXES, LINKS))
     reference = by_balls(angles, 1e-3)
-    for name, method in (("balls", by_balls), ("nextafter", by_ends), ("python-flint", by_flint)):
+    for name, method in (("balls", by_balls), ("nextafter", by_nextafter), ("python-flint", by_flint)):
         try:
             best = np.inf
             for _ in range(REPEAT):

@@ -1,7 +1,7 @@
 """Certified tubes against 10,000 random configurations in 50 digits: every one must lie in its tube.
 
-The exact configuration comes from triangles and from the distance between two balls, in mpmath, at random
-crank angles of a four-bar, a slider-crank and an RSSR; half of them with random dimensions within tolerances.
+mpmath computes the exact configuration by triangles and by the distance between two balls, at random crank
+angles of a four-bar, a slider-crank and an RSSR. Half of them have random dimensions within tolerances.
 """
 
 import sys
@@ -18,6 +18,7 @@ from mechsim.studies.certify.tolerances import joint_radii
 
 DIGITS = 50
 COUNT = 10_000
+# of dimensions, in [m]
 TOLERANCE = 2e-5
 NAMES = {
     "four_bar": ("ground", "crank", "coupler", "rocker"),
@@ -29,11 +30,14 @@ NAMES = {
 def four_bar(d, angle, branch):
     """Return the angles of the joints A and B."""
     crank = d["crank"] * mpmath.expj(angle)
-    gap = d["ground"] - crank
-    along = (abs(gap) ** 2 + d["coupler"] ** 2 - d["rocker"] ** 2) / (2 * abs(gap))
+    diagonal = d["ground"] - crank
+    along = (abs(diagonal) ** 2 + d["coupler"] ** 2 - d["rocker"] ** 2) / (2 * abs(diagonal))
     across = branch * mpmath.sqrt(d["coupler"] ** 2 - along**2)
-    coupler = gap / abs(gap) * mpmath.mpc(along, across)
-    return {"A": mpmath.arg(coupler) - angle, "B": mpmath.arg(coupler - gap) - mpmath.arg(coupler)}
+    coupler = diagonal / abs(diagonal) * mpmath.mpc(along, across)
+    return {
+        "A": mpmath.arg(coupler) - angle,
+        "B": mpmath.arg(coupler - diagonal) - mpmath.arg(coupler),
+    }
 
 
 def slider_crank(d, angle, branch):
@@ -46,14 +50,14 @@ def slider_crank(d, angle, branch):
 def rssr(d, angle, branch):
     """Return the angle of the rocker, from the distance between its ball and that of the crank."""
     end = ms.catalog.make("rssr").mechanism.joint("rocker").a
-    axis, mark = (mpmath.matrix(list(vector)) for vector in (end.axis, end.reference))
+    axis, zero = (mpmath.matrix(list(vector)) for vector in (end.axis, end.reference))
     axis /= mpmath.norm(axis)
-    mark -= axis * mpmath.fdot(axis, mark)
-    mark /= mpmath.norm(mark)
-    across = mpmath.matrix([axis[i - 2] * mark[i - 1] - axis[i - 1] * mark[i - 2] for i in range(3)])
+    zero -= axis * mpmath.fdot(axis, zero)
+    zero /= mpmath.norm(zero)
+    across = mpmath.matrix([axis[i - 2] * zero[i - 1] - axis[i - 1] * zero[i - 2] for i in range(3)])
     pivot = mpmath.matrix(list(end.point))
     arm = mpmath.matrix([0, d["crank"] * mpmath.cos(angle), d["crank"] * mpmath.sin(angle)]) - pivot
-    a, b = mpmath.fdot(arm, mark), mpmath.fdot(arm, across)
+    a, b = mpmath.fdot(arm, zero), mpmath.fdot(arm, across)
     c = (mpmath.fdot(arm, arm) + d["rocker"] ** 2 - d["coupler"] ** 2) / (2 * d["rocker"])
     return {"rocker": mpmath.atan2(b, a) + branch * mpmath.acos(c / mpmath.hypot(a, b))}
 
@@ -61,7 +65,7 @@ def rssr(d, angle, branch):
 EXACT = {"four_bar": four_bar, "slider_crank": slider_crank, "rssr": rssr}
 
 
-def share_of_tube(motion, segments, angle, exact):
+def fraction_of_tube(motion, segments, angle, exact):
     """Return the largest distance from the centre of the tube, relative to its half-width."""
     tree, unknown = motion.equations.tree, motion.equations.unknown.tolist()
     i = int(np.searchsorted(segments.high, float(angle)))
@@ -71,33 +75,33 @@ def share_of_tube(motion, segments, angle, exact):
         centre = mpmath.mpf(segments.values[i, unknown[k]]) + mpmath.mpf(segments.rate[i, k]) * (
             angle - mpmath.mpf(segments.centre[i])
         )
-        gap = mpmath.fmod(value - centre + 3 * mpmath.pi, 2 * mpmath.pi) - mpmath.pi
-        worst = max(worst, abs(gap) / mpmath.mpf(segments.enclosure[i, k]))
+        difference = mpmath.fmod(value - centre + 3 * mpmath.pi, 2 * mpmath.pi) - mpmath.pi
+        worst = max(worst, abs(difference) / mpmath.mpf(segments.enclosure[i, k]))
     return worst
 
 
 def measure(name, tolerance, count, rng):
-    """Return how many exact configurations lie in their tubes, and the largest share of a half-width."""
-    form = ms.catalog.make(name)
-    designs = catalog_designs(form)
+    """Return how many exact configurations lie in their tubes, and the largest fraction of a half-width."""
+    solver = ms.catalog.make(name)
+    designs = catalog_designs(solver)
     radii = joint_radii(designs, dict.fromkeys(NAMES[name], tolerance)) if tolerance else {}
-    motion = computed_motion(form, None, radii)
-    segments, rest = proven_segments(motion)
-    assert not rest, f"{name} is not certified within {tolerance}"
+    motion = computed_motion(solver, None, radii)
+    segments, uncertified = proven_segments(motion)
+    assert not uncertified, f"{name} is not certified within {tolerance}"
     exact = EXACT[name]
-    start = {key: mpmath.mpf(float(getattr(form, key))) for key in NAMES[name]}
+    start = {key: mpmath.mpf(float(getattr(solver, key))) for key in NAMES[name]}
     branch = min(
-        (1, -1), key=lambda sign: share_of_tube(motion, segments, mpmath.mpf(1), exact(start, 1, sign))
+        (1, -1), key=lambda sign: fraction_of_tube(motion, segments, mpmath.mpf(1), exact(start, 1, sign))
     )
     inside, worst = 0, mpmath.mpf(0)
-    for angle, *moves in rng.uniform(0.0, 1.0, (count, 1 + len(start))):
+    for angle, *offsets in rng.uniform(0.0, 1.0, (count, 1 + len(start))):
         s = mpmath.mpf(angle * motion.high)
         d = {
-            key: value + mpmath.mpf(tolerance) * mpmath.mpf(2.0 * move - 1.0)
-            for (key, value), move in zip(start.items(), moves, strict=True)
+            key: value + mpmath.mpf(tolerance) * mpmath.mpf(2.0 * offset - 1.0)
+            for (key, value), offset in zip(start.items(), offsets, strict=True)
         }
-        share = share_of_tube(motion, segments, s, exact(d, s, branch))
-        inside, worst = inside + (share <= 1), max(worst, share)
+        fraction = fraction_of_tube(motion, segments, s, exact(d, s, branch))
+        inside, worst = inside + (fraction <= 1), max(worst, fraction)
     return inside, float(worst)
 
 

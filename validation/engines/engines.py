@@ -1,7 +1,7 @@
 """Engines that step an MJCF model: MuJoCo in C, and MJWarp where it is installed.
 
-Each takes a compiled model, a start and a number of steps, and gives the coordinates after every step and the
-processor time of the steps alone; kernels are compiled before.
+Each takes a compiled model, an initial state and a number of steps. It returns the coordinates after every
+step and the processor time of the steps alone; kernels are compiled before.
 """
 
 import time
@@ -13,12 +13,12 @@ import numpy as np
 from mujoco import batch
 
 Array = np.ndarray
-# model, qpos (nq,), qvel (nv,), steps, ctrl (nu,) that is held -> qpos after each step (steps, nq), seconds
+# model, qpos (nq,), qvel (nv,), steps, constant ctrl (nu,) -> qpos after each step (steps, nq), seconds
 Engine = Callable[[mujoco.MjModel, Array, Array, int, Array], tuple[Array, float]]
 
 
 def by_c(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: Array) -> tuple[Array, float]:
-    """MuJoCo itself, float64."""
+    """Step with MuJoCo, in float64."""
     sims = batch.Batch(model, 1, 1)
     sims.bind("qpos")[:], sims.bind("qvel")[:] = qpos, qvel
     sims.bind("ctrl")[:] = ctrl
@@ -28,7 +28,7 @@ def by_c(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: Arra
 
 
 def by_warp(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: Array) -> tuple[Array, float]:
-    """MJWarp, float32, on the device that Warp takes first: a GPU, else the CPU."""
+    """Step with MJWarp, in float32, on the device that Warp prefers: a GPU, else the CPU."""
     import mujoco_warp as mjw
     import warp as wp
 
@@ -36,18 +36,18 @@ def by_warp(model: mujoco.MjModel, qpos: Array, qvel: Array, steps: int, ctrl: A
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, ctrl
     mujoco.mj_forward(model, data)
-    there = mjw.put_model(model)
-    mjw.step(there, mjw.put_data(model, data))
+    device_model = mjw.put_model(model)
+    mjw.step(device_model, mjw.put_data(model, data))
     state = mjw.put_data(model, data)
     result = np.empty((steps, model.nq))
     before = time.process_time()
     for row in result:
-        mjw.step(there, state)
+        mjw.step(device_model, state)
         row[:] = state.qpos.numpy()[0]
     return result, time.process_time() - before
 
 
-# engine -> the module it needs, how it steps
+# engine -> module, function that steps
 ENGINES: dict[str, tuple[str, Engine]] = {
     "MuJoCo C": ("mujoco", by_c),
     "MJWarp": ("mujoco_warp", by_warp),
@@ -55,11 +55,11 @@ ENGINES: dict[str, tuple[str, Engine]] = {
 
 
 def installed() -> tuple[dict[str, Engine], list[str]]:
-    """Return the engines there are, and a line for each that is missing."""
-    there = {name: engine for name, (module, engine) in ENGINES.items() if find_spec(module)}
-    missing = [
-        f"{name} is not installed and left out: pip install -e '.[engines]'"
+    """Return the installed engines, and a message for each that is missing."""
+    engines = {name: engine for name, (module, engine) in ENGINES.items() if find_spec(module)}
+    messages = [
+        f"{name} is not installed and skipped: pip install -e '.[engines]'"
         for name in ENGINES
-        if name not in there
+        if name not in engines
     ]
-    return there, missing
+    return engines, messages
