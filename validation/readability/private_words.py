@@ -279,12 +279,12 @@ def private_name(name: str) -> str | None:
     """Return what to write instead of an identifier, or None where it holds no private word."""
     if name in NAMES:
         return NAMES[name]
-    bare = name.lower().strip("_")
-    if bare in NAMES:
-        return NAMES[bare]
-    parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)
+    stripped = name.lower().strip("_")
+    if stripped in NAMES:
+        return NAMES[stripped]
+    words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)
     return next(
-        (table[part.lower()] for part in parts for table in (WORDS, NAME_PARTS) if part.lower() in table),
+        (table[word.lower()] for word in words for table in (WORDS, NAME_PARTS) if word.lower() in table),
         None,
     )
 
@@ -322,10 +322,10 @@ def page_uses(path: Path) -> Iterator[Use]:
 def uses(paths: list[Path]) -> list[Use]:
     """Return every private word under files and folders."""
     files = [file for path in paths for file in (sorted(path.rglob("*")) if path.is_dir() else [path])]
-    readers = {".py": python_uses, ".md": page_uses}
+    reader_by_suffix = {".py": python_uses, ".md": page_uses}
     # generated pages repeat messages of the package, which are counted there
-    written = [file for file in files if file.suffix in readers and "_generated" not in file.parts]
-    return [use for file in written for use in readers[file.suffix](file)]
+    sources = [file for file in files if file.suffix in reader_by_suffix and "_generated" not in file.parts]
+    return [use for file in sources for use in reader_by_suffix[file.suffix](file)]
 
 
 def main() -> None:
@@ -335,12 +335,12 @@ def main() -> None:
     )
     parser.add_argument("--list", action="store_true", help="print every use")
     options = parser.parse_args()
-    uses_found = uses(options.paths)
+    matches = uses(options.paths)
     if options.list:
-        for use in uses_found:
+        for use in matches:
             print(f"{use.path}:{use.line}: {use.kind} {use.word}: {use.instead}")
-    kinds = Counter(use.kind for use in uses_found)
-    words = Counter(use.word.lower() for use in uses_found)
+    kinds = Counter(use.kind for use in matches)
+    words = Counter(use.word.lower() for use in matches)
     print(", ".join(f"{kind} {count}" for kind, count in kinds.most_common()), f"; {len(words)} different")
     print(", ".join(f"{word} {count}" for word, count in words.most_common(60)), file=sys.stderr)
 

@@ -1,4 +1,4 @@
-"""Print how long the sentences of README and docs are.
+"""Print the number and lengths of the sentences of README and docs.
 
 Run: python validation/readability/sentences.py [PAGE ...]
 """
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-# front matter, code, comments, formulas, headings, table rows and labels are no prose
+# front matter, code, comments, formulas, headings, table rows and labels are not prose
 NOT_PROSE = [
     r"\A---\n.*?\n---\n",
     r"```.*?```",
@@ -31,13 +31,13 @@ def sentences(text: str) -> list[str]:
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(r"[*_>]+", "", text)
     blocks = re.split(r"(?:\n\s*|\A)(?:-|\d+\.)\s+|\n\s*\n", text)
-    parts = [part for block in blocks for part in END.split(" ".join(block.split()))]
-    return [part for part in parts if part]
+    pieces = [piece for block in blocks for piece in END.split(" ".join(block.split()))]
+    return [piece for piece in pieces if piece]
 
 
 def main() -> None:
-    named = [Path(name) for name in sys.argv[1:]]
-    for page in named or [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
+    requested = [Path(name) for name in sys.argv[1:]]
+    for page in requested or [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
         lengths = [len(sentence.split()) for sentence in sentences(page.read_text())]
         if lengths and "_generated" not in page.parts:
             mean = sum(lengths) / len(lengths)

@@ -1,4 +1,4 @@
-"""How many poses a second the closed form of the spatial four-bar gives on one core.
+"""Configurations per second of the closed form of the spatial four-bar, on one core.
 
 OMP_NUM_THREADS=1 python validation/speed/closed_form_speed.py
 """
@@ -12,32 +12,32 @@ import numpy as np
 from mechsim import catalog
 
 POSES = 200_000
-# wanted poses a second: places of points; their rates too
+# configurations per second: positions of points; with their rates
 TARGETS = {"positions": 5e6, "solve(links=False)": 1e6}
 
 
 def poses_per_second(call: Callable[[], object], repeats: int = 9) -> float:
-    """Return the median over repeats, after one call that warms caches."""
+    """Return the median over repeats, after one call that fills caches."""
     call()
     times = []
     for _ in range(repeats):
-        began = time.perf_counter()
+        start = time.perf_counter()
         call()
-        times.append(time.perf_counter() - began)
+        times.append(time.perf_counter() - start)
     return POSES / median(times)
 
 
 def main() -> None:
-    drive = catalog.make("rssr")
+    closed_form = catalog.make("rssr")
     angles = np.linspace(0.0, 2 * np.pi, POSES)
     calls: dict[str, Callable[[], object]] = {
-        "positions": lambda: drive.positions(angles),
-        "solve(links=False)": lambda: drive.solve(angles, 62.8, links=False),
-        "solve": lambda: drive.solve(angles, 62.8),
+        "positions": lambda: closed_form.positions(angles),
+        "solve(links=False)": lambda: closed_form.solve(angles, 62.8, links=False),
+        "solve": lambda: closed_form.solve(angles, 62.8),
     }
     for name, call in calls.items():
-        wanted = f", wanted {TARGETS[name] / 1e6:.0f}" if name in TARGETS else ""
-        print(f"rssr {name}: {poses_per_second(call) / 1e6:.2f} million poses a second{wanted}")
+        target = f", target {TARGETS[name] / 1e6:.0f}" if name in TARGETS else ""
+        print(f"rssr {name}: {poses_per_second(call) / 1e6:.2f} million poses a second{target}")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """Speed, size and error of generated solvers, in 64 and 32 bits, compared with the loop equations in numpy.
 
-Each mechanism of the reference data is compiled by gcc and clang. Errors are those of points, their rates
-and drive torques against the data to 30 digits, relative to the largest value; those of floats are against
-the analytic solution. The time is that of a configuration with rates and accelerations at steps of 5 degrees,
-the best of several runs on one core; numpy solves 1,000 at once. Size is that of all functions, optimised for
+Each mechanism of the reference data is compiled by gcc and clang. The errors of points, their rates and drive
+torques are relative to the largest value, against data of 30 digits; those in 32 bits are against the
+analytic solution. The time is that of a configuration with rates and accelerations at steps of 5 degrees, the
+best of several runs on one core; numpy solves 1,000 at once. The size is that of all functions, optimised for
 size.
 
 Run: python validation/speed/compiled_solver.py [NAME ...]
@@ -44,20 +44,20 @@ def reference_error(solver: CompiledSolver, name: str) -> float:
     """Return the largest relative error of points, rates and torques against the reference data."""
     table = reference_data.read(reference_data.folder(), name)
     motion = solver.solve(table.first, table.speed) if table.speed else solver.solve(t=table.first)
-    out = []
+    errors = []
     for quantity in ("position", "velocity", "acceleration"):
         exact = np.array([getattr(point, quantity) for point in table.points.values()])
-        mine = np.array([getattr(motion.points[point], quantity) for point in table.points])
-        out.append(np.abs(mine - exact).max() / np.abs(exact).max())
+        computed = np.array([getattr(motion.points[point], quantity) for point in table.points])
+        errors.append(np.abs(computed - exact).max() / np.abs(exact).max())
     joints = [motion.joints[driver] for driver in solver.drivers]
     drivers = [np.stack([getattr(j, q) for j in joints], 1) for q in ("value", "rate", "acceleration")]
     torques = solver.solve_drivers(*drivers).torques
     exact = np.array([table.drive_forces[driver] for driver in solver.drivers]).T
-    return float(max(*out, np.abs(torques - exact).max() / np.abs(exact).max()))
+    return float(max(*errors, np.abs(torques - exact).max() / np.abs(exact).max()))
 
 
 def printed_test(command: Path | str, *arguments: object) -> tuple[float, float]:
-    """Return the error and the least time in microseconds that a test prints."""
+    """Return the error and the shortest time in microseconds that a test prints."""
     texts = [run(command, *arguments) for _ in range(ROUNDS)]
     matches = [re.search(r"error ([\d.e+-]+),.*; ([\d.]+) us", text) for text in texts]
     values = [(float(match[1]), float(match[2])) for match in matches if match]
@@ -85,14 +85,14 @@ def numpy_time(solver: CompiledSolver) -> float:
     parameter = np.linspace(low + inset, high - inset, 1000)
     times = []
     for _ in range(ROUNDS):
-        begin = time.perf_counter()
+        start = time.perf_counter()
         loops.solve_along(parameter)
-        times.append(time.perf_counter() - begin)
+        times.append(time.perf_counter() - start)
     return 1e3 * min(times)
 
 
 def study(name: str, folder: Path) -> bool:
-    """Print the row of a mechanism, and return whether it keeps the limits."""
+    """Print the row of a mechanism; return whether it satisfies the limits."""
     solver = ms.compile(reference_data.folder() / "mechanisms" / f"{name}.toml")
     (folder / "solver.h").write_text(solver.header)
     (folder / "test.c").write_text(c_test(solver.code, "solver.h"))
@@ -100,8 +100,8 @@ def study(name: str, folder: Path) -> bool:
     (folder / "test.js").write_text(javascript_test(solver.code, "solver.js"))
     times, single = [], 0.0
     for compiler, real in (("gcc", "double"), ("clang", "double"), ("gcc", "float")):
-        line = (*FLAGS, "-O2", f"-DMECHSIM_REAL={real}", folder / "test.c", "-o", folder / "test", "-lm")
-        run(compiler, *line)
+        command = (*FLAGS, "-O2", f"-DMECHSIM_REAL={real}", folder / "test.c", "-o", folder / "test", "-lm")
+        run(compiler, *command)
         error, seconds = printed_test(folder / "test")
         if real == "float":
             single = error

@@ -2,13 +2,12 @@
 
     python validation/speed/frame_speed.py [WIDTHxHEIGHT] [NAME...]
 
-Three things are drawn in turn, so that what else the machine does falls on all alike; medians of processor
-and wall time are printed:
+The script draws three scenes in turn, so that other load of the machine affects all equally. It prints
+medians of processor and wall time:
 - exported: the model that `mechsim export --scene picture` writes, in a bare renderer;
-- stage: the model our frames are drawn from, in a bare renderer: the solids, without shadow, paths or text;
-- ours: a finished frame with shadow, growing paths, labels and read-out.
-The ratio asked for, at most 1.2, is that of ours to the exported scene. The last columns are a video of
-240 frames.
+- stage: the model of mechsim's frames, in a bare renderer: the solids, without shadow, paths or text;
+- mechsim: a finished frame with shadow, growing paths, labels and read-out.
+The ratio is that of mechsim to the exported scene, at most 1.2. The last column is a video of 240 frames.
 """
 
 import sys
@@ -32,7 +31,7 @@ from mechsim.simulation.mjcf import compiled, generate
 ROUNDS, FRAMES = 25, 240
 
 
-def measured(action):
+def wall_and_cpu_time(action):
     wall, cpu = time.perf_counter(), time.process_time()
     action()
     return time.perf_counter() - wall, time.process_time() - cpu
@@ -52,30 +51,30 @@ def bare(stack, model, size, drawing_on):
 
 
 def row(name, size, drawing_on):
-    drive = catalog.make(name)
-    turn = drive.crank_range()
-    ends = (0.0, 2.0 * np.pi) if turn.full else (turn.intervals[0][0] + 0.02, turn.intervals[0][1] - 0.02)
-    motion = drive.solve(np.linspace(*ends, FRAMES + 1), 60.0)
-    stage = Source(drive.mechanism, motion).stage(Look(size=size, paths="tail"))
-    exported = compiled(generate(drive.mechanism, Scene(level="picture"), drive.mechanism.guess))
+    closed_form = catalog.make(name)
+    reach = closed_form.crank_range()
+    ends = (0.0, 2.0 * np.pi) if reach.full else (reach.intervals[0][0] + 0.02, reach.intervals[0][1] - 0.02)
+    motion = closed_form.solve(np.linspace(*ends, FRAMES + 1), 60.0)
+    stage = Source(closed_form.mechanism, motion).stage(Look(size=size, paths="tail"))
+    exported = compiled(generate(closed_form.mechanism, Scene(level="picture"), closed_form.mechanism.guess))
     with ExitStack() as stack:
-        # each renderer makes its own context the current one before it draws
-        ways = [bare(stack, exported, size, drawing_on), bare(stack, stage.model, size, drawing_on)]
-        pictures = draw(stage, drawing_on)
-        stack.callback(pictures.close)
-        ways.append(lambda: next(pictures))
-        for direction in ways:
-            direction()
-        times = np.array([[measured(direction) for direction in ways] for _ in range(ROUNDS)])
+        # each renderer selects its own OpenGL context before it draws
+        renderers = [bare(stack, model, size, drawing_on) for model in (exported, stage.model)]
+        frames = draw(stage, drawing_on)
+        stack.callback(frames.close)
+        renderers.append(lambda: next(frames))
+        for draw_frame in renderers:
+            draw_frame()
+        times = np.array([[wall_and_cpu_time(draw_frame) for draw_frame in renderers] for _ in range(ROUNDS)])
     wall, cpu = 1e3 * np.median(times, axis=0).T
     with tempfile.TemporaryDirectory() as folder:
         start = time.perf_counter()
         angles = motion.angle[:-1]
         render.write_video(
-            Path(folder) / "a.mp4", drive.mechanism, motion, angles=angles, size=size, paths="tail"
+            Path(folder) / "a.mp4", closed_form.mechanism, motion, angles=angles, size=size, paths="tail"
         )
-        whole = time.perf_counter() - start
-    return wall, cpu, whole
+        video_seconds = time.perf_counter() - start
+    return wall, cpu, video_seconds
 
 
 def main():
@@ -84,11 +83,11 @@ def main():
     names = [word for word in sys.argv[1:] if not word[0].isdigit()] or list(catalog.DRIVES)
     drawing_on = gl_backend.choose()
     print(f"{drawing_on}, {width}x{height}; ms of wall (processor) a frame")
-    print(f"{'':14}{'exported':>14}{'stage':>14}{'ours':>14}{'ratio':>8}{'240 frames':>14}")
+    print(f"{'':14}{'exported':>14}{'stage':>14}{'mechsim':>14}{'ratio':>8}{'240 frames':>14}")
     for name in names:
-        wall, cpu, whole = row(name, (width, height), drawing_on)
-        cells = "".join(f"{a:8.1f} ({b:3.0f})" for a, b in zip(wall, cpu, strict=True))
-        print(f"{name:14}{cells}{wall[2] / wall[0]:8.2f}{whole:12.1f} s", flush=True)
+        wall, cpu, video_seconds = row(name, (width, height), drawing_on)
+        columns = "".join(f"{a:8.1f} ({b:3.0f})" for a, b in zip(wall, cpu, strict=True))
+        print(f"{name:14}{columns}{wall[2] / wall[0]:8.2f}{video_seconds:12.1f} s", flush=True)
 
 
 if __name__ == "__main__":

@@ -26,10 +26,10 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 from browser import Browser
 
 SETTINGS = 10
-# random change of dimensions and of driver angles in [rad], or of driver lengths relative to the size
+# random change of dimensions, and of driver angles in [rad] or driver lengths relative to the size
 CHANGE, DRIVEN = 0.03, 0.2
-# milliseconds of updates: the driver, then the first dimension, is moved a little
-MOVED = """(() => {{
+# JavaScript: median time of 20 updates in ms, a slider moved by a small step
+UPDATE_TIME = """(() => {{
   const times = [];
   for (let i = 0; i < 20; i++) {{
     const before = performance.now();
@@ -54,7 +54,7 @@ def settings(window: Browser, random: np.random.Generator) -> list[float]:
 
 
 def set_values(window: Browser, values: list[float]) -> dict[str, Any]:
-    """Set all sliders; return positions, torques, and what was reached."""
+    """Set all sliders; return positions, torques, and whether the page reached the values."""
     for i, value in enumerate(values):
         window.run(f"placeSlider({i}, {value!r})")
     return dict(
@@ -86,8 +86,8 @@ def python_values(name: str, window: Browser, values: list[float]) -> tuple[dict
     return points, np.ravel(solved.torques)
 
 
-def measured(name: str, window: Browser, folder: Path, count: int) -> str:
-    """Return a line of the table."""
+def table_row(name: str, window: Browser, folder: Path, count: int) -> str:
+    """Return a row of the table."""
     path = folder / f"{name}.html"
     sys.argv = ["mechsim", "view", name, "--live", "-o", str(path)]
     with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
@@ -105,14 +105,14 @@ def measured(name: str, window: Browser, folder: Path, count: int) -> str:
         except ms.MechsimError:
             continue
         compared += 1
-        gaps = [np.abs(points[point] - moved["position"]).max() for point, moved in page["points"].items()]
-        worst = max(worst, max(gaps, default=0.0) / size)
+        errors = [np.abs(points[name] - point["position"]).max() for name, point in page["points"].items()]
+        worst = max(worst, max(errors, default=0.0) / size)
         if len(torques) and np.abs(torques).max() > 1e-9:
             torque = max(torque, float(np.abs(torques - page["torques"]).max() / np.abs(torques).max()))
-    driver = window.run(MOVED.format(slider=0, step=1e-3 * size))
+    driver = window.run(UPDATE_TIME.format(slider=0, step=1e-3 * size))
     dimension = float("nan")
     if window.run("DATA.live.dimensions.length"):
-        dimension = window.run(MOVED.format(slider="DATA.live.drivers.length", step=1e-4 * size))
+        dimension = window.run(UPDATE_TIME.format(slider="DATA.live.drivers.length", step=1e-4 * size))
     megabytes = path.stat().st_size / 1e6
     return (
         f"{name:20s} {compared:3d}/{count} {worst:9.1e} {torque:9.1e} {megabytes:6.2f} MB "
@@ -124,4 +124,4 @@ if __name__ == "__main__":
     print("mechanism            compared  position    torque    size    driver dimension")
     with tempfile.TemporaryDirectory() as scratch, Browser(Path(scratch) / "profile") as browser:
         for mechanism in sys.argv[1:] or [*listing.list()["mechanisms"], *listing.list()["gallery"]]:
-            print(measured(mechanism, browser, Path(scratch), SETTINGS), flush=True)
+            print(table_row(mechanism, browser, Path(scratch), SETTINGS), flush=True)

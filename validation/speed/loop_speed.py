@@ -1,8 +1,9 @@
-"""How long the loop equations take for whole motions, next to what was asked of them; about 20 s.
+"""Time of the loop equations for whole motions, compared with limits; about 20 s.
 
-Places, rates and accelerations of all links over one turn or program, in microseconds a pose: of a mechanism
-put together, checked and followed from its description, and of the same again, its path known. Processor
-time of one core, medians over interleaved rounds. Ends with 1 where the first exceeds what was asked.
+The time is that of positions, rates and accelerations of all links over a revolution or motion law, in
+microseconds per configuration: of the first solution, with assembly and path tracing, and of a repeated one
+on the known path. Processor time of one core, medians over interleaved rounds. Exits with 1 if the first
+exceeds its limit.
 
 Run: OPENBLAS_NUM_THREADS=1 python validation/speed/loop_speed.py
 """
@@ -21,45 +22,45 @@ ROUNDS = 15
 
 
 @dataclass(frozen=True)
-class Asked:
-    """A motion: of what, how many poses of it, and the time asked for in [us] a pose."""
+class Case:
+    """A mechanism, the number of configurations, and the limit of the time of each in [us]."""
 
-    form: LoopForm
+    solver: LoopForm
     poses: int
-    bound: float
+    limit: float
 
     def angles(self):
-        return np.linspace(0.0, self.form.period, self.poses)
+        return np.linspace(0.0, self.solver.period, self.poses)
 
 
-def by_loops(name, **asked):
-    form = load(name, **asked)
-    return form if isinstance(form, LoopForm) else LoopForm(form.mechanism)
+def by_loops(name, **options):
+    solver = load(name, **options)
+    return solver if isinstance(solver, LoopForm) else LoopForm(solver.mechanism)
 
 
 def main() -> None:
     legs = {f"l{i}": f"155mm + 10mm*sin(2*pi*t + {i})" for i in range(1, 7)}
-    asked = (
-        Asked(by_loops("four_bar"), 100, 100.0),
-        Asked(by_loops("rssr"), 10_000, 30.0),
-        Asked(by_loops("stewart_gough", drive=legs, duration=1.0), 1000, 250.0),
-        Asked(by_loops("jansen"), 1000, 250.0),
+    cases = (
+        Case(by_loops("four_bar"), 100, 100.0),
+        Case(by_loops("rssr"), 10_000, 30.0),
+        Case(by_loops("stewart_gough", drive=legs, duration=1.0), 1000, 250.0),
+        Case(by_loops("jansen"), 1000, 250.0),
     )
-    whole: list[list[float]] = [[] for _ in asked]
-    known: list[list[float]] = [[] for _ in asked]
+    first_times: list[list[float]] = [[] for _ in cases]
+    repeated_times: list[list[float]] = [[] for _ in cases]
     for _ in range(ROUNDS):
-        for item, first, again in zip(asked, whole, known, strict=True):
-            fresh, angles = replace(item.form), item.angles()
-            for spent in (first, again):
-                begin = time.process_time()
-                fresh.solve_along(angles)
-                spent.append(1e6 * (time.process_time() - begin) / item.poses)
-    for item, first, again in zip(asked, whole, known, strict=True):
+        for case, first_time, repeated_time in zip(cases, first_times, repeated_times, strict=True):
+            unsolved, angles = replace(case.solver), case.angles()
+            for times in (first_time, repeated_time):
+                start = time.process_time()
+                unsolved.solve_along(angles)
+                times.append(1e6 * (time.process_time() - start) / case.poses)
+    for case, first_time, repeated_time in zip(cases, first_times, repeated_times, strict=True):
         print(
-            f"{item.form.name:<14} {item.poses:>6} poses: {median(first):6.1f} us a pose, the path known "
-            f"{median(again):6.1f}; asked {item.bound:g}"
+            f"{case.solver.name:<14} {case.poses:>6} configurations: {median(first_time):6.1f} us each, "
+            f"repeated {median(repeated_time):6.1f}; limit {case.limit:g}"
         )
-    sys.exit(any(median(first) > item.bound for item, first in zip(asked, whole, strict=True)))
+    sys.exit(any(median(times) > case.limit for case, times in zip(cases, first_times, strict=True)))
 
 
 if __name__ == "__main__":

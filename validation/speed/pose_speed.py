@@ -1,7 +1,7 @@
-"""How long MuJoCo takes to solve the poses of a turn, in microseconds a pose.
+"""Time of the configurations of a revolution solved in MuJoCo, in microseconds each.
 
-The loops of 1,000 crank angles of one turn, walked, interpolated and closed to rounding, from one
-closed state; medians over interleaved rounds. Wanted for the spatial four-bar: 10.
+The path is traced from one closed state, interpolated at the crank angles and closed to rounding; medians
+over interleaved rounds. Target for 1,000 configurations of the spatial four-bar: 10.
 
 Run: python validation/speed/pose_speed.py
 """
@@ -30,15 +30,17 @@ def main() -> None:
     times: dict[tuple[str, int], list[float]] = {(name, n): [] for name in NAMES for n in COUNTS}
     for _ in range(ROUNDS):
         for name, n in times:
-            item = loops[name]
-            start = item.model.qpos0
-            angles = start[item.crank_address] + np.linspace(0.0, 2.0 * np.pi, n)
+            model_loops = loops[name]
+            start = model_loops.model.qpos0
+            angles = start[model_loops.crank_address] + np.linspace(0.0, 2.0 * np.pi, n)
             begin = time.perf_counter()
-            follow.follow(item, start, angles)
+            follow.follow(model_loops, start, angles)
             times[name, n].append(time.perf_counter() - begin)
-    for (name, n), spent in times.items():
-        per_pose = [1e6 * item / n for item in spent]
-        print(f"{name:<13} {n:>6} poses: {median(per_pose):6.2f} us a pose, at best {min(per_pose):6.2f}")
+    for (name, n), seconds in times.items():
+        per_pose = [1e6 * time_of_all / n for time_of_all in seconds]
+        print(
+            f"{name:<13} {n:>6} configurations: {median(per_pose):6.2f} us each, at best {min(per_pose):6.2f}"
+        )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""How many segments the loop equations need along a path; ends with 1 where a count is above its bound.
+"""Number of segments that the loop equations need along a path; exits with 1 if a count exceeds its limit.
 
-A segment is a stretch of a path that one polynomial describes. Counts do not depend on the machine. Those of
-paths that bend sharply are tests (`tests/analytic/test_continuation_path.py`), because they kill mutants.
+One polynomial describes a segment of a path. Counts do not depend on the machine. Paths of high curvature are
+tested (`tests/analytic/test_continuation_path.py`), because their counts reject mutants.
 
 Run: python validation/speed/segment_counts.py
 """
@@ -16,51 +16,51 @@ from mechsim.analytic.loops.motion import crank_path
 from mechsim.model.design_arrays import similar_designs
 from mechsim.numerics import continuation
 
-TURN = 2.0 * np.pi
-SMOOTH = {"four_bar": 25, "rssr": 39, "slider_crank": 22}
-TOGETHER = {"rssr": (0.06, 36), "four_bar": (0.02, 23)}
+REVOLUTION = 2.0 * np.pi
+MAX_SMOOTH = {"four_bar": 25, "rssr": 39, "slider_crank": 22}
+MAX_OF_DESIGNS = {"rssr": (0.06, 36), "four_bar": (0.02, 23)}
 
 
-def cells_tried(mechanism, stops) -> int:
-    """Return how many segments are tried to follow a mechanism to one parameter after the other."""
-    followed, tried = crank_path(mechanism), []
-    close = followed.closed
-    followed.closed = lambda *given: tried.append(given) or close(*given)
+def segments_tried(mechanism, stops) -> int:
+    """Return the number of segments that are tried to trace a mechanism to each parameter in turn."""
+    path, tried = crank_path(mechanism), []
+    closed = path.closed
+    path.closed = lambda *arguments: tried.append(arguments) or closed(*arguments)
     for stop in stops:
-        followed.extend(stop)
+        path.extend(stop)
     return len(tried)
 
 
-def cells_together(name: str, spread: float) -> int:
-    """Return how many segments three designs of a mechanism need together, over two turns."""
-    own, cells, nodes = catalog.make(name).crank, [], continuation.nodes_between
-    mechanisms = [catalog.make(name, crank=own * (1.0 + by)).mechanism for by in (-spread, 0.0, spread)]
+def segments_of_designs(name: str, spread: float) -> int:
+    """Return the number of segments that three designs of a mechanism share over two revolutions."""
+    crank, segments, nodes_between = catalog.make(name).crank, [], continuation.nodes_between
+    cranks = (crank * (1.0 - spread), crank, crank * (1.0 + spread))
+    mechanisms = [catalog.make(name, crank=length).mechanism for length in cranks]
 
-    def counted(begin, end, count):
-        cells.append(end)
-        return nodes(begin, end, count)
+    def counting(begin, end, count):
+        segments.append(end)
+        return nodes_between(begin, end, count)
 
-    continuation.nodes_between = counted
+    continuation.nodes_between = counting
     try:
-        alike = shared_loops(mechanisms[1], ())
-        started, _ = similar_designs(mechanisms[1], mechanisms)
-        many_motion(alike, started, np.array([-7.0, 0.0, 7.0]), 1.0, ())
+        loops = shared_loops(mechanisms[1], ())
+        design_arrays, _ = similar_designs(mechanisms[1], mechanisms)
+        many_motion(loops, design_arrays, np.array([-7.0, 0.0, 7.0]), 1.0, ())
     finally:
-        continuation.nodes_between = nodes
-    return len(cells)
+        continuation.nodes_between = nodes_between
+    return len(segments)
 
 
 def main() -> int:
-    rows = [
-        (f"{name}, smooth", cells_tried(catalog.make(name).mechanism, (1.0, 4.0, TURN, -1.0, -TURN)), most)
-        for name, most in SMOOTH.items()
-    ]
-    for name, (spread, most) in TOGETHER.items():
-        rows.append((f"{name}, three designs together", cells_together(name, spread), most))
-    print("| path | cells | bound |\n|---|---|---|")
-    for what, cells, most in rows:
-        print(f"| {what} | {cells} | {most} |")
-    return 1 if any(cells > most for _, cells, most in rows) else 0
+    stops, rows = (1.0, 4.0, REVOLUTION, -1.0, -REVOLUTION), []
+    for name, limit in MAX_SMOOTH.items():
+        rows.append((f"{name}, smooth", segments_tried(catalog.make(name).mechanism, stops), limit))
+    for name, (spread, limit) in MAX_OF_DESIGNS.items():
+        rows.append((f"{name}, three designs together", segments_of_designs(name, spread), limit))
+    print("| path | segments | limit |\n|---|---|---|")
+    for title, segments, limit in rows:
+        print(f"| {title} | {segments} | {limit} |")
+    return 1 if any(segments > limit for _, segments, limit in rows) else 0
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""What mechsim adds to bare stepping in C, in time and in memory.
+"""Time and memory that mechsim adds to bare stepping in C.
 
 Time: 100,000 steps of the same model with the same settings, by one bare `Batch.rollout` that records
-nothing, by mechsim's stepping loop, and by the whole of `simulate` with its verdict on every recorded
-pose; medians over interleaved rounds. Wanted: stepping within 5 % of bare. Memory: a run of a million
-steps of which 72 instants are recorded, by tracemalloc and by the process.
+nothing, by mechsim's stepping loop, and by `simulate` with its checks of every recorded instant; medians over
+interleaved rounds. Target: stepping within 5 % of bare. Memory: a run of a million steps that records 72
+instants, by tracemalloc and by the process.
 
 Run: python validation/speed/step_overhead.py
 """
@@ -38,49 +38,49 @@ def main() -> None:
     rates = SPEED * loop_jacobian.tangent(loops, loops.linearise(start[None])[1])[0]
     profile = constant(SPEED, TURNS, float(start[loops.crank_address]))
 
-    def fresh() -> ModelLoops:
+    def copied() -> ModelLoops:
         return read_loops(copy.copy(loops.model))
 
-    def bare() -> None:
-        own = fresh()
-        SETTINGS.apply(own, SETTINGS.timestep(SPEED))
-        sims = batch.Batch(own.model, 1, 1)
+    def bare_rollout() -> None:
+        copied_loops = copied()
+        SETTINGS.apply(copied_loops, SETTINGS.timestep(SPEED))
+        sims = batch.Batch(copied_loops.model, 1, 1)
         sims.bind("qpos")[:], sims.bind("qvel")[:] = start, rates
         sims.rollout(STEPS, record=())
 
-    def wrapped() -> None:
-        step(fresh(), SETTINGS, profile, (start, rates), STEPS, STEPS // TURNS // 72)
+    def mechsim_stepping() -> None:
+        step(copied(), SETTINGS, profile, (start, rates), STEPS, STEPS // TURNS // 72)
 
-    def whole(samples: int | None) -> Callable[[], None]:
+    def simulated_run(samples: int | None) -> Callable[[], None]:
         def run() -> None:
             simulate(mechanism, speed=SPEED, turns=TURNS, settings=SETTINGS, samples=samples)
 
         return run
 
-    ways: dict[str, Callable[[], None]] = {
-        "bare rollout in C": bare,
-        "mechsim's stepping": wrapped,
-        "simulate, 72 samples": whole(72),
-        "simulate, 7,200 samples": whole(7200),
+    runs: dict[str, Callable[[], None]] = {
+        "bare rollout in C": bare_rollout,
+        "mechsim's stepping": mechsim_stepping,
+        "simulate, 72 samples": simulated_run(72),
+        "simulate, 7,200 samples": simulated_run(7200),
     }
-    times: dict[str, list[float]] = {name: [] for name in ways}
+    times: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(ROUNDS):
-        for name, direction in ways.items():
+        for name, run_once in runs.items():
             begin = time.process_time()
-            direction()
+            run_once()
             times[name].append(time.process_time() - begin)
-    for name, spent in times.items():
-        ratio = median(a / b for a, b in zip(spent, times["bare rollout in C"], strict=True))
-        each, more = 1e6 * median(spent) / STEPS, 100.0 * (ratio - 1.0)
-        print(f"{name:<24} {each:6.2f} us a step, {more:+6.1f} % beside bare")
+    for name, seconds in times.items():
+        ratio = median(a / b for a, b in zip(seconds, times["bare rollout in C"], strict=True))
+        per_step, overhead = 1e6 * median(seconds) / STEPS, 100.0 * (ratio - 1.0)
+        print(f"{name:<24} {per_step:6.2f} us a step, {overhead:+6.1f} % relative to bare")
 
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     tracemalloc.start()
     run = simulate(mechanism, speed=SPEED, turns=1000, samples=72, settings=SETTINGS)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    print(f"{run.steps:,} steps: peak {peak / 1e6:.2f} MB of Python's, process {grown / 1024:+.1f} MB")
+    growth = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+    print(f"{run.steps:,} steps: peak {peak / 1e6:.2f} MB in Python, process {growth / 1024:+.1f} MB")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""What a design of a sweep costs, by the commands as they are typed: time, memory, and what 1e9 designs take.
+"""Cost of a design in a sweep by the commands: time, memory, and the time of 1e9 designs.
 
-Wanted on two cores: a million `four_bar` designs by 72 poses under 30 s and 1 GB, a million `rssr` under
-60 s, 10,000 gallery six-bars under 60 s. Processor time and memory are those of the command's own process,
-its start in them; wall time says what else the machine did.
+Targets on two cores: a million `four_bar` designs at 72 angles in 30 s and 1 GB, a million `rssr` in 60 s,
+10,000 gallery six-bars in 60 s. Processor time and memory are those of the process of the command, including
+its start. Wall time includes other load of the machine.
 
-Run: OPENBLAS_NUM_THREADS=1 python validation/speed/sweep_speed.py [part of the designs, such as 0.1]
+Run: OPENBLAS_NUM_THREADS=1 python validation/speed/sweep_speed.py [fraction of the designs, such as 0.1]
 """
 
 import os
@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-# designs, the seconds wanted on two cores if any, and the words of the command
+# designs, target in seconds on two cores, options of the command
 SWEEPS = {
     "four_bar": (1_000_000, 30.0, "--vary crank=29mm:35mm --vary coupler=85mm:95mm --measure range:rocker"),
     "rssr": (1_000_000, 60.0, "--vary crank=12mm:14mm --vary coupler=44mm:48mm --measure range:rocker"),
@@ -28,33 +28,34 @@ SWEEPS = {
 BILLION, HOUR = 1e9, 3600.0
 
 
-def spent(name: str, count: int, words: str) -> tuple[float, float, float]:
+def command_cost(name: str, count: int, options: str) -> tuple[float, float, float]:
     """Return wall and processor time in [s] and the largest memory in [MB] of a command."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.nc"
-        typed = ["-m", "mechsim", "sweep", name, "--sample", f"sobol:{count}", *words.split(), "-o", str(out)]
+        sample = ["--sample", f"sobol:{count}"]
+        command = ["-m", "mechsim", "sweep", name, *sample, *options.split(), "-o", str(out)]
         start = time.perf_counter()
         process = subprocess.Popen(
-            [sys.executable, *typed], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            [sys.executable, *command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         _, status, used = os.wait4(process.pid, 0)
         wall, status = time.perf_counter() - start, status if out.exists() else 1
-        assert status == 0, f"{' '.join(typed)} ended with {status}"
+        assert status == 0, f"{' '.join(command)} ended with {status}"
     return wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3
 
 
 def main() -> None:
-    part = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
-    for name, (whole, wanted, words) in SWEEPS.items():
-        count = max(64, round(part * whole))
+    fraction = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
+    for name, (full_count, target, options) in SWEEPS.items():
+        count = max(64, round(fraction * full_count))
         load = os.getloadavg()[0]
-        wall, busy, memory = spent(name, count, words)
-        each = busy / count
-        asked = f" (wanted {wanted * part:g} s on two cores)" if wanted else ""
+        wall, cpu, memory = command_cost(name, count, options)
+        per_design = cpu / count
+        target_text = f" (target {target * fraction:g} s on two cores)" if target else ""
         print(
-            f"{name:<14} {count:>9,} designs: {wall:6.1f} s at a load of {load:.1f}, processor {busy:6.1f} s"
-            f"{asked}, {1e6 * each:7.1f} us a design, {memory:.0f} MB; 1e9 of them: "
-            f"{BILLION * each / HOUR:.3g} core hours",
+            f"{name:<14} {count:>9,} designs: {wall:6.1f} s at a load of {load:.1f}, processor {cpu:6.1f} s"
+            f"{target_text}, {1e6 * per_design:7.1f} us a design, {memory:.0f} MB; 1e9 of them: "
+            f"{BILLION * per_design / HOUR:.3g} core hours",
             flush=True,
         )
 

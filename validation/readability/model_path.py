@@ -1,9 +1,9 @@
-"""Follow the model argument of a command through the files of mechsim.
+"""Trace the model argument of a command through the files of mechsim.
 
-A reader who wants to know what a command does with its model opens the functions in the order in which they
-are first called. A stop is a change of file in that order, a return a stop in a file that was open before.
+The script lists the functions that take the model, in the order of their first calls. A stop is a change of
+file in that order. A return is a stop in a file that occurred before.
 
-Run: python validation/readability/walk.py [-v]   (-v lists the functions)
+Run: python validation/readability/model_path.py [-v]   (-v lists the functions)
 """
 
 import contextlib
@@ -21,8 +21,8 @@ from mechsim import cli
 PACKAGE = Path(cli.__file__).parents[1]
 ROOT = Path(__file__).resolve().parents[2]
 GALLERY = ROOT / "models" / "gallery"
-# title -> arguments of the command, and the function at which the walk ends
-WALKS = {
+# title -> arguments of the command, and the last function to trace
+COMMANDS = {
     "solve FILE.toml": (
         ["solve", f"{GALLERY / 'jansen.toml'}", "--angles", "0:360:5deg", "-o", "{out}.csv"],
         "LoopForm.solve",
@@ -40,8 +40,8 @@ WALKS = {
         "LoopForm.solve",
     ),
 }
-# a model on its way: a path, then objects of these classes
-CLASSES = {
+# the model is a path first, then an object of these classes
+MODEL_CLASSES = {
     "TomlSource",
     "TomlModel",
     "ModelDescription",
@@ -56,12 +56,12 @@ CLASSES = {
 }
 
 
-def walk(arguments: list[str], end: str) -> list[tuple[str, str]]:
-    """Return file and function of each function that takes the model, in the order of first calls."""
+def functions_with_model(arguments: list[str], end: str) -> list[tuple[str, str]]:
+    """Return the file and name of each function that takes the model, in the order of first calls."""
     path, visited = arguments[1], dict[tuple[str, str], None]()
 
     def is_model(value: Any) -> bool:
-        return value == path if isinstance(value, str) else type(value).__name__ in CLASSES
+        return value == path if isinstance(value, str) else type(value).__name__ in MODEL_CLASSES
 
     def profile(frame: FrameType, event: str, _: Any) -> None:
         code = frame.f_code
@@ -87,10 +87,12 @@ def walk(arguments: list[str], end: str) -> list[tuple[str, str]]:
 
 
 def main() -> None:
-    """Print stops, files and returns of each walk; with -v the walk itself."""
-    for title, (arguments, end) in WALKS.items():
+    """Print the stops, files and returns of each command; with -v the functions."""
+    for title, (arguments, end) in COMMANDS.items():
         with tempfile.TemporaryDirectory() as folder:
-            visited = walk([argument.replace("{out}", f"{folder}/motion") for argument in arguments], end)
+            visited = functions_with_model(
+                [argument.replace("{out}", f"{folder}/motion") for argument in arguments], end
+            )
         files = [file for file, _ in visited]
         stops = 1 + sum(first != second for first, second in itertools.pairwise(files))
         print(
