@@ -21,7 +21,7 @@ import protocol  # noqa: E402
 
 # a setting of each peer and the place error it is bound to have: ten times what it measured
 BEST = {
-    "by_mechsim": ("mechsim, poses", 20, 1e-13),
+    "by_mechsim": ("mechsim, configurations in MuJoCo", 20, 1e-13),
     "by_scipy": ("scipy DOP853, loop by hand", 0, 1e-2),
     "by_exudyn": ("Exudyn index 3, full Newton", 20, 1e-11),
     "by_pinocchio": ("Pinocchio (Python), RK4", 100, 3e-5),
@@ -33,76 +33,76 @@ BEST = {
 
 
 @pytest.fixture(params=problems.NAMES)
-def asked(request):
-    return problems.problem(request.param)
+def problem(request):
+    return problems.make_problem(request.param)
 
 
-def solved(module: str, asked, family: str, steps: int):
+def solved(module: str, problem, family: str, steps: int):
     peer = importlib.import_module(module)
-    setting = next(item for item in peer.settings(asked) if (item.family, item.steps) == (family, steps))
+    setting = next(item for item in peer.settings(problem) if (item.family, item.steps) == (family, steps))
     # what others' code does with tiny numbers is theirs
     with np.errstate(all="ignore"):
-        _, result = peer.build(asked, setting).run()
-    return problems.judge(asked, asked.angles(setting.samples), result)
+        _, result = peer.build(problem, setting).run()
+    return problems.position_errors(problem, problem.angles(setting.samples), result)
 
 
-def test_joint_angles_of_the_closed_form_put_the_points_where_it_states(asked):
-    angles = asked.angles(50)
-    joints = asked.drive.solve(angles).joints
-    result = asked.places(joints["crank"].value, joints["rocker"].value)
+def test_joint_angles_of_the_closed_form_put_the_points_where_it_states(problem):
+    angles = problem.angles(50)
+    joints = problem.closed_form.solve(angles).joints
+    result = problem.positions(joints["crank"].value, joints["rocker"].value)
     # rounding of a few additions of lengths
-    assert problems.judge(asked, angles, result).place < 1e-14
+    assert problems.position_errors(problem, angles, result).position < 1e-14
 
 
-def test_the_start_is_closed_and_its_rates_are_those_of_the_closed_form(asked):
+def test_the_start_is_closed_and_its_rates_are_those_of_the_closed_form(problem):
     step = 1e-6
-    before, after = (asked.drive.solve([asked.start + side * step]) for side in (-1.0, 1.0))
+    before, after = (problem.closed_form.solve([problem.start + side * step]) for side in (-1.0, 1.0))
     for link in ("crank", "rocker"):
-        rate = (after.joints[link].value - before.joints[link].value) / (2.0 * step) * asked.speed
-        assert asked.hinge(link).rate == pytest.approx(rate[0], rel=1e-8)
-    (at_crank, near), _ = asked.tips
-    coupler, crank = asked.link("coupler"), asked.hinge("crank")
-    tip = crank.carried(at_crank, np.array([crank.angle]))[0]
+        rate = (after.joints[link].value - before.joints[link].value) / (2.0 * step) * problem.speed
+        assert problem.hinge(link).rate == pytest.approx(rate[0], rel=1e-8)
+    (at_crank, near), _ = problem.coupler_ends
+    coupler, crank = problem.link("coupler"), problem.hinge("crank")
+    tip = crank.path(at_crank, np.array([crank.angle]))[0]
     assert np.abs(coupler.position[0] + coupler.rotation[0] @ near - tip).max() < 1e-15
 
 
-def test_a_known_displacement_is_the_error_reported(asked):
-    angles = asked.angles(20)
-    result = {name: place.copy() for name, place in asked.drive.positions(angles).items()}
-    next(iter(result.values()))[7, 1] += 1e-6 * asked.crank
-    assert problems.judge(asked, angles, result).place == pytest.approx(1e-6, rel=1e-6)
+def test_a_known_displacement_is_the_error_reported(problem):
+    angles = problem.angles(20)
+    result = {name: place.copy() for name, place in problem.closed_form.positions(angles).items()}
+    next(iter(result.values()))[7, 1] += 1e-6 * problem.crank
+    assert problems.position_errors(problem, angles, result).position == pytest.approx(1e-6, rel=1e-6)
 
 
-def test_a_coupler_a_thousandth_too_long_is_rejected(asked):
-    angles = asked.angles(20)
-    wrong = problems.problem(asked.name, coupler=1.001 * asked.drive.coupler)
-    errors = problems.judge(asked, angles, wrong.drive.positions(angles))
-    assert errors.place > 1e-3
+def test_a_coupler_a_thousandth_too_long_is_rejected(problem):
+    angles = problem.angles(20)
+    wrong = problems.make_problem(problem.name, coupler=1.001 * problem.closed_form.coupler)
+    errors = problems.position_errors(problem, angles, wrong.closed_form.positions(angles))
+    assert errors.position > 1e-3
     assert errors.rocker > 1e-4
 
 
-def test_the_other_assembly_and_a_late_crank_are_rejected(asked):
-    angles = asked.angles(20)
-    other = problems.problem(asked.name, branch=-asked.drive.branch)
-    assert problems.judge(asked, angles, other.drive.positions(angles)).rocker > 0.1
-    late = asked.drive.positions(angles - 1e-3)
-    assert problems.judge(asked, angles, late).place > 0.9e-3
+def test_the_other_assembly_and_a_late_crank_are_rejected(problem):
+    angles = problem.angles(20)
+    other = problems.make_problem(problem.name, branch=-problem.closed_form.branch)
+    assert problems.position_errors(problem, angles, other.closed_form.positions(angles)).rocker > 0.1
+    late = problem.closed_form.positions(angles - 1e-3)
+    assert problems.position_errors(problem, angles, late).position > 0.9e-3
 
 
-def test_a_torque_a_thousandth_too_large_or_one_instant_late_is_rejected(asked):
-    angles = asked.angles(20)
-    exact = asked.torque(angles)
-    assert problems.judge_torque(asked, angles, exact) == 0.0
-    assert problems.judge_torque(asked, angles, 1.001 * exact) == pytest.approx(1e-3)
-    assert problems.judge_torque(asked, angles, np.roll(exact, 1)) > 0.1
-    assert problems.judge_torque(asked, angles, exact[1:]) == np.inf
-    assert np.isnan(problems.judge_torque(asked, angles, None))
+def test_a_torque_a_thousandth_too_large_or_one_instant_late_is_rejected(problem):
+    angles = problem.angles(20)
+    exact = problem.torque(angles)
+    assert problems.torque_error(problem, angles, exact) == 0.0
+    assert problems.torque_error(problem, angles, 1.001 * exact) == pytest.approx(1e-3)
+    assert problems.torque_error(problem, angles, np.roll(exact, 1)) > 0.1
+    assert problems.torque_error(problem, angles, exact[1:]) == np.inf
+    assert np.isnan(problems.torque_error(problem, angles, None))
 
 
 @pytest.mark.parametrize("broken", ["short", "missing", "not a number"])
-def test_a_turn_that_is_not_whole_errs_without_bound(asked, broken):
-    angles = asked.angles(20)
-    result = dict(asked.drive.positions(angles))
+def test_a_turn_that_is_not_whole_errs_without_bound(problem, broken):
+    angles = problem.angles(20)
+    result = dict(problem.closed_form.positions(angles))
     name = next(iter(result))
     if broken == "short":
         result[name] = result[name][:-1]
@@ -110,25 +110,25 @@ def test_a_turn_that_is_not_whole_errs_without_bound(asked, broken):
         del result[name]
     else:
         result[name] = np.where(np.arange(21)[:, None] == 3, np.nan, result[name])
-    assert problems.judge(asked, angles, result) == problems.Errors(np.inf, np.inf)
+    assert problems.position_errors(problem, angles, result) == problems.Errors(np.inf, np.inf)
 
 
-def test_stepping_errs_as_its_order_states_and_mujocos_defaults_err_by_per_cent(asked):
-    fewer, more = (solved("by_mechsim", asked, "mechsim, stepped (RK4)", n).place for n in (100, 200))
+def test_stepping_errs_as_its_order_states_and_mujocos_defaults_err_by_per_cent(problem):
+    fewer, more = (solved("by_mechsim", problem, "mechsim, stepped (RK4)", n).position for n in (100, 200))
     # 2^4 by the order; what the coarser run has not yet of it is a fifth at most
     assert 12.0 < fewer / more < 20.0
-    assert solved("by_mechsim", asked, "MuJoCo's defaults (Euler)", 1000).place > 1e-3
+    assert solved("by_mechsim", problem, "MuJoCo's defaults (Euler)", 1000).position > 1e-3
 
 
 @pytest.mark.parametrize("module", protocol.PEERS)
-def test_each_peer_solves_the_same_problem(asked, module):
+def test_each_peer_solves_the_same_problem(problem, module):
     package = protocol.PEERS[module]
     if package is not None:
         pytest.importorskip(package, reason=f"{package} is not installed: {protocol.EXTRA}")
-    if not importlib.import_module(module).settings(asked):
-        pytest.skip(f"{module} cannot state {asked.name}")
+    if not importlib.import_module(module).settings(problem):
+        pytest.skip(f"{module} cannot state {problem.name}")
     family, steps, bound = BEST[module]
-    assert solved(module, asked, family, steps).place < bound
+    assert solved(module, problem, family, steps).position < bound
 
 
 def test_a_peer_that_is_not_installed_is_named_with_the_extra_and_the_others_run(monkeypatch, capsys):
@@ -137,8 +137,8 @@ def test_a_peer_that_is_not_installed_is_named_with_the_extra_and_the_others_run
     with pytest.raises(InputError, match=r"exudyn is not installed.*\[peers\]"):
         protocol.load("by_exudyn")
     monkeypatch.setattr(importlib.import_module("by_mechsim"), "STEPS", (20,))
-    rows = compare.measured(("by_exudyn", "by_mechsim"), names=("four_bar",), rounds=1)
-    assert "mechsim, poses" in {row.family for row in rows}
+    rows = compare.measure(("by_exudyn", "by_mechsim"), names=("four_bar",), rounds=1)
+    assert "mechsim, configurations in MuJoCo" in {row.family for row in rows}
     output = capsys.readouterr().err.splitlines()
     assert len(output) == 1
     assert ".[peers]" in output[0]
@@ -155,14 +155,14 @@ def test_the_extra_brings_every_peer():
 
 def test_table_and_plot_hold_every_row_the_failed_ones_too(tmp_path):
     rows = [
-        compare.Row("rssr", "mechsim, poses", 20, 1.0, 1e-14, 1e-14, 1e-12),
+        compare.Row("rssr", "mechsim, configurations in MuJoCo", 20, 1.0, 1e-14, 1e-14, 1e-12),
         compare.Row("rssr", "scipy DOP853, loop by hand", 0, 2.0, 0.0, 0.0, np.nan, "tolerance 1e-13"),
         compare.Row("four_bar", "Drake, discrete SAP", 20, 3.0, np.inf, np.inf, np.nan),
     ]
     compare.write_table(rows, tmp_path / "peers.csv")
     with (tmp_path / "peers.csv").open() as file:
         read = list(csv.DictReader(file))
-    assert [float(row["place"]) for row in read] == [row.place for row in rows]
+    assert [float(row["position"]) for row in read] == [row.position for row in rows]
     head, _, *lines = compare.markdown(rows).splitlines()
     assert "rssr: ms a turn" in head
     assert "four_bar: ms a turn" in head

@@ -1,11 +1,11 @@
 """Exudyn: the same linkage with redundant coordinates and implicit integration.
 
-Crank and rocker are bodies with one angle (`ObjectRotationalMass1D`), the coupler is a rigid body between
-two joints, or in "rod as a length" no body but a `DistanceConstraint`. As the manual advises: index 3 with
-the generalised-alpha method and a spectral radius of 0.5 to 1; index 2 with the implicit trapezoidal rule;
-the crank prescribed by a `CoordinateConstraint`. "As it comes" leaves every option as it is, Newton's method
-with a kept matrix and a radius of 0.9 among them, but for the quicker of its dense linear solvers. Exudyn's
-explicit integrators take no loop constraints.
+Crank and rocker are bodies with one angle (`ObjectRotationalMass1D`). The coupler is a rigid body between two
+joints, or in "rod as a length" a `DistanceConstraint` without a body. Settings follow the manual: index 3
+with the generalised-alpha method and a spectral radius of 0.5 to 1; index 2 with the implicit trapezoidal
+rule; a `CoordinateConstraint` prescribes the crank. "as it comes" uses the default options, among them
+modified Newton and a radius of 0.9, except for the faster of the dense linear solvers. Exudyn's explicit
+integrators do not support loop constraints.
 
 Inside the time: `SolveSteps`, recording of two angles and the torque at the samples included. Outside:
 model, assembly, `InitializeSolver` (initial accelerations).
@@ -16,14 +16,14 @@ import time
 from dataclasses import dataclass
 from typing import Any, Literal
 
-# the module without range checks, which Exudyn's manual advises once a model is known to be right
+# the module without range checks, which the manual of Exudyn advises for a tested model
 os.environ.setdefault("EXUDYN_MODULE", "fast")
 
 import exudyn
 import exudyn.itemInterface as items  # noqa: N813
 import numpy as np
 from exudyn import utilities
-from problem import SAMPLES, Array, Places, Problem
+from problem import SAMPLES, Array, Positions, Problem
 from protocol import Setting
 
 STEPS = (20, 40, 100, 200, 500, 1000)
@@ -31,18 +31,18 @@ STEPS = (20, 40, 100, 200, 500, 1000)
 
 @dataclass(frozen=True)
 class Implicit(Setting):
-    """How a turn is integrated.
+    """Settings of the integration.
 
     Attributes:
-        drive: the crank's "speed" is held by a `CoordinateConstraint` at velocity level, or its "angle" by
-            one with an `offsetUserFunction` in Python.
-        index: of the constraints as they are integrated.
-        coupler: a body turned by "Euler parameters" or in its "Lie group", or a "length" without mass.
-        radius: spectral radius of the generalised-alpha method, below 1 as index 3 needs.
-        modified: whether Newton's method keeps its matrix as long as that converges.
+        prescribed: "speed" of the crank, by a `CoordinateConstraint` of velocity, or its "angle", by one
+            with an `offsetUserFunction` in Python.
+        index: of the integrated constraints.
+        coupler: rotation of the body by "Euler parameters" or "Lie group", or a "length" without mass.
+        radius: spectral radius of the generalised-alpha method, below 1 for index 3.
+        modified: whether Newton's method reuses its matrix while it converges.
     """
 
-    drive: Literal["speed", "angle"] = "speed"
+    prescribed: Literal["speed", "angle"] = "speed"
     index: Literal[2, 3] = 3
     coupler: Literal["Euler parameters", "Lie group", "length"] = "Euler parameters"
     radius: float = 0.5
@@ -54,7 +54,7 @@ NODES = {
     "Lie group": exudyn.NodeType.RotationRotationVector,
 }
 FAMILIES: dict[str, dict[str, Any]] = {
-    "Exudyn index 3, as it comes": {"modified": True, "drive": "angle", "radius": 0.9},
+    "Exudyn index 3, as it comes": {"modified": True, "prescribed": "angle", "radius": 0.9},
     "Exudyn index 3, full Newton": {},
     "Exudyn index 3, full Newton, Lie group": {"coupler": "Lie group"},
     "Exudyn index 3, full Newton, rod as a length": {"coupler": "length"},
@@ -63,8 +63,8 @@ FAMILIES: dict[str, dict[str, Any]] = {
 
 
 def settings(problem: Problem) -> list[Implicit]:
-    # a planar body turns by one angle, whatever the name
-    kinds = {name: how for name, how in FAMILIES.items() if not (problem.planar and "Lie" in name)}
+    # a planar body has one angle in either representation
+    kinds = {name: options for name, options in FAMILIES.items() if not (problem.planar and "Lie" in name)}
     return [Implicit(family, n, **options) for family, options in kinds.items() for n in STEPS]
 
 
@@ -73,7 +73,7 @@ def build(problem: Problem, setting: Implicit) -> "Solver":
 
 
 class Solver:
-    """An assembled Exudyn system that solves its turn again and again."""
+    """An assembled Exudyn system that solves the revolution repeatedly."""
 
     def __init__(self, problem: Problem, setting: Implicit):
         self.problem, self.setting = problem, setting
@@ -86,7 +86,7 @@ class Solver:
             self.system.AddObject(items.DistanceConstraint(markerNumbers=markers, distance=self._length))
         else:
             self._coupler(at_crank, at_rocker)
-        self.force = self._drive(crank)
+        self.force = self._prescribe_crank(crank)
         recorded = {"storeInternal": True, "outputVariableType": exudyn.OutputVariableType.Coordinates}
         self.sensors = [
             self.system.AddSensor(items.SensorNode(nodeNumber=node, **recorded)) for node in (crank, rocker)
@@ -96,7 +96,7 @@ class Solver:
         self.solver = exudyn.MainSolverImplicitSecondOrder()
         self.system.sys["dynamicSolver"] = self.solver
 
-    def run(self) -> tuple[float, Places]:
+    def run(self) -> tuple[float, Positions]:
         self.finished = False
         system, options, data = self.system, self.options, self.system.systemData
         kinds = exudyn.ConfigurationType
@@ -108,23 +108,23 @@ class Solver:
         solved = self.solver.SolveSteps(system, options)
         seconds = time.process_time() - begin
         self.solver.FinalizeSolver(system, options)
-        turned = [system.GetSensorStoredData(sensor)[-SAMPLES - 1 :, 1] for sensor in self.sensors]
-        if not solved or len(turned[0]) != SAMPLES + 1:
+        angles = [system.GetSensorStoredData(sensor)[-SAMPLES - 1 :, 1] for sensor in self.sensors]
+        if not solved or len(angles[0]) != SAMPLES + 1:
             return seconds, {}
-        crank, rocker = turned
+        crank, rocker = angles
         self.finished = True
-        return seconds, self.problem.places(
+        return seconds, self.problem.positions(
             self.problem.hinge("crank").angle + crank, self.problem.hinge("rocker").angle + rocker
         )
 
     def torque(self) -> Array | None:
-        """Return the multiplier of the constraint that drives, where the coupler weighs what it should."""
+        """Return the multiplier of the driving constraint; None for a coupler without mass."""
         if self.setting.coupler == "length" or not self.finished:
             return None
         return -self.system.GetSensorStoredData(self.force)[-SAMPLES - 1 :, 1]
 
     def _rotor(self, link: str, tip: int) -> tuple[int, int]:
-        """Add crank or rocker; return its node and a marker where the coupler meets it."""
+        """Add crank or rocker; return its node and a marker at the joint with the coupler."""
         problem, hinge = self.problem, self.problem.hinge(link)
         axis = hinge.link_frame[:, 2]
         inertia = float(axis @ problem.inertia(link).about(tuple(hinge.link_place)) @ axis)
@@ -135,29 +135,29 @@ class Solver:
             items.Rotor1D(
                 nodeNumber=node,
                 inertia=inertia,
-                referencePosition=hinge.place,
+                referencePosition=hinge.position,
                 referenceRotation=hinge.frame,
             )
         )
-        local = hinge.in_frame(problem.tips[tip][tip])
+        local = hinge.in_frame(problem.coupler_ends[tip][tip])
         return node, self.system.AddMarker(items.MarkerBodyRigid(bodyNumber=body, localPosition=local))
 
     def _coupler(self, at_crank: int, at_rocker: int) -> None:
         """Add the coupler as a body between two joints."""
         planar = self.problem.planar
         body = self._planar_body() if planar else self._spatial_body()
-        (_, near), (far, _) = self.problem.tips
+        (_, coupler_start), (coupler_end, _) = self.problem.coupler_ends
         joint = items.RevoluteJoint2D if planar else items.SphericalJoint
-        for marker, local in ((at_crank, near), (at_rocker, far)):
+        for marker, local in ((at_crank, coupler_start), (at_rocker, coupler_end)):
             own = self.system.AddMarker(items.MarkerBodyRigid(bodyNumber=body, localPosition=local))
             self.system.AddObject(joint(markerNumbers=[marker, own]))
 
     def _planar_body(self) -> int:
         start, inertia = self.problem.link("coupler"), self.problem.inertia("coupler")
-        turn = float(np.arctan2(start.rotation[0, 1, 0], start.rotation[0, 0, 0]))
+        angle = float(np.arctan2(start.rotation[0, 1, 0], start.rotation[0, 0, 0]))
         node = self.system.AddNode(
             items.NodeRigidBody2D(
-                referenceCoordinates=[*start.position[0, :2], turn],
+                referenceCoordinates=[*start.position[0, :2], angle],
                 initialVelocities=[*start.velocity[0, :2], start.angular_velocity[0, 2]],
             )
         )
@@ -172,11 +172,11 @@ class Solver:
 
     def _spatial_body(self) -> int:
         start, inertia = self.problem.link("coupler"), self.problem.inertia("coupler")
-        made = utilities.RigidBodyInertia(
+        rigid_body_inertia = utilities.RigidBodyInertia(
             mass=inertia.mass, inertiaTensor=inertia.about((0.0, 0.0, 0.0)), com=np.array(inertia.centre)
         )
         number = self.system.CreateRigidBody(
-            inertia=made,
+            inertia=rigid_body_inertia,
             nodeType=NODES[self.setting.coupler],
             referencePosition=start.position[0],
             referenceRotationMatrix=start.rotation[0],
@@ -187,19 +187,19 @@ class Solver:
 
     @property
     def _length(self) -> float:
-        (_, near), (far, _) = self.problem.tips
-        return float(np.linalg.norm(far - near))
+        (_, coupler_start), (coupler_end, _) = self.problem.coupler_ends
+        return float(np.linalg.norm(coupler_end - coupler_start))
 
-    def _drive(self, crank: int) -> int:
-        """Hold the crank's speed or angle; return the sensor of the torque that takes."""
-        speed, drive = self.problem.speed, self.setting.drive
+    def _prescribe_crank(self, crank: int) -> int:
+        """Prescribe the crank's speed or angle; return the sensor of the drive torque."""
+        speed, prescribed = self.problem.speed, self.setting.prescribed
         ground = self.system.AddNode(items.NodePointGround())
         markers = [
             self.system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
             for node in (ground, crank)
         ]
         options: dict[str, Any] = {"offset": speed, "velocityLevel": True}
-        if drive == "angle":
+        if prescribed == "angle":
             options = {
                 "offsetUserFunction": lambda _system, time, _item, _offset: speed * time,
                 "offsetUserFunction_t": lambda _system, _time, _item, _offset: speed,
@@ -224,7 +224,7 @@ class Solver:
         integration.newton.useModifiedNewton = setting.modified
         integration.generalizedAlpha.spectralRadius = setting.radius
         if setting.index == 2:
-            # what the manual's "TrapezoidalIndex2" sets
+            # as "TrapezoidalIndex2" of the manual
             integration.generalizedAlpha.useNewmark = True
             integration.generalizedAlpha.useIndex2Constraints = True
         return options

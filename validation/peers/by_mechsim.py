@@ -1,9 +1,8 @@
 """mechsim itself: closed form, loop equations, generated C, and MuJoCo by configurations and by steps.
 
-Inside the time: for stepping the rollout in C, every step recorded; for poses `pose.follow` whole, from the
-start pose to the last; for loop equations and generated C `solve` with rates and accelerations, the first
-along a path that is not known yet. Outside: model, assembly, compilation, the batch of simulations, points
-and torque from states.
+Inside the time: for stepping the rollout in C, every step recorded; for configurations `poses.follow`; for
+loop equations, with path tracing, and generated C `solve` with rates and accelerations. Outside: model,
+assembly, compilation, the batch of simulations, points and torque from states.
 """
 
 import copy
@@ -11,7 +10,7 @@ import time
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from problem import SAMPLES, Array, Places, Problem
+from problem import SAMPLES, Array, Positions, Problem
 from protocol import Setting, Solver
 
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -25,7 +24,7 @@ from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
 from mechsim.simulation.stepping import step
 
-CLOSED = "mechsim, closed form"
+CLOSED_FORM = "mechsim, closed form"
 LOOPS, COMPILED = "mechsim, loop equations", "mechsim, compiled to C"
 STEPS = (20, 40, 60, 100, 200, 500, 1000, 3000)
 POSES = (20, 100, 1000, 10_000)
@@ -36,55 +35,56 @@ MUJOCO = Settings(
 
 @dataclass(frozen=True)
 class Stepped(Setting):
-    """A turn stepped with mechsim's settings."""
+    """A revolution stepped with mechsim's settings."""
 
     settings: Settings = field(default_factory=Settings)
 
 
 def settings(problem: Problem) -> list[Setting]:
-    hard, plain = (
-        [Stepped(family, n, settings=replace(how, steps_per_turn=n)) for n in STEPS]
-        for family, how in (("mechsim, stepped (RK4)", Settings()), ("MuJoCo's defaults (Euler)", MUJOCO))
+    stiff, default = (
+        [Stepped(family, n, settings=replace(base, steps_per_turn=n)) for n in STEPS]
+        for family, base in (("mechsim, stepped (RK4)", Settings()), ("MuJoCo's defaults (Euler)", MUJOCO))
     )
-    families = (CLOSED, LOOPS, COMPILED, "mechsim, poses")
+    families = (CLOSED_FORM, LOOPS, COMPILED, "mechsim, configurations in MuJoCo")
     solved = [Setting(family, n, poses=True) for family in families for n in POSES]
-    return [*solved, *hard, *plain]
+    return [*solved, *stiff, *default]
 
 
 def build(problem: Problem, setting: Setting) -> Solver:
     if isinstance(setting, Stepped):
-        return Steps(problem, setting)
-    return {CLOSED: Closed, LOOPS: Loops, COMPILED: Compiled}.get(setting.family, Poses)(problem, setting)
+        return StepSolver(problem, setting)
+    solvers = {CLOSED_FORM: ClosedFormSolver, LOOPS: LoopSolver, COMPILED: CompiledCode}
+    return solvers.get(setting.family, PoseSolver)(problem, setting)
 
 
-# nothing acts on the linkage but its drive
+# no force acts on the linkage except the drive torque
 SCENE = Scene(level="dynamics", forces=Forces())
 
 
-class Closed:
-    """The closed form, the reference itself: its errors are zero by definition, its time is its own."""
+class ClosedFormSolver:
+    """The closed form: the reference, whose errors are zero by definition."""
 
     def __init__(self, problem: Problem, setting: Setting):
         self.problem, self.angles = problem, problem.angles(setting.samples)
 
-    def run(self) -> tuple[float, Places]:
+    def run(self) -> tuple[float, Positions]:
         begin = time.process_time()
-        places = self.problem.drive.positions(self.angles)
-        return time.process_time() - begin, places
+        positions = self.problem.closed_form.positions(self.angles)
+        return time.process_time() - begin, positions
 
     def torque(self) -> None:
-        """The reduced equation is the reference for torques; its time is not asked for."""
+        """None: the reduced equation is the reference for torques."""
 
 
-class Loops:
-    """The loop equations of any mechanism, which know nothing of the closed form."""
+class LoopSolver:
+    """The loop equations of any mechanism, independent of the closed form."""
 
     def __init__(self, problem: Problem, setting: Setting):
         self.problem, self.angles = problem, problem.angles(setting.samples)
-        self.solver = LoopForm(problem.drive.mechanism)
+        self.solver = LoopForm(problem.closed_form.mechanism)
 
-    def run(self) -> tuple[float, Places]:
-        # a copy knows no path
+    def run(self) -> tuple[float, Positions]:
+        # a copy has no traced path
         solver = replace(self.solver)
         begin = time.process_time()
         motion = solver.solve(self.angles, self.problem.speed)
@@ -92,47 +92,47 @@ class Loops:
         return seconds, {name: point.position for name, point in motion.points.items()}
 
     def torque(self) -> None:
-        """Kinematics alone."""
+        """None: kinematics only."""
 
 
-class Compiled:
-    """The same equations as C: links, joints, map and torques of each configuration."""
+class CompiledCode:
+    """The loop equations as generated C: links, joints, map and torques of each configuration."""
 
     def __init__(self, problem: Problem, setting: Setting):
         self.problem = problem
         angles = problem.angles(setting.samples)
         self.drivers, self.rates = angles[:, None], np.full((len(angles), 1), problem.speed)
         self.solver = compile(LoopForm(problem.mechanism))
-        self.places = list(problem.mechanism.points.items())
+        self.positions = list(problem.mechanism.points.items())
 
-    def run(self) -> tuple[float, Places]:
+    def run(self) -> tuple[float, Positions]:
         begin = time.process_time()
         solved = self.solver.library.solve(self.drivers, self.rates, np.zeros_like(self.rates))
         seconds = time.process_time() - begin
         names = list(self.solver.code.formulas.links)
         result: dict[str, Array] = {}
-        for name, (link, local) in self.places:
+        for name, (link, local) in self.positions:
             numbers = solved.links[:, names.index(link)]
             result[name] = numbers[:, :3] + numbers[:, 3:12].reshape(-1, 3, 3) @ np.array(local)
         return seconds, result
 
     def torque(self) -> None:
-        """The generated code has the gravity of its model, which these problems lack."""
+        """None: the generated code includes gravity, which these problems lack."""
 
 
-class Poses:
-    """The poses of a turn, solved in MuJoCo."""
+class PoseSolver:
+    """The configurations of a revolution, solved in MuJoCo."""
 
     def __init__(self, problem: Problem, setting: Setting):
         self.problem = problem
         self.loops = read_loops(assembled(problem.mechanism, SCENE).compile())
-        self.initial = loop_jacobian.close(self.loops, self.loops.model.qpos0[None])[0]
+        self.initial_state = loop_jacobian.close(self.loops, self.loops.model.qpos0[None])[0]
         self.angles = problem.angles(setting.samples)
         self.names = list(problem.mechanism.points)
 
-    def run(self) -> tuple[float, Places]:
+    def run(self) -> tuple[float, Positions]:
         begin = time.process_time()
-        states = follow.follow(self.loops, self.initial, self.angles)
+        states = follow.follow(self.loops, self.initial_state, self.angles)
         return time.process_time() - begin, points(self.loops, states, self.names)
 
     def torque(self) -> Array:
@@ -141,25 +141,26 @@ class Poses:
         return result.forces.torque
 
 
-class Steps:
-    """A turn stepped in MuJoCo."""
+class StepSolver:
+    """A revolution stepped in MuJoCo."""
 
     def __init__(self, problem: Problem, setting: Stepped):
         self.problem = problem
         self.model = assembled(problem.mechanism, SCENE).compile()
-        self.settings, self.stride = setting.settings, setting.steps // SAMPLES
+        self.settings, self.record_interval = setting.settings, setting.steps // SAMPLES
         self.profile = constant(problem.speed, 1.0, problem.start)
         loops = read_loops(self.model)
-        initial = loop_jacobian.close(loops, self.model.qpos0[None])
-        rates = loop_jacobian.tangent(loops, loops.linearise(initial)[1]) * problem.speed
-        self.start: tuple[Array, Array] = initial[0], rates[0]
+        initial_state = loop_jacobian.close(loops, self.model.qpos0[None])
+        rates = loop_jacobian.tangent(loops, loops.linearise(initial_state)[1]) * problem.speed
+        self.start: tuple[Array, Array] = initial_state[0], rates[0]
         self.names = list(problem.mechanism.points)
 
-    def run(self) -> tuple[float, Places]:
-        # the settings soften the model's constraints anew at each run
+    def run(self) -> tuple[float, Positions]:
+        # the settings change the constraints of the model in each run
         loops = read_loops(copy.copy(self.model))
-        done = step(loops, self.settings, self.profile, self.start, self.settings.steps_per_turn, self.stride)
-        return done.processor, points(loops, done.states.qpos, self.names)
+        steps = self.settings.steps_per_turn
+        stepping = step(loops, self.settings, self.profile, self.start, steps, self.record_interval)
+        return stepping.processor, points(loops, stepping.states.qpos, self.names)
 
     def torque(self) -> Array:
         problem, settings = self.problem, self.settings
@@ -169,7 +170,7 @@ class Steps:
         return result.forces.torque
 
 
-def points(loops: ModelLoops, states: Array, names: list[str]) -> Places:
+def points(loops: ModelLoops, states: Array, names: list[str]) -> Positions:
     """Return the tracked points at states, (n, 3) each."""
     sites = loops.posed.site_positions(np.ascontiguousarray(states))
     return {name: sites[:, loops.model.site(name).id].copy() for name in names}

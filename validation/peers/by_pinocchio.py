@@ -1,11 +1,11 @@
-"""Pinocchio from Python: constrained forward dynamics under RK4, and poses by Newton's method.
+"""Pinocchio from Python: constrained forward dynamics by RK4, and configurations by Newton's method.
 
 A tree of crank, coupler and rocker; the loop is a `RigidConstraintModel` of contact type 3D, solved by
-`constraintDynamics` to rounding, with and without Baumgarte's correction. Pinocchio has no integrators: the
-steps, like Newton's method, are written here in Python, and most of the time is Python's. Pinocchio's C++
-would do the same with the same errors in a fraction of it.
+`constraintDynamics` to rounding, with and without Baumgarte's correction. Pinocchio has no integrators: this
+file implements the steps and Newton's method in Python, which takes most of the time. The C++ of Pinocchio
+gives the same errors in a fraction of it.
 
-Inside the time: all of the loop over steps or poses. Outside: model, data and points out of angles.
+Inside the time: the loop over steps or configurations. Outside: model, data and points from angles.
 """
 
 import time
@@ -13,32 +13,32 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from problem import SAMPLES, TURN, Array, Places, Problem
+from problem import REVOLUTION, SAMPLES, Array, Positions, Problem
 from protocol import Setting
 
-# on the crank as its armature: no reaction of links of grams slows it
-FLYWHEEL = 1e9
-# of the Baumgarte correction, in a turn: what mechsim's loops have, too
-CONSTANTS = 10.0
+# armature of the crank in [kg m2]: large against the links of a few grams
+ARMATURE = 1e9
+# of the Baumgarte correction, per revolution: the same as mechsim's loops
+TIME_CONSTANTS = 10.0
 STEPS = (20, 40, 100, 200, 500, 1000)
 POSES = (20, 100, 1000)
 # coordinates and rates
 State = tuple[Array, Array]
-# Newton's method stops at this opening of the loop, in units of the crank
-CLOSED, MOST = 1e-13, 10
+# of Newton's method: loop-closure error in units of the crank, and iterations
+CLOSURE_TOLERANCE, MAX_ITERATIONS = 1e-13, 10
 
 
 @dataclass(frozen=True)
-class Corrected(Setting):
-    """Steps whose loop is drawn closed with so many time constants a turn; 0 leaves it to drift."""
+class Baumgarte(Setting):
+    """Steps with Baumgarte's correction: time constants per revolution; 0 leaves constraint drift."""
 
     constants: float = 0.0
 
 
 def settings(problem: Problem) -> list[Setting]:
-    drifting = [Corrected("Pinocchio (Python), RK4", n) for n in STEPS]
-    drawn = [Corrected("Pinocchio (Python), RK4, Baumgarte", n, constants=CONSTANTS) for n in STEPS]
-    return [*drifting, *drawn, *[Setting("Pinocchio (Python), Newton", n, poses=True) for n in POSES]]
+    drifting = [Baumgarte("Pinocchio (Python), RK4", n) for n in STEPS]
+    corrected = [Baumgarte("Pinocchio (Python), RK4, Baumgarte", n, constants=TIME_CONSTANTS) for n in STEPS]
+    return [*drifting, *corrected, *[Setting("Pinocchio (Python), Newton", n, poses=True) for n in POSES]]
 
 
 class Solver:
@@ -48,33 +48,34 @@ class Solver:
         self.problem, self.setting = problem, setting
         self.model = model = pin.Model()
         model.gravity.linear = np.zeros(3)
-        (at_crank, near), (far, at_rocker) = problem.tips
+        (at_crank, coupler_start), (coupler_end, at_rocker) = problem.coupler_ends
         crank, rocker = problem.hinge("crank"), problem.hinge("rocker")
-        first = model.addJoint(0, pin.JointModelRZ(), pin.SE3(crank.frame, crank.place), "crank")
+        first = model.addJoint(0, pin.JointModelRZ(), pin.SE3(crank.frame, crank.position), "crank")
         middle = pin.JointModelRZ() if problem.planar else pin.JointModelSpherical()
         second = model.addJoint(first, middle, pin.SE3(np.eye(3), crank.in_frame(at_crank)), "coupler")
-        third = model.addJoint(0, pin.JointModelRZ(), pin.SE3(rocker.frame, rocker.place), "rocker")
+        third = model.addJoint(0, pin.JointModelRZ(), pin.SE3(rocker.frame, rocker.position), "rocker")
         frames = crank.link_frame, np.eye(3), rocker.link_frame
-        zeros = crank.link_place, near, rocker.link_place
-        for joint, frame, place in zip((first, second, third), frames, zeros, strict=True):
+        origins = crank.link_position, coupler_start, rocker.link_position
+        for joint, frame, position in zip((first, second, third), frames, origins, strict=True):
             body = problem.inertia(model.names[joint])
-            at = pin.SE3(frame.T, -frame.T @ place)
-            model.appendBodyToJoint(joint, pin.Inertia(body.mass, np.array(body.centre), body.matrix), at)
-        model.armature[0] = FLYWHEEL
+            placement = pin.SE3(frame.T, -frame.T @ position)
+            inertia = pin.Inertia(body.mass, np.array(body.centre), body.matrix)
+            model.appendBodyToJoint(joint, inertia, placement)
+        model.armature[0] = ARMATURE
         self.joints = second, third
-        self.ends = far - near, rocker.in_frame(at_rocker)
-        self.rows = 2 if problem.planar else 3  # a planar loop says nothing across its plane
+        self.ends = coupler_end - coupler_start, rocker.in_frame(at_rocker)
+        self.rows = 2 if problem.planar else 3  # a planar loop has two equations
         self.frames = [
             model.addFrame(pin.Frame(f"end {i}", joint, 0, pin.SE3(np.eye(3), end), pin.FrameType.OP_FRAME))
             for i, (joint, end) in enumerate(zip(self.joints, self.ends, strict=True))
         ]
         self.data = model.createData()
         self.q, self.v = self._start(crank.frame)
-        self.constants = setting.constants if isinstance(setting, Corrected) else 0.0
-        self._close()
-        self.nothing = np.zeros(model.nv)
+        self.constants = setting.constants if isinstance(setting, Baumgarte) else 0.0
+        self._add_loop()
+        self.no_torque = np.zeros(model.nv)
 
-    def _close(self) -> None:
+    def _add_loop(self) -> None:
         """Add the loop as a constraint."""
         self.constraints = pin.StdVec_RigidConstraintModel()
         first, second = self.joints
@@ -95,33 +96,33 @@ class Solver:
         problem = self.problem
         crank, rocker, coupler = problem.hinge("crank"), problem.hinge("rocker"), problem.link("coupler")
         cos, sin = np.cos(crank.angle), np.sin(crank.angle)
-        before = crank_frame @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        rotation = before.T @ coupler.rotation[0]
-        spin = rotation.T @ before.T @ (coupler.angular_velocity[0] - crank.rate * crank_frame[:, 2])
+        crank_rotation = crank_frame @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        rotation = crank_rotation.T @ coupler.rotation[0]
+        spin = rotation.T @ crank_rotation.T @ (coupler.angular_velocity[0] - crank.rate * crank_frame[:, 2])
         if problem.planar:
-            turn = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
-            return np.array([crank.angle, turn, rocker.angle]), np.array([crank.rate, spin[2], rocker.rate])
+            angle = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+            return np.array([crank.angle, angle, rocker.angle]), np.array([crank.rate, spin[2], rocker.rate])
         quaternion = pin.Quaternion(rotation).coeffs()
         return np.array([crank.angle, *quaternion, rocker.angle]), np.array([crank.rate, *spin, rocker.rate])
 
-    def run(self) -> tuple[float, Places]:
+    def run(self) -> tuple[float, Positions]:
         begin = time.process_time()
-        direction = self.solved() if self.setting.poses else self.stepped()
+        self.states = self.solved() if self.setting.poses else self.stepped()
         seconds = time.process_time() - begin
-        self.way, angles = direction, np.array([q for q, _ in direction])
-        return seconds, self.problem.places(angles[:, 0], angles[:, -1])
+        angles = np.array([q for q, _ in self.states])
+        return seconds, self.problem.positions(angles[:, 0], angles[:, -1])
 
     def torque(self) -> Array | None:
-        """Return what the wheel on the crank feels, at the rates reached; none at poses."""
+        """Return the torque on the armature of the crank at the computed states; None for configurations."""
         if self.setting.poses:
             return None
-        return np.array([-FLYWHEEL * self.acceleration(q, v)[0] for q, v in self.way])
+        return np.array([-ARMATURE * self.acceleration(q, v)[0] for q, v in self.states])
 
     def stepped(self) -> list[State]:
         """Return the states at the samples, by the classical Runge-Kutta method in the tangent space."""
         model, dt = self.model, self.problem.duration / self.setting.steps
-        stride = self.setting.steps // SAMPLES
-        q, v, direction = self.q, self.v, [(self.q, self.v)]
+        interval = self.setting.steps // SAMPLES
+        q, v, states = self.q, self.v, [(self.q, self.v)]
         for i in range(1, self.setting.steps + 1):
             a1 = self.acceleration(q, v)
             w1 = v
@@ -138,65 +139,65 @@ class Solver:
             a4 = self.acceleration(pin.integrate(model, q, u3), v4)
             q = pin.integrate(model, q, dt / 6.0 * (w1 + 2.0 * (w2 + w3) + w4))
             v = v + dt / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
-            if i % stride == 0:
-                direction.append((q, v))
-        return direction
+            if i % interval == 0:
+                states.append((q, v))
+        return states
 
     def acceleration(self, q: Array, v: Array) -> Array:
         """Return the accelerations of all coordinates under the constraint."""
-        made = pin.constraintDynamics(
-            self.model, self.data, q, v, self.nothing, self.constraints, self.workspace, self.proximal
+        accelerations = pin.constraintDynamics(
+            self.model, self.data, q, v, self.no_torque, self.constraints, self.workspace, self.proximal
         )
-        return np.array(made)
+        return np.array(accelerations)
 
-    def tangent_rate(self, direction: Array, rate: Array) -> Array:
-        """Return the rate of the tangent vector `direction` for velocities `rate`: dexp^-1, right side."""
+    def tangent_rate(self, vector: Array, rate: Array) -> Array:
+        """Return the rate of a tangent vector for velocities `rate`: inverse of dexp, to second order."""
         if self.problem.planar:
             return rate
-        out, u, w = rate.copy(), direction[1:4], rate[1:4]
-        turned = np.array([u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]])
-        (x, y, z), (a, b, c) = u, turned
-        out[1:4] += 0.5 * turned + np.array([y * c - z * b, z * a - x * c, x * b - y * a]) / 12.0
+        out, u, w = rate.copy(), vector[1:4], rate[1:4]
+        rotated = np.array([u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]])
+        (x, y, z), (a, b, c) = u, rotated
+        out[1:4] += 0.5 * rotated + np.array([y * c - z * b, z * a - x * c, x * b - y * a]) / 12.0
         return out
 
     def solved(self) -> list[State]:
-        """Return the coordinates and derivatives at the poses, each started along the tangent."""
-        model, stride = self.model, TURN / self.setting.steps
+        """Return configurations and derivatives; the tangent predicts each from the one before."""
+        model, step_angle = self.model, REVOLUTION / self.setting.steps
         q = self.q
         tangent = self.tangent(self.linearised(q)[1])
-        direction = [(q, tangent)]
+        states = [(q, tangent)]
         start = self.q[0]
         for i in range(1, self.setting.steps + 1):
-            q = pin.integrate(model, q, stride * tangent)
-            q[0] = start + i * stride
-            for _ in range(MOST):
-                gap, jacobian = self.linearised(q)
-                if np.abs(gap).max() < CLOSED * self.problem.crank:
+            q = pin.integrate(model, q, step_angle * tangent)
+            q[0] = start + i * step_angle
+            for _ in range(MAX_ITERATIONS):
+                residual, jacobian = self.linearised(q)
+                if np.abs(residual).max() < CLOSURE_TOLERANCE * self.problem.crank:
                     break
-                q = pin.integrate(model, q, self.least(jacobian, -gap))
+                q = pin.integrate(model, q, self.least_norm_step(jacobian, -residual))
             tangent = self.tangent(jacobian)
-            direction.append((q, tangent))
-        return direction
+            states.append((q, tangent))
+        return states
 
     def linearised(self, q: Array) -> tuple[Array, Array]:
-        """Return how far the loop stands open and the derivative of that."""
+        """Return the loop-closure error and its Jacobian."""
         model, data, rows = self.model, self.data, self.rows
         pin.computeJointJacobians(model, data, q)
-        places, jacobians = [], []
+        positions, jacobians = [], []
         for frame in self.frames:
-            places.append(pin.updateFramePlacement(model, data, frame).translation)
+            positions.append(pin.updateFramePlacement(model, data, frame).translation)
             jacobians.append(pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED))
-        return (places[0] - places[1])[:rows], (jacobians[0] - jacobians[1])[:rows]
+        return (positions[0] - positions[1])[:rows], (jacobians[0] - jacobians[1])[:rows]
 
-    def least(self, jacobian: Array, right: Array) -> Array:
-        """Return the smallest change of all coordinates but the crank's that makes J x = right."""
-        held, step = jacobian[:, 1:], np.zeros(self.model.nv)
-        step[1:] = held.T @ np.linalg.solve(held @ held.T, right)
+    def least_norm_step(self, jacobian: Array, right_side: Array) -> Array:
+        """Return the smallest change x of all coordinates except the crank's with J x = right side."""
+        dependent, step = jacobian[:, 1:], np.zeros(self.model.nv)
+        step[1:] = dependent.T @ np.linalg.solve(dependent @ dependent.T, right_side)
         return step
 
     def tangent(self, jacobian: Array) -> Array:
         """Return the rates of all coordinates at unit rate of the crank."""
-        step = self.least(jacobian, -jacobian[:, 0])
+        step = self.least_norm_step(jacobian, -jacobian[:, 0])
         step[0] = 1.0
         return step
 

@@ -1,6 +1,6 @@
 """Pinocchio from C++: configurations by Newton's method, compiled against the libraries of its wheel.
 
-The same method as in `by_pinocchio`. Needs g++ and Eigen's headers, which the package cmeel-eigen brings.
+The same method as in `by_pinocchio`. It needs g++ and Eigen's headers from the package cmeel-eigen.
 
 Inside the time: the loop over configurations. Outside: compilation, model, points from angles.
 """
@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from by_pinocchio import CLOSED
 from by_pinocchio import Solver as PythonSolver
-from problem import Array, Places, Problem
+from problem import Array, Positions, Problem
 from protocol import Setting
 
 from mechsim.errors import InputError
@@ -54,38 +54,38 @@ def program() -> Path:
     try:
         result = subprocess.run(command, capture_output=True, text=True, check=False)
     except FileNotFoundError:
-        raise InputError("Pinocchio's C++ needs g++; apt-get install g++ brings it") from None
+        raise InputError("Pinocchio's C++ needs g++; apt-get install g++ provides it") from None
     if result.returncode:
         first = next((line for line in result.stderr.splitlines() if "error" in line), result.stderr[:200])
-        raise InputError(f"Pinocchio's C++ does not compile: {first}; pip install cmeel-eigen brings Eigen")
+        raise InputError(f"Pinocchio's C++ does not compile: {first}; pip install cmeel-eigen provides Eigen")
     return path
 
 
 class Solver:
-    """The linkage as numbers for the program."""
+    """The linkage as numbers for the compiled program."""
 
     def __init__(self, problem: Problem, setting: Setting):
         self.problem = problem
-        python = PythonSolver(problem, setting)
-        placements = [python.model.jointPlacements[i] for i in (1, 2, 3)]
+        python_solver = PythonSolver(problem, setting)
+        placements = [python_solver.model.jointPlacements[i] for i in (1, 2, 3)]
         numbers = [float(problem.planar), setting.steps, CLOSED * problem.crank]
         for placement in placements:
             numbers += [*placement.rotation.ravel(), *placement.translation]
-        for end in python.ends:
+        for end in python_solver.ends:
             numbers += [*end]
-        self.text = " ".join(repr(float(number)) for number in [*numbers, *python.q])
+        self.text = " ".join(repr(float(number)) for number in [*numbers, *python_solver.q])
         program()
 
-    def run(self) -> tuple[float, Places]:
+    def run(self) -> tuple[float, Positions]:
         output = subprocess.run(
             [program()], input=self.text, capture_output=True, text=True, check=True
         ).stdout
         seconds, *angles = map(float, output.split())
         pairs = np.array(angles).reshape(-1, 2)
-        return seconds, self.problem.places(pairs[:, 0], pairs[:, 1])
+        return seconds, self.problem.positions(pairs[:, 0], pairs[:, 1])
 
     def torque(self) -> Array | None:
-        """Return none: these are configurations."""
+        """Return None: configurations have no forces."""
         return None
 
 

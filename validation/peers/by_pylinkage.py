@@ -1,13 +1,14 @@
-"""pylinkage: planar linkages only, each dyad by a circle section in compiled code (numba), no loop to solve.
+"""pylinkage: planar linkages only, each dyad by intersection of circles in compiled code (numba).
 
-Inside the time: `Linkage.step_fast`, all poses of the turn. Outside: the linkage and its compilation.
+Inside the time: `Linkage.step_fast`, all configurations of the revolution. Outside: the linkage and its
+compilation.
 """
 
 import math
 import time
 
 import numpy as np
-from problem import TURN, Places, Problem
+from problem import TURN, Positions, Problem
 from protocol import Setting
 from pylinkage.actuators import Crank
 from pylinkage.components import Ground
@@ -22,12 +23,12 @@ def settings(problem: Problem) -> list[Setting]:
 
 
 class Solver:
-    """A compiled linkage that starts again from the same pose."""
+    """A compiled linkage that starts each run from the same configuration."""
 
     def __init__(self, problem: Problem, setting: Setting):
-        self.steps, self.start = setting.steps, problem.initial.points
-        o, o4 = (problem.hinge(link).place for link in ("crank", "rocker"))
-        (at_crank, near), (far, at_rocker) = problem.tips
+        self.steps, self.start = setting.steps, problem.initial_motion.points
+        o, o4 = (problem.hinge(link).position for link in ("crank", "rocker"))
+        (at_crank, coupler_start), (coupler_end, at_rocker) = problem.coupler_ends
         crank = Crank(
             anchor=Ground(o[0], o[1]),
             radius=float(np.linalg.norm(at_crank)),
@@ -35,25 +36,25 @@ class Solver:
             initial_angle=problem.start,
         )
         a, b, c = (self.start[name].position[0] for name in "ABC")
-        rod, arm = float(np.linalg.norm(far - near)), float(np.linalg.norm(at_rocker))
+        rod, arm = float(np.linalg.norm(coupler_end - coupler_start)), float(np.linalg.norm(at_rocker))
         rocker = RRRDyad(crank.output, Ground(o4[0], o4[1]), rod, arm)
         to_b, to_c = (math.atan2(*(end - a)[1::-1]) for end in (b, c))
         point = FixedDyad(crank.output, rocker, float(np.linalg.norm(c - a)), to_c - to_b)
         self.linkage = Linkage([crank.anchor, rocker.anchor2, crank, rocker, point])
-        self.initial = [(o[0], o[1]), (o4[0], o4[1]), tuple(a[:2]), tuple(b[:2]), tuple(c[:2])]
-        self.linkage.set_coords(self.initial)
+        self.initial_positions = [(o[0], o[1]), (o4[0], o4[1]), tuple(a[:2]), tuple(b[:2]), tuple(c[:2])]
+        self.linkage.set_coords(self.initial_positions)
         self.linkage.compile()
 
-    def run(self) -> tuple[float, Places]:
-        self.linkage.set_coords(self.initial)
+    def run(self) -> tuple[float, Positions]:
+        self.linkage.set_coords(self.initial_positions)
         begin = time.process_time()
-        direction = self.linkage.step_fast(self.steps)
+        path = self.linkage.step_fast(self.steps)
         seconds = time.process_time() - begin
-        places = {}
+        positions = {}
         for i, name in enumerate("ABC", 2):
-            flat = np.concatenate([self.start[name].position[:, :2], direction[:, i]])
-            places[name] = np.column_stack([flat, np.zeros(len(flat))])
-        return seconds, places
+            flat = np.concatenate([self.start[name].position[:, :2], path[:, i]])
+            positions[name] = np.column_stack([flat, np.zeros(len(flat))])
+        return seconds, positions
 
     def torque(self) -> None:
         """No masses, no torque."""

@@ -1,8 +1,8 @@
 """scikit-robot: configurations by its inverse kinematics of an open chain, rocker and coupler.
 
-Its models have no loops: the end of the coupler is to meet that of the crank; each configuration begins at
-the last. A ball between the links is three hinges. Its default tolerance is 1 mm; here it is 0.1 mm, below
-which it fails: its angles have 32 bits.
+Its models have no loops: inverse kinematics moves the end of the coupler to that of the crank, from the
+previous configuration. Three hinges replace a ball joint between the links. The default tolerance is 1 mm;
+here it is 0.1 mm. Smaller tolerances fail, because its angles have 32 bits.
 
 Inside the time: `inverse_kinematics` of all configurations. Outside: model, targets and points from angles.
 """
@@ -10,15 +10,15 @@ Inside the time: `inverse_kinematics` of all configurations. Outside: model, tar
 import time
 
 import numpy as np
-from problem import Places, Problem
+from problem import Positions, Problem
 from protocol import Setting
 from scipy.spatial.transform import Rotation
 from skrobot.coordinates import CascadedCoords, Coordinates
 from skrobot.model import Link, RobotModel, RotationalJoint
 
 POSES = (20, 100)
-# in [m], and iterations
-TOLERANCE, STEPS = 1e-4, 200
+# of the position in [m]; of the solver
+TOLERANCE, MAX_ITERATIONS = 1e-4, 200
 # half-range of all joints, in [rad]
 RANGE = 4.0 * np.pi
 
@@ -32,20 +32,20 @@ class Solver:
 
     def __init__(self, problem: Problem, setting: Setting):
         self.problem, self.angles = problem, problem.angles(setting.samples)
-        (at_crank, near), (far, at_rocker) = problem.tips
+        (at_crank, coupler_start), (coupler_end, at_rocker) = problem.coupler_ends
         rocker, crank = problem.hinge("rocker"), problem.hinge("crank")
         frame = rocker.frame @ Rotation.from_rotvec([0.0, 0.0, rocker.angle]).as_matrix()
         relative = frame.T @ problem.link("coupler").rotation[0]
         axes = "z" if problem.planar else "xyz"
-        turns = Rotation.from_matrix(relative).as_euler("XYZ")
-        self.start = [rocker.angle, *([turns[2]] if problem.planar else turns)]
+        angles = Rotation.from_matrix(relative).as_euler("XYZ")
+        self.start = [rocker.angle, *([angles[2]] if problem.planar else angles)]
         base = Link(name="base")
         links, joints = [base], []
         for name, axis in (("rocker", "z"), *((f"coupler_{axis}", axis) for axis in axes)):
             link = Link(name=name)
             links[-1].assoc(link)
             if name == "rocker":
-                link.newcoords(Coordinates(pos=rocker.place, rot=rocker.frame))
+                link.newcoords(Coordinates(pos=rocker.position, rot=rocker.frame))
             else:
                 first = len(links) == 2
                 link.newcoords(Coordinates(pos=rocker.in_frame(at_rocker) if first else np.zeros(3)))
@@ -62,11 +62,11 @@ class Solver:
             links[-1].add_child_link(link)
             links.append(link)
             joints.append(joint)
-        self.end = CascadedCoords(parent=links[-1], pos=near - far)
+        self.end = CascadedCoords(parent=links[-1], pos=coupler_start - coupler_end)
         self.robot = RobotModel(link_list=links, joint_list=joints)
-        self.links, self.targets = links[1:], crank.carried(at_crank, self.angles)
+        self.links, self.targets = links[1:], crank.path(at_crank, self.angles)
 
-    def run(self) -> tuple[float, Places]:
+    def run(self) -> tuple[float, Positions]:
         robot, rocker = self.robot, [self.start[0]]
         robot.angle_vector(np.array(self.start))
         begin = time.process_time()
@@ -77,12 +77,12 @@ class Solver:
                 move_target=self.end,
                 rotation_axis=False,
                 thre=TOLERANCE,
-                stop=STEPS,
+                stop=MAX_ITERATIONS,
             )
             if solved is False:
                 return time.process_time() - begin, {}
             rocker.append(float(robot.joint_list[0].joint_angle()))
-        return time.process_time() - begin, self.problem.places(self.angles, np.array(rocker))
+        return time.process_time() - begin, self.problem.positions(self.angles, np.array(rocker))
 
     def torque(self) -> None:
         """Kinematics alone."""

@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TITLES = {"rssr": "spatial four-bar (rssr)", "four_bar": "planar four-bar (four_bar)"}
-QUANTITIES = {"place": "worst position error [crank]", "torque": "worst torque error [largest torque]"}
-# errors from here on are no solution, and no line
-LOST = 1.0
-# families of one library share its colour, and differ by mark and line
+QUANTITIES = {"position": "largest position error [crank]", "torque": "largest torque error [largest torque]"}
+# errors from here on are no solution and are not drawn
+MAX_ERROR = 1.0
+# families of one library share its colour and differ by marker and line
 LIBRARIES = ("mechsim", "Exudyn", "Pinocchio", "Drake", "scipy", "pylinkage", "MuJoCo", "scikit-robot")
 GREY, PALETTE = "#8a919b", 48
-MARKS, LINES = "osDv^P", ("-", "--", ":", "-.")
+MARKERS, LINES = "osDv^P", ("-", "--", ":", "-.")
 
 
 @styled()
@@ -25,8 +25,8 @@ def work_precision(rows: Sequence["Row"]) -> bytes:
     """Draw rows as a PNG: errors of position and of torque over ms a turn."""
     names = list(dict.fromkeys(row.problem for row in rows))
     looks = _looks(list(dict.fromkeys(row.family for row in rows)))
-    size = 4.2 * len(names) + 2.6, 7.2
-    figure, axes = blank(len(QUANTITIES), len(names), size, sharex="col", sharey="row")
+    figure_size = 4.2 * len(names) + 2.6, 7.2
+    figure, axes = blank(len(QUANTITIES), len(names), figure_size, sharex="col", sharey="row")
     handles: dict[str, Any] = {}
     for quantity, line in zip(QUANTITIES, axes, strict=True):
         for name, ax in zip(names, line, strict=True):
@@ -41,15 +41,15 @@ def work_precision(rows: Sequence["Row"]) -> bytes:
 
 
 def _curves(ax: "Axes", rows: Sequence["Row"], quantity: str, looks: dict[str, Any]) -> dict[str, Any]:
-    """Draw a panel's curves; return the line of each family."""
+    """Draw the curves of a panel; return the line of each family."""
     ax.set_xscale("log")
     ax.set_yscale("log")
     lines: dict[str, Any] = {}
     for family, look in looks.items():
-        mine = [row for row in rows if row.family == family and 0.0 < getattr(row, quantity) < LOST]
-        if mine:
-            errors = [getattr(row, quantity) for row in mine]
-            (lines[family],) = ax.plot([row.ms for row in mine], errors, label=family, **look)
+        selected = [row for row in rows if row.family == family and 0.0 < getattr(row, quantity) < MAX_ERROR]
+        if selected:
+            errors = [getattr(row, quantity) for row in selected]
+            (lines[family],) = ax.plot([row.ms for row in selected], errors, label=family, **look)
     decades(ax.yaxis)
     ax.minorticks_off()
     ax.xaxis.set_major_formatter("{x:g}")
@@ -57,17 +57,17 @@ def _curves(ax: "Axes", rows: Sequence["Row"], quantity: str, looks: dict[str, A
 
 
 def _looks(families: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return how each family is drawn."""
+    """Return the line style of each family."""
     looks: dict[str, dict[str, Any]] = {}
-    observed: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for family in families:
         library = next(name for name in LIBRARIES if family.startswith(name))
-        place = observed[library] = observed.get(library, -1) + 1
+        index = counts[library] = counts.get(library, -1) + 1
         number = LIBRARIES.index(library)
         looks[family] = {
             "color": COLOURS[number] if number < len(COLOURS) else GREY,
-            "marker": MARKS[place % len(MARKS)],
-            "ls": LINES[place % len(LINES)],
+            "marker": MARKERS[index % len(MARKERS)],
+            "ls": LINES[index % len(LINES)],
             "ms": 4,
             "lw": 2.2 if library == "mechsim" else 1.1,
         }
@@ -75,7 +75,7 @@ def _looks(families: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def _smaller(drawing: bytes) -> bytes:
-    """Return a PNG with a palette: a few colours need no more."""
+    """Return a PNG with a palette of few colours."""
     from PIL import Image
 
     out = io.BytesIO()

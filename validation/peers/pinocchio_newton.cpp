@@ -43,7 +43,7 @@ struct Linkage {
   pin::Data data;
   pin::FrameIndex frames[2];
   int rows;
-  Vector3d gap;
+  Vector3d residual;
   MatrixXd jacobian, first, second;
 
   void linearise(const VectorXd &q) {
@@ -54,20 +54,20 @@ struct Linkage {
     second.setZero();
     pin::getFrameJacobian(model, data, frames[0], pin::LOCAL_WORLD_ALIGNED, first);
     pin::getFrameJacobian(model, data, frames[1], pin::LOCAL_WORLD_ALIGNED, second);
-    gap = data.oMf[frames[0]].translation() - data.oMf[frames[1]].translation();
+    residual = data.oMf[frames[0]].translation() - data.oMf[frames[1]].translation();
     jacobian = (first - second).topRows(rows);
   }
 
-  // the smallest change of all coordinates but the crank's that makes J x = right
-  VectorXd least(const VectorXd &right) const {
-    const MatrixXd held = jacobian.rightCols(model.nv - 1);
+  // the smallest change x of all coordinates except the crank's with J x = right side
+  VectorXd least_norm_step(const VectorXd &right_side) const {
+    const MatrixXd dependent = jacobian.rightCols(model.nv - 1);
     VectorXd step = VectorXd::Zero(model.nv);
-    step.tail(model.nv - 1) = held.transpose() * (held * held.transpose()).llt().solve(right);
+    step.tail(model.nv - 1) = dependent.transpose() * (dependent * dependent.transpose()).llt().solve(right_side);
     return step;
   }
 
   VectorXd tangent() const {
-    VectorXd step = least(-jacobian.col(0));
+    VectorXd step = least_norm_step(-jacobian.col(0));
     step[0] = 1.0;
     return step;
   }
@@ -85,28 +85,28 @@ int main() {
   const auto coupler = planar ? model.addJoint(crank, pin::JointModelRZ(), at, "coupler")
                               : model.addJoint(crank, pin::JointModelSpherical(), at, "coupler");
   const auto rocker = model.addJoint(0, pin::JointModelRZ(), placement(), "rocker");
-  const pin::SE3 far(Matrix3d::Identity(), vector()), arm(Matrix3d::Identity(), vector());
-  linkage.frames[0] = model.addFrame(pin::Frame("far", coupler, 0, far, pin::OP_FRAME));
-  linkage.frames[1] = model.addFrame(pin::Frame("arm", rocker, 0, arm, pin::OP_FRAME));
+  const pin::SE3 coupler_end(Matrix3d::Identity(), vector()), rocker_end(Matrix3d::Identity(), vector());
+  linkage.frames[0] = model.addFrame(pin::Frame("coupler end", coupler, 0, coupler_end, pin::OP_FRAME));
+  linkage.frames[1] = model.addFrame(pin::Frame("rocker end", rocker, 0, rocker_end, pin::OP_FRAME));
   linkage.data = pin::Data(model);
   linkage.rows = planar ? 2 : 3;
   linkage.first = linkage.second = MatrixXd::Zero(6, model.nv);
   VectorXd q(model.nq);
   for (int i = 0; i < model.nq; i++) { q[i] = number(); }
-  const double start = q[0], stride = 2.0 * M_PI / steps;
+  const double start = q[0], step_angle = 2.0 * M_PI / steps;
   std::vector<double> angles{q[0], q[model.nq - 1]};
   const double begin = seconds();
   linkage.linearise(q);
-  VectorXd slope = linkage.tangent();
+  VectorXd tangent_vector = linkage.tangent();
   for (int i = 1; i <= steps; i++) {
-    q = pin::integrate(model, q, VectorXd(stride * slope));
-    q[0] = start + i * stride;
+    q = pin::integrate(model, q, VectorXd(step_angle * tangent_vector));
+    q[0] = start + i * step_angle;
     for (int k = 0; k < 10; k++) {
       linkage.linearise(q);
-      if (linkage.gap.head(linkage.rows).cwiseAbs().maxCoeff() < tolerance) { break; }
-      q = pin::integrate(model, q, linkage.least(-linkage.gap.head(linkage.rows)));
+      if (linkage.residual.head(linkage.rows).cwiseAbs().maxCoeff() < tolerance) { break; }
+      q = pin::integrate(model, q, linkage.least_norm_step(-linkage.residual.head(linkage.rows)));
     }
-    slope = linkage.tangent();
+    tangent_vector = linkage.tangent();
     angles.push_back(q[0]);
     angles.push_back(q[model.nq - 1]);
   }

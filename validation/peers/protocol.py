@@ -1,7 +1,7 @@
-"""What every peer is asked for, and which peers there are.
+"""The interface of a peer, and the table of peers.
 
-A peer is a module with `settings(problem) -> [Setting, ...]`, empty for a problem it cannot state, and
-`build(problem, setting) -> Solver`. Everything that a user does once is done in `build`.
+A peer is a module with `settings(problem) -> [Setting, ...]`, empty for a problem that it cannot describe,
+and `build(problem, setting) -> Solver`. `build` does what a user does once.
 """
 
 import importlib
@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from problem import SAMPLES, Array, Places, Problem
+from problem import SAMPLES, Array, Positions, Problem
 
 from mechsim.errors import InputError
 
-# module -> the package it needs beyond what mechsim brings
+# module -> package that it needs in addition to those of mechsim
 PEERS = {
     "by_mechsim": None,
     "by_scipy": None,
@@ -29,12 +29,12 @@ EXTRA = "pip install -e '.[peers]'"
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to solve a turn.
+    """One setting of a solver.
 
     Attributes:
-        family: what the curve is called.
-        steps: or poses, a turn; 0 where the solver chooses.
-        poses: whether every step is an answer by itself, so that all of them are judged.
+        family: name of the curve.
+        steps: steps or configurations of a revolution; 0 if the solver chooses them.
+        poses: whether each configuration is solved by itself, so that all of them are compared.
     """
 
     family: str
@@ -43,31 +43,31 @@ class Setting:
 
     @property
     def samples(self) -> int:
-        """Instants after the first at which the turn is judged."""
+        """Number of compared instants after the first."""
         return self.steps if self.poses else SAMPLES
 
 
 class Solver(Protocol):
-    """A problem, ready to be solved again and again."""
+    """A problem that can be solved repeatedly."""
 
-    def run(self) -> tuple[float, Places]:
-        """Solve one turn; return the processor time of the solver in [s] and the tracked points."""
+    def run(self) -> tuple[float, Positions]:
+        """Solve one revolution; return the processor time of the solver in [s] and the tracked points."""
         ...
 
     def torque(self) -> Array | None:
-        """Return the drive torque at the samples of the last run, (n,) in [N m]; None where there is none."""
+        """Return the drive torque at the samples of the last run, (n,) in [N m]; None if there is none."""
         ...
 
 
 class Peer(Protocol):
-    """What a peer's module holds."""
+    """The functions of a peer's module."""
 
     def settings(self, problem: Problem) -> Sequence[Any]:
         """Return the settings to compare for a problem."""
         ...
 
     def build(self, problem: Problem, setting: Any) -> Solver:
-        """Return what solves a problem with one of the settings."""
+        """Return a solver of a problem with one of the settings."""
         ...
 
 
@@ -83,5 +83,5 @@ def load(module: str) -> Peer:
     except ModuleNotFoundError as error:
         if package is None or error.name is None or error.name.split(".")[0] != package:
             raise
-        raise InputError(f"{package} is not installed, so it is left out; to compare it: {EXTRA}") from None
+        raise InputError(f"{package} is not installed, so it is skipped; to compare it: {EXTRA}") from None
     return result

@@ -1,14 +1,14 @@
 """A four-bar released from rest under its weight: error against cost of mechsim and its peers.
 
 The catalogue's planar four-bar, steel rods, crank level at the start, one second of a motion in which the
-crank swings through more than a turn and back. Reference: the reduced equation of motion, derived here by
-hand, by DOP853 at 1e-13. Error: the largest distance of pins A and B from it at 20 instants, in cranks.
-Cost: processor time of the integration alone, the least of three runs. Exudyn: generalised alpha, index 3,
-full Newton, and index 2, bodies with three coordinates. Pinocchio has no integrators: its
+crank swings through more than a revolution and back. Reference: the reduced equation of motion, derived by
+hand in this file, by DOP853 at 1e-13. Error: the largest distance of pins A and B from it at 20 instants, in
+cranks. Cost: processor time of the integration alone, the least of three runs. Exudyn: generalised alpha,
+index 3, full Newton, and index 2, bodies with three coordinates. Pinocchio has no integrators: its
 constrained dynamics with Baumgarte's correction under RK4, the loop over steps in Python.
 
 Run: pip install -e '.[peers]' && python validation/peers/released.py
-A peer that is not installed is named and left out.
+The script names and skips a peer that is not installed.
 """
 
 import sys
@@ -29,15 +29,15 @@ from mechsim.simulation.dynamics.forward_run import stepped_run
 GRAVITY, DURATION, INSTANTS, ROUNDS = 9.81, 1.0, 20, 3
 WEIGHT = Forces(gravity=(0.0, -GRAVITY, 0.0))
 # of Baumgarte's correction in [1/s]
-CORRECTION = 100.0
+BAUMGARTE_RATE = 100.0
 TIMES = np.linspace(0.0, DURATION, INSTANTS + 1)
 # pins A and B, (instants + 1, 2, 2) in [m], and the time of the integration in [s]
-Solved = tuple[Array, float]
+Solution = tuple[Array, float]
 
 
 @dataclass(frozen=True)
 class Released(Problem):
-    """The four-bar at rest; there is no drive."""
+    """The four-bar at rest, without a driver."""
 
     speed: float = 0.0
 
@@ -48,46 +48,46 @@ class Released(Problem):
     @cached_property
     def bars(self) -> tuple[float, ...]:
         """Lengths of crank, coupler, rocker and ground in [m]."""
-        drive: Any = self.drive
-        return drive.crank, drive.coupler, drive.rocker, drive.ground
+        four_bar: Any = self.closed_form
+        return four_bar.crank, four_bar.coupler, four_bar.rocker, four_bar.ground
 
     def pins(self, crank: Array, rocker: Array) -> Array:
         """Return pins A and B at angles of crank and rocker, (n, 2, 2)."""
         a, _, c, d = self.bars
-        at_a = a * np.stack([np.cos(crank), np.sin(crank)], 1)
-        at_b = np.array([d, 0.0]) + c * np.stack([np.cos(rocker), np.sin(rocker)], 1)
-        return np.stack([at_a, at_b], 1)
+        pin_a = a * np.stack([np.cos(crank), np.sin(crank)], 1)
+        pin_b = np.array([d, 0.0]) + c * np.stack([np.cos(rocker), np.sin(rocker)], 1)
+        return np.stack([pin_a, pin_b], 1)
 
 
 def reduced(problem: Released, angle: Any) -> tuple[Any, Any, Any]:
-    """Return inertia, potential and pin B at a crank angle, which may carry a complex step."""
+    """Return inertia, potential and pin B at a crank angle, which may include a complex step."""
     a, b, c, d = problem.bars
     crank = np.cos(angle), np.sin(angle)
     dx, dy = d - a * crank[0], -a * crank[1]
     square = dx * dx + dy * dy
     along = 0.5 + (b * b - c * c) / (2.0 * square)
     across = np.sqrt(b * b / square - along * along)
-    # the coupler's direction, then the rocker's; B lies on the left of the line from A to the fixed pivot
+    # directions of coupler and rocker; B lies on the left of the line from A to the fixed pivot
     coupler = (along * dx - across * dy) / b, (along * dy + across * dx) / b
     rocker = (a * crank[0] + b * coupler[0] - d) / c, (a * crank[1] + b * coupler[1]) / c
 
     def sine(p: Any, q: Any) -> Any:
         return p[1] * q[0] - p[0] * q[1]
 
-    turn_b = a * sine(crank, rocker) / (b * sine(rocker, coupler))
-    turn_c = a * sine(crank, coupler) / (c * sine(rocker, coupler))
+    coupler_rate = a * sine(crank, rocker) / (b * sine(rocker, coupler))
+    rocker_rate = a * sine(crank, coupler) / (c * sine(rocker, coupler))
     inertia, potential = 0.0, 0.0
     frames = {
         "crank": (0.0, 0.0, crank, 1.0, (0.0, 0.0)),
-        "coupler": (a * crank[0], a * crank[1], coupler, turn_b, (-a * crank[1], a * crank[0])),
-        "rocker": (d, 0.0, rocker, turn_c, (0.0, 0.0)),
+        "coupler": (a * crank[0], a * crank[1], coupler, coupler_rate, (-a * crank[1], a * crank[0])),
+        "rocker": (d, 0.0, rocker, rocker_rate, (0.0, 0.0)),
     }
-    for name, (_, y, (cos, sin), turn, velocity) in frames.items():
+    for name, (_, y, (cos, sin), rate, velocity) in frames.items():
         body = problem.inertia(name)
         u, v, _ = body.centre
         across_x, across_y = cos * u - sin * v, sin * u + cos * v
-        rate = velocity[0] - turn * across_y, velocity[1] + turn * across_x
-        inertia += body.mass * (rate[0] ** 2 + rate[1] ** 2) + body.moments[2][2] * turn**2
+        point = velocity[0] - rate * across_y, velocity[1] + rate * across_x
+        inertia += body.mass * (point[0] ** 2 + point[1] ** 2) + body.moments[2][2] * rate**2
         potential += body.mass * GRAVITY * (y + across_y)
     return inertia, potential, (d + c * rocker[0], c * rocker[1])
 
@@ -106,17 +106,17 @@ def reference(problem: Released) -> Array:
     return np.array(pins)
 
 
-def by_mechsim(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solved]]]:
+def by_mechsim(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solution]]]:
     """Yield family, setting and solver of mechsim's two methods."""
-    model = ms.dynamics.dynamic_model(problem.drive, WEIGHT)
+    model = ms.dynamics.dynamic_model(problem.closed_form, WEIGHT)
 
-    def analytic(tolerance: float) -> Solved:
+    def analytic(tolerance: float) -> Solution:
         begin = time.process_time()
         run = ms.dynamics.run(model, duration=DURATION, samples=INSTANTS, tolerance=tolerance)
         seconds = time.process_time() - begin
         return np.stack([run.motion.points[name].position[:, :2] for name in "AB"], 1), seconds
 
-    def stepped(steps: int) -> Solved:
+    def stepped(steps: int) -> Solution:
         run = stepped_run(model.mechanism, WEIGHT, {}, {}, TIMES, steps // INSTANTS)
         return np.stack([run.motion.points[name].position[:, :2] for name in "AB"], 1), run.seconds
 
@@ -126,22 +126,22 @@ def by_mechsim(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solve
         yield "mechsim, MuJoCo stepped (RK4)", f"{steps} steps", lambda n=steps: stepped(n)
 
 
-def by_pinocchio(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solved]]]:
+def by_pinocchio(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solution]]]:
     """Yield family, setting and solver of Pinocchio."""
     import pinocchio as pin
-    from by_pinocchio import Corrected, Solver
+    from by_pinocchio import Baumgarte, Solver
 
     class Free(Solver):
-        """The same tree and loop without a wheel on the crank, under gravity."""
+        """The same tree and loop without armature of the crank, under gravity."""
 
         def __init__(self, steps: int):
-            super().__init__(problem, Corrected("", steps, constants=CORRECTION * DURATION))
+            super().__init__(problem, Baumgarte("", steps, constants=BAUMGARTE_RATE * DURATION))
             self.model.armature[0] = 0.0
             self.model.gravity.linear = np.array([0.0, -GRAVITY, 0.0])
             self.data = self.model.createData()
             pin.initConstraintDynamics(self.model, self.data, self.constraints, self.workspace)
 
-    def solved(steps: int) -> Solved:
+    def solved(steps: int) -> Solution:
         solver = Free(steps)
         begin = time.process_time()
         angles = np.array([q for q, _ in solver.stepped()])
@@ -152,11 +152,11 @@ def by_pinocchio(problem: Released) -> Iterator[tuple[str, str, Callable[[], Sol
         yield "Pinocchio (Python), RK4, Baumgarte", f"{steps} steps", lambda n=steps: solved(n)
 
 
-def by_exudyn(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solved]]]:
+def by_exudyn(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solution]]]:
     """Yield family, setting and solver of Exudyn."""
     from by_exudyn import exudyn, items
 
-    def solved(steps: int, index: int) -> Solved:
+    def solved(steps: int, index: int) -> Solution:
         container = exudyn.SystemContainer()
         system = container.AddSystem()
         ground = system.AddObject(items.ObjectGround())
@@ -164,10 +164,10 @@ def by_exudyn(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solved
         sensors: dict[str, int] = {}
         for link in problem.mechanism.links:
             start, inertia = problem.link(link.name), problem.inertia(link.name)
-            turn = float(np.arctan2(start.rotation[0, 1, 0], start.rotation[0, 0, 0]))
+            angle = float(np.arctan2(start.rotation[0, 1, 0], start.rotation[0, 0, 0]))
             # referred to the centre of mass, where gravity acts
             centre = start.position[0] + start.rotation[0] @ np.array(inertia.centre)
-            node = system.AddNode(items.NodeRigidBody2D(referenceCoordinates=[*centre[:2], turn]))
+            node = system.AddNode(items.NodeRigidBody2D(referenceCoordinates=[*centre[:2], angle]))
             bodies[link.name] = system.AddObject(
                 items.ObjectRigidBody2D(nodeNumber=node, mass=inertia.mass, inertia=inertia.moments[2][2])
             )
@@ -204,10 +204,10 @@ def by_exudyn(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solved
         if not solver.InitializeSolver(system, options):
             raise RuntimeError("Exudyn could not start")
         begin = time.process_time()
-        whole = solver.SolveSteps(system, options)
+        finished = solver.SolveSteps(system, options)
         seconds = time.process_time() - begin
         solver.FinalizeSolver(system, options)
-        if not whole:
+        if not finished:
             return np.full((INSTANTS + 1, 2, 2), np.inf), seconds
         angles = {
             name: system.GetSensorStoredData(sensors[name])[-INSTANTS - 1 :, 3]
@@ -234,7 +234,7 @@ def main() -> None:
                 seconds = min(seconds for _, seconds in runs)
                 print(f"| {family} | {setting} | {error:.1e} | {1e3 * seconds:.3g} |", flush=True)
         except ModuleNotFoundError as error:
-            print(f"{error.name} is not installed, so it is left out", file=sys.stderr)
+            print(f"{error.name} is not installed, so it is skipped", file=sys.stderr)
 
 
 if __name__ == "__main__":

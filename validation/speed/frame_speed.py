@@ -5,7 +5,7 @@
 The script draws three scenes in turn, so that other load of the machine affects all equally. It prints
 medians of processor and wall time:
 - exported: the model that `mechsim export --scene picture` writes, in a bare renderer;
-- stage: the model of mechsim's frames, in a bare renderer: the solids, without shadow, paths or text;
+- drawn: the model of mechsim's frames, in a bare renderer: the solids, without shadow, paths or text;
 - mechsim: a finished frame with shadow, growing paths, labels and read-out.
 The ratio is that of mechsim to the exported scene, at most 1.2. The last column is a video of 240 frames.
 """
@@ -26,7 +26,8 @@ from mechsim.pictures.render import gl_backend
 from mechsim.pictures.render.drawing import Source, draw
 from mechsim.pictures.render.drawn_model import CAMERA
 from mechsim.pictures.render.look import Look
-from mechsim.simulation.mjcf import compiled, generate
+from mechsim.pictures.render.scenery import exported
+from mechsim.simulation.mjcf import compiled
 
 ROUNDS, FRAMES = 25, 240
 
@@ -55,12 +56,12 @@ def row(name, size, drawing_on):
     reach = closed_form.crank_range()
     ends = (0.0, 2.0 * np.pi) if reach.full else (reach.intervals[0][0] + 0.02, reach.intervals[0][1] - 0.02)
     motion = closed_form.solve(np.linspace(*ends, FRAMES + 1), 60.0)
-    stage = Source(closed_form.mechanism, motion).stage(Look(size=size, paths="tail"))
-    exported = compiled(generate(closed_form.mechanism, Scene(level="picture"), closed_form.mechanism.guess))
+    drawn = Source(closed_form.mechanism, motion).drawn(Look(size=size, paths="tail"))
+    scene = compiled(exported(closed_form.mechanism, Scene(level="picture")))
     with ExitStack() as stack:
         # each renderer selects its own OpenGL context before it draws
-        renderers = [bare(stack, model, size, drawing_on) for model in (exported, stage.model)]
-        frames = draw(stage, drawing_on)
+        renderers = [bare(stack, model, size, drawing_on) for model in (scene, drawn.model)]
+        frames = draw(drawn, drawing_on)
         stack.callback(frames.close)
         renderers.append(lambda: next(frames))
         for draw_frame in renderers:
@@ -83,7 +84,7 @@ def main():
     names = [word for word in sys.argv[1:] if not word[0].isdigit()] or list(catalog.DRIVES)
     drawing_on = gl_backend.choose()
     print(f"{drawing_on}, {width}x{height}; ms of wall (processor) a frame")
-    print(f"{'':14}{'exported':>14}{'stage':>14}{'mechsim':>14}{'ratio':>8}{'240 frames':>14}")
+    print(f"{'':14}{'exported':>14}{'drawn':>14}{'mechsim':>14}{'ratio':>8}{'240 frames':>14}")
     for name in names:
         wall, cpu, video_seconds = row(name, (width, height), drawing_on)
         columns = "".join(f"{a:8.1f} ({b:3.0f})" for a, b in zip(wall, cpu, strict=True))
