@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from by_pinocchio import CLOSED
+from by_pinocchio import CLOSURE_TOLERANCE
 from by_pinocchio import Solver as PythonSolver
 from problem import Array, Positions, Problem
 from protocol import Setting
@@ -68,7 +68,7 @@ class Solver:
         self.problem = problem
         python_solver = PythonSolver(problem, setting)
         placements = [python_solver.model.jointPlacements[i] for i in (1, 2, 3)]
-        numbers = [float(problem.planar), setting.steps, CLOSED * problem.crank]
+        numbers = [float(problem.planar), setting.steps, CLOSURE_TOLERANCE * problem.crank]
         for placement in placements:
             numbers += [*placement.rotation.ravel(), *placement.translation]
         for end in python_solver.ends:

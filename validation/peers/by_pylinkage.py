@@ -8,7 +8,7 @@ import math
 import time
 
 import numpy as np
-from problem import TURN, Positions, Problem
+from problem import REVOLUTION, Positions, Problem
 from protocol import Setting
 from pylinkage.actuators import Crank
 from pylinkage.components import Ground
@@ -32,7 +32,7 @@ class Solver:
         crank = Crank(
             anchor=Ground(o[0], o[1]),
             radius=float(np.linalg.norm(at_crank)),
-            angular_velocity=TURN / setting.steps,
+            angular_velocity=REVOLUTION / setting.steps,
             initial_angle=problem.start,
         )
         a, b, c = (self.start[name].position[0] for name in "ABC")
