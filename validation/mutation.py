@@ -61,11 +61,17 @@ TESTS: dict[str, list[str]] = {
         *VERDICT,
         "verdict/test_motion_law_drivers.py",
         "verdict/test_other_assembly.py",
+        "verdict/test_crosscheck.py::test_rates_of_a_function_are_its_derivatives",
     ],
     "analytic/loops/maximal_coordinates.py": CLOSURE,
     "analytic/loops/oracle.py": CLOSURE,
     "analytic/loops/record.py": ["analytic/test_joint_motion.py", *CLOSURE],
-    "analytic/loops/constraints.py": TREE,
+    "analytic/loops/constraints.py": [
+        *TREE,
+        "analytic/test_several_drivers.py",
+        "analytic/test_starts_that_do_not_close.py",
+        "analytic/test_many_designs.py",
+    ],
     "analytic/loops/tree.py": TREE,
     "analytic/loops/kinematics.py": TREE,
     "analytic/loops/path_rates.py": [
@@ -76,9 +82,14 @@ TESTS: dict[str, list[str]] = {
     "analytic/loops/motion.py": [
         "analytic/test_crank_motion.py",
         "analytic/test_undetermined_joints.py",
+        "analytic/test_several_drivers.py",
     ],
     "analytic/loops/design_motion.py": ["analytic/test_many_motion.py"],
-    "numerics/loop_solver.py": ["analytic/test_loop_solver.py", *PATHS],
+    "numerics/loop_solver.py": [
+        "analytic/test_loop_solver.py",
+        *PATHS,
+        "analytic/test_continuation_path.py::test_change_points_are_detected_from_any_start",
+    ],
     "numerics/continuation.py": ["analytic/test_continuation_path.py"],
     "simulation/poses/equations.py": ["simulation/test_pose_path.py", "simulation/test_free_bodies.py"],
     **{

@@ -272,7 +272,7 @@ class Mechanism:
         """Return the joint ends on a link."""
         return [end for joint in self.joints for end in (joint.a, joint.b) if end.link == link]
 
-    @property
+    @cached_property
     def characteristic_length(self) -> float:
         """Characteristic length: longest distance between two joints of a link, in [m]."""
         if not self.links:

@@ -10,7 +10,7 @@ from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses, twists, velocity_products
 from mechsim.analytic.loops.tree import JointSides, spanning_tree
 from mechsim.model.joints import Joint
-from mechsim.model.links import GROUND, Link
+from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
 
 STEP, MIDDLE = 2e-3, 4
@@ -99,6 +99,19 @@ def test_twists_and_velocity_products_are_derivatives(swap):
         assert_close(twist[MIDDLE, 3:], spin[[2, 0, 1], [1, 2, 0]])
         assert_close(twist[MIDDLE, :3] + np.cross(twist[MIDDLE, 3:], position[MIDDLE]), FIRST @ position)
         assert_close(moving.drift[link, :, MIDDLE], FIRST @ twist)
+
+
+@pytest.mark.parametrize("swap", [0, 1])
+def test_coordinates_are_read_back_from_poses(swap):
+    moving = Moving(swap, None)
+    poses = {
+        name: Pose(moving.here.position[i].T, rotation_of(moving.here, i))
+        for i, name in enumerate(moving.tree.links)
+    }
+    read = moving.loops.read(poses)
+    scalars = np.delete(np.arange(moving.tree.count), moving.tree.ball_indices)
+    near(read.values[scalars], moving.at.values[scalars], 1e-13)
+    near(read.turns, moving.at.turns, 1e-13)
 
 
 @pytest.mark.parametrize("swap", [0, 1])

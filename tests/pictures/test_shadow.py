@@ -1,6 +1,7 @@
 import mujoco
 import numpy as np
 import pytest
+from grids import grid
 
 from mechsim import catalog
 from mechsim.errors import MissingToolError
@@ -29,7 +30,7 @@ def stage_of(name, exact=False, **look):
 
 
 @draws
-@pytest.mark.parametrize("name", ["rssr", "warp_knitter"])
+@pytest.mark.parametrize("name", grid(("rssr", "warp_knitter")))
 def test_shadows_fall_where_a_shadow_map_has_them(name):
     stage = stage_of(name)
     shadow = Shadow(stage)

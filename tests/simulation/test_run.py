@@ -126,8 +126,16 @@ def test_the_position_error_is_of_fourth_order_in_the_step(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
-@pytest.mark.parametrize("speed", [rpm(1.0), rpm(600.0), -rpm(600.0), rpm(20_000.0)])
-@pytest.mark.parametrize("tolerance", [1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize(
+    ("speed", "tolerance"),
+    [
+        (rpm(1.0), 1e-7),
+        (rpm(600.0), 1e-5),
+        (-rpm(600.0), 1e-7),
+        (rpm(600.0), 1e-9),
+        (rpm(20_000.0), 1e-7),
+    ],
+)
 def test_a_tolerance_is_satisfied_against_the_closed_form(name: str, speed: float, tolerance: float) -> None:
     drive = catalog.make(name)
     run = simulate(drive.mechanism, speed=speed, turns=1.5, tolerance=tolerance)

@@ -14,7 +14,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, PointMotion
 from mechsim.simulation import Settings, simulate
 from mechsim.verdict.checks import Verdict
-from mechsim.verdict.crosscheck import crosscheck
+from mechsim.verdict.crosscheck import crosscheck, differentiated
 from mechsim.verdict.tolerances import Tolerance
 
 SPEED = 62.8
@@ -69,6 +69,18 @@ def test_a_function_can_be_the_analytic_motion(name: str, route: str) -> None:
     verdict = crosscheck(revolution_of(name, route), named_as_the_points(linkage))
     assert verdict.passed, verdict
     assert {check.title.split()[0] for check in verdict.checks} >= {"position", "velocity", "acceleration"}
+
+
+def test_rates_of_a_function_are_its_derivatives() -> None:
+    angle, speed, acceleration = np.linspace(0.0, 6.0, 7), np.full(7, 3.0), np.full(7, -2.0)
+    motion = differentiated(
+        lambda t: {"P": np.stack([np.sin(t), np.cos(2 * t), 0 * t], 1)}, angle, speed, acceleration
+    )
+    np.testing.assert_array_equal(motion.points["P"].position[:, 0], np.sin(angle))
+    first = np.stack([np.cos(angle), -2.0 * np.sin(2.0 * angle), 0.0 * angle], 1)
+    second = np.stack([-np.sin(angle), -4.0 * np.cos(2.0 * angle), 0.0 * angle], 1)
+    np.testing.assert_allclose(motion.points["P"].velocity, 3.0 * first, atol=1e-11)
+    np.testing.assert_allclose(motion.points["P"].acceleration, 9.0 * second - 2.0 * first, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", LINKAGES)
