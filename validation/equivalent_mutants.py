@@ -8,6 +8,7 @@ CUTS = "simulation/mjcf/loop_cuts.py"
 STATE = "simulation/state.py"
 PATH = "numerics/continuation.py"
 SOLVER = "numerics/loop_solver.py"
+CONSTRAINTS = "analytic/loops/constraints.py"
 TREE = "analytic/loops/kinematics.py"
 DESIGN_MOTION = "analytic/loops/design_motion.py"
 LOOP_MOTION = "analytic/loops/motion.py"
@@ -183,4 +184,25 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "derivative[k, :3] = cross(w[3:], s[:3]) + cross(w[:3], s[3:])",
         "derivative[k, :3] = cross(w[3:], s[:3]) + cross(w[:4], s[3:])",
     ): "the vector product ignores a fourth component",
+    (
+        CONSTRAINTS,
+        "rotations = np.ascontiguousarray(rows[:, k:].T).reshape(-1, 3, 3, len(rows))",
+        "rotations = np.ascontiguousarray(rows[:, k:].T).reshape(-2, 3, 3, len(rows))",
+    ): SHAPE,
+    (
+        CONSTRAINTS,
+        "rotations[ball] = np.moveaxis(relative.reshape(-1, 3, 3), 0, -1)",
+        "rotations[ball] = np.moveaxis(relative.reshape(-2, 3, 3), 0, -1)",
+    ): SHAPE,
+    (TREE, "return rotation.reshape(3, 3, -1)", "return rotation.reshape(3, 3, -2)"): SHAPE,
+    (
+        CONSTRAINTS,
+        "safe = np.where(small, 1.0, angle)",
+        "...",
+    ): "where the angle is small, the quotient is replaced",
+    (
+        "analytic/loops/tree.py",
+        "rotation_terms = ABOUT_Z * np.array([1.0, 1.0, branch.direction])[:, None, None]",
+        "rotation_terms = ABOUT_Z / np.array([1.0, 1.0, branch.direction])[:, None, None]",
+    ): "the factors are signs",
 }
