@@ -69,7 +69,7 @@ TESTS: dict[str, list[str]] = {
     "analytic/loops/constraints.py": [
         *TREE,
         "analytic/test_several_drivers.py",
-        "analytic/test_starts_that_do_not_close.py",
+        "analytic/test_unassembled_starts.py",
         "analytic/test_many_designs.py",
     ],
     "analytic/loops/tree.py": TREE,

@@ -110,8 +110,8 @@ def test_coordinates_are_read_back_from_poses(swap):
     }
     read = moving.loops.read(poses)
     scalars = np.delete(np.arange(moving.tree.count), moving.tree.ball_indices)
-    near(read.values[scalars], moving.at.values[scalars], 1e-13)
-    near(read.turns, moving.at.turns, 1e-13)
+    assert_close(read.values[scalars], moving.at.values[scalars], 1e-13)
+    assert_close(read.turns, moving.at.turns, 1e-13)
 
 
 @pytest.mark.parametrize("swap", [0, 1])
