@@ -4,13 +4,13 @@ import ast
 
 import pytest
 from equivalent_mutants import EQUIVALENT
-from mutation import KILLERS, ROOT
+from mutation import ROOT, TESTS
 
 
-@pytest.mark.parametrize("file", KILLERS)
+@pytest.mark.parametrize("file", TESTS)
 def test_a_core_file_and_its_tests_exist(file):
     assert (ROOT / "mechsim" / file).is_file()
-    for name in KILLERS[file]:
+    for name in TESTS[file]:
         path, _, function = name.partition("::")
         assert (ROOT / "tests" / path).exists(), path
         assert not function or f"def {function}(" in (ROOT / "tests" / path).read_text(), name
