@@ -15,7 +15,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.state import SLIDE, scalar_joints
 
 # name of the hinge joint, and of its body, whose angle is the path parameter
-PARAMETER_JOINT = "mechsim:clock"
+PARAMETER_JOINT = "mechsim:path_parameter"
 # path parameter (n,) in [rad] -> drivers' values and first two derivatives by it, (drivers, n) each
 Law = Callable[[Array], tuple[Array, Array, Array]]
 
