@@ -136,6 +136,8 @@ def _declared(kind: Any, default: Any, rule: Mapping[str, Any]) -> tuple[Any, An
     if rule["many"]:
         return list[str] | None, None
     if rule["unit"] or rule["read"] or "count" in rule:
+        if default is MISSING:
+            return str, MISSING
         return (str, rule["text"]) if rule["text"] else (str | None, None)
     return (bool if isinstance(default, bool) else kind), default
 

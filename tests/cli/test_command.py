@@ -1,14 +1,18 @@
 """A dataclass that declares its fields is a row of options: default and rejection come from there."""
 
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
+from typing import ClassVar
 
+import jsonschema
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from mechsim import cli
 from mechsim.cli.command import command
+from mechsim.cli.schema import schema_of
 from mechsim.errors import InputError
+from mechsim.files import plain
 from mechsim.pictures.render import Look
 from mechsim.pictures.render.look import changed
 from mechsim.units import option, parse_length, parse_names
@@ -70,3 +74,44 @@ def test_a_field_that_a_look_has_not_is_rejected_in_words():
     with pytest.raises(InputError, match="a picture has no option 'colour'; choose from size, camera"):
         changed(None, {"colour": "red"})
     assert changed(Look(camera="top"), {"labels": False}) == Look(camera="top", labels=False)
+
+
+def test_the_default_of_a_parameter_declares_an_option():
+    depths = []
+
+    @command
+    def function(
+        depth: float = option(MISSING, "How deep.", unit="m"),
+        sides: tuple[str, ...] = option((), "Which sides.", read=parse_names, name="--side"),
+    ) -> None:
+        depths.append((depth, sides))
+
+    app = typer.Typer(rich_markup_mode=None)
+    app.command()(function)
+    for words in (["--depth", "3mm"], ["--depth", "3mm", "--side", "a,b"]):
+        assert CliRunner().invoke(app, words).exit_code == 0
+    assert depths == [(0.003, ()), (0.003, ("a", "b"))]
+    assert CliRunner().invoke(app, []).exit_code == 2
+    assert isinstance(CliRunner().invoke(app, ["--depth", "3s"]).exception, InputError)
+
+
+@dataclass(frozen=True)
+class Measured:
+    JSON: ClassVar[tuple[str, ...]] = ("width=extent", "passed")
+
+    extent: float
+    samples: tuple[float, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        return self.extent < 1.0
+
+
+def test_a_record_prints_what_it_lists_and_its_schema_describes_that():
+    assert plain(Measured(0.5)) == {"width": 0.5, "passed": True}
+    schema = schema_of(Measured)
+    jsonschema.validate(plain(Measured(float("nan"))), schema)
+    with pytest.raises(jsonschema.ValidationError, match="'width' is a required property"):
+        jsonschema.validate({"passed": True}, schema)
+    with pytest.raises(jsonschema.ValidationError, match="is not of type 'boolean'"):
+        jsonschema.validate({"width": 1.0, "passed": "yes"}, schema)
