@@ -10,7 +10,7 @@ from mechsim.cli.options import folder_for, load_model
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import write_json
-from mechsim.studies.extremes.stability_map import StabilityMap, study
+from mechsim.studies.extremes.results import StabilityMap
 from mechsim.units import option
 
 
@@ -30,6 +30,7 @@ def extremes(
     mechsim extremes --report extremes
     """
     from mechsim.pictures import plots
+    from mechsim.studies.extremes.stability_map import study
     from mechsim.studies.plots import extremes_map
 
     for name in names or ():

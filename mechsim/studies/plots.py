@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from mechsim.studies.extremes.stability_map import StabilityMap
+    from mechsim.studies.extremes.results import StabilityMap
 
 
 GREY, FRONT = "#b4bac2", "#222831"

@@ -1,7 +1,7 @@
 """The axes of the stress test: numerical quantities, singular configurations, long runs."""
 
-from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,8 +17,9 @@ from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.source import assembled
+from mechsim.studies.extremes.results import Drift, Trial
 from mechsim.studies.extremes.special_designs import special_designs
-from mechsim.studies.extremes.trial import Trial, attempt, position_errors
+from mechsim.studies.extremes.trial import attempt, position_errors
 from mechsim.units import rpm
 
 # crank speeds in [rad/s]
@@ -27,8 +28,6 @@ SPEED, LONG_RUN_SPEED, SINGULAR_SPEED = rpm(600.0), 20.0 * np.pi, 10.0
 REQUIRED = {"speed": (1.0, 1e5), "size": (1e-5, 1e3), "mass ratio": (1e-6, 1e6)}
 # steps per revolution of a long run, and its largest number of records
 STEPS, RECORDS = 100, 20_000
-# ratio of the last errors to the first above which they drift
-MAX_GROWTH = 2.0
 # smallest relative distance to a singular length at which poses must pass; distance from a change point in
 # [rad]
 MIN_SLACK, CHANGE_POINT_DISTANCE = 1e-10, 0.1
@@ -88,30 +87,6 @@ def _on_ground(solver: ClosedForm, link: str) -> bool:
 def _required(axis: str, value: float) -> Outcome | None:
     low, high = REQUIRED[axis]
     return "passed" if low <= value <= high else None
-
-
-@dataclass(frozen=True, slots=True)
-class Drift:
-    """Position errors of a long run relative to the closed form.
-
-    Attributes:
-        mechanism: name.
-        turns: number of revolutions.
-        first: largest error in the first hundredth of the run, in characteristic lengths.
-        last: largest error in the last hundredth of the run.
-    """
-
-    JSON: ClassVar[tuple[str, ...]] = ("mechanism", "turns", "first", "last", "passed")
-
-    mechanism: str
-    turns: float
-    first: float
-    last: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether the error did not grow."""
-        return self.last <= MAX_GROWTH * self.first
 
 
 def drift(solver: ClosedForm, turns: float) -> Drift:

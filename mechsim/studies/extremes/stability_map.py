@@ -1,9 +1,7 @@
 """The stability map: all axes of selected mechanisms, and the borders between outcomes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import partial
-from typing import ClassVar
 
 import numpy as np
 
@@ -11,9 +9,9 @@ from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.progress import Progress, no_progress
 from mechsim.studies.extremes import axes
-from mechsim.studies.extremes.axes import Drift
+from mechsim.studies.extremes.results import StabilityMap, Trial
 from mechsim.studies.extremes.special_designs import special_designs
-from mechsim.studies.extremes.trial import Border, Trial, borders_along
+from mechsim.studies.extremes.trial import borders_along
 
 # name of an axis -> its quantity and unit
 AXES: dict[str, str] = {
@@ -34,33 +32,6 @@ HALVINGS, QUICK_HALVINGS = 5, 2
 MAX_EXPONENT, TURNS = (3, 6), (200.0, 10_000.0)
 
 Push = Callable[[ClosedForm, float], Trial]
-
-
-@dataclass
-class StabilityMap:
-    """The result of a study.
-
-    Attributes:
-        trials: all runs.
-        borders: borders between outcomes along an axis.
-        drifts: position errors of the long runs.
-    """
-
-    JSON: ClassVar[tuple[str, ...]] = ("passed", "borders", "drifts", "trials")
-
-    trials: list[Trial] = field(default_factory=list[Trial])
-    borders: list[Border] = field(default_factory=list[Border])
-    drifts: list[Drift] = field(default_factory=list[Drift])
-
-    @property
-    def passed(self) -> bool:
-        """Whether every run ended as the closed form requires, and no long run drifted."""
-        return not self.wrong and all(drift.passed for drift in self.drifts)
-
-    @property
-    def wrong(self) -> list[Trial]:
-        """The runs with another outcome."""
-        return [trial for trial in self.trials if not trial.passed]
 
 
 def _decades(low: float, high: float, interval: int = 1) -> list[float]:

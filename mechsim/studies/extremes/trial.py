@@ -1,9 +1,9 @@
 """One run at an extreme and its outcome; the border between two outcomes."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -13,68 +13,11 @@ from mechsim.model.finding import Outcome
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import Run, simulate
+from mechsim.studies.extremes.results import Border, Trial
 from mechsim.verdict.crosscheck import crosscheck
 
 # largest position error of a tracked point, in characteristic lengths
 POSITION_TOLERANCE = 1e-6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
-    """One run at an extreme.
-
-    Attributes:
-        axis: the varied quantity.
-        mechanism: name in the catalogue, with a note on the change.
-        value: value in the unit of the axis.
-        outcome: outcome that the simulator reports without the closed form.
-        right: outcome of the same run by the closed form.
-        expected: outcome that the closed form predicts; None if it cannot.
-        error: largest position error relative to the closed form, in characteristic lengths; None without a
-            run.
-    """
-
-    JSON: ClassVar[tuple[str, ...]] = (
-        "axis",
-        "mechanism",
-        "value",
-        "outcome",
-        "right",
-        "error",
-        "expected",
-        "passed",
-    )
-
-    axis: str
-    mechanism: str
-    value: float
-    outcome: Outcome
-    right: Outcome
-    expected: Outcome | None = None
-    error: float | None = None
-
-    @property
-    def passed(self) -> bool:
-        """Whether the run has the outcome that the closed form requires, and reports it."""
-        return self.outcome == self.right and self.expected in (None, self.outcome)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Border:
-    """The border between two outcomes along an axis.
-
-    Attributes:
-        axis, mechanism: those of the trials.
-        inside, outside: neighbouring values after bisection.
-        before, after: outcomes at these values.
-    """
-
-    axis: str
-    mechanism: str
-    inside: float
-    outside: float
-    before: Outcome
-    after: Outcome
 
 
 def attempt(
