@@ -11,11 +11,11 @@ from mechsim.cli import main
 
 @pytest.fixture
 def mechsim(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Call:
-    """Return a function that types a command in an empty folder."""
+    """Return a function that runs a command in an empty folder."""
     monkeypatch.chdir(tmp_path)
 
-    def call(*words: str) -> Answer:
-        monkeypatch.setattr(sys, "argv", ["mechsim", *words])
+    def call(*arguments: str) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["mechsim", *arguments])
         with pytest.raises(SystemExit) as ended:
             main()
         output = capsys.readouterr()

@@ -1,4 +1,4 @@
-"""A dataclass that declares its fields is a row of options: default and rejection come from there."""
+"""The fields of a dataclass declare command-line options with defaults and validation."""
 
 from dataclasses import MISSING, dataclass, fields
 from typing import ClassVar
@@ -28,49 +28,49 @@ class Cut:
     secret: str = "kept"
 
 
-def cut(*words):
-    """Return what a command is given, and what it prints."""
-    given = []
+def run_cut(*arguments):
+    """Return the arguments that a command receives and its output."""
+    received = []
 
     @command
     def function(name: str, how: Cut) -> None:
-        given.append((name, how))
+        received.append((name, how))
 
     app = typer.Typer(rich_markup_mode=None)
     app.command()(function)
-    output = CliRunner().invoke(app, ["it", *words])
+    output = CliRunner().invoke(app, ["it", *arguments])
     if isinstance(output.exception, InputError):
         raise output.exception
-    return (given[0] if given else None), output.output
+    return (received[0] if received else None), output.output
 
 
-def test_what_is_left_out_is_the_dataclass_own():
-    assert cut()[0] == ("it", Cut())
+def test_omitted_options_have_the_defaults_of_the_dataclass():
+    assert run_cut()[0] == ("it", Cut())
 
 
-def test_text_becomes_quantities_names_numbers_and_flags():
-    words = ("--depth", "3 mm", "--sides", "a,b", "--hole", "1mm", "--hole", "2mm", "--wet", "--turns", "4")
-    assert cut(*words)[0] == ("it", Cut(0.003, ("a", "b"), (0.001, 0.002), True, 4))
+def test_text_is_converted_to_quantities_names_numbers_and_flags():
+    args = ("--depth", "3 mm", "--sides", "a,b", "--hole", "1mm", "--hole", "2mm", "--wet", "--turns", "4")
+    assert run_cut(*args)[0] == ("it", Cut(0.003, ("a", "b"), (0.001, 0.002), True, 4))
 
 
-def test_a_quantity_of_the_wrong_kind_is_rejected_by_the_name_of_its_option():
+def test_a_quantity_of_the_wrong_kind_is_rejected_with_its_option():
     with pytest.raises(InputError, match="--depth '3 s' has unit 's'"):
-        cut("--depth", "3 s")
+        run_cut("--depth", "3 s")
 
 
-def test_help_shows_every_declared_field_and_no_other():
-    output = cut("--help")[1]
+def test_help_shows_exactly_the_declared_fields():
+    output = run_cut("--help")[1]
     for word in ("--depth", "How deep.", "2mm", "--hole", "--wet"):
         assert word in output
     assert "secret" not in output
 
 
-def test_every_field_of_a_look_that_people_may_set_is_an_option_of_render():
+def test_every_documented_field_of_look_is_an_option_of_render():
     shown = {parameter.name for parameter in cli.load_command("render").params}
     assert {field.name for field in fields(Look) if "doc" in field.metadata} <= shown
 
 
-def test_a_field_that_a_look_has_not_is_rejected_in_words():
+def test_an_unknown_field_of_look_is_rejected():
     with pytest.raises(InputError, match="a picture has no option 'colour'; choose from size, camera"):
         changed(None, {"colour": "red"})
     assert changed(Look(camera="top"), {"labels": False}) == Look(camera="top", labels=False)

@@ -1,4 +1,4 @@
-"""The command line as people and scripts meet it: outputs, exit codes, one clear line for bad input."""
+"""The command line: outputs, exit codes, one clear line for invalid input."""
 
 import inspect
 import json
@@ -15,7 +15,7 @@ from typed_call import Call
 
 from mechsim import __version__, catalog, cli, files
 
-# what is typed, and words the one line must hold: the thing, the value, the remedy
+# arguments, and words that the message must contain: the subject, the value, the remedy
 BAD = {
     "unknown mechanism": ("solve rsr", ["'rsr'", "did you mean 'rssr'"]),
     "unknown parameter": ("solve rssr --set crnk=3mm", ["'crnk'", "did you mean 'crank'"]),
@@ -38,17 +38,17 @@ BAD = {
     ),
     "part of the turn, simulated": ("simulate rssr --set rocker=9mm --turns 1", ["from 2.3", "to 6.39"]),
     "speed zero": ("solve rssr --speed 0rpm", ["0rpm", "other than 0"]),
-    "speed no shaft has": ("simulate rssr --speed 1e300rpm", ["1e300rpm", "1e+09"]),
-    "speed of a turn in years": ("validate rssr --speed 1e-300rpm", ["1e-300rpm", "0.0001"]),
+    "speed too high": ("simulate rssr --speed 1e300rpm", ["1e300rpm", "1e+09"]),
+    "speed too low": ("validate rssr --speed 1e-300rpm", ["1e-300rpm", "0.0001"]),
     "speed is a length": ("solve rssr --speed 3mm", ["3mm", "600 rpm"]),
     "step larger than the turn": ("simulate rssr --timestep 1s", ["1 s", "0.1 s"]),
-    "step that never ends": ("simulate rssr --timestep 1e-300", ["1e-300 s", "at the least"]),
-    "steps that never end": (
+    "step too short": ("simulate rssr --timestep 1e-300", ["1e-300 s", "at the least"]),
+    "too many steps": (
         "simulate rssr --steps-per-turn 1000000000000",
         ["1e+12", "the limit of one run"],
     ),
-    "turns that never end": ("simulate rssr --turns 1e9", ["1e+09 turns", "at the most"]),
-    "records that fill the disk": ("simulate rssr --every 1e-12deg", ["3.6e+14", "at the most"]),
+    "too many turns": ("simulate rssr --turns 1e9", ["1e+09 turns", "at the most"]),
+    "too many records": ("simulate rssr --every 1e-12deg", ["3.6e+14", "at the most"]),
     "step zero": ("simulate rssr --timestep 0", ["time step"]),
     "two steps a turn": ("simulate rssr --steps-per-turn 2", ["at least 4"]),
     "both kinds of step": ("simulate rssr --steps-per-turn 100 --timestep 1ms", ["one of them"]),
@@ -57,39 +57,37 @@ BAD = {
     "unknown integrator": ("simulate rssr --integrator verlet", ["verlet", "RK4"]),
     "solref of one number": ("simulate rssr --solref 1", ["--solref", "give 2"]),
     "no turns": ("simulate rssr --turns 0", ["turns", "above 0"]),
-    "turns no number": ("simulate rssr --turns many", ["--turns"]),
+    "invalid turns": ("simulate rssr --turns many", ["--turns"]),
     "unknown method": ("simulate rssr --method guess", ["guess", "pose"]),
     "unknown scene": ("export rssr --scene sea", ["sea", "motion"]),
     "joint that cannot be cut": ("export rssr --cut Q", ["'Q'", "P2, P3"]),
     "unknown extension": ("solve rssr -o out.xls", [".xls", ".csv"]),
     "unknown model extension": ("export rssr -o out.urdf", [".urdf", ".xml"]),
     "unknown picture extension": ("render rssr -o out.bmp", [".bmp", ".png"]),
-    "folder that is not there": ("solve rssr -o nowhere/out.csv", ["nowhere"]),
+    "missing folder": ("solve rssr -o nowhere/out.csv", ["nowhere"]),
     "output is a folder": ("solve rssr -o .", ["'.'", "is a folder", "file name"]),
     "report into a file": (f"validate rssr --report {__file__}", [__file__, "name a folder"]),
     "extremes into a file": (f"extremes rssr --report {__file__}", [__file__, "name a folder"]),
-    "report in a folder that is not there": ("validate rssr --report no/out", ["'no'", "create it first"]),
+    "report in a missing folder": ("validate rssr --report no/out", ["'no'", "create it first"]),
     "models into a file": (f"export --all {__file__}", [__file__, "name a folder"]),
-    "profile that is not there": ("simulate rssr --profile no.csv", ["no.csv"]),
+    "missing profile": ("simulate rssr --profile no.csv", ["no.csv"]),
     "angle step of zero": ("solve rssr --angles 0:360:0deg", ["0:360:0deg"]),
-    "angles that are no numbers": ("solve rssr --angles a:b:c", ["a:b:c"]),
+    "invalid angles": ("solve rssr --angles a:b:c", ["a:b:c"]),
     "unknown command": ("solv rssr", ["solv"]),
     "unknown option": ("solve rssr --colour red", ["--colour"]),
     "nothing to solve": ("solve", ["MODEL"]),
     "export of nothing": ("export", ["MODEL", "--all"]),
     "set without a name": ("validate --set crank=1mm", ["name it"]),
     "unknown camera": ("render rssr -o a.png --camera up", ["up", "iso"]),
-    "size that is none": ("render rssr -o a.png --size big", ["big", "960x720"]),
+    "invalid size": ("render rssr -o a.png --size big", ["big", "960x720"]),
     "unknown driver": ("show four_bar --driver engine", ["engine"]),
 }
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_ends_in_one_clear_line_and_leaves_nothing_behind(
-    case: str, mechsim: Call, tmp_path: Path
-) -> None:
-    typed, words = BAD[case]
-    answer = mechsim(*typed.split())
+def test_invalid_input_gives_one_line_and_no_files(case: str, mechsim: Call, tmp_path: Path) -> None:
+    arguments, words = BAD[case]
+    answer = mechsim(*arguments.split())
     assert answer.code == 2
     assert answer.out == ""
     assert len(answer.err.strip().splitlines()) == 1
@@ -99,7 +97,7 @@ def test_bad_input_ends_in_one_clear_line_and_leaves_nothing_behind(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_table_that_is_none_is_rejected_by_line_and_column(mechsim: Call, tmp_path: Path) -> None:
+def test_an_invalid_table_is_rejected_with_line_and_column(mechsim: Call, tmp_path: Path) -> None:
     for text, words in {
         "time,angle\n0,0\n1,x\n": ["'x'", "line 3", "'angle'"],
         "time,angle\n0,0\n1\n": ["line 3", "1 values", "2 names"],
@@ -114,7 +112,7 @@ def test_a_table_that_is_none_is_rejected_by_line_and_column(mechsim: Call, tmp_
     assert "it is no text" in mechsim("simulate", "rssr", "--profile", "profile.csv").err
 
 
-def test_settings_that_tear_the_loops_open_are_missed_though_no_tolerance_was_requested_for(
+def test_loop_errors_fail_without_a_requested_tolerance(
     mechsim: Call,
 ) -> None:
     mujoco_defaults = ["--solref", "0.02,1", "--solimp", "0.9,0.95,0.001,0.5,2", "--compliance", "1"]
@@ -123,18 +121,18 @@ def test_settings_that_tear_the_loops_open_are_missed_though_no_tolerance_was_re
     assert answer.out.splitlines()[0].split() == ["rssr", "MuJoCo,", "stepped", "FAIL"]
     answer = mechsim("simulate", "rssr", "--method", "step", "--json")
     assert answer.code == 0
-    # a ten-thousandth of the stroke, here near the crank's 14 mm
+    # 1e-4 of the stroke, which is close to the crank length of 14 mm
     assert 1.2e-6 <= json.loads(answer.out)["tolerance"] < 4e-6
 
 
-def test_a_crank_that_stands_in_two_ranges_has_both_reported(mechsim: Call) -> None:
-    typed = ["show", "four_bar", "--set", "crank=90mm"]
-    first, second = json.loads(mechsim(*typed, "--json").out)["crank_range"]
+def test_two_reachable_ranges_of_a_crank_are_reported(mechsim: Call) -> None:
+    arguments = ["show", "four_bar", "--set", "crank=90mm"]
+    first, second = json.loads(mechsim(*arguments, "--json").out)["crank_range"]
     assert first[0] < first[1] < second[0] < second[1]
-    assert "no assembly at crank angle 180 deg" in mechsim(*typed, "--angle", "180deg").out
+    assert "no assembly at crank angle 180 deg" in mechsim(*arguments, "--angle", "180deg").out
 
 
-def test_no_command_shows_the_help(mechsim: Call) -> None:
+def test_mechsim_without_a_command_shows_the_help(mechsim: Call) -> None:
     answer = mechsim()
     assert answer.code == 0
     assert "simulate" in answer.out
@@ -147,32 +145,33 @@ def test_list_names_every_mechanism(mechsim: Call) -> None:
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
-def test_show_lists_every_assembly_and_states_what_is_known(name: str, mechsim: Call) -> None:
+def test_show_lists_every_assembly_mode(name: str, mechsim: Call) -> None:
     result = json.loads(mechsim("show", name, "--angle", "30deg", "--json").out)
     assert result["mobility"] == (2 if name == "rssr" else 1)
     assert result["crank_range"] == "full turn"
-    # a Bennett linkage closes in one way only
+    # a Bennett linkage has one assembly mode
     assert len(result["assemblies"]) >= (1 if name == "bennett" else 2)
     chosen = catalog.make(name).positions([np.deg2rad(30.0)])
     gaps = [
         max(
-            float(np.abs(np.array(item["points"][point]) - place[0]).max()) for point, place in chosen.items()
+            float(np.abs(np.array(item["points"][point]) - position[0]).max())
+            for point, position in chosen.items()
         )
         for item in result["assemblies"]
     ]
-    # the assembly selected is among them, once
+    # the selected assembly mode is listed once
     assert sum(gap < 1e-12 for gap in gaps) == 1
     assert result["name"] in mechsim("show", name).out
 
 
-def test_show_takes_a_planar_chain_apart_for_the_driver_requested_for(mechsim: Call) -> None:
+def test_show_lists_assur_groups_for_the_requested_driver(mechsim: Call) -> None:
     groups = json.loads(mechsim("show", "warp_knitter", "--json").out)["assur_groups"]
     assert [(group["class"], group["order"]) for group in groups] == [(3, 3)]
     groups = json.loads(mechsim("show", "warp_knitter", "--driver", "rod5", "--json").out)["assur_groups"]
     assert {group["class"] for group in groups} == {2}
 
 
-def test_a_crank_that_only_swings_is_shown_with_its_range(mechsim: Call) -> None:
+def test_show_reports_the_range_of_a_swinging_crank(mechsim: Call) -> None:
     result = json.loads(mechsim("show", "rssr", "--set", "rocker=9mm", "--json").out)
     low, high = result["crank_range"]
     assert 2.30 < low < 2.31
@@ -181,23 +180,21 @@ def test_a_crank_that_only_swings_is_shown_with_its_range(mechsim: Call) -> None
 
 
 @pytest.mark.parametrize("extension", [".csv", ".npz"])
-def test_solve_writes_the_columns_of_the_contract_in_si(
-    extension: str, mechsim: Call, tmp_path: Path
-) -> None:
+def test_solve_writes_the_documented_columns_in_si(extension: str, mechsim: Call, tmp_path: Path) -> None:
     words = ["solve", "rssr", "--angles", "0:360:5deg", "--speed", "600rpm", "--set", "crank=14mm"]
     assert mechsim(*words, "-o", f"out{extension}").code == 0
     table = files.read(tmp_path / f"out{extension}")
     points = ("P2", "P3")
-    wanted = [f"{p}.{k}{axis}" for p in points for k in ("", "v", "a") for axis in "xyz"]
+    expected = [f"{p}.{k}{axis}" for p in points for k in ("", "v", "a") for axis in "xyz"]
     joints = [f"{j}.{k}" for j in ("crank", "rocker") for k in "qva"]
-    assert list(table) == ["angle", *wanted, *joints]
+    assert list(table) == ["angle", *expected, *joints]
     np.testing.assert_allclose(table["crank.v"], 20.0 * np.pi, rtol=1e-14)
     assert len(table["angle"]) == 73
     np.testing.assert_allclose(np.hypot(table["P2.y"], table["P2.z"]), 0.014, rtol=1e-15)
     np.testing.assert_allclose(np.hypot(table["P2.vy"], table["P2.vz"]), 0.014 * 20.0 * np.pi, rtol=1e-14)
 
 
-def test_simulate_answers_with_one_json_object_and_writes_time_too(mechsim: Call, tmp_path: Path) -> None:
+def test_simulate_prints_one_json_object_and_writes_time(mechsim: Call, tmp_path: Path) -> None:
     words = ["simulate", "rssr", "--speed", "600rpm", "--turns", "2", "--tolerance", "1e-6", "--json"]
     answer = mechsim(*words, "-o", "run.npz")
     assert answer.code == 0
@@ -215,11 +212,11 @@ def test_simulate_answers_with_one_json_object_and_writes_time_too(mechsim: Call
     assert np.linalg.norm(gap, axis=1).max() <= 1e-6
 
 
-def test_simulate_with_mujocos_own_settings_misses_and_reports_so_by_its_exit_code(mechsim: Call) -> None:
+def test_simulate_with_default_settings_of_mujoco_reports_its_error(mechsim: Call) -> None:
     words = ["simulate", "rssr", "--integrator", "Euler", "--timestep", "1ms", "--compliance", "1"]
     answer = mechsim(*words, "--solref", "0.02,1", "--solimp", "0.9,0.95,0.001", "--json")
     output = json.loads(answer.out)
-    # without a tolerance nothing can be missed, but the estimate tells: a tenth of a millimetre and more
+    # the estimate shows the error of the default settings, above 0.1 mm
     assert output["estimate"] > 1e-4
     assert output["settings"]["timestep"] == 1e-3
 
@@ -229,13 +226,13 @@ PARALLELOGRAM = [
 ]
 
 
-def test_a_parallelogram_stays_one_linkage_all_the_way(mechsim: Call, tmp_path: Path) -> None:
+def test_a_parallelogram_keeps_its_assembly_mode_over_a_turn(mechsim: Call, tmp_path: Path) -> None:
     table = str(tmp_path / "turn.csv")
     assert mechsim("simulate", "four_bar", *PARALLELOGRAM, "-o", table).code == 0
     result = files.read(table)
     exact = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045)
-    places = exact.positions(result["angle"])["B"]
-    assert np.abs(result["B.x"] - places[:, 0]).max() < 1e-12
+    positions = exact.positions(result["angle"])["B"]
+    assert np.abs(result["B.x"] - positions[:, 0]).max() < 1e-12
     shown = mechsim("show", "four_bar", *PARALLELOGRAM).out
     assert "crank range: full turn" in shown
     assert "change points of the crank: -180, 0 deg" in shown
@@ -243,9 +240,7 @@ def test_a_parallelogram_stays_one_linkage_all_the_way(mechsim: Call, tmp_path: 
     assert solved.code == 0
 
 
-def test_a_fold_keeps_to_the_branch_and_a_stepped_run_states_where_it_is_not_decided(
-    mechsim: Call, tmp_path: Path
-) -> None:
+def test_branch_policy_keeps_the_branch_and_stepping_is_rejected(mechsim: Call, tmp_path: Path) -> None:
     table = str(tmp_path / "turn.csv")
     assert mechsim("solve", "four_bar", *PARALLELOGRAM, "--change-point", "branch", "-o", table).code == 0
     result = files.read(table)
@@ -254,9 +249,9 @@ def test_a_fold_keeps_to_the_branch_and_a_stepped_run_states_where_it_is_not_dec
     )
     points = {name: np.column_stack([result[f"{name}.{axis}"] for axis in "xyz"]) for name in ("A", "B")}
     assert (exact.assembly_sign(points) >= -1e-15).all()
-    refused = mechsim("solve", "four_bar", *PARALLELOGRAM, "--change-point", "past")
-    assert refused.code == 2
-    assert "smooth or branch" in refused.err
+    rejected = mechsim("solve", "four_bar", *PARALLELOGRAM, "--change-point", "past")
+    assert rejected.code == 2
+    assert "smooth or branch" in rejected.err
     reported = mechsim("simulate", "four_bar", *PARALLELOGRAM, "--method", "step")
     assert reported.code == 2
     assert "starts at crank angle 0 rad, where two assemblies meet and dynamics alone do not" in reported.err
@@ -280,7 +275,7 @@ def test_a_profile_drives_the_crank_along_it(mechsim: Call, tmp_path: Path) -> N
     assert np.abs(table["angle"] - 0.5 * np.sin(30.0 * table["time"])).max() < 1e-4
 
 
-def test_validate_prints_the_contracts_json_and_nothing_else(mechsim: Call) -> None:
+def test_validate_prints_only_the_documented_json(mechsim: Call) -> None:
     answer = mechsim("validate", "rssr", "four_bar", "--json")
     assert answer.code == 0
     output = json.loads(answer.out)
@@ -310,14 +305,14 @@ def test_validate_swings_a_crank_that_cannot_turn_fully(mechsim: Call) -> None:
     assert json.loads(answer.out)["mechanisms"]["rssr"]["outcome"] == "passed"
 
 
-def test_validate_of_what_cannot_be_assembled_reports_so_in_json_and_in_one_line(mechsim: Call) -> None:
+def test_validate_reports_an_unassemblable_mechanism(mechsim: Call) -> None:
     answer = mechsim("validate", "rssr", "--set", "coupler=1mm", "--json")
     assert answer.code == 2
     assert json.loads(answer.out)["mechanisms"]["rssr"]["outcome"] == "cannot assemble"
     assert len(answer.err.strip().splitlines()) == 1
 
 
-def test_synthesize_finds_the_papers_own_design(mechsim: Call) -> None:
+def test_synthesize_finds_the_published_design(mechsim: Call) -> None:
     words = ["--through", "12.8751,29.9574mm", "--tilt", "1.3905deg", "--length", "4mm", "--json"]
     output = json.loads(mechsim("synthesize", "looper", *words).out)
     assert round(output["frame"] * 1e3, 1) == 35.4
@@ -333,16 +328,14 @@ def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
-def test_every_command_states_what_it_does_in_one_sentence_and_is_listed_with_one_that_is_not_cut(
-    name: str, mechsim: Call
-) -> None:
+def test_every_command_is_listed_with_its_complete_summary(name: str, mechsim: Call) -> None:
     output = inspect.getdoc(cli.load_command(name).callback) or ""
     assert re.fullmatch(r"[A-Z].*\.", output.split("\n\n")[0], re.DOTALL)
     line = next(line for line in mechsim("--help").out.splitlines() if line.split()[:1] == [name])
     assert line.split(maxsplit=1)[1] == cli.COMMANDS[name][1]
 
 
-def test_the_package_runs_as_a_motion_law() -> None:
+def test_the_package_runs_as_a_module() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "mechsim", "--version"], capture_output=True, text=True, check=False
     )
@@ -352,12 +345,12 @@ def test_the_package_runs_as_a_motion_law() -> None:
 HEAVY = {"scipy", "matplotlib", "mediapy", "pint", "networkx", "jinja2"}
 
 
-def loaded_by(*typed: str) -> set[str]:
-    """Return the packages that are loaded once all of this was typed."""
+def loaded_by(*arguments: str) -> set[str]:
+    """Return the packages loaded after these commands."""
     code = (
         "import sys\n"
         "from mechsim.cli import main\n"
-        f"for words in {typed!r}:\n"
+        f"for words in {arguments!r}:\n"
         "    sys.argv = ['mechsim', *words.split()]\n"
         "    try: main()\n"
         "    except SystemExit as ended: assert not ended.code, words\n"
@@ -367,25 +360,25 @@ def loaded_by(*typed: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
-def test_help_loads_nothing_heavy() -> None:
-    # how long it takes is a benchmark; what makes it short is asserted here
+def test_help_imports_no_heavy_library() -> None:
+    # the time is a benchmark; this test asserts its cause
     assert not loaded_by("--help") & (HEAVY | {"numpy", "mujoco"})
 
 
-def test_a_run_of_the_catalogue_by_its_defaults_loads_neither_scipy_nor_pictures() -> None:
+def test_a_default_run_imports_neither_scipy_nor_plotting() -> None:
     assert not loaded_by("simulate four_bar") & {"scipy", "matplotlib", "mediapy"}
 
 
-def test_usual_units_load_no_unit_library_and_what_is_no_scene_no_simulator() -> None:
+def test_common_units_and_analytic_commands_import_no_heavy_library() -> None:
     usual = loaded_by("show four_bar", "solve four_bar --set crank=41mm --speed 300rpm --angles 0:360:45deg")
     assert not usual & {"pint", "dask", "scipy", "matplotlib", "mediapy", "mujoco"}
 
 
-def test_help_of_a_command_loads_what_declares_it_and_no_solver() -> None:
+def test_help_of_a_command_imports_no_solver() -> None:
     assert not loaded_by(*(f"{name} -h" for name in cli.COMMANDS)) & HEAVY
 
 
-def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
+def test_a_killed_run_leaves_no_partial_file(tmp_path: Path) -> None:
     code = "from mechsim.cli import main; import sys; sys.argv = ['mechsim', *sys.argv[1:]]; main()"
     words = ["solve", "rssr", "--angles", "0:3600:0.01deg", "-o", str(tmp_path / "out.csv")]
     process = subprocess.Popen([sys.executable, "-c", code, *words])
@@ -393,16 +386,16 @@ def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
         time.sleep(0.005)
     process.kill()
     process.wait()
-    # the file is there whole, or not at all
+    # the file is complete or absent
     if (tmp_path / "out.csv").exists():
         assert len(files.read(tmp_path / "out.csv")["angle"]) == 360_001
 
 
-@pytest.mark.parametrize("more", [(), ("--json",)])
-def test_an_exported_model_beyond_its_tolerance_ends_in_1_in_every_format(mechsim, monkeypatch, more):
+@pytest.mark.parametrize("options", [(), ("--json",)])
+def test_an_export_beyond_its_tolerance_has_exit_code_1(mechsim, monkeypatch, options):
     monkeypatch.setattr(
         "mechsim.studies.scene.tune_model.exported_model", lambda *_, **__: ("<mujoco/>", 1e-3)
     )
-    answer = mechsim("export", "four_bar", "--tolerance", "1um", "-o", "out.xml", *more)
+    answer = mechsim("export", "four_bar", "--tolerance", "1um", "-o", "out.xml", *options)
     assert answer.code == 1
-    assert "the error is 0.001 m" in (answer.out if more else answer.err)
+    assert "the error is 0.001 m" in (answer.out if options else answer.err)

@@ -19,7 +19,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_mechanisms_and_files_that_may_be_one_are_offered():
+def test_mechanisms_and_model_files_are_completed():
     assert complete_models("four") == ["four_bar"]
     assert complete_models("klan") == ["klann"]
     assert complete_models("my") == ["my_arm.toml"]
@@ -28,22 +28,22 @@ def test_mechanisms_and_files_that_may_be_one_are_offered():
     assert complete_files("robots/n") == ["robots/notes.txt"]
 
 
-def test_parameters_are_those_of_the_mechanism_named():
-    def offered(model, incomplete=""):
+def test_parameters_of_the_named_mechanism_are_completed():
+    def completions(model, incomplete=""):
         return complete_parameters(SimpleNamespace(params={"model": model}), incomplete)
 
-    assert offered("four_bar", "co") == ["coupler="]
-    assert offered("my_arm.toml") == ["reach=", "width="]
-    assert "crank=" in offered("quick_return")
-    assert offered("broken.toml") == offered("robots/leg.xml") == []
+    assert completions("four_bar", "co") == ["coupler="]
+    assert completions("my_arm.toml") == ["reach=", "width="]
+    assert "crank=" in completions("quick_return")
+    assert completions("broken.toml") == completions("robots/leg.xml") == []
 
 
-def test_a_shell_is_answered():
-    asked = os.environ | {
+def test_a_shell_gets_completions():
+    environment = os.environ | {
         "_MECHSIM_COMPLETE": "complete_bash",
         "COMP_WORDS": "mechsim show rss",
         "COMP_CWORD": "2",
     }
     line = "import sys; sys.argv = ['mechsim']; from mechsim.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", line], env=asked, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", line], env=environment, capture_output=True, text=True)
     assert (done.returncode, done.stdout.split()) == (0, ["rssr"])

@@ -1,4 +1,4 @@
-"""`mechsim simulate --ctrl`: a file's own actuators fed, the file stepped as it is."""
+"""`mechsim simulate --ctrl`: control of a file's own actuators, stepped with its own settings."""
 
 import json
 
@@ -15,11 +15,11 @@ def finger(tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
 
 
-FEED = ("simulate", "finger.xml", "--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.4s")
+COMMAND = ("simulate", "finger.xml", "--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.4s")
 
 
-def test_a_controlled_run_is_what_plain_mujoco_does(mechsim, tmp_path):
-    answer = mechsim(*FEED, "--samples", "21", "-o", "run.csv", "--json")
+def test_a_controlled_run_equals_plain_mujoco(mechsim, tmp_path):
+    answer = mechsim(*COMMAND, "--samples", "21", "-o", "run.csv", "--json")
     reported = json.loads(answer.out)
     assert reported["outcome"] in ("passed", "failed")
     assert answer.code == (0 if reported["outcome"] == "passed" else 1)
@@ -36,20 +36,22 @@ def test_a_controlled_run_is_what_plain_mujoco_does(mechsim, tmp_path):
     assert len(table["effort:servo"]) == reported["rows"]
 
 
-def test_settings_requested_for_replace_those_of_the_file_and_no_others(mechsim):
-    answer = mechsim(*FEED, "--timestep", "1ms", "--integrator", "implicitfast", "--solver", "CG", "--json")
+def test_only_requested_settings_replace_those_of_the_file(mechsim):
+    answer = mechsim(
+        *COMMAND, "--timestep", "1ms", "--integrator", "implicitfast", "--solver", "CG", "--json"
+    )
     settings = json.loads(answer.out)["settings"]
     assert settings == {"timestep": 1e-3, "integrator": "implicitfast", "solver": "CG"}
 
 
 def test_a_tolerance_chooses_steps_and_compliance(mechsim):
-    reported = json.loads(mechsim(*FEED, "--tolerance", "1um", "--json").out)
+    reported = json.loads(mechsim(*COMMAND, "--tolerance", "1um", "--json").out)
     assert reported["outcome"] == "passed"
     assert reported["estimate"] <= 1e-6
 
 
 @pytest.mark.parametrize(
-    ("words", "output"),
+    ("arguments", "output"),
     [
         (("--ctrl", "motor=1"), "actuators of the model are servo"),
         (("--ctrl", "servo"), "has no '='"),
@@ -58,8 +60,8 @@ def test_a_tolerance_chooses_steps_and_compliance(mechsim):
         (("--ctrl", "servo=1", "--steps-per-turn", "50"), "--steps-per-turn"),
     ],
 )
-def test_what_does_not_go_with_it_is_rejected_in_one_line(mechsim, words, output):
-    answer = mechsim("simulate", "finger.xml", *words)
+def test_incompatible_options_are_rejected(mechsim, arguments, output):
+    answer = mechsim("simulate", "finger.xml", *arguments)
     assert answer.code == 2
     assert output in answer.err
     assert len(answer.err.strip().splitlines()) == 1

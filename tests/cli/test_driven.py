@@ -1,4 +1,4 @@
-"""Commands on mechanisms whose drivers go by programs: tables, poses, and one line for what is wrong."""
+"""Commands on mechanisms under motion laws: tables, poses, and one line for invalid input."""
 
 import csv
 import json
@@ -34,7 +34,7 @@ DRIVE = ["--drive", "lift=20mm/s", "--drive", "turn=0.5*sin(3*t)"]
 
 
 @pytest.mark.parametrize("command", ["solve", "simulate"])
-def test_both_methods_go_as_the_motion_laws_state(mechsim, command):
+def test_both_methods_follow_the_motion_laws(mechsim, command):
     code, _, output = mechsim(
         command, "arm.toml", *DRIVE, "--duration", "2s", "--samples", "11", "-o", "out.csv"
     )
@@ -49,7 +49,7 @@ def test_both_methods_go_as_the_motion_laws_state(mechsim, command):
     np.testing.assert_allclose(table["turn.a"], -4.5 * np.sin(3 * time), atol=1e-6)
 
 
-def test_poses_are_read_row_by_row(mechsim, tmp_path):
+def test_poses_of_a_table_are_solved_row_by_row(mechsim, tmp_path):
     (tmp_path / "rows.csv").write_text("turn,lift\n0.5,0.1\n-0.2,0.3\n")
     code, out, _ = mechsim("solve", "arm.toml", "--at", "rows.csv")
     assert code == 0
@@ -64,7 +64,7 @@ def test_poses_are_read_row_by_row(mechsim, tmp_path):
     ("model", "rows"),
     [("five_bar", "left,right\n2.0,1.0\n2.2,1.1\n2.2,1.1\n1.9,0.8\n"), ("rssr", "crank\n1.0\n-0.5\n7.0\n")],
 )
-def test_poses_row_by_row_are_the_same_on_both_methods(mechsim, tmp_path, model, rows):
+def test_both_methods_solve_the_same_poses_of_a_table(mechsim, tmp_path, model, rows):
     (tmp_path / "rows.csv").write_text(rows)
     tables = []
     for command in ("solve", "simulate"):
@@ -76,34 +76,34 @@ def test_poses_row_by_row_are_the_same_on_both_methods(mechsim, tmp_path, model,
         np.testing.assert_allclose(column, tables[0][name], atol=1e-12)
 
 
-@pytest.mark.parametrize("words", [("--speed", "3"), ("--samples", "5"), ("--tolerance", "1um")])
-def test_poses_row_by_row_are_no_motion(mechsim, tmp_path, words):
+@pytest.mark.parametrize("arguments", [("--speed", "3"), ("--samples", "5"), ("--tolerance", "1um")])
+def test_motion_options_with_a_table_of_poses_are_rejected(mechsim, tmp_path, arguments):
     (tmp_path / "rows.csv").write_text("crank\n1.0\n")
-    code, _, output = mechsim("simulate", "rssr", "--at", "rows.csv", *words)
+    code, _, output = mechsim("simulate", "rssr", "--at", "rows.csv", *arguments)
     assert code == 2
-    assert f"{words[0]} applies to" in output
+    assert f"{arguments[0]} applies to" in output
     assert output.count("\n") == 1
 
 
-def test_show_answers_whatever_is_driven(mechsim):
-    def told(*words):
-        code, out, _ = mechsim("show", "arm.toml", "--json", *words)
+def test_show_reports_mobility_under_any_drivers(mechsim):
+    def mobility(*arguments):
+        code, out, _ = mechsim("show", "arm.toml", "--json", *arguments)
         assert code == 0
         return json.loads(out)["mobility"]
 
-    plain = told()
+    plain = mobility()
     assert (plain["dofs"], plain["drivers"], plain["open"], plain["redundant"]) == (
         2,
         ["lift", "turn"],
         [],
         0,
     )
-    assert told("--lock", "lift")["dofs"] == 1
+    assert mobility("--lock", "lift")["dofs"] == 1
 
 
 WRONG = {
-    "no programs": (["solve", "arm.toml"], ["lift, turn have no motion law", "--drive JOINT=LAW"]),
-    "one program": (["solve", "arm.toml", *DRIVE[:2]], ["turn has no motion law", "--drive JOINT"]),
+    "no motion laws": (["solve", "arm.toml"], ["lift, turn have no motion law", "--drive JOINT=LAW"]),
+    "one motion law": (["solve", "arm.toml", *DRIVE[:2]], ["turn has no motion law", "--drive JOINT"]),
     "an angle for a slide": (["solve", "arm.toml", "--drive", "lift=3deg*t"], ["is an angle; give a length"]),
     "no equals sign": (["solve", "arm.toml", "--drive", "lift"], ["--drive NAME=VALUE"]),
     "twice": (["solve", "arm.toml", "--drive", "lift=1", "--drive", "lift=2"], ["lift twice"]),
@@ -120,16 +120,16 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_cannot_be_is_stated_in_one_line(mechsim, case):
-    words, wanted = WRONG[case]
-    code, out, output = mechsim(*words)
+def test_invalid_input_gives_one_line(mechsim, case):
+    arguments, expected = WRONG[case]
+    code, out, output = mechsim(*arguments)
     assert (code, out) == (2, "")
     assert len(output.strip().splitlines()) == 1
-    for word in wanted:
+    for word in expected:
         assert word in output
 
 
-def test_what_is_exported_under_motion_laws_solves_alike(mechsim):
+def test_an_export_with_motion_laws_gives_the_same_solution(mechsim):
     assert mechsim("export", "arm.toml", *DRIVE, "--format", "toml", "-o", "again.toml")[0] == 0
     tables = []
     for model in (["arm.toml", *DRIVE], ["again.toml"]):
@@ -140,32 +140,32 @@ def test_what_is_exported_under_motion_laws_solves_alike(mechsim):
         np.testing.assert_allclose(tables[1][name], column, atol=1e-14)
 
 
-def test_a_motion_of_next_to_nothing_is_in_its_own_assembly(mechsim):
-    """What the steps are off by is rounding, and more than a part of the stroke."""
+def test_a_motion_at_rounding_level_passes(mechsim):
+    """The error of the steps is rounding, but large relative to the stroke."""
     answer = mechsim("simulate", "four_bar", "--method", "step", "--drive", "crank=1.1e-12*t")
     assert answer.code == 0, answer.err
     assert "PASS" in answer.out
 
 
 def test_driver_errors_beyond_the_tolerance_are_reported(mechsim):
-    """Places are held to where the drivers were; a force held over a step leaves those behind."""
-    words = ("simulate", "four_bar", "--drive", "crank=0.5*sin(6*t)", "--samples", "12", "-o")
-    fine = mechsim(*words, "found.csv", "--tolerance", "1um")
-    coarse = mechsim(*words, "coarse.csv", "--tolerance", "1mm")
-    assert mechsim(*words, "wanted.csv", "--method", "pose").code == 0
-    result, wanted = files.read("found.csv"), files.read("wanted.csv")
-    gaps = [[result[f"{point}.{axis}"] - wanted[f"{point}.{axis}"] for axis in "xyz"] for point in "ABC"]
-    far = np.linalg.norm(gaps, axis=1).max()
-    assert far > 1e-6
-    assert f"positions differ by up to {far:.2g} m from those of the motion laws" in fine.out
+    """Positions are checked at the actual driver positions, which lag within a step."""
+    arguments = ("simulate", "four_bar", "--drive", "crank=0.5*sin(6*t)", "--samples", "12", "-o")
+    fine = mechsim(*arguments, "found.csv", "--tolerance", "1um")
+    coarse = mechsim(*arguments, "coarse.csv", "--tolerance", "1mm")
+    assert mechsim(*arguments, "wanted.csv", "--method", "pose").code == 0
+    result, expected = files.read("found.csv"), files.read("wanted.csv")
+    gaps = [[result[f"{point}.{axis}"] - expected[f"{point}.{axis}"] for axis in "xyz"] for point in "ABC"]
+    largest = np.linalg.norm(gaps, axis=1).max()
+    assert largest > 1e-6
+    assert f"positions differ by up to {largest:.2g} m from those of the motion laws" in fine.out
     assert (fine.code, coarse.code) == (0, 0)
     assert "from those of the motion laws" not in coarse.out
 
 
-def test_a_time_step_is_kept_under_motion_laws(mechsim):
-    words = ["simulate", "arm.toml", *DRIVE, "--duration", "1s", "--timestep", "2ms", "--json"]
-    output = json.loads(mechsim(*words).out)
+def test_a_requested_time_step_is_used_under_motion_laws(mechsim):
+    arguments = ["simulate", "arm.toml", *DRIVE, "--duration", "1s", "--timestep", "2ms", "--json"]
+    output = json.loads(mechsim(*arguments).out)
     assert (output["steps"], output["settings"]["timestep"]) == (500, 0.002)
-    code, _, output = mechsim(*words[:-1], "--samples", "72")
+    code, _, output = mechsim(*arguments[:-1], "--samples", "72")
     assert (code, output.count("\n")) == (2, 1)
     assert "take 50 or 100 intervals (--samples 51 or 101)" in output

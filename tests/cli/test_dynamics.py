@@ -1,4 +1,4 @@
-"""The command line of dynamics: JSON alone on stdout, files, exit codes, one clear line for bad input."""
+"""The dynamics command: JSON on stdout, files, exit codes, one clear line for invalid input."""
 
 import json
 import math
@@ -9,20 +9,18 @@ import pytest
 from mechsim import cli, files
 
 
-def run(capsys, monkeypatch, *words):
-    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", *words])
+def run(capsys, monkeypatch, *arguments):
+    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", *arguments])
     with np.errstate(all="ignore"), pytest.raises(SystemExit) as ended:
         cli.main()
     out, err = capsys.readouterr()
     return ended.value.code, out, err
 
 
-def test_a_prescribed_crank_is_reported_as_json_with_a_verdict_and_written_as_a_table(
-    capsys, monkeypatch, tmp_path
-):
+def test_a_prescribed_crank_is_reported_as_json_and_table(capsys, monkeypatch, tmp_path):
     csv, plot = tmp_path / "out.csv", tmp_path / "out.svg"
-    words = ("--speed", "3000rpm", "--samples", "36", "--json", "-o", str(csv), "--plot", str(plot))
-    code, out, _ = run(capsys, monkeypatch, "four_bar", *words, "--coefficient", "0.02")
+    arguments = ("--speed", "3000rpm", "--samples", "36", "--json", "-o", str(csv), "--plot", str(plot))
+    code, out, _ = run(capsys, monkeypatch, "four_bar", *arguments, "--coefficient", "0.02")
     reported = json.loads(out)
     assert code == 0
     assert reported["outcome"] == "passed"
@@ -34,22 +32,22 @@ def test_a_prescribed_crank_is_reported_as_json_with_a_verdict_and_written_as_a_
     assert plot.read_bytes().startswith(b"<?xml")
 
 
-def test_couplings_are_reported_with_what_carries_them(capsys, monkeypatch, tmp_path):
+def test_couplings_are_reported_with_their_transmission(capsys, monkeypatch, tmp_path):
     csv = tmp_path / "out.csv"
-    words = ("--samples", "8", "--json", "-o", str(csv))
-    code, out, _ = run(capsys, monkeypatch, "planetary_gear", *words)
+    arguments = ("--samples", "8", "--json", "-o", str(csv))
+    code, out, _ = run(capsys, monkeypatch, "planetary_gear", *arguments)
     reported = json.loads(out)["couplings"]["carrier-planet"]
     assert code == 0
-    # the ring stands, as the frame does
+    # the ring is fixed to the frame
     assert (reported["by"], reported["links"], reported["unit"]) == ("teeth", ["planet", "ground"], "N m")
     table = files.read(csv)
     force = np.hypot(table["mesh carrier-planet.fx"], table["mesh carrier-planet.fy"])
     assert force.max() == pytest.approx(reported["force"]["largest"], rel=1e-12)
-    # a torque over the planet's radius
+    # torque divided by the radius of the planet
     assert force == pytest.approx(np.abs(table["gear carrier-planet"]) / 0.018, rel=1e-9)
-    words = ("--samples", "8", "--method", "none")
+    arguments = ("--samples", "8", "--method", "none")
     monkeypatch.setenv("COLUMNS", "160")
-    _, out, _ = run(capsys, monkeypatch, "parallel_gripper", *words)
+    _, out, _ = run(capsys, monkeypatch, "parallel_gripper", *arguments)
     assert "ideal transmission: acts in reverse on ground" in " ".join(out.split())
     assert "teeth of right-left on driver_l" in out
 
@@ -58,21 +56,21 @@ def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatc
     load = tmp_path / "load.csv"
     turn = repr(2.0 * np.pi)
     load.write_text(f"angle,P3.fx,P3.fz,crank\n0,0,1,0\n2,3,0,0.01\n{turn},0,1,0\n")
-    plain = run(capsys, monkeypatch, "rssr", "--method", "none", "--json", "--samples", "12")
-    busy = run(
+    without_loads = run(capsys, monkeypatch, "rssr", "--method", "none", "--json", "--samples", "12")
+    loaded = run(
         capsys,
         monkeypatch,
         *("rssr", "--method", "none", "--json", "--samples", "12", "--load", str(load)),
         *("--friction", "rocker=1e-4,1e-3", "--flywheel", "1e-4", "--gravity", "0,0,-9.81"),
     )
-    assert (plain[0], busy[0]) == (0, 0)
-    item, other = json.loads(plain[1]), json.loads(busy[1])
+    assert (without_loads[0], loaded[0]) == (0, 0)
+    item, other = json.loads(without_loads[1]), json.loads(loaded[1])
     assert item["outcome"] is None
     assert other["torque"]["largest"] != item["torque"]["largest"]
     assert other["power_balance"] <= 1e-12
 
 
-def test_a_motor_runs_the_model_or_states_that_it_cannot(capsys, monkeypatch, tmp_path):
+def test_a_motor_too_weak_to_start_is_reported(capsys, monkeypatch, tmp_path):
     plot = tmp_path / "free.png"
     motor = ("--motor", "line:0.05,3000rpm", "--turns", "1", "--samples", "30", "--method", "none")
     code, out, _ = run(capsys, monkeypatch, "rssr", *motor, "--json", "--plot", str(plot))
@@ -88,23 +86,23 @@ def test_a_motor_runs_the_model_or_states_that_it_cannot(capsys, monkeypatch, tm
 
 
 def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
-    words = ("--set", "crank=0.2", "--set", "rocker=0.19", "--set", "coupler=0.05", "--samples", "24")
-    code, out, _ = run(capsys, monkeypatch, "four_bar", *words, "--json")
+    arguments = ("--set", "crank=0.2", "--set", "rocker=0.19", "--set", "coupler=0.05", "--samples", "24")
+    code, out, _ = run(capsys, monkeypatch, "four_bar", *arguments, "--json")
     reported = json.loads(out)
     assert reported["fluctuation"] is None
     assert (code, reported["outcome"]) == (0, "passed")
 
 
 @pytest.mark.parametrize("motor", ["constant:0.5", "constant:500mNm", "constant:0.5 N m"])
-def test_a_motor_takes_units(capsys, monkeypatch, motor):
-    words = ("four_bar", "--motor", motor, "--turns", "0.2", "--method", "none", "--json")
-    code, out, _ = run(capsys, monkeypatch, *words)
+def test_motor_parameters_accept_units(capsys, monkeypatch, motor):
+    arguments = ("four_bar", "--motor", motor, "--turns", "0.2", "--method", "none", "--json")
+    code, out, _ = run(capsys, monkeypatch, *arguments)
     assert code == 0
     assert json.loads(out)["free"]["work"] == pytest.approx(0.5 * 0.4 * math.pi, rel=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("words", "output"),
+    ("arguments", "output"),
     [
         (("--motor", "dc:12,1"), "--motor is 'dc:12,1'; write constant:TORQUE"),
         (("--motor", "steam:1"), "--motor is 'steam:1'"),
@@ -136,8 +134,8 @@ def test_a_motor_takes_units(capsys, monkeypatch, motor):
         (("--speed", "1e300rpm"), "1e300rpm; give one other than 0"),
     ],
 )
-def test_bad_input_is_one_clear_line_and_exit_code_2(capsys, monkeypatch, words, output):
-    code, out, err = run(capsys, monkeypatch, "rssr", *words)
+def test_invalid_input_gives_one_line_and_exit_code_2(capsys, monkeypatch, arguments, output):
+    code, out, err = run(capsys, monkeypatch, "rssr", *arguments)
     assert code == 2
     assert out == ""
     assert output in err
@@ -155,7 +153,7 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(capsys, monkeypatch, words,
         ("angle\n0\n6.283185307179586\n", "holds no load"),
     ],
 )
-def test_a_load_table_that_is_none_is_rejected(capsys, monkeypatch, tmp_path, text, output):
+def test_an_invalid_load_table_is_rejected(capsys, monkeypatch, tmp_path, text, output):
     load = tmp_path / "load.csv"
     load.write_text(text)
     code, _, err = run(capsys, monkeypatch, "rssr", "--load", str(load))
@@ -163,14 +161,14 @@ def test_a_load_table_that_is_none_is_rejected(capsys, monkeypatch, tmp_path, te
     assert output in err
 
 
-def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch, tmp_path):
+def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch, tmp_path):
     load = tmp_path / "load.csv"
     turn = repr(2.0 * np.pi)
     load.write_text(f"angle,rocker.mx,rocker.mz\n0,0.01,0\n3,0,0.02\n{turn},0.01,0\n")
-    words = ("rssr", "--json", "--samples", "6", "--method", "pose")
+    arguments = ("rssr", "--json", "--samples", "6", "--method", "pose")
     output = [
-        json.loads(run(capsys, monkeypatch, *words, *more)[1])
-        for more in (
+        json.loads(run(capsys, monkeypatch, *arguments, *options)[1])
+        for options in (
             (),
             ("--spring", "P3:ground@0,50,0mm=200,0.01"),
             ("--spring", "rocker=0.2,0.1"),
@@ -181,18 +179,21 @@ def test_springs_dampers_couples_and_a_gear_are_options_too(capsys, monkeypatch,
         )
     ]
     assert all(item["outcome"] == "passed" for item in output)
-    # a damper along a rigid link does nothing, all others change the torque
+    # a damper along a rigid link has no effect; all others change the torque
     torques = [item["torque"]["rms"] for item in output]
     assert torques[3] == pytest.approx(torques[0], rel=1e-9)
     assert len({round(item / torques[0], 6) for item in torques}) == 6
     geared = ("--motor", "line:0.005,30000rpm", "--gear", "10")
-    plain = ("--motor", "line:0.05,3000rpm")
+    without_loads = ("--motor", "line:0.05,3000rpm")
     free = ("rssr", "--json", "--samples", "12", "--method", "none", "--turns", "0.5")
-    ends = [json.loads(run(capsys, monkeypatch, *free, *more)[1])["free"] for more in (geared, plain)]
+    ends = [
+        json.loads(run(capsys, monkeypatch, *free, *options)[1])["free"]
+        for options in (geared, without_loads)
+    ]
     assert ends[0]["seconds"] == pytest.approx(ends[1]["seconds"], rel=1e-9)
 
 
-def test_a_tolerance_is_kept_or_missed_with_exit_code_1_and_states_by_what_settings(capsys, monkeypatch):
+def test_a_tolerance_report_sets_the_exit_code(capsys, monkeypatch):
     code, out, _ = run(capsys, monkeypatch, "rssr", "--tolerance", "1e-5", "--json")
     reported = json.loads(out)["tolerance_report"]
     assert code == 0
@@ -233,25 +234,25 @@ def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
     file = tmp_path / "five_bar.toml"
     file.write_text(FIVE_BAR)
     table = tmp_path / "out.csv"
-    words = (str(file), *MOVED, "--json", "-o", str(table), "--plot", str(tmp_path / "out.svg"))
-    code, out, _ = run(capsys, monkeypatch, *words)
+    arguments = (str(file), *MOVED, "--json", "-o", str(table), "--plot", str(tmp_path / "out.svg"))
+    code, out, _ = run(capsys, monkeypatch, *arguments)
     reported = json.loads(out)
     assert code == 0
     assert reported["outcome"] == "passed"
     assert reported["drives"].keys() == {"left", "right"}
     assert {item["unit"] for item in reported["drives"].values()} == {"N m"}
     assert 0.0 <= reported["drives"]["left"]["at_time"] <= 1.0
-    # the file's gravity is square to the plane, which the machine then does not feel
+    # gravity of the file is normal to the plane and has no effect
     rows = np.genfromtxt(table, delimiter=",", names=True)
     assert np.ptp(rows["potential"]) == pytest.approx(0.0, abs=1e-12)
     # gravity of the command line replaces it, also if it is the default of mechanisms without loads
-    code, _, _ = run(capsys, monkeypatch, *words, "--gravity", "0,-9.81,0", "--method", "none")
+    code, _, _ = run(capsys, monkeypatch, *arguments, "--gravity", "0,-9.81,0", "--method", "none")
     assert code == 0
     assert np.ptp(np.genfromtxt(table, delimiter=",", names=True)["potential"]) > 1e-3
 
 
-def test_a_crank_that_motion_laws_move_does_not_run_free(capsys, monkeypatch, tmp_path):
-    words = ("four_bar", "--drive", "crank=sin(t)", "--free")
-    code, _, error = run(capsys, monkeypatch, *words)
+def test_a_free_run_under_motion_laws_is_rejected(capsys, monkeypatch, tmp_path):
+    arguments = ("four_bar", "--drive", "crank=sin(t)", "--free")
+    code, _, error = run(capsys, monkeypatch, *arguments)
     assert code == 2
     assert "--free" in error

@@ -1,4 +1,4 @@
-"""How commands end: streams that take nothing, signals, faults of the program, a back end that fails."""
+"""Exit codes for closed streams, signals, internal errors and a failing OpenGL back end."""
 
 import os
 import signal
@@ -15,13 +15,13 @@ from mechsim import cli
 
 MECHSIM = [sys.executable, "-m", "mechsim"]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(cli.__file__).parents[2])}
-RENDER = ["render", "rssr", "-o", "film.mp4", "--frames-per-turn", "2000", "--size", "640x480"]
+RENDER = ["render", "rssr", "-o", "animation.mp4", "--frames-per-turn", "2000", "--size", "640x480"]
 SOLVE = ["solve", "rssr", "--angles", "0:3600:0.01deg", "-o", "out.csv"]
 
 
 @pytest.fixture(autouse=True, scope="module")
-def heard() -> Iterator[None]:
-    """Let commands hear signals that the tests are run without, as in the background or under nohup."""
+def enabled_signals() -> Iterator[None]:
+    """Enable signals that a test run in the background or under nohup ignores."""
     handlers = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: lambda *_: None}
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     yield
@@ -29,8 +29,8 @@ def heard() -> Iterator[None]:
         signal.signal(number, handler)
 
 
-def run(words: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = f"{sys.executable} -m mechsim {words}"
+def run(arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = f"{sys.executable} -m mechsim {arguments}"
     return subprocess.run(
         ["sh", "-c", command],
         cwd=folder,
@@ -42,7 +42,7 @@ def run(words: str, folder: Path, **environment: str) -> subprocess.CompletedPro
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "output"),
+    ("arguments", "code", "output"),
     [
         pytest.param("list >&-", 0, "", marks=pytest.mark.slow),
         ("solve rssr -o out.csv <&- >&- 2>&-", 0, ""),
@@ -51,22 +51,22 @@ def run(words: str, folder: Path, **environment: str) -> subprocess.CompletedPro
         ("solve rssr >/dev/full", 2, "No space left on device"),
     ],
 )
-def test_a_stream_that_takes_nothing_leaves_the_exit_code_right(
-    words: str, code: int, output: str, tmp_path: Path
+def test_closed_and_full_streams_keep_the_exit_code(
+    arguments: str, code: int, output: str, tmp_path: Path
 ) -> None:
-    done = run(words, tmp_path)
+    done = run(arguments, tmp_path)
     assert done.returncode == code
     assert output in done.stderr
     assert len(done.stderr.splitlines()) <= 1
-    if "-o" in words:
-        # neither output nor messages went into the file that was given a stream's number
+    if "-o" in arguments:
+        # no output or message goes into a file that reuses the number of a closed stream
         assert (tmp_path / "out.csv").read_text().startswith("angle,P2.x")
 
 
-def begun(words: list[str], folder: Path) -> subprocess.Popen[str]:
+def started(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
     """Start a command and wait until it writes."""
     process = subprocess.Popen(
-        [*MECHSIM, *words],
+        [*MECHSIM, *arguments],
         cwd=folder,
         env=ENVIRONMENT,
         text=True,
@@ -79,28 +79,26 @@ def begun(words: list[str], folder: Path) -> subprocess.Popen[str]:
     return process
 
 
-@pytest.mark.parametrize(("name", "words"), [("SIGTERM", RENDER), ("SIGHUP", SOLVE)])
-def test_a_signal_that_ends_a_command_leaves_nothing_behind(
-    name: str, words: list[str], tmp_path: Path
-) -> None:
-    process = begun(words, tmp_path)
+@pytest.mark.parametrize(("name", "arguments"), [("SIGTERM", RENDER), ("SIGHUP", SOLVE)])
+def test_a_terminating_signal_leaves_no_files(name: str, arguments: list[str], tmp_path: Path) -> None:
+    process = started(arguments, tmp_path)
     number = getattr(signal, name)
     process.send_signal(number)
     output = process.communicate(timeout=600)[1]
     assert process.returncode == 128 + number
     assert output.splitlines()[-1] == "mechsim: stopped"
     assert list(tmp_path.iterdir()) == []
-    # the encoder, in the same group, is gone as well
+    # the encoder, in the same process group, has ended
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
 
 
 @pytest.mark.slow
-def test_an_interrupt_from_the_keyboard_that_ends_the_encoder_too_is_no_fault_of_the_encoder(
+def test_a_keyboard_interrupt_is_no_encoder_error(
     tmp_path: Path,
 ) -> None:
-    process = begun(RENDER, tmp_path)
-    # what has frames in it, the encoder writes
+    process = started(RENDER, tmp_path)
+    # wait until the encoder writes frames
     while process.poll() is None and not any(path.stat().st_size for path in tmp_path.iterdir()):
         time.sleep(0.005)
     os.killpg(process.pid, signal.SIGINT)
@@ -111,7 +109,7 @@ def test_an_interrupt_from_the_keyboard_that_ends_the_encoder_too_is_no_fault_of
 
 
 def swallowing(number: signal.Signals, times: int) -> "subprocess.CompletedProcess[str]":
-    """Run a command whose destructors swallow a signal so many times, and wait for what is to come again."""
+    """Run a command whose destructors swallow a signal this many times, and wait for repeated signals."""
     code = f"""
 import os, time
 from mechsim.cli import exit_codes
@@ -135,14 +133,14 @@ raise SystemExit(code)
 @pytest.mark.parametrize(
     ("number", "times", "code"), [(signal.SIGTERM, 1, 128 + signal.SIGTERM), (signal.SIGINT, 2, 2)]
 )
-def test_a_signal_that_destructors_swallow_ends_the_command_all_the_same_and_once(
+def test_a_signal_swallowed_by_destructors_ends_the_command_once(
     number: signal.Signals, times: int, code: int
 ) -> None:
     done = swallowing(number, times)
     assert (done.returncode, done.stderr) == (code, "mechsim: stopped\n")
 
 
-def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
+def test_an_ignored_signal_stays_ignored(tmp_path: Path) -> None:
     code = (
         "import signal, os; signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
         "from mechsim.cli import exit_codes\n"
@@ -151,7 +149,7 @@ def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path) -> None:
     assert subprocess.run([sys.executable, "-c", code], env=ENVIRONMENT, check=False).returncode == 0
 
 
-def test_a_fault_of_the_motion_law_never_looks_like_missed(
+def test_an_internal_error_has_its_own_exit_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken(**_: object) -> None:
@@ -169,11 +167,11 @@ def test_a_fault_of_the_motion_law_never_looks_like_missed(
         assert ("Traceback" in output) is debug
 
 
-@pytest.mark.parametrize("asked", grid(("osmesa", "nonsense"), ("nonsense",)))
-def test_a_back_end_that_fails_stops_nothing_that_does_not_draw(asked: str, tmp_path: Path) -> None:
-    done = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL=asked)
+@pytest.mark.parametrize("name", grid(("osmesa", "nonsense"), ("nonsense",)))
+def test_a_failing_opengl_back_end_does_not_stop_other_commands(name: str, tmp_path: Path) -> None:
+    done = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL=name)
     assert done.returncode == 0
     if done.stderr:
         assert done.stderr == (
-            f"mechsim: MUJOCO_GL={asked} does not work here; pictures use another back end, if there is one\n"
+            f"mechsim: MUJOCO_GL={name} does not work here; pictures use another back end, if there is one\n"
         )

@@ -13,7 +13,7 @@ ANGLES = np.linspace(0.0, 6.0, 7)
 
 @pytest.fixture
 def fit(mechsim):
-    return lambda *words: mechsim("fit", *words)
+    return lambda *options: mechsim("fit", *options)
 
 
 @pytest.fixture
@@ -23,9 +23,9 @@ def table(tmp_path):
     files.write_table(tmp_path / "measured.csv", columns)
 
 
-def test_a_fit_is_reported_with_its_uncertainty_and_written(fit, table, tmp_path):
-    asked = ("four_bar", "--to", "measured.csv", "--vary", "coupler")
-    code, out, err = fit(*asked, "--json", "-o", "fit.json")
+def test_a_fit_is_reported_and_written_with_its_uncertainty(fit, table, tmp_path):
+    arguments = ("four_bar", "--to", "measured.csv", "--vary", "coupler")
+    code, out, err = fit(*arguments, "--json", "-o", "fit.json")
     assert code == 0, err
     reported = json.loads(out)
     item = reported["dimensions"]["coupler"]
@@ -33,26 +33,26 @@ def test_a_fit_is_reported_with_its_uncertainty_and_written(fit, table, tmp_path
     assert item["value"] == pytest.approx(0.0913, rel=1e-9)
     assert 0.0 < item["deviation"] < 1e-4
     assert json.loads((tmp_path / "fit.json").read_text())["dimensions"]["coupler"] == item
-    code, out, err = fit(*asked, "-o", "rows.csv")
+    code, out, err = fit(*arguments, "-o", "rows.csv")
     assert code == 0, err
     assert "coupler" in out
     rows = files.read(tmp_path / "rows.csv")
     assert np.abs(rows["rocker.q.left"]).max() <= 1e-9
 
 
-def test_the_speed_is_that_of_the_table(fit, tmp_path):
+def test_the_crank_speed_comes_from_the_table(fit, tmp_path):
     motion = catalog.make("four_bar", coupler=0.0913).solve(ANGLES, speed=31.0)
     crank, rocker = (motion.joints[name].rate for name in ("crank", "rocker"))
     files.write_table(tmp_path / "rates.csv", {"angle": ANGLES, "crank.v": crank, "rocker.v": rocker})
-    asked = ("four_bar", "--to", "rates.csv", "--vary", "coupler")
-    code, out, err = fit(*asked, "--json")
+    arguments = ("four_bar", "--to", "rates.csv", "--vary", "coupler")
+    code, out, err = fit(*arguments, "--json")
     assert code == 0, err
     assert json.loads(out)["dimensions"]["coupler"]["value"] == pytest.approx(0.0913, rel=1e-9)
-    code, out, err = fit(*asked, "--speed", "600rpm")
+    code, out, err = fit(*arguments, "--speed", "600rpm")
     assert (code, "62.83 rad/s, but the crank of the table rotates at 31 rad/s" in err) == (2, True)
 
 
-def test_what_cannot_be_distinguished_apart_ends_in_one(fit, table):
+def test_undetermined_dimensions_have_exit_code_1(fit, table):
     code, out, err = fit("four_bar", "--to", "measured.csv", "--vary", "coupler,arm")
     assert code == 1, err
     assert "no measured quantity depends on arm" in out
@@ -60,7 +60,7 @@ def test_what_cannot_be_distinguished_apart_ends_in_one(fit, table):
 
 
 @pytest.mark.parametrize(
-    ("words", "output"),
+    ("options", "output"),
     [
         (["--vary", "coupler"], "the measured motion is missing; name its table"),
         (["--to", "measured.csv"], "--vary is missing; name the dimensions"),
@@ -68,8 +68,8 @@ def test_what_cannot_be_distinguished_apart_ends_in_one(fit, table):
         (["--to", "measured.csv", "--vary", "cuopler"], "did you mean 'coupler'"),
     ],
 )
-def test_what_cannot_be_is_stated_in_one_line(fit, table, words, output):
-    code, out, err = fit("four_bar", *words)
+def test_invalid_input_gives_one_line(fit, table, options, output):
+    code, out, err = fit("four_bar", *options)
     assert (code, out) == (2, "")
     assert output in err
     assert len(err.strip().splitlines()) == 1

@@ -12,8 +12,8 @@ from mechsim import cli, files
 def command(capsys, monkeypatch):
     """Run `mechsim dynamics four_bar` and return exit code, output and errors."""
 
-    def run(*words):
-        monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "four_bar", *words])
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "four_bar", *arguments])
         with pytest.raises(SystemExit) as ended:
             cli.main()
         return ended.value.code, *capsys.readouterr()
@@ -23,14 +23,14 @@ def command(capsys, monkeypatch):
 
 @pytest.fixture
 def facts(command):
-    def run(*words):
-        code, out, _ = command(*words, "--json")
+    def run(*arguments):
+        code, out, _ = command(*arguments, "--json")
         return code, json.loads(out)
 
     return run
 
 
-def test_a_crank_is_released_from_an_angle_and_compared_with_mujoco(facts):
+def test_a_released_crank_agrees_with_mujoco(facts):
     code, run = facts("--initial", "crank.q=30deg", "--duration", "0.1s", "--samples", "10")
     assert code == 0
     assert run["outcome"] == "done"
@@ -41,8 +41,8 @@ def test_a_crank_is_released_from_an_angle_and_compared_with_mujoco(facts):
 
 def test_a_run_ends_at_an_event_and_writes_its_columns(tmp_path, command):
     table = tmp_path / "run.csv"
-    words = ["--initial", "crank.v=20", "--until", "crank.q=30deg", "--method", "none", "-o", str(table)]
-    code, out, _ = command(*words)
+    arguments = ["--initial", "crank.v=20", "--until", "crank.q=30deg", "--method", "none", "-o", str(table)]
+    code, out, _ = command(*arguments)
     assert code == 0
     assert "done at" in out
     header = table.read_text().splitlines()[0].split(",")
@@ -51,7 +51,7 @@ def test_a_run_ends_at_an_event_and_writes_its_columns(tmp_path, command):
     assert data["crank"][-1] == pytest.approx(np.deg2rad(30.0), abs=1e-10)
 
 
-def test_an_event_that_is_not_reached_is_reported(facts):
+def test_an_unreached_event_is_reported(facts):
     code, run = facts("--until", "crank.q=900deg", "--duration", "0.01s", "--method", "none")
     assert code == 1
     assert run["outcome"] == "time over"
@@ -75,12 +75,12 @@ def test_without_loads_every_configuration_is_an_equilibrium(command, facts):
     assert rest["everywhere"]
 
 
-def test_modes_far_from_an_equilibrium_are_those_of_the_stable_one(command, facts):
-    _, near = facts("--modes", "--initial", "crank.q=-95deg")
+def test_modes_are_computed_at_the_stable_equilibrium(command, facts):
+    _, stable = facts("--modes", "--initial", "crank.q=-95deg")
     code, result = facts("--modes")
     assert code == 0
     assert result["stable"]
-    assert result["modes"][0]["frequency"] == pytest.approx(near["modes"][0]["frequency"], rel=1e-9)
+    assert result["modes"][0]["frequency"] == pytest.approx(stable["modes"][0]["frequency"], rel=1e-9)
     assert "modes about the stable equilibrium at crank -1.755" in command("--modes")[1]
 
 
@@ -100,7 +100,7 @@ def test_a_frequency_response_is_tabulated(facts):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("arguments", "message"),
     [
         (["--initial", "foo.q=1"], "initial value 'foo.q' is not J.q or J.v"),
         (["--initial", "crank.q=1kg"], "kg"),
@@ -110,7 +110,7 @@ def test_a_frequency_response_is_tabulated(facts):
         (["--until", "expr:A.x*B.y=1mm"], "give a number in m2"),
         (["--until", "crank.v=0"], "crank.v=0 holds at the start already"),
         (["--until", "crank.q=30deg", "--initial", "crank.q=30deg"], "holds at the start already"),
-        # before a run that would take hours
+        # rejected before a run that would take hours
         (
             ["--of", "nothing", "--initial", "crank.v=9", "--duration", "1e6s"],
             "has no quantity 'nothing'; choose from points and joints (A, B, C, crank",
@@ -126,8 +126,8 @@ def test_a_frequency_response_is_tabulated(facts):
         (["--modes", "--initial", "rocker.q=9"], "do not close at the initial values"),
     ],
 )
-def test_bad_input_ends_in_one_sentence(words, message, command):
-    code, _, error = command(*words)
+def test_invalid_input_gives_one_line(arguments, message, command):
+    code, _, error = command(*arguments)
     assert code == 2
     assert message in error
     assert error.count("\n") == 1
@@ -147,23 +147,23 @@ def test_distances_angles_and_expressions_are_quantities_of_a_run(tmp_path, fact
     assert {"kinetic", "potential", "work", "lost"} <= columns.keys()
 
 
-def test_a_run_ends_where_an_angle_between_links_takes_a_value(facts):
-    words = ["--initial", "crank.q=30deg", "--until", "angle:crank,rocker=170deg", "--method", "none"]
-    code, run = facts(*words, "--of", "angle:crank,rocker")
+def test_an_angle_between_links_ends_a_run(facts):
+    arguments = ["--initial", "crank.q=30deg", "--until", "angle:crank,rocker=170deg", "--method", "none"]
+    code, run = facts(*arguments, "--of", "angle:crank,rocker")
     assert code == 0
     assert run["outcome"] == "done"
     assert run["quantities"]["angle:crank,rocker"]["final"] == pytest.approx(np.deg2rad(170.0), abs=1e-10)
 
 
-def test_an_angle_that_jumps_by_a_revolution_ends_no_run(facts):
-    words = ["--initial", "crank.q=30deg", "--duration", "0.3s", "--method", "none"]
-    # the angle grows from 62 to 353 degrees: as an angle between -180 and 180 it jumps on the way
-    code, run = facts(*words, "--until", "angle:crank,rocker=10deg")
+def test_a_wrapped_angle_does_not_trigger_an_event(facts):
+    arguments = ["--initial", "crank.q=30deg", "--duration", "0.3s", "--method", "none"]
+    # the angle grows from 62 to 353 degrees and would jump if wrapped to -180 to 180
+    code, run = facts(*arguments, "--until", "angle:crank,rocker=10deg")
     assert code == 1
     assert run["outcome"] == "time over"
 
 
-def test_velocities_respond_with_the_frequency_times_displacements(facts):
+def test_velocity_responses_are_displacements_times_frequency(facts):
     result = [
         facts("--response", f"crank:{of}", "--initial", "crank.q=-95deg")[1] for of in ("B.x", "B.vx", "B.ax")
     ]
@@ -176,32 +176,32 @@ def test_velocities_respond_with_the_frequency_times_displacements(facts):
     assert result[0]["unit"] == "m/(N m)"
 
 
-def test_runs_modes_and_responses_are_drawn(tmp_path, command):
+def test_runs_modes_and_responses_are_plotted(tmp_path, command):
     run = ["--until", "crank.q=-20deg", "--duration", "0.05s"]
-    for i, words in enumerate((run, ["--modes"], ["--response", "crank:B.x"])):
+    for i, arguments in enumerate((run, ["--modes"], ["--response", "crank:B.x"])):
         picture = tmp_path / f"{i}.png"
         code, _, error = command(
-            *words, "--initial", "crank.q=-95deg", "--method", "none", "--plot", str(picture)
+            *arguments, "--initial", "crank.q=-95deg", "--method", "none", "--plot", str(picture)
         )
         assert (code, error) == (1 if i == 0 else 0, "")
         assert picture.stat().st_size > 10_000
 
 
-def test_what_acts_in_a_file_and_not_in_the_model_is_noted(tmp_path, monkeypatch, capsys):
+def test_forces_of_a_file_without_model_are_noted(tmp_path, monkeypatch, capsys):
     (tmp_path / "pendulum.xml").write_text(
         """<mujoco><worldbody><body name="rod"><joint name="pivot" axis="0 1 0" armature="0.1"/>
         <geom type="capsule" size="0.01" fromto="0 0 0 0.3 0 0"/></body></worldbody>
         <actuator><position joint="pivot" kp="3"/></actuator></mujoco>"""
     )
-    words = ["dynamics", str(tmp_path / "pendulum.xml"), "--initial", "pivot.q=0", "--duration", "0.1s"]
-    monkeypatch.setattr("sys.argv", ["mechsim", *words, "--samples", "5"])
+    arguments = ["dynamics", str(tmp_path / "pendulum.xml"), "--initial", "pivot.q=0", "--duration", "0.1s"]
+    monkeypatch.setattr("sys.argv", ["mechsim", *arguments, "--samples", "5"])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code in (0, None)
     assert "left out of the dynamics: armature, servos" in capsys.readouterr().err
 
 
-def test_a_weight_that_falls_without_end_has_no_equilibrium(tmp_path, mechsim):
+def test_a_falling_weight_has_no_equilibrium(tmp_path, mechsim):
     (tmp_path / "fall.toml").write_text(
         """name = "fall"
 [joints.slide]

@@ -32,16 +32,16 @@ def test_help_names_types_fits_eighty_columns_and_ends_with_two_examples(name, m
 
 
 @pytest.mark.parametrize("name", cli.COMMANDS)
-def test_options_of_examples_are_options_of_the_command(name):
+def test_examples_use_existing_options(name):
     command = cli.load_command(name)
     for line in examples(command.help):
-        program, typed, *words = shlex.split(line)
+        program, typed, *options = shlex.split(line)
         assert (program, typed) == ("mechsim", name)
         # raises for an unknown option or a missing argument
-        command.make_context(name, words)
+        command.make_context(name, options)
 
 
-def test_options_stand_in_their_panels(mechsim):
+def test_options_are_listed_in_their_panels(mechsim):
     out = help_of("simulate", mechsim)
     sections = dict(re.findall(r"^(\w+):\n((?:  .*\n)+)", out, re.MULTILINE))
     for option, panel in {"set": "Model", "drive": "Motion", "solver": "Solver", "json": "Output"}.items():

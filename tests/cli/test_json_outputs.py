@@ -1,4 +1,4 @@
-"""What commands print with --json is as their schemas say."""
+"""Output of --json is valid under the schemas of the commands."""
 
 import json
 import re
@@ -52,8 +52,8 @@ view slider_crank --certify -o {folder}/page.html
 compile slider_crank -o {folder}/solver.h --test {folder}/test.c
 """.strip().splitlines()
 SLOW = ["dynamics four_bar --statics --initial crank.q=30deg --method none"]
-# long runs, pictures, and what is JSON by itself
-ELSEWHERE = {"extremes", "reduce", "tune", "sweep", "render", "schema"}
+# commands with long runs, pictures, or only JSON output
+TESTED_ELSEWHERE = {"extremes", "reduce", "tune", "sweep", "render", "schema"}
 
 
 def printed(line, monkeypatch, capsys):
@@ -72,7 +72,7 @@ def valid_options(value, schema):
 
 
 def undescribed(value, schema, path=""):
-    """Return where an output holds keys of which its schema says nothing."""
+    """Return the paths of output keys that the schema does not describe."""
     options = valid_options(value, schema)
     if isinstance(value, dict):
         known = [item for item in options if "properties" in item or "additionalProperties" in item]
@@ -95,13 +95,13 @@ def undescribed(value, schema, path=""):
 
 @pytest.mark.usefixtures("fast_clock")
 @pytest.mark.parametrize("line", [*LINES, *(pytest.param(line, marks=pytest.mark.slow) for line in SLOW)])
-def test_what_is_printed_is_as_the_schema_states(line, monkeypatch, capsys, tmp_path):
+def test_json_output_is_valid_under_its_schema(line, monkeypatch, capsys, tmp_path):
     line = line.format(folder=tmp_path)
     reported, schema = printed(line, monkeypatch, capsys), output_schema(line.split()[0])
     jsonschema.Draft202012Validator.check_schema(schema)
     as_schema = jsonschema.Draft202012Validator(schema)
     as_schema.validate(reported)
-    # only a trade's points hold more than is said of them
+    # only points of a trade-off contain undescribed keys
     assert {
         re.sub(r"\.(points|pareto|recommended)\b.*", r".\1", item) for item in undescribed(reported, schema)
     } <= {
@@ -109,8 +109,8 @@ def test_what_is_printed_is_as_the_schema_states(line, monkeypatch, capsys, tmp_
         ".pareto",
         ".recommended",
     }
-    # a schema that lets everything pass would say nothing
-    # of several kinds of output it is one
+    # a schema must reject missing keys and wrong types;
+    # an output matches exactly one alternative
     (kind,) = valid_options(reported, schema)
     as_schema, first = jsonschema.Draft202012Validator(kind), kind["required"][0]
     assert not as_schema.is_valid({key: item for key, item in reported.items() if key != first})
@@ -124,10 +124,10 @@ def test_every_command_with_json_has_a_schema(capsys, monkeypatch):
         name for name in COMMANDS if any("--json" in option.opts for option in load_command(name).params)
     }
     assert with_json == set(output_types())
-    assert {line.split()[0] for line in LINES} | ELSEWHERE == set(output_types())
+    assert {line.split()[0] for line in LINES} | TESTED_ELSEWHERE == set(output_types())
 
 
-def test_schema_prints_the_one_requested_for(monkeypatch, capsys):
+def test_schema_prints_the_requested_schema(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["mechsim", "schema", "validate"])
     with pytest.raises(SystemExit):
         main()

@@ -1,4 +1,4 @@
-"""Masses that torques are computed from are listed with their source."""
+"""Masses used for torques are listed with their source."""
 
 import json
 from math import pi
@@ -36,7 +36,7 @@ B = { link = "slider" }
 rod = { at = [0.1, 0, 0] }
 slider = { at = [0.4, 0, 0] }
 """
-# a link without mass next to one that has some
+# a massless link next to one with mass
 SCENE = """
 <mujoco model="pair"><compiler boundmass="0"/><worldbody>
   <body name="arm"><joint name="crank" axis="0 0 1"/><inertial pos=".1 0 0" mass="2" diaginertia="1 1 1"/>
@@ -61,14 +61,14 @@ def test_masses_are_listed_with_their_source(press):
     assert rod.source == "rod"
     assert rod.mass == pytest.approx(7850.0 * pi / 4.0 * 0.01**2 * 0.3, rel=1e-14)
     assert (rod.length, rod.diameter, rod.density) == (pytest.approx(0.3), 0.01, 7850.0)
-    # all joints of the slider lie in one point: a pin two diameters long
+    # all joints of the slider coincide: a pin of two diameters length
     assert result["slider"].length == pytest.approx(0.02)
     study = ms.dynamics.prescribed(machine, [0.1, 0.2], 1.0)
     assert study.masses == machine.masses
     assert driven(machine.mechanism, machine.forces, speed=1.0, samples=4).masses == machine.masses
 
 
-def test_a_link_without_mass_in_a_scene_is_listed_as_zero(tmp_path):
+def test_a_massless_link_of_a_scene_is_listed_as_zero(tmp_path):
     path = tmp_path / "pair.xml"
     path.write_text(SCENE)
     form = ms.load(str(path), lock={"tip": 0.0})
@@ -76,42 +76,42 @@ def test_a_link_without_mass_in_a_scene_is_listed_as_zero(tmp_path):
     assert summary(masses_of(form.mechanism)) == "masses: arm given, 2 kg; tip zero in the file"
 
 
-def test_other_rods_are_named_by_their_density():
+def test_rods_of_another_material_are_listed_with_their_density():
     mechanism = with_inertia(ms.catalog.make("four_bar").mechanism, 2700.0)
     assert "2700 kg/m3 rods" in summary(masses_of(mechanism))
     assert "steel" in summary(masses_of(with_inertia(ms.catalog.make("four_bar").mechanism)))
 
 
-def test_dynamics_states_which_masses_it_uses(mechsim, press):
-    short = ("--samples", "4", "--method", "none")
-    line = " ".join(mechsim("dynamics", press, *short).out.split())
+def test_dynamics_reports_the_masses(mechsim, press):
+    options = ("--samples", "4", "--method", "none")
+    line = " ".join(mechsim("dynamics", press, *options).out.split())
     assert "masses: crank given, 0.5 kg; rod, slider computed as round steel rods of diameter" in line
     assert "-v lists them" in line
-    table = mechsim("dynamics", press, *short, "-v", "--diameter", "10mm").out
+    table = mechsim("dynamics", press, *options, "-v", "--diameter", "10mm").out
     assert "computed: steel rods, length 0.3 m, diameter 0.01 m" in table
-    reported = json.loads(mechsim("dynamics", press, *short, "--json").out)["masses"]
+    reported = json.loads(mechsim("dynamics", press, *options, "--json").out)["masses"]
     assert [item["source"] for item in reported] == ["given", "rod", "rod"]
     assert reported[1]["length"] == pytest.approx(0.3)
     free = json.loads(
-        mechsim("dynamics", press, *short, "--json", "--motor", "constant:1", "--turns", "0.1").out
+        mechsim("dynamics", press, *options, "--json", "--motor", "constant:1", "--turns", "0.1").out
     )
     assert free["masses"] == reported
 
 
 @pytest.mark.parametrize("kind", ["torque", "reactions", "power"])
-def test_plots_of_efforts_state_which_masses_they_use(mechsim, press, kind):
-    words = ("plot", press, "--kind", kind, "-o", "out.svg")
-    assert "rod, slider computed as round steel rods" in mechsim(*words).out
+def test_plots_of_forces_report_the_masses(mechsim, press, kind):
+    arguments = ("plot", press, "--kind", kind, "-o", "out.svg")
+    assert "rod, slider computed as round steel rods" in mechsim(*arguments).out
 
 
-def test_plots_report_masses_as_json_and_only_where_they_matter(mechsim, press):
-    words = ("plot", press, "-o", "out.svg", "--json", "--kind")
-    reported = json.loads(mechsim(*words, "torque").out)["masses"]
+def test_plots_report_masses_as_json_only_if_used(mechsim, press):
+    arguments = ("plot", press, "-o", "out.svg", "--json", "--kind")
+    reported = json.loads(mechsim(*arguments, "torque").out)["masses"]
     assert [item["link"] for item in reported] == ["crank", "rod", "slider"]
     assert "masses" not in mechsim("plot", press, "--kind", "curve", "-o", "out.svg").out
 
 
-def test_comparisons_of_torques_state_which_masses_they_use(mechsim, press, tmp_path):
+def test_comparisons_of_torques_report_the_masses(mechsim, press, tmp_path):
     mechanism = ms.load(press)
     torque = ms.dynamics.prescribed(ms.dynamics.dynamic_model(mechanism), [0.5, 1.0, 1.5], 10.0).forces.torque
     table = tmp_path / "torque.csv"
@@ -119,16 +119,16 @@ def test_comparisons_of_torques_state_which_masses_they_use(mechsim, press, tmp_
         f"{angle},{value!r}" for angle, value in zip((0.5, 1.0, 1.5), torque.tolist(), strict=True)
     )
     table.write_text(f"angle,torque:crank\n{rows}\n")
-    words = ("validate", press, "--against", str(table), "--speed", "10rad/s")
-    answer = mechsim(*words)
+    arguments = ("validate", press, "--against", str(table), "--speed", "10rad/s")
+    answer = mechsim(*arguments)
     assert "computed as round steel rods" in " ".join(answer.out.split())
-    reported = json.loads(mechsim(*words, "--json").out)["mechanisms"]["press"]
+    reported = json.loads(mechsim(*arguments, "--json").out)["mechanisms"]["press"]
     assert [item["source"] for item in reported["masses"]] == ["given", "rod", "rod"]
     verdict = ms.validate(press, str(table), speed=10.0, stepped=False)
     assert [item.link for item in verdict.masses] == ["crank", "rod", "slider"]
 
 
-def test_sweeps_sensitivities_and_arrows_of_efforts_state_which_masses_they_use(mechsim):
+def test_studies_and_renderings_of_forces_report_the_masses(mechsim):
     swept = mechsim(
         "sweep", "four_bar", "--vary", "crank=30mm:32mm:2", "--measure", "max:torque", "-o", "s.csv"
     )

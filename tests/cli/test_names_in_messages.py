@@ -1,4 +1,4 @@
-"""What a message repeats is whole words, and a name that is missing is told with what was probably meant."""
+"""Messages are cut between words, and an unknown name is reported with the closest known one."""
 
 import pytest
 from hypothesis import given
@@ -11,20 +11,20 @@ CHAIN = 30
 
 
 @given(st.lists(st.text("abcde", min_size=1, max_size=12), min_size=1, max_size=20), st.integers(40, 80))
-def test_a_message_is_cut_between_words(words, longest):
+def test_a_message_is_truncated_between_words(words, longest):
     text = " ".join(words)
     short = cut(text, longest)
     assert len(short) <= longest
-    kept = short.removesuffix(" ...").split(" ")
-    assert kept == words[: len(kept)]
+    kept_words = short.removesuffix(" ...").split(" ")
+    assert kept_words == words[: len(kept_words)]
     assert (short == text) == (len(text) <= longest)
 
 
-def test_one_long_word_is_cut_all_the_same():
+def test_a_single_long_word_is_truncated():
     assert cut("x" * 100, 20) == "x" * 16 + " ..."
 
 
-def test_a_value_that_a_rejection_repeats_ends_with_a_whole_word(file):
+def test_a_quoted_value_is_truncated_between_words(file):
     words = "somewhere beyond the farthest corner of the machine where nothing is"
     path = file(f'name = "m"\n[joints.a]\nkind = "{words}"\na = {{link="ground"}}\nb = {{link="l"}}\n')
     with pytest.raises(InputError, match=r"is 'somewhere beyond the farthest corner of the machine \.\.\.; "):
@@ -33,7 +33,7 @@ def test_a_value_that_a_rejection_repeats_ends_with_a_whole_word(file):
 
 @pytest.fixture
 def robot(file):
-    """Return a file of many joints and actuators, more than a message lists, and a keyframe."""
+    """Return a file with a keyframe and more joints and actuators than a message lists."""
     inner = ""
     for i in reversed(range(CHAIN)):
         inner = f'<body name="link{i}"><joint name="joint{i}"/><geom size="0.1" pos="1 0 0"/>{inner}</body>'
@@ -45,7 +45,7 @@ def robot(file):
 
 
 @pytest.mark.parametrize(
-    ("words", "meant"),
+    ("options", "suggestion"),
     [
         ("--drive jiont29=1rpm", "'joint29'"),
         ("--lock joint_28", "'joint28'"),
@@ -54,9 +54,9 @@ def robot(file):
         ("--ctrl moter26=1", "'motor26'"),
     ],
 )
-def test_a_name_that_is_missing_is_reported_with_what_was_intended(mechsim, robot, words, meant):
-    command = "simulate" if "--ctrl" in words else "show"
-    reported = mechsim(command, robot, *words.split())
+def test_an_unknown_name_is_rejected_with_a_suggestion(mechsim, robot, options, suggestion):
+    command = "simulate" if "--ctrl" in options else "show"
+    reported = mechsim(command, robot, *options.split())
     assert reported.code == 2
-    assert f"(did you mean {meant}?); " in reported.err
+    assert f"(did you mean {suggestion}?); " in reported.err
     assert len(reported.err.splitlines()) == 1

@@ -45,7 +45,7 @@ def press(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "sentence"),
+    ("options", "sentence"),
     [
         ("show --set rx=40", "rx: 40 has no unit; the file is in mm: write 40mm or 40m"),
         ("show --angle 30", "--angle: 30 has no unit; the file is in deg: write 30deg or 30rad"),
@@ -73,27 +73,27 @@ def press(tmp_path):
         ("render --angle 30 -o p.png", "--angle: 30 has no unit"),
     ],
 )
-def test_a_number_without_a_unit_is_rejected_where_the_file_is_in_mm(mechsim, press, words, sentence):
-    command, *rest = words.split()
+def test_a_number_without_a_unit_is_rejected_for_a_file_in_mm(mechsim, press, options, sentence):
+    command, *rest = options.split()
     answer = mechsim(command, press, *rest)
     assert answer.code == 2
     assert sentence in answer.err
     assert answer.out == ""
 
 
-def test_segments_of_designs_need_units_where_the_file_is_in_mm(mechsim, press, tmp_path):
+def test_cells_of_designs_need_units_for_a_file_in_mm(mechsim, press, tmp_path):
     table = tmp_path / "designs.csv"
     for cells, code in (("30mm\n0.04m\n", 0), ("30\n40\n", 2)):
         table.write_text(f"rx\n{cells}")
-        words = ("--design", str(table), "--measure", "stroke:B", "-o", "s.csv")
-        assert mechsim("sweep", press, *words).code == code
+        options = ("--design", str(table), "--measure", "stroke:B", "-o", "s.csv")
+        assert mechsim("sweep", press, *options).code == code
     written = (tmp_path / "s.csv").read_text().splitlines()
     assert [float(row.split(",")[0]) for row in written[1:]] == [0.03, 0.04]
 
 
-def test_zero_and_numbers_with_units_are_taken(mechsim, press):
-    words = ("--angles", "0", "--set", "rx=0.05m", "--json")
-    columns = json.loads(mechsim("solve", press, *words).out)["columns"]
+def test_zero_and_numbers_with_units_are_accepted(mechsim, press):
+    options = ("--angles", "0", "--set", "rx=0.05m", "--json")
+    columns = json.loads(mechsim("solve", press, *options).out)["columns"]
     assert columns["B.x"] == pytest.approx([0.17], rel=1e-15)
 
 
@@ -101,23 +101,21 @@ def test_zero_and_numbers_with_units_are_taken(mechsim, press):
     ("units", "length", "angle"),
     [("file", "mm", "deg"), ("cm", "cm", "rad"), ("SI", "m", "rad"), ("deg,in", "in", "deg")],
 )
-def test_solve_and_simulate_write_labelled_columns_in_other_units(
-    mechsim, press, units, length, angle, tmp_path
-):
+def test_columns_are_labelled_and_written_in_other_units(mechsim, press, units, length, angle, tmp_path):
     metre, radian = (
         {"mm": 1e3, "cm": 1e2, "m": 1.0, "in": 1.0 / 0.0254}[length],
         {"deg": 180.0 / np.pi}.get(angle, 1.0),
     )
-    asked = ("solve", press, "--angles", "0:90:30deg", "--speed", "60rpm")
-    plain = json.loads(mechsim(*asked, "--json", "--units", units).out)["columns"]
-    assert mechsim(*asked, "-o", "t.csv", "--units", units).code == 0
+    arguments = ("solve", press, "--angles", "0:90:30deg", "--speed", "60rpm")
+    plain = json.loads(mechsim(*arguments, "--json", "--units", units).out)["columns"]
+    assert mechsim(*arguments, "-o", "t.csv", "--units", units).code == 0
     table = files.read(tmp_path / "t.csv")
     assert len(table) == len(plain)
     np.testing.assert_allclose(table[f"angle [{angle}]"], radian * np.array(plain["angle"]), rtol=1e-14)
     np.testing.assert_allclose(table[f"B.x [{length}]"], metre * np.array(plain["B.x"]), rtol=1e-14)
     np.testing.assert_allclose(table[f"B.ax [{length}/s^2]"], metre * np.array(plain["B.ax"]), rtol=1e-14)
     np.testing.assert_allclose(table[f"A.v [{angle}/s]"], radian * np.array(plain["A.v"]), rtol=1e-14)
-    assert mechsim(*asked, "--units", units).out.splitlines()[0].split(",") == list(table)
+    assert mechsim(*arguments, "--units", units).out.splitlines()[0].split(",") == list(table)
     run = ("simulate", press, "--speed", "60rpm", "--samples", "5", "-o", "run.csv", "--units", units)
     assert mechsim(*run).code == 0
     assert {"time [s]", f"angle [{angle}]", f"B.vx [{length}/s]"} <= set(files.read(tmp_path / "run.csv"))
@@ -130,16 +128,16 @@ def test_a_table_in_other_units_reads_back_as_a_reference(mechsim, press):
     assert answer.code == 0, answer.out
 
 
-def test_dynamics_trace_and_show_take_units(mechsim, press, tmp_path):
-    asked = ("dynamics", press, "--method", "none", "--samples", "4", "-o", "d.csv")
-    reported = mechsim(*asked, "--units", "file").out
+def test_dynamics_trace_and_show_accept_units(mechsim, press, tmp_path):
+    arguments = ("dynamics", press, "--method", "none", "--samples", "4", "-o", "d.csv")
+    reported = mechsim(*arguments, "--units", "file").out
     assert "at [deg]" in reported
     columns = files.read(tmp_path / "d.csv")
     np.testing.assert_allclose(columns["angle [deg]"], [0, 90, 180, 270, 360], atol=1e-9)
     assert {"time [s]", "torque [N m]", "A.fx [N]", "A.mz [N m]", "kinetic [J]", "inertia [kg m^2]"} <= set(
         columns
     )
-    assert "at [rad]" in mechsim(*asked).out
+    assert "at [rad]" in mechsim(*arguments).out
     assert mechsim("trace", press, "--starts", "2", "-o", "c.csv", "--units", "mm,deg").code == 0
     assert {"component [1]", "angle [deg]", "slide.q [mm]", "B.x [mm]"} <= set(files.read(tmp_path / "c.csv"))
     assert "x [mm]" in mechsim("show", press, "--units", "mm").out
@@ -147,7 +145,7 @@ def test_dynamics_trace_and_show_take_units(mechsim, press, tmp_path):
 
 
 @pytest.mark.parametrize("units", ["rpm", "mm,,deg", "", "yards long"])
-def test_units_that_measure_no_length_or_angle_are_rejected(mechsim, press, units):
+def test_invalid_output_units_are_rejected(mechsim, press, units):
     answer = mechsim("solve", press, "--units", units)
     assert answer.code == 2
     assert "which measures no length and no angle; give mm, deg" in answer.err

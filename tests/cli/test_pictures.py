@@ -22,26 +22,26 @@ SMALL = ("--size", "96x72")
 
 @draws
 @pytest.mark.parametrize("angle", ["60deg", "-60deg", "119deg"])
-def test_a_crank_that_only_swings_is_drawn_wherever_it_can_stand(mechsim, tmp_path, angle):
-    words = ("render", "four_bar", "--set", "crank=90mm", "--angle", angle)
-    code, _, err = mechsim(*words, "-o", "a.png", *SMALL)
+def test_a_swinging_crank_is_rendered_within_its_range(mechsim, tmp_path, angle):
+    options = ("render", "four_bar", "--set", "crank=90mm", "--angle", angle)
+    code, _, err = mechsim(*options, "-o", "a.png", *SMALL)
     assert code == 0, err
-    code, _, err = mechsim(*words[:-1], "160deg", "-o", "b.png", *SMALL)
+    code, _, err = mechsim(*options[:-1], "160deg", "-o", "b.png", *SMALL)
     assert code == 2
     assert "its range is from -2.10243" in err
     assert not (tmp_path / "b.png").exists()
 
 
 @draws
-@pytest.mark.parametrize("route", ["closed", "simulated", "both"])
-def test_pictures_come_from_either_method_or_both(mechsim, tmp_path, route):
-    code, out, err = mechsim("render", "rssr", "--from", route, "--angle", "40deg", "-o", "a.png", *SMALL)
+@pytest.mark.parametrize("method", ["closed", "simulated", "both"])
+def test_pictures_are_rendered_from_either_method_or_both(mechsim, tmp_path, method):
+    code, out, err = mechsim("render", "rssr", "--from", method, "--angle", "40deg", "-o", "a.png", *SMALL)
     assert (code, out) == (0, "wrote a.png\n"), err
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
 @draws
-def test_what_was_drawn_is_reported_in_json_as_its_schema_states(mechsim):
+def test_json_of_render_is_valid_under_its_schema(mechsim):
     for name, frames in (("a.png", None), ("a.gif", 6)):
         reported = json.loads(
             mechsim("render", "rssr", "-o", name, "--frames-per-turn", "6", "--json", *SMALL).out
@@ -51,14 +51,14 @@ def test_what_was_drawn_is_reported_in_json_as_its_schema_states(mechsim):
 
 
 @draws
-def test_slow_motion_has_as_many_frames_as_it_takes(mechsim):
+def test_slow_motion_sets_the_number_of_frames(mechsim):
     # 600 rpm: a turn in 0.1 s, ten times slower in 1 s
-    words = ("--slow", "10", "--fps", "6", "--set", "rocker=30mm", *SMALL)
-    assert mechsim("render", "rssr", "-o", "a.gif", *words)[:2] == (0, "wrote 6 frames to a.gif\n")
+    options = ("--slow", "10", "--fps", "6", "--set", "rocker=30mm", *SMALL)
+    assert mechsim("render", "rssr", "-o", "a.gif", *options)[:2] == (0, "wrote 6 frames to a.gif\n")
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("options", "message"),
     [
         (("--from", "nowhere"), "there is no method 'nowhere'"),
         (("--slow", "10", "--frames-per-turn", "12"), "leave out --frames-per-turn"),
@@ -73,16 +73,16 @@ def test_slow_motion_has_as_many_frames_as_it_takes(mechsim):
         (("--turns", "1e9"), "fewer than 10000"),
     ],
 )
-def test_what_cannot_be_drawn_is_rejected_in_one_line(mechsim, tmp_path, words, says):
-    code, _, err = mechsim("render", "rssr", "-o", "a.gif", *words, *SMALL)
+def test_invalid_options_of_render_are_rejected(mechsim, tmp_path, options, message):
+    code, _, err = mechsim("render", "rssr", "-o", "a.gif", *options, *SMALL)
     assert code == 2
-    assert says in err
+    assert message in err
     assert len(err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("options", "message"),
     [
         (("--fps", "20"), "--fps applies to an animation"),
         (("--slow", "10"), "--slow applies to an animation"),
@@ -94,53 +94,53 @@ def test_what_cannot_be_drawn_is_rejected_in_one_line(mechsim, tmp_path, words, 
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed applies to a crank without a motion law"),
     ],
 )
-def test_what_reports_nothing_of_a_picture_is_rejected_in_one_line(mechsim, tmp_path, words, says):
-    code, _, err = mechsim("render", "rssr", "-o", "a.png", *words, *SMALL)
+def test_animation_options_for_a_still_picture_are_rejected(mechsim, tmp_path, options, message):
+    code, _, err = mechsim("render", "rssr", "-o", "a.png", *options, *SMALL)
     assert code == 2
-    assert says in err
+    assert message in err
     assert len(err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
-def test_a_mechanism_as_toml_has_no_scene(mechsim, tmp_path):
+def test_scene_options_for_a_toml_export_are_rejected(mechsim, tmp_path):
     code, _, err = mechsim("export", "rssr", "--format", "toml", "--scene", "pose", "-o", "a.toml")
     assert code == 2
     assert "--scene, --cut, --speed, --tolerance and settings are for MuJoCo models" in err
     assert not list(tmp_path.iterdir())
 
 
-def test_a_video_of_a_size_that_no_codec_takes_is_rejected(mechsim, tmp_path):
+def test_an_odd_video_size_is_rejected(mechsim, tmp_path):
     code, _, err = mechsim("render", "rssr", "-o", "a.mp4", "--size", "321x241")
     assert code == 2
     assert "'321x241', but videos have even sizes" in err
     assert not list(tmp_path.iterdir())
 
 
-DOWN = ("--initial", "crank.q=-95deg")
-# kinds of plots that need more than their name
-MORE = {
+INITIAL = ("--initial", "crank.q=-95deg")
+# options of the kinds of plots that need them
+EXTRA_OPTIONS = {
     "quantities": ("--of", "crank.v,distance:A,C,torque"),
     "history": ("--of", "distance:A,B", "--duration", "0.1s"),
-    "phase": (*DOWN, "--duration", "0.1s"),
-    "bode": (*DOWN, "--response", "crank:B.x"),
-    "modes": DOWN,
+    "phase": (*INITIAL, "--duration", "0.1s"),
+    "bode": (*INITIAL, "--response", "crank:B.x"),
+    "modes": INITIAL,
 }
 
 
-# studies take their time and have a test of their own
+# studies are slow and have their own test
 @pytest.mark.parametrize(
     "kind", [kind for kind in plot_table.PLOTS if kind not in ("precision", "stability")]
 )
-def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch, kind):
-    for name, few in (("SAMPLES", 36), ("ERROR_SAMPLES", 36), ("trace", partial(trace, starts=20))):
-        monkeypatch.setattr(plot_table, name, few)
+def test_every_kind_of_plot_is_drawn(mechsim, tmp_path, monkeypatch, kind):
+    for name, reduced in (("SAMPLES", 36), ("ERROR_SAMPLES", 36), ("trace", partial(trace, starts=20))):
+        monkeypatch.setattr(plot_table, name, reduced)
     model = "warp_knitter" if plot_table.PLOTS[kind].released != "always" else "four_bar"
-    assert mechsim("plot", model, "--kind", kind, *MORE.get(kind, ()), "-o", "a.svg")[0] == 0
+    assert mechsim("plot", model, "--kind", kind, *EXTRA_OPTIONS.get(kind, ()), "-o", "a.svg")[0] == 0
     assert ET.parse(tmp_path / "a.svg").getroot().tag.endswith("svg")
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("options", "message"),
     [
         (
             ("--kind", "curve", "--angle", "30deg"),
@@ -167,26 +167,28 @@ def test_every_kind_of_plot_in_the_table_is_drawn(mechsim, tmp_path, monkeypatch
         (("--drive", "crank=sin(t)", "--speed", "5rpm"), "--speed applies to a crank without a motion law"),
     ],
 )
-def test_an_option_of_another_kind_of_plot_is_rejected_in_one_line(mechsim, tmp_path, words, says):
-    code, _, err = mechsim("plot", "four_bar", *words, "-o", "a.png")
+def test_an_option_of_another_kind_of_plot_is_rejected(mechsim, tmp_path, options, message):
+    code, _, err = mechsim("plot", "four_bar", *options, "-o", "a.png")
     assert code == 2
-    assert says in err
+    assert message in err
     assert len(err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
-def test_a_torque_plot_carries_both_methods(mechsim, tmp_path):
-    for route in ("closed", "simulated"):
-        assert mechsim("plot", "four_bar", "--kind", "torque", "--from", route, "-o", f"{route}.svg")[0] == 0
-    closed, both = ((tmp_path / f"{route}.svg").read_text() for route in ("closed", "simulated"))
+def test_a_torque_plot_shows_both_methods(mechsim, tmp_path):
+    for method in ("closed", "simulated"):
+        assert (
+            mechsim("plot", "four_bar", "--kind", "torque", "--from", method, "-o", f"{method}.svg")[0] == 0
+        )
+    closed, both = ((tmp_path / f"{method}.svg").read_text() for method in ("closed", "simulated"))
     assert "MuJoCo" not in closed
     assert "MuJoCo" in both
 
 
-def test_studies_are_drawn_as_they_are_measured(mechsim, tmp_path, monkeypatch):
+def test_plots_of_studies_are_drawn(mechsim, tmp_path, monkeypatch):
     monkeypatch.setattr(plot_table, "BUDGET", 0.5)
-    few = [("steps", axes.steps, [100.0, 50.0])]
-    monkeypatch.setattr(stability_map, "axes_of", lambda solver, quick: few)
+    reduced = [("steps", axes.steps, [100.0, 50.0])]
+    monkeypatch.setattr(stability_map, "axes_of", lambda solver, quick: reduced)
     for kind in ("precision", "stability"):
         code, _, err = mechsim("plot", "slider_crank", "--kind", kind, "-o", f"{kind}.svg")
         assert code == 0, err
@@ -203,7 +205,7 @@ def test_joint_forces_are_drawn_from_the_command_line(mechsim, tmp_path):
     assert (tmp_path / "a.png").exists()
 
 
-def test_a_missing_ffmpeg_is_stated_before_anything_is_drawn(mechsim, monkeypatch):
+def test_a_missing_ffmpeg_is_rejected_before_rendering(mechsim, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     code, _, err = mechsim("render", "rssr", "-o", "a.mp4", *SMALL)
@@ -213,54 +215,56 @@ def test_a_missing_ffmpeg_is_stated_before_anything_is_drawn(mechsim, monkeypatc
 
 @draws
 @pytest.mark.parametrize(
-    ("name", "words", "count"),
+    ("name", "options", "count"),
     [
         ("four_bar", ("--frames-per-turn", "6"), 6),
         ("four_bar", ("--frames-per-turn", "6", "--turns", "1.5"), 10),
-        # after a turn of its carrier a planet stands elsewhere
+        # after a turn of the carrier the planet has another angle
         ("planetary_gear", ("--frames-per-turn", "6"), 7),
-        # programs that come back
+        # periodic motion laws
         ("five_bar", ("--fps", "8"), 8),
     ],
 )
-def test_a_video_leaves_its_last_frame_out_only_where_that_is_the_first_again(mechsim, name, words, count):
-    assert mechsim("render", name, "-o", "film", "--size", "32x24", *words)[:2] == (
+def test_a_periodic_video_omits_its_repeated_last_frame(mechsim, name, options, count):
+    assert mechsim("render", name, "-o", "frames", "--size", "32x24", *options)[:2] == (
         0,
-        f"wrote {count} frames to film\n",
+        f"wrote {count} frames to frames\n",
     )
 
 
 @draws
-def test_a_run_from_an_initial_state_and_a_mode_are_rendered_and_viewed(mechsim, tmp_path):
+def test_released_runs_and_modes_are_rendered_and_viewed(mechsim, tmp_path):
     small = ("--size", "96x64", "--duration", "0.1s")
-    code, out, _ = mechsim("render", "four_bar", *DOWN, *small, "-o", "run.gif", "--slow", "2")
+    code, out, _ = mechsim("render", "four_bar", *INITIAL, *small, "-o", "run.gif", "--slow", "2")
     assert (code, out.splitlines()[0]) == (0, "wrote 7 frames to run.gif")
-    code, out, _ = mechsim("render", "four_bar", *DOWN, *small, "--mode", "1", "--fps", "5", "-o", "mode.gif")
-    # one cycle of two seconds, whose last frame is the first again
+    code, out, _ = mechsim(
+        "render", "four_bar", *INITIAL, *small, "--mode", "1", "--fps", "5", "-o", "mode.gif"
+    )
+    # one cycle of two seconds without the repeated last frame
     assert (code, out.splitlines()[0]) == (0, "wrote 10 frames to mode.gif")
-    for words in (DOWN, (*DOWN, "--mode", "1")):
-        assert mechsim("view", "four_bar", *words, "-o", "page.html")[0] == 0
-        assert ("four-bar, mode 1" if "--mode" in words else "four-bar, released") in (
+    for options in (INITIAL, (*INITIAL, "--mode", "1")):
+        assert mechsim("view", "four_bar", *options, "-o", "page.html")[0] == 0
+        assert ("four-bar, mode 1" if "--mode" in options else "four-bar, released") in (
             tmp_path / "page.html"
         ).read_text()
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("options", "message"),
     [
-        (("--mode", "2", *DOWN), "there is no mode 2; this equilibrium has modes 1 to 1"),
+        (("--mode", "2", *INITIAL), "there is no mode 2; this equilibrium has modes 1 to 1"),
         (("--spring", "crank=1"), "add --initial, --until or --mode"),
-        ((*DOWN, "--angle", "3deg"), "--angle applies to a driven crank"),
-        ((*DOWN, "--duration", "1e9s"), "frames; give a shorter --duration"),
+        ((*INITIAL, "--angle", "3deg"), "--angle applies to a driven crank"),
+        ((*INITIAL, "--duration", "1e9s"), "frames; give a shorter --duration"),
     ],
 )
-def test_what_a_release_cannot_show_is_rejected(mechsim, words, says):
-    code, _, error = mechsim("render", "four_bar", *words, "-o", "a.png")
+def test_invalid_options_of_a_released_run_are_rejected(mechsim, options, message):
+    code, _, error = mechsim("render", "four_bar", *options, "-o", "a.png")
     assert code == 2
-    assert says in error
+    assert message in error
 
 
-def test_frames_of_a_run_that_swings_bear_their_time():
+def test_frames_of_a_swinging_run_have_their_time():
     run = ms.dynamics.run(
         ms.load("four_bar"),
         Forces(gravity=(0.0, -9.81, 0.0)),

@@ -7,7 +7,7 @@ from studies.test_reduction import few_trials
 
 from mechsim.errors import InputError
 
-FED = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.2s")
+CONTROL = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.2s")
 
 
 @pytest.fixture
@@ -16,12 +16,10 @@ def finger(tmp_path):
     return "finger.xml"
 
 
-def test_reduce_writes_a_scene_and_reports_what_each_thing_left_out_costs(
-    mechsim, finger, tmp_path, monkeypatch
-):
+def test_reduce_writes_a_scene_and_reports_each_removed_element(mechsim, finger, tmp_path, monkeypatch):
     few_trials(monkeypatch)
     output = mechsim(
-        "reduce", finger, "--tolerance", "7um", "--track", "pad", *FED, "-o", "out.xml", "--json"
+        "reduce", finger, "--tolerance", "7um", "--track", "pad", *CONTROL, "-o", "out.xml", "--json"
     )
     assert output.code == 0, output.err
     reported = json.loads(output.out)
@@ -32,26 +30,26 @@ def test_reduce_writes_a_scene_and_reports_what_each_thing_left_out_costs(
     assert all(item["what"] in text for item in reported["left_out"])
 
 
-def test_two_points_may_be_named_at_once(mechsim, finger, monkeypatch):
-    asked = []
+def test_several_tracked_points_are_accepted(mechsim, finger, monkeypatch):
+    tracked_names = []
 
-    def stopped(scene, *_, **__):
-        asked.extend(scene.tracked)
+    def stop(scene, *_, **__):
+        tracked_names.extend(scene.tracked)
         raise InputError("seen")
 
-    monkeypatch.setattr("mechsim.studies.reduction.reduce_model.reduce_scene", stopped)
-    words = ("--track", "pad,lever", "--track", "P,pad@0.1,0,0")
-    assert mechsim("reduce", finger, "--tolerance", "7um", *words, "-o", "out.xml").code == 2
-    assert asked == ["pad", "lever", "P"]
+    monkeypatch.setattr("mechsim.studies.reduction.reduce_model.reduce_scene", stop)
+    arguments = ("--track", "pad,lever", "--track", "P,pad@0.1,0,0")
+    assert mechsim("reduce", finger, "--tolerance", "7um", *arguments, "-o", "out.xml").code == 2
+    assert tracked_names == ["pad", "lever", "P"]
 
 
 @pytest.mark.slow
-def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatch):
+def test_locked_joints_and_a_fixed_base_stay_fixed_in_the_reduced_scene(mechsim, tmp_path, monkeypatch):
     few_trials(monkeypatch)
     (tmp_path / "floating.xml").write_text(FLOATING)
-    held = ("--fix-base", "--lock", "swing=0.2", "--key", "home", "--ctrl", "servo=0.1")
-    words = ("--duration", "0.1s", "--tolerance", "7um", "--track", "pad", "-o", "out.xml", "--json")
-    answer = mechsim("reduce", "floating.xml", *held, *words)
+    locks = ("--fix-base", "--lock", "swing=0.2", "--key", "home", "--ctrl", "servo=0.1")
+    arguments = ("--duration", "0.1s", "--tolerance", "7um", "--track", "pad", "-o", "out.xml", "--json")
+    answer = mechsim("reduce", "floating.xml", *locks, *arguments)
     assert answer.code == 0, answer.err
     assert json.loads(answer.out)["error"] <= 7e-6
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
@@ -59,11 +57,11 @@ def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatc
     pad = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, pad, 0)
     mujoco.mj_forward(model, pad)
-    assert pad.body("pad").xpos[2] > 1.0  # where the base is held, not in the reference configuration
+    assert pad.body("pad").xpos[2] > 1.0  # pose of the keyframe and not of the reference configuration
 
 
 @pytest.mark.parametrize(
-    ("words", "output"),
+    ("arguments", "output"),
     [
         (("--tolerance", "0"), "above 0"),
         (("--tolerance", "7um", "--by", "closure"), "choose from trajectory, torque"),
@@ -71,8 +69,8 @@ def test_what_is_held_stands_still_in_what_is_left(mechsim, tmp_path, monkeypatc
         (("--tolerance", "7um", "--track", "nail"), "nail"),
     ],
 )
-def test_reduce_rejects_in_one_line_and_writes_nothing(mechsim, finger, tmp_path, words, output):
-    answer = mechsim("reduce", finger, *words, "-o", "out.xml")
+def test_invalid_input_gives_one_line_and_no_file(mechsim, finger, tmp_path, arguments, output):
+    answer = mechsim("reduce", finger, *arguments, "-o", "out.xml")
     assert answer.code == 2
     assert output in answer.err
     assert len(answer.err.strip().splitlines()) == 1

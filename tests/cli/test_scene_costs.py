@@ -4,7 +4,7 @@ from scene_texts import FINGER
 from studies.test_reduction import few_trials
 
 
-def test_tradeoff_reports_what_each_thing_in_a_scene_costs(mechsim, tmp_path, monkeypatch):
+def test_tradeoff_reports_the_cost_of_each_scene_option(mechsim, tmp_path, monkeypatch):
     few_trials(monkeypatch)
     (tmp_path / "finger.xml").write_text(FINGER)
     output = mechsim(
@@ -16,7 +16,7 @@ def test_tradeoff_reports_what_each_thing_in_a_scene_costs(mechsim, tmp_path, mo
     assert {"solver PGS", "integrator RK4", "contacts off"} <= {item["what"] for item in others}
 
 
-def test_what_is_for_costs_alone_is_rejected_without_it(mechsim, tmp_path):
+def test_options_of_costs_are_rejected_without_it(mechsim, tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
     output = mechsim("tradeoff", "finger.xml", "--ctrl", "servo=1")
     assert output.code == 2

@@ -1,4 +1,4 @@
-"""Command `mechsim sensitivity`: table, JSON, plots, rejections."""
+"""Command `mechsim sensitivity`: table, JSON, plots, rejected input."""
 
 import json
 
@@ -11,12 +11,12 @@ from mechsim import files
 
 @pytest.fixture
 def sensitivity(mechsim):
-    return lambda *words: mechsim("sensitivity", *words)
+    return lambda *options: mechsim("sensitivity", *options)
 
 
-def test_derivatives_are_written_reported_and_drawn(sensitivity, tmp_path):
-    asked = ("rssr", "--of", "P3,rocker", "--to", "crank,pivot", "--angles", "0:300:100deg")
-    code, out, err = sensitivity(*asked, "-o", "d.csv", "--json")
+def test_derivatives_are_written_and_reported(sensitivity, tmp_path):
+    arguments = ("rssr", "--of", "P3,rocker", "--to", "crank,pivot", "--angles", "0:300:100deg")
+    code, out, err = sensitivity(*arguments, "-o", "d.csv", "--json")
     assert code == 0, err
     reported = json.loads(out)
     table = files.read(tmp_path / "d.csv")
@@ -28,11 +28,11 @@ def test_derivatives_are_written_reported_and_drawn(sensitivity, tmp_path):
 
 
 @draws
-def test_tolerances_are_reported_and_their_bands_drawn(sensitivity, tmp_path):
-    given = "crank=±0.02mm,coupler=0.03mm,A.clearance=0.01mm"
-    asked = ("four_bar", "--of", "C", "--tolerances", given, "--samples", "500")
+def test_tolerances_are_reported_and_their_bands_plotted(sensitivity, tmp_path):
+    tolerances = "crank=±0.02mm,coupler=0.03mm,A.clearance=0.01mm"
+    arguments = ("four_bar", "--of", "C", "--tolerances", tolerances, "--samples", "500")
     code, out, err = sensitivity(
-        *asked, "--angles", "0:360:60deg", "--plot", "band.svg", "-o", "t.csv", "--json"
+        *arguments, "--angles", "0:360:60deg", "--plot", "band.svg", "-o", "t.csv", "--json"
     )
     assert code == 0, err
     reported = json.loads(out)["tolerances"]
@@ -48,7 +48,7 @@ def test_tolerances_are_reported_and_their_bands_drawn(sensitivity, tmp_path):
 
 
 @draws
-def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
+def test_the_text_output_lists_quantities_and_the_plot(sensitivity):
     code, out, err = sensitivity("slider_crank", "--of", "B.x", "--angles", "0,1,2", "--plot", "d.svg")
     assert code == 0, err
     assert "B.x" in out
@@ -56,7 +56,7 @@ def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
 
 
 @pytest.mark.parametrize(
-    ("words", "output"),
+    ("options", "output"),
     [
         (["four_bar"], "--of is missing; name the quantities"),
         (["four_bar", "--of", "rockr"], "did you mean 'rocker'"),
@@ -71,14 +71,14 @@ def test_a_plain_table_names_the_largest_and_what_was_drawn(sensitivity):
         (["five_bar", "--of", "P", "--speed", "5"], "--speed applies to a crank without a motion law"),
     ],
 )
-def test_what_cannot_be_is_stated_in_one_line(sensitivity, words, output):
-    code, out, err = sensitivity(*words)
+def test_invalid_input_gives_one_line(sensitivity, options, output):
+    code, out, err = sensitivity(*options)
     assert (code, out) == (2, "")
     assert output in err
     assert len(err.strip().splitlines()) == 1
 
 
-def test_derivatives_that_are_rounding_errors_are_zero(sensitivity):
+def test_rounding_sized_derivatives_are_printed_as_zero(sensitivity):
     """The distance of two points of the coupler depends on no other link."""
     code, out, _ = sensitivity("four_bar", "--of", "distance:B,C", "--angles", "0:300:60deg")
     assert code == 0

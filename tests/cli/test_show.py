@@ -1,6 +1,6 @@
-"""What `mechsim show` prints of a mechanism of a user's own."""
+"""Output of `mechsim show` for user-defined mechanisms."""
 
-# a parallelogram that stands flat where it is looked at, and couplings that hold it there
+# a parallelogram that is collinear at the start, with couplings that constrain it
 CAMS = """name = "cams"
 units = { length = "mm" }
 start = 0.9
@@ -23,7 +23,7 @@ lever = { at = [120, 0, 0], turn = { axis = [0, 0, 1], angle = 0.9 } }
 """
 
 
-def test_rounding_is_zero_and_what_is_taken_off_has_a_minus(mechsim, tmp_path):
+def test_rounding_is_printed_as_zero_and_negative_terms_with_minus(mechsim, tmp_path):
     (tmp_path / "cams.toml").write_text(CAMS)
     output = mechsim("show", "cams.toml")
     assert output.code == 0, output.err

@@ -1,4 +1,4 @@
-"""Names as a user may write them, in every output: a name is text, never markup, formula or separator."""
+"""User-defined names are text in every output, never markup, formula or separator."""
 
 import json
 import re
@@ -28,8 +28,8 @@ from mechsim.subjects.toml_reader import toml_model
 from mechsim.subjects.toml_values import read_source
 from mechsim.subjects.toml_writer import to_toml
 
-# each breaks an output that does not escape it
-BREAKING = (
+# each would break an output without escaping
+CRITICAL = (
     "[/]",
     "[bold]",
     r"$\frac{$",
@@ -54,7 +54,7 @@ NAMES = st.text(
 
 
 def named(name: str) -> Mechanism:
-    """Return the four-bar with that name, and its links, joints and points called by names made of it."""
+    """Return the four-bar with this name, and names derived from it for links, joints and points."""
     mechanism = catalog.make("four_bar").mechanism
     links = {link.name: f"{name}{i}" for i, link in enumerate(mechanism.links)} | {GROUND: GROUND}
     joints = {joint.name: f"{name}{i}" for i, joint in enumerate(mechanism.joints)}
@@ -73,22 +73,23 @@ def named(name: str) -> Mechanism:
         ),
         driver=joints[mechanism.crank.name],
         points={
-            f"{name}{i}": (links[link], place) for i, (link, place) in enumerate(mechanism.points.values())
+            f"{name}{i}": (links[link], position)
+            for i, (link, position) in enumerate(mechanism.points.values())
         },
         guess={links[link]: pose for link, pose in mechanism.guess.items()},
     )
 
 
 def every_name(test):
-    """Try a test with the breaking names and with random ones."""
-    for name in BREAKING:
+    """Run a test with the critical names and with random ones."""
+    for name in CRITICAL:
         test = example(name)(test)
-    kept = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
-    return settings(max_examples=5, suppress_health_check=kept)(given(NAMES)(test))
+    suppressed = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    return settings(max_examples=5, suppress_health_check=suppressed)(given(NAMES)(test))
 
 
 @every_name
-def test_tables_and_toml_read_back_with_their_names(tmp_path, name):
+def test_names_round_trip_through_tables_and_toml(tmp_path, name):
     mechanism = named(name)
     motion = LoopForm(mechanism).solve(np.linspace(0.0, 1.0, 3))
     for ending in (".csv", ".npz"):
@@ -101,7 +102,7 @@ def test_tables_and_toml_read_back_with_their_names(tmp_path, name):
 
 
 @every_name
-def test_a_mujoco_model_has_the_same_names(name):
+def test_names_round_trip_through_mjcf(name):
     mechanism = named(name)
     model = mujoco.MjModel.from_xml_string(mjcf.to_xml(assembled(mechanism, Scene())))
     assert {model.body(i).name for i in range(1, model.nbody)} == {link.name for link in mechanism.links}
@@ -111,11 +112,11 @@ def test_a_mujoco_model_has_the_same_names(name):
 @settings(max_examples=2, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(NAMES)
 @example(r"$\frac{$")
-def test_plots_show_them_as_they_are(tmp_path, name):
+def test_plots_show_names_unchanged(tmp_path, name):
     mechanism = named(name)
     # every breaking name in one legend
-    place = (mechanism.links[0].name, (0.01, 0.0, 0.0))
-    mechanism = replace(mechanism, points=mechanism.points | dict.fromkeys(BREAKING, place))
+    position = (mechanism.links[0].name, (0.01, 0.0, 0.0))
+    mechanism = replace(mechanism, points=mechanism.points | dict.fromkeys(CRITICAL, position))
     motion = LoopForm(mechanism).solve(np.linspace(0.0, 1.0, 3))
     figure = plots.coupler_curve(mechanism, motion)
     plots.write(tmp_path / "plot.svg", figure)
@@ -124,7 +125,7 @@ def test_plots_show_them_as_they_are(tmp_path, name):
     assert [text.get_text().strip() for text in legend.get_texts()] == list(motion.points)
 
 
-def test_a_page_shows_them_as_they_are():
+def test_a_page_escapes_names():
     name = "</script><b>{{x}}"
     text = page(mechanism_view(LoopForm(named(name)), 1.0))
     data = re.search(r'<script[^>]*id="data"[^>]*>(.*?)</script>', text, re.DOTALL)[1]
@@ -143,7 +144,7 @@ def test_a_page_shows_them_as_they_are():
         pytest.param("export odd.toml --tolerance 1mm -o x.xml", marks=pytest.mark.slow),
     ],
 )
-def test_no_command_ends_in_an_internal_error(mechsim, line):
+def test_special_names_cause_no_internal_error(mechsim, line):
     Path("odd.toml").write_text(to_toml(named(ODD)), encoding="utf-8")
     reported = mechsim(*line.split())
     assert reported.code == 0, reported.err
@@ -157,7 +158,7 @@ def test_show_reports_an_odd_name_as_it_is(mechsim):
 
 
 @pytest.mark.parametrize("name", ["", " a", "a ", "a\nb", "a\tb", "\x7f", "\u202eb", "\ufeffa", "x" * 201])
-def test_names_that_no_output_could_show_are_rejected_in_one_sentence(name):
+def test_unprintable_and_long_names_are_rejected(name):
     mechanism = catalog.make("four_bar").mechanism
     limit = f"give it {MAX_NAME_LENGTH} at most" if len(name) > MAX_NAME_LENGTH else "printable characters"
     with pytest.raises(InputError, match=limit):
@@ -166,7 +167,7 @@ def test_names_that_no_output_could_show_are_rejected_in_one_sentence(name):
         replace(mechanism, points={name: (GROUND, (0.0, 0.0, 0.0))})
 
 
-def test_a_link_called_as_mujocos_own_body_is_one_sentence():
+def test_a_link_named_world_is_rejected():
     mechanism = named("world")
     world = replace(
         mechanism,

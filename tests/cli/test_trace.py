@@ -15,12 +15,12 @@ FLAT = (*FLAT, "--set", "ground=100mm", "--starts", "20")
 
 @pytest.fixture
 def trace(mechsim):
-    return lambda *words: mechsim("trace", *words)
+    return lambda *arguments: mechsim("trace", *arguments)
 
 
-def test_a_trace_is_reported_as_tables_and_written_as_a_table_and_a_plot(trace, tmp_path):
-    words = ("-o", "all.csv", "--plot", "all.svg", "--of", "angle,A", "--samples", "50")
-    code, out, err = trace(*SWINGS, *words)
+def test_a_trace_is_reported_and_written_as_table_and_plot(trace, tmp_path):
+    arguments = ("-o", "all.csv", "--plot", "all.svg", "--of", "angle,A", "--samples", "50")
+    code, out, err = trace(*SWINGS, *arguments)
     assert code == 0, err
     assert "2 components; 20 of 20 random starts (seed 1)" in " ".join(out.split())
     assert "swings" in out
@@ -32,13 +32,13 @@ def test_a_trace_is_reported_as_tables_and_written_as_a_table_and_a_plot(trace, 
     first = {name: column[table["component"] == 1.0] for name, column in table.items()}
     assert len(first["arc"]) == 51
     assert np.ptp(np.diff(first["arc"])) <= 1e-12
-    # the crank keeps its length all the way round
+    # the crank length is constant over the curve
     assert np.abs(np.hypot(first["A.x"], first["A.y"]) - 0.09).max() <= 1e-16
     svg = (tmp_path / "all.svg").read_text()
     assert svg.startswith("<?xml")
 
 
-def test_json_counts_components_from_one_and_names_branch_points(trace):
+def test_json_numbers_components_from_one_and_lists_branch_points(trace):
     code, out, err = trace(*FLAT, "--json")
     assert (code, err) == (0, "")
     reported = json.loads(out)
@@ -52,17 +52,17 @@ def test_json_counts_components_from_one_and_names_branch_points(trace):
     )
     assert sorted(round(item["angle"] / np.pi, 9) % 2.0 for item in reported["branch_points"]) == [0.0, 1.0]
     assert all(
-        [place["component"] for place in item["places"]] == [1, 2] for item in reported["branch_points"]
+        [location["component"] for location in item["places"]] == [1, 2] for item in reported["branch_points"]
     )
 
 
-def test_a_plot_over_three_coordinates_stands_in_space(trace, tmp_path):
+def test_three_coordinates_give_a_spatial_plot(trace, tmp_path):
     code, _, err = trace("rrsrr", "--starts", "0", "--plot", "s.png", "--of", "S.x,S.y,S.z")
     assert code == 0, err
     assert (tmp_path / "s.png").read_bytes().startswith(b"\x89PNG")
 
 
-REFUSED = {
+REJECTED = {
     "unknown coordinate": (
         ("--plot", "a.svg", "--of", "angle,roker"),
         "did you mean 'rocker.q'? choose from",
@@ -77,45 +77,48 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_traced_ends_in_one_line_and_nothing_written(trace, tmp_path, name):
-    words, output = REFUSED[name]
-    code, out, err = trace("four_bar", *words)
+@pytest.mark.parametrize("name", REJECTED)
+def test_invalid_input_gives_one_line_and_no_file(trace, tmp_path, name):
+    arguments, output = REJECTED[name]
+    code, out, err = trace("four_bar", *arguments)
     assert (code, out) == (2, "")
     assert output in err
     assert len(err.splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
-def test_a_mechanism_of_one_s_own_is_traced_from_its_file(trace):
+def test_a_user_defined_mechanism_is_traced(trace):
     code, out, err = trace(str(gallery.files()["elliptic_trammel"]), "--starts", "10")
     assert code == 0, err
     assert out.count("assemblies meet at crank ") == 2
 
 
 @draws
-def test_a_video_of_a_trace_has_its_frames_and_takes_no_other_method(mechsim, tmp_path):
-    words = ("render", *SWINGS[:3], "--trace", "--size", "96x72")
-    code, out, err = mechsim(*words, "--frames-per-turn", "6", "-o", "film")
-    assert (code, out) == (0, "wrote 6 frames to film\n"), err
-    assert len(list((tmp_path / "film").iterdir())) == 6
-    code, out, err = mechsim(*words, "-o", "still.png")
+def test_a_video_of_a_trace_rejects_motion_options(mechsim, tmp_path):
+    arguments = ("render", *SWINGS[:3], "--trace", "--size", "96x72")
+    code, out, err = mechsim(*arguments, "--frames-per-turn", "6", "-o", "frames")
+    assert (code, out) == (0, "wrote 6 frames to frames\n"), err
+    assert len(list((tmp_path / "frames").iterdir())) == 6
+    code, out, err = mechsim(*arguments, "-o", "still.png")
     assert (code, out) == (0, "wrote still.png\n"), err
-    for asked, output in ((("--turns", "2"), "leave out --turns"), (("--from", "both"), "leave out --from")):
-        code, _, err = mechsim(*words, *asked, "-o", "no.mp4")
+    for options, output in (
+        (("--turns", "2"), "leave out --turns"),
+        (("--from", "both"), "leave out --from"),
+    ):
+        code, _, err = mechsim(*arguments, *options, "-o", "no.mp4")
         assert code == 2
         assert output in err
 
 
-def test_what_is_open_in_a_file_is_held_as_the_rejection_states(trace, file):
-    loose = (
+def test_locking_an_undetermined_joint_allows_the_trace(trace, file):
+    undetermined = (
         '<body name="rocker" pos="0.1 0 0.01" euler="0 0 1.3">\n      <joint name="loose" axis="0 1 0.2"/>'
     )
-    text = changed(('<body name="rocker" pos="0.1 0 0.01" euler="0 0 1.3">', loose))
-    words = (file(text), "--starts", "0")
-    code, _, err = trace(*words)
+    text = changed(('<body name="rocker" pos="0.1 0 0.01" euler="0 0 1.3">', undetermined))
+    arguments = (file(text), "--starts", "0")
+    code, _, err = trace(*arguments)
     assert code == 2
     assert "lock or couple it" in err
-    code, out, err = trace(*words, "--lock", "loose")
+    code, out, err = trace(*arguments, "--lock", "loose")
     assert (code, err) == (0, "")
     assert "component" in out

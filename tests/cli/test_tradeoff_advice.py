@@ -1,4 +1,4 @@
-"""The commands that a trade-off advises are taken by the command line, and settings of exported models."""
+"""Commands suggested by a trade-off are valid, and exported models have the measured settings."""
 
 import shlex
 from dataclasses import replace
@@ -14,7 +14,7 @@ from mechsim.studies.tradeoff.work_precision import Point, command, exporting
 from mechsim.subjects.readers import load
 
 SPEED = 20.0
-SOFT = Settings(
+COMPLIANT = Settings(
     steps_per_turn=288,
     integrator="implicitfast",
     constant_steps=2.0,
@@ -30,32 +30,32 @@ def point(settings, build):
 
 
 def test_a_command_has_an_option_for_every_setting(mechsim):
-    words = shlex.split(command(point(SOFT, Build(cut=("slide",))), "slider_crank", SPEED))[1:]
-    answer = mechsim(*words, "--json")
+    options = shlex.split(command(point(COMPLIANT, Build(cut=("slide",))), "slider_crank", SPEED))[1:]
+    answer = mechsim(*options, "--json")
     assert answer.code in (0, 1), answer.err
     assert '"refsafe": true' in answer.out
     assert '"steps_per_turn": 288' in answer.out
 
 
-def test_an_export_that_is_advised_has_the_settings_of_the_run_that_was_measured(mechsim, tmp_path):
-    words = shlex.split(exporting(point(SOFT, Build()), "slider_crank", SPEED))[1:]
-    answer = mechsim(*words, "-o", "out.xml")
+def test_a_suggested_export_has_the_measured_settings(mechsim, tmp_path):
+    options = shlex.split(exporting(point(COMPLIANT, Build()), "slider_crank", SPEED))[1:]
+    answer = mechsim(*options, "-o", "out.xml")
     assert answer.code == 0, answer.err
     written = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
     mechanism = load("slider_crank").mechanism
     run = from_mechanism(mechanism, assembled(mechanism, Scene()), (), follows_laws=False).loops
-    SOFT.apply(run, SOFT.timestep(SPEED))
+    COMPLIANT.apply(run, COMPLIANT.timestep(SPEED))
     for name in ("timestep", "integrator", "solver", "iterations", "tolerance", "jacobian", "enableflags"):
         assert getattr(written.opt, name) == getattr(run.model.opt, name), name
     assert written.eq_solref == pytest.approx(run.model.eq_solref)
     assert written.eq_solimp == pytest.approx(run.model.eq_solimp)
     safe = int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
     assert written.opt.disableflags & safe == run.model.opt.disableflags & safe == 0
-    assert exporting(point(replace(SOFT, compliance=1e-4), Build()), "slider_crank", SPEED) is None
+    assert exporting(point(replace(COMPLIANT, compliance=1e-4), Build()), "slider_crank", SPEED) is None
 
 
 @pytest.mark.parametrize(
-    ("words", "output"),
+    ("options", "output"),
     [
         ("--compliance 1e-8", "an MJCF file can only contain 1"),
         ("--integrator verlet", "there is no integrator 'verlet'"),
@@ -66,8 +66,8 @@ def test_an_export_that_is_advised_has_the_settings_of_the_run_that_was_measured
         ("--timestep 0", "give a finite time above 0"),
     ],
 )
-def test_settings_that_no_file_can_have_are_rejected_in_one_line(mechsim, tmp_path, words, output):
-    answer = mechsim("export", "four_bar", *words.split(), "-o", "out.xml")
+def test_settings_unsupported_by_files_are_rejected(mechsim, tmp_path, options, output):
+    answer = mechsim("export", "four_bar", *options.split(), "-o", "out.xml")
     assert (answer.code, answer.out) == (2, "")
     assert output in answer.err
     assert len(answer.err.strip().splitlines()) == 1

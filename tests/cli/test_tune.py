@@ -1,4 +1,4 @@
-"""`mechsim tune` on a scene of one's own: what it writes is run by an outsider, by its own comment alone."""
+"""`mechsim tune` on a user-defined scene: its output runs in plain MuJoCo as its comment describes."""
 
 import json
 import math
@@ -19,8 +19,8 @@ def finger(tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
 
 
-def as_its_comment_says(path, duration):
-    """Return the states of a loop over mj_step, with what the file's comment tells to do before each."""
+def states_by_comment(path, duration):
+    """Return the states of a loop over mj_step with the statements of the file's comment."""
     text = path.read_text()
     comment = re.search(r"<!-- mechsim tune.*?-->", text, re.DOTALL)[0]
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -44,7 +44,7 @@ def as_its_comment_says(path, duration):
     return np.array(states)
 
 
-def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_states(mechsim, tmp_path):
+def test_a_tuned_file_satisfies_the_tolerance_as_its_comment_describes(mechsim, tmp_path):
     answer = mechsim(
         "tune",
         "finger.xml",
@@ -68,16 +68,18 @@ def test_what_tune_writes_keeps_the_tolerance_when_stepped_as_its_comment_states
     assert reported["tuned"]["ms_per_s"] > 0.0
     assert {"error", "ms_per_s"} <= set(reported["published"])
     assert reported["diff"].startswith("--- ")
-    states = as_its_comment_says(tmp_path / "out.xml", 0.1)
+    states = states_by_comment(tmp_path / "out.xml", 0.1)
     folder = tmp_path / "judge"
     folder.mkdir()
-    judge = scene(folder, drive={"knuckle": "0.5*sin(2*pi*t)"})
-    places = replace(run_scene(judge, records=2), qpos=states).points
-    assert judge.closure.errors(states, places).max() == pytest.approx(reported["tuned"]["error"], rel=1e-3)
+    reference = scene(folder, drive={"knuckle": "0.5*sin(2*pi*t)"})
+    points = replace(run_scene(reference, records=2), qpos=states).points
+    assert reference.closure.errors(states, points).max() == pytest.approx(
+        reported["tuned"]["error"], rel=1e-3
+    )
 
 
-# settings that satisfy 4.9 um and are hard to beat: whatever aims at 0.8 of that takes shorter steps
-CHEAP = FINGER.replace(
+# settings that satisfy 4.9 um at low cost: a goal of 0.8 of the tolerance needs shorter steps
+LOW_COST = FINGER.replace(
     '<option timestep="0.002"/>',
     '<option timestep="0.0023" iterations="1"><flag refsafe="disable" island="disable"/></option>',
 ).replace(
@@ -86,9 +88,9 @@ CHEAP = FINGER.replace(
 )
 
 
-def tuned_by(mechsim, tolerance, *more):
-    words = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.2s", "--budget", "6s", "-o", "out.xml")
-    answer = mechsim("tune", *more[:1], "--tolerance", tolerance, *words, *more[1:])
+def tuned_by(mechsim, tolerance, *options):
+    arguments = ("--ctrl", "servo=0.5*sin(2*pi*t)", "--duration", "0.2s", "--budget", "6s", "-o", "out.xml")
+    answer = mechsim("tune", *options[:1], "--tolerance", tolerance, *arguments, *options[1:])
     assert answer.code == 0, answer.err
     return answer.out
 
@@ -97,8 +99,8 @@ def comment_of(path):
     return " ".join(re.search(r"<!-- mechsim tune.*?-->", path.read_text(), re.DOTALL)[0].split())
 
 
-def test_a_file_that_satisfies_the_tolerance_is_never_made_slower(mechsim, tmp_path):
-    (tmp_path / "cheap.xml").write_text(CHEAP)
+def test_a_file_within_the_tolerance_does_not_become_slower(mechsim, tmp_path):
+    (tmp_path / "cheap.xml").write_text(LOW_COST)
     reported = json.loads(tuned_by(mechsim, "4.9um", "cheap.xml", "--json"))
     assert reported["published"]["reached"]
     assert reported["published"]["error"] <= 4.9e-6
@@ -113,7 +115,7 @@ def test_a_file_that_satisfies_the_tolerance_is_never_made_slower(mechsim, tmp_p
         assert sentence in comment_of(tmp_path / "out.xml")
 
 
-def test_screen_and_file_state_the_same_and_a_worse_trajectory(mechsim, tmp_path):
+def test_output_and_comment_report_a_worse_trajectory(mechsim, tmp_path):
     printed = tuned_by(mechsim, "1mm", "finger.xml")
     first, second, third = re.sub(r"\n  (?! )", " ", printed).splitlines()[:3]
     comment = comment_of(tmp_path / "out.xml")
@@ -126,17 +128,17 @@ def test_screen_and_file_state_the_same_and_a_worse_trajectory(mechsim, tmp_path
 
 
 @pytest.mark.slow
-def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
+def test_locked_joints_and_a_fixed_base_stay_fixed_in_the_tuned_file(mechsim, tmp_path):
     (tmp_path / "floating.xml").write_text(FLOATING)
-    words = ("floating.xml", "--fix-base", "--lock", "swing=0.2", "--key", "home", "--duration", "0.1s")
-    answer = mechsim("simulate", *words, "--ctrl", "servo=0.1", "-o", "run.csv", "--json")
+    arguments = ("floating.xml", "--fix-base", "--lock", "swing=0.2", "--key", "home", "--duration", "0.1s")
+    answer = mechsim("simulate", *arguments, "--ctrl", "servo=0.1", "-o", "run.csv", "--json")
     assert answer.code in (0, 1), answer.err
     assert files.read(tmp_path / "run.csv")["swing.q"] == pytest.approx(0.2, abs=1e-9)
-    answer = mechsim("tune", *words, "--tolerance", "5um", "--budget", "20s", "-o", "out.xml", "--json")
+    answer = mechsim("tune", *arguments, "--tolerance", "5um", "--budget", "20s", "-o", "out.xml", "--json")
     assert answer.code == 0, answer.err
     assert "freejoint" not in (tmp_path / "out.xml").read_text()
-    states = as_its_comment_says(tmp_path / "out.xml", 0.1)
-    assert states.shape[1] == 4  # the base has no coordinates any more
+    states = states_by_comment(tmp_path / "out.xml", 0.1)
+    assert states.shape[1] == 4  # the fixed base has no coordinates
     assert states[:, 3] == pytest.approx(0.2, abs=1e-9)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
     assert model.body("hull").pos == pytest.approx([0.0, 0.2, 1.5])
@@ -148,14 +150,14 @@ def test_what_is_held_stands_still_in_what_is_written(mechsim, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_start_that_stands_open_is_stated_and_the_tuned_file_begins_closed(mechsim, tmp_path):
+def test_an_open_start_is_reported_and_closed_in_the_tuned_file(mechsim, tmp_path):
     key = '<keyframe><key name="near" qpos="0.01 0.02 0 0.1" ctrl="0.3"/></keyframe></mujoco>'
     (tmp_path / "near.xml").write_text(FINGER.replace("</mujoco>", key))
-    words = ("near.xml", "--key", "near", "--duration", "0.1s")
-    answer = mechsim("simulate", *words, "--ctrl", "servo=0.3", "--tolerance", "5um")
+    arguments = ("near.xml", "--key", "near", "--duration", "0.1s")
+    answer = mechsim("simulate", *arguments, "--ctrl", "servo=0.3", "--tolerance", "5um")
     assert answer.code == 1
     assert "the loops are open by 0.00" in answer.out
-    answer = mechsim("tune", *words, "--tolerance", "5um", "--budget", "20s", "-o", "out.xml", "--json")
+    answer = mechsim("tune", *arguments, "--tolerance", "5um", "--budget", "20s", "-o", "out.xml", "--json")
     assert answer.code == 0, answer.err
     assert "the tuned file begins closed, in keyframe mechsim_start" in answer.err
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
@@ -168,8 +170,8 @@ def test_a_start_that_stands_open_is_stated_and_the_tuned_file_begins_closed(mec
 
 
 @pytest.mark.slow
-def test_what_no_file_reaches_is_stated_with_what_one_does(mechsim, tmp_path):
-    words = (
+def test_an_unreachable_tolerance_is_reported(mechsim, tmp_path):
+    arguments = (
         "tune",
         "finger.xml",
         "--tolerance",
@@ -179,14 +181,14 @@ def test_what_no_file_reaches_is_stated_with_what_one_does(mechsim, tmp_path):
         "--budget",
         "4s",
     )
-    answer = mechsim(*words, "--duration", "0.1s", "-o", "out.xml", "--python", "run.py")
+    answer = mechsim(*arguments, "--duration", "0.1s", "-o", "out.xml", "--python", "run.py")
     assert answer.code == 1
     assert "no MJCF file reaches 1e-15 m here" in answer.out
     assert "def steps(" in (tmp_path / "run.py").read_text()
 
 
 @pytest.mark.parametrize(
-    ("words", "output"),
+    ("arguments", "output"),
     [
         (("four_bar", "--tolerance", "1e-5"), "is no MJCF file"),
         (("finger.xml", "--tolerance", "1kg"), "tolerance"),
@@ -198,15 +200,15 @@ def test_what_no_file_reaches_is_stated_with_what_one_does(mechsim, tmp_path):
         (("finger.xml", "--tolerance", "1e-5", "--allow", "gravity"), "contacts, limits, friction"),
     ],
 )
-def test_what_cannot_be_is_stated_in_one_line_and_nothing_is_written(mechsim, tmp_path, words, output):
-    answer = mechsim("tune", *words, "-o", "out.xml")
+def test_invalid_input_gives_one_line_and_no_file(mechsim, tmp_path, arguments, output):
+    answer = mechsim("tune", *arguments, "-o", "out.xml")
     assert answer.code == 2
     assert output in answer.err
     assert len(answer.err.strip().splitlines()) == 1
     assert not (tmp_path / "out.xml").exists()
 
 
-def test_the_file_itself_is_never_written_over(mechsim, tmp_path):
+def test_the_input_file_is_not_overwritten(mechsim, tmp_path):
     answer = mechsim("tune", "finger.xml", "--tolerance", "1e-5", "-o", "finger.xml")
     assert answer.code == 2
     assert "is the input file" in answer.err

@@ -1,4 +1,4 @@
-"""A mechanism whose loops close at no crank angle is rejected in one line, whatever is asked of it."""
+"""Every command rejects a mechanism whose loops close at no crank angle in one line."""
 
 import pytest
 
@@ -6,7 +6,7 @@ MEASURED = "angle,C.x,C.y\n0,0.1,0.1\n1,0.1,0.12\n"
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
         ("show",),
         ("solve", "--angles", "0"),
@@ -26,9 +26,9 @@ MEASURED = "angle,C.x,C.y\n0,0.1,0.1\n1,0.1,0.12\n"
     ],
     ids=" ".join,
 )
-def test_it_is_rejected_with_the_remedy(words, mechsim, tmp_path):
+def test_an_unassemblable_mechanism_is_rejected_with_the_remedy(arguments, mechsim, tmp_path):
     (tmp_path / "measured.csv").write_text(MEASURED)
-    answer = mechsim(words[0], "four_bar", *words[1:], "--set", "crank=1")
+    answer = mechsim(arguments[0], "four_bar", *arguments[1:], "--set", "crank=1")
     assert (answer.code, answer.out) == (2, "")
     assert answer.err.count("\n") == 1
     assert "close" in answer.err

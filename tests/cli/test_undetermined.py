@@ -1,11 +1,11 @@
-"""What is said of a motion that its drivers do not settle can be done, whatever command says it."""
+"""The remedies that commands suggest for an underdetermined motion work."""
 
 import pytest
 from scene_texts import FINGER
 
 from mechsim import files
 
-# a five-bar of which one arm is driven
+# a five-bar with one driven arm
 ONE_DRIVER = """
 name = "five"
 drivers = ["left"]
@@ -28,7 +28,7 @@ DRIVE = ("finger.xml", "--drive", "knuckle=0.2*sin(2*pi*t)")
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
         ("solve",),
         ("validate",),
@@ -38,24 +38,24 @@ DRIVE = ("finger.xml", "--drive", "knuckle=0.2*sin(2*pi*t)")
         ("dynamics",),
         ("sensitivity", "--of", "elbow"),
     ],
-    ids=lambda words: words[0],
+    ids=lambda arguments: arguments[0],
 )
-def test_the_remedy_named_is_one_that_the_command_has(words, mechsim, tmp_path):
+def test_an_underdetermined_motion_is_rejected_with_a_remedy(arguments, mechsim, tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
-    answer = mechsim(words[0], *DRIVE, *words[1:])
+    answer = mechsim(arguments[0], *DRIVE, *arguments[1:])
     assert answer.code == 2
     assert "underdetermined" in answer.err
     assert "mechsim simulate --method step" in answer.err
     assert "swing" in answer.err
 
 
-def test_a_run_in_time_and_a_hold_both_settle_it(mechsim, tmp_path):
+def test_stepping_or_locking_determines_the_motion(mechsim, tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
     assert mechsim("simulate", *DRIVE, "--method", "step").code in (0, 1)
     assert mechsim("solve", *DRIVE, "--lock", "swing").code == 0
 
 
-def test_a_crank_that_leaves_something_open_runs_in_time_from_where_it_starts(mechsim, tmp_path):
+def test_an_underdetermined_crank_is_stepped_from_its_start(mechsim, tmp_path):
     (tmp_path / "five.toml").write_text(ONE_DRIVER)
     answer = mechsim("simulate", "five.toml", "--method", "step", "--turns", "0.02", "-o", "run.csv")
     assert (answer.code, "PASS" in answer.out) == (0, True)

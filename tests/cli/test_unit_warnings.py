@@ -12,21 +12,21 @@ def questions():
 
 
 @pytest.mark.parametrize(
-    ("text", "asks"), [("90", True), ("-45", True), ("1.57", False), ("90deg", False), ("", False)]
+    ("text", "warns"), [("90", True), ("-45", True), ("1.57", False), ("90deg", False), ("", False)]
 )
-def test_an_angle_that_is_probably_in_degrees_is_requested_back(text, asks, questions):
+def test_an_angle_probably_in_degrees_gives_a_warning(text, warns, questions):
     warn_about_angle("--angle", text)
-    assert len(questions) == asks
-    assert not asks or f"was {text}deg meant?" in questions[0]
+    assert len(questions) == warns
+    assert not warns or f"was {text}deg meant?" in questions[0]
 
 
-@pytest.mark.parametrize(("text", "asks"), [("0:360:5", True), ("0:6.28:0.1", False), ("0:360:5deg", False)])
-def test_a_range_of_angles_likewise(text, asks, questions):
+@pytest.mark.parametrize(("text", "warns"), [("0:360:5", True), ("0:6.28:0.1", False), ("0:360:5deg", False)])
+def test_a_range_probably_in_degrees_gives_a_warning(text, warns, questions):
     warn_about_angles("--angles", text)
-    assert len(questions) == asks
+    assert len(questions) == warns
 
 
-def test_parameters_far_from_what_is_usual_are_requested_back(questions):
+def test_unusual_parameter_values_give_a_warning(questions):
     warn_about_parameters(
         "four_bar", {"arm_angle": "45", "crank": "40", "rocker": "60mm", "ground": "0.2", "branch": "-1"}
     )
@@ -35,14 +35,14 @@ def test_parameters_far_from_what_is_usual_are_requested_back(questions):
     assert "crank=40mm" in second
 
 
-def test_they_stand_next_to_a_result_and_in_the_one_line_of_a_rejection(mechsim):
+def test_unit_warnings_accompany_results_and_rejections(mechsim):
     output = mechsim("solve", "four_bar", "--angles", "0:1:0.5", "--set", "arm_angle=45")
     assert output.code == 0
     assert output.err.splitlines() == ["mechsim: --set arm_angle=45 is 45 rad; was arm_angle=45deg meant?"]
-    refused = mechsim(
+    rejected = mechsim(
         "solve", "four_bar", "--angles", "0:1:0.5", "--set", "crank=40", "--set", "arm_angle=45"
     )
-    assert refused.code == 2
-    assert refused.err.count("\n") == 1
-    assert "was crank=40mm meant?" in refused.err
-    assert "change the dimensions" in refused.err
+    assert rejected.code == 2
+    assert rejected.err.count("\n") == 1
+    assert "was crank=40mm meant?" in rejected.err
+    assert "change the dimensions" in rejected.err

@@ -1,4 +1,4 @@
-"""`mechsim validate` and the gallery: what is judged, what code is run, how results are reported apart."""
+"""`mechsim validate` and the gallery: checked methods, executed code and printed results."""
 
 import json
 import re
@@ -18,29 +18,29 @@ def short(angle):
 """
 
 
-def judged(text):
+def checked_methods(text):
     return {
         name: {check["method"] for check in case["checks"]}
         for name, case in json.loads(text)["mechanisms"].items()
     }
 
 
-def test_what_is_requested_is_read_before_a_formula_is_run(mechsim):
+def test_options_are_checked_before_a_formula_runs(mechsim):
     code, out, err = mechsim("validate", "four_bar", "--against", "none.py:law", "--tolerance", "x")
     assert (code, out) == (2, "")
     assert err.startswith("mechsim: the tolerance 'x'")
     assert err.count("\n") == 1
 
 
-def test_a_folder_for_a_page_that_is_never_made_is_none(mechsim, tmp_path):
+def test_a_failed_validation_creates_no_report_folder(mechsim, tmp_path):
     page = str(tmp_path / "page")
-    asked = ("validate", "four_bar", "--report", page)
-    assert mechsim(*asked, "--against", "none.csv", "--tolerance", "x").code == 2
-    assert mechsim(*asked, "--set", "crank=9").code == 2
+    arguments = ("validate", "four_bar", "--report", page)
+    assert mechsim(*arguments, "--against", "none.csv", "--tolerance", "x").code == 2
+    assert mechsim(*arguments, "--set", "crank=9").code == 2
     assert not list(tmp_path.iterdir())
 
 
-def test_the_gallery_is_listed_and_its_names_are_models(mechsim):
+def test_gallery_names_are_listed_and_accepted_as_models(mechsim):
     code, out, _ = mechsim("list", "--json")
     assert not code
     assert set(json.loads(out)["gallery"]) == set(gallery.files())
@@ -50,20 +50,20 @@ def test_the_gallery_is_listed_and_its_names_are_models(mechsim):
 
 
 @pytest.mark.slow
-def test_without_names_the_gallery_is_checked_without_steps_and_with_its_option_in_full(mechsim, monkeypatch):
+def test_the_gallery_option_adds_stepping(mechsim, monkeypatch):
     monkeypatch.setattr(gallery, "files", lambda: {"scotch_yoke": YOKE})
     code, out, err = mechsim("validate", "--json")
     assert not code, err
-    roads = judged(out)
-    assert roads["scotch_yoke"] == {"formula", "pose"}
-    assert {"closed form", "pose", "step"} <= roads["rssr"]
+    methods = checked_methods(out)
+    assert methods["scotch_yoke"] == {"formula", "pose"}
+    assert {"closed form", "pose", "step"} <= methods["rssr"]
     code, out, _ = mechsim("validate", "slider_crank", "--gallery", "--json")
     assert not code
-    assert judged(out)["scotch_yoke"] == {"formula", "pose", "step"}
-    assert len(judged(out)) == 2
+    assert checked_methods(out)["scotch_yoke"] == {"formula", "pose", "step"}
+    assert len(checked_methods(out)) == 2
 
 
-def test_a_formula_of_one_s_own_is_run_and_stated_to_be_and_its_error_is_found(mechsim, tmp_path):
+def test_a_user_formula_is_run_with_a_notice_and_checked(mechsim, tmp_path):
     (tmp_path / "guides.py").write_text(
         YOKE.with_name("guides.py").read_text().replace("np.cos", "1.001 * np.cos")
     )
@@ -86,28 +86,28 @@ def test_a_formula_of_one_s_own_is_run_and_stated_to_be_and_its_error_is_found(m
     assert case["attribution"]["formula"] == pytest.approx(3e-5, rel=1e-3)
 
 
-def test_the_gallery_s_own_laws_need_no_word(mechsim):
+def test_gallery_formulas_run_without_a_notice(mechsim):
     code, _, err = mechsim("validate", "scotch_yoke")
     assert not code
     assert not err
 
 
-def test_two_files_of_one_name_are_both_checked(mechsim, tmp_path):
+def test_two_files_with_the_same_name_are_both_checked(mechsim, tmp_path):
     for name, crank in (("a", "30"), ("b", "31")):
         (tmp_path / name).mkdir()
-        own = YOKE.read_text().replace("crank = 30", f"crank = {crank}").partition("[formula]")[0]
-        (tmp_path / name / "yoke.toml").write_text(own)
+        source = YOKE.read_text().replace("crank = 30", f"crank = {crank}").partition("[formula]")[0]
+        (tmp_path / name / "yoke.toml").write_text(source)
     code, out, err = mechsim("validate", "a/yoke.toml", "b/yoke.toml", "--json")
     assert not code, err
     assert list(json.loads(out)["mechanisms"]) == ["a/yoke.toml", "b/yoke.toml"]
 
 
 CATALOGUE_OF_TWO = ("four_bar", "slider_crank")
-# digits, so that lines of two runs are the same
+# numbers, which differ between runs
 NUMBER = re.compile(r"[0-9][0-9.e+-]*")
 
 
-def test_one_mechanism_takes_a_line_a_method_and_states_how_near_the_tolerance(mechsim):
+def test_one_mechanism_has_a_line_per_method_with_its_error_ratio(mechsim):
     code, out, _ = mechsim("validate", "four_bar")
     lines = out.splitlines()
     assert not code
@@ -121,7 +121,7 @@ def test_one_mechanism_takes_a_line_a_method_and_states_how_near_the_tolerance(m
     assert lines[4].startswith("42 checks passed (% = error/tolerance; -v lists all")
 
 
-def test_several_mechanisms_take_a_line_each_and_a_summary(mechsim):
+def test_several_mechanisms_have_a_line_each_and_a_summary(mechsim):
     code, out, _ = mechsim("validate", *CATALOGUE_OF_TWO)
     assert not code
     assert [re.sub(" +", " ", NUMBER.sub("0", line)) for line in out.splitlines()] == [
@@ -131,7 +131,7 @@ def test_several_mechanisms_take_a_line_each_and_a_summary(mechsim):
     ]
 
 
-def test_what_was_not_stepped_is_stated(mechsim, monkeypatch):
+def test_mechanisms_without_stepping_are_reported(mechsim, monkeypatch):
     monkeypatch.setattr(gallery, "files", lambda: {"scotch_yoke": YOKE})
     monkeypatch.setattr("mechsim.analytic.catalog.DRIVES", {})
     code, out, _ = mechsim("validate")
@@ -139,7 +139,7 @@ def test_what_was_not_stepped_is_stated(mechsim, monkeypatch):
     assert "1 gallery mechanism: solved poses only; --gallery also steps it" in out
 
 
-def test_a_failure_leads_with_what_is_off_and_the_likely_cause(mechsim, tmp_path):
+def test_a_failure_reports_the_error_and_the_likely_cause(mechsim, tmp_path):
     (tmp_path / "rod.py").write_text(SHORT_ROD)
     code, out, _ = mechsim("validate", "slider_crank", "--against", "rod.py:short")
     assert code == 1
@@ -151,21 +151,21 @@ def test_a_failure_leads_with_what_is_off_and_the_likely_cause(mechsim, tmp_path
     ]
 
 
-@pytest.mark.parametrize("words", [("looper",), ("looper", "-v"), ("four_bar", "-v"), CATALOGUE_OF_TWO])
-def test_it_fits_eighty_columns_in_plain_text_without_cut_words(mechsim, monkeypatch, words):
+@pytest.mark.parametrize("options", [("looper",), ("looper", "-v"), ("four_bar", "-v"), CATALOGUE_OF_TWO])
+def test_output_fits_eighty_columns_of_plain_text(mechsim, monkeypatch, options):
     monkeypatch.setenv("COLUMNS", "80")
-    _, out, _ = mechsim("validate", *words)
+    _, out, _ = mechsim("validate", *options)
     lines = out.splitlines()
     assert max(map(len, lines)) <= 80
     assert not set("│┃─━┏\x1b") & set(out)
-    if "-v" in words:
+    if "-v" in options:
         assert all(word in out for word in ("quantity", "worst", "acceleration"))
         assert len(lines) > 40
     else:
         assert len(lines) <= 14
 
 
-def test_pass_and_fail_are_in_colour_in_a_terminal_only(monkeypatch):
+def test_pass_and_fail_are_coloured_only_in_a_terminal(monkeypatch):
     assert pass_or_fail(False) == "FAIL"
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.delenv("NO_COLOR", raising=False)

@@ -1,4 +1,4 @@
-"""What is asked is sized before it is started; what takes long says how long."""
+"""Requested work is sized before it starts; long work reports its remaining time."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ from mechsim.cli import options, progress, solve
 from mechsim.model.forces import Forces
 from mechsim.numerics import resources
 
-# what would hold more than a machine has: words of the command, and what the one line says
+# requests beyond the memory: arguments, and fragments of the message
 TOO_LARGE = {
     "simulate rssr --turns 1e5": ["7.2e+06 instants", "instants at the most"],
     "simulate rssr --turns 1e5 --tolerance 1um": ["7.2e+06 instants", "fewer turns"],
@@ -34,22 +34,22 @@ def a_gigabyte(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("a_gigabyte")
-@pytest.mark.parametrize("words", TOO_LARGE)
-def test_what_memory_does_not_hold_is_rejected_at_once_with_what_would_fit(
-    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+@pytest.mark.parametrize("arguments", TOO_LARGE)
+def test_work_beyond_memory_is_rejected_with_the_limit(
+    arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["mechsim", *words.split()])
+    monkeypatch.setattr("sys.argv", ["mechsim", *arguments.split()])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     output = capsys.readouterr().err
     assert ended.value.code == 2
     assert len(output.splitlines()) == 1
-    assert all(word in output for word in TOO_LARGE[words])
+    assert all(word in output for word in TOO_LARGE[arguments])
     assert list(tmp_path.iterdir()) == []
 
 
-# motions that no run can follow: options, and what the one line says
+# motions with too many revolutions: options, and a fragment of the message
 TOO_LONG = {
     "--drive crank=1e6*t": "1.592e+05 revolutions or oscillations in 1 s, and 1,000 are the limit",
     "--drive crank=1e9rpm": "give a --duration of 6e-05 s or less",
@@ -73,9 +73,11 @@ COMMANDS = {
 }
 
 
-def one_line(words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
-    """Return the one line on stderr with which a command rejects what it is given."""
-    monkeypatch.setattr("sys.argv", ["mechsim", *words.split()])
+def rejection_line(
+    arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> str:
+    """Return the line on stderr with which a command rejects its arguments."""
+    monkeypatch.setattr("sys.argv", ["mechsim", *arguments.split()])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     output = capsys.readouterr().err
@@ -85,19 +87,19 @@ def one_line(words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 
 
 @pytest.mark.parametrize("options", TOO_LONG)
-def test_a_motion_of_too_many_revolutions_is_rejected_with_its_size_the_limit_and_a_remedy(
+def test_a_motion_of_too_many_revolutions_is_rejected(
     options: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert TOO_LONG[options] in one_line(f"solve four_bar {options}", monkeypatch, capsys)
+    assert TOO_LONG[options] in rejection_line(f"solve four_bar {options}", monkeypatch, capsys)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_rejects_a_motion_that_is_too_long_and_writes_nothing(
+def test_every_command_rejects_a_motion_that_is_too_long(
     command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    words = f"{command} four_bar --drive crank=1e6*t {COMMANDS[command]}"
-    assert "1,000 are the limit of one motion" in one_line(words, monkeypatch, capsys)
+    arguments = f"{command} four_bar --drive crank=1e6*t {COMMANDS[command]}"
+    assert "1,000 are the limit of one motion" in rejection_line(arguments, monkeypatch, capsys)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -109,22 +111,22 @@ def test_too_many_steps_of_a_scene_are_rejected(
         """<mujoco><worldbody><body><joint name="pivot"/><geom size=".1"/></body></worldbody>
         <actuator><motor name="torque" joint="pivot"/></actuator></mujoco>"""
     )
-    words = "simulate pendulum.xml --ctrl torque=1 --duration 1e5"
-    output = one_line(words, monkeypatch, capsys)
+    arguments = "simulate pendulum.xml --ctrl torque=1 --duration 1e5"
+    output = rejection_line(arguments, monkeypatch, capsys)
     assert "a motion of 100000 s with a time step of 0.002 s takes 5e+07 time steps, and 2,000,000" in output
 
 
-def test_memory_that_mujoco_cannot_get_is_no_internal_error(
+def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fails(*_: object, **__: object) -> None:
         raise mujoco.FatalError("Could not allocate memory")
 
     monkeypatch.setattr(options, "load", fails)
-    assert "not enough memory" in one_line("solve four_bar", monkeypatch, capsys)
+    assert "not enough memory" in rejection_line("solve four_bar", monkeypatch, capsys)
 
 
-def test_a_motor_too_stiff_for_explicit_steps_is_not_compared_and_the_message_has_a_remedy(
+def test_a_diverging_comparison_of_a_stiff_motor_has_a_remedy(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(
@@ -143,18 +145,18 @@ def test_a_crank_under_a_stiff_motor_reaches_its_speed() -> None:
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
     run = dynamics.free_run(machine, turns=0.1, samples=3)
     assert run.outcome == "done"
-    # at its no-load speed but for the microscopic start
+    # at its no-load speed except for the short start
     assert run.time[-1] == pytest.approx(0.01, rel=1e-6)
 
 
-def test_a_solution_under_motion_laws_is_the_same_in_parts(
+def test_a_solution_under_motion_laws_is_independent_of_chunks(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name, part in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
         monkeypatch.setattr(solve, "CHUNK", part)
-        words = f"mechsim solve four_bar --drive crank=sin(3*t) --duration 2 -o {name}"
-        monkeypatch.setattr("sys.argv", words.split())
+        arguments = f"mechsim solve four_bar --drive crank=sin(3*t) --duration 2 -o {name}"
+        monkeypatch.setattr("sys.argv", arguments.split())
         with pytest.raises(SystemExit) as ended:
             cli.main()
         assert ended.value.code == 0
@@ -165,7 +167,7 @@ def test_a_solution_under_motion_laws_is_the_same_in_parts(
     capsys.readouterr()
 
 
-def test_a_solution_is_the_same_in_parts(
+def test_a_solution_is_independent_of_chunks(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -183,7 +185,7 @@ def test_a_solution_is_the_same_in_parts(
     capsys.readouterr()
 
 
-def test_long_work_states_how_long_it_goes_on(
+def test_long_work_reports_its_remaining_time(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = [0.0]
@@ -193,29 +195,29 @@ def test_long_work_states_how_long_it_goes_on(
         work: Callable[[progress.Progress], None], total: int | None = None, at_least: bool = False
     ) -> list[str]:
         now[0] = 0.0
-        with progress.progress("work", total, at_least=at_least) as tick:
-            work(tick)
+        with progress.progress("work", total, at_least=at_least) as report:
+            work(report)
         return capsys.readouterr().err.splitlines()
 
-    def counted(tick: progress.Progress) -> None:
+    def counted(report: progress.Progress) -> None:
         for _ in range(20):
             now[0] += 4.0
-            tick("piece")
+            report("piece")
 
-    def parted(tick: progress.Progress) -> None:
+    def parted(report: progress.Progress) -> None:
         for i in range(1, 4):
             now[0] += 3600.0
-            tick(f"{i} steps", i / 10_000)
+            report(f"{i} steps", i / 10_000)
 
-    def short(tick: progress.Progress) -> None:
+    def short(report: progress.Progress) -> None:
         for i in range(1, 5):
             now[0] += 1.0
-            tick("", i / 4)
+            report("", i / 4)
 
     first, *_, last = lines(counted, 1000)
     assert first == "work: 1 of 1000, piece, about 67 min left"
     assert last.endswith("about 65 min left")
-    # the first part tells only when work began
+    # the first report only sets the start
     assert lines(parted) == [
         "work: 1 steps",
         "work: 2 steps, about 417 days left",
@@ -236,7 +238,7 @@ def test_long_work_states_how_long_it_goes_on(
 @pytest.mark.parametrize(
     ("method", "count"), [("pose", 3), pytest.param("step", 3, marks=fourth_order_only), ("none", 1)]
 )
-def test_dynamics_state_on_every_method_how_far_they_have_come(
+def test_dynamics_report_progress_of_every_method(
     method: str, count: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     reported: list[tuple[str, float]] = []
@@ -265,12 +267,12 @@ def test_dynamics_state_on_every_method_how_far_they_have_come(
         motors.ConstantTorque(1e20),
     ],
 )
-def test_a_motor_far_too_strong_for_its_model_drives_it_all_the_same(motor: motors.PlainMotor) -> None:
+def test_a_motor_much_too_strong_for_its_model_drives_it(motor: motors.PlainMotor) -> None:
     machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
     run = dynamics.free_run(machine, turns=0.25)
     assert run.outcome == "done"
     assert run.energy_error < 1e-9
     assert run.angle[-1] - run.angle[0] == pytest.approx(0.5 * np.pi, rel=1e-12)
     if motor.derivative:
-        # it holds its speed but for the moment it starts
+        # it keeps its speed after the start
         assert np.ptp(run.speed[1:]) < 0.02 * abs(motor.no_load)

@@ -17,7 +17,7 @@ def motion():
 
 
 @pytest.mark.parametrize("extension", [".csv", ".npz", ".CSV"])
-def test_a_table_reads_back_to_the_last_bit(motion, tmp_path, extension):
+def test_a_table_round_trips_exactly(motion, tmp_path, extension):
     path = tmp_path / f"table{extension}"
     files.write(path, motion)
     table = files.read(path)
@@ -37,7 +37,7 @@ def test_a_table_of_one_row_keeps_its_shape(tmp_path):
     assert files.read(tmp_path / "one.csv")["angle"].shape == (1,)
 
 
-def test_a_hundred_thousand_rows_are_written_without_a_loop_over_rows(tmp_path):
+def test_writing_has_no_loop_over_rows(tmp_path):
     motion = catalog.make("slider_crank").solve(np.linspace(0.0, 6.0, 100_000), links=False)
     assert calls(lambda: files.write(tmp_path / "long.csv", motion)) < 100_000
 
@@ -55,38 +55,38 @@ def test_a_missing_directory_is_rejected(motion, tmp_path):
         files.write(tmp_path / "nowhere" / "table.csv", motion)
 
 
-def test_a_directory_in_the_way_is_rejected(motion, tmp_path):
+def test_an_output_path_of_a_directory_is_rejected(motion, tmp_path):
     (tmp_path / "table.csv").mkdir()
     with pytest.raises(OutputError, match="it is a directory"):
         files.write(tmp_path / "table.csv", motion)
 
 
-def test_a_place_that_takes_no_files_is_rejected(motion):
+def test_an_unwritable_directory_is_rejected(motion):
     with pytest.raises(OutputError, match=r"cannot write /proc/table\.csv"):
         files.write("/proc/table.csv", motion)
 
 
-def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
+def test_a_failed_write_keeps_only_the_old_file(tmp_path):
     path = tmp_path / "page.html"
     path.write_text("old")
 
-    def half_way():
-        with files.atomic_path(path) as beside:
-            beside.write_text("half")
+    def fail_while_writing():
+        with files.atomic_path(path) as temporary:
+            temporary.write_text("half")
             raise RuntimeError("the writer broke")
 
     with pytest.raises(RuntimeError):
-        half_way()
+        fail_while_writing()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_write_that_ends_well_replaces_the_old_file_and_can_be_read_by_others(tmp_path):
+def test_a_successful_write_replaces_the_file_with_default_permissions(tmp_path):
     path = tmp_path / "page.html"
     path.write_text("old")
-    with files.atomic_path(path) as beside:
-        assert beside.suffix == ".html"
-        beside.write_text("new")
+    with files.atomic_path(path) as temporary:
+        assert temporary.suffix == ".html"
+        temporary.write_text("new")
         assert path.read_text() == "old"
     assert path.read_text() == "new"
     assert list(tmp_path.iterdir()) == [path]
@@ -106,22 +106,22 @@ def test_a_write_that_ends_well_replaces_the_old_file_and_can_be_read_by_others(
         ("f.npz", b""),
     ],
 )
-def test_a_file_that_holds_no_table_is_rejected_by_name(tmp_path, name, content):
+def test_a_file_without_a_table_is_rejected_by_name(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=f"{name} holds no table"):
         files.read(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["none.csv", "none.npz"])
-def test_a_file_that_is_not_there_is_rejected(tmp_path, name):
+def test_a_missing_file_is_rejected(tmp_path, name):
     with pytest.raises(InputError, match="there is no file"):
         files.read(tmp_path / name)
 
 
-def test_a_link_stays_a_link_and_what_it_points_to_is_written(motion, tmp_path):
+def test_writing_to_a_symbolic_link_writes_its_target(motion, tmp_path):
     (tmp_path / "there").mkdir()
     target, link, loop = tmp_path / "there" / "real.csv", tmp_path / "link.csv", tmp_path / "loop.csv"
-    for _ in range(2):  # dangling first, then not
+    for _ in range(2):  # without, then with an existing target
         link.unlink(missing_ok=True)
         link.symlink_to(target)
         files.write(link, motion)
@@ -133,7 +133,7 @@ def test_a_link_stays_a_link_and_what_it_points_to_is_written(motion, tmp_path):
         files.write(loop, motion)
 
 
-def test_a_named_pipe_takes_the_file_and_stays_one(motion, tmp_path):
+def test_writing_to_a_named_pipe_keeps_the_pipe(motion, tmp_path):
     pipe, reported = tmp_path / "pipe.csv", []
     os.mkfifo(pipe)
     reader = threading.Thread(target=lambda: reported.append(pipe.read_text()))
@@ -153,7 +153,7 @@ def test_a_named_pipe_takes_the_file_and_stays_one(motion, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["full.csv", "pipe.csv", "plain.csv"]
 
 
-def test_a_read_only_file_is_not_replaced_and_rights_are_kept(motion, tmp_path):
+def test_a_read_only_file_is_rejected_and_permissions_are_kept(motion, tmp_path):
     path = tmp_path / "table.csv"
     path.write_text("mine")
     path.chmod(0o444)
@@ -165,7 +165,7 @@ def test_a_read_only_file_is_not_replaced_and_rights_are_kept(motion, tmp_path):
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_name_that_no_folder_takes_is_rejected(motion, tmp_path):
+def test_a_too_long_file_name_is_rejected(motion, tmp_path):
     with pytest.raises(OutputError, match="File name too long"):
         files.write(tmp_path / f"{'n' * 300}.csv", motion)
 
@@ -173,12 +173,12 @@ def test_a_name_that_no_folder_takes_is_rejected(motion, tmp_path):
 @pytest.mark.parametrize(
     "text", ["\ufefftime,angle\n0,1\n", "time, angle\n0, 1\n", " time ,angle\r\n0,1\r\n"]
 )
-def test_a_header_as_spreadsheets_write_it_is_understood(tmp_path, text):
+def test_headers_of_spreadsheets_are_read(tmp_path, text):
     (tmp_path / "a.csv").write_text(text, encoding="utf-8", newline="")
     assert files.read(tmp_path / "a.csv") == {"time": [0.0], "angle": [1.0]}
 
 
-def test_what_never_ends_or_unpacks_to_more_than_memory_is_rejected_before_it_is_read(tmp_path, monkeypatch):
+def test_pipes_and_files_beyond_memory_are_rejected(tmp_path, monkeypatch):
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(InputError, match="no regular file"):
         files.read(tmp_path / "pipe.csv")

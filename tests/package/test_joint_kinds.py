@@ -1,4 +1,4 @@
-"""Loop equations, MuJoCo models and pictures know every joint kind alike."""
+"""Loop equations, MuJoCo models and pictures treat every joint kind consistently."""
 
 import mujoco
 import numpy as np
@@ -17,11 +17,11 @@ from mechsim.simulation.mjcf.joints import part_names
 CROSS_ANGLE = 1.1
 
 
-def arm_with(kind, turned_round):
-    """A crank with a link on it by a joint of a kind, whose side a may be the far one."""
-    near = End("arm", (0.3, -0.1, 0.2), (0.2, -0.4, 1.0))
-    far = End("tip", (0.01, 0.05, -0.02), (1.0, 2.0, -2.0), (0.0, 1.0, 1.0))
-    a, b = (far, near) if turned_round else (near, far)
+def arm_with(kind, reversed_sides):
+    """Return a crank with a link on a joint of this kind; side a may be the distal one."""
+    proximal = End("arm", (0.3, -0.1, 0.2), (0.2, -0.4, 1.0))
+    distal = End("tip", (0.01, 0.05, -0.02), (1.0, 2.0, -2.0), (0.0, 1.0, 1.0))
+    a, b = (distal, proximal) if reversed_sides else (proximal, distal)
     return Mechanism(
         name="arm",
         links=(Link("arm"), Link("tip")),
@@ -42,25 +42,25 @@ def arm_with(kind, turned_round):
 
 
 def poses_at(mechanism, values):
-    """Poses of the links with the crank at zero and the joint at its coordinates."""
+    """Return the poses of the links with the crank at zero and the joint at its coordinates."""
     joint = mechanism.joint("J")
     shift, turn = displaced(KINDS[joint.kind], values, CROSS_ANGLE)
     if joint.a.link == "tip":
         shift, turn = -turn.T @ shift, turn.T
-    near, far = (joint.a, joint.b) if joint.a.link == "arm" else (joint.b, joint.a)
-    rotation = near.frame @ turn @ far.frame.T
-    place = np.asarray(near.point) + near.frame @ shift - rotation @ np.asarray(far.point)
-    return {"arm": IDENTITY, "tip": Pose(place, rotation)}
+    proximal, distal = (joint.a, joint.b) if joint.a.link == "arm" else (joint.b, joint.a)
+    rotation = proximal.frame @ turn @ distal.frame.T
+    position = np.asarray(proximal.point) + proximal.frame @ shift - rotation @ np.asarray(distal.point)
+    return {"arm": IDENTITY, "tip": Pose(position, rotation)}
 
 
 def values_of(kind, *sizes):
     return tuple(size for size, _ in zip(sizes, KINDS[kind].units, strict=False))
 
 
-@pytest.mark.parametrize("turned_round", [False, True])
+@pytest.mark.parametrize("reversed_sides", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_loop_equations_hold_what_a_kind_does_not_leave_free(kind, turned_round):
-    mechanism = arm_with(kind, turned_round)
+def test_loop_equations_constrain_the_fixed_directions_of_a_kind(kind, reversed_sides):
+    mechanism = arm_with(kind, reversed_sides)
     values = values_of(kind, 0.13, -0.7, 0.4)
     if KINDS[kind].helical:
         values = (mechanism.joint("J").lead * -0.7 / (2.0 * np.pi), -0.7)
@@ -68,20 +68,20 @@ def test_the_loop_equations_hold_what_a_kind_does_not_leave_free(kind, turned_ro
     poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in poses.items()}
     rows = loops.equations(mechanism, poses, 0.0)
     assert np.abs(rows.residual).max() <= 1e-15
-    held = 6 - KINDS[kind].dof + KINDS[kind].helical
-    assert rows.residual.shape == (1, 5 + held + 1)
-    assert np.linalg.matrix_rank(rows.jacobian[0]) == 6 + held
+    constrained = 6 - KINDS[kind].dof + KINDS[kind].helical
+    assert rows.residual.shape == (1, 5 + constrained + 1)
+    assert np.linalg.matrix_rank(rows.jacobian[0]) == 6 + constrained
 
 
-@pytest.mark.parametrize("turned_round", [False, True])
+@pytest.mark.parametrize("reversed_sides", [False, True])
 @pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.units and not kind.ball])
-def test_a_model_s_coordinates_are_those_of_the_kind(kind, turned_round):
-    mechanism = arm_with(kind, turned_round)
-    here, there = values_of(kind, 0.13, -0.7, 0.4), values_of(kind, -0.21, 0.5, 1.1)
-    model = compiled(generate(mechanism, Scene(level="pose"), poses_at(mechanism, here)))
+def test_joint_coordinates_of_the_model_match_the_kind(kind, reversed_sides):
+    mechanism = arm_with(kind, reversed_sides)
+    first, second = values_of(kind, 0.13, -0.7, 0.4), values_of(kind, -0.21, 0.5, 1.1)
+    model = compiled(generate(mechanism, Scene(level="pose"), poses_at(mechanism, first)))
     data = mujoco.MjData(model)
     addresses = [model.joint(name).qposadr[0] for name in part_names(mechanism, mechanism.joint("J"))]
-    for values in (here, there):
+    for values in (first, second):
         data.qpos[addresses] = values
         mujoco.mj_forward(model, data)
         expected = poses_at(mechanism, values)["tip"]
@@ -90,9 +90,9 @@ def test_a_model_s_coordinates_are_those_of_the_kind(kind, turned_round):
 
 
 @pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.dof < 6])
-def test_every_kind_is_drawn_with_more_than_the_bodies_of_its_links(kind, monkeypatch):
+def test_every_kind_has_a_drawing_of_its_joint(kind, monkeypatch):
     mechanism = arm_with(kind, False)
     drawn = link_shapes(mechanism)
     monkeypatch.setitem(DRAW, kind, lambda canvas, joint: None)
-    bare = link_shapes(mechanism)
-    assert sum(map(len, drawn.values())) > sum(map(len, bare.values()))
+    without_joint = link_shapes(mechanism)
+    assert sum(map(len, drawn.values())) > sum(map(len, without_joint.values()))

@@ -1,4 +1,4 @@
-"""What a user meets first: wrong arguments end in one sentence that names the value and the remedy."""
+"""Public functions reject wrong arguments in one sentence with value and remedy."""
 
 import ast
 import importlib
@@ -19,8 +19,8 @@ RUN = ms.simulate(DRIVE, speed=10.0, turns=0.1)
 NAN = float("nan")
 
 
-def simulated(**asked):
-    return ms.simulate(MECHANISM, **({"speed": 10.0, "turns": 0.1} | asked))
+def simulated(**options):
+    return ms.simulate(MECHANISM, **({"speed": 10.0, "turns": 0.1} | options))
 
 
 def pendulum_of_no_size():
@@ -33,7 +33,7 @@ def guessed(**pose):
     return replace(MECHANISM, guess={name: ms.Pose(**whole) for name in MECHANISM.guess})
 
 
-REFUSED = {
+REJECTED = {
     "no source": (lambda: ms.simulate(None, speed=10.0), "a NoneType cannot be simulated; give a mechanism"),
     "speed in mm": (lambda: simulated(speed="600mm"), "the crank speed '600mm' has unit 'mm'"),
     "speed as list": (lambda: simulated(speed=[1.0, 2.0]), "give a finite speed"),
@@ -99,15 +99,15 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_used_is_rejected_in_one_sentence(name):
-    wrong, output = REFUSED[name]
-    with pytest.raises(ms.InputError, match=output) as refused:
+@pytest.mark.parametrize("name", REJECTED)
+def test_wrong_arguments_are_rejected_in_one_sentence(name):
+    wrong, output = REJECTED[name]
+    with pytest.raises(ms.InputError, match=output) as rejected:
         wrong()
-    assert "\n" not in str(refused.value)
+    assert "\n" not in str(rejected.value)
 
 
-def test_a_catalogue_mechanism_runs_as_its_description_does():
+def test_a_catalogue_mechanism_and_its_description_run_equally():
     assert RUN.outcome == "passed"
     other = ms.simulate(MECHANISM, speed=10.0, turns=0.1)
     np.testing.assert_array_equal(RUN.motion.points["P3"].position, other.motion.points["P3"].position)
@@ -115,12 +115,12 @@ def test_a_catalogue_mechanism_runs_as_its_description_does():
     np.testing.assert_array_equal(by_loops, ms.loops.solve(MECHANISM, [0.1]).points["P3"].position)
 
 
-def test_an_incomplete_guess_is_completed_by_the_joints():
+def test_an_incomplete_initial_guess_is_completed():
     short = replace(MECHANISM, guess={"crank": MECHANISM.guess["crank"]})
     assert ms.simulate(short, speed=10.0, turns=0.1).outcome == "passed"
 
 
-FACE = """
+PUBLIC = """
     Agreement AssemblyError Certificate Check Controller Coupling End Forces Friction Gear Inertia
     InputError Joint JointSpring Link Load Mechanism MechsimError Motion MotionLaws Pose Run Scene
     Settings Spring Tolerance Validation Verdict __version__ catalog certify check closed_qpos compile
@@ -128,10 +128,10 @@ FACE = """
     plots reduce render sample sensitivity show simulate simulation sweep testing tolerance_study trace
     tune units validate view
 """
-NAMES = FACE.split()
+NAMES = PUBLIC.split()
 
 
-def test_dir_lists_the_face_and_nothing_else_and_every_name_is_there():
+def test_dir_lists_exactly_the_public_names():
     assert dir(ms) == sorted(NAMES) == sorted(ms.__all__)
     for name in NAMES:
         assert getattr(ms, name) is not None
@@ -139,9 +139,9 @@ def test_dir_lists_the_face_and_nothing_else_and_every_name_is_there():
         getattr(ms, "nothing")  # noqa: B009
 
 
-def test_completion_runs_no_code_of_ours():
-    asked = "import sys, mechsim; dir(mechsim); print(*(name for name in sys.modules if 'mechsim' in name))"
-    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+def test_name_completion_imports_no_module():
+    options = "import sys, mechsim; dir(mechsim); print(*(name for name in sys.modules if 'mechsim' in name))"
+    done = subprocess.run([sys.executable, "-c", options], capture_output=True, text=True, check=True)
     assert set(done.stdout.split()) == {"mechsim", "mechsim._version"}
 
 
@@ -154,11 +154,11 @@ def test_completion_runs_no_code_of_ours():
         "from mechsim import *; catalog.make('rssr'), render.Look",
     ],
 )
-def test_what_the_documents_name_imports_as_written(line):
+def test_documented_imports_work(line):
     exec(compile(line, "a user's script", "exec"), {})
 
 
-def test_what_type_checkers_see_is_what_there_is():
+def test_declarations_for_type_checkers_match_the_runtime():
     tree = ast.parse(Path(ms.__file__).read_text())
     (block,) = [n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"]
     reported = {}
@@ -166,14 +166,16 @@ def test_what_type_checkers_see_is_what_there_is():
         home = importlib.import_module(statement.module)
         reported |= {item.asname or item.name: (home, item.name) for item in statement.names}
     assert set(reported) == set(NAMES) - {"__version__"}
-    for name, (home, there) in reported.items():
-        inside = f"{home.__name__}.{there}"
-        declared = vars(home).get(there) if there in vars(home) else importlib.import_module(inside)
+    for name, (home, name_in_home) in reported.items():
+        inside = f"{home.__name__}.{name_in_home}"
+        declared = (
+            vars(home).get(name_in_home) if name_in_home in vars(home) else importlib.import_module(inside)
+        )
         assert getattr(ms, name) is declared
     assert (Path(ms.__file__).parent / "py.typed").is_file()
 
 
-def test_no_module_of_ours_is_made_callable():
+def test_no_module_replaces_itself():
     for path in Path(ms.__file__).parent.rglob("*.py"):
         assert "sys.modules[__name__]" not in path.read_text()
 
@@ -186,7 +188,7 @@ MODELS = Path(__file__).parents[2] / "models"
     ["four_bar", MODELS / "four_bar.xml", mujoco.MjSpec.from_file(str(MODELS / "four_bar.xml"))],
     ids=["name", "path", "object"],
 )
-def test_dynamics_takes_names_files_and_mujoco_objects(source):
+def test_dynamics_accepts_names_files_and_mujoco_objects(source):
     run = ms.dynamics.run(source, initial={"crank.q": "30deg"}, duration="10ms", samples=2)
     assert run.motion.joints["crank"].value[0] == pytest.approx(np.pi / 6.0, abs=1e-12)
 

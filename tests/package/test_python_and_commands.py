@@ -1,4 +1,4 @@
-"""What a command does, a function of the same name does: same results, any kind of model."""
+"""Functions give the results of the commands of the same name for any kind of model."""
 
 import json
 from pathlib import Path
@@ -29,8 +29,8 @@ def mechsim_json(tmp_path_factory):
 
     from mechsim.cli import app
 
-    def call(*words):
-        done = CliRunner().invoke(app, [*words, "--json"])
+    def call(*arguments):
+        done = CliRunner().invoke(app, [*arguments, "--json"])
         assert done.exit_code in (0, 1), done.output
         return json.loads(done.stdout)
 
@@ -51,7 +51,7 @@ def mechsim_json(tmp_path_factory):
     ],
     ids=["load", "simulate", "trace", "sample", "check", "view", "export"],
 )
-def test_a_function_takes_every_kind_of_model(call, kind):
+def test_every_function_accepts_every_kind_of_model(call, kind):
     assert call(MODELS[kind]()) is not None
 
 
@@ -60,57 +60,57 @@ def test_a_joint_map_takes_a_path():
     assert ms.joint_map(SCENE, {driver: ("5deg", "15deg")}, [driver], points=3) is not None
 
 
-def test_a_file_keeps_its_order_of_coordinates_as_a_path_or_a_solver():
+def test_coordinates_have_the_same_order_for_a_path_and_a_solver():
     expected = ms.sample(str(SCENE), 2).qpos
     for model in (SCENE, ms.load(SCENE, still=True)):
         np.testing.assert_allclose(ms.sample(model, 2).qpos, expected, rtol=0, atol=1e-12)
 
 
-def test_lists_are_the_same(mechsim_json):
+def test_function_and_command_list_equally(mechsim_json):
     assert ms.list() == mechsim_json("list")
 
 
-def test_exports_are_the_same(mechsim_json, tmp_path):
-    words = ("--speed", "600rpm", "--timestep", "1ms", "--set", "crank=35mm")
+def test_function_and_command_export_equally(mechsim_json, tmp_path):
+    arguments = ("--speed", "600rpm", "--timestep", "1ms", "--set", "crank=35mm")
     own = {"set": {"crank": "35mm"}, "speed": "600rpm", "timestep": "1ms"}
     exported = ms.export("four_bar", tmp_path / "a.xml", **own)
-    assert exported.text == mechsim_json("export", "four_bar", *words)["text"]
+    assert exported.text == mechsim_json("export", "four_bar", *arguments)["text"]
     assert (tmp_path / "a.xml").read_text() == exported.text
     assert mujoco.MjModel.from_xml_string(exported.text).opt.timestep == 0.001
 
 
-def test_an_export_rejects_what_does_not_go_together():
+def test_an_export_with_incompatible_options_is_rejected():
     with pytest.raises(ms.InputError, match="no format 'stl'; choose from xml, toml"):
         ms.export("four_bar", format="stl")
     with pytest.raises(ms.InputError, match="settings are for MuJoCo models"):
         ms.export("four_bar", format="toml", speed="600rpm")
 
 
-def test_pages_are_the_same(mechsim_json, tmp_path):
+def test_function_and_command_write_the_same_page(mechsim_json, tmp_path):
     ms.view("slider_crank", tmp_path / "a.html", speed="600rpm")
     mechsim_json("view", "slider_crank", "-o", str(tmp_path / "b.html"))
     assert (tmp_path / "a.html").read_text() == (tmp_path / "b.html").read_text()
 
 
-def test_closed_configurations_take_units():
+def test_closed_configurations_accept_units():
     by_text = ms.closed_qpos("four_bar", {"crank": "30deg"})
     assert by_text == pytest.approx(ms.closed_qpos("four_bar", {"crank": np.pi / 6}), abs=0)
 
 
 @pytest.mark.slow
-def test_a_model_is_tuned_as_by_the_command(mechsim_json, tmp_path):
+def test_function_and_command_tune_equally(mechsim_json, tmp_path):
     tuned = ms.tune("four_bar", "1mm", drive={"crank": "60rpm"}, duration="0.2s", budget="2s")
     assert tuned.reached
     assert tuned.report.error <= 1e-3
     mujoco.MjModel.from_xml_string(tuned.text)
     ms.export("four_bar", tmp_path / "a.xml", scene="dynamics")
-    words = ("--tolerance", "1mm", "--drive", "crank=60rpm", "--duration", "0.2s", "--budget", "2s")
-    printed = mechsim_json("tune", str(tmp_path / "a.xml"), *words, "-o", str(tmp_path / "b.xml"))
+    arguments = ("--tolerance", "1mm", "--drive", "crank=60rpm", "--duration", "0.2s", "--budget", "2s")
+    printed = mechsim_json("tune", str(tmp_path / "a.xml"), *arguments, "-o", str(tmp_path / "b.xml"))
     assert printed.keys() == tuned.as_dict().keys() | {"output", "python"}
     assert printed["published"]["error"] == pytest.approx(tuned.report.published_error, rel=1e-6)
 
 
-def test_a_tolerance_that_cannot_be_satisfied_is_rejected():
+def test_invalid_tolerances_and_error_kinds_are_rejected():
     with pytest.raises(ms.InputError, match="give a finite value above 0"):
         ms.tune("four_bar", 0.0)
     with pytest.raises(ms.InputError, match="no error by 'speed'"):
@@ -120,15 +120,15 @@ def test_a_tolerance_that_cannot_be_satisfied_is_rejected():
 
 
 @pytest.mark.slow
-def test_a_model_is_reduced_as_by_the_command(mechsim_json, tmp_path):
+def test_function_and_command_reduce_equally(mechsim_json, tmp_path):
     options = {"drive": {"crank": "60rpm"}, "duration": "0.1s", "track": ["B"]}
-    small = ms.reduce("four_bar", "0.1mm", **options, output=tmp_path / "small.xml")
-    assert small.reached
-    assert (tmp_path / "small.xml").read_text() == small.text
+    reduced = ms.reduce("four_bar", "0.1mm", **options, output=tmp_path / "small.xml")
+    assert reduced.reached
+    assert (tmp_path / "small.xml").read_text() == reduced.text
     ms.export("four_bar", tmp_path / "a.xml", scene="dynamics")
-    words = ("--tolerance", "0.1mm", "--drive", "crank=60rpm", "--duration", "0.1s", "--track", "B")
-    printed = mechsim_json("reduce", str(tmp_path / "a.xml"), *words, "-o", str(tmp_path / "b.xml"))
-    assert printed.keys() == small.as_dict().keys() | {"output"}
-    # which steps and solver follow depends on the times that this machine measures
-    assert printed["left_out"][0]["what"] == small.reduction.left_out[0].candidate.what
-    assert max(printed["error"], small.as_dict()["error"]) <= 1e-4
+    arguments = ("--tolerance", "0.1mm", "--drive", "crank=60rpm", "--duration", "0.1s", "--track", "B")
+    printed = mechsim_json("reduce", str(tmp_path / "a.xml"), *arguments, "-o", str(tmp_path / "b.xml"))
+    assert printed.keys() == reduced.as_dict().keys() | {"output"}
+    # the chosen steps and solver depend on measured times
+    assert printed["left_out"][0]["what"] == reduced.reduction.left_out[0].candidate.what
+    assert max(printed["error"], reduced.as_dict()["error"]) <= 1e-4

@@ -1,4 +1,4 @@
-"""A point far beyond the links does not make them invisible: its path is cut, and the picture says so."""
+"""The path of a point far beyond the links is clipped, with a note in the picture."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ ARM = """
 
 
 @pytest.mark.parametrize("far", [100.0, 0.3])
-def test_a_picture_is_framed_on_the_links_and_states_which_path_is_cut(tmp_path, far):
+def test_a_picture_is_framed_on_the_links_and_notes_clipped_paths(tmp_path, far):
     path = tmp_path / "arm.xml"
     path.write_text(ARM.replace("FAR", str(far)))
     form = load(str(path), drive={"crank": "t"})
@@ -30,8 +30,8 @@ def test_a_picture_is_framed_on_the_links_and_states_which_path_is_cut(tmp_path,
     assert drawn.camera.height > 0.1
     assert ("far" in named(drawn, 0)) == (not cut)
     assert "near" in named(drawn, 0)
-    output = [line for line, _ in legend(drawn) if "framed on the links; cut: the path of far" in line]
-    assert len(output) == cut
-    # what is left of it lies outside the picture
-    gone = np.abs(drawn.frames.paths["far"] - drawn.frames.paths["near"]).max()
-    assert not cut or gone > 0.5 * drawn.camera.height
+    note = [line for line, _ in legend(drawn) if "framed on the links; cut: the path of far" in line]
+    assert len(note) == cut
+    # the clipped part lies outside the picture
+    distance = np.abs(drawn.frames.paths["far"] - drawn.frames.paths["near"]).max()
+    assert not cut or distance > 0.5 * drawn.camera.height

@@ -22,35 +22,35 @@ def full_turn(name):
     return drive if drive.crank_range().full else catalog.make("rssr", crank=0.014, rocker=0.03)
 
 
-def same(item, other):
+def assert_same(item, other):
     for name, point in item.points.items():
         for kind in ("position", "velocity", "acceleration"):
             np.testing.assert_array_equal(getattr(point, kind), getattr(other.points[name], kind))
 
 
 @pytest.mark.parametrize("name", ["rssr", "warp_knitter", "looper"])
-def test_a_run_with_pictures_is_the_run_without_to_the_last_bit(name):
+def test_visual_geoms_do_not_change_a_run_by_a_bit(name):
     drive = full_turn(name)
 
     def run(spec):
         return simulate(spec, speed=60.0, settings=Settings(steps_per_turn=60)).motion
 
     scene = Scene(level="picture")
-    same(run(exported(drive.mechanism, scene)), run(assembled(drive.mechanism, scene)))
+    assert_same(run(exported(drive.mechanism, scene)), run(assembled(drive.mechanism, scene)))
 
 
-def test_drawing_a_run_does_not_touch_it():
+def test_rendering_does_not_change_later_runs():
     drive = full_turn("rssr")
     before = simulate(drive.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion
     try:
         render.still(drive.mechanism, before, size=(64, 48))
     except MissingToolError as missing:
         pytest.skip(str(missing))
-    same(before, simulate(drive.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion)
+    assert_same(before, simulate(drive.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_geoms_neither_weigh_nor_collide(name):
+def test_visual_geoms_have_no_mass_and_no_contact(name):
     mechanism = catalog.make(name).mechanism
     drawn = exported(mechanism, Scene(level="picture")).compile()
     plain = assembled(mechanism, Scene(level="picture")).compile()
@@ -63,7 +63,7 @@ def test_geoms_neither_weigh_nor_collide(name):
 
 
 @pytest.mark.parametrize("name", grid(NAMES))
-def test_an_exported_picture_shows_every_link_to_any_user_of_mujoco(name):
+def test_an_exported_picture_scene_shows_every_link_in_mujoco(name):
     try:
         result = gl_backend.choose()
     except MissingToolError as missing:

@@ -1,4 +1,4 @@
-"""Bodies of a user's file are drawn as the file has them: places, colours, few enough triangles."""
+"""Bodies of a user's file are drawn with the positions and colours of the file and few triangles."""
 
 from dataclasses import replace
 
@@ -43,12 +43,12 @@ def form(tmp_path):
     return ms.load(str(path))
 
 
-def test_geoms_are_where_the_file_has_them_in_its_colours(form):
+def test_geoms_have_the_poses_and_colours_of_the_file(form):
     bodies = file_bodies(form.source)
     assert set(bodies) == {"ground", "arm"}
-    (box,) = bodies["ground"]  # a plane has no end
+    (box,) = bodies["ground"]  # a plane is infinite
     assert (box.kind, box.half_sizes) == ("box", pytest.approx((0.1, 0.02, 0.03)))
-    wedge, capsule, ball = bodies["arm"]  # what collides is not what is seen
+    wedge, capsule, ball = bodies["arm"]  # collision geoms are not drawn
     assert wedge.rgba == pytest.approx((0.8, 0.1, 0.1, 1.0))
     corners = np.array([[0.1, 0, 0], [0.1, 0.1, 0], [0, 0, 0], [0.1, 0, 0.1]])
     result = wedge.facets.vertices
@@ -60,7 +60,7 @@ def test_geoms_are_where_the_file_has_them_in_its_colours(form):
     np.testing.assert_allclose((high - low) / 2, [0.03, 0.02, 0.01], rtol=0.02)
 
 
-def test_a_scene_stands_on_its_z_and_its_meshes_throw_shadows(form):
+def test_a_scene_is_drawn_with_z_upwards_and_mesh_shadows(form):
     drawn = Source(form.mechanism, form.solve([0.0, 1.0])).drawn(Look(**drawn_as(form)))
     assert drawn.camera.up @ [0.0, 0.0, 1.0] == pytest.approx(1.0)
     scene = mujoco.MjvScene(drawn.model, maxgeom=200)
@@ -69,7 +69,7 @@ def test_a_scene_stands_on_its_z_and_its_meshes_throw_shadows(form):
     assert len(meshes) == drawn.model.nmesh == 2
 
 
-def test_a_pivot_at_which_a_point_stays_goes_by_the_point_s_name():
+def test_a_pivot_at_a_point_is_labelled_with_the_name_of_the_point():
     drive = ms.catalog.make("four_bar")
     mechanism = drive.mechanism
     both = {**mechanism.points, "motor": ("crank", (0.0, 0.0, 0.0))}
@@ -80,40 +80,40 @@ def test_a_pivot_at_which_a_point_stays_goes_by_the_point_s_name():
         assert names == reported | {"A", "B", "C"}
 
 
-def test_the_page_holds_them(form):
+def test_the_page_contains_the_file_bodies(form):
     view = mechanism_view(form, 6.0, form.source.limits)
     assert page(view).count('"kind":"facets"') == 2
     assert '"kind":"facets"' not in page(replace(view, bodies=None))
 
 
-def test_fewer_triangles_keep_the_outline():
+def test_a_coarser_mesh_keeps_its_size():
     turn, height = np.meshgrid(np.linspace(0, 2 * np.pi, 80), np.linspace(0, np.pi, 40))
     ball = np.stack([np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)], -1)
     a = (np.arange(39)[:, None] * 80 + np.arange(79)).ravel()
-    whole = TriangleMesh(ball.reshape(-1, 3), np.stack([a, a + 1, a + 80], -1).astype(np.int32))
-    less = whole.coarser(0.2)
-    assert len(less.faces) < 0.3 * len(whole.faces)
-    np.testing.assert_allclose(np.ptp(less.vertices, axis=0), 2.0, atol=0.2)
-    assert less.faces.max() < len(less.vertices)
+    fine = TriangleMesh(ball.reshape(-1, 3), np.stack([a, a + 1, a + 80], -1).astype(np.int32))
+    coarse = fine.coarser(0.2)
+    assert len(coarse.faces) < 0.3 * len(fine.faces)
+    np.testing.assert_allclose(np.ptp(coarse.vertices, axis=0), 2.0, atol=0.2)
+    assert coarse.faces.max() < len(coarse.vertices)
 
 
-def test_every_solid_is_shown_in_its_own_colour(form):
+def test_every_solid_is_drawn_in_its_own_colour(form):
     drawn = Source(form.mechanism, form.solve([0.0, 1.0])).drawn(Look(**drawn_as(form)))
     model, scene = drawn.model, mujoco.MjvScene(drawn.model, maxgeom=200)
     drawn.set_frame(0)
     mujoco.mjv_updateScene(
         model, drawn.data, mujoco.MjvOption(), None, mujoco.MjvCamera(), mujoco.mjtCatBit.mjCAT_ALL, scene
     )
-    shown = {
+    colours = {
         geom.objid: geom.rgba for geom in scene.geoms[: scene.ngeom] if geom.dataid >= 0 or geom.type != 0
     }
-    wanted = [shape.rgba for shapes in file_bodies(form.source).values() for shape in shapes]
-    assert (0.5, 0.5, 0.5, 1.0) in wanted
-    solids = [i for i in shown if model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE]
-    np.testing.assert_allclose(sorted(shown[i].tolist() for i in solids), sorted(wanted), atol=1e-6)
+    expected = [shape.rgba for shapes in file_bodies(form.source).values() for shape in shapes]
+    assert (0.5, 0.5, 0.5, 1.0) in expected
+    solids = [i for i in colours if model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE]
+    np.testing.assert_allclose(sorted(colours[i].tolist() for i in solids), sorted(expected), atol=1e-6)
 
 
-def test_a_part_too_small_to_be_seen_next_to_the_rest_is_left_out(tmp_path, monkeypatch):
+def test_a_body_too_small_to_see_is_omitted(tmp_path, monkeypatch):
     screw = '<mesh name="screw" vertex="0 0 0  1e-5 0 0  0 1e-5 0  0 0 1e-5"/></asset>'
     geom = '<geom type="mesh" mesh="screw" pos="0.1 0.013 0.05"/><geom type="capsule"'
     text = SCENE.replace("</asset>", screw).replace('<geom type="capsule"', geom)
@@ -126,7 +126,7 @@ def test_a_part_too_small_to_be_seen_next_to_the_rest_is_left_out(tmp_path, monk
     assert all(len(shape.facets.vertices) >= 4 for shape in after if shape.facets)
 
 
-def test_what_is_as_light_as_the_paper_is_drawn_darker_in_its_own_hue(tmp_path):
+def test_a_body_as_light_as_the_background_is_drawn_darker(tmp_path):
     path = tmp_path / "white.xml"
     path.write_text(
         SCENE.replace('size="0.1 0.02 0.03"', 'size="0.1 0.02 0.03" rgba="0.9 1 0.8 0.5"').replace(
@@ -135,9 +135,9 @@ def test_what_is_as_light_as_the_paper_is_drawn_darker_in_its_own_hue(tmp_path):
     )
     bodies = file_bodies(ms.load(str(path)).source)
     (box,) = bodies["ground"]
-    lit = np.array(box.rgba[:3])
-    assert lit / lit[1] == pytest.approx([0.9, 1.0, 0.8], abs=1e-6)
-    # an eye tells two greys apart by a tenth of their light
-    assert lit @ [0.2126, 0.7152, 0.0722] < 0.9 * min(PAPER)
+    rgb = np.array(box.rgba[:3])
+    assert rgb / rgb[1] == pytest.approx([0.9, 1.0, 0.8], abs=1e-6)
+    # two greys are distinguishable from a tenth of their luminance
+    assert rgb @ [0.2126, 0.7152, 0.0722] < 0.9 * min(PAPER)
     assert box.rgba[3] == 0.5
     assert bodies["arm"][1].rgba[:3] == pytest.approx((0.7, 0.7, 0.7))

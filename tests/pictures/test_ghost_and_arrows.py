@@ -36,17 +36,17 @@ def motion(drive):
 
 
 def moved(motion: Motion, link: str, by: np.ndarray) -> Motion:
-    """The motion with one link out of place."""
+    """Return the motion with one displaced link."""
     other = replace(motion.links[link], position=motion.links[link].position + by)
     return replace(motion, source="step", links={**motion.links, link: other})
 
 
-def test_an_error_is_found_and_magnified_by_the_factor(drive, motion):
-    off = np.array([2e-9, -1e-9, 0.0])
-    run = frame_poses(drive.mechanism, moved(motion, "rocker", off)).poses
+def test_a_position_error_is_measured_and_magnified(drive, motion):
+    displacement = np.array([2e-9, -1e-9, 0.0])
+    run = frame_poses(drive.mechanism, moved(motion, "rocker", displacement)).poses
     exact = frame_poses(drive.mechanism, motion).poses
     result = ghost.errors(drive.mechanism, run, exact, NONE)
-    np.testing.assert_allclose(result["rocker"][0], np.tile(-off, (25, 1)), atol=1e-15)
+    np.testing.assert_allclose(result["rocker"][0], np.tile(-displacement, (25, 1)), atol=1e-15)
     assert np.abs(result["crank"][0]).max() == 0.0
     by = ghost.factor(drive.mechanism, result)
     assert np.log10(by) == pytest.approx(round(np.log10(by)))
@@ -55,17 +55,17 @@ def test_an_error_is_found_and_magnified_by_the_factor(drive, motion):
         < 2e-9 * by
         <= ghost.MAX_GHOST_DISTANCE * span(drive.mechanism)
     )
-    shown = ghost.magnified(drive.mechanism, run, result, by)["rocker"]
+    magnified = ghost.magnified(drive.mechanism, run, result, by)["rocker"]
     np.testing.assert_allclose(
-        shown.position - run["rocker"].position, np.tile(-off * by, (25, 1)), atol=1e-8
+        magnified.position - run["rocker"].position, np.tile(-displacement * by, (25, 1)), atol=1e-8
     )
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-3, 1.0])
-def test_a_turn_is_magnified_about_its_own_axis(drive, motion, size):
+def test_a_rotation_error_is_magnified_about_its_axis(drive, motion, size):
     axis = np.array([0.36, 0.48, 0.8])
     poses = frame_poses(drive.mechanism, motion).poses
-    turned = {
+    rotated = {
         name: Pose(
             pose.position, Rotation.from_rotvec(np.tile(size * axis, (25, 1))).as_matrix() @ pose.rotation
         )
@@ -73,14 +73,14 @@ def test_a_turn_is_magnified_about_its_own_axis(drive, motion, size):
         else pose
         for name, pose in poses.items()
     }
-    result = ghost.errors(drive.mechanism, poses, turned, NONE)
+    result = ghost.errors(drive.mechanism, poses, rotated, NONE)
     np.testing.assert_allclose(result["crank"][1], np.tile(size * axis, (25, 1)), rtol=1e-3, atol=1e-15)
     twice = ghost.magnified(drive.mechanism, poses, result, 2.0)["crank"]
-    back = ghost.magnified(drive.mechanism, turned, result, 1.0)["crank"]
+    back = ghost.magnified(drive.mechanism, rotated, result, 1.0)["crank"]
     np.testing.assert_allclose(twice.rotation, back.rotation, atol=2e-3 * size + 1e-15)
 
 
-def test_spin_that_means_nothing_is_no_error():
+def test_an_idle_spin_is_no_error():
     drive = catalog.make("rssr")
     motion = drive.solve(TURN, 60.0)
     poses = frame_poses(drive.mechanism, motion).poses
@@ -96,20 +96,20 @@ def test_spin_that_means_nothing_is_no_error():
 
 
 @draws
-def test_the_ghost_is_seen_where_it_differs_and_only_there(drive, motion):
+def test_the_ghost_is_visible_only_with_an_error(drive, motion):
     def picture(run):
         return render.still(drive.mechanism, run, exact=motion, size=SIZE, notes=False, labels=False)
 
     plain = render.still(drive.mechanism, motion, size=SIZE, notes=False, labels=False)
     assert (np.abs(picture(motion).astype(int) - plain).max(2) > 60).mean() < 2e-3
-    off = moved(motion, "rocker", np.array([1e-9, 0.0, 0.0]))
-    # the framing holds the ghost too, so the whole picture may shift: count dark pixels instead
-    dark = [(item.max(2) < 110).sum() for item in (plain, picture(off))]
+    displacement = moved(motion, "rocker", np.array([1e-9, 0.0, 0.0]))
+    # the frame includes the ghost, so the whole picture may shift: count dark pixels instead
+    dark = [(item.max(2) < 110).sum() for item in (plain, picture(displacement))]
     assert dark[1] > dark[0] + 60
     assert GHOST[3] < 1.0
 
 
-def test_ghosts_that_cannot_be_compared_are_rejected(drive, motion):
+def test_a_ghost_of_other_angles_is_rejected(drive, motion):
     other = drive.solve(TURN + 0.1, 60.0)
     with pytest.raises(InputError, match="other crank angles"):
         Source(drive.mechanism, motion, other).drawn(Look())
@@ -117,22 +117,22 @@ def test_ghosts_that_cannot_be_compared_are_rejected(drive, motion):
         Source(drive.mechanism, motion, motion).drawn(Look(overlay=4))
 
 
-def test_arrows_point_along_their_vectors_at_one_scale(drive, motion):
+def test_arrows_share_one_scale_within_the_picture(drive, motion):
     stage = Source(drive.mechanism, motion).drawn(Look(size=SIZE, arrows=("velocity",), camera="shaft"))
-    (shown,) = stage.arrows
-    speeds = np.concatenate([np.linalg.norm(v, axis=1) for v in shown.vectors.values()])
-    assert shown.largest == pytest.approx(speeds.max())
-    room = scenery.MAX_ARROW * float((stage.high - stage.low).max())
-    assert 0.32 * room < shown.largest * shown.scale <= room
-    tips = shown.tips(stage.frames.starts)
+    (arrow,) = stage.arrows
+    speeds = np.concatenate([np.linalg.norm(v, axis=1) for v in arrow.vectors.values()])
+    assert arrow.largest == pytest.approx(speeds.max())
+    limit = scenery.MAX_ARROW * float((stage.high - stage.low).max())
+    assert 0.32 * limit < arrow.largest * arrow.scale <= limit
+    tips = arrow.tips(stage.frames.starts)
     assert ((stage.camera.pixel(tips) > 0.0) & (stage.camera.pixel(tips) < np.array(SIZE))).all()
-    assert shown.legend[0] == f"velocity: 20 mm = 2 m/s, at most {speeds.max():.3g} m/s"
-    assert shown.scale == pytest.approx(0.01)
+    assert arrow.legend[0] == f"velocity: 20 mm = 2 m/s, at most {speeds.max():.3g} m/s"
+    assert arrow.scale == pytest.approx(0.01)
 
 
 @draws
 @pytest.mark.parametrize("camera", ["shaft", "iso"])
-def test_an_arrow_ends_where_its_vector_points(drive, camera):
+def test_an_arrow_ends_at_the_tip_of_its_vector(drive, camera):
     direction = np.array([0.3, 2.0, 4.1])
     motion = drive.solve(direction, 60.0)
     forces = {
@@ -142,14 +142,14 @@ def test_an_arrow_ends_where_its_vector_points(drive, camera):
     stage = Source(drive.mechanism, motion, forces=forces).drawn(look)
     (drawn,) = stage.arrows
     pictures = []
-    for shown in ([drawn], []):
-        stage.arrows = shown
+    for arrows in ([drawn], []):
+        stage.arrows = arrows
         pictures.append([picture.astype(int) for picture in draw(stage, gl_backend.choose())])
     for frame in range(3):
         start = stage.frames.points["A"][frame]
         tip = start + drawn.scale * forces["A"][frame]
         observed = np.argwhere(np.abs(pictures[0][frame] - pictures[1][frame]).max(2) > 40)[:, ::-1] + 0.5
-        # an arrow drawn before all else hides what it covers, and nothing else changes
+        # an arrow drawn in front only changes the pixels it covers
         start, tip = stage.camera.pixel(start), stage.camera.pixel(tip)
         direction = (tip - start) / np.linalg.norm(tip - start)
         along, across = (
@@ -161,16 +161,18 @@ def test_an_arrow_ends_where_its_vector_points(drive, camera):
         assert abs(across.mean()) < 1.5
 
 
-def test_forces_are_given_by_the_caller(drive, motion):
+def test_forces_of_the_caller_are_drawn(drive, motion):
     forces = {"B": np.ones((25, 3))}
     stage = Source(drive.mechanism, motion, forces=forces).drawn(Look(arrows=("force",)))
     assert stage.arrows[0].largest == pytest.approx(np.sqrt(3.0))
-    # a joint that is no tracked point: its place is on the link that it carries
-    held = Source(drive.mechanism, motion, moments={"rocker": np.ones((25, 3))}).drawn(
+    # a joint that is no tracked point: its position is that on its link
+    with_moments = Source(drive.mechanism, motion, moments={"rocker": np.ones((25, 3))}).drawn(
         Look(arrows=("moment",))
     )
-    np.testing.assert_allclose(held.frames.starts["rocker"], np.tile([drive.ground, 0.0, 0.0], (25, 1)))
-    assert held.arrows[0].legend[0].endswith("at most 1.73 N m")
+    np.testing.assert_allclose(
+        with_moments.frames.starts["rocker"], np.tile([drive.ground, 0.0, 0.0], (25, 1))
+    )
+    assert with_moments.arrows[0].legend[0].endswith("at most 1.73 N m")
     with pytest.raises(InputError, match="holds NaN"):
         Source(drive.mechanism, motion, forces={"B": np.full((25, 3), np.nan)}).drawn(Look(arrows=("force",)))
     with pytest.raises(InputError, match="no force to draw"):
@@ -180,18 +182,18 @@ def test_forces_are_given_by_the_caller(drive, motion):
 
 
 @pytest.mark.parametrize("name", catalog.DRIVES)
-def test_points_and_joints_of_one_name_lie_in_one_place(name):
+def test_points_and_joints_of_the_same_name_coincide(name):
     drive = catalog.make(name)
     motion = drive.solve([drive.mechanism.start + 0.1], 60.0)
     for joint in drive.mechanism.joints:
         if joint.name in drive.mechanism.points:
             pose = motion.links[joint.b.link]
-            place = pose.position + pose.rotation @ np.asarray(joint.b.point)
-            np.testing.assert_allclose(place, motion.points[joint.name].position, atol=1e-12)
+            position = pose.position + pose.rotation @ np.asarray(joint.b.point)
+            np.testing.assert_allclose(position, motion.points[joint.name].position, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
-def test_both_methods_put_the_same_forces_into_the_joints(name):
+def test_both_methods_give_the_same_joint_forces(name):
     drive = catalog.make(name)
     profile = profile_of(drive, 60.0, 1.0)
     motion = drawn_motion(drive, "closed", profile, 12)
@@ -200,14 +202,14 @@ def test_both_methods_put_the_same_forces_into_the_joints(name):
     for kind, result in closed.items():
         largest = max(np.abs(force).max() for force in result.values())
         for joint, force in result.items():
-            # both solve the poses to rounding; out of a plane a force is not determined
+            # both solve the poses to rounding; forces normal to the plane are undetermined
             np.testing.assert_allclose(
                 force[:, :2], simulated[kind][joint][:, :2], atol=1e-6 * largest + 1e-12
             )
 
 
-def test_quantities_are_written_with_the_prefix_that_suits():
-    written = {
+def test_quantities_are_printed_with_a_suitable_prefix():
+    prefixed_text = {
         0.02: "20 mN",
         0.99999: "1 N",
         2.5e-7: "250 nN",
@@ -215,21 +217,21 @@ def test_quantities_are_written_with_the_prefix_that_suits():
         1234.0: "1.23 kN",
         -3e-13: "-0.0003 nN",
     }
-    for value, text in written.items():
+    for value, text in prefixed_text.items():
         assert prefixed(value, "N") == text
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "message"),
     [({"arrows": ("speed",)}, "no arrow 'speed'"), ({"magnify": float("nan")}, "magnify is nan")],
 )
-def test_unknown_looks_are_rejected(options, says):
-    with pytest.raises(InputError, match=says):
+def test_invalid_look_options_are_rejected(options, message):
+    with pytest.raises(InputError, match=message):
         Look(**options)
 
 
 @draws
-def test_every_frame_written_is_reported(drive, motion, tmp_path):
+def test_progress_is_reported_for_every_frame(drive, motion, tmp_path):
     reported: list[int] = []
     render.write_video(
         tmp_path / "a.gif",
@@ -243,9 +245,9 @@ def test_every_frame_written_is_reported(drive, motion, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "none"), [("four_bar", True), ("rssr", False)])
-def test_moments_that_are_rounding_are_none(name, none):
+def test_rounding_sized_moments_are_not_drawn(name, none):
     drive = catalog.make(name)
     profile = profile_of(drive, 60.0, 1.0)
     loads = joint_loads(drive, "closed", profile, drawn_motion(drive, "closed", profile, 24))
-    shown = scenery.arrows("moment", loads["moments"], drive.mechanism.characteristic_length)
-    assert (shown.legend[0] == "moment: none") == none
+    arrows = scenery.arrows("moment", loads["moments"], drive.mechanism.characteristic_length)
+    assert (arrows.legend[0] == "moment: none") == none

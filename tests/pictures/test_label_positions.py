@@ -10,30 +10,30 @@ def overlaps(spots):
     return sum(a.meets(b) for i, a in enumerate(spots) for b in spots[:i])
 
 
-def test_crowded_labels_stand_apart_and_inside():
+def test_crowded_labels_do_not_overlap():
     points = [np.array(at) for at in RANDOM.uniform([150.0, 100.0], [250.0, 170.0], (9, 2))]
     note = Rectangle(0.0, 270.0, 160.0, 300.0)
     spots = [spot for spot, _ in placed(points, [45.0] * 9, 14.0, 8.0, SIZE, [note])]
     assert overlaps([*spots, note]) == 0
     assert all(spot.inside(SIZE) for spot in spots)
-    naive = [Rectangle(x + 8.0, y - 22.0, x + 53.0, y - 8.0) for x, y in points]
-    assert overlaps(naive) > 3  # where each stood by itself they lay over one another
+    without_placement = [Rectangle(x + 8.0, y - 22.0, x + 53.0, y - 8.0) for x, y in points]
+    assert overlaps(without_placement) > 3  # without placement the labels overlap
 
 
-def test_a_label_at_the_edge_goes_inwards():
+def test_a_label_at_the_border_moves_inwards():
     ((spot, _),) = placed([np.array([395.0, 5.0])], [60.0], 14.0, 6.0, SIZE)
     assert spot.inside(SIZE)
 
 
-def test_points_that_coincide_share_one_label():
+def test_coincident_points_share_one_label():
     named = shared({"A": np.array([10.0, 10.0]), "B": np.array([50.0, 50.0]), "crank": np.array([10.4, 9.8])})
     assert [name for name, _ in named] == ["A, crank", "B"]
 
 
-def test_a_label_stays_on_its_side_and_leaves_it_for_labels_and_for_nearer_points():
-    def pivot(point, before, taken=()):
+def test_a_label_keeps_its_side_until_a_nearer_point_occupies_it():
+    def pivot(point, before, occupied=()):
         points = [np.array([200.0, 150.0]), np.array(point)]
-        return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, taken, [before, None])[0]
+        return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, occupied, [before, None])[0]
 
     far = [300.0, 250.0]
     spot, usual = pivot(far, None)
@@ -49,16 +49,16 @@ def test_every_label_is_nearest_to_its_own_point():
     for seed in range(20):
         points = [np.array(at) for at in np.random.default_rng(seed).uniform([100, 80], [300, 220], (6, 2))]
         result = placed(points, [40.0] * 6, 14.0, 8.0, SIZE)
-        own = [
+        nearest_is_own = [
             min(points, key=spot.distance) is point for (spot, _), point in zip(result, points, strict=True)
         ]
-        assert sum(own) >= 5
+        assert sum(nearest_is_own) >= 5
 
 
-def test_a_label_leaves_a_point_that_covers_it():
-    def pivot(point, before, taken=()):
+def test_a_label_moves_away_from_an_occupied_position():
+    def pivot(point, before, occupied=()):
         points = [np.array([200.0, 150.0]), np.array(point)]
-        return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, taken, [before, None])[0]
+        return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, occupied, [before, None])[0]
 
     far = [300.0, 250.0]
     spot, usual = pivot(far, None)

@@ -57,28 +57,29 @@ def figures(drive, motion):
 
 @pytest.fixture(scope="module")
 def vectors(figures):
-    """Every plot as SVG; drawing takes its time."""
+    """Return every plot as SVG, computed once."""
     return [plots.drawn(figure) for figure in figures]
 
 
 @pytest.mark.parametrize(
     ("form", "start"), grid([("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")], ("svg", "png"))
 )
-def test_every_plot_comes_in_every_format(figures, vectors, form, start):
+def test_every_plot_is_written_in_every_format(figures, vectors, form, start):
     for drawing in vectors if form == "svg" else (plots.drawn(figure, form) for figure in figures):
         assert drawing.startswith(start)
         assert len(drawing) > 2000
 
 
 @pytest.mark.slow
-def test_a_figure_looks_the_same_drawn_by_its_user_as_by_the_house(figures):
-    # marks on the axes are made late, in whatever look then holds
+def test_a_figure_is_independent_of_the_style_of_its_user(figures):
+    # ticks are created late, in the style active at that time
     for figure in figures:
         with matplotlib.rc_context({"svg.hashsalt": "mechsim", "font.size": 20.0, "grid.color": "red"}):
             out = io.BytesIO()
             figure.savefig(out, format="svg", metadata={"Date": None})
         sizes = [
-            set(re.findall(rb"scale\(([0-9.]+)", item)) for item in (out.getvalue(), plots.drawn(figure))
+            set(re.findall(rb"scale\(([0-9.]+)", plane_curve))
+            for plane_curve in (out.getvalue(), plots.drawn(figure))
         ]
         assert sizes[0] == sizes[1]
         assert b"#ff0000" not in out.getvalue()
@@ -91,34 +92,34 @@ def test_a_figure_can_be_changed_and_drawn_again(motion):
     assert b"<!-- mine -->" in plots.drawn(figure)
 
 
-def test_plots_need_nothing_from_elsewhere_and_are_the_same_every_time(drive, motion, vectors):
-    # one of each module: what could differ, names and dates, is made in one place for all
-    again = (
+def test_plots_are_self_contained_and_reproducible(drive, motion, vectors):
+    # one plot per module: names and dates are set in one function for all
+    repeated = (
         plots.error_plot(TURN, ERRORS, tolerance=1e-8),
         plots.coupler_curve(drive.mechanism, motion),
     )
-    assert {plots.drawn(figure) for figure in again} <= set(vectors)
-    for item in vectors:
-        for element in ET.fromstring(item).iter():
+    assert {plots.drawn(figure) for figure in repeated} <= set(vectors)
+    for plane_curve in vectors:
+        for element in ET.fromstring(plane_curve).iter():
             for name, link in element.attrib.items():
                 assert not name.endswith("href") or link.startswith("#")
 
 
-def test_units_suit_the_numbers():
+def test_units_are_chosen_by_magnitude():
     assert readable([0.013], "m") == (1e-3, "mm")
     assert readable([-3.0, np.nan], "m/s") == (1.0, "m/s")
     assert readable([3e-6], "m") == (1e-6, "µm")
     assert readable([0.0], "m") == (1.0, "m")
 
 
-def test_a_plane_curve_is_seen_once_and_a_space_curve_from_three_sides(drive, motion):
+def test_a_space_curve_is_drawn_in_three_projections(drive, motion):
     flat = catalog.make("four_bar")
-    item = plots.coupler_curve(flat.mechanism, flat.solve(TURN))
+    plane_curve = plots.coupler_curve(flat.mechanism, flat.solve(TURN))
     three = plots.coupler_curve(drive.mechanism, motion)
-    assert [len(figure.axes) for figure in (item, three)] == [1, 3]
+    assert [len(figure.axes) for figure in (plane_curve, three)] == [1, 3]
 
 
-def test_errors_that_are_not_numbers_leave_a_gap():
+def test_nan_errors_leave_a_gap_in_the_curve():
     errors = np.full(37, np.nan)
     assert plots.drawn(plots.error_plot(TURN, {"P2": errors})).startswith(b"<?xml")
     errors[3:9] = 1e-7
@@ -128,14 +129,14 @@ def test_errors_that_are_not_numbers_leave_a_gap():
     assert np.isnan(line.get_ydata()).sum() == 31
 
 
-def test_errors_of_motion_laws_are_drawn_over_time():
+def test_errors_under_motion_laws_are_drawn_over_time():
     source = PlotSource(solver=load("five_bar"), speed=1.0)
     (ax,) = PLOTS["poses"].draw(source).axes
     assert ax.get_xlabel() == "time [s]"
     assert ax.get_lines()[0].get_xdata()[-1] == pytest.approx(source.solver.motion_laws.duration)
 
 
-def test_what_cannot_be_plotted_is_rejected(motion, tmp_path):
+def test_invalid_points_and_formats_are_rejected(motion, tmp_path):
     with pytest.raises(InputError, match="no point 'Q'"):
         plots.motion_plot(motion, ["Q"])
     with pytest.raises(InputError, match="no plot format 'bmp'"):
@@ -147,14 +148,14 @@ def test_what_cannot_be_plotted_is_rejected(motion, tmp_path):
         plots.write(tmp_path / "missing" / "plot.svg", plots.motion_plot(motion))
 
 
-def test_plotting_touches_no_global_state(motion):
+def test_plotting_changes_no_global_state(motion):
     before = dict(matplotlib.rcParams)
     plots.drawn(plots.motion_plot(motion))
     assert "matplotlib.pyplot" not in sys.modules or not matplotlib.pyplot.get_fignums()
     assert dict(matplotlib.rcParams) == before
 
 
-def test_curves_of_assemblies_are_cut_at_a_turn_unless_they_swing_over_more_than_one():
+def test_assembly_curves_are_split_at_full_turns():
     arc = np.linspace(0.0, 2.0 * np.pi, 73)
     swing = 7.0 * np.sin(arc)
     table = plots.AssemblyTable(
@@ -171,7 +172,7 @@ def test_curves_of_assemblies_are_cut_at_a_turn_unless_they_swing_over_more_than
         plots.assembly_plot(table, ("turn",))
 
 
-def test_efforts_of_motion_laws_are_drawn_over_time_by_both_methods_and_balance(monkeypatch):
+def test_drive_forces_are_drawn_over_time_by_both_methods(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
     source = PlotSource(solver=load("five_bar"), speed=1.0, options=PlotOptions(method="simulated"))
     (ax,) = PLOTS["torque"].draw(source).axes
@@ -179,7 +180,7 @@ def test_efforts_of_motion_laws_are_drawn_over_time_by_both_methods_and_balance(
     reported = dict(zip((line.get_label() for line in ax.get_lines()), ax.get_lines(), strict=True))
     study = source.study()
     for name, values in study.forces.drives.items():
-        label = next(item for item in reported if item.startswith(name))
+        label = next(plane_curve for plane_curve in reported if plane_curve.startswith(name))
         drawn = reported[label].get_ydata()
         assert drawn / np.abs(drawn).max() == pytest.approx(values / np.abs(values).max())
     assert "MuJoCo" in reported
@@ -187,16 +188,16 @@ def test_efforts_of_motion_laws_are_drawn_over_time_by_both_methods_and_balance(
         assert plots.drawn(PLOTS[kind].draw(source)).startswith(b"<?xml")
 
 
-def test_what_a_file_states_acts_on_a_mechanism_is_in_its_plots(monkeypatch):
+def test_forces_of_a_file_are_included_in_its_plots(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
     drive = load("quick_return")
-    pulled = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=load_profile.constant(-0.5)))
-    study = PlotSource(solver=pulled, speed=1e-3).study()
+    loaded = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=load_profile.constant(-0.5)))
+    study = PlotSource(solver=loaded, speed=1e-3).study()
     assert study.forces.torque == pytest.approx(0.5, abs=1e-6)
 
 
 @pytest.mark.parametrize("limits", [(2.1, 4.4), (6.0, 9.0), (0.3, 700.0)])
-def test_a_logarithmic_axis_has_numbers_whatever_part_of_a_decade_it_holds(limits):
+def test_a_logarithmic_axis_within_a_decade_has_labels(limits):
     figure, axes = plots.blank(1, 1, (4.0, 3.0))
     ax = axes[0, 0]
     ax.set_xscale("log")
@@ -220,7 +221,7 @@ def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
 
 
 @pytest.mark.parametrize(("name", "across", "planes"), [("stewart_gough", 6, 6), ("jansen", 6, 2)])
-def test_reactions_of_many_joints_fit_a_page_in_the_plane_they_lie_in(monkeypatch, name, across, planes):
+def test_reaction_plots_of_many_joints_fit_a_page(monkeypatch, name, across, planes):
     monkeypatch.setattr(plot_table, "SAMPLES", 24)
     source = PlotSource(solver=load(name), speed=1.0)
     figure = PLOTS["reactions"].draw(source)
@@ -231,11 +232,11 @@ def test_reactions_of_many_joints_fit_a_page_in_the_plane_they_lie_in(monkeypatc
     assert all(ax.lines for ax in drawn)
 
 
-def test_a_force_s_rounding_is_not_drawn_as_a_force():
-    upright = np.linspace(-1.0, 1.0, 9)[:, None] * np.array([1e-15, 0.0, 40.0])
+def test_rounding_sized_forces_are_drawn_as_zero():
+    vertical_force = np.linspace(-1.0, 1.0, 9)[:, None] * np.array([1e-15, 0.0, 40.0])
     reactions = {
         name: SimpleNamespace(link="rod", force=force, moment=force, project=lambda f, m: (f, m))
-        for name, force in {"A": upright, "B": np.tile([3e-14, 0.0, 0.0], (9, 1))}.items()
+        for name, force in {"A": vertical_force, "B": np.tile([3e-14, 0.0, 0.0], (9, 1))}.items()
     }
     efforts = SimpleNamespace(reactions=reactions, unbounded=np.zeros(9, dtype=bool))
     figure = plots.reaction_plot(SimpleNamespace(forces=efforts))
@@ -243,13 +244,13 @@ def test_a_force_s_rounding_is_not_drawn_as_a_force():
         assert tuple(ax.dataLim.intervalx) == (0.0, 0.0)
 
 
-def test_what_stands_still_to_rounding_is_drawn_flat_and_reports_so(drive, motion):
-    """A pin on the frame, whose coordinates and rates are left by a solver at 1e-17 of the linkage."""
+def test_a_fixed_point_is_drawn_flat_with_a_note_on_rounding(drive, motion):
+    """A pin on the frame whose coordinates and rates have a rounding error of 1e-17."""
     noise = 1e-17 * np.random.default_rng(3).normal(size=(3, len(motion), 3))
-    place = np.array([0.03, -0.02, 0.01])
+    position = np.array([0.03, -0.02, 0.01])
     pin = replace(
         next(iter(motion.points.values())),
-        position=place + noise[0],
+        position=position + noise[0],
         velocity=100.0 * noise[1],
         acceleration=1e4 * noise[2],
     )
@@ -263,14 +264,17 @@ def test_what_stands_still_to_rounding_is_drawn_flat_and_reports_so(drive, motio
         assert high - low > 1e6 * drawn
         assert any("rounding" in text.get_text() for text in flat.texts) or row == 0
         assert not signal.texts
-    still = replace(motion, points={next(iter(drive.mechanism.points)): pin})
-    for figure in (plots.coupler_curve(drive.mechanism, still), plots.space_curve(drive.mechanism, still)):
+    fixed_pin = replace(motion, points={next(iter(drive.mechanism.points)): pin})
+    for figure in (
+        plots.coupler_curve(drive.mechanism, fixed_pin),
+        plots.space_curve(drive.mechanism, fixed_pin),
+    ):
         low, high = figure.axes[0].get_xlim()
         assert high - low > 1.0
-    assert "stands still within" in plots.coupler_curve(drive.mechanism, still).axes[0].get_title("left")
+    assert "stands still within" in plots.coupler_curve(drive.mechanism, fixed_pin).axes[0].get_title("left")
 
 
-def test_a_difference_of_rounding_is_drawn_as_none():
+def test_a_rounding_sized_difference_is_drawn_as_zero():
     exact = 0.1 + 0.02 * np.sin(np.linspace(0.0, 6.0, 50))[:, None]
     reported = {
         "name": "P.x",
@@ -280,23 +284,23 @@ def test_a_difference_of_rounding_is_drawn_as_none():
         "exact": exact,
     }
     reported |= {"components": "x", "tolerance": 1e-9, "source": "own.py", "shares": {}}
-    for gap, drawn, says in ((1e-17, 0.0, "rounding, below"), (1e-11, 1e-11, "at most")):
+    for gap, drawn, message in ((1e-17, 0.0, "rounding, below"), (1e-11, 1e-11, "at most")):
         claimed = exact + gap * np.cos(np.linspace(0.0, 6.0, 50))[:, None]
         ax = agreement_plot(TwoCurves(claimed=claimed, **reported)).axes[1]
         largest = np.abs(ax.get_lines()[0].get_ydata()).max()
         assert largest == pytest.approx(drawn / 1e-6, rel=1e-2)
-        assert says in ax.get_title("left")
+        assert message in ax.get_title("left")
 
 
-def test_plots_of_the_table_are_titled_with_mechanism_and_speed():
+def test_plots_have_mechanism_and_speed_in_their_titles():
     source = PlotSource(solver=catalog.make("four_bar"), speed=10.0 * 2.0 * np.pi)
     figure = PLOTS["motion"].figure(source)
     assert figure.get_suptitle() == "four-bar, crank at 600 rpm"
-    # a planar mechanism has no z
+    # no curve of z for a planar mechanism
     assert [line.get_label() for line in figure.axes[0].get_lines()] == ["x", "y"]
     assert len({line.get_linestyle() for line in PLOTS["curve"].figure(source).axes[0].get_lines()[::2]}) == 3
-    programmed = PLOTS["motion"].figure(PlotSource(solver=load("five_bar"), speed=1.0))
-    assert programmed.get_suptitle() == "five-bar, 1 s by its motion laws"
+    with_motion_laws = PLOTS["motion"].figure(PlotSource(solver=load("five_bar"), speed=1.0))
+    assert with_motion_laws.get_suptitle() == "five-bar, 1 s by its motion laws"
 
 
 def test_a_logarithmic_axis_has_a_tick_at_each_decade():
@@ -307,7 +311,7 @@ def test_a_logarithmic_axis_has_a_tick_at_each_decade():
     assert np.allclose(np.diff(np.log10(ticks)), 1.0)
 
 
-def test_a_schematic_has_a_symbol_for_each_joint_and_names_at_their_points():
+def test_a_schematic_has_a_symbol_and_a_name_per_joint():
     source = PlotSource(solver=catalog.make("four_bar"), speed=1.0)
     figure = PLOTS["schematic"].figure(source)
     (ax,) = figure.axes

@@ -1,4 +1,4 @@
-"""Plots of sweeps: what none betters, and what cannot be drawn."""
+"""Plots of sweeps: Pareto fronts and rejected input."""
 
 import numpy as np
 import pytest
@@ -7,16 +7,16 @@ from mechsim.errors import InputError
 from mechsim.pictures.plots.studies import SweepTable, front_of, sweep_plot
 
 
-def test_a_front_is_of_designs_that_none_betters_in_both():
+def test_a_pareto_front_contains_exactly_the_nondominated_designs():
     rng = np.random.default_rng(3)
     x, y = rng.random((2, 200))
     front = front_of(x, y)
     for i in range(200):
-        better = ((x <= x[i]) & (y <= y[i]) & ((x < x[i]) | (y < y[i]))).any()
-        assert (i in front) != better
+        dominated = ((x <= x[i]) & (y <= y[i]) & ((x < x[i]) | (y < y[i]))).any()
+        assert (i in front) != dominated
 
 
-def test_nothing_is_drawn_of_what_is_not_there():
+def test_plots_without_data_are_rejected():
     empty = SweepTable("none", {"a": np.arange(3.0)}, {"m": np.full(3, np.nan)}, {}, (3,))
     with pytest.raises(InputError, match="nothing to draw"):
         sweep_plot(empty, kind="parallel")

@@ -51,8 +51,8 @@ def motion(drive):
     return drive.solve(TURN, 60.0)
 
 
-def test_what_is_higher_than_the_compiler_lets_a_camera_be_is_framed_like_anything_else():
-    """MuJoCo takes a parallel camera's height for an angle, and rejects 180 and more."""
+def test_a_mechanism_higher_than_180_m_is_framed():
+    """MuJoCo treats the height of a parallel camera as an angle and rejects 180 and more."""
     drive = catalog.make("four_bar", ground=1000.0, crank=320.0, coupler=910.0, rocker=740.0)
     drawn = DrawnModel(
         drive.mechanism, frame_poses(drive.mechanism, drive.solve(TURN, 60.0)), Look(size=SIZE)
@@ -62,7 +62,7 @@ def test_what_is_higher_than_the_compiler_lets_a_camera_be_is_framed_like_anythi
 
 
 def bare(mechanism, motion, **options):
-    """Frames without anything but the mechanism and the ground it stands on."""
+    """Return frames with only the mechanism and the ground."""
     plain = {"size": SIZE, "paths": False, "labels": False, "notes": False}
     return render.frames(mechanism, motion, **{**plain, **options})
 
@@ -92,7 +92,7 @@ def crank_motion(angles, axis=(0.0, 0.0, 1.0)):
 
 
 def decoded(path, size):
-    """Frames of a video, read by ffmpeg itself: (n, height, width, 3)."""
+    """Return the frames of a video decoded by ffmpeg: (n, height, width, 3)."""
     command = [
         render.find_ffmpeg(),
         "-v",
@@ -111,7 +111,7 @@ def decoded(path, size):
 
 @draws
 @pytest.mark.parametrize("name", grid(NAMES))
-def test_every_link_is_seen_in_every_frame(name):
+def test_every_link_is_visible_in_every_frame(name):
     drive = catalog.make(name)
     mechanism = drive.mechanism
     for picture in bare(mechanism, drive.solve(TURN[::12], 60.0)):
@@ -127,7 +127,7 @@ def test_every_link_is_seen_in_every_frame(name):
         *grid([(name, view) for name in NAMES for view in camera.PRESETS if view != "iso"], ("rssr",)),
     ],
 )
-def test_nothing_reaches_the_border(name, view):
+def test_no_link_reaches_the_border(name, view):
     drive = catalog.make(name)
     for picture in bare(drive.mechanism, drive.solve(TURN[::36], 60.0), camera=view, paths="whole"):
         _, saturation = hues(picture)
@@ -153,7 +153,7 @@ def test_first_and_last_frame_of_a_full_turn_match(drive, motion):
 
 
 @draws
-def test_a_moving_point_is_drawn_where_the_camera_states():
+def test_a_moving_point_is_drawn_at_its_projected_position():
     angles = np.linspace(0.0, 2.0 * np.pi, 9)
     mechanism, motion = crank_motion(angles)
     stage = DrawnModel(mechanism, frame_poses(mechanism, motion), Look(size=SIZE, camera="shaft"))
@@ -181,7 +181,7 @@ def test_paths_grow_behind_their_points(drive, motion):
 
 
 @draws
-def test_labels_and_notes_leave_the_mechanism_alone(drive, motion):
+def test_labels_and_notes_cover_little_of_the_picture(drive, motion):
     plain = next(iter(bare(drive.mechanism, motion)))
     marked = next(iter(bare(drive.mechanism, motion, labels=True, notes=True)))
     changed = (plain != marked).any(2)
@@ -189,7 +189,7 @@ def test_labels_and_notes_leave_the_mechanism_alone(drive, motion):
 
 
 @draws
-def test_size_of_the_mechanism_does_not_change_the_picture(drive):
+def test_the_picture_is_independent_of_the_mechanism_size(drive):
     lengths = ("crank", "coupler", "rocker")
     pictures = []
     for factor in (1e-3, 1.0, 1e3):
@@ -197,12 +197,12 @@ def test_size_of_the_mechanism_does_not_change_the_picture(drive):
         scaled = replace(drive, pivot=pivot, **{name: factor * getattr(drive, name) for name in lengths})
         pictures.append(next(iter(bare(scaled.mechanism, scaled.solve(TURN, 60.0)))).astype(int))
     for other in (pictures[0], pictures[2]):
-        # the grid may fall on other lines; the mechanism may not
+        # the grid may move, the mechanism may not
         assert (np.abs(pictures[1] - other).max(2) > 60).mean() < 0.01
 
 
 @draws
-def test_overlaid_positions_show_the_crank_all_round(drive, motion):
+def test_overlaid_positions_show_the_crank_at_many_angles(drive, motion):
     crank = link_colours(drive.mechanism)["crank"]
     item = render.still(drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False)
     many = render.still(
@@ -212,7 +212,7 @@ def test_overlaid_positions_show_the_crank_all_round(drive, motion):
 
 
 @draws
-def test_projections_appear_on_three_planes(drive, motion):
+def test_projections_are_drawn_on_three_planes(drive, motion):
     plain = render.still(drive.mechanism, motion, size=(640, 480), paths=False, projections=())
     thrown = render.still(drive.mechanism, motion, size=(640, 480), paths=False, projections=("P2",))
     assert thrown.shape == plain.shape
@@ -223,13 +223,13 @@ def test_projections_appear_on_three_planes(drive, motion):
 
 
 @draws
-def test_a_still_stands_at_the_crank_angle_requested_for(drive, motion):
+def test_a_still_picture_shows_the_requested_crank_angle(drive, motion):
     at = render.still(drive.mechanism, motion, size=SIZE, angle=float(TURN[2]), paths=False)
     frame = next(islice(render.frames(drive.mechanism, motion, size=SIZE, paths=False), 2, None))
     assert (np.abs(at.astype(int) - frame).max(2) > 30).mean() < 1e-3
 
 
-def test_frames_are_spread_evenly_and_a_loop_shows_no_frame_twice(drive, motion):
+def test_frames_are_evenly_spaced_without_a_repeated_frame(drive, motion):
     angles = render.turn_angles(drive.mechanism, motion, 36)
     assert len(angles) == 36
     np.testing.assert_allclose(np.diff(angles), np.deg2rad(10.0))
@@ -239,7 +239,7 @@ def test_frames_are_spread_evenly_and_a_loop_shows_no_frame_twice(drive, motion)
 
 
 @pytest.mark.parametrize("name", ["planetary_gear", "rack_steering"])
-def test_a_whole_turn_after_which_the_links_stand_elsewhere_is_shown_to_its_end(name):
+def test_an_aperiodic_turn_includes_its_last_frame(name):
     drive = load(name)
     turned = drive.solve(TURN, 60.0)
     angles = render.turn_angles(drive.mechanism, turned, 36)
@@ -247,7 +247,7 @@ def test_a_whole_turn_after_which_the_links_stand_elsewhere_is_shown_to_its_end(
     assert angles[-1] == pytest.approx(TURN[-1])
 
 
-def test_frames_between_samples_hold_rigid_links(drive):
+def test_interpolated_frames_have_rigid_links(drive):
     motion = drive.solve(TURN, 60.0)
     between = frame_poses(drive.mechanism, motion, TURN[:-1] + 0.03)
     exact = drive.solve(TURN[:-1] + 0.03, 60.0)
@@ -262,7 +262,7 @@ def test_frames_between_samples_hold_rigid_links(drive):
             )
 
 
-def test_motions_that_cannot_be_drawn_are_rejected(drive, motion):
+def test_invalid_motions_are_rejected(drive, motion):
     with pytest.raises(InputError, match="the motion has no pose of link 'crank'"):
         frame_poses(drive.mechanism, replace(motion, links={}))
     broken = replace(motion.links["rocker"], position=np.full_like(motion.links["rocker"].position, np.nan))
@@ -281,12 +281,12 @@ def test_motions_that_cannot_be_drawn_are_rejected(drive, motion):
         ({"overlay": 0}, "0 overlaid positions"),
     ],
 )
-def test_unknown_looks_are_rejected(options, says):
+def test_invalid_look_options_are_rejected(options, says):
     with pytest.raises(InputError, match=says):
         Look(**options)
 
 
-def test_everything_of_the_whole_motion_is_inside_the_frame():
+def test_all_points_are_inside_the_frame():
     rng = np.random.default_rng(5)
     for preset in camera.PRESETS:
         mechanism = catalog.make("rssr").mechanism
@@ -299,7 +299,7 @@ def test_everything_of_the_whole_motion_is_inside_the_frame():
         assert ((pixels + reach) <= np.array([640, 360]) * (1 - camera.BORDER) + 1e-6).all()
 
 
-def test_rods_of_a_chain_join_the_points_of_a_path():
+def test_rods_of_a_chain_connect_the_points_of_a_path():
     path = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0], [1, 2, 2], [0, 1, 1]])
     rods = scenery.chain(path, 0.1, np.ones(4))
     along = rods.frames.reshape(-1, 3, 3)[:, :, 2]
@@ -315,7 +315,7 @@ def test_each_back_end_draws_the_same_picture(name, drive, motion, tmp_path):
         pytest.skip(
             f"{name} does not work here; the system package {gl_backend.PACKAGES.get(name, '?')} brings it"
         )
-    # mujoco is imported first and without MUJOCO_GL, as a user's program may have done
+    # mujoco is imported first and without MUJOCO_GL, as possible in a user's program
     script = f"""
 import mujoco, sys
 import numpy as np
@@ -338,7 +338,7 @@ np.save(sys.argv[1], picture)
     assert (np.abs(np.load(saved).astype(int) - here).max(2) > 60).mean() < 0.01
 
 
-def test_a_model_without_opengl_names_the_packages(monkeypatch):
+def test_missing_opengl_is_reported_with_the_packages(monkeypatch):
     monkeypatch.setattr(gl_backend, "probe", lambda name: None)
     monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
     with pytest.raises(MissingToolError, match="libegl1 or libosmesa6"):
@@ -348,7 +348,7 @@ def test_a_model_without_opengl_names_the_packages(monkeypatch):
     assert [row["works"] for row in gl_backend.describe_backend()] == [False] * len(gl_backend.ORDER)
 
 
-def test_back_ends_that_cannot_be_had_are_rejected(monkeypatch):
+def test_unavailable_back_ends_are_rejected(monkeypatch):
     with pytest.raises(InputError, match="no OpenGL back end 'metal'"):
         gl_backend.choose("metal")
     monkeypatch.setitem(sys.modules, "OpenGL.platform", ModuleType("OpenGL.platform"))
@@ -365,7 +365,7 @@ def test_a_software_driver_is_distinguished_from_hardware():
 
 @draws
 @pytest.mark.parametrize("extension", grid(video.VIDEOS, (".mp4",)))
-def test_videos_hold_every_frame_at_the_size_requested_for(extension, drive, motion, tmp_path):
+def test_videos_contain_every_frame_at_the_requested_size(extension, drive, motion, tmp_path):
     path = tmp_path / f"turn{extension}"
     angles = render.turn_angles(drive.mechanism, motion, 12)
     count = render.write_video(path, drive.mechanism, motion, angles=angles, size=SIZE, fps=12.0)
@@ -378,7 +378,7 @@ def test_videos_hold_every_frame_at_the_size_requested_for(extension, drive, mot
 
 
 @draws
-def test_odd_edges_are_made_even_for_codecs(drive, motion, tmp_path):
+def test_odd_sizes_are_made_even_for_codecs(drive, motion, tmp_path):
     path = tmp_path / "odd.mp4"
     render.write_video(path, drive.mechanism, motion, angles=TURN[:2], size=(161, 121))
     assert len(decoded(path, (160, 120))) == 2
@@ -415,7 +415,7 @@ def test_unknown_video_extensions_are_rejected_before_drawing(name, drive, motio
     assert not list(tmp_path.iterdir())
 
 
-def test_a_missing_ffmpeg_is_named_before_the_first_frame(drive, motion, tmp_path, monkeypatch):
+def test_a_missing_ffmpeg_is_rejected_before_the_first_frame(drive, motion, tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingToolError, match="imageio-ffmpeg"):
@@ -423,7 +423,7 @@ def test_a_missing_ffmpeg_is_named_before_the_first_frame(drive, motion, tmp_pat
     assert not list(tmp_path.iterdir())
 
 
-def test_an_ffmpeg_that_does_not_run_is_passed_over(tmp_path, monkeypatch):
+def test_a_broken_ffmpeg_is_skipped(tmp_path, monkeypatch):
     broken = tmp_path / "ffmpeg"
     broken.write_text("#!/bin/sh\nexit 1\n")
     broken.chmod(0o755)

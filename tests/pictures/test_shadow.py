@@ -31,13 +31,13 @@ def stage_of(name, exact=False, **look):
 
 @draws
 @pytest.mark.parametrize("name", grid(("rssr", "warp_knitter")))
-def test_shadows_fall_where_a_shadow_map_has_them(name):
+def test_flat_shadows_agree_with_a_shadow_map(name):
     stage = stage_of(name)
     shadow = Shadow(stage)
     stage.set_frame(4)
     pictures = []
     stage.model.vis.quality.shadowsize = 4096
-    # MuJoCo's own shadow map is the check; its map is drawn only where it was asked for from the start
+    # MuJoCo's own shadow map is the reference; it is drawn only if enabled from the start
     stage.model.light_castshadow[:] = True
     with gl_backend.renderer(stage.model, SIZE, BACKEND) as drawing:
         for flat, mapped in ((False, False), (True, False), (False, True)):
@@ -53,22 +53,22 @@ def test_shadows_fall_where_a_shadow_map_has_them(name):
     bare, flat, mapped = pictures
     ours, theirs = (bare - flat > 20.0) & wall, (bare - mapped > 20.0) & wall
     assert theirs.sum() > 600
-    # our edges are soft: a pixel or two either way
+    # the edges are soft: one or two pixels of difference
     assert (ours & theirs).sum() > 0.8 * (ours | theirs).sum()
     assert np.median((bare - flat)[ours & theirs]) == pytest.approx(
         np.median((bare - mapped)[ours & theirs]), rel=0.15
     )
-    # solids keep their light, but for edges that share a pixel with the wall
+    # solids keep their brightness except at edges that share a pixel with the wall
     assert (np.abs(bare - flat)[~wall] > 8.0).mean() < 0.1
 
 
-def test_a_ghost_throws_no_shadow():
+def test_a_ghost_has_no_shadow():
     plain, ghostly = (Shadow(stage_of("four_bar", exact=exact)) for exact in (False, True))
     assert len(plain.geoms) == len(ghostly.geoms) > 0
     assert ghostly.drawn.model.ngeom > plain.drawn.model.ngeom
 
 
-def test_shadows_lie_flat_just_before_the_wall_and_hold_their_layers_apart():
+def test_shadow_layers_are_ordered_close_to_the_wall():
     stage = stage_of("looper")
     scene = mujoco.MjvScene(stage.model, 2000)
     stage.set_frame(0)
@@ -78,7 +78,7 @@ def test_shadows_lie_flat_just_before_the_wall_and_hold_their_layers_apart():
     heights = np.array([(geom.pos - shadow.point) @ shadow.normal for geom in scene.geoms[: scene.ngeom]])
     assert heights.min() > 0.0
     assert heights.max() < 2e-3 * stage.camera.height
-    # the darkest lies on top of the others
+    # the darkest layer is on top
     by_height = np.argsort(heights, kind="stable").reshape(3, -1)
     tones = [{float(scene.geoms[i].rgba[0]) for i in layer} for layer in by_height]
     assert [len(tone) for tone in tones] == [1, 1, 1]
@@ -90,6 +90,6 @@ def test_shadows_lie_flat_just_before_the_wall_and_hold_their_layers_apart():
 
 
 @pytest.mark.parametrize("look", [{"camera": "shaft"}, {"projections": ("P2",)}, {"overlay": 4}])
-def test_walls_that_carry_nothing_show_no_shadow(look):
+def test_other_views_have_no_wall_shadow(look):
     assert not stage_of("rssr", **look).stands_on_wall
     assert stage_of("rssr").stands_on_wall

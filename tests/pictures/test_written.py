@@ -15,7 +15,7 @@ from mechsim.studies.reference import drawn_motion, profile_of
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rsur", "humanoid_ankle", "parallel_gripper"])
-def test_every_joint_that_turns_on_the_ground_has_a_name(name):
+def test_every_pivot_on_the_ground_has_a_label(name):
     form = load(name)
     mechanism = form.mechanism
     motion = drawn_motion(form, "closed", profile_of(form, 1.0, 0.1), 3)
@@ -27,7 +27,7 @@ def test_every_joint_that_turns_on_the_ground_has_a_name(name):
                 assert np.abs(at - end.point).max(1).min() < 1e-12, joint.name
 
 
-def test_the_first_instant_again_reads_zero():
+def test_the_label_of_a_full_turn_reads_zero():
     drive = catalog.make("four_bar")
     motion = drive.solve(2.0 * np.pi * np.array([0.0, 0.5, 1.0 - 1e-9]))
     frames = frame_poses(drive.mechanism, motion)
@@ -36,7 +36,7 @@ def test_the_first_instant_again_reads_zero():
 
 @pytest.mark.parametrize("size", [(400, 300), (1280, 720)])
 @pytest.mark.parametrize("lines", [0, 1, 4])
-def test_a_legend_leaves_the_mechanism_free(size, lines):
+def test_a_legend_does_not_cover_the_mechanism(size, lines):
     rng = np.random.default_rng(4)
     for stretch in ((1.0, 1.0, 1.0), (1.0, 9.0, 1.0), (9.0, 1.0, 1.0)):
         points, radii = rng.normal(size=(50, 3)) * stretch, rng.uniform(0.0, 0.3, 50)
@@ -50,12 +50,12 @@ def test_a_legend_leaves_the_mechanism_free(size, lines):
         assert lines == 0 or size[1] * free >= letters(size) * (1.2 + 1.4 * lines)
 
 
-def test_a_picture_leaves_room_for_its_own_legend():
+def test_a_picture_is_scaled_to_make_room_for_its_legend():
     drive = catalog.make("four_bar")
     motion = drive.solve(np.linspace(0.0, 2.0 * np.pi, 25), 60.0)
     look = Look(arrows=("velocity", "acceleration"), caption="slow")
     with_legend, without = (
         Source(drive.mechanism, motion).drawn(item).camera for item in (look, replace(look, notes=False))
     )
-    free, taken = 1.0 - 2.0 * camera.BORDER, foot(look.size, 3) - camera.BORDER
-    assert with_legend.height * (free - taken) == pytest.approx(without.height * free)
+    free, legend_fraction = 1.0 - 2.0 * camera.BORDER, foot(look.size, 3) - camera.BORDER
+    assert with_legend.height * (free - legend_fraction) == pytest.approx(without.height * free)

@@ -28,8 +28,8 @@ def page_of(value):
     return value._repr_html_() if hasattr(value, "_repr_html_") else ""
 
 
-def shown(cell, names):
-    """Run a segment as a notebook does; return what its last line is worth."""
+def value_of(cell, names):
+    """Run a cell as a notebook does; return the value of its last line."""
     tree = ast.parse(cell)
     last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
     exec(compile(tree, "cell", "exec"), names)
@@ -39,12 +39,12 @@ def shown(cell, names):
 
 
 @pytest.mark.slow
-def test_the_example_notebook_runs_and_everything_in_it_shows_itself(monkeypatch):
+def test_the_example_notebook_runs_and_displays_its_results(monkeypatch):
     try:
         gl_backend.choose()
     except MissingToolError as missing:
         pytest.skip(str(missing))
-    # films of full size take their time
+    # animations of full size are slow
     plain = ms.show
     monkeypatch.setattr(
         ms,
@@ -54,13 +54,13 @@ def test_the_example_notebook_runs_and_everything_in_it_shows_itself(monkeypatch
     )
     cells = json.loads(EXAMPLE.read_text(encoding="utf-8"))["cells"]
     names: dict[str, object] = {}
-    values = [shown("".join(cell["source"]), names) for cell in cells if cell["cell_type"] == "code"]
+    values = [value_of("".join(cell["source"]), names) for cell in cells if cell["cell_type"] == "code"]
     pages = [page_of(value) for value in values if page_of(value)]
     assert [page[:6] for page in pages] == ["<p sty", "<p sty", "<video", "<video"]
     assert all(cell.get("outputs", []) == [] for cell in cells)
 
 
-def test_a_run_shows_its_outcome_its_settings_and_its_motion(run):
+def test_a_run_displays_outcome_settings_and_motion(run):
     page = page_of(run)
     assert "<svg" in page
     for word in ("passed", "RK4", "steps per turn"):
@@ -68,7 +68,7 @@ def test_a_run_shows_its_outcome_its_settings_and_its_motion(run):
     assert "#a8261a" in page_of(replace(run, outcome="failed"))
 
 
-def test_a_verdict_shows_every_check_and_rejects_in_red(run):
+def test_a_verdict_displays_every_check_and_failures_in_red(run):
     drive = ms.catalog.make("rssr", rocker=0.03)
     good = ms.crosscheck(run.motion, drive)
     assert page_of(good).count("<tr") == len(good.checks) + 1
@@ -78,28 +78,28 @@ def test_a_verdict_shows_every_check_and_rejects_in_red(run):
     assert 'style="color:#a8261a"' in page_of(bad)
 
 
-def test_what_a_table_holds_cannot_smuggle_markup():
+def test_table_contents_are_escaped():
     verdict = ms.Verdict("failed", (), "<script>")
     assert "<script>" not in page_of(verdict)
     assert np.isfinite(len(page_of(verdict)))
 
 
-def test_a_plot_shows_itself_and_a_figure_of_pyplot_is_left_to_pyplot(run):
+def test_only_plots_of_mechsim_have_their_own_display(run):
     assert page_of(ms.plots.motion_plot(run.motion)).startswith("<svg")
     figure = plt.figure()
     assert page_of(figure) is None
     plt.close(figure)
 
 
-def test_a_model_shows_itself_as_a_page_to_turn_by_hand():
-    shown = ms.show(ms.load("four_bar"), height=500)
-    framed = shown._repr_html_()
+def test_a_model_is_displayed_as_an_interactive_view():
+    value_of = ms.show(ms.load("four_bar"), height=500)
+    framed = value_of._repr_html_()
     assert framed.startswith("<iframe srcdoc=")
     assert 'height="500"' in framed
-    assert shown.text.startswith("<!doctype html>")
-    assert "<!doctype" not in framed  # a page within a page is quoted
+    assert value_of.text.startswith("<!doctype html>")
+    assert "<!doctype" not in framed  # a nested page is escaped
     by_loops = ms.show(ms.catalog.make("four_bar").mechanism)
     assert "loop equations" in by_loops.text
-    assert ms.show("four_bar", height=500) == shown
+    assert ms.show("four_bar", height=500) == value_of
     with pytest.raises(ms.InputError, match=r"there is no mechanism 'four_bat'; did you mean 'four_bar'"):
         ms.show("four_bat")

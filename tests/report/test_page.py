@@ -18,7 +18,7 @@ from mechsim.report.page import studies_in
 from mechsim.verdict.checks import Check
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
-# the smallest PNG there is
+# a minimal PNG
 PNG = bytes.fromhex(
     "89504e470d0a1a0a0000000d49484452000000010000000108060000001f15c4890000000d49444154789c6360606060000000050001"
     "a5f645400000000049454e44ae426082"
@@ -44,11 +44,11 @@ class Reader(HTMLParser):
         self.text += "" if self.skip else data
 
 
-def check(worst=3.2e-10, subject="P3", kind="position", road="step"):
+def check(worst=3.2e-10, subject="P3", kind="position", method="step"):
     return Check(
         kind=kind,
         subject=subject,
-        method=road,
+        method=method,
         unit="m",
         worst=worst,
         instant=1.2,
@@ -103,7 +103,7 @@ def section():
     )
 
 
-def test_the_page_needs_nothing_but_itself(section, tmp_path):
+def test_the_page_is_self_contained(section, tmp_path):
     section = replace(section, video="turn.mp4")
     page = report.write_report(tmp_path / "out", results(rssr=good()), [section]).read_text(encoding="utf-8")
     observed = Reader(page)
@@ -122,11 +122,11 @@ def test_no_picture_is_stored_twice(section, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"index.html", "validate.json"}
 
 
-def test_failing_mechanisms_come_first_open_and_headed_by_their_cause(section, tmp_path):
+def test_failed_mechanisms_come_first_with_their_cause(section, tmp_path):
     cause = "rod = 0.199 m instead of 0.2 m, explains 100 % of the error"
-    lost = {**bad(), "reason": "disagrees with rod.py:short", "findings": [{"message": cause}]}
+    failed = {**bad(), "reason": "disagrees with rod.py:short", "findings": [{"message": cause}]}
     other = report.Section(name="other", checks=BROKEN)
-    path = report.write_report(tmp_path, results(rssr=good(), other=lost), [section, other])
+    path = report.write_report(tmp_path, results(rssr=good(), other=failed), [section, other])
     page = path.read_text(encoding="utf-8")
     assert page.index('<section id="other"') < page.index('<section id="rssr"')
     assert re.findall(r'<details class="case"( open)?>', page) == [" open", ""]
@@ -135,8 +135,8 @@ def test_failing_mechanisms_come_first_open_and_headed_by_their_cause(section, t
     assert page.index(cause, page.index('<section id="other"')) < page.index("<h3>Verdict")
 
 
-def test_the_first_screen_states_exactly_what_was_run(section, tmp_path):
-    posed = replace(section, name="posed", checks=(check(road="pose"), check(1e-12, road="closed form")))
+def test_the_first_screen_lists_the_methods_that_were_run(section, tmp_path):
+    posed = replace(section, name="posed", checks=(check(method="pose"), check(1e-12, method="closed form")))
     steps = {"rssr": good(), "posed": {**good(), "steps": 0}}
     text = Reader(
         report.write_report(tmp_path, results(**steps), [section, posed]).read_text(encoding="utf-8")
@@ -154,7 +154,7 @@ def test_the_first_screen_states_exactly_what_was_run(section, tmp_path):
         assert term in text
 
 
-def test_a_later_report_into_the_same_folder_is_compared_with_the_earlier(section, tmp_path):
+def test_a_second_report_is_compared_with_the_first(section, tmp_path):
     report.write_report(tmp_path, results(rssr=good()), [section])
     first = Reader((tmp_path / "index.html").read_text(encoding="utf-8")).text
     assert "Compared with the report" not in first
@@ -167,7 +167,7 @@ def test_a_later_report_into_the_same_folder_is_compared_with_the_earlier(sectio
     report.write_report(tmp_path, results(rssr=worse), [section])
 
 
-def test_the_numbers_lie_next_to_the_page_as_json(section, tmp_path):
+def test_the_numbers_are_written_as_json_next_to_the_page(section, tmp_path):
     report.write_report(
         tmp_path, results(rssr=good(), other=bad()), [section], command="mechsim validate", notes=["x"]
     )
@@ -180,7 +180,7 @@ def test_the_numbers_lie_next_to_the_page_as_json(section, tmp_path):
     assert {"mechsim", "python", "mujoco", "numpy"} <= set(numbers["about"]["versions"])
 
 
-def test_what_was_missed_stands_before_any_mechanism(section, tmp_path):
+def test_failed_checks_are_listed_before_the_mechanisms(section, tmp_path):
     other = report.Section(name="other", checks=BROKEN)
     path = report.write_report(
         tmp_path, results(rssr=good(), other=bad()), [section, other], notes=["no pictures: install libegl1"]
@@ -195,7 +195,7 @@ def test_what_was_missed_stands_before_any_mechanism(section, tmp_path):
     assert "MuJoCo warned" in text
 
 
-def test_a_good_page_reports_so_and_shows_bound_and_reason(section, tmp_path):
+def test_a_passed_report_shows_tolerances_and_reasons(section, tmp_path):
     text = Reader(
         report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
     ).text
@@ -211,28 +211,28 @@ def test_a_good_page_reports_so_and_shows_bound_and_reason(section, tmp_path):
     assert "Failed checks" not in text
 
 
-def test_the_tightest_check_of_each_kind_comes_first_and_all_of_them_after(section, tmp_path):
+def test_the_tightest_check_of_each_kind_comes_first(section, tmp_path):
     points = {"P2": 1e-10, "P3": 7e-10, "P4": 2e-10}
     checks = [check(worst, name) for name, worst in points.items()]
-    lost = check(5e-9, "P5")
-    for some, first in ((checks, ["P3"]), ([*checks, lost], ["P3", "P5"])):
+    failed = check(5e-9, "P5")
+    for subset, first in ((checks, ["P3"]), ([*checks, failed], ["P3", "P5"])):
         result = {**good(), "passed": len(first) == 1}
-        shown = replace(section, checks=some)
+        shown = replace(section, checks=subset)
         page = report.write_report(tmp_path, results(rssr=result), [shown]).read_text(encoding="utf-8")
         short, long = page[page.index("<section") :].split("<summary>All")
         assert [name for name in ("P2", "P3", "P4", "P5") if f"position of {name}" in short] == first
         assert all(f"position of {name}" in long for name in points)
-        assert f" {len(some)} quantities" in long
+        assert f" {len(subset)} quantities" in long
 
 
-def test_a_mechanism_without_pictures_is_reported_all_the_same(tmp_path):
+def test_a_mechanism_without_pictures_is_reported(tmp_path):
     page = report.write_report(
         tmp_path, results(rssr=good()), [report.Section(name="rssr", checks=(check(),))]
     )
     assert "step: position of P3" in Reader(page.read_text(encoding="utf-8")).text
 
 
-def test_names_cannot_smuggle_markup(tmp_path):
+def test_names_are_escaped(tmp_path):
     section = report.Section(name="rssr", title="<script>alert(1)</script>", facts={"<b>": "<i>"})
     page = report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
     tags = Reader(page).tags
@@ -252,23 +252,23 @@ def test_names_cannot_smuggle_markup(tmp_path):
         (None, "not a number"),
     ],
 )
-def test_numbers_are_short(x, shown):
+def test_numbers_are_formatted_compactly(x, shown):
     assert report.number(x) == shown
 
 
-def test_values_are_shown_as_lines():
+def test_values_are_formatted_as_lines():
     assert report.value(True) == ["yes"]
     assert report.value(["a", "b"]) == ["a, b"]
     assert report.value([{"class": 3, "links": ["a", "b"]}]) == ["class: 3, links: a, b"]
     assert report.value(np.float64(0.5)) == ["0.5"]
 
 
-def test_what_cannot_be_written_or_read_is_one_sentence(tmp_path):
+def test_an_unwritable_report_folder_is_rejected(tmp_path):
     with pytest.raises(OutputError, match="cannot write a report to"):
         report.write_report(tmp_path / "missing" / "out", results(), [])
 
 
-def film_of(folder):
+def video_in(folder):
     """A video of a few frames."""
     import mediapy
 
@@ -276,11 +276,11 @@ def film_of(folder):
     rng = np.random.default_rng(3)
     frames = rng.integers(0, 255, (12, 48, 64, 3), dtype=np.uint8)
     folder.mkdir(exist_ok=True)
-    mediapy.write_video(folder / "film.mp4", frames, fps=12.0, codec="h264")
-    return "film.mp4"
+    mediapy.write_video(folder / "video.mp4", frames, fps=12.0, codec="h264")
+    return "video.mp4"
 
 
-def test_studies_left_in_the_folder_become_part_of_the_page(tmp_path):
+def test_studies_in_the_folder_are_included_in_the_page(tmp_path):
     drawing = plots.drawn(plots.error_plot(TURN, {"a": 1e-3 + 0.0 * TURN}))
     border = {"axis": "size", "mechanism": "rssr", "inside": 1e-9, "outside": 5e-10}
     trial = {"passed": True}
@@ -328,8 +328,8 @@ SURVEY = """(async () => {
 
 @pytest.mark.slow
 @in_browser
-def test_a_browser_shows_and_plays_everything_without_complaint(section, tmp_path):
-    section = replace(section, video=film_of(tmp_path / "out"))
+def test_a_browser_displays_and_plays_everything_without_errors(section, tmp_path):
+    section = replace(section, video=video_in(tmp_path / "out"))
     page = report.write_report(tmp_path / "out", results(rssr=good(), other=bad()), [section])
     with Browser(tmp_path / "profile") as browser:
         for width, scheme in ((1280, "light"), (400, "dark")):
@@ -351,7 +351,7 @@ def test_a_browser_shows_and_plays_everything_without_complaint(section, tmp_pat
 
 
 @in_browser
-def test_a_report_of_all_mechanisms_prints_on_four_pages_and_is_small(section, tmp_path):
+def test_a_report_of_31_mechanisms_is_small_and_prints_on_four_pages(section, tmp_path):
     noise = np.random.default_rng(5).integers(0, 256, 25_000, dtype=np.uint8).tobytes()
     pictures = [PNG + noise[:-i] for i in range(1, 32)]
     checks = tuple(check(1e-12 * i, f"P{i}") for i in range(1, 30))
@@ -370,7 +370,7 @@ def test_a_report_of_all_mechanisms_prints_on_four_pages_and_is_small(section, t
 
 
 @in_browser
-def test_filter_sort_and_links_find_a_row(section, tmp_path):
+def test_filter_sort_and_links_select_a_row(section, tmp_path):
     other = replace(section, name="other", title="other", checks=(check(7e-10, "toe"), check(1e-10, "knee")))
     page = report.write_report(tmp_path, results(rssr=good(), other=good()), [section, other])
     with Browser(tmp_path / "profile") as browser:
@@ -387,7 +387,7 @@ def test_filter_sort_and_links_find_a_row(section, tmp_path):
 
 
 @in_browser
-def test_a_browser_finds_what_is_broken(section, tmp_path):
+def test_the_browser_survey_detects_faults(section, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "turn.mp4").write_bytes(b"not really a video")
     broken = ("Paths", b"\x89PNG\r\n\x1a\nbroken")

@@ -1,4 +1,4 @@
-"""`mechsim validate --report` as a whole: what it writes, with OpenGL and without."""
+"""Output of `mechsim validate --report` with and without OpenGL."""
 
 import base64
 import io
@@ -17,15 +17,15 @@ from mechsim.pictures.render import gl_backend
 from mechsim.report import validation
 
 
-def validated(monkeypatch, tmp_path, capsys, *words):
+def validated(monkeypatch, tmp_path, capsys, *arguments):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["mechsim", "validate", *words])
+    monkeypatch.setattr(sys, "argv", ["mechsim", "validate", *arguments])
     with pytest.raises(SystemExit) as ended:
         main()
     return ended.value.code, capsys.readouterr()
 
 
-def test_the_report_holds_page_numbers_plots_picture_and_video(monkeypatch, tmp_path, capsys):
+def test_the_report_contains_page_numbers_plots_picture_and_video(monkeypatch, tmp_path, capsys):
     code, output = validated(monkeypatch, tmp_path, capsys, "slider_crank", "--report", "out/", "--json")
     assert not code, output.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
@@ -36,18 +36,18 @@ def test_the_report_holds_page_numbers_plots_picture_and_video(monkeypatch, tmp_
         "slider_crank.mp4",
         "slider_crank.view.html",
     }
-    beside = json.loads((tmp_path / "out" / "validate.json").read_text())
+    numbers = json.loads((tmp_path / "out" / "validate.json").read_text())
     printed = json.loads(output.out)
-    assert beside["mechanisms"]["slider_crank"]["checks"] == printed["mechanisms"]["slider_crank"]["checks"]
+    assert numbers["mechanisms"]["slider_crank"]["checks"] == printed["mechanisms"]["slider_crank"]["checks"]
     page = (tmp_path / "out" / "index.html").read_text()
     assert 'src="slider_crank.mp4"' in page
     assert page.count("data:image/webp") == 6
     assert 'href="slider_crank.view.html"' in page
-    turned = (tmp_path / "out" / "slider_crank.view.html").read_text()
-    assert 'src="three.min.js"' in turned
+    view = (tmp_path / "out" / "slider_crank.view.html").read_text()
+    assert 'src="three.min.js"' in view
     assert (tmp_path / "out" / "three.min.js").is_file()
-    assert len(turned) < 400_000
-    # every quantity printed stands on the page, with how much of its bound was used
+    assert len(view) < 400_000
+    # the page lists every printed quantity
     checks = printed["mechanisms"]["slider_crank"]["checks"]
     assert f"{len(checks)} of {len(checks)}" in page
     for check in checks:
@@ -65,12 +65,12 @@ PUSHED = """
 """
 
 
-def test_a_scene_of_ones_own_is_drawn_as_its_file_draws_it(monkeypatch, tmp_path, capsys):
+def test_a_user_defined_scene_is_drawn_in_its_own_colours(monkeypatch, tmp_path, capsys):
     (tmp_path / "pushed.xml").write_text(PUSHED)
     monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
     monkeypatch.setattr(validation, "PLOTS", {})
-    words = ("pushed.xml", "--drive", "crank=0.5+0.1*sin(2*pi*t)", "--report", "out")
-    code, output = validated(monkeypatch, tmp_path, capsys, *words)
+    arguments = ("pushed.xml", "--drive", "crank=0.5+0.1*sin(2*pi*t)", "--report", "out")
+    code, output = validated(monkeypatch, tmp_path, capsys, *arguments)
     assert not code, output.err
     page = (tmp_path / "out" / "index.html").read_text()
     picture = base64.b64decode(re.search(r"url\(data:image/webp;base64,([^)]*)\)", page)[1])
@@ -80,7 +80,7 @@ def test_a_scene_of_ones_own_is_drawn_as_its_file_draws_it(monkeypatch, tmp_path
     assert "driven: crank" in page
 
 
-def test_without_opengl_validation_passes_and_one_line_names_the_package(monkeypatch, tmp_path, capsys):
+def test_without_opengl_a_report_notes_the_missing_package(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(gl_backend, "probe", lambda name: None)
     monkeypatch.setattr(validation, "PLOTS", {})
     code, output = validated(monkeypatch, tmp_path, capsys, "four_bar", "slider_crank", "--report", "out")
@@ -91,14 +91,14 @@ def test_without_opengl_validation_passes_and_one_line_names_the_package(monkeyp
     assert not list((tmp_path / "out").glob("*.mp4"))
 
 
-def test_a_report_folder_that_cannot_be_made_is_rejected_before_any_work(monkeypatch, tmp_path, capsys):
+def test_an_invalid_report_folder_is_rejected_before_the_validation(monkeypatch, tmp_path, capsys):
     code, output = validated(monkeypatch, tmp_path, capsys, "four_bar", "--report", "no/such/folder")
     assert code == 2
     assert len(output.err.strip().splitlines()) == 1
     assert "no/such" in output.err
 
 
-def test_a_case_without_steps_is_reported_by_a_still_its_paths_and_what_its_formula_misses(tmp_path):
+def test_a_case_without_steps_is_reported_with_a_still_picture(tmp_path):
     from mechsim.report.validation import write_validation_report
     from mechsim.studies.validate import case_of
     from mechsim.subjects.readers import load
@@ -108,7 +108,7 @@ def test_a_case_without_steps_is_reported_by_a_still_its_paths_and_what_its_form
         f"import numpy as np\n{law}    return {{'yoke': np.column_stack([x, 0 * x, 0 * x])}}\n"
     )
     case = case_of(replace(load("scotch_yoke"), formula=f"{tmp_path}/own.py:law"), quick=True)
-    # of a mechanism called by the path of its file
+    # the mechanism is named by the path of its file
     results = {"passed": False, "mechanisms": {"a/yoke": case.as_dict()}}
     (tmp_path / "out").mkdir()
     assert write_validation_report(tmp_path / "out", {"a/yoke": case}, results) == []
@@ -125,7 +125,7 @@ def test_a_case_without_steps_is_reported_by_a_still_its_paths_and_what_its_form
 
 
 @pytest.mark.slow
-def test_the_page_reports_of_several_drivers(monkeypatch, tmp_path):
+def test_the_page_reports_checks_of_several_drivers(monkeypatch, tmp_path):
     monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
     from mechsim.report.validation import write_validation_report
     from mechsim.studies.validate import case_of
@@ -139,7 +139,7 @@ def test_the_page_reports_of_several_drivers(monkeypatch, tmp_path):
     assert "step: drive: left" in page
 
 
-def test_what_has_a_rack_is_reported_without_assur_groups():
+def test_a_mechanism_with_a_rack_has_no_assur_groups():
     from mechsim.report.facts import facts
     from mechsim.subjects.readers import load
 

@@ -1,4 +1,4 @@
-"""What a page is given: every assembly, programs, several drivers, each as the methods themselves have it."""
+"""Data of interactive views: assembly modes, motion laws and several drivers, compared with the solvers."""
 
 import numpy as np
 import pytest
@@ -13,37 +13,37 @@ from mechsim.studies.validate import case_of
 SPEED = ms.units.rpm(600)
 
 
-def test_every_assembly_of_a_closed_form_is_there_and_distinguished_apart():
+def test_a_view_contains_every_distinct_assembly_mode():
     drive = ms.catalog.make("rssr")
     view = mechanism_view(drive, SPEED)
     assert [grid.name for grid in view.grids] == ["branch -1", "branch 1"]
-    own, other = (grid.quaternion["rocker"] for grid in view.grids)
-    assert not np.allclose(own, other, atol=1e-3)
+    first_mode, second_mode = (grid.quaternion["rocker"] for grid in view.grids)
+    assert not np.allclose(first_mode, second_mode, atol=1e-3)
     for grid in view.grids:
         assert grid.error < 1e-9
         assert grid.ghost is not None
         assert grid.ghost.by > 1e3
 
 
-def test_a_crank_that_swings_stops_at_marked_dead_centres_and_goes_on_round_the_curve():
+def test_a_swinging_crank_has_dead_centres_and_a_closed_curve():
     drive = ms.catalog.make("four_bar", crank=0.09)
-    own, other, round_it = mechanism_view(drive, SPEED).grids
-    (slider,) = own.sliders
+    first_mode, second_mode, both_modes = mechanism_view(drive, SPEED).grids
+    (slider,) = first_mode.sliders
     dead = [mark.value for mark in slider.landmarks if mark.kind == "dead"]
     assert len(dead) == 2
     assert not slider.ring
     np.testing.assert_allclose(sorted(dead), [slider.nodes[0], slider.nodes[-1]], atol=1e-5)
-    assert own.error < 1e-8
-    assert round_it.sliders[0].ring
-    assert len([mark for mark in round_it.sliders[0].landmarks if mark.kind == "dead"]) == 2
-    # at either dead centre both assemblies are one pose
-    turns = [grid.quaternion["rocker"] for grid in (own, other)]
+    assert first_mode.error < 1e-8
+    assert both_modes.sliders[0].ring
+    assert len([mark for mark in both_modes.sliders[0].landmarks if mark.kind == "dead"]) == 2
+    # at a dead centre the assembly modes coincide
+    turns = [grid.quaternion["rocker"] for grid in (first_mode, second_mode)]
     same = np.abs((turns[0] * turns[1]).sum(1))
     assert min(same[0], same[-1]) > 1.0 - 1e-4
     assert same[180] < 0.99
 
 
-def test_motion_laws_are_shown_over_their_time():
+def test_views_under_motion_laws_cover_their_time():
     form = ms.load("five_bar")
     grid = motion_law_grid(form)
     (slider,) = grid.sliders
@@ -56,7 +56,7 @@ def test_motion_laws_are_shown_over_their_time():
         np.testing.assert_allclose(result, moved.position[0], atol=1e-8)
 
 
-def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatch):
+def test_interpolated_poses_of_two_drivers_agree_with_the_solver(monkeypatch):
     monkeypatch.setattr("mechsim.report.driver_views.NODES", {2: 9})
     form = ms.load("five_bar")
     (grid,) = hand_grids(form, box_of(form, {"left": (1.9, 2.3)}, start_poses(form.mechanism)[1]))
@@ -64,7 +64,7 @@ def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatc
     assert (left.nodes[0], left.nodes[-1]) == pytest.approx((1.9, 2.3))
     assert np.isnan(grid.position["forearm_l"]).any()  # out of reach
     assert grid.error < 2e-4
-    at = {"left": 2.03, "right": 0.97}
+    driver_values = {"left": 2.03, "right": 0.97}
     (solved,) = (
         ms.load("five_bar", drive={"left": "2.03rad + 0*t", "right": "0.97rad + 1e-6rad*t"})
         .solve(t=[0.0])
@@ -72,13 +72,13 @@ def test_two_drivers_moved_by_hand_find_the_poses_that_the_loops_have(monkeypatc
         .position
     )
     result = [
-        interpolated(grid.sliders, part[..., None], list(at.values()))[0]
+        interpolated(grid.sliders, part[..., None], list(driver_values.values()))[0]
         for part in next(item for item in grid.readouts if item.name == "P").components.values()
     ]
     np.testing.assert_allclose(result, solved, atol=2e-4)
 
 
-def test_more_than_three_drivers_are_moved_one_at_a_time(monkeypatch):
+def test_more_than_three_drivers_move_one_at_a_time(monkeypatch):
     monkeypatch.setattr("mechsim.report.driver_views.ALONE", 5)
     form = ms.load("stewart_gough")
     grids = hand_grids(form, box_of(form, {}, start_poses(form.mechanism)[1]))
@@ -86,11 +86,11 @@ def test_more_than_three_drivers_are_moved_one_at_a_time(monkeypatch):
     assert all(grid.shape == (5,) for grid in grids)
 
 
-def test_a_validation_is_shown_by_the_motion_it_checked():
+def test_the_view_of_a_validation_shows_the_checked_motion():
     case = case_of(ms.catalog.make("four_bar", crank=0.09))
     (grid,) = case_view(case).grids
     (slider,) = grid.sliders
-    assert (np.diff(slider.nodes) > 0.0).all()  # of a swing to and fro one way
+    assert (np.diff(slider.nodes) > 0.0).all()  # one direction of the swing
     assert 0.0 < grid.error < 1e-5
     assert grid.ghost is not None
     first = case.exact.links["rocker"].rotation[0]

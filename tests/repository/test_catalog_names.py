@@ -1,4 +1,4 @@
-"""A mechanism is asked for by name only in the catalogue; elsewhere its class says what there is to know."""
+"""Only the catalogue refers to its mechanisms by name; other modules use the protocol of their classes."""
 
 import ast
 
@@ -9,7 +9,7 @@ from mechsim import catalog
 
 FILES = structure.modules()
 CATALOG = "mechsim.analytic.catalog"
-# papers 002 to 004 are about one mechanism each, which the signatures of their theories name
+# papers 002 to 004 treat one mechanism each, so their theories name it in signatures
 PAPERS = {"WarpKnitter", "Rrsrr", "Looper"}
 # a table of designs for the stress test, by mechanism
 TABLES = {"mechsim.studies.extremes.special_designs"}
@@ -18,7 +18,7 @@ WORDS = catalog.DRIVES.keys() | CLASSES
 
 
 def named(source):
-    """Return the catalogue mechanisms that stand in a source as a string or as a class."""
+    """Return the catalogue mechanisms that a source names as a string or as a class."""
     if not any(word in source for word in WORDS):
         return set()
     tree = ast.parse(source)
@@ -29,8 +29,8 @@ def named(source):
     return {item for item in strings if isinstance(item, str)} & catalog.DRIVES.keys() | names & CLASSES
 
 
-def chosen(source):
-    """Return whether a source tells mechanisms apart by their class."""
+def distinguishes_classes(source):
+    """Return whether a source distinguishes mechanisms by their class."""
     if not named(source):
         return False
     calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
@@ -38,12 +38,14 @@ def chosen(source):
     return any(named(ast.unparse(node)) for node in checks)
 
 
-def test_no_mechanism_is_requested_for_by_name_outside_the_catalogue():
+def test_no_module_outside_the_catalogue_names_a_mechanism():
     outside = {name: path for name, path in FILES.items() if not name.startswith(CATALOG)}
     sources = {name: path.read_text() for name, path in outside.items() if name not in TABLES}
-    may = {name: PAPERS if name.startswith("mechsim.theory") else set() for name in sources}
-    assert {name: wrong for name, text in sources.items() if (wrong := named(text) - may[name])} == {}
-    assert [name for name, text in sources.items() if chosen(text)] == []
+    allowed_names = {name: PAPERS if name.startswith("mechsim.theory") else set() for name in sources}
+    assert {
+        name: wrong for name, text in sources.items() if (wrong := named(text) - allowed_names[name])
+    } == {}
+    assert [name for name, text in sources.items() if distinguishes_classes(text)] == []
 
 
 @pytest.mark.parametrize(
@@ -57,10 +59,10 @@ def test_no_mechanism_is_requested_for_by_name_outside_the_catalogue():
         ('help = "as in mechsim show rssr"', set()),
     ],
 )
-def test_the_check_sees_a_mechanism_requested_for_by_name(source, result):
+def test_the_check_detects_a_mechanism_name(source, result):
     assert named(source) == result
 
 
-def test_the_check_sees_a_choice_by_class():
-    assert chosen("isinstance(drive, Looper)")
-    assert not chosen("isinstance(drive, ClosedForm)")
+def test_the_check_detects_a_choice_by_class():
+    assert distinguishes_classes("isinstance(drive, Looper)")
+    assert not distinguishes_classes("isinstance(drive, ClosedForm)")

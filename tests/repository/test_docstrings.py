@@ -1,4 +1,4 @@
-"""A docstring names the attributes and parameters that exist."""
+"""Docstrings name only existing attributes and parameters."""
 
 import ast
 import re
@@ -18,7 +18,7 @@ def documented(node: ast.ClassDef | ast.FunctionDef, heading: str) -> list[str]:
 
 
 def attributes(node: ast.ClassDef) -> set[str]:
-    """Return fields, properties and methods of a class, and what its methods set."""
+    """Return fields, properties and methods of a class, and attributes that its methods set."""
     names = {item.name for item in node.body if isinstance(item, ast.FunctionDef)}
     for item in ast.walk(node):
         if isinstance(item, ast.AnnAssign | ast.Assign):
@@ -52,7 +52,7 @@ def test_every_documented_name_exists():
     assert [f"{path.name}: {name}" for path in SOURCES for name in unknown(ast.parse(path.read_text()))] == []
 
 
-def test_a_documented_name_that_does_not_exist_is_found():
+def test_a_documented_unknown_name_is_detected():
     source = '''
 class Gear:
     """A gear.

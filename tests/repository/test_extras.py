@@ -1,4 +1,4 @@
-"""The core solves, simulates and judges without what pictures and tables need, and says what brings that."""
+"""The core works without optional libraries and reports the command that installs them."""
 
 import json
 import subprocess
@@ -26,26 +26,26 @@ PathFinder.find_spec = seen
 """
 
 
-def core(code, cwd):
-    """Run Python in which nothing optional can be imported."""
+def run_core(code, cwd):
+    """Run Python without optional libraries."""
     return subprocess.run(
         [sys.executable, "-c", HIDE + code], cwd=cwd, capture_output=True, text=True, timeout=120
     )
 
 
 def commands(lines, cwd):
-    """Run commands one after the other in such a Python; return exit codes and what was said on stderr."""
-    return core(
+    """Run commands in sequence in such a Python; return exit codes and text on stderr."""
+    return run_core(
         "import contextlib, io, json\n"
         "from mechsim.cli import main\n"
         "ends = []\n"
         f"for line in {lines!r}:\n"
         "    sys.argv = ['mechsim', *line.split()]\n"
-        "    said = io.StringIO()\n"
-        "    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):\n"
+        "    text = io.StringIO()\n"
+        "    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(text):\n"
         "        try:\n            main()\n"
         "        except SystemExit as end:\n            code = end.code or 0\n"
-        "    ends.append((code, said.getvalue()))\n"
+        "    ends.append((code, text.getvalue()))\n"
         "print(json.dumps(ends))",
         cwd,
     )
@@ -59,8 +59,8 @@ CORE = (
     "export slider_crank --format toml -o slider.toml",
     "doctor",
 )
-# command -> the library it names
-MORE = {
+# command -> the missing library in its message
+WITH_EXTRAS = {
     "plot four_bar --kind transmission -o plot.svg": "matplotlib",
     "render four_bar -o picture.png": "PIL",
     "validate slider_crank --report out": "",
@@ -70,22 +70,22 @@ MORE = {
 
 @pytest.fixture(scope="module")
 def ended(tmp_path_factory):
-    """Return the folder in which all commands were run, and how each ended."""
+    """Return the folder of all commands, and exit code and stderr of each."""
     folder = tmp_path_factory.mktemp("core")
-    done = commands([*CORE, *MORE], folder)
+    done = commands([*CORE, *WITH_EXTRAS], folder)
     assert done.returncode == 0, done.stderr
-    return folder, dict(zip([*CORE, *MORE], json.loads(done.stdout), strict=True))
+    return folder, dict(zip([*CORE, *WITH_EXTRAS], json.loads(done.stdout), strict=True))
 
 
-def test_the_core_solves_simulates_and_checks(ended):
+def test_the_core_solves_simulates_and_validates(ended):
     folder, ends = ended
     assert {line: ends[line] for line in CORE if ends[line][0]} == {}
     assert (folder / "four_bar.csv").stat().st_size > 0
 
 
-def test_what_needs_more_reports_so_in_one_line_with_the_command(ended):
+def test_commands_with_a_missing_library_report_how_to_install_it(ended):
     folder, ends = ended
-    for line, library in MORE.items():
+    for line, library in WITH_EXTRAS.items():
         code, output = ends[line]
         assert code == 2, line
         reported = output.strip().splitlines()[-1]
@@ -100,18 +100,18 @@ def test_what_needs_more_reports_so_in_one_line_with_the_command(ended):
 
 
 @pytest.mark.parametrize("library", ["pandas", "xarray"])
-def test_a_table_in_python_reports_so_too(library, tmp_path):
+def test_tables_with_a_missing_library_report_how_to_install_it(library, tmp_path):
     code = (
         "import mechsim as ms, numpy as np\n"
         "motion = ms.catalog.make('slider_crank').solve(np.linspace(0.0, 1.0, 3))\n"
         f"motion.to_{library}()"
     )
-    done = core(code, tmp_path)
+    done = run_core(code, tmp_path)
     assert done.returncode == 1
     assert f"{library} is not installed; pip install 'mechsim[tables]' installs it" in done.stderr
 
 
-def test_an_import_that_fails_inside_mechsim_is_not_taken_for_a_missing_library():
+def test_a_failed_import_inside_mechsim_is_no_missing_library():
     from mechsim.errors import MissingToolError, needs
 
     with pytest.raises(ModuleNotFoundError), needs("pictures"):

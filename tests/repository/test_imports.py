@@ -81,7 +81,7 @@ LIBRARIES = {
     "IPython": ("mechsim.report",),
     "pytest": ("mechsim.testing",),
 }
-# imported at the top of a file these would slow every command down
+# libraries that would slow down every command if imported at the top of a file
 SLOW = re.compile(r"^(?:import|from) (?:matplotlib|mediapy|pint|jinja2|pandas|xarray)\b", re.MULTILINE)
 
 
@@ -105,8 +105,8 @@ def allowed(package, other):
     return package == other or other in EVERYWHERE or other in ALLOWED_IMPORTS.get(package, set())
 
 
-def foreign(name, imported):
-    """Return the libraries among a module's imports that are not for it."""
+def forbidden_libraries(name, imported):
+    """Return the libraries that a module imports but may not."""
     libraries = {item.split(".")[0] for item in imported} & LIBRARIES.keys()
     return {item for item in libraries if not name.startswith(LIBRARIES[item])}
 
@@ -121,32 +121,34 @@ def test_the_top_level_is_small():
 @pytest.mark.parametrize(
     "package", [package for package in ALLOWED_IMPORTS if (structure.PACKAGE / package).is_dir()]
 )
-def test_a_room_states_in_one_sentence_what_it_is_for(package):
+def test_every_subpackage_docstring_is_one_sentence(package):
     doc = ast.get_docstring(ast.parse((structure.PACKAGE / package / "__init__.py").read_text()))
     assert doc
     assert doc.split("\n\n")[0].count(".") == 1
 
 
-def test_imports_import_only_what_the_table_allows(graph):
+def test_packages_import_only_allowed_packages(graph):
     assert breaches(graph) == []
 
 
-def test_no_files_import_each_other_in_a_circle(graph):
+def test_imports_have_no_cycles(graph):
     assert structure.cycles(graph) == []
     assert structure.cycles(structure.packages(graph)) == []
 
 
-def test_a_library_is_imported_only_where_it_belongs(imports):
-    assert {name: wrong for name, result in imports.items() if (wrong := foreign(name, result))} == {}
+def test_libraries_are_imported_only_by_allowed_modules(imports):
+    assert {
+        name: wrong for name, result in imports.items() if (wrong := forbidden_libraries(name, result))
+    } == {}
 
 
-def test_slow_libraries_are_loaded_only_when_requested():
+def test_slow_libraries_are_imported_inside_functions():
     # an import inside a function is indented
     assert SLOW.search("import numpy\nfrom xarray import Dataset")
     assert {name: result for name, path in FILES.items() if (result := SLOW.findall(path.read_text()))} == {}
 
 
-def test_no_module_is_hidden_by_what_its_package_exports():
+def test_no_module_is_shadowed_by_an_export_of_its_package():
     for name in FILES:
         importlib.import_module(name)
     hidden = [
@@ -160,7 +162,7 @@ def test_no_module_is_hidden_by_what_its_package_exports():
     assert hidden == []
 
 
-def test_no_function_goes_on_for_more_than_fifty_lines():
+def test_no_function_is_longer_than_fifty_lines():
     # signature and docstring do not count
     long = [
         (name, *item) for name, path in FILES.items() for item in structure.functions(path) if item[0] > 50
@@ -186,8 +188,8 @@ def test_no_two_classes_share_a_name():
         ("mechsim.simulation.run", "import typer"),
     ],
 )
-def test_the_check_rejects_a_library_where_it_does_not_belong(name, source):
-    assert foreign(name, structure.imports_of(source, name))
+def test_the_check_rejects_a_forbidden_library(name, source):
+    assert forbidden_libraries(name, structure.imports_of(source, name))
 
 
 @pytest.mark.parametrize(
@@ -203,7 +205,7 @@ def test_the_check_rejects_a_library_where_it_does_not_belong(name, source):
         ("mechsim.model.mechanism", "from mechsim.verdict import crosscheck"),
     ],
 )
-def test_the_check_rejects_a_breach(name, source, graph):
+def test_the_check_rejects_a_forbidden_import(name, source, graph):
     wrong = graph.copy()
     for imported in structure.imports_of(source, name.rpartition(".")[0]):
         target = imported if imported in FILES else imported.rpartition(".")[0]
@@ -212,7 +214,7 @@ def test_the_check_rejects_a_breach(name, source, graph):
     assert len(breaches(wrong)) == len(breaches(graph)) + 1
 
 
-def test_the_check_rejects_a_circle(graph):
+def test_the_check_rejects_a_cycle(graph):
     wrong = graph.copy()
     wrong.add_edge("mechsim.model.mechanism", "mechsim.analytic.catalog.rssr")
     assert any("mechsim.analytic.catalog.rssr" in cycle for cycle in structure.cycles(wrong))

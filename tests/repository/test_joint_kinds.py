@@ -1,4 +1,4 @@
-"""A joint kind is asked for by name only where it is said what it is."""
+"""Only the modules that define joint kinds compare them by name."""
 
 import ast
 
@@ -7,9 +7,9 @@ import structure
 from mechsim.model.joint_kinds import KINDS
 
 FILES = structure.modules()
-# where a kind has its row, its equations, its place in MuJoCo, what of a file is read as it, and its picture;
+# modules with the table, equations, MuJoCo joints, file elements and drawings of the kinds;
 # a mechanism of the catalogue names those of its own joints
-HOME = {
+DEFINING_MODULES = {
     "mechsim.model.joint_kinds",
     "mechsim.analytic.loops.maximal_coordinates",
     "mechsim.simulation.mjcf.joints",
@@ -32,7 +32,7 @@ CATALOG = "mechsim.analytic.catalog."
 
 
 def named(source):
-    """Return the joint kinds that stand in a source as a string of their own."""
+    """Return the joint kinds that are complete string constants of a source."""
     if not any(kind in source for kind in KINDS):
         return []
     constants = [node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant)]
@@ -40,11 +40,11 @@ def named(source):
 
 
 def test_no_joint_kind_is_compared_by_name_outside_its_files():
-    elsewhere = [name for name in FILES if name not in HOME and not name.startswith(CATALOG)]
+    elsewhere = [name for name in FILES if name not in DEFINING_MODULES and not name.startswith(CATALOG)]
     assert {name: result for name in elsewhere if (result := named(FILES[name].read_text()))} == {}
 
 
-def test_the_check_rejects_a_kind_that_is_compared_by_name():
+def test_the_check_rejects_a_comparison_by_name():
     assert named('turns = joint.kind in ("revolute", "cylindrical")') == ["revolute", "cylindrical"]
     assert named('COST = {"spherical": 3}') == ["spherical"]
     assert named('message = "have a revolute joint in every loop"') == []

@@ -1,4 +1,4 @@
-"""MuJoCo is loaded by `simulation.mujoco_loading` before any module imports it by itself."""
+"""`simulation.mujoco_loading` loads MuJoCo before any module imports it."""
 
 import os
 import re
@@ -12,22 +12,22 @@ import mechsim
 from mechsim.cli import LATE
 
 PACKAGE = Path(mechsim.__file__).parent
-# at the head of a module, where importing the module imports it
-HEAD = re.compile(r"^(?:import mujoco|from mujoco)", re.MULTILINE)
-FIRST = re.compile(r"^import mechsim\.simulation\b", re.MULTILINE)
+# at module level, executed on import
+MUJOCO_IMPORT = re.compile(r"^(?:import mujoco|from mujoco)", re.MULTILINE)
+LOADING_IMPORT = re.compile(r"^import mechsim\.simulation\b", re.MULTILINE)
 
 
-def test_a_package_that_imports_mujoco_loads_it_first_without_a_back_end_that_fails() -> None:
-    """Else MUJOCO_GL=nonsense ends a command that draws nothing in an internal error."""
-    importing = {path.parent for path in PACKAGE.rglob("*.py") if HEAD.search(path.read_text())}
+def test_packages_with_mujoco_import_the_loading_module_first() -> None:
+    """Otherwise MUJOCO_GL=nonsense causes an internal error of a command that draws nothing."""
+    importing = {path.parent for path in PACKAGE.rglob("*.py") if MUJOCO_IMPORT.search(path.read_text())}
     for folder in importing:
         above = [item for item in (folder, *folder.parents) if PACKAGE in item.parents]
         heads = [(item / "__init__.py").read_text() for item in above]
-        assert any(FIRST.search(head) for head in heads), folder
+        assert any(LOADING_IMPORT.search(head) for head in heads), folder
     assert len(importing) > 5
 
 
-def test_the_help_of_these_commands_is_reported_without_mujoco():
+def test_help_of_these_commands_does_not_import_mujoco():
     names = ["list", "show", "solve", "sensitivity", *LATE]
     reported = f"""
 import sys
@@ -45,8 +45,8 @@ for name in {names}:
 INIT = "raise ImportError('repair it by a command') from ImportError('no core bindings')"
 
 
-def broken(tmp_path, files, *names):
-    """Run a command where the folder mujoco holds these files and these distributions are installed."""
+def run_with_mujoco(tmp_path, files, *names):
+    """Run a command with these files in the folder mujoco and these distributions installed."""
     for name, text in files.items():
         path = tmp_path / "mujoco" / name
         path.parent.mkdir(exist_ok=True)
@@ -64,8 +64,8 @@ def broken(tmp_path, files, *names):
     )
 
 
-def test_a_release_of_mujoco_that_is_too_old_is_one_sentence_with_the_command_that_updates_it(tmp_path):
-    done = broken(tmp_path, {"__init__.py": "MjModel = object"}, "mujoco")
+def test_an_old_mujoco_is_reported_with_the_update_command(tmp_path):
+    done = run_with_mujoco(tmp_path, {"__init__.py": "MjModel = object"}, "mujoco")
     assert done.returncode == 2
     assert done.stderr == "mechsim: MuJoCo 4.0.0 is too old; pip install -U 'mujoco>=3.17.0' updates it\n"
 
@@ -77,8 +77,8 @@ def test_a_release_of_mujoco_that_is_too_old_is_one_sentence_with_the_command_th
         ({"__init__.py": "", "note.txt": "what an uninstalled version leaves"}, "has no MjModel"),
     ],
 )
-def test_a_damaged_mujoco_is_one_sentence_with_the_command_that_repairs_it(tmp_path, files, cause):
-    done = broken(tmp_path, files, "mujoco", "mujoco-core", "mujoco-studio")
+def test_a_damaged_mujoco_is_reported_with_the_repair_command(tmp_path, files, cause):
+    done = run_with_mujoco(tmp_path, files, "mujoco", "mujoco-core", "mujoco-studio")
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
     assert cause in done.stderr

@@ -1,4 +1,4 @@
-"""Every file that a document, a comment or a docstring names is there."""
+"""Every file named in a document, a comment or a docstring exists."""
 
 import ast
 import importlib
@@ -21,24 +21,24 @@ MODULE = re.compile(r"(?<![\w/.@\"-])mechsim((?:\.[a-z_]+)+)(?![\w/(])")
 
 
 def missing(text: str) -> list[str]:
-    """Return the paths and modules named in a text that are not there."""
-    # a path may go on after the end of a line of comment
+    """Return the paths and modules that a text names and that do not exist."""
+    # a path may continue on the next line of a comment
     joined = re.sub(r"/\n#? *", "/", text)
     homes = (ROOT, ROOT / "examples" / "my_project")
     paths = [path for path in PATH.findall(joined) if not any((home / path).exists() for home in homes)]
-    return paths + [f"mechsim{name}" for name in MODULE.findall(joined) if not _is_there(name.strip("."))]
+    return paths + [f"mechsim{name}" for name in MODULE.findall(joined) if not _exists(name.strip("."))]
 
 
-def _is_there(name: str) -> bool:
+def _exists(name: str) -> bool:
     parts = name.split(".")
     if parts[0] in mechsim.__all__:
         return True
-    # a module, or what is in one
-    places = [ROOT.joinpath("mechsim", *parts[:end]) for end in (len(parts), len(parts) - 1) if end]
-    return any(place.is_dir() or place.with_suffix(".py").exists() for place in places)
+    # a module or a name in a module
+    candidates = [ROOT.joinpath("mechsim", *parts[:end]) for end in (len(parts), len(parts) - 1) if end]
+    return any(candidate.is_dir() or candidate.with_suffix(".py").exists() for candidate in candidates)
 
 
-def test_what_files_name_is_there():
+def test_all_named_paths_and_modules_exist():
     result = {str(path.relative_to(ROOT)): missing(path.read_text()) for path in [*DOCUMENTS, *SOURCES]}
     assert {path: names for path, names in result.items() if names} == {}
 
@@ -61,13 +61,13 @@ def _is_module(name: str) -> bool:
     return path.is_dir() or path.with_suffix(".py").exists()
 
 
-def test_scripts_import_names_that_exist():
+def test_scripts_import_only_existing_names():
     scripts = [path for path in SOURCES if path.relative_to(ROOT).parts[0] != "mechsim"]
     unknown = {str(path.relative_to(ROOT)): unknown_names(path.read_text()) for path in scripts}
     assert {path: names for path, names in unknown.items() if names} == {}
 
 
-def test_an_import_of_a_missing_name_is_seen():
+def test_an_import_of_a_missing_name_is_detected():
     assert unknown_names("from mechsim.numerics.rank import rank, ranks") == ["mechsim.numerics.rank.ranks"]
     assert unknown_names("from mechsim.numerics import rank") == []
 
@@ -78,6 +78,6 @@ def test_every_folder_of_validation_is_explained():
     assert all(f"| `{folder}/` |" in reported for folder in folders)
 
 
-def test_the_check_sees_what_is_not_there():
+def test_the_check_detects_missing_paths():
     output = "see validation/tradeoff/drive.py, validation/\n# choices/crank_actuation.py and `mechsim.judge`"
     assert missing(output) == ["validation/tradeoff/drive.py", "mechsim.judge"]

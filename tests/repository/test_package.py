@@ -1,4 +1,4 @@
-"""What is said of the package in several places is the same in all of them."""
+"""Descriptions of the package in several files agree."""
 
 import json
 import re
@@ -9,13 +9,13 @@ import mechsim
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-# what conda-forge calls otherwise
-CALLED = {"mujoco-python": "mujoco", "matplotlib-base": "matplotlib", "netcdf4": "netCDF4"}
+# packages with another name in conda-forge
+OTHER_NAMES = {"mujoco-python": "mujoco", "matplotlib-base": "matplotlib", "netcdf4": "netCDF4"}
 
 
-def lowest_versions(asked):
+def lowest_versions(requirements):
     """Return package -> lowest version."""
-    result = [re.fullmatch(r"([\w-]+)(?:\[.*\])?\s*>=([\w.]+)", item.strip()) for item in asked]
+    result = [re.fullmatch(r"([\w-]+)(?:\[.*\])?\s*>=([\w.]+)", item.strip()) for item in requirements]
     return {item[1]: item[2] for item in result if item}
 
 
@@ -25,31 +25,34 @@ def listed(recipe, key):
     return [line.removeprefix("    - ") for line in block.splitlines()]
 
 
-def test_the_recipe_needs_what_the_package_needs():
+def test_the_recipe_has_the_requirements_of_the_package():
     recipe = (ROOT / "recipe" / "recipe.yaml").read_text()
     extras = PROJECT["optional-dependencies"]
     run = {
-        CALLED.get(name, name): version for name, version in lowest_versions(listed(recipe, "run")).items()
+        OTHER_NAMES.get(name, name): version
+        for name, version in lowest_versions(listed(recipe, "run")).items()
     }
     assert run.pop("python") == PROJECT["requires-python"].removeprefix(">=")
     assert run == lowest_versions(PROJECT["dependencies"])
-    beside = {
-        CALLED.get(name, name): version
+    constraints = {
+        OTHER_NAMES.get(name, name): version
         for name, version in lowest_versions(listed(recipe, "run_constraints")).items()
     }
-    brought = lowest_versions([*extras["pictures"], *extras["tables"], *extras["sweep"], *extras["robots"]])
-    assert beside.items() <= brought.items()
-    assert set(brought) - set(beside) == {"jupyter-threejs-sage"}
+    from_extras = lowest_versions(
+        [*extras["pictures"], *extras["tables"], *extras["sweep"], *extras["robots"]]
+    )
+    assert constraints.items() <= from_extras.items()
+    assert set(from_extras) - set(constraints) == {"jupyter-threejs-sage"}
     assert f'version: "{mechsim.__version__}"' in recipe
 
 
-def test_extras_make_up_all_and_tests_install_it():
+def test_extra_all_contains_the_others_and_tests_install_it():
     extras = PROJECT["optional-dependencies"]
     assert extras["all"] == ["mechsim[pictures,tables,sweep,robots]"]
     assert "mechsim[all]" in extras["test"]
 
 
-def test_both_descriptions_for_a_doi_are_whole_and_name_the_authors_of_the_citation():
+def test_doi_descriptions_are_complete_and_name_the_authors():
     (author,) = re.findall(r'- name: "(.+)"', (ROOT / "CITATION.cff").read_text())
     for path, kind in ((".zenodo.json", "software"), ("reference/.zenodo.json", "dataset")):
         reported = json.loads((ROOT / path).read_text())

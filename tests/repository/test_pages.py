@@ -1,4 +1,4 @@
-"""The pages in docs/: every public name is documented, every page is listed, every link leads somewhere."""
+"""The pages in docs/: every public name is documented, every page is listed, every link exists."""
 
 import re
 import shlex
@@ -18,7 +18,7 @@ PYTHON = "".join(path.read_text() for path in sorted((DOCS / "reference" / "pyth
 MODULES = {"catalog", "closure", "course", "dynamics", "motors", "plots", "render", "rods", "simulation"}
 MODULES |= {"testing", "units"}
 GENERATED = {"_generated/gallery", "_generated/command_line"}
-# pages that teach or answer run what they show; reference tables and measurements need not
+# tutorials, how-to and Python pages run their code; reference tables and measurements need not
 WITH_CODE = [path for path in PAGES if path.parent.name in ("tutorials", "howto", "python")]
 
 
@@ -35,11 +35,11 @@ def undocumented(page: str) -> set[str]:
     return (public - used) | (public - documented - MODULES - {"__version__"})
 
 
-def test_every_public_name_is_documented_with_an_example_that_runs():
+def test_every_public_name_is_documented_with_an_example():
     assert undocumented(PYTHON) == set()
 
 
-def test_a_missing_public_name_is_noticed():
+def test_a_missing_public_name_is_detected():
     assert undocumented(PYTHON.replace("ms.crosscheck(", "crosscheck(")) == {"crosscheck"}
     assert undocumented(PYTHON.replace(":: mechsim.sweep", ":: mechsim.swept")) == {"sweep"}
 
@@ -67,13 +67,13 @@ def test_links_and_pictures_of_a_page_exist(page):
 
 
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda path: path.relative_to(DOCS).as_posix())
-def test_pages_that_teach_run_what_they_show(page):
+def test_pages_with_code_run_it(page):
     text = page.read_text()
     assert text.startswith("---\nfile_format: mystnb\n")
     assert text.count("```{code-cell}") >= 1
 
 
-def test_tutorials_and_how_to_pages_assert_what_they_state():
+def test_tutorials_and_how_to_pages_contain_assertions():
     asserts = re.compile(r"\bassert\b|^test ", re.MULTILINE)
     pages = [page for page in WITH_CODE if page.parent.name != "python"]
     assert [page.name for page in pages if not asserts.search(code_of(page.read_text()))] == []
@@ -95,7 +95,7 @@ def test_pictures_in_docs_are_used():
     assert [name for name in pictures if name not in text] == []
 
 
-def test_the_glossary_has_thirty_terms_at_most_and_is_that_of_contributing():
+def test_the_glossary_has_at_most_thirty_terms():
     text = with_included((DOCS / "reference" / "glossary.md").read_text(), DOCS / "reference")
     terms = re.findall(r"^\| ([^|]+) \|", text, re.MULTILINE)[1:]
     assert 20 <= len(terms) <= 30
@@ -131,7 +131,7 @@ def unknown_names(code: str) -> list[str]:
                 missing.append(f"ms{name}")
                 break
             value = getattr(value, part)
-            # what a call returns is not looked into
+            # results of calls are not checked
             if not isinstance(value, ModuleType):
                 break
     return missing
@@ -145,7 +145,7 @@ def test_commands_options_and_names_of_a_page_exist(page):
     assert unknown_names(code) == []
 
 
-def test_a_missing_command_option_or_name_is_noticed():
+def test_a_missing_command_option_or_name_is_detected():
     assert shell_lines("```sh\nmechsim show rssr\n```\n") == ["mechsim show rssr"]
     assert shell_lines("```{code-cell} ipython3\n%%sh exits 1\nmechsim show rssr\n```") == [
         "mechsim show rssr"
@@ -159,7 +159,7 @@ def test_a_missing_command_option_or_name_is_noticed():
     ]
 
 
-def test_a_card_of_the_gallery_opens_its_view_and_stands_still_where_motion_is_unwanted(tmp_path):
+def test_a_gallery_card_links_its_view_and_respects_reduced_motion(tmp_path):
     (tmp_path / "extra" / "pictures").mkdir(parents=True)
     (tmp_path / "extra" / "pictures" / "klann.gif").write_bytes(b"0" * 2_000_000)
     text = gallery_page.card(tmp_path / "extra", "klann", "Klann's leg")

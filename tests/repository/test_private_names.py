@@ -1,4 +1,4 @@
-"""No test reaches into private names: what a test needs is public, or what it shows is shown otherwise."""
+"""Tests use only public names."""
 
 import ast
 from pathlib import Path
@@ -9,7 +9,7 @@ TESTS = Path(__file__).parents[1]
 
 
 def is_private(name: str) -> bool:
-    """Whether one part of a dotted name is private: `_repr_html_` and `__all__` are protocols."""
+    """Return whether a component of a dotted name is private: `_repr_html_` and `__all__` are protocols."""
     return any(part.startswith("_") and not part.endswith("_") for part in name.split("."))
 
 
@@ -31,7 +31,7 @@ def private_names(source: str) -> list[str]:
     return result
 
 
-def test_no_test_reaches_into_private_names():
+def test_no_test_uses_private_names():
     result = {
         path.relative_to(TESTS).as_posix(): private_names(path.read_text()) for path in TESTS.rglob("*.py")
     }
@@ -50,5 +50,5 @@ def test_no_test_reaches_into_private_names():
         ("hasattr(value, '_repr_html_'), value.__dict__, '_private text'", []),
     ],
 )
-def test_the_check_sees_what_is_private(source, names):
+def test_the_check_detects_private_names(source, names):
     assert private_names(source) == names

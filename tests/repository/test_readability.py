@@ -1,4 +1,4 @@
-"""README and docs are plain: short sentences, and no word that only this project uses."""
+"""README and docs have short sentences and no private words."""
 
 import re
 from pathlib import Path
@@ -10,7 +10,7 @@ from readability.sentences import sentences
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PAGES = [path for path in PAGES if "_generated" not in path.parts]
-# words in a sentence; a sentence of the field's papers has about 25 on average
+# words per sentence; sentences of papers of the field have about 25 on average
 MEAN, MAX = 16.0, 35
 # words in README and docs together: 18,400, half of what they had before they were rewritten, and those of
 # pages on later commands (map, check, inverse kinematics, resets, vibrations, control, code, proofs, loops,
@@ -24,7 +24,7 @@ def test_sentences_of_a_page_are_short(page):
     if lengths:
         longest = max(sentences(page.read_text()), key=lambda sentence: len(sentence.split()))
         assert max(lengths) <= MAX, longest
-        # the mean of a few sentences says nothing
+        # the mean of few sentences is not significant
         assert len(lengths) < 5 or sum(lengths) / len(lengths) <= MEAN
 
 
@@ -32,7 +32,7 @@ def test_no_page_has_a_private_word():
     assert [(use.path.name, use.line, use.word) for page in PAGES for use in page_uses(page)] == []
 
 
-def test_the_documentation_stays_short():
+def test_the_documentation_is_within_its_length_limit():
     assert sum(len(page.read_text().split()) for page in PAGES) <= MAX_WORDS
 
 
@@ -42,6 +42,6 @@ def test_readme_and_docs_use_the_terms_of_the_field():
     assert [term for term in terms if not re.search(term, text)] == []
 
 
-def test_sentences_are_found_in_prose_only():
+def test_only_sentences_of_prose_are_counted():
     text = "# Title\n\nOne two. Three `a.b c` four?\n\n```sh\nno.\n```\n\n| no. | prose |\n\n- item one.\n"
     assert sentences(text) == ["One two.", "Three x four?", "item one."]

@@ -1,4 +1,4 @@
-"""The README is true: its commands run, its Python runs, its picture is there."""
+"""Commands and Python of the README run, and its files exist."""
 
 import re
 import shlex
@@ -21,14 +21,14 @@ TOUR = [line for block in blocks("sh tour") for line in block.strip().splitlines
 
 
 @pytest.mark.parametrize("heading", ["Run", "Test"])
-def test_each_heading_holds_one_command_of_one_line(heading):
+def test_run_and_test_sections_have_one_command(heading):
     section = README.split(f"\n## {heading}\n")[1].split("\n## ")[0]
     (block,) = re.findall(r"^```sh\n(.*?)^```", section, re.DOTALL | re.MULTILINE)
     assert len(block.strip().splitlines()) == 1
 
 
 @pytest.mark.parametrize("line", TOUR)
-def test_a_command_of_the_tour_does_its_work(line, monkeypatch, tmp_path, capsys):
+def test_a_command_of_the_tour_runs(line, monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line)
     monkeypatch.setattr(sys, "argv", words)
@@ -42,7 +42,7 @@ def test_a_command_of_the_tour_does_its_work(line, monkeypatch, tmp_path, capsys
         assert text.out
 
 
-def test_the_first_example_fails_with_the_cause_that_the_readme_prints(monkeypatch, capsys):
+def test_the_first_example_prints_the_output_of_the_readme(monkeypatch, capsys):
     (block,) = blocks("console")
     line, output = block.removeprefix("$ ").split("\n", 1)
     monkeypatch.chdir(ROOT)
@@ -66,6 +66,6 @@ def test_the_python_of_the_tour_runs():
     exec(compile(code, "README.md", "exec"), {})
 
 
-def test_every_file_and_folder_the_readme_names_is_there():
+def test_every_path_named_in_the_readme_exists():
     for name in re.findall(r"\]\(([^):]+)\)|`((?:docs|examples|[A-Z]+\.md)[\w./]*)`", README):
         assert (ROOT / (name[0] or name[1])).exists(), name

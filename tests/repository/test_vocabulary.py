@@ -11,7 +11,7 @@ PAGES = [ROOT / "mechsim", ROOT / "docs", ROOT / "README.md", ROOT / "CONTRIBUTI
 PAGES += sorted((ROOT / "validation").glob("*.md"))
 
 
-def test_nothing_uses_private_words():
+def test_package_and_documentation_use_no_private_words():
     assert [(use.path.relative_to(ROOT), use.line, use.word) for use in uses(PAGES)] == []
 
 
@@ -23,12 +23,12 @@ def names_of_tests():
                 yield node.name
 
 
-def test_names_of_tests_and_scripts_hold_no_private_word():
+def test_names_of_tests_and_scripts_have_no_private_words():
     names = [*names_of_tests(), *(path.stem for path in (ROOT / "validation").rglob("*.py"))]
     assert [name for name in names if {*name.split("_")} & WORDS.keys()] == []
 
 
-def test_a_private_word_is_rejected_wherever_it_stands(tmp_path):
+def test_private_words_are_detected_in_code_and_pages(tmp_path):
     source = tmp_path / "told.py"
     source.write_text(
         'def slope(one):\n    """Return what is told."""\n    found = "hardness"  # beside it\n'
@@ -40,6 +40,6 @@ def test_a_private_word_is_rejected_wherever_it_stands(tmp_path):
     assert [use.word for use in page_uses(page)] == ["refusal", "nought", "of one's\nown"]
 
 
-def test_terms_of_the_field_are_not_rejected():
+def test_terms_of_the_field_are_accepted():
     for name in ("jacobian", "crank_angle", "branch_point", "configuration", "dof_count", "residual"):
         assert private_name(name) is None

@@ -1,4 +1,4 @@
-"""A user's script, for mypy: what the face gives has types, and a wrong argument is seen."""
+"""A user's script for mypy: the public interface is typed, and a wrong argument is detected."""
 
 from typing import assert_type
 

@@ -39,8 +39,11 @@ def assert_same_motion(motion, exact, size, bounds):
     for name, point in exact.points.items():
         result = motion.points[name]
         scales = size, np.abs(point.velocity).max(), np.abs(point.acceleration).max()
-        for part, scale, bound in zip(("position", "velocity", "acceleration"), scales, bounds, strict=True):
-            assert np.abs(getattr(result, part) - getattr(point, part)).max() <= bound * scale, (name, part)
+        for kind, scale, bound in zip(("position", "velocity", "acceleration"), scales, bounds, strict=True):
+            assert np.abs(getattr(result, kind) - getattr(point, kind)).max() <= bound * scale, (
+                name,
+                kind,
+            )
 
 
 @pytest.mark.parametrize("drive", FLAT, ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
@@ -127,10 +130,10 @@ def test_the_first_step_across_a_change_point_keeps_the_assembly_mode(before, be
     drive = catalog.make("four_bar", ground=0.12, crank=0.04, coupler=0.09, rocker=0.07)
     closed, at = from_source(drive), drive.change_points()[0]
     start = follow.follow(closed.loops, closed.qpos, [at - before])[0]
-    places = closed.point_positions(follow.follow(closed.loops, start, [at + beyond]))[0]
-    for name, place in zip(closed.track.points, places, strict=True):
+    positions = closed.point_positions(follow.follow(closed.loops, start, [at + beyond]))[0]
+    for name, position in zip(closed.track.points, positions, strict=True):
         # half of the digits are lost near the singular configuration
-        assert np.abs(place - drive.positions([at + beyond])[name][0]).max() <= 1e-9
+        assert np.abs(position - drive.positions([at + beyond])[name][0]).max() <= 1e-9
 
 
 def test_change_points_are_located_to_1e_9_radians():

@@ -127,8 +127,8 @@ def test_an_overconstrained_linkage_keeps_its_assembly_mode_over_a_turn() -> Non
 
 def test_each_sample_is_independent_of_the_others(model: mujoco.MjModel) -> None:
     states = ms.sample(model, 5).qpos
-    alone = [ms.closed_qpos(model, {"crank": qpos[7]})[0] for qpos in states]
-    assert np.array(alone) == pytest.approx(states, abs=1e-13)
+    single = [ms.closed_qpos(model, {"crank": qpos[7]})[0] for qpos in states]
+    assert np.array(single) == pytest.approx(states, abs=1e-13)
 
 
 def test_closing_a_start_does_not_move_the_floating_base() -> None:

@@ -77,12 +77,12 @@ def test_newton_steps_are_limited_to_half_a_radian_of_rotation(loops):
     before = states(loops)
     before[:, 1:4] += 10.0
     residual, jacobian = loops.linearise(before)
-    held = loop_jacobian.solve(loops, jacobian, -residual[..., None])[..., 0]
+    full_steps = loop_jacobian.solve(loops, jacobian, -residual[..., None])[..., 0]
     step, _ = loop_jacobian.newton_step(loops, residual, jacobian)
-    turns = np.abs(held[:, 3:9]).max(1)
+    turns = np.abs(full_steps[:, 3:9]).max(1)
     assert turns.max() > 0.5
-    for item, whole, turn in zip(step[:, loops.free], held, turns, strict=True):
-        assert item == pytest.approx(whole * min(1.0, 0.5 / turn))
+    for item, full_step, turn in zip(step[:, loops.free], full_steps, turns, strict=True):
+        assert item == pytest.approx(full_step * min(1.0, 0.5 / turn))
     assert np.abs(step[:, 1:4]).max() > 0.5
     assert (step[:, 0] == 0.0).all()
     # a translation of any length is corrected in a single step
@@ -114,10 +114,10 @@ def test_free_bodies_are_assembled_and_the_tangent_keeps_the_loops_closed(loops)
 def test_solve_returns_the_minimum_norm_step(loops):
     _, jacobian = loops.linearise(states(loops))
     right = np.random.default_rng(1).normal(size=(4, jacobian.shape[1], 2))
-    for item, held, expected_values in zip(
+    for item, free_columns, expected_values in zip(
         loop_jacobian.solve(loops, jacobian, right), jacobian[:, :, loops.free], right, strict=True
     ):
-        assert item == pytest.approx(np.linalg.lstsq(held, expected_values, rcond=None)[0], abs=1e-12)
+        assert item == pytest.approx(np.linalg.lstsq(free_columns, expected_values, rcond=None)[0], abs=1e-12)
 
 
 def test_site_and_loop_point_positions_agree_with_mujoco(loops):
@@ -139,11 +139,11 @@ def test_the_characteristic_length_is_the_longest_arm_or_body_distance(loops):
     assert loops.characteristic_length == max(reach, np.linalg.norm([0.3, 0.1, 0.0]))
     out = read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=9.0)))
     assert out.characteristic_length == pytest.approx(np.hypot(9.0, 0.02))
-    far = read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=7.0, crank=0.01)))
-    assert far.characteristic_length == pytest.approx(np.hypot(7.0, 0.03))
-    assert far.closure_error(np.array([[7.0, 0.0, 0.0, 0.0, -14.0, 0.0, 0.0, 0.0, 0.0]])) == pytest.approx(
-        14.0 / far.characteristic_length
-    )
+    distant = read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=7.0, crank=0.01)))
+    assert distant.characteristic_length == pytest.approx(np.hypot(7.0, 0.03))
+    assert distant.closure_error(
+        np.array([[7.0, 0.0, 0.0, 0.0, -14.0, 0.0, 0.0, 0.0, 0.0]])
+    ) == pytest.approx(14.0 / distant.characteristic_length)
 
 
 def test_assembly_modes_have_opposite_determinant_signs(loops):
@@ -153,9 +153,9 @@ def test_assembly_modes_have_opposite_determinant_signs(loops):
 
 
 def test_an_unassemblable_state_is_rejected_with_its_crank_angle(loops):
-    lost = states(loops, 2)
-    lost[1, -1] = 1.0
+    unassemblable = states(loops, 2)
+    unassemblable[1, -1] = 1.0
     loops.model.eq_data[1, 3:6] *= 100.0
-    far = read_loops(loops.model)
+    distant = read_loops(loops.model)
     with pytest.raises(AssemblyError, match="flying: the loops do not close at crank angle"):
-        loop_jacobian.close(far, lost)
+        loop_jacobian.close(distant, unassemblable)

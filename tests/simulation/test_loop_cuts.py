@@ -26,8 +26,8 @@ def rows(text: str) -> list[Joint]:
     return [Joint(name, kind, End(a), End(b)) for name, kind, a, b in split]
 
 
-def cut_in(mechanism: Mechanism, *cut: str, **more: object) -> list[str]:
-    return [joint.name for joint in cut_loops(mechanism, cut or None, **more).cuts]
+def cut_in(mechanism: Mechanism, *cut: str, **options: object) -> list[str]:
+    return [joint.name for joint in cut_loops(mechanism, cut or None, **options).cuts]
 
 
 FOUR_BAR = """
@@ -196,17 +196,19 @@ def test_the_cut_with_the_fewest_constraints_avoids_protected_joints():
 
 
 def test_a_requested_cut_has_priority_over_a_floating_joint():
-    held = chain(*rows("crank revolute ground-crank\nfly floating ground-plate\npin revolute crank-plate"))
-    assert cut_in(held) == ["fly"]
-    assert cut_in(held, "pin") == ["pin"]
+    mechanism = chain(
+        *rows("crank revolute ground-crank\nfly floating ground-plate\npin revolute crank-plate")
+    )
+    assert cut_in(mechanism) == ["fly"]
+    assert cut_in(mechanism, "pin") == ["pin"]
 
 
 def test_a_loop_without_a_passive_joint_is_rejected():
-    held = replace(chain(*rows(FOUR_BAR)), locked={"A": 0.3, "B": -0.2})
+    with_locks = replace(chain(*rows(FOUR_BAR)), locked={"A": 0.3, "B": -0.2})
     with pytest.raises(InputError, match="joint 'B' is held and cannot be cut; cut another"):
-        cut_loops(held, ("B",))
-    assert cut_in(held) == ["C"]
-    immobile = replace(held, locked={"A": 0.3, "B": -0.2, "C": 0.1})
+        cut_loops(with_locks, ("B",))
+    assert cut_in(with_locks) == ["C"]
+    immobile = replace(with_locks, locked={"A": 0.3, "B": -0.2, "C": 0.1})
     with pytest.raises(
         InputError, match=r"the loop through joint 'B' has only driven and coupled joints; add"
     ):

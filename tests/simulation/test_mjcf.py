@@ -114,9 +114,9 @@ def test_plain_mujoco_reads_the_text_and_turns_the_crank(name: str) -> None:
     data.qvel[:] = speed * loop_jacobian.tangent(loops, loops.linearise(data.qpos[None])[1])[0]
     for _ in range(100):
         mujoco.mj_step(model, data)
-    turned = data.qpos[loops.crank_address] - model.qpos0[loops.crank_address]
+    rotation = data.qpos[loops.crank_address] - model.qpos0[loops.crank_address]
     # the drive inertia keeps the speed: 100 steps of 1e-4 s at one turn a second
-    assert turned == pytest.approx(0.01 * speed, abs=1e-9)
+    assert rotation == pytest.approx(0.01 * speed, abs=1e-9)
     # the loop stays closed far below a link 0.1 % long
     assert np.abs(loops.residual(data.qpos[None])).max() < 1e-8
 
@@ -156,12 +156,12 @@ def test_bennetts_linkage_satisfies_its_half_angle_law() -> None:
 
 def test_an_unassemblable_loop_is_rejected() -> None:
     valid = catalog.make("four_bar").mechanism
-    far = tuple(
+    unreachable = tuple(
         replace(joint, a=replace(joint.a, point=(0.5, 0.0, 0.0))) if joint.name == "rocker" else joint
         for joint in valid.joints
     )
     with pytest.raises(AssemblyError, match="the loops do not close at crank angle") as reported:
-        assembled(replace(valid, joints=far), Scene())
+        assembled(replace(valid, joints=unreachable), Scene())
     assert "\n" not in str(reported.value)
 
 
@@ -183,6 +183,6 @@ def test_inertia_tensors_round_trip_exactly():
     text = """<mujoco><worldbody><body name="a"><joint name="j"/><inertial pos="0 0 0.1" mass="1"
     fullinertia="0.0123456789012 0.02 0.03 0.001 0.002 0.003"/></body></worldbody></mujoco>"""
     spec = mujoco.MjSpec.from_string(text)
-    first, again = spec.compile(), mujoco.MjModel.from_xml_string(mjcf.to_xml(spec.copy()))
+    first, reread = spec.compile(), mujoco.MjModel.from_xml_string(mjcf.to_xml(spec.copy()))
     for of in ("body_inertia", "body_iquat", "body_ipos", "body_mass"):
-        assert np.array_equal(getattr(again, of), getattr(first, of))
+        assert np.array_equal(getattr(reread, of), getattr(first, of))

@@ -63,14 +63,14 @@ def test_link_poses_and_coordinates_agree_with_mujoco(file, seed):
         body = data.body({"ground_body": "ground"}.get(name, name))
         np.testing.assert_allclose(pose.position, body.xpos, atol=1e-14)
         np.testing.assert_allclose(pose.rotation, body.xmat.reshape(3, 3), atol=1e-14)
-    for name, (link, place) in read.mechanism.points.items():
-        np.testing.assert_allclose(link_poses[link].point(place), data.site(name).xpos, atol=1e-14)
+    for name, (link, position) in read.mechanism.points.items():
+        np.testing.assert_allclose(link_poses[link].point(position), data.site(name).xpos, atol=1e-14)
     for joint in read.mechanism.joints:
         if joint.coordinates != (joint.name,):
             continue
         (value,) = joint_coordinate(joint, link_poses[joint.a.link], link_poses[joint.b.link])
-        off = value - data.joint(joint.name).qpos[0]
-        assert abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi))) < 1e-14
+        difference = value - data.joint(joint.name).qpos[0]
+        assert abs(difference - 2.0 * np.pi * np.round(difference / (2.0 * np.pi))) < 1e-14
 
 
 def test_the_initial_guess_is_the_multi_turn_reference(file):
@@ -181,8 +181,8 @@ def test_a_file_with_a_missing_mesh_is_read_with_a_remark(file):
     )
     read = read_model(file(text))
     assert read.remarks == ("file gone.stl is missing: read without its meshes",)
-    whole = read_model(file(TREE))
-    assert read.mechanism.joints == whole.mechanism.joints
+    complete = read_model(file(TREE))
+    assert read.mechanism.joints == complete.mechanism.joints
 
 
 ACTUATED = LOOPS.replace("EQUALITY", EQUALITIES["joint"]).replace(
@@ -242,8 +242,8 @@ def test_values_that_mujoco_reinterprets_are_remarked(file):
     )
     np.testing.assert_array_equal(read.qpos[1:], read_model(file(text)).qpos[1:])
     assert not read.limits
-    off = text.replace('range="2 1"', 'range="2 1" limited="false"').replace('ctrlrange="1 1"', "")
-    assert not set(read.remarks[1:3]) & {*read_model(file(off)).remarks}
+    difference = text.replace('range="2 1"', 'range="2 1" limited="false"').replace('ctrlrange="1 1"', "")
+    assert not set(read.remarks[1:3]) & {*read_model(file(difference)).remarks}
 
 
 def test_each_tracked_point_has_a_site(file):
@@ -340,8 +340,8 @@ BAD = {
 @pytest.mark.parametrize("what", BAD)
 def test_an_invalid_file_is_rejected_in_one_line(file, what, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text, words = BAD[what]
-    with pytest.raises(InputError, match=words) as rejected:
+    text, fragment = BAD[what]
+    with pytest.raises(InputError, match=fragment) as rejected:
         read_model(file(text))
     assert "\n" not in str(rejected.value)
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
@@ -354,7 +354,7 @@ def test_the_maximum_depth_and_a_doctype_are_accepted(file):
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "fragment"),
     [
         (
             {"drivers": ["cranck"]},
@@ -372,8 +372,8 @@ def test_the_maximum_depth_and_a_doctype_are_accepted(file):
         ({"track": ["tip,ball@0,nan,0"]}, "write NAME,BODY@x,y,z"),
     ],
 )
-def test_an_unknown_name_is_rejected_with_the_known_names(file, options, words):
-    with pytest.raises(InputError, match=words):
+def test_an_unknown_name_is_rejected_with_the_known_names(file, options, fragment):
+    with pytest.raises(InputError, match=fragment):
         read_model(file(TREE), **options)
 
 

@@ -94,9 +94,9 @@ def test_an_added_comment_and_keyframe_are_well_formed():
     put_key(edited, "start", {"qpos": "0.25"})
     model = mujoco.MjModel.from_xml_string(edited.result)
     assert model.key("start").qpos[0] == 0.25
-    again = EditedText(edited.result)
-    put_key(again, "later", {"qpos": "0.5"})
-    assert mujoco.MjModel.from_xml_string(again.result).key("later").qpos[0] == 0.5
+    with_second_key = EditedText(edited.result)
+    put_key(with_second_key, "later", {"qpos": "0.5"})
+    assert mujoco.MjModel.from_xml_string(with_second_key.result).key("later").qpos[0] == 0.5
 
 
 def test_an_element_is_removed_with_its_line():
@@ -114,14 +114,14 @@ def test_only_included_files_that_change_are_inlined(tmp_path):
         "<equality>", '<include file="parts/loops.xml"/><include file="parts/look.xml"/><equality>'
     )
     (tmp_path / "main.xml").write_text(text)
-    whole, inlined = with_included(text, tmp_path, lambda root: any(root.every("equality")))
+    merged, inlined = with_included(text, tmp_path, lambda root: any(root.every("equality")))
     assert inlined == ("parts/loops.xml",)
-    assert "loops.xml" not in whole
-    place = tmp_path / "elsewhere"
-    place.mkdir()
-    (place / "main.xml").write_text(moved_to(whole, tmp_path, place))
-    assert mujoco.MjModel.from_xml_path(str(place / "main.xml")).neq == 2
-    assert '"../parts/look.xml"' in (place / "main.xml").read_text()
+    assert "loops.xml" not in merged
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    (folder / "main.xml").write_text(moved_to(merged, tmp_path, folder))
+    assert mujoco.MjModel.from_xml_path(str(folder / "main.xml")).neq == 2
+    assert '"../parts/look.xml"' in (folder / "main.xml").read_text()
 
 
 def test_asset_paths_are_adapted_to_another_folder(tmp_path):
@@ -132,7 +132,7 @@ def test_asset_paths_are_adapted_to_another_folder(tmp_path):
         '<mujoco><compiler meshdir="meshes"/><asset><mesh name="m" file="one.obj"/></asset>'
         '<worldbody><geom type="mesh" mesh="m"/></worldbody></mujoco>'
     )
-    place = tmp_path / "a" / "b"
-    place.mkdir(parents=True)
-    (place / "main.xml").write_text(moved_to(text, tmp_path, place))
-    assert mujoco.MjModel.from_xml_path(str(place / "main.xml")).nmesh == 1
+    folder = tmp_path / "a" / "b"
+    folder.mkdir(parents=True)
+    (folder / "main.xml").write_text(moved_to(text, tmp_path, folder))
+    assert mujoco.MjModel.from_xml_path(str(folder / "main.xml")).nmesh == 1

@@ -29,7 +29,7 @@ def loops_of(mechanism: Mechanism) -> ModelLoops:
     return read_loops(assembled(mechanism, Scene()).compile())
 
 
-def near(loops: ModelLoops, n: int, reach: float) -> np.ndarray:
+def states_near(loops: ModelLoops, n: int, reach: float) -> np.ndarray:
     rng = np.random.default_rng(11)
     steps = reach * rng.normal(size=(n, loops.model.nv))
     return loops.displaced(np.repeat(loops.model.qpos0[None], n, 0), steps)
@@ -38,7 +38,7 @@ def near(loops: ModelLoops, n: int, reach: float) -> np.ndarray:
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
-    states = near(loops, 3, 0.02)
+    states = states_near(loops, 3, 0.02)
     _, jacobian = loops.linearise(states)
     for dof in range(loops.model.nv):
         step = np.zeros((3, loops.model.nv))
@@ -50,7 +50,7 @@ def test_the_jacobian_is_the_derivative_of_the_residual(mechanism: Mechanism) ->
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_the_newton_step_returns_the_tangent(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
-    residual, jacobian = loops.linearise(near(loops, 3, 1e-3))
+    residual, jacobian = loops.linearise(states_near(loops, 3, 1e-3))
     _, tangent = loop_jacobian.newton_step(loops, residual, jacobian)
     np.testing.assert_allclose(tangent, loop_jacobian.tangent(loops, jacobian), rtol=0, atol=1e-8)
 
@@ -67,7 +67,7 @@ def test_slide_rates_scale_with_the_characteristic_length() -> None:
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_batched_and_single_states_have_equal_results(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
-    states = near(loops, 3, 0.02)
+    states = states_near(loops, 3, 0.02)
     many, alone = loops.linearise(states), loops.linearise(states[1:2])
     for several, single in zip(many, alone, strict=True):
         # the same kinematics in C, summed in another order
@@ -76,18 +76,18 @@ def test_batched_and_single_states_have_equal_results(mechanism: Mechanism) -> N
 
 def test_residuals_scale_with_the_size_of_a_design() -> None:
     loops = loops_of(catalog.make("four_bar").mechanism)
-    sizes, states = np.array([1.3, 0.7, 2.0]), near(loops, 3, 0.1)
+    sizes, states = np.array([1.3, 0.7, 2.0]), states_near(loops, 3, 0.1)
     plain, gradient = loops.linearise(states)
     for rows in (np.arange(3), np.array([1])):
         fields = {
             name: sizes[rows, None, None] * getattr(loops.model, name) for name in ("site_pos", "body_pos")
         }
-        own = loops.with_fields(fields)
-        result, jacobian = own.linearise(states[rows])
+        scaled = loops.with_fields(fields)
+        result, jacobian = scaled.linearise(states[rows])
         assert np.abs(result - sizes[rows, None] * plain[rows]).max() < 1e-15
         assert np.abs(jacobian - sizes[rows, None, None] * gradient[rows]).max() < 1e-15
-        assert own.characteristic_lengths == pytest.approx(sizes[rows] * loops.characteristic_length)
-        assert own.closure_error(result) == pytest.approx(loops.closure_error(plain)[rows])
+        assert scaled.characteristic_lengths == pytest.approx(sizes[rows] * loops.characteristic_length)
+        assert scaled.closure_error(result) == pytest.approx(loops.closure_error(plain)[rows])
 
 
 def test_the_size_of_a_design_is_its_longest_body_or_loop_point_distance() -> None:
@@ -117,7 +117,7 @@ def test_the_rank_of_a_batch_includes_every_state() -> None:
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
 def test_perturbed_loops_close_with_the_crank_locked(mechanism: Mechanism) -> None:
     loops = loops_of(mechanism)
-    perturbed = near(loops, 20, 1e-2)
+    perturbed = states_near(loops, 20, 1e-2)
     closed = loop_jacobian.close(loops, perturbed)
     assert np.array_equal(closed[:, loops.crank_address], perturbed[:, loops.crank_address])
     # rounding of a Newton step, relative to the longest link
@@ -146,15 +146,15 @@ def test_the_tangent_keeps_the_loops_closed_to_first_order(mechanism: Mechanism)
 
 def test_displacements_agree_with_mujoco() -> None:
     loops = loops_of(catalog.make("rssr").mechanism)
-    states = near(loops, 4, 0.3)
+    states = states_near(loops, 4, 0.3)
     rng = np.random.default_rng(5)
     steps = rng.normal(size=(4, loops.model.nv))
     original = loops.displaced(states, steps)
-    for state, step, made in zip(states, steps, original, strict=True):
+    for state, step, moved in zip(states, steps, original, strict=True):
         expected = state.copy()
         mujoco.mj_integratePos(loops.model, expected, step, 1.0)
         # half angles and a norm: a few roundings
-        assert np.abs(made - expected).max() < 1e-15
+        assert np.abs(moved - expected).max() < 1e-15
 
 
 USER = """
@@ -177,10 +177,10 @@ def test_a_connect_between_bodies_is_read_with_its_anchor() -> None:
     loops = read_loops(user('<connect body1="b" body2="c" anchor=".2 .05 0"/>'))
     # MuJoCo puts the second point where the first is in the reference configuration
     assert np.abs(loops.residual(loops.model.qpos0[None])).max() < 1e-15
-    turned = loops.model.qpos0[None].copy()
-    turned[0, 0] = 0.1
+    rotated = loops.model.qpos0[None].copy()
+    rotated[0, 0] = 0.1
     expected = np.linalg.norm([0.3, 0.05]) * 2.0 * np.sin(0.05)
-    assert np.linalg.norm(loops.residual(turned)) == pytest.approx(expected, rel=1e-14)
+    assert np.linalg.norm(loops.residual(rotated)) == pytest.approx(expected, rel=1e-14)
 
 
 def test_a_connect_to_the_world_is_read() -> None:
@@ -222,7 +222,7 @@ def test_newtons_method_stops_at_rounding_above_its_tolerance(monkeypatch) -> No
     monkeypatch.setattr(
         ModelLoops, "displaced", lambda _, qpos, step: steps.append(len(qpos)) or original(qpos, step)
     )
-    closed = loop_jacobian.close(loops, near(loops, 20, 1e-2))
+    closed = loop_jacobian.close(loops, states_near(loops, 20, 1e-2))
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
     # quadratic convergence from 1e-2: three steps to rounding and a few that detect it
     assert len(steps) < 7
@@ -243,9 +243,9 @@ def test_driven_slide_errors_are_relative_to_the_model_size() -> None:
         USER.format(equality="", crank=PARAMETER_JOINT).replace('"k"', '"k" type="slide"', 1)
     )
     loops = read_loops(model, drivers=find_drivers(model, ("j", "k")))
-    off = np.zeros((3, model.nq))
-    off[1, 1], off[2, 2] = 0.06, 0.06
-    gaps = loops.closure_error(loops.residual(model.qpos0 + off))
+    offsets = np.zeros((3, model.nq))
+    offsets[1, 1], offsets[2, 2] = 0.06, 0.06
+    gaps = loops.closure_error(loops.residual(model.qpos0 + offsets))
     assert gaps == pytest.approx([0.0, 0.06, 0.06 / loops.characteristic_length])
     assert loops.characteristic_length == pytest.approx(0.3)
 
@@ -262,8 +262,8 @@ def test_conditioning_is_the_smallest_scaled_singular_value(kind, size) -> None:
     loops = read_loops(model(first + second, "crank"))
     states = np.array([[0.3, 0.2, 0.0], [0.1, -0.9, 0.0]])
     gradient = (0.15 + 0.2 * states[:, 1]) / size
-    wanted = [np.linalg.svd([[1.0, 0.0], [-item, 1.0]])[1][-1] for item in gradient]
-    assert loop_jacobian.conditioning(loops, loops.linearise(states)[1]) == pytest.approx(wanted)
+    required = [np.linalg.svd([[1.0, 0.0], [-item, 1.0]])[1][-1] for item in gradient]
+    assert loop_jacobian.conditioning(loops, loops.linearise(states)[1]) == pytest.approx(required)
     # a joint with a motion law is no unknown, and its constraint has no columns
     with_motion_law = model(second, PARAMETER_JOINT)
     driven = read_loops(with_motion_law, drivers=find_drivers(with_motion_law, ("j",)))
@@ -286,12 +286,12 @@ def test_unconstrained_bodies_do_not_change_the_determinant_sign(monkeypatch) ->
     sizes: list[tuple[int, ...]] = []
     slogdet = np.linalg.slogdet
     monkeypatch.setattr(np.linalg, "slogdet", lambda square: sizes.append(square.shape) or slogdet(square))
-    wanted, result = (
+    required, result = (
         loop_jacobian.determinant_sign(loops, loops.linearise(qpos)[1])
         for loops, qpos in ((plain, states), (with_pendulums, swung))
     )
-    assert np.abs(wanted).min() == 1.0
-    assert np.abs(result * result[0] - wanted * wanted[0]).max() == 0.0
+    assert np.abs(required).min() == 1.0
+    assert np.abs(result * result[0] - required * required[0]).max() == 0.0
     assert sizes[0] == sizes[1]
 
 
@@ -300,7 +300,7 @@ def test_loops_close_with_another_locked_coordinate_than_the_crank() -> None:
     model = loops.model
     locked = np.array([dof for dof in range(model.nv) if model.joint(model.dof_jntid[dof]).name == "rocker"])
     assert len(locked) == 1
-    states = near(loops, 3, 0.02)
+    states = states_near(loops, 3, 0.02)
     closed = loop_jacobian.close(loops, states, locked)
     address = model.jnt_qposadr[model.dof_jntid[locked]]
     assert np.array_equal(closed[:, address], states[:, address])

@@ -35,20 +35,20 @@ def test_a_wheel_with_gear_ratio_twenty_keeps_its_assembly_mode():
     start = loop_jacobian.close(loops, guess[None])[0]
     angles = start[loops.crank_address] + np.linspace(0.0, 0.4, 40)
     states = follow(loops, start, angles)
-    places = loops.posed.site_positions(states)[:, loops.model.site("P").id]
+    positions = loops.posed.site_positions(states)[:, loops.model.site("P").id]
     exact = loop_motion.solve(with_closed_guess(mechanism), angles).points["P"].position
-    assert np.abs(places - exact).max() < 1e-13
+    assert np.abs(positions - exact).max() < 1e-13
 
 
 def test_a_tiny_step_near_a_dead_centre_is_solved():
     """A crank angle 50 units of rounding from a node of the path was once rejected."""
     drive = catalog.make("four_bar", **special_designs("four_bar").swinging)
     closed = from_source(drive)
-    (_, high), place = drive.crank_range().arcs[0], closed.loops.crank_address
+    (_, high), address = drive.crank_range().arcs[0], closed.loops.crank_address
     near_dead_centre = follow(closed.loops, closed.qpos, np.array([high - 1e-5]))[0]
     for off in np.geomspace(1.01e-14, 1e-12, 40):
-        (end,) = follow(closed.loops, near_dead_centre, [float(near_dead_centre[place]) - off])
-        assert abs(end[place] - near_dead_centre[place]) > 0.9 * off
+        (end,) = follow(closed.loops, near_dead_centre, [float(near_dead_centre[address]) - off])
+        assert abs(end[address] - near_dead_centre[address]) > 0.9 * off
         assert np.abs(end - near_dead_centre).max() < 1e-8
 
 
@@ -64,10 +64,10 @@ def gap(loops: ModelLoops, name: str, turns: float, **changed: float) -> float:
     """Largest distance of a tracked point from the closed form, in lengths of the model."""
     start = loops.model.qpos0
     angles = start[loops.crank_address] + TURN * turns * np.linspace(0.0, 1.0, 50)
-    places = loops.posed.site_positions(follow(loops, start, angles))
+    positions = loops.posed.site_positions(follow(loops, start, angles))
     exact = catalog.make(name, **changed).solve(angles, speed=1.0)
     return max(
-        np.abs(places[:, loops.model.site(point).id] - motion.position).max() / loops.characteristic_length
+        np.abs(positions[:, loops.model.site(point).id] - motion.position).max() / loops.characteristic_length
         for point, motion in exact.points.items()
     )
 
@@ -107,12 +107,12 @@ def test_derivatives_along_idle_directions_equal_finite_differences() -> None:
     random = np.random.default_rng(3)
     reference = ModelStates(loops.model.qpos0[None])
     directions = random.normal(size=(2, len(equations.unknown)))
-    turned = equations.displaced(reference, 0.2 * random.normal(size=(equations.count, 1)))
-    offsets, derivative = equations.along(turned, reference, directions)
+    displaced = equations.displaced(reference, 0.2 * random.normal(size=(equations.count, 1)))
+    offsets, derivative = equations.along(displaced, reference, directions)
     step = np.zeros((equations.count, 1))
     step[equations.unknown] = 1e-6 * random.normal(size=(len(equations.unknown), 1))
     beyond, behind = (
-        equations.along(equations.displaced(turned, sign * step), reference, directions)[0]
+        equations.along(equations.displaced(displaced, sign * step), reference, directions)[0]
         for sign in (1.0, -1.0)
     )
     assert np.abs(offsets).max() > 0.01

@@ -93,9 +93,9 @@ def test_poses_do_not_depend_on_the_order_of_angles() -> None:
     angles = np.array([3.0, 0.1, -7.0, 2.0, 2.0])
     states = follow.follow(loops, loops.model.qpos0, angles)
     for angle, state in zip(angles, states, strict=True):
-        alone = follow.follow(loops, loops.model.qpos0, [angle])[0]
-        assert alone[loops.crank_address] == state[loops.crank_address] == angle
-        positions = loops.posed.site_positions(np.stack([state, alone]))
+        single = follow.follow(loops, loops.model.qpos0, [angle])[0]
+        assert single[loops.crank_address] == state[loops.crank_address] == angle
+        positions = loops.posed.site_positions(np.stack([state, single]))
         assert np.abs(positions[0] - positions[1]).max() < 1e-15
 
 
@@ -179,12 +179,12 @@ def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
     drive = catalog.make("rssr")
     time = np.linspace(0.0, 0.5, 101)
     profile = simulation.table(time, 0.3 + 20.0 * time**2 - 4.0 * np.sin(6.0 * time))
-    for method, off in (("pose", 1e-12), ("step", 1e-4)):
+    for method, bound in (("pose", 1e-12), ("step", 1e-4)):
         run = simulate(drive.mechanism, profile=profile, method=method, samples=100)
-        wanted, speed, acceleration = profile.state(run.motion.time)
+        required, speed, acceleration = profile.state(run.motion.time)
         # in steps, torque is constant over each: the angle errs by the step squared, 1/8 x 2e-7 x 144 rad
-        assert np.abs(run.motion.angle - wanted).max() < off
-        assert np.abs(run.motion.speed - speed).max() < max(off, 1e-10) * 40.0
+        assert np.abs(run.motion.angle - required).max() < bound
+        assert np.abs(run.motion.speed - speed).max() < max(bound, 1e-10) * 40.0
         exact = drive.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
         assert worst(run.motion, exact) < (1e-14 if method == "pose" else 1e-9)
         assert worst(run.motion, exact, "velocity") < 1e-6
@@ -300,8 +300,8 @@ def test_a_users_file_with_a_connect_between_bodies_runs(tmp_path) -> None:
         assert run.outcome == "passed"
         exact = drive.solve(run.motion.angle, run.motion.speed)
         for name in ("B", "C"):
-            off = np.abs(run.motion.points[name].position - exact.points[name].position).max()
-            assert off < options.get("tolerance", 1e-14)
+            bound = np.abs(run.motion.points[name].position - exact.points[name].position).max()
+            assert bound < options.get("tolerance", 1e-14)
 
 
 def test_a_users_joint_equality_couples_the_joints() -> None:
@@ -375,8 +375,8 @@ def test_a_model_without_sites_is_advised_to_name_some() -> None:
 def test_a_run_reports_the_requested_or_default_method() -> None:
     mechanism = catalog.make("rssr").mechanism
 
-    def method(**asked) -> str:
-        run = simulate(mechanism, speed=10.0, turns=0.1, **asked)
+    def method(**arguments) -> str:
+        run = simulate(mechanism, speed=10.0, turns=0.1, **arguments)
         assert run.summary()["method"] == run.method
         assert bool(run.summary()["settings"]) == (run.method == "step")
         return run.method
@@ -397,8 +397,8 @@ def test_a_model_with_an_undetermined_point_is_stepped() -> None:
     determined = pendulum.format(hanging="")
     spinning = pendulum.format(hanging=link.format(axis="1 0 0"))
     swinging = pendulum.format(hanging=link.format(axis="0 0 1"))
-    for text, wanted in ((determined, "pose"), (spinning, "pose"), (swinging, "step")):
-        assert simulate(text, speed=10.0, turns=0.1).method == wanted
+    for text, required in ((determined, "pose"), (spinning, "pose"), (swinging, "step")):
+        assert simulate(text, speed=10.0, turns=0.1).method == required
 
 
 def test_a_crank_without_enough_drive_inertia_diverges() -> None:
@@ -427,10 +427,10 @@ def test_an_unconnected_falling_body_does_not_change_the_outcome() -> None:
 def test_a_check_uses_the_tolerance_of_the_run() -> None:
     drive = catalog.make("rssr")
     run = simulate(drive.mechanism, speed=62.8, tolerance=1e-7)
-    place = next(check for check in crosscheck(run, drive).checks if check.kind == "position")
-    assert place.tolerance == run.tolerance == 1e-7
-    rough = simulate(drive.mechanism, speed=62.8, settings=Settings(steps_per_turn=40))
-    assert (rough.outcome == "passed") == crosscheck(rough, drive).passed
+    position_check = next(check for check in crosscheck(run, drive).checks if check.kind == "position")
+    assert position_check.tolerance == run.tolerance == 1e-7
+    coarse = simulate(drive.mechanism, speed=62.8, settings=Settings(steps_per_turn=40))
+    assert (coarse.outcome == "passed") == crosscheck(coarse, drive).passed
 
 
 # at 100 N m the position errors are 1 to 3 mm, depending on the linear-algebra kernel

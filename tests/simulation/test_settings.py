@@ -59,10 +59,10 @@ def test_only_options_on_the_command_line_reach_the_command(name) -> None:
     computed = {}
 
     @declare
-    def asked_for(asked: Annotated[dict[str, Any], Settings]) -> None:
-        computed.update(asked)
+    def record(options: Annotated[dict[str, Any], Settings]) -> None:
+        computed.update(options)
 
-    result = CliRunner().invoke(command(asked_for), [f"--{name}", VALUES[name]])
+    result = CliRunner().invoke(command(record), [f"--{name}", VALUES[name]])
     assert result.exit_code == 0
     field = name.replace("-", "_")
     assert set(computed) == {field}
@@ -81,8 +81,8 @@ def test_a_declared_setting_has_an_option_a_check_and_a_row() -> None:
         More(noise=-2.0)
 
     @declare
-    def loud(asked: Annotated[dict[str, Any], More]) -> None:
-        typer.echo(f"{More(**asked).noise:g}")
+    def loud(options: Annotated[dict[str, Any], More]) -> None:
+        typer.echo(f"{More(**options).noise:g}")
 
     assert "How loud." in CliRunner().invoke(command(loud), ["--help"]).output
     assert CliRunner().invoke(command(loud), ["--noise", "3"]).output == "3\n"

@@ -58,17 +58,17 @@ def test_every_method_accepts_a_swing_on_any_revolution(name, data):
     angle = poses.motion.angle
     np.testing.assert_allclose(angle, profile.state(poses.motion.time)[0], rtol=0, atol=1e-12)
     by_loop_equations = loops.solve(mechanism, angle)
-    for point, place in drive.positions(angle).items():
-        np.testing.assert_allclose(by_loop_equations.points[point].position, place, rtol=0, atol=same)
+    for point, position in drive.positions(angle).items():
+        np.testing.assert_allclose(by_loop_equations.points[point].position, position, rtol=0, atol=same)
     stepped = simulate(mechanism, profile=profile, samples=24, settings=Settings(steps_per_turn=100))
     # the accuracy is checked elsewhere
     assert stepped.outcome in ("passed", "failed")
     text = to_xml(assembled(mechanism, Scene()))
     model = mujoco.MjModel.from_xml_string(text)
     assert model.joint("crank").qpos0[0] == pytest.approx(mechanism.start, abs=1e-12)
-    again = simulate(text, profile=profile, samples=24, method="pose")
-    assert again.outcome == "passed"
-    assert crosscheck(again.motion, drive, tolerance=same).passed
+    from_text = simulate(text, profile=profile, samples=24, method="pose")
+    assert from_text.outcome == "passed"
+    assert crosscheck(from_text.motion, drive, tolerance=same).passed
 
 
 # cranks with more than a turn between their dead centres: an angle mod 2 pi can have two poses
@@ -108,9 +108,9 @@ def test_all_methods_agree_on_multi_turn_crank_ranges(drive):
         profile = swing(middle + REVOLUTION, reach, 20.0)
         poses = simulate(drive.mechanism, profile=profile, samples=12, method="pose").motion
         by_loop_equations = loops.solve(drive.mechanism, poses.angle)
-        for point, place in drive.positions(poses.angle).items():
+        for point, position in drive.positions(poses.angle).items():
             for route in (poses, by_loop_equations):
-                np.testing.assert_allclose(route.points[point].position, place, rtol=0, atol=1e-11)
+                np.testing.assert_allclose(route.points[point].position, position, rtol=0, atol=1e-11)
 
 
 def test_poses_beyond_a_dead_centre_are_rejected_on_every_revolution():

@@ -28,11 +28,11 @@ STIFF = {
 }
 
 
-@pytest.mark.parametrize("part", STIFF)
-def test_the_stiff_element_is_reported_with_a_stable_step(tmp_path, part):
-    text, rk4 = FINGER.replace(*STIFF[part]), PlainSettings(integrator="RK4", timestep=5e-4)
+@pytest.mark.parametrize("element", STIFF)
+def test_the_stiff_element_is_reported_with_a_stable_step(tmp_path, element):
+    text, rk4 = FINGER.replace(*STIFF[element]), PlainSettings(integrator="RK4", timestep=5e-4)
     reason = divergence_of(tmp_path, text, rk4)
-    assert reason.startswith(f"stiffness: {part} needs steps below")
+    assert reason.startswith(f"stiffness: {element} needs steps below")
     stable_step = float(reason.split("below ")[1].split(" s")[0])
     item = scene(tmp_path, text=text, ctrl=CONTROL, duration=500 * stable_step)
     assert not run_scene(item, replace(rk4, timestep=0.8 * stable_step).applied(item.model)).broken

@@ -99,12 +99,12 @@ REFERENCE = Path(__file__).parents[2] / "reference"
 )
 def test_a_reference_table_is_fitted_with_its_own_column_names(name, vary, effort):
     table_of_reference = files.read(REFERENCE / "data" / f"{name}.csv")
-    wanted = [
+    columns_used = [
         "angle" if "angle" in table_of_reference else "t",
         *(item for item in table_of_reference if "v" in item),
         effort,
     ]
-    table = {item: table_of_reference[item][::9] for item in wanted}
+    table = {item: table_of_reference[item][::9] for item in columns_used}
     of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), speed=20.0)
     true = {item: of.designs.dimensions[item].value for item in vary}
     initial = replace(of, designs=family_at(of.designs, {item: 0.99 * value for item, value in true.items()}))

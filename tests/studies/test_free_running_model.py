@@ -21,16 +21,16 @@ def position_error(model, form, turns=3.0):
     """Step a model from its keyframe; return its largest position error and the last crank angle."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
-    angles, places = [], {name: [] for name in form.mechanism.points}
+    angles, positions = [], {name: [] for name in form.mechanism.points}
     crank = model.joint("crank").qposadr[0]
     for _ in range(round(turns * 2.0 * np.pi / SPEED / model.opt.timestep)):
         mujoco.mj_step(model, data)
         mujoco.mj_kinematics(model, data)
         angles.append(data.qpos[crank])
-        for name, item in places.items():
+        for name, item in positions.items():
             item.append(data.site(name).xpos.copy())
     exact = form.positions(np.array(angles))
-    gaps = [np.linalg.norm(np.array(places[name]) - exact[name], axis=1).max() for name in exact]
+    gaps = [np.linalg.norm(np.array(positions[name]) - exact[name], axis=1).max() for name in exact]
     return max(gaps), angles[-1]
 
 

@@ -186,11 +186,13 @@ def test_the_check_detects_every_omitted_force(case, method):
 def press() -> Case:
     """A spindle whose nut presses with 100 N."""
     body = Inertia(1.0, (0.0, 0.0, 0.0), ((1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), (0.0, 0.0, 1e-3)))
-    beside, along = (0.05, 0.0, 0.0), (0.0, 0.0, 1.0)
+    guide_axis_point, along = (0.05, 0.0, 0.0), (0.0, 0.0, 1.0)
     joints = (
         Joint("motor", "revolute", End(GROUND), End("spindle")),
         Joint("thread", "screw", End("spindle", (0.0, 0.0, 0.1)), End("nut"), lead=0.005),
-        Joint("guide", "prismatic", End(GROUND, beside, along), End("nut", beside, along)),
+        Joint(
+            "guide", "prismatic", End(GROUND, guide_axis_point, along), End("nut", guide_axis_point, along)
+        ),
     )
     links = Link("spindle", inertia=body), Link("nut", inertia=body)
     mechanism = Mechanism("press", links, joints, "motor", {"P": ("nut", (0.02, 0.0, 0.0))})

@@ -85,7 +85,10 @@ def test_an_infeasible_limit_is_reported_as_missed():
 def test_a_search_returns_from_infeasible_designs():
     start = ms.moved("four_bar", angles=TURN)
     # the largest swing is at the border of a full turn; beyond it the loops do not close
-    grown = Goal(("rocker.q",), lambda given: 3.0 - largest(given["rocker.q"]) + smallest(given["rocker.q"]))
+    grown = Goal(
+        ("rocker.q",),
+        lambda quantities: 3.0 - largest(quantities["rocker.q"]) + smallest(quantities["rocker.q"]),
+    )
     result = ms.optimise(start, {"crank": (0.02, 0.2)}, grown, most=3)
     assert result.outcome == "not converged"
     assert 0.032 <= result.values["crank"] < 0.0571
@@ -116,14 +119,14 @@ def test_an_invalid_search_is_rejected(vary, goal, output):
 
 
 def test_a_goal_without_derivative_is_rejected():
-    not_differentiable = Goal(("rocker.v",), lambda given: np.abs(given["rocker.v"]))
+    not_differentiable = Goal(("rocker.v",), lambda quantities: np.abs(quantities["rocker.v"]))
     with pytest.raises(InputError, match="loses the derivative"):
         ms.optimise(ms.moved("four_bar", angles=TURN), {"crank": (0.01, 0.04)}, not_differentiable)
 
 
 def test_a_limit_without_a_bound_is_rejected():
     with pytest.raises(InputError, match="has no bound"):
-        Limit((), lambda given: given["crank"])
+        Limit((), lambda quantities: quantities["crank"])
     with pytest.raises(InputError, match="range:rocker has no bound"):
         ms.optimise("four_bar", {"crank": (0.01, 0.04)}, "rms:torque", [MeasureLimit("range:rocker")])
 

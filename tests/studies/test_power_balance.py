@@ -42,9 +42,9 @@ def every_force(mechanism):
     )
 
 
-def point_motion(mechanism, motion, place):
+def point_motion(mechanism, motion, location):
     """Return position and velocity of a location, (n, 3) each."""
-    link, local = located(mechanism, place)
+    link, local = located(mechanism, location)
     if link == GROUND:
         return np.broadcast_to(local, (len(motion), 3)), np.zeros((len(motion), 3))
     motion_and_forces = motion.links[link]
@@ -56,8 +56,8 @@ def point_motion(mechanism, motion, place):
 
 def joint(mechanism, motion, name):
     """Return the motion of a joint; in MuJoCo's motion the driven joint has the name crank."""
-    known = motion.joints
-    return known["crank"] if name not in known and name == mechanism.crank.name else known[name]
+    joints = motion.joints
+    return joints["crank"] if name not in joints and name == mechanism.crank.name else joints[name]
 
 
 def energy_of(mechanism, forces, motion):
@@ -65,10 +65,10 @@ def energy_of(mechanism, forces, motion):
     energy = np.zeros(len(motion))
     for link in mechanism.links:
         body, motion_and_forces = link.inertia, motion.links[link.name]
-        place, velocity = point_motion(mechanism, motion, (link.name, body.centre))
+        location, velocity = point_motion(mechanism, motion, (link.name, body.centre))
         spin = np.einsum("nji,nj->ni", motion_and_forces.rotation, motion_and_forces.angular_velocity)
         energy += 0.5 * body.mass * (velocity**2).sum(1) + 0.5 * ((spin @ body.matrix) * spin).sum(1)
-        energy -= body.mass * place @ np.array(forces.gravity)
+        energy -= body.mass * location @ np.array(forces.gravity)
     for item in forces.springs:
         line = point_motion(mechanism, motion, item.b)[0] - point_motion(mechanism, motion, item.a)[0]
         energy += 0.5 * item.stiffness * (np.linalg.norm(line, axis=1) - item.rest) ** 2
@@ -88,7 +88,9 @@ def power_lost(mechanism, forces, motion):
         rate = joint(mechanism, motion, item.joint).rate
         power += item.viscous * rate**2 + item.coulomb * np.abs(rate)
     for item in forces.springs:
-        (a, a_speed), (b, b_speed) = (point_motion(mechanism, motion, place) for place in (item.a, item.b))
+        (a, a_speed), (b, b_speed) = (
+            point_motion(mechanism, motion, location) for location in (item.a, item.b)
+        )
         line = (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
         power += item.damping * (line * (b_speed - a_speed)).sum(1) ** 2
     for item in forces.loads:

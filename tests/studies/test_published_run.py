@@ -64,7 +64,7 @@ def test_compliant_loops_of_a_file_are_reported_with_its_settings(tmp_path):
 def test_a_given_tolerance_applies_to_the_settings_of_the_file(tmp_path):
     path = scene(tmp_path, SOFT)
     gap = case_of(loaded(path)).published.gap
-    wide, tight = (case_of(loaded(path), tolerance=part * gap) for part in (10.0, 0.5))
+    wide, tight = (case_of(loaded(path), tolerance=factor * gap) for factor in (10.0, 0.5))
     assert wide.passed, wide.verdict
     assert not tight.passed
     assert "as published" in tight.verdict.reason
@@ -84,13 +84,13 @@ def test_a_file_that_diverges_with_its_own_settings_fails(tmp_path):
 def test_the_command_reports_both_runs_as_text_and_json(tmp_path, monkeypatch, capsys):
     path = scene(tmp_path, SOFT)
     arguments = ["mechsim", "validate", str(path), "--drive", f"crank={LAW}", "--duration", f"{DURATION}s"]
-    for more, code in (([], 0), (["--tolerance", "1nm", "--json"], 1)):
-        monkeypatch.setattr("sys.argv", [*arguments, *more])
+    for options, code in (([], 0), (["--tolerance", "1nm", "--json"], 1)):
+        monkeypatch.setattr("sys.argv", [*arguments, *options])
         with pytest.raises(SystemExit) as ended:
             main()
         assert ended.value.code == code
         printed = capsys.readouterr().out
-        if not more:
+        if not options:
             assert "stepped with mechsim's settings" in printed
             assert "with the file's own settings (timestep 1 ms" in printed
             continue
@@ -102,8 +102,8 @@ def test_the_command_reports_both_runs_as_text_and_json(tmp_path, monkeypatch, c
 
 def test_the_published_run_starts_at_the_requested_keyframe(tmp_path):
     first, _ = published_scene(loaded(scene(tmp_path)))
-    there = " ".join(repr(float(value)) for value in first.closure.moved_to(first.start[0], {"crank": 0.5}))
-    key = f'<keyframe><key name="out" qpos="{there}"/></keyframe></mujoco>'
+    start = " ".join(repr(float(value)) for value in first.closure.moved_to(first.start[0], {"crank": 0.5}))
+    key = f'<keyframe><key name="out" qpos="{start}"/></keyframe></mujoco>'
     path = scene(tmp_path, ("</mujoco>", key))
     form = ms.load(path, drive={"crank": "0.5 + 0.01*sin(2*pi*t)"}, duration=0.2, key="out")
     published, _ = published_scene(form)

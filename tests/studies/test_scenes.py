@@ -48,8 +48,8 @@ def test_closure_errors_measure_the_distance_to_the_closed_state(controlled):
 
 
 def test_a_state_far_from_closed_poses_has_a_large_error(controlled):
-    far = controlled.start[0][None] + np.array([3.0, 0.0, 0.0, 0.0])
-    run = replace(run_scene(controlled, records=2), qpos=far)
+    distant = controlled.start[0][None] + np.array([3.0, 0.0, 0.0, 0.0])
+    run = replace(run_scene(controlled, records=2), qpos=distant)
     assert controlled.closure.errors(run.qpos, run.points).max() > 1e-2
 
 
@@ -157,10 +157,10 @@ def test_a_short_run_is_timed_under_a_processor_time_limit(controlled):
 
 
 def test_cubic_interpolation_is_exact_for_cubics():
-    known = np.linspace(0.0, 1.0, 21)
-    values = np.stack([known**3, 1.0 - known**2], 1)
+    instants = np.linspace(0.0, 1.0, 21)
+    values = np.stack([instants**3, 1.0 - instants**2], 1)
     time = np.array([0.0, 0.013, 0.5, 0.987, 1.0])
-    assert cubic_interpolation(known, values, time) == pytest.approx(
+    assert cubic_interpolation(instants, values, time) == pytest.approx(
         np.stack([time**3, 1.0 - time**2], 1), abs=1e-14
     )
 

@@ -176,14 +176,16 @@ def test_a_fine_reference_run_agrees_with_the_closed_form():
     from mechsim.simulation.source import assembled
 
     own = subject_of_model(assembled(drive.mechanism, Scene()), "own", SPEED)
-    known = subject_of(drive, SPEED)
-    assert own.stroke == pytest.approx(known.stroke, rel=1e-3)
+    closed_form = subject_of(drive, SPEED)
+    assert own.stroke == pytest.approx(closed_form.stroke, rel=1e-3)
     assert own.reference.own_error["position"] < 1e-10
     settings = stepping_methods()[1].settings(144, SPEED)
-    motion, _ = known.built.motion(settings)
+    motion, _ = closed_form.built.motion(settings)
     for kind in COMPARED[:3]:
-        gap = abs(own.errors(motion)[kind] * own.stroke / known.stroke - known.errors(motion)[kind])
-        assert gap <= own.reference.own_error[kind] + 1e-12 + 1e-3 * known.errors(motion)[kind]
+        gap = abs(
+            own.errors(motion)[kind] * own.stroke / closed_form.stroke - closed_form.errors(motion)[kind]
+        )
+        assert gap <= own.reference.own_error[kind] + 1e-12 + 1e-3 * closed_form.errors(motion)[kind]
 
 
 def test_drives_are_added_to_a_model_with_a_motor():
@@ -229,8 +231,8 @@ def test_the_seed_determines_the_trials_of_a_short_budget():
     subject = subject_of(catalog.make("slider_crank"), SPEED)
     stiff = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
     assert {point.method.name for point in stiff.points} == {LOW_COMPLIANCE}
-    again = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
-    assert [p.as_dict()["method"] for p in again.points] == [p.as_dict()["method"] for p in stiff.points]
+    repeated = measure_tradeoff(subject, budget=1e-6, steps=SHORT, seed=1)
+    assert [p.as_dict()["method"] for p in repeated.points] == [p.as_dict()["method"] for p in stiff.points]
 
 
 @pytest.mark.usefixtures("fast_clock")
@@ -409,10 +411,10 @@ def test_an_exhausted_budget_ends_the_loading(monkeypatch, reading, trials_made)
     now, made, compiled = [0.0], [], []
 
     def with_duration(seconds, done, call):
-        def slow(*given, **named):
+        def slow(*arguments, **named):
             now[0] += seconds
             done.append(seconds)
-            return call(*given, **named)
+            return call(*arguments, **named)
 
         return slow
 

@@ -1,4 +1,4 @@
-"""The assertion for test suites: what agrees passes, what does not says why and how to see it again."""
+"""The assertion for test suites: agreement passes; failures report cause and command."""
 
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,7 +23,7 @@ def long_rod(angle):
 
 @contextmanager
 def running(test):
-    """Say which test runs, whether or not the plugin says it already; None is outside of a run."""
+    """Set the running test independent of the plugin; None is outside of a run."""
     token = RUNNING.set(test)
     try:
         yield
@@ -31,11 +31,11 @@ def running(test):
         RUNNING.reset(token)
 
 
-def test_what_agrees_is_returned():
+def test_an_agreeing_formula_passes():
     assert ms.testing.assert_agrees("slider_crank", law, tolerance=1e-9).passed
 
 
-def test_what_does_not_agree_fails_with_verdict_cause_and_command():
+def test_a_wrong_formula_fails_with_verdict_cause_and_command():
     with running(None), pytest.raises(AssertionError) as failed:
         ms.testing.assert_agrees("slider_crank", long_rod, tolerance=1e-6)
     lines = str(failed.value).splitlines()
@@ -49,17 +49,17 @@ def test_what_does_not_agree_fails_with_verdict_cause_and_command():
     assert max(len(line) for line in lines if line is not command) <= 78
 
 
-def test_a_tolerance_decides():
-    # the rod is 5 % long, and the place is off by 10 mm
+def test_a_larger_tolerance_accepts_a_larger_error():
+    # the rod is 5 % too long, and the position error is 10 mm
     assert ms.testing.assert_agrees("slider_crank", long_rod, tolerance=0.02).passed
 
 
-def test_parameters_changed_stand_in_the_command():
+def test_changed_parameters_are_in_the_command():
     with pytest.raises(AssertionError, match="--set rod=250mm"):
         ms.testing.assert_agrees("slider_crank", law, set={"rod": "250mm"})
 
 
-def test_in_a_run_of_pytest_a_page_is_written_and_the_junit_file_is_reported(tmp_path):
+def test_a_test_run_writes_a_page_and_junit_properties(tmp_path):
     reported = {}
     test = RunningTest("tests/x.py::test_x", tmp_path / "pages", reported.__setitem__)
     with running(test), pytest.raises(AssertionError, match="report: ") as failed:
@@ -77,13 +77,13 @@ def test_in_a_run_of_pytest_a_page_is_written_and_the_junit_file_is_reported(tmp
     assert len(list((tmp_path / "pages").iterdir())) == 1
 
 
-def test_a_function_that_no_file_holds_is_shown_again_by_the_test(tmp_path):
+def test_a_local_function_is_reproduced_by_its_test(tmp_path):
     test = RunningTest("tests/x.py::test_x[a b]", tmp_path / "pages", lambda name, value: None)
     with running(test), pytest.raises(AssertionError, match=r"again:  pytest 'tests/x\.py::test_x\[a b\]'"):
         ms.testing.assert_agrees("slider_crank", lambda angle: law(angle, 0.3))
 
 
-def test_a_folder_that_cannot_be_written_costs_the_page_alone(tmp_path):
+def test_an_unwritable_report_folder_only_omits_the_page(tmp_path):
     (tmp_path / "taken").write_text("")
     test = RunningTest("t", tmp_path / "taken" / "pages", lambda name, value: None)
     with running(test), pytest.raises(AssertionError, match="does not agree") as failed:

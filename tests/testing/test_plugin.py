@@ -1,4 +1,4 @@
-"""The plugin in projects of their own, each run by a pytest of its own."""
+"""The pytest plugin in separate projects and processes."""
 
 import os
 import shutil
@@ -22,12 +22,12 @@ def project(tmp_path):
     return folder
 
 
-def run(folder, *words, alone=True):
+def run(folder, *arguments, isolated=True):
     """Return exit code and output of pytest in a folder, alone with the plugin, or with all installed."""
-    plugin = ("-p", "mechsim.testing.plugin") if alone else ()
-    without = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"} if alone else {}
+    plugin = ("-p", "mechsim.testing.plugin") if isolated else ()
+    without = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"} if isolated else {}
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", *plugin, "-q", "-W", "error", "--strict-markers", *words],
+        [sys.executable, "-m", "pytest", *plugin, "-q", "-W", "error", "--strict-markers", *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "80", **without},
         capture_output=True,
@@ -38,19 +38,19 @@ def run(folder, *words, alone=True):
     return done.returncode, done.stdout + done.stderr
 
 
-def collected(folder, *words, alone=True):
-    code, out = run(folder, "--collect-only", *words, alone=alone)
+def collected(folder, *arguments, isolated=True):
+    code, out = run(folder, "--collect-only", *arguments, isolated=isolated)
     return code, [line for line in out.splitlines() if "::" in line]
 
 
-def test_the_sample_project_is_green_but_for_the_test_that_is_red_on_purpose(project):
+def test_only_the_intended_failure_of_the_sample_project_fails(project):
     code, out = run(project, "--junitxml=junit.xml")
     assert code == 1, out
     assert "1 failed, 3 passed" in out
     assert "pump does not agree with rod_of_96_mm" in out
     assert "cause:  rod" in out
-    again = "again:  pytest tests/test_pump.py::test_red_on_purpose_a_rod_one_millimetre_too_long"
-    assert again in out
+    command = "again:  pytest tests/test_pump.py::test_red_on_purpose_a_rod_one_millimetre_too_long"
+    assert command in out
     (page,) = (project / "reports").iterdir()
     assert f"report: reports/{page.name}" in out
     cases = {case.get("name"): case for case in ET.parse(project / "junit.xml").iter("testcase")}
@@ -64,7 +64,7 @@ def test_the_sample_project_is_green_but_for_the_test_that_is_red_on_purpose(pro
 
 
 @pytest.mark.slow
-def test_a_toml_file_with_a_wrong_formula_is_red_by_itself_under_xdist_too(project):
+def test_a_toml_file_with_a_wrong_formula_fails_under_xdist(project):
     description = project / "models" / "pump.toml"
     description.write_text(description.read_text().replace("pump.py:piston", "pump.py:mistyped"))
     code, out = run(project, "models/pump.toml", "-p", "xdist.plugin", "-n", "1")
@@ -74,7 +74,7 @@ def test_a_toml_file_with_a_wrong_formula_is_red_by_itself_under_xdist_too(proje
     assert "Traceback" not in out
 
 
-def test_toml_files_are_tests_where_they_are_named_or_requested_for(project):
+def test_toml_files_are_collected_if_configured_or_named(project):
     assert collected(project)[1][0] == "models/pump.toml::formula"
     assert collected(project, "-m", "mechsim")[1] == ["models/pump.toml::formula"]
     (project / "pyproject.toml").write_text("[tool.pytest.ini_options]\n")
@@ -82,7 +82,7 @@ def test_toml_files_are_tests_where_they_are_named_or_requested_for(project):
     assert collected(project, "models/pump.toml") == (0, ["models/pump.toml::formula"])
 
 
-def test_other_toml_files_are_left_alone(tmp_path):
+def test_other_toml_files_are_ignored(tmp_path):
     (tmp_path / "pytest.ini").write_text("[pytest]\nmechsim_collect = *.toml\n")
     (tmp_path / "pyproject.toml").write_text("[joints]\n[formula]\n")
     (tmp_path / "settings.toml").write_text("[formula]\npython = 'x.py:f'\n")
@@ -92,20 +92,20 @@ def test_other_toml_files_are_left_alone(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not INSTALLED, reason="the entry point stands in the metadata of an install")
-def test_the_installed_plugin_is_found_and_can_be_left_out(project):
+@pytest.mark.skipif(not INSTALLED, reason="the entry point needs an installed package")
+def test_the_installed_plugin_is_loaded_and_can_be_disabled(project):
     (project / "pyproject.toml").unlink()
-    assert collected(project, "models/pump.toml", alone=False) == (0, ["models/pump.toml::formula"])
-    assert collected(project, "-p", "no:mechsim", "models/pump.toml", alone=False) == (4, [])
+    assert collected(project, "models/pump.toml", isolated=False) == (0, ["models/pump.toml::formula"])
+    assert collected(project, "-p", "no:mechsim", "models/pump.toml", isolated=False) == (4, [])
 
 
-def test_the_plugin_is_declared_and_imports_nothing_before_it_is_used():
+def test_the_plugin_is_declared_and_imports_lazily():
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["pytest11"]
     assert declared == {"mechsim": "mechsim.testing.plugin"}
-    asked = (
+    script = (
         "import sys; import mechsim.testing.plugin\n"
         "print(*(m for m in sys.modules if 'mechsim' in m or m in ('numpy', 'mujoco')))"
     )
-    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
-    mine = {"mechsim", "mechsim._version", "mechsim.testing", "mechsim.testing.running"}
-    assert set(done.stdout.split()) == mine | {"mechsim.testing.plugin"}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    expected = {"mechsim", "mechsim._version", "mechsim.testing", "mechsim.testing.running"}
+    assert set(done.stdout.split()) == expected | {"mechsim.testing.plugin"}

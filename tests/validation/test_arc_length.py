@@ -45,7 +45,7 @@ def crank_and_rocker(drive: FourBar) -> System:
 @pytest.mark.slow
 @settings(max_examples=15)
 @given(st.floats(0.3, 3.0), st.floats(0.05, 1.0), st.sampled_from([1.0, -1.0]))
-def test_an_ellipse_closes_after_its_circumference_with_every_point_on_it(a, ratio, heading):
+def test_an_ellipse_closes_after_its_circumference(a, ratio, heading):
     b = a * ratio
     curve = trace_curve(ellipse(a, b), [a, 0.0], direction=[0.0, heading])
     assert curve.closed
@@ -61,7 +61,7 @@ def test_an_ellipse_closes_after_its_circumference_with_every_point_on_it(a, rat
     assert curve.arc[-1] == curve.length
 
 
-def test_arc_length_error_follows_the_tolerance_and_points_do_not():
+def test_only_the_arc_length_error_depends_on_the_tolerance():
     errors = []
     for tolerance in (1e-4, 1e-7, 1e-10):
         curve = trace_curve(ellipse(3.0, 1.0), [3.0, 0.0], tolerance=tolerance)
@@ -72,7 +72,7 @@ def test_arc_length_error_follows_the_tolerance_and_points_do_not():
     assert errors[0] > 100.0 * errors[2]
 
 
-def test_differences_serve_where_no_jacobian_is_given_and_repeated_equations_do_no_harm():
+def test_redundant_equations_without_a_jacobian_are_traced():
     def residual(x):
         ball, height = x @ x - 1.0, x[2] - 0.3
         return np.array([ball, 2.0 * ball + height, height, ball - 3.0 * height])
@@ -82,7 +82,7 @@ def test_differences_serve_where_no_jacobian_is_given_and_repeated_equations_do_
     assert abs(curve.length - TURN * np.sqrt(0.91)) <= 1e-9
 
 
-def test_a_curve_that_runs_on_is_traced_as_far_as_requested():
+def test_an_open_curve_is_traced_over_the_requested_length():
     parabola = System(lambda x: np.array([x[0] ** 2 - x[1]]))
     curve = trace_curve(parabola, [0.0, 0.0], direction=[1.0, 0.0], length=5.0)
     x = curve.points[-1, 0]
@@ -91,8 +91,8 @@ def test_a_curve_that_runs_on_is_traced_as_far_as_requested():
     assert abs(0.5 * x * np.sqrt(1 + 4 * x * x) + 0.25 * np.arcsinh(2 * x) - 5.0) <= 1e-8
 
 
-def test_a_curve_that_only_comes_near_its_start_is_not_taken_for_closed():
-    # a spiral in three dimensions whose turns are a thousandth apart
+def test_a_spiral_near_its_start_is_not_closed():
+    # a spiral in three dimensions with a pitch of about 6e-3
     spiral = System(
         lambda x: np.array([x[0] - np.cos(1e3 * x[2]), x[1] - np.sin(1e3 * x[2])]),
         lambda x: np.array([[1.0, 0.0, 1e3 * np.sin(1e3 * x[2])], [0.0, 1.0, -1e3 * np.cos(1e3 * x[2])]]),
@@ -105,16 +105,16 @@ def test_a_curve_that_only_comes_near_its_start_is_not_taken_for_closed():
     assert abs(closed.length - TURN * np.sqrt(1.0 + 1e-6)) <= 1e-8
 
 
-def test_both_assemblies_of_a_swinging_four_bar_are_one_curve_through_its_dead_centres():
+def test_both_modes_of_a_swinging_four_bar_form_one_curve():
     system, dead = crank_and_rocker(FOUR_BAR), FOUR_BAR.dead_centres()
     f = -1.0
     rocker = float(FOUR_BAR.solve([f]).joints["rocker"].value[0])
     curve = trace_curve(system, [f, rocker])
     assert curve.closed
-    turned = turning_points(system, curve, 0)
-    assert len(turned) == 2
-    # where the crank turns back its angle is known to the square of the error along the curve
-    assert np.abs(np.sort(turned[:, 0]) - np.sort([a for a in dead if a < 0])).max() <= 1e-12
+    turning = turning_points(system, curve, 0)
+    assert len(turning) == 2
+    # at a turning point the angle error is the square of the error along the curve
+    assert np.abs(np.sort(turning[:, 0]) - np.sort([a for a in dead if a < 0])).max() <= 1e-12
     observed = set()
     for crank, angle in curve.points:
         gaps = [
@@ -130,7 +130,7 @@ def test_both_assemblies_of_a_swinging_four_bar_are_one_curve_through_its_dead_c
     assert observed == {0, 1}
 
 
-def test_a_crank_that_turns_fully_closes_a_whole_turn_on_and_never_turns_back():
+def test_a_rotating_crank_closes_after_a_full_turn():
     drive = FourBar()
     system = crank_and_rocker(drive)
     start = [0.0, float(drive.solve([0.0]).joints["rocker"].value[0])]
@@ -142,7 +142,7 @@ def test_a_crank_that_turns_fully_closes_a_whole_turn_on_and_never_turns_back():
 
 
 @pytest.mark.parametrize("drive", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
-def test_differences_of_torus_and_sphere_give_the_path_their_gradients_give(drive):
+def test_finite_differences_give_the_path_of_exact_gradients(drive):
     path = trace_path(drive)
     system = replace(torus_sphere(drive), jacobian=None)
     curve = trace_curve(system, path.on_torus[0], direction=path.on_torus[1] - path.on_torus[0])
@@ -151,22 +151,22 @@ def test_differences_of_torus_and_sphere_give_the_path_their_gradients_give(driv
 
 
 @pytest.mark.parametrize("drive", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
-def test_the_paper_s_four_parameters_walked_instead_of_the_place_of_s_pass_the_same_dead_centres(drive):
+def test_the_four_parameters_of_the_paper_give_the_same_dead_centres(drive):
     def residual(u):
         return (torus(drive, u[0], u[1]) - sphere(drive, u[2], u[3])) / drive.link
 
     path, system = trace_path(drive), System(residual, periods=(TURN,) * 4)
     curve = trace_curve(system, path.parameters[0], direction=path.parameters[1] - path.parameters[0])
     assert curve.closed
-    turned = np.round((curve.points[-1] - curve.points[0]) / TURN)
-    assert (turned == np.round((path.parameters[-1] - path.parameters[0]) / TURN)).all()
+    turning = np.round((curve.points[-1] - curve.points[0]) / TURN)
+    assert (turning == np.round((path.parameters[-1] - path.parameters[0]) / TURN)).all()
     dead = turning_points(system, curve, 0)[:, 0]
     ends = np.array(drive.dead_centres())
     assert len(dead) == (2 if len(ends) else 0)
     assert all(np.abs(np.exp(1j * angle) - np.exp(1j * ends)).min() <= 1e-12 for angle in dead)
 
 
-def test_what_cannot_be_traced_is_stated_in_one_sentence():
+def test_invalid_systems_and_starts_are_rejected():
     circle = System(lambda x: np.array([x @ x - 1.0]), name="circle")
     cross = System(lambda x: np.array([x[0] * x[1]]), lambda x: np.array([[x[1], x[0]]]), name="cross")
     line = System(lambda x: np.array([x[0] - x[1]]))

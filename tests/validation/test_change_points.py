@@ -1,4 +1,4 @@
-"""The study of change points, with a few linkages."""
+"""The study of change points with a few linkages."""
 
 import importlib.util
 import sys

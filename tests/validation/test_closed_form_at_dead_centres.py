@@ -27,7 +27,7 @@ def test_errors_are_at_most_those_of_rounded_inputs(name, case):
     assert condition[0] / condition[2] == pytest.approx(1e5, rel=0.5)
 
 
-def test_the_published_form_loses_two_digits_where_v3x_vanishes_at_a_dead_centre(case):
+def test_the_published_form_loses_two_digits_at_a_dead_centre(case):
     linkage = case.dead_centre_at_zero_v3x()
     angles = case.angles_near(linkage, case.DISTANCES)
     error, condition = case.errors(linkage, "P3", angles)

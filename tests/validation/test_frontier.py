@@ -1,4 +1,4 @@
-"""The accurate end of the trade-off, at a few steps: what projection and extrapolation buy."""
+"""The accurate end of the trade-off: effect of projection and extrapolation."""
 
 import sys
 from importlib import import_module
@@ -27,22 +27,22 @@ def subject():
     return subject_of(catalog.make("rssr"), 20.0 * np.pi)
 
 
-def test_a_coarse_run_projected_on_its_loops_and_solved_poses_are_exact(study, subject) -> None:
+def test_projected_runs_and_solved_poses_are_exact_to_rounding(study, subject) -> None:
     coarse = study.stepped(subject, study.COARSE)
     assert coarse.errors["angle"] > 1e-7
     for point in (study.projected(subject), study.solved(subject)):
-        # a few units in the last place of the longest link; asked: 1e-12
+        # a few units in the last place of the longest link; required: 1e-12
         assert point.errors["angle"] < 1e-14
         assert point.errors["position"] < 2e-14
         assert point.errors["acceleration"] < 1e-13
 
 
-def test_extrapolation_beats_the_finer_of_its_two_runs(study, subject) -> None:
+def test_extrapolation_is_more_accurate_than_its_finer_run(study, subject) -> None:
     fine = study.stepped(subject, 720)
     extrapolated = study.extrapolated(subject, 720)
     for kind in ("position", "angle"):
         assert extrapolated.errors[kind] < 0.1 * fine.errors[kind]
 
 
-def test_steps_alone_go_below_a_picoradian(study, subject) -> None:
+def test_fine_steps_have_an_error_below_a_picoradian(study, subject) -> None:
     assert study.stepped(subject, 2880).errors["angle"] < 1e-12

@@ -20,7 +20,7 @@ def study():
 
 @pytest.fixture(autouse=True)
 def numbers_as_users_have_them():
-    # the command line is used with numpy's own settings; warnings are faults there, too
+    # the command line runs with numpy's default settings; warnings are faults
     with np.errstate(over="warn", divide="warn", invalid="warn"):
         yield
 
@@ -28,7 +28,7 @@ def numbers_as_users_have_them():
 def test_random_commands_end_in_a_result_or_one_clear_line(study):
     codes, faults = study.fuzz(12)
     assert faults == []
-    # both kinds are there
+    # both outcomes occur
     assert codes[0] >= 2
     assert codes[2] >= 2
 

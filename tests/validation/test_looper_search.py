@@ -1,4 +1,4 @@
-"""The search for straighter loopers: what it finds keeps the paper's conditions and beats its linkage."""
+"""The search for straighter loopers: results satisfy the conditions of the paper and improve its linkage."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from mechsim.errors import InputError
 
 
 @pytest.mark.slow
-def test_a_straighter_looper_with_the_paper_s_coupler_keeps_every_condition():
+def test_a_straighter_looper_with_the_published_coupler_is_valid():
     result = straighter(4e-3, Looper())
     assert broken(result, Conditions()) == []
     design = result.design
@@ -23,13 +23,13 @@ def test_a_straighter_looper_with_the_paper_s_coupler_keeps_every_condition():
         0.033,
         Looper().arm_angle,
     )
-    # the straightest 4 mm of the paper's own linkage leave 3.05 um
+    # the deviation of the straightest 4 mm of the published linkage is 3.05 um
     assert result.deviation < 1.93e-6
-    held = result.error[list(result.alternation)]
-    assert np.abs(held) == pytest.approx(result.deviation, rel=1e-3)
+    alternating_errors = result.error[list(result.alternation)]
+    assert np.abs(alternating_errors) == pytest.approx(result.deviation, rel=1e-3)
 
 
-def test_conditions_condemn_linkages_that_break_them():
+def test_violated_conditions_are_listed():
     paper = looper_synthesis.paper_again()
     assert "the centring of the follower's axis" in str(broken(paper, Conditions(centred=1e-6)))
     output = str(
@@ -40,12 +40,12 @@ def test_conditions_condemn_linkages_that_break_them():
     )
     for word in ("stroke", "width", "clearance", "transmission", "longest"):
         assert word in output
-    stiff = replace(paper, design=replace(paper.design, coupler=0.005))
-    assert broken(stiff, Conditions()) == ["full turning of the crank"]
+    immobile = replace(paper, design=replace(paper.design, coupler=0.005))
+    assert broken(immobile, Conditions()) == ["full turning of the crank"]
 
 
 @pytest.mark.slow
-def test_a_search_without_an_answer_reports_so():
+def test_a_search_without_a_solution_is_rejected():
     with pytest.raises(InputError, match="relax"):
         straighter(4e-3, Looper(), Conditions(stroke=(0.05, 0.06)))
 
@@ -63,7 +63,7 @@ def test_the_study_finds_straighter_loopers_for_both_strokes():
         assert item.found.deviation < item.paper
         assert broken(item.found, Conditions()) == []
     assert [round(1e6 * item.paper, 1) for item in improvements] == [3.1, 3.1, 63.0, 63.0]
-    # with a free coupler two micrometres become nanometres, and 63 fall below ten
+    # a free coupler reduces 2 um to nanometres, and 63 um below 10 um
     assert improvements[1].found.deviation < 1e-8
     assert improvements[3].found.deviation < 1e-5
     assert improvements[2].found.deviation < 46e-6

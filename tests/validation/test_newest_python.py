@@ -3,14 +3,14 @@ import sys
 import newest_python
 
 
-def test_the_newest_that_runs_is_taken(tmp_path):
+def test_the_newest_working_interpreter_is_selected(tmp_path):
     broken, old = tmp_path / "broken", tmp_path / "old"
     broken.write_text("#!/bin/sh\nexit 1\n")
     old.write_text("#!/bin/sh\necho 3.2.1\n")
     for program in (broken, old):
         program.chmod(0o755)
-    motion_laws = [str(broken), "/nowhere/python3", sys.executable, str(old)]
-    assert newest_python.newest(motion_laws) == sys.executable
+    programs = [str(broken), "/nowhere/python3", sys.executable, str(old)]
+    assert newest_python.newest(programs) == sys.executable
     assert newest_python.version(str(broken)) == ()
     assert newest_python.version(str(old)) == (3, 2, 1)
     assert sys.executable in newest_python.candidates()

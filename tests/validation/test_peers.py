@@ -1,4 +1,4 @@
-"""The comparison with other programs: its problem, its judge, its table and plot; peers where installed."""
+"""The comparison with other programs: problem, error measure, table and plot; installed peers."""
 
 import csv
 import importlib
@@ -19,7 +19,7 @@ import picture  # noqa: E402
 import problem as problems  # noqa: E402
 import protocol  # noqa: E402
 
-# a setting of each peer and the place error it is bound to have: ten times what it measured
+# a setting of each peer and a bound of its position error: ten times the measured one
 BEST = {
     "by_mechsim": ("mechsim, configurations in MuJoCo", 20, 1e-13),
     "by_scipy": ("scipy DOP853, loop by hand", 0, 1e-2),
@@ -40,13 +40,13 @@ def problem(request):
 def solved(module: str, problem, family: str, steps: int):
     peer = importlib.import_module(module)
     setting = next(item for item in peer.settings(problem) if (item.family, item.steps) == (family, steps))
-    # what others' code does with tiny numbers is theirs
+    # floating-point warnings of other packages are ignored
     with np.errstate(all="ignore"):
         _, result = peer.build(problem, setting).run()
     return problems.position_errors(problem, problem.angles(setting.samples), result)
 
 
-def test_joint_angles_of_the_closed_form_put_the_points_where_it_states(problem):
+def test_joint_angles_and_points_of_the_closed_form_agree(problem):
     angles = problem.angles(50)
     joints = problem.closed_form.solve(angles).joints
     result = problem.positions(joints["crank"].value, joints["rocker"].value)
@@ -54,7 +54,7 @@ def test_joint_angles_of_the_closed_form_put_the_points_where_it_states(problem)
     assert problems.position_errors(problem, angles, result).position < 1e-14
 
 
-def test_the_start_is_closed_and_its_rates_are_those_of_the_closed_form(problem):
+def test_the_start_is_closed_with_rates_of_the_closed_form(problem):
     step = 1e-6
     before, after = (problem.closed_form.solve([problem.start + side * step]) for side in (-1.0, 1.0))
     for link in ("crank", "rocker"):
@@ -66,14 +66,14 @@ def test_the_start_is_closed_and_its_rates_are_those_of_the_closed_form(problem)
     assert np.abs(coupler.position[0] + coupler.rotation[0] @ near - tip).max() < 1e-15
 
 
-def test_a_known_displacement_is_the_error_reported(problem):
+def test_a_known_displacement_is_the_reported_error(problem):
     angles = problem.angles(20)
     result = {name: place.copy() for name, place in problem.closed_form.positions(angles).items()}
     next(iter(result.values()))[7, 1] += 1e-6 * problem.crank
     assert problems.position_errors(problem, angles, result).position == pytest.approx(1e-6, rel=1e-6)
 
 
-def test_a_coupler_a_thousandth_too_long_is_rejected(problem):
+def test_a_coupler_too_long_by_a_thousandth_is_rejected(problem):
     angles = problem.angles(20)
     wrong = problems.make_problem(problem.name, coupler=1.001 * problem.closed_form.coupler)
     errors = problems.position_errors(problem, angles, wrong.closed_form.positions(angles))
@@ -81,7 +81,7 @@ def test_a_coupler_a_thousandth_too_long_is_rejected(problem):
     assert errors.rocker > 1e-4
 
 
-def test_the_other_assembly_and_a_late_crank_are_rejected(problem):
+def test_another_assembly_mode_and_a_lagging_crank_are_rejected(problem):
     angles = problem.angles(20)
     other = problems.make_problem(problem.name, branch=-problem.closed_form.branch)
     assert problems.position_errors(problem, angles, other.closed_form.positions(angles)).rocker > 0.1
@@ -89,7 +89,7 @@ def test_the_other_assembly_and_a_late_crank_are_rejected(problem):
     assert problems.position_errors(problem, angles, late).position > 0.9e-3
 
 
-def test_a_torque_a_thousandth_too_large_or_one_instant_late_is_rejected(problem):
+def test_a_wrong_or_delayed_torque_is_rejected(problem):
     angles = problem.angles(20)
     exact = problem.torque(angles)
     assert problems.torque_error(problem, angles, exact) == 0.0
@@ -100,7 +100,7 @@ def test_a_torque_a_thousandth_too_large_or_one_instant_late_is_rejected(problem
 
 
 @pytest.mark.parametrize("broken", ["short", "missing", "not a number"])
-def test_a_turn_that_is_not_whole_errs_without_bound(problem, broken):
+def test_an_incomplete_turn_has_an_infinite_error(problem, broken):
     angles = problem.angles(20)
     result = dict(problem.closed_form.positions(angles))
     name = next(iter(result))
@@ -113,9 +113,9 @@ def test_a_turn_that_is_not_whole_errs_without_bound(problem, broken):
     assert problems.position_errors(problem, angles, result) == problems.Errors(np.inf, np.inf)
 
 
-def test_stepping_errs_as_its_order_states_and_mujocos_defaults_err_by_per_cent(problem):
+def test_stepping_has_fourth_order_and_the_defaults_large_errors(problem):
     fewer, more = (solved("by_mechsim", problem, "mechsim, stepped (RK4)", n).position for n in (100, 200))
-    # 2^4 by the order; what the coarser run has not yet of it is a fifth at most
+    # 2^4 by the order; the coarser run deviates from it by at most a fifth
     assert 12.0 < fewer / more < 20.0
     assert solved("by_mechsim", problem, "MuJoCo's defaults (Euler)", 1000).position > 1e-3
 
@@ -131,7 +131,7 @@ def test_each_peer_solves_the_same_problem(problem, module):
     assert solved(module, problem, family, steps).position < bound
 
 
-def test_a_peer_that_is_not_installed_is_named_with_the_extra_and_the_others_run(monkeypatch, capsys):
+def test_a_missing_peer_is_reported_and_the_others_run(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "exudyn", None)
     monkeypatch.delitem(sys.modules, "by_exudyn", raising=False)
     with pytest.raises(InputError, match=r"exudyn is not installed.*\[peers\]"):
@@ -144,7 +144,7 @@ def test_a_peer_that_is_not_installed_is_named_with_the_extra_and_the_others_run
     assert ".[peers]" in output[0]
 
 
-def test_the_extra_brings_every_peer():
+def test_the_extra_installs_every_peer():
     extra = " ".join(
         tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]["peers"]
     )
@@ -153,7 +153,7 @@ def test_the_extra_brings_every_peer():
         assert brought_by.get(package, package) in extra
 
 
-def test_table_and_plot_hold_every_row_the_failed_ones_too(tmp_path):
+def test_table_and_plot_include_failed_rows(tmp_path):
     rows = [
         compare.Row("rssr", "mechsim, configurations in MuJoCo", 20, 1.0, 1e-14, 1e-14, 1e-12),
         compare.Row("rssr", "scipy DOP853, loop by hand", 0, 2.0, 0.0, 0.0, np.nan, "tolerance 1e-13"),

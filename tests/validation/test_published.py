@@ -1,4 +1,4 @@
-"""Published problems, written with the public face only: short versions of validation/published/."""
+"""Published problems with public names only: short versions of validation/published/."""
 
 import importlib.util
 import sys
@@ -20,65 +20,65 @@ def case(name: str):
     return module
 
 
-def assert_all_met(rows) -> None:
+def assert_all_passed(rows) -> None:
     rows = [row for row in rows if row.unit != "s" or row.bound < 1e-3]  # times depend on the machine
     assert rows
     assert not [row for row in rows if not row.passed]
 
 
-def test_the_pendulum_swings_as_elliptic_functions_state() -> None:
-    assert_all_met(case("a01_pendulum").rows())
+def test_the_pendulum_agrees_with_elliptic_functions() -> None:
+    assert_all_passed(case("a01_pendulum").rows())
 
 
-def test_two_four_bars_pass_the_singular_pose_on_the_right_branch() -> None:
+def test_two_four_bars_pass_the_singular_pose_on_the_correct_branch() -> None:
     problem = case("a02_four_bars")
-    assert_all_met(problem.reference_rows() + problem.rows(2, 10.0, 1e-3, 1e-4, 1e-4))
+    assert_all_passed(problem.reference_rows() + problem.rows(2, 10.0, 1e-3, 1e-4, 1e-4))
 
 
 @pytest.mark.slow
-def test_forty_four_bars_pass_the_singular_pose_on_the_right_branch() -> None:
-    assert_all_met(case("a02_four_bars").rows(40, 5.0, 1e-3, 5e-4, 5e-4))
+def test_forty_four_bars_pass_the_singular_pose_on_the_correct_branch() -> None:
+    assert_all_passed(case("a02_four_bars").rows(40, 5.0, 1e-3, 5e-4, 5e-4))
 
 
 def test_the_squeezer_has_eight_digits_in_mujoco() -> None:
-    assert_all_met(case("a03_squeezer").stepped_rows())
+    assert_all_passed(case("a03_squeezer").stepped_rows())
 
 
 def test_the_squeezer_has_nine_digits_by_the_reduced_equation() -> None:
-    assert_all_met(case("a03_squeezer").reduced_rows())
+    assert_all_passed(case("a03_squeezer").reduced_rows())
 
 
-def test_bricards_linkage_moves_with_one_redundant_constraint_and_keeps_its_energy() -> None:
-    assert_all_met(case("a04_bricard").rows(2.0, 5e-4, 1e-5))
+def test_bricards_linkage_conserves_energy_with_a_redundant_constraint() -> None:
+    assert_all_passed(case("a04_bricard").rows(2.0, 5e-4, 1e-5))
 
 
-def test_the_spatial_slider_crank_starts_with_its_exact_values_and_keeps_its_energy() -> None:
-    assert_all_met(case("rsup").rows(1.0, 1e-3, 0.1))
+def test_the_spatial_slider_crank_conserves_energy_from_exact_values() -> None:
+    assert_all_passed(case("rsup").rows(1.0, 1e-3, 0.1))
 
 
-def test_a_squeezer_with_one_mass_a_thousandth_off_is_seen() -> None:
+def test_a_squeezer_with_a_mass_error_of_a_thousandth_fails() -> None:
     problem = case("a03_squeezer")
     problem.MASSES = (*problem.MASSES[:6], problem.MASSES[6] * 1.001)
     assert any(not row.passed for row in problem.stepped_rows() if row.unit == "scd")
 
 
-def test_the_stiff_governor_moves_by_lagranges_equation() -> None:
+def test_the_stiff_governor_satisfies_lagranges_equation() -> None:
     governor = case("a05_governor")
     result = governor.compared(0.02, samples=8)
     # rounding of the spring's force, 8e5 N/m, over the inertia; measured 1e-16 rad, 8e-16 rad and 3e-15 m
     assert result.shaft < 1e-14
     assert result.arm < 1e-14
     assert result.slider < 1e-13
-    # a reference whose slider starts 1 um lower is seen
+    # a reference whose slider starts 1 um lower is detected
     assert governor.compared(0.02, samples=8, height=governor.HEIGHT - 1e-6).slider > 1e-8
 
 
-def test_a_slider_crank_bounces_off_its_stop_as_the_reduced_equation_states() -> None:
+def test_a_bouncing_slider_crank_agrees_with_the_reduced_equation() -> None:
     bounce = case("bouncing_slider_crank")
     result = bounce.compared(0.35)
     # ten times the tolerance of a step, 3e-13, over about a hundred of them; measured 2e-12
     assert result.impacts >= 1
     assert result.angle < 3e-11
     assert result.impact < 3e-12
-    # a reference of another coefficient of restitution is seen
+    # a reference with another coefficient of restitution is detected
     assert bounce.compared(0.35, restitution=0.7001).angle > 1e-6

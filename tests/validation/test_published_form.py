@@ -1,4 +1,4 @@
-"""The validation case of the published unit vector: it must go on showing what is wrong with it."""
+"""The validation case of the published unit vector must reproduce its loss of significance."""
 
 import mpmath
 import numpy as np
@@ -7,35 +7,35 @@ from hypothesis import assume, given
 from strategies import EPS, lengths, turns
 
 
-def test_published_form_loses_two_digits_for_each_digit_of_nearness_and_the_valid_form_none():
+def test_only_the_published_form_loses_digits_near_zero():
     distances = np.array([1e-9, 1e-6, 1e-3, 1e-1])
-    published, sound = case.errors_near_zero(distances)
+    published, accurate = case.errors_near_zero(distances)
     # a hundredth of rounding over the distance squared, within a factor of a hundred either way
     assert (published[:3] > 1e-20 / distances[:3] ** 2).all()
     assert (published[:3] < 1e-16 / distances[:3] ** 2).all()
     assert published[3] < 1e-14
-    assert sound.max() <= 4e-16
+    assert accurate.max() <= 4e-16
 
 
-def test_published_form_jumps_to_the_other_assembly_twice_a_turn():
+def test_the_published_form_changes_assembly_twice_per_turn():
     angles = np.linspace(0.0, 2 * np.pi, 720, endpoint=False) + 1e-3
-    published, sound = case.assemblies_over_a_turn(angles)
+    published, accurate = case.assemblies_over_a_turn(angles)
     assert case.jumps(published) == 2
-    assert (sound == 1).all()
+    assert (accurate == 1).all()
     # the jumps are where V3x = P4P2_y changes sign
     v3x = case.LOOPER.crank * np.cos(angles) - case.LOOPER.pivot[1]
     assert (published == np.sign(v3x)).all()
 
 
-def test_forms_agree_where_the_published_one_is_well_conditioned():
+def test_both_forms_agree_at_well_conditioned_angles():
     angles = np.linspace(-1.0, 1.0, 9)
     v1, axis, angle = case.question(case.LOOPER, angles)
-    sound = case.unit_at_angles(v1, axis, angle, np.pi / 2, 1)
-    assert np.abs(case.unit_at_angles_published(v1, axis, angle, np.pi / 2, 1) - sound).max() <= 2e-15
+    accurate = case.unit_at_angles(v1, axis, angle, np.pi / 2, 1)
+    assert np.abs(case.unit_at_angles_published(v1, axis, angle, np.pi / 2, 1) - accurate).max() <= 2e-15
 
 
 @given(lengths, lengths, turns)
-def test_triangle_angle_agrees_with_fifty_digits_also_for_needles(l1, l2, angle):
+def test_the_triangle_angle_agrees_with_fifty_digits(l1, l2, angle):
     l3 = abs(l1 - l2 * np.exp(1j * angle))
     assume(l3 > 1e-6)
     with mpmath.workdps(50):
@@ -44,12 +44,12 @@ def test_triangle_angle_agrees_with_fifty_digits_also_for_needles(l1, l2, angle)
         assume(abs(cosine) < 1)
         expected = float(mpmath.acos(cosine))
     measured = float(case.triangle_angle(l1, l2, l3))
-    # Kahan's bound holds where the lengths themselves determine the angle: not for a flat triangle
+    # Kahan's bound holds if the lengths determine the angle, so not for a flat triangle
     conditioned = min(expected, np.pi - expected) > 1e-6
     assert abs(measured - expected) <= (8 * EPS if conditioned else 1e-9) * np.pi
 
 
-def test_three_lengths_that_make_no_triangle_have_no_angle():
+def test_lengths_that_form_no_triangle_have_no_angle():
     assert np.isnan(case.triangle_angle([1.0, 1.0, 5.0], [1.0, 5.0, 1.0], [3.0, 1.0, 1.0])).all()
     assert case.triangle_angle(1.0, 2.0, 3.0) == np.pi
     assert case.triangle_angle(3.0, 2.0, 1.0) == 0.0

@@ -11,18 +11,18 @@ def slider(nodes, ring=False):
     return Slider("crank", "rad", np.asarray(nodes, dtype=float), ring, float(nodes[0]))
 
 
-def test_quaternions_turn_as_their_rotations_do():
+def test_quaternions_represent_their_rotations():
     turns = Rotation.from_quat(RANDOM.normal(size=(200, 4)))
     half = Rotation.from_rotvec(np.pi * np.vstack([np.eye(3), [[0.6, 0.0, 0.8]]]))
-    for given in (turns, half):
-        result = quaternions(given.as_matrix())
-        again = Rotation.from_quat(result, scalar_first=True).as_matrix()
-        np.testing.assert_allclose(again, given.as_matrix(), atol=1e-15)
+    for rotations in (turns, half):
+        result = quaternions(rotations.as_matrix())
+        restored = Rotation.from_quat(result, scalar_first=True).as_matrix()
+        np.testing.assert_allclose(restored, rotations.as_matrix(), atol=1e-15)
     shaped = quaternions(turns.as_matrix().reshape(10, 20, 3, 3))
     assert shaped.shape == (10, 20, 4)
 
 
-def test_cubics_of_two_sliders_are_found_exactly():
+def test_bicubic_interpolation_is_exact_for_cubics():
     first, second = slider([0.0, 0.3, 1.0, 1.4, 2.0]), slider([-1.0, 0.0, 0.5, 2.0])
 
     def law(a, b):
@@ -41,12 +41,12 @@ def ring_error(count):
     return np.abs(result - np.stack([np.cos(middles), np.sin(middles)], -1)).max()
 
 
-def test_a_ring_is_of_fourth_order_across_its_seam_too():
+def test_periodic_interpolation_has_fourth_order_across_the_seam():
     assert 3.8 < np.log2(ring_error(24) / ring_error(48)) < 4.2
     assert ring_error(360) == pytest.approx(3.0 / 128.0 * np.deg2rad(1.0) ** 4, rel=0.1)
 
 
-def test_turns_are_mixed_whichever_sign_they_are_written_with():
+def test_quaternions_are_interpolated_independent_of_sign():
     nodes = np.linspace(0.0, 2.0, 12)
     turns = Rotation.from_rotvec(nodes[:, None] * [[0.2, -0.9, 1.9]])
     signs = RANDOM.choice([-1.0, 1.0], (12, 1))
@@ -54,7 +54,7 @@ def test_turns_are_mixed_whichever_sign_they_are_written_with():
     for at in (0.03, 0.77, 1.94):
         result = interpolated((slider(nodes),), values, [at], turns=True)
         exact = Rotation.from_rotvec(np.array([0.2, -0.9, 1.9]) * at).as_matrix()
-        again = Rotation.from_quat(result, scalar_first=True).as_matrix()
-        np.testing.assert_allclose(again, exact, atol=2e-4)
+        restored = Rotation.from_quat(result, scalar_first=True).as_matrix()
+        np.testing.assert_allclose(restored, exact, atol=2e-4)
         plain = interpolated((slider(nodes),), values, [at])
-        assert abs(np.linalg.norm(plain) - 1.0) > 1e-3  # without heed to signs it is no turn at all
+        assert abs(np.linalg.norm(plain) - 1.0) > 1e-3  # ignoring signs does not give a unit quaternion

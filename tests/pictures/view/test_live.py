@@ -1,4 +1,4 @@
-"""A live page: what it solves is Python's at any dimensions, and a wrong formula is left out."""
+"""A live page agrees with Python at any dimensions and omits a wrong formula."""
 
 import tomllib
 
@@ -15,7 +15,7 @@ from mechsim.report.live_page import live_page
 from mechsim.subjects.readers import open_model, parametric_model
 
 SPEED = 20.0
-# dimensions that are changed, as `set=` takes them, and values of the drivers in SI
+# changed dimensions in the form of `set=`, and values of the drivers in SI
 CHANGED = {
     "four_bar": ({"crank": 0.037, "coupler": 0.118}, (0.9,)),
     "rssr": ({"crank": 0.0137, "gamma1": 0.41}, (-1.1,)),
@@ -45,7 +45,7 @@ def pages(tmp_path_factory):
 
 
 def live_view(name):
-    """Return a live page with few solved poses; it is made quickly."""
+    """Return a live page with few solved poses to save time."""
     solver = ms.load(name)
     if solver.motion_laws.crank:
         angles = np.linspace(-0.2, 0.2, 5)
@@ -86,7 +86,7 @@ def change(window, name):
 
 @in_browser
 @pytest.mark.parametrize("name", CHANGED)
-def test_the_page_solves_changed_dimensions_as_python_does(window, pages, name):
+def test_the_page_agrees_with_python_at_changed_dimensions(window, pages, name):
     open_live(window, pages(name))
     state = change(window, name)
     assert state["reached"]
@@ -99,7 +99,7 @@ def test_the_page_solves_changed_dimensions_as_python_does(window, pages, name):
         link, local = mechanism.points[point]
         numbers = solved.links[0, links.index(link)]
         exact = numbers[:3] + numbers[3:12].reshape(3, 3) @ np.array(local)
-        # the page and Python solve the same equations in doubles: asked are 1e-10, measured 1e-15 of the size
+        # the page and Python solve the same equations in doubles: required 1e-10, measured 1e-15 of the size
         np.testing.assert_allclose(position, exact, rtol=0.0, atol=1e-12 * mechanism.characteristic_length)
     np.testing.assert_allclose(state["torques"], np.ravel(solved.torques), rtol=1e-10, atol=1e-12)
     # unchanged dimensions give another configuration
@@ -109,7 +109,7 @@ def test_the_page_solves_changed_dimensions_as_python_does(window, pages, name):
 
 
 @in_browser
-def test_a_saved_file_reads_back_as_the_mechanism_of_the_page(window, pages, tmp_path):
+def test_a_saved_file_gives_the_mechanism_of_the_page(window, pages, tmp_path):
     for name in ("rssr", "jansen"):
         open_live(window, pages(name))
         state = change(window, name)
@@ -123,16 +123,16 @@ def test_a_saved_file_reads_back_as_the_mechanism_of_the_page(window, pages, tmp
 
 
 @in_browser
-def test_a_dragged_point_follows_the_pointer_as_far_as_it_can(window, pages):
+def test_a_dragged_point_follows_the_pointer_within_its_reach(window, pages):
     open_live(window, pages("stewart_gough"))
-    before, after, wanted = window.run(
+    before, after, target = window.run(
         "(() => { const at = () => pixel(pointMarks[0].getWorldPosition(new THREE.Vector3())); "
         "const a = at(), goal = [a[0] + 25, a[1] - 15]; dragTo(0, goal); return [a, at(), goal]; })()"
     )
     # half a pixel
-    assert np.linalg.norm(np.subtract(after, wanted)) < 0.5 < np.linalg.norm(np.subtract(before, wanted))
+    assert np.linalg.norm(np.subtract(after, target)) < 0.5 < np.linalg.norm(np.subtract(before, target))
     open_live(window, pages("four_bar"))
-    # point A is on a circle of 40 mm: the crank ends in the direction of the pointer
+    # point A moves on a circle of 40 mm: the crank ends in the direction of the pointer
     angle, reached = window.run(
         "(() => { const o = pixel(new THREE.Vector3()); "
         "for (let i = 0; i < 40; i++) dragTo(0, [o[0] - 300, o[1] - 300]); "
@@ -143,7 +143,7 @@ def test_a_dragged_point_follows_the_pointer_as_far_as_it_can(window, pages):
 
 
 @in_browser
-def test_the_address_holds_dimensions_and_limits_are_reported(window, pages):
+def test_the_address_stores_dimensions_and_limits_are_reported(window, pages):
     open_live(window, pages("four_bar"))
     window.run("setSlider(0, 0.5)")
     i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.crank')")
@@ -160,20 +160,20 @@ def test_the_address_holds_dimensions_and_limits_are_reported(window, pages):
     assert window.run(f"+sliderRows[{i}].querySelector('input[type=range]').max") == pytest.approx(49.0)
     window.run(f"setSlider({i}, 0.041)")
     ground = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.ground')")
-    # a crank of 41 mm on a frame of 150 mm does not turn to 180 degrees: the other links have 110 and 80 mm
+    # a crank of 41 mm on a frame of 150 mm cannot reach 180 degrees: the other links have 110 and 80 mm
     window.run(f"setSlider({ground}, state.grid.sliders[{ground}].nodes[1])")
     window.run("setSlider(0, Math.PI)")
     assert "Not reachable" in window.run("document.getElementById('trouble').textContent")
 
 
-def test_a_page_stays_below_one_and_a_half_megabytes():
+def test_a_live_page_is_below_one_and_a_half_megabytes():
     assert len(page(live_view("stewart_gough"))) < 1.5e6
 
 
-def test_formulas_that_do_not_hold_leave_their_dimension_out(monkeypatch):
+def test_a_dimension_with_a_wrong_formula_is_omitted(monkeypatch):
     family, model = parametric_model("four_bar"), open_model("four_bar")
-    held = parametric_geometry(model, family).dimensions
-    assert {"ground", "crank", "coupler", "rocker"} == {dimension.name for dimension in held}
+    valid = parametric_geometry(model, family).dimensions
+    assert {"ground", "crank", "coupler", "rocker"} == {dimension.name for dimension in valid}
     fitted = geometry.fitted_vectors
 
     def wrong(*args):
@@ -186,9 +186,9 @@ def test_formulas_that_do_not_hold_leave_their_dimension_out(monkeypatch):
     assert "crank" not in {dimension.name for dimension in parametric_geometry(model, family).dimensions}
 
 
-def test_dimensions_that_no_product_gives_are_left_out():
-    # Bennett's second length is the first times a quotient of sines
+def test_dimensions_without_a_product_formula_are_omitted():
+    # the second length of Bennett's linkage is the first times a quotient of sines
     assert parametric_geometry(open_model("bennett"), parametric_model("bennett")).dimensions == ()
-    # the gears' teeth change a coupling
+    # numbers of teeth change a coupling
     planetary = parametric_geometry(open_model("planetary_gear"), parametric_model("planetary_gear"))
     assert planetary.dimensions == ()

@@ -1,4 +1,4 @@
-"""The page in a browser: what is dragged goes where the closed form says, in every size and both schemes."""
+"""The page in a browser: dragged points agree with the closed form at every size and in both schemes."""
 
 import json
 import re
@@ -33,54 +33,54 @@ def window(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def place_of(tmp_path_factory):
+def path_of_page(tmp_path_factory):
     place = tmp_path_factory.mktemp("page") / "view.html"
     place.write_text(text(), encoding="utf-8")
     return place
 
 
-def fresh(window, page, fragment="", width=1280, scheme="light"):
+def open_fresh(window, page, fragment="", width=1280, scheme="light"):
     window.complaints.clear()
     window.open(page, width, scheme, fragment)
     assert window.run("document.documentElement.dataset.ready") == "yes", window.complaints
 
 
 def expected(window, point, degrees):
-    """Where a point falls on the stage, by the closed form and the camera that the records give."""
+    """Return the position of a point on the stage by the closed form and the recorded camera."""
     place = DRIVE.positions([np.deg2rad(degrees)])[point][0]
     view = data()["cameras"][0]
     width, height = window.run("[document.getElementById('stage').clientWidth, stage.clientHeight]")
     scale = 0.82 * min(width / view["width"], height / view["height"])
     back, up = np.array(view["back"]), np.array(view["up"])
-    off = place - np.array(view["centre"])
-    return np.array([width / 2.0 + scale * off @ np.cross(up, back), height / 2.0 - scale * off @ up])
+    offset = place - np.array(view["centre"])
+    return np.array([width / 2.0 + scale * offset @ np.cross(up, back), height / 2.0 - scale * offset @ up])
 
 
-def seen(window, point):
-    """Where the page says that a point falls."""
+def shown(window, point):
+    """Return the position of a point as reported by the page."""
     result = window.run(
         f"(one => [+one.dataset.x, +one.dataset.y])(document.querySelector('[data-point={point}]'))"
     )
     return np.array(result)
 
 
-def dragged(window, share):
-    """Drag the slider's thumb to a share of its length, and return the degrees it then shows."""
+def dragged(window, fraction):
+    """Drag the slider to a fraction of its length, and return the angle in degrees that it shows."""
     box = "(b => [b.left, b.top + b.height / 2, b.width])(slider0.getBoundingClientRect())"
     left, y, width = window.run(box)
     now = window.run("(slider0.value - slider0.min) / (slider0.max - slider0.min)")
-    window.drag(*((left + 8 + at * (width - 16), y) for at in (now, (now + share) / 2.0, share)))
+    window.drag(*((left + 8 + at * (width - 16), y) for at in (now, (now + fraction) / 2.0, fraction)))
     return window.run("+slider0.value")
 
 
-def test_a_page_brings_all_it_needs_and_stays_small():
+def test_a_page_is_self_contained_and_small():
     assert len(text().encode()) < 6e6
     outside = re.sub(r"<script>.*?</script>", "", text(), flags=re.S)
     assert not re.search(r'(src|href)="(?!data:)', outside)
     assert "@import" not in text()
 
 
-def test_no_name_of_a_mechanism_ends_the_script():
+def test_names_of_a_mechanism_are_escaped_in_the_script():
     named = ms.Joint("</script><b>", "revolute", ms.End("ground"), ms.End("arm"))
     link = ms.Link("arm", outline=((0.1, 0.0, 0.0),))
     arm = ms.Mechanism("</title>", (link,), (named,), "</script><b>", {"P": ("arm", (0.1, 0.0, 0.0))})
@@ -90,43 +90,43 @@ def test_no_name_of_a_mechanism_ends_the_script():
 
 
 @in_browser
-def test_the_dragged_slider_takes_points_where_the_closed_form_states(window, place_of):
-    fresh(window, place_of)
-    for share in (0.31, 0.64, 0.997):
-        degrees = dragged(window, share)
-        assert degrees == pytest.approx(360.0 * share, abs=2.0)
+def test_points_follow_a_dragged_slider_as_the_closed_form(window, path_of_page):
+    open_fresh(window, path_of_page)
+    for fraction in (0.31, 0.64, 0.997):
+        degrees = dragged(window, fraction)
+        assert degrees == pytest.approx(360.0 * fraction, abs=2.0)
         for point in DRIVE.mechanism.points:
-            assert np.abs(seen(window, point) - expected(window, point, degrees)).max() < 1.0
-        # three degrees next to it would be seen
-        assert np.abs(seen(window, "A") - expected(window, "A", degrees + 3.0)).max() > 1.0
+            assert np.abs(shown(window, point) - expected(window, point, degrees)).max() < 1.0
+        # an error of three degrees would be detected
+        assert np.abs(shown(window, "A") - expected(window, "A", degrees + 3.0)).max() > 1.0
     assert window.complaints == []
     loaded = window.run("performance.getEntriesByType('resource').map(one => one.name)")
     assert [item for item in loaded if not item.startswith("data:")] == []
 
 
 @in_browser
-def test_what_is_drawn_is_where_the_page_states(window, place_of):
-    fresh(window, place_of, "#crank=123&paths=off&names=off&joints=off")
+def test_points_are_drawn_at_their_reported_positions(window, path_of_page):
+    open_fresh(window, path_of_page, "#crank=123&paths=off&names=off&joints=off")
     image = window.look().astype(int)
     left, top = window.run("(b => [b.left, b.top])(stage.getBoundingClientRect())")
     for point in data()["points"]:
         x, y = expected(window, point["name"], 123.0) + np.array([left, top])
         colour = np.round(255 * np.array(point["colour"]))
-        near = image[round(y) - 30 : round(y) + 31, round(x) - 30 : round(x) + 31]
-        rows, columns = np.nonzero(np.abs(near - colour).max(-1) <= 1)
+        neighbourhood = image[round(y) - 30 : round(y) + 31, round(x) - 30 : round(x) + 31]
+        rows, columns = np.nonzero(np.abs(neighbourhood - colour).max(-1) <= 1)
         assert len(rows) > 20
         middle = np.array([columns.mean() - 30 + round(x), rows.mean() - 30 + round(y)])
         assert np.abs(middle + 0.5 - (x, y)).max() < 1.5
 
 
 @in_browser
-def test_the_links_cast_a_shadow_on_the_wall_behind_them(window, place_of):
+def test_the_links_cast_a_shadow_on_the_wall_behind_them(window, path_of_page):
     floor = data()["floor"]
     assert (floor["normal"], floor["at"] <= -data()["radius"]) == ([0.0, 0.0, 1.0], True)
-    fresh(window, place_of, "#crank=123&paths=off&names=off&joints=off")
+    open_fresh(window, path_of_page, "#crank=123&paths=off&names=off&joints=off")
 
     def shaded():
-        """Pixels of the stage between the sky, its grid and the links."""
+        """Count pixels of the stage between the sky, its grid and the links."""
         image = window.look().astype(int)[60:, :600]
         return ((np.ptp(image, axis=-1) <= 3) & (image.max(-1) > 190) & (image.max(-1) < 228)).sum()
 
@@ -137,8 +137,8 @@ def test_the_links_cast_a_shadow_on_the_wall_behind_them(window, place_of):
 
 
 @in_browser
-def test_keys_move_the_slider_and_choose_what_is_seen(window, place_of):
-    fresh(window, place_of, "#crank=40")
+def test_keys_move_the_slider_and_switch_visibility(window, path_of_page):
+    open_fresh(window, path_of_page, "#crank=40")
     window.run("slider0.focus()")
     window.press("ArrowRight")
     assert window.run("+slider0.value") == pytest.approx(41.0)
@@ -162,17 +162,15 @@ NAMES = "[...document.querySelectorAll('#labels text')].map(one => one.getBoundi
 
 @in_browser
 @pytest.mark.parametrize(("width", "angles"), [(400, (0, 75)), (1280, (180, 200))])
-def test_nothing_runs_over_the_edge_in_either_scheme_and_no_name_covers_another(
-    window, place_of, width, angles
-):
+def test_labels_do_not_overlap_or_leave_the_page(window, path_of_page, width, angles):
     ground = []
     for scheme, degrees in zip(("light", "dark"), angles, strict=True):
-        fresh(window, place_of, f"#crank={degrees}", width, scheme)
+        open_fresh(window, path_of_page, f"#crank={degrees}", width, scheme)
         assert window.run("document.documentElement.scrollWidth") <= width
         ground.append(float(np.median(window.look())))
         assert window.complaints == []
         result = window.run(NAMES)
-        assert len(result) >= 5  # three points, a pivot, the scale
+        assert len(result) >= 5  # three points, a pivot and the scale
         for i, a in enumerate(result):
             for b in result[:i]:
                 apart = a["right"] <= b["left"] or b["right"] <= a["left"]
@@ -187,10 +185,10 @@ HORIZON = """(() => {
 
 
 @in_browser
-def test_the_horizon_stays_level_while_a_spatial_mechanism_is_turned(window, tmp_path):
+def test_the_horizon_stays_level_during_rotation(window, tmp_path):
     path = tmp_path / "rssr.html"
     path.write_text(page(mechanism_view(ms.catalog.make("rssr"), ms.units.rpm(600))), encoding="utf-8")
-    fresh(window, path, "#names=off&joints=off")
+    open_fresh(window, path, "#names=off&joints=off")
     left, top = window.run("(b => [b.left, b.top])(stage.getBoundingClientRect())")
     assert window.run("DATA.cameras[0].back.every(part => Math.abs(part) > 0.1)")
     for camera in range(4):
@@ -204,8 +202,8 @@ def test_the_horizon_stays_level_while_a_spatial_mechanism_is_turned(window, tmp
 
 
 @in_browser
-def test_the_message_without_webgl_stays(window, tmp_path):
-    blind = """<script>
+def test_the_message_without_webgl_persists(window, tmp_path):
+    without_webgl = """<script>
       const known = HTMLCanvasElement.prototype.getContext;
       HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
         return /webgl/.test(kind) ? null : known.call(this, kind, ...more);
@@ -213,7 +211,7 @@ def test_the_message_without_webgl_stays(window, tmp_path):
     </script>"""
     path = tmp_path / "blind.html"
     path.write_text(
-        text().replace('<script type="application/json"', f'{blind}<script type="application/json"'),
+        text().replace('<script type="application/json"', f'{without_webgl}<script type="application/json"'),
         encoding="utf-8",
     )
     window.open(path, 400, "light")
@@ -235,10 +233,10 @@ NEAREST = """[...document.querySelectorAll('#labels text')].map(text => {
 
 
 @in_browser
-def test_the_nearest_part_of_every_label_is_its_own(window, place_of):
+def test_every_label_is_nearest_to_its_own_point(window, path_of_page):
     wrong = count = 0
     for degrees in range(0, 360, 30):
-        fresh(window, place_of, f"#crank={degrees}")
+        open_fresh(window, path_of_page, f"#crank={degrees}")
         for name, nearest in window.run(NEAREST):
             if name in ("A", "B", "C", "crank", "rocker"):
                 count += 1
@@ -248,15 +246,15 @@ def test_the_nearest_part_of_every_label_is_its_own(window, place_of):
 
 
 @in_browser
-def test_the_address_holds_what_is_shown_and_gives_it_back(window, place_of):
-    fresh(window, place_of)
+def test_the_address_stores_and_restores_the_view(window, path_of_page):
+    open_fresh(window, path_of_page)
     window.run("setSlider(0, 2.0)")
     window.run("flip('paths')")
     window.run("orbit(0.4, 0.2); zoom(1.5)")
     assert window.run("new Promise(done => setTimeout(() => done(true), 600))")
     shot = "[state.values[0], camera.zoom, ...camera.position.toArray()]"
     fragment, before = window.run(f"[location.hash, {shot}]")
-    fresh(window, place_of, fragment)
+    open_fresh(window, path_of_page, fragment)
     after = window.run(shot)
     assert after == pytest.approx(before, rel=1e-3, abs=1e-3)
     assert window.run("state.show.paths") is False
@@ -264,8 +262,8 @@ def test_the_address_holds_what_is_shown_and_gives_it_back(window, place_of):
 
 
 @in_browser
-def test_a_table_and_a_picture_can_be_saved(window, place_of):
-    fresh(window, place_of, "#crank=30")
+def test_a_table_and_a_picture_can_be_saved(window, path_of_page):
+    open_fresh(window, path_of_page, "#crank=30")
     rows = window.run("table()").split("\r\n")
     assert rows[0].startswith("crank [°],A.x [mm]")
     assert len(rows) > 120

@@ -1,4 +1,4 @@
-"""A platform driven by its pose in the page: the joints it solves are those of Python, within 1e-10."""
+"""A platform driven by its pose in the page agrees with Python within 1e-10."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def window(tmp_path_factory):
 
 
 def platform_view(solver, limits):
-    """Return a page of few poses besides those of the platform; it is made quickly."""
+    """Return a page with few poses other than those of the platform to save time."""
     times = np.linspace(0.0, 0.1, 5)
     motion = solver.solve(t=times)
     grid = motion_grid("motion", solver.mechanism, motion, driver="time", unit="s", nodes=times)
@@ -76,7 +76,7 @@ def drivers_of(window):
 
 
 def python_motion(mechanism, start, drivers):
-    """Solve the mechanism on the straight way of its drivers from its start; return the end."""
+    """Solve the mechanism along a linear path of its drivers from its start; return the motion."""
     states = {name: steady(start[name], value - start[name]) for name, value in drivers.items()}
     solver = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, 1.0))
     return solver.solve(t=np.linspace(0.0, 1.0, 11))
@@ -84,7 +84,7 @@ def python_motion(mechanism, start, drivers):
 
 @in_browser
 @pytest.mark.parametrize("name", PLATFORMS)
-def test_the_page_solves_a_platform_as_python_does(window, pages, name):
+def test_the_page_agrees_with_python_on_a_platform(window, pages, name):
     link, coordinates, displacement = PLATFORMS[name]
     origin = "P" if name == "five_bar" else link
     start = open_platform(window, pages(name))
@@ -104,15 +104,15 @@ def test_the_page_solves_a_platform_as_python_does(window, pages, name):
                 rotation = Rotation.from_quat(pose[3:], scalar_first=True).as_matrix()
                 assert np.abs(motion.links[own].position[-1] - pose[:3]).max() < 1e-10
                 assert np.abs(motion.links[own].rotation[-1] - rotation).max() < 1e-9
-        expect_pose(motion, solver.mechanism, link, coordinates.split(), values)
+        assert_pose(motion, solver.mechanism, link, coordinates.split(), values)
     assert window.complaints == []
 
 
-def expect_pose(motion, mechanism, link, coordinates, values):
+def assert_pose(motion, mechanism, link, coordinates, values):
     """Compare the pose that Python finds with the requested coordinates."""
     own = motion.links[link]
     point = np.array(next(at for name, at in mechanism.points.values() if name == link))
-    position = own.position[-1] + own.rotation[-1] @ point  # not compared where the platform only rotates
+    position = own.position[-1] + own.rotation[-1] @ point  # not compared for a platform that only rotates
     angles = Rotation.from_matrix(own.rotation[-1]).as_euler("XYZ")
     result = dict(zip(("x", "y", "z", "rx", "ry", "rz"), (*position, *angles), strict=True))
     for coordinate, value in zip(coordinates, values, strict=True):
@@ -120,7 +120,7 @@ def expect_pose(motion, mechanism, link, coordinates, values):
 
 
 @in_browser
-def test_the_reachable_range_ends_where_a_leg_reaches_its_limit(window, pages):
+def test_the_reachable_range_ends_at_the_limit_of_a_leg(window, pages):
     legs = {f"l{i}": (0.14, 0.17) for i in range(1, 7)}
     start = open_platform(window, pages("stewart_gough", legs))
     low, high = window.run("state.grid.range(state.values, 1)")
@@ -151,17 +151,17 @@ def test_the_band_of_a_slider_shows_its_reachable_range(window, pages):
 
 
 @in_browser
-def test_a_pose_out_of_reach_is_reported_and_the_sliders_work_on(window, pages):
+def test_an_unreachable_pose_is_reported_and_the_sliders_continue(window, pages):
     start = open_platform(window, pages("five_bar"))
-    far = [start[0] + 0.08, start[1] + 0.05]
-    _, message = move(window, far)
+    unreachable = [start[0] + 0.08, start[1] + 0.05]
+    _, message = move(window, unreachable)
     assert message.startswith("Not reachable: ")
     assert "the last pose on the way there is shown" in message
     _, message = move(window, start)
     assert message == ""
 
 
-def test_a_platform_needs_several_drivers_that_move_it_together(monkeypatch):
+def test_a_platform_needs_several_coupled_drivers(monkeypatch):
     assert platform_of(ms.catalog.make("four_bar").mechanism, {}) is None
     assert platform_of(ms.load("parallel_gripper").mechanism, {}) is None
     monkeypatch.setattr("mechsim.report.driver_views.NODES", {2: 3})

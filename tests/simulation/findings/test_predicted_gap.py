@@ -23,9 +23,9 @@ COMPLIANT = [
 
 @pytest.fixture
 def scene(tmp_path):
-    def read(compliance, *more):
+    def read(compliance, *changes):
         path = tmp_path / "scene.xml"
-        path.write_text(changed((STIFF, compliance), SERVO, STIFFLY, *more))
+        path.write_text(changed((STIFF, compliance), SERVO, STIFFLY, *changes))
         source = read_model(str(path))
         moves = make_motion_laws(source.mechanism, {"crank": wave(0.0, 1.0)}, 1.0)
         return Inspected(source, moves)

@@ -42,8 +42,8 @@ def written(tmp_path, text):
     return str(path)
 
 
-def run(monkeypatch, capsys, *words):
-    monkeypatch.setattr("sys.argv", ["mechsim", "check", *words])
+def run(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr("sys.argv", ["mechsim", "check", *arguments])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     return ended.value.code or 0, capsys.readouterr()
@@ -134,12 +134,14 @@ def test_stiffness_is_the_force_per_gap_in_mujoco(tmp_path):
 
 
 def test_elements_without_urdf_equivalent_are_reported():
-    lost = {violation.object for violation in ms.check(mujoco.MjSpec.from_string(SOUND), target="urdf")}
-    assert {"connect and weld equalities", "actuators"} <= lost
+    unsupported = {
+        violation.object for violation in ms.check(mujoco.MjSpec.from_string(SOUND), target="urdf")
+    }
+    assert {"connect and weld equalities", "actuators"} <= unsupported
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("arguments", "message"),
     [
         (["missing.xml"], "there is no file"),
         ([str(ROOT / "README.md")], "MJCF"),
@@ -149,8 +151,8 @@ def test_elements_without_urdf_equivalent_are_reported():
         ([str(ROOT / "models/four_bar.xml"), str(ROOT / "models/rssr.xml"), "--fix", "x.xml"], "one by one"),
     ],
 )
-def test_invalid_options_are_rejected(words, message, monkeypatch, capsys):
-    code, out = run(monkeypatch, capsys, *words)
+def test_invalid_options_are_rejected(arguments, message, monkeypatch, capsys):
+    code, out = run(monkeypatch, capsys, *arguments)
     assert code == 2
     assert message in out.err
 

@@ -111,8 +111,8 @@ def test_two_components_of_a_spatial_point_need_a_named_plane():
         ms.validate(drive, against=lambda angle: {"P3": own(angle)["P3.yz"]})
 
 
-def run_command(monkeypatch, capsys, *words):
-    monkeypatch.setattr("sys.argv", ["mechsim", *words])
+def run_command(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr("sys.argv", ["mechsim", *arguments])
     with pytest.raises(SystemExit) as ended:
         main()
     output = capsys.readouterr()
@@ -158,8 +158,8 @@ def test_a_failed_formula_gets_a_plot_and_a_page_with_the_cause(monkeypatch, cap
         "import numpy as np\ndef f(a):\n    return {'A': 0.051 * np.column_stack([np.cos(a), np.sin(a)])}\n"
     )
     monkeypatch.chdir(tmp_path)
-    words = ("slider_crank", "--against", "own.py:f", "--plot", "a.svg", "--report", "out")
-    code, out, _ = run_command(monkeypatch, capsys, "validate", *words)
+    arguments = ("slider_crank", "--against", "own.py:f", "--plot", "a.svg", "--report", "out")
+    code, out, _ = run_command(monkeypatch, capsys, "validate", *arguments)
     assert code == 1
     assert "  likely cause       crank is 0.051 m instead of 0.05 m," in out
     assert (tmp_path / "a.svg").read_text().startswith("<?xml")

@@ -46,11 +46,11 @@ def test_monte_carlo_errors_stay_below_the_worst_case():
 @pytest.mark.parametrize("distribution", ["uniform", "normal"])
 def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
     result = table("hoeken", of=("rocker",))
-    given = {"crank": 1e-6, "arm": 2e-6, "A.clearance": 1e-6}
-    asked = parsed_tolerances(
-        given, result.moved.designs.dimensions, result.moved.solver.mechanism, distribution
+    limits = {"crank": 1e-6, "arm": 2e-6, "A.clearance": 1e-6}
+    requested = parsed_tolerances(
+        limits, result.moved.designs.dimensions, result.moved.solver.mechanism, distribution
     )
-    study = tolerance_study(result, asked, samples=40_000)
+    study = tolerance_study(result, requested, samples=40_000)
     random = study.random("rocker.q")
     assert study.sampled.sampling.order == 1
     assert np.abs(random["std"] / study.deviation("rocker.q") - 1.0).max() <= 0.02
@@ -66,8 +66,8 @@ def test_large_tolerances_use_second_order():
     values, solved, weights = result.moved.designs.values(), [], []
     # Gauss points, three per dimension, are exact for terms up to the fifth order
     for nodes in product(zip(*np.polynomial.legendre.leggauss(3), strict=True), repeat=len(names)):
-        off = {name: values[name] + 2e-3 * at for name, (at, _) in zip(names, nodes, strict=True)}
-        solved.append(result.moved.values(["rocker.q"], off)["rocker.q"])
+        samples_off = {name: values[name] + 2e-3 * at for name, (at, _) in zip(names, nodes, strict=True)}
+        solved.append(result.moved.values(["rocker.q"], samples_off)["rocker.q"])
         weights.append(np.prod([0.5 * weight for _, weight in nodes]))
     mean = np.average(solved, 0, weights)
     deviation = np.sqrt(np.average((solved - mean) ** 2, 0, weights))
@@ -97,13 +97,13 @@ def test_every_sample_is_solved_if_a_closed_form_exists():
     solved = DesignSolver(moved, [*result.values], bounds, values, angular)
     parts = np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3))
     # the last sample cannot be assembled: its crank is too long
-    samples, lost = formula_samples(solved, np.concatenate([parts, [[30.0, 0.0, 0.0]]]))
-    assert lost.tolist() == [False] * 40 + [True]
-    off = np.empty((40, len(values)))
+    samples, unassembled = formula_samples(solved, np.concatenate([parts, [[30.0, 0.0, 0.0]]]))
+    assert unassembled.tolist() == [False] * 40 + [True]
+    samples_off = np.empty((40, len(values)))
     for which, block in samples.blocks():
-        off[:, which] = block
+        samples_off[:, which] = block
     exact = np.array([solved.deviations(item) for item in parts])
-    assert np.abs(off - exact).max() <= 1e-12
+    assert np.abs(samples_off - exact).max() <= 1e-12
     study = tolerance_study(result, bounds, samples=5_000)
     assert (study.sampled.sampling.order, study.sampled.sampling.solved, study.sampled.sampling.failed) == (
         0,

@@ -60,10 +60,10 @@ def test_derivatives_of_tooth_forces_equal_finite_differences(path, name, value,
         form = ms.load(path, set={name: f"{changed} {unit}"})
         return dict(ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 30.0).columns())
 
-    more, less = columns(value + step), columns(value - step)
+    plus, minus = columns(value + step), columns(value - step)
     in_si = np.deg2rad(step) if unit == "deg" else 1e-3 * step
     for column in COLUMNS:
-        expected = (more[column] - less[column]) / (2.0 * in_si)
+        expected = (plus[column] - minus[column]) / (2.0 * in_si)
         np.testing.assert_allclose(result.by[name][column], expected, rtol=1e-6, atol=1e-5)
 
 

@@ -28,18 +28,18 @@ def test_points_vary_by_component_and_choices_by_value():
 def test_a_grid_has_all_combinations_in_any_row_range():
     designs = grid_designs({"crank": [1.0, 2.0], "rocker": [3.0, 4.0, 5.0]}, "rssr", PARAMETERS)
     assert designs.shape == (2, 3)
-    whole = designs.rows(0, 6)
-    assert whole["crank"].tolist() == [1.0] * 3 + [2.0] * 3
-    assert designs.rows(2, 5)["rocker"].tolist() == whole["rocker"][2:5].tolist()
+    all_rows = designs.rows(0, 6)
+    assert all_rows["crank"].tolist() == [1.0] * 3 + [2.0] * 3
+    assert designs.rows(2, 5)["rocker"].tolist() == all_rows["rocker"][2:5].tolist()
 
 
 def test_samples_fill_their_spans_reproducibly():
     spans = {"crank": (1.0, 2.0), "rocker": (5.0, 9.0)}
-    first, again = (sampled_designs("sobol:100", spans, "rssr", PARAMETERS) for _ in range(2))
+    first, repeated = (sampled_designs("sobol:100", spans, "rssr", PARAMETERS) for _ in range(2))
     crank, rocker = first.values.values()
     assert 1.0 <= crank.min() < 1.02 < 1.98 < crank.max() <= 2.0
     assert abs(rocker.mean() - 7.0) < 0.1
-    np.testing.assert_array_equal(crank, again.values["crank"])
+    np.testing.assert_array_equal(crank, repeated.values["crank"])
 
 
 def test_a_design_file_may_have_units_in_its_cells(tmp_path):

@@ -31,8 +31,8 @@ def value(text, turns):
 
 
 def test_measures_equal_those_computed_from_the_motion(turns):
-    alone = catalog.make("rssr").solve(ANGLES, 3.0)
-    rocker, p3 = alone.joints["rocker"], alone.points["P3"]
+    single = catalog.make("rssr").solve(ANGLES, 3.0)
+    rocker, p3 = single.joints["rocker"], single.points["P3"]
     largest_distance = np.linalg.norm(p3.position[:, None] - p3.position, axis=2).max()
     expected = {
         "range:rocker": (np.ptp(rocker.value), "rad"),
@@ -57,8 +57,8 @@ def test_angles_are_continuous_over_the_turn(turns):
 def test_a_value_at_an_angle_is_that_of_its_pose(turns):
     result = measure("at:350deg:rocker", catalog.make("rssr").mechanism)
     both = table_of((result,), turns, {result.angle: 35})
-    alone = catalog.make("rssr").solve(ANGLES[35:]).joints["rocker"].value[0]
-    assert both[result.name][0] == pytest.approx(alone)
+    single = catalog.make("rssr").solve(ANGLES[35:]).joints["rocker"].value[0]
+    assert both[result.name][0] == pytest.approx(single)
 
 
 def test_a_function_of_a_motion_is_a_measure(turns, tmp_path):

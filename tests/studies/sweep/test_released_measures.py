@@ -98,7 +98,7 @@ def test_an_unsettled_run_and_a_missing_mode_are_outcomes(oscillator):
 
 
 @pytest.mark.parametrize(
-    ("measure", "more", "message"),
+    ("measure", "options", "message"),
     [
         ("frequency:0", {}, "has no mode number"),
         ("frequency:x", {}, "has no mode number"),
@@ -106,6 +106,6 @@ def test_an_unsettled_run_and_a_missing_mode_are_outcomes(oscillator):
         ("range:s", {"initial": START}, "an initial state or event needs a measure"),
     ],
 )
-def test_invalid_measures_of_a_run_are_rejected(oscillator, measure, more, message):
+def test_invalid_measures_of_a_run_are_rejected(oscillator, measure, options, message):
     with pytest.raises(InputError, match=message):
-        ms.sweep(oscillator, {"viscous": [1.0]}, measure, **more)
+        ms.sweep(oscillator, {"viscous": [1.0]}, measure, **options)

@@ -17,16 +17,16 @@ MEASURES = ["range:rocker", "crank_range"]
 def test_a_written_sweep_reads_back(tmp_path, ending):
     path = tmp_path / f"out.{ending}"
     result = ms.sweep("four_bar", VARY, MEASURES, output=path)
-    again = read_sweep(path)
-    np.testing.assert_array_equal(again["range:rocker"], result["range:rocker"])
-    np.testing.assert_array_equal(again["crank"], result["crank"])
-    assert again["reason"].values.tolist() == result["reason"].values.tolist()
-    assert again["range:rocker"].dims == ("crank", "coupler")
+    read_back = read_sweep(path)
+    np.testing.assert_array_equal(read_back["range:rocker"], result["range:rocker"])
+    np.testing.assert_array_equal(read_back["crank"], result["crank"])
+    assert read_back["reason"].values.tolist() == result["reason"].values.tolist()
+    assert read_back["range:rocker"].dims == ("crank", "coupler")
     assert [item.name for item in tmp_path.iterdir()] == [path.name]
     if ending != "csv":
-        assert again["range:rocker"].attrs["units"] == "rad"
-        assert again.attrs["model"] == "four_bar"
-        assert again["crank"].attrs["units"] == "m"
+        assert read_back["range:rocker"].attrs["units"] == "rad"
+        assert read_back.attrs["model"] == "four_bar"
+        assert read_back["crank"].attrs["units"] == "m"
 
 
 def stopped_after(monkeypatch, count):

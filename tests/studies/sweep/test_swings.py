@@ -36,9 +36,9 @@ def upper_dead_centre(rocker):
 def extent(rocker):
     """Return the range of the rocker over the whole reachable range of the crank, in [rad]."""
     end = upper_dead_centre(rocker)
-    near = end * (1.0 - np.geomspace(1e-12, 1.0, 400))
+    angles = end * (1.0 - np.geomspace(1e-12, 1.0, 400))
     drive = ms.catalog.make("four_bar", **LENGTHS, rocker=rocker)
-    return np.ptp(np.unwrap(drive.solve([*-near, *near[::-1]]).joints["rocker"].value))
+    return np.ptp(np.unwrap(drive.solve([*-angles, *angles[::-1]]).joints["rocker"].value))
 
 
 @pytest.fixture
