@@ -152,7 +152,7 @@ def test_special_names_cause_no_internal_error(mechsim, line):
     assert "Warning" not in reported.err
 
 
-def test_show_reports_an_odd_name_as_it_is(mechsim):
+def test_show_prints_special_names_unchanged(mechsim):
     Path("odd.toml").write_text(to_toml(named(ODD)), encoding="utf-8")
     assert ODD in mechsim("show", "odd.toml", "--json").out.replace("\\\\", "\\")
 

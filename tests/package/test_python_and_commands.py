@@ -55,7 +55,7 @@ def test_every_function_accepts_every_kind_of_model(call, kind):
     assert call(MODELS[kind]()) is not None
 
 
-def test_a_joint_map_takes_a_path():
+def test_a_joint_map_accepts_a_path():
     (driver,) = ms.load(SCENE).mechanism.drivers
     assert ms.joint_map(SCENE, {driver: ("5deg", "15deg")}, [driver], points=3) is not None
 
