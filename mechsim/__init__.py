@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from mechsim.model import load_profile as load_profile
     from mechsim.model import masses as masses
     from mechsim.model import motors as motors
-    from mechsim.model.controllers import Controller as Controller
     from mechsim.model.forces import Forces as Forces
     from mechsim.model.forces import Friction as Friction
     from mechsim.model.forces import JointSpring as JointSpring
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
     from mechsim.model.mechanism import Mechanism as Mechanism
     from mechsim.model.motion import Motion as Motion
     from mechsim.model.motion_laws import MotionLaws as MotionLaws
+    from mechsim.model.motors import Controller as Controller
     from mechsim.model.scene import Scene as Scene
     from mechsim.pictures import plots as plots
     from mechsim.pictures import render as render
@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from mechsim.studies.validate import Validation as Validation
     from mechsim.studies.validate import validate as validate
     from mechsim.subjects import dynamics as dynamics
-    from mechsim.subjects.listing import list as list
+    from mechsim.subjects.gallery import list as list
     from mechsim.subjects.readers import load as load
     from mechsim.subjects.simulate_by_name import simulate as simulate
     from mechsim.theory.continuation.mechanism_trace import trace as trace
@@ -92,13 +92,13 @@ _NAMES = {
     "_version": "__version__",
     "codegen.compiled": "compile",
     "errors": "AssemblyError InputError MechsimError",
-    "model.controllers": "Controller",
     "model.forces": "Forces Friction JointSpring Load Spring",
     "model.joints": "Coupling End Gear Joint",
     "model.links": "Inertia Link Pose",
     "model.mechanism": "Mechanism",
     "model.motion": "Motion",
     "model.motion_laws": "MotionLaws",
+    "model.motors": "Controller",
     "model.scene": "Scene",
     "report.notebook": "show view",
     "simulation": "Run Settings",
@@ -116,7 +116,7 @@ _NAMES = {
     "studies.sensitivity.tolerance_analysis": "tolerance_study",
     "studies.sweep.sweeping": "sweep",
     "studies.validate": "Validation validate",
-    "subjects.listing": "list",
+    "subjects.gallery": "list",
     "subjects.readers": "load",
     "subjects.simulate_by_name": "simulate",
     "theory.continuation.mechanism_trace": "trace",

@@ -12,7 +12,7 @@ CONSTRAINTS = "analytic/loops/constraints.py"
 TREE = "analytic/loops/kinematics.py"
 DESIGN_MOTION = "analytic/loops/design_motion.py"
 LOOP_MOTION = "analytic/loops/motion.py"
-RATES = "analytic/loops/path_rates.py"
+RATES = "analytic/loops/path.py"
 CHECKS = "verdict/checks.py"
 
 EQUIVALENT: dict[tuple[str, str, str], str] = {

@@ -74,7 +74,7 @@ TESTS: dict[str, list[str]] = {
     ],
     "analytic/loops/tree.py": TREE,
     "analytic/loops/kinematics.py": TREE,
-    "analytic/loops/path_rates.py": [
+    "analytic/loops/path.py": [
         "analytic/test_tree_rates.py",
         "analytic/test_rates_are_derivatives.py",
         "analytic/test_change_points.py::test_loop_equations_and_closed_form_agree_through_change_points",

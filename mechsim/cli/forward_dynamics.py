@@ -17,7 +17,6 @@ from mechsim.analytic.dynamics import (
     nearest_equilibrium,
 )
 from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.analytic.dynamics.mode_motion import mode_motions
 from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import InitialOptions, ModelOptions
@@ -33,7 +32,7 @@ from mechsim.model.quantities import coordinate_units, quantity_names
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
-from mechsim.studies.release import Release, frequency_response
+from mechsim.studies.release import Release, frequency_response, mode_motions
 from mechsim.units import option
 from mechsim.verdict.checks import Check, Verdict
 

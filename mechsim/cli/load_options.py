@@ -15,11 +15,10 @@ from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, requ
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
-from mechsim.model.controllers import Controller
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring
 from mechsim.model.load_profile import table
 from mechsim.model.masses import LinkMass, summary
-from mechsim.model.motors import Geared, PlainMotor
+from mechsim.model.motors import Controller, Geared, PlainMotor
 from mechsim.studies.release import DURATION, Release
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option

@@ -32,14 +32,13 @@ LARGEST_RANGE = 10.0 * REVOLUTION
 LENGTH_RATIO = 100.0
 
 
-def warn_about_angle(name: str, text: str, solver: KinematicSolver | None = None) -> None:
+def warn_about_angle(name: str, text: str, file_unit: str = "rad") -> None:
     """Warn if an angle without a unit is probably in degrees.
 
     Raises:
         InputError: if an angle has no unit and the mechanism's file declares another unit than rad.
     """
-    if solver is not None:
-        require_written(text, "rad", solver.written.angle, name)
+    require_written(text, "rad", file_unit, name)
     value = _without_unit(text)
     if value is not None and abs(value) > REVOLUTION:
         questions.append(
@@ -47,10 +46,9 @@ def warn_about_angle(name: str, text: str, solver: KinematicSolver | None = None
         )
 
 
-def warn_about_angles(name: str, text: str, solver: KinematicSolver | None = None) -> None:
+def warn_about_angles(name: str, text: str, file_unit: str = "rad") -> None:
     """Warn or raise InputError as `warn_about_angle`, for start:stop:step without units."""
-    if solver is not None:
-        require_written(text, "rad", solver.written.angle, name)
+    require_written(text, "rad", file_unit, name)
     values = [_without_unit(item) for item in text.split(":")]
     numbers = [value for value in values if value is not None]
     if len(numbers) == len(values) and max(map(abs, numbers)) > LARGEST_RANGE:

@@ -126,7 +126,7 @@ def render(
     require_release(loads, release, "add --initial, --until or --mode")
     angle = None if animation.angle is None else parse_angle(animation.angle, "the crank angle")
     solver = source.load_moving()
-    warn_about_angle("--angle", animation.angle or "", solver)
+    warn_about_angle("--angle", animation.angle or "", solver.written.angle)
     look = replace(look, **drawn_as(solver))
     if animation.trace:
         return _written(solver.name, output, _assembly_curve(path, solver, animation, look, picture))

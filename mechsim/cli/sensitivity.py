@@ -150,7 +150,7 @@ def sensitivity(
         instants = spread_instants(solver)
     else:
         instants = units.parse_angles(options.angles, "the crank angles")
-        warn_about_angles("--angles", options.angles, solver)
+        warn_about_angles("--angles", options.angles, solver.written.angle)
     loading = Loading(loads.forces, loads.density, loads.diameter)
     moved = MovedFamily(parametric, instants, crank_speed(options.speed or SPEED), loading)
     tolerances = None

@@ -27,9 +27,9 @@ from mechsim.cli.verdict_text import findings_in_json, print_findings
 from mechsim.model.finding import Finding
 from mechsim.model.joints import Coupling, Joint
 from mechsim.report.facts import facts, kind
-from mechsim.subjects import gallery, listing
+from mechsim.subjects import gallery
 from mechsim.subjects.mjcf_source import scene_findings
-from mechsim.theory.structure.assur import AssurGroup
+from mechsim.theory.assur import AssurGroup
 from mechsim.units import option, parse_angle
 
 # significant digits of parameters and coupling coefficients, which are inputs
@@ -102,7 +102,7 @@ def list_mechanisms() -> Result[ListJson]:
     mechsim list
     mechsim list --json
     """
-    mechanisms: Any = listing.list()
+    mechanisms: Any = gallery.list()
 
     def text() -> None:
         head = ("name", "what it is")
@@ -131,7 +131,7 @@ def show(
     solver = source.load(still=True)
     shown = output_units(units, solver) or SI_UNITS
     radians = None if angle is None else parse_angle(angle, "the crank angle")
-    warn_about_angle("--angle", angle or "", solver)
+    warn_about_angle("--angle", angle or "", solver.written.angle)
     data = facts(solver, radians, driver)
     findings = scene_findings(solver)
 

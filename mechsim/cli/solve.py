@@ -139,11 +139,13 @@ def solve(
     """
     path = None if output is None else writable(output, ".csv", ".npz")
     solver = with_policy(source.load(), change_point)
-    options.check(solver)
-    shown = output_units(units, solver)
     if options.poses is not None:
-        return _whole(solver, poses_of_table(solver, files.read(options.poses), options.poses), path, shown)
-    task = _task(require_motion(solver), options)
+        options.check(solver)
+        poses = poses_of_table(solver, files.read(options.poses), options.poses)
+        return _whole(solver, poses, path, output_units(units, solver))
+    require_motion(solver)
+    options.check(solver)
+    task, shown = _task(solver, options), output_units(units, solver)
     in_terminal = path is None and sys.stdout.isatty()
     if as_json or in_terminal or (path is not None and path.suffix.lower() == ".npz"):
         number_bytes = JSON_BYTES if as_json else NPZ_BYTES
@@ -168,7 +170,7 @@ def _task(solver: KinematicSolver, options: SolveOptions) -> SolveTask:
         return SolveTask(swinging, times, lambda t: swinging.solve(*swing.state(t)), name)
     if options.angles or options.samples is None:
         angles = parse_angles(options.angles or ANGLES, "the crank angles")
-        warn_about_angles("--angles", options.angles or ANGLES, solver)
+        warn_about_angles("--angles", options.angles or ANGLES, solver.written.angle)
     else:
         angles = np.linspace(0.0, 2.0 * np.pi, samples)
     start = solver.starting_at(angles, speed)

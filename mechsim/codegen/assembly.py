@@ -16,7 +16,7 @@ from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import driven_path, instants_of_laws, with_locked_values
-from mechsim.analytic.loops.path_rates import closed_chunks
+from mechsim.analytic.loops.path import closed_chunks
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.expressions import ROUNDING

@@ -21,8 +21,8 @@ from mechsim.model.joints import End
 from mechsim.model.links import vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.subjects.toml_reader import TomlModel, values_of
-from mechsim.subjects.toml_values import is_quantity
+from mechsim.subjects.toml_reader import TomlModel
+from mechsim.subjects.toml_values import is_quantity, values_of
 from mechsim.units import Unit, parse
 
 # vectors of a joint side; a tracked point has only "at"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mechsim.analytic.dynamics.state_layout import rotation_quaternions
+from mechsim.analytic.dynamics.initial_state import rotation_quaternions
 from mechsim.codegen.assembly import SolvedAssembly
 from mechsim.codegen.expressions import number_text
 from mechsim.codegen.kinematics import (

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import InputError
-from mechsim.model.controllers import Controller
 from mechsim.model.joint_kinds import KINDS, Kind, kinds_that
 from mechsim.model.links import GROUND, ORIGIN, Vector
 from mechsim.model.load_profile import LoadProfile
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motors import Motor
+from mechsim.model.motors import Controller, Motor
 from mechsim.numerics.inputs import HUGE, number, numbers, require
 
 # name of a tracked point, or a link ("ground" too) and a point in its frame in [m]

@@ -24,7 +24,7 @@ from mechsim.verdict.record_errors import lengths
 if TYPE_CHECKING:
     from mechsim.analytic.dynamics.free_motion import FreeRun
     from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
-    from mechsim.theory.structure.assur import AssurGroup
+    from mechsim.theory.assur import AssurGroup
 
 
 def facts(solver: KinematicSolver, angle: float | None = None, driver: str | None = None) -> dict[str, Any]:
@@ -37,8 +37,8 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
         angle: crank angle at which assemblies are listed, in [rad]; None takes the start of the assembly.
         driver: driving link of the Assur groups; None takes the crank.
     """
-    from mechsim.theory.structure.assur import assur_groups
-    from mechsim.theory.structure.mobility_count import mobility
+    from mechsim.theory.assur import assur_groups
+    from mechsim.theory.mobility_count import mobility
 
     record = _described(solver)
     if isinstance(solver, LoopForm):

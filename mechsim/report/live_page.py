@@ -26,7 +26,8 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import LivePage
 from mechsim.subjects.mjcf_source import MjcfForm
-from mechsim.subjects.toml_reader import TomlModel, values_of
+from mechsim.subjects.toml_reader import TomlModel
+from mechsim.subjects.toml_values import values_of
 from mechsim.subjects.toml_writer import to_toml
 
 # range of a slider: of a length or a number relative to its value; of an angle about its value, in

@@ -1,19 +1,131 @@
 """A mechanism released from an initial state: its run, vibrations and frequency response."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, nearest_equilibrium, response, run
-from mechsim.analytic.dynamics.joint_forces import joint_forces
-from mechsim.analytic.dynamics.mode_motion import ModeMotion, mode_motion, mode_motions
-from mechsim.errors import InputError
+from mechsim.analytic.dynamics.linearization import LinearModel, Mode, states_about
+from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
+from mechsim.analytic.dynamics.state_quantities import motion_of
+from mechsim.analytic.dynamics.statics import Equilibrium
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.motion import Motion
 from mechsim.model.progress import Progress, no_progress
 from mechsim.model.quantities import coordinate_units, moving_points, numeric_quantity
 from mechsim.model.quantity import TRANSMISSION, Quantity, record_columns, unwrapped
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+
+# largest displacement of a coordinate, in [rad] or characteristic lengths, and number of times it can be
+# halved
+AMPLITUDE, HALVINGS = 0.25, 6
+# duration in [s] of a cycle of a mode that does not oscillate
+STILL_PERIOD = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ModeMotion:
+    """A cycle along a mode shape.
+
+    Attributes:
+        title: number, frequency and damping ratio in words.
+        period: period of the cycle in [s].
+        motion: one period from the largest displacement, without damping; closed at every instant.
+    """
+
+    title: str
+    period: float
+    motion: Motion
+
+
+def mode_motion(equilibrium: Equilibrium, number: int, samples: int = 72) -> ModeMotion:
+    """Return a cycle along a mode shape, with a visible amplitude.
+
+    Args:
+        equilibrium: the equilibrium with its modes.
+        number: number of the mode, from 1.
+        samples: number of intervals of the cycle.
+
+    Raises:
+        InputError: for an unknown mode.
+        AssemblyError: if the loops close at no visible amplitude.
+    """
+    count = len(equilibrium.modes)
+    if not 1 <= number <= count:
+        raise InputError(f"there is no mode {number}; this equilibrium has modes 1 to {count}")
+    mode, linear = equilibrium.modes[number - 1], equilibrium.linear
+    period = 1.0 / mode.frequency if mode.frequency > 0.0 else STILL_PERIOD
+    motion = _largest_cycle(linear, mode, period, samples)
+    damping = f"{mode.damping_ratio:.3g}"
+    return ModeMotion(f"mode {number}: {mode.frequency:.4g} Hz, damping ratio {damping}", period, motion)
+
+
+def mode_motions(equilibrium: Equilibrium, samples: int = 72) -> list[ModeMotion]:
+    """Return a cycle along each mode shape; see `mode_motion`."""
+    return [mode_motion(equilibrium, number, samples) for number in range(1, len(equilibrium.modes) + 1)]
+
+
+def _largest_cycle(linear: LinearModel, mode: Mode, period: float, samples: int) -> Motion:
+    """Return configurations along a mode shape, at the largest amplitude at which the loops close."""
+    amplitude = AMPLITUDE
+    for _ in range(HALVINGS):
+        with suppress(AssemblyError):
+            return _cycle(linear, mode, amplitude, period, samples)
+        amplitude *= 0.5
+    return _cycle(linear, mode, amplitude, period, samples)
+
+
+def _cycle(linear: LinearModel, mode: Mode, amplitude: float, period: float, samples: int) -> Motion:
+    """Return the closed configurations along a mode shape over one period."""
+    equations, loops = linear.equations, linear.equations.loops
+    names = {i: name for name, i in loops.tree.index_of.items()}
+    shape = np.array([mode.shape[names[i]] / loops.units[i] for i in equations.free])
+    independent = amplitude * (linear.basis.T @ shape)
+    times = np.linspace(0.0, period, samples + 1)
+    phasors = np.exp(1j * REVOLUTION * times / period)
+    rate = 1j * REVOLUTION / period
+    u, du = (np.asarray((factor * phasors[:, None] * independent).real, np.float64) for factor in (1.0, rate))
+    states = states_about(equations, linear.q, linear.basis, u, du)
+    return motion_of(equations, states, np.zeros_like(states.rates), times)
+
+
+# difference of the kinetic energies, relative to the largest, above which drivers do not determine the motion
+SAME_MOTION = 1e-6
+
+
+def joint_forces(model: DynamicModel, run: DynamicRun) -> InverseDynamics:
+    """Return the joint forces, and the drive forces of the motors, at the instants of a run.
+
+    Raises:
+        InputError: if the drivers do not determine the motion of all links.
+        AssemblyError: where the loops do not close at the instants.
+
+    Accuracy: without motor and load torque the drive forces are zero to rounding.
+    """
+    motion = run.motion
+    controlled = {controller.coordinate for controller in model.forces.controllers}
+    if controlled <= {*model.mechanism.drivers}:
+        # drive forces include those of the controllers
+        model = replace(model, forces=replace(model.forces, controllers=()))
+    if not model.solver.motion_laws.crank:
+        # drivers are prescribed as functions of time, with rate 1
+        zero = np.zeros_like(run.time)
+        motion = replace(motion, angle=run.time, speed=zero + 1.0, acceleration=zero)
+    state = motion.angle, motion.speed, motion.acceleration
+    with np.errstate(all="ignore"):
+        study = prescribed(model, *state, time=run.time, as_run=motion)
+    change = np.abs(study.forces.kinetic - run.kinetic).max(initial=0.0)
+    if not change <= SAME_MOTION * max(float(run.kinetic.max(initial=0.0)), np.finfo(float).tiny):
+        raise InputError(
+            f"{model.mechanism.name}: joint forces over a run need drivers that determine "
+            "the motion of all links; name a quantity of positions, velocities or energies"
+        )
+    return study
+
 
 # number of frequencies, and their range relative to the lowest and highest natural frequency
 FREQUENCIES, MIN_FREQUENCY_RATIO, MAX_FREQUENCY_RATIO = 200, 0.1, 10.0

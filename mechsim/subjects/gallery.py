@@ -1,7 +1,10 @@
-"""The gallery: known mechanisms in TOML that come with the package, each with its source and its law."""
+"""The mechanisms that come with mechsim: the gallery of TOML files, and a list with one sentence each."""
 
 import re
+from itertools import takewhile
 from pathlib import Path
+
+from mechsim.analytic import catalog
 
 PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -19,9 +22,20 @@ def files() -> dict[str, Path]:
 
 def description(path: Path) -> str:
     """Return the first sentence of the comment at the head of a gallery file."""
-    lines: list[str] = []
-    for line in path.read_text(encoding="utf-8").splitlines():
-        if not line.startswith("# ") or line.startswith("# Source:"):
-            break
-        lines.append(line.removeprefix("# "))
-    return re.split(r"[.;] ", " ".join(lines))[0].rstrip(".") + "."
+    lines = path.read_text(encoding="utf-8").splitlines()
+    head = takewhile(lambda line: line.startswith("# ") and not line.startswith("# Source:"), lines)
+    text = " ".join(line.removeprefix("# ") for line in head)
+    return re.split(r"[.;] ", text)[0].rstrip(".") + "."
+
+
+def list() -> dict[str, dict[str, str]]:
+    """Return the mechanisms that come with mechsim: catalogue and gallery, name -> description.
+
+    Example:
+        >>> sorted(ms.list())
+        ['gallery', 'mechanisms']
+    """
+    return {
+        "mechanisms": {name: (cls.__doc__ or "").splitlines()[0] for name, cls in catalog.DRIVES.items()},
+        "gallery": {name: description(path) for name, path in files().items()},
+    }

@@ -19,8 +19,7 @@ from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
-from mechsim.subjects.model_source import ModelDescription, ModelSource, file_reader
-from mechsim.subjects.prescription import Prescription
+from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription, file_reader
 from mechsim.units import Unit
 
 if TYPE_CHECKING:
@@ -171,7 +170,7 @@ def read_mjcf(
         forces=model.forces,
         source=model,
         ranges=model.limits,
-        facts=(*model.remarks, *_corrections(model, exact)),
+        facts=(*model.remarks, *_corrections(model.gap, exact)),
         corrected=(exact.moved, exact.rotated),
     )
 
@@ -180,12 +179,12 @@ def _parser(name: str, text: str) -> Callable[[Unit], float]:
     return lambda unit: units.parse(text, unit, f"the locked position of {name}")
 
 
-def _corrections(model: "MjcfModel", exact: Corrected) -> list[str]:
+def _corrections(gap: float, exact: Corrected) -> list[str]:
     """Return the initial loop-closure error of a file, and the corrections that close its loops."""
     remarks: list[str] = []
-    if model.gap > 1e-12 * exact.mechanism.characteristic_length:
+    if gap > 1e-12 * exact.mechanism.characteristic_length:
         remarks.append(
-            f"the initial loop-closure error of the file is {model.gap:.2g} m; "
+            f"the initial loop-closure error of the file is {gap:.2g} m; "
             "the solution closes the loops exactly"
         )
     if exact.moved or exact.rotated:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mechsim.analytic.derivatives.dimensions import Dimension
     from mechsim.analytic.solvers import KinematicSolver
-    from mechsim.subjects.prescription import Prescription
+    from mechsim.model.motion_laws import State
     from mechsim.subjects.toml_coordinates import FileMotionLaw
 
 
@@ -43,11 +43,39 @@ class Parameters:
     derived: Mapping[str, frozenset[str]] = field(default_factory=dict[str, frozenset[str]])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prescription:
+    """Requests of the user in addition to the model's own description.
+
+    Attributes:
+        drive: coordinate -> its motion law, as text (see `parse_motion_law`) or a function of time.
+        lock: joint or coordinate -> its constant value, as text or in SI; None is the initial value, the only
+            choice for a spherical joint.
+        fix_base: whether floating bases are fixed at their initial pose.
+        lock_others: whether coordinates that the drivers do not determine are locked at their initial values.
+        key: name of the keyframe to start from.
+        track: points to record, as `NAME` or `NAME,LINK@x,y,z`; empty for all points of the model.
+        duration: duration of the motion laws in [s].
+        still: whether the model may have no driver.
+        loops: path of a sidecar file with the loop closures of a URDF file.
+    """
+
+    drive: Mapping[str, "str | State"] = field(default_factory=dict[str, "str | State"])
+    lock: Mapping[str, str | float | None] = field(default_factory=dict[str, "str | float | None"])
+    fix_base: bool = False
+    lock_others: bool = False
+    key: str | None = None
+    track: tuple[str, ...] = ()
+    duration: float | None = None
+    still: bool = False
+    loops: str | None = None
+
+
 class ModelSource(ABC):
     """An opened model. Its file is read once and described for each set of parameters."""
 
     @abstractmethod
-    def describe(self, changed: Mapping[str, str | float], prescription: "Prescription") -> ModelDescription:
+    def describe(self, changed: Mapping[str, str | float], prescription: Prescription) -> ModelDescription:
         """Return the mechanism.
 
         Args:

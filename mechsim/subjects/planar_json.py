@@ -18,8 +18,7 @@ from mechsim.errors import InputError
 from mechsim.files import read_text
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Vector
-from mechsim.subjects.model_source import ModelDescription, ModelSource
-from mechsim.subjects.prescription import Prescription
+from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription
 
 
 @dataclass(frozen=True)

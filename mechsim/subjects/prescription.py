@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.start import start_poses
+from mechsim.analytic.loops.mobility import undetermined_joints
+from mechsim.analytic.loops.start import start_poses, with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import FIXED, KINDS
@@ -18,6 +19,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics.inputs import number
 from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
+from mechsim.subjects.model_source import ModelSource, Prescription
 from mechsim.subjects.pose_drivers import with_pose_drivers
 from mechsim.subjects.toml_coordinates import FileMotionLaw
 from mechsim.subjects.toml_values import suggestion
@@ -29,39 +31,38 @@ DEFAULT_DURATION = 1.0
 DriverLaw = str | State | FileMotionLaw
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Prescription:
-    """Requests of the user in addition to the model's own description.
+def prescribed_solver(
+    source: ModelSource, changed: Mapping[str, str | float], prescription: Prescription, *, assembled: bool
+) -> KinematicSolver:
+    """Return the solver of a source; without `assembled`, it keeps the guess of the file, which is faster."""
+    if prescription.lock_others:
+        # the path to a locked value can need the other locks
+        at_start = replace(prescription, lock_others=False, lock=dict.fromkeys(prescription.lock))
+        solver = prescribed_solver(source, changed, at_start, assembled=assembled)
+        lock = {**prescription.lock, **dict.fromkeys(undetermined_joints(solver.mechanism))}
+        prescription = replace(prescription, lock_others=False, lock=lock)
+    description = source.describe(changed, prescription)
+    if prescription.loops is not None and not description.prescribed:
+        name = description.solver.name
+        raise InputError(f"{name}: loops from {prescription.loops} need the path of a URDF file; give one")
+    solver = description.solver
+    if description.prescribed:
+        prescription = Prescription(drive=prescription.drive, duration=prescription.duration)
+    elif isinstance(solver, LoopForm):
+        if not solver.mechanism.has_crank:
+            solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
+        if assembled:
+            solver = replace(solver, mechanism=with_closed_guess(solver.mechanism))
+    if prescription == Prescription() and not description.motion_laws:
+        return solver
+    return _with_prescription(solver, prescription, description.motion_laws, description.duration)
 
-    Attributes:
-        drive: coordinate -> its motion law, as text (see `parse_motion_law`) or a function of time.
-        lock: joint or coordinate -> its constant value, as text or in SI; None is the initial value, the only
-            choice for a spherical joint.
-        fix_base: whether floating bases are fixed at their initial pose.
-        lock_others: whether coordinates that the drivers do not determine are locked at their initial values.
-        key: name of the keyframe to start from.
-        track: points to record, as `NAME` or `NAME,LINK@x,y,z`; empty for all points of the model.
-        duration: duration of the motion laws in [s].
-        still: whether the model may have no driver.
-        loops: path of a sidecar file with the loop closures of a URDF file.
-    """
 
-    drive: Mapping[str, str | State] = field(default_factory=dict[str, "str | State"])
-    lock: Mapping[str, str | float | None] = field(default_factory=dict[str, "str | float | None"])
-    fix_base: bool = False
-    lock_others: bool = False
-    key: str | None = None
-    track: tuple[str, ...] = ()
-    duration: float | None = None
-    still: bool = False
-    loops: str | None = None
-
-
-def apply_prescription(
+def _with_prescription(
     solver: KinematicSolver,
     prescription: Prescription,
-    file_laws: Mapping[str, FileMotionLaw] | None = None,
-    file_duration: float | None = None,
+    file_laws: Mapping[str, FileMotionLaw],
+    file_duration: float | None,
 ) -> KinematicSolver:
     """Return a solver with the prescription applied.
 
@@ -74,8 +75,6 @@ def apply_prescription(
     Raises:
         InputError: for an unknown coordinate or point, or an invalid motion law.
     """
-    if prescription == Prescription() and not file_laws:
-        return solver
     if prescription.key is not None:
         raise InputError(
             f"{solver.name} has no keyframes; leave out --key {prescription.key}, or give an MJCF file"
@@ -102,7 +101,7 @@ def apply_prescription(
         return solver
     form_laws = loop_form.motion_laws
     laws: dict[str, DriverLaw] = dict(form_laws.by_name)
-    laws |= file_laws or {}
+    laws |= file_laws
     laws = {name: law for name, law in laws.items() if name in mechanism.drivers} | dict(prescription.drive)
     if file_duration is None and not form_laws.crank:
         file_duration = form_laws.duration
@@ -119,15 +118,12 @@ class _NeedsStartError(Exception):
     """A motion law starts at the initial value of its driver, which is unknown."""
 
 
-def started_by_laws(solver: LoopForm, laws: Mapping[str, DriverLaw]) -> LoopForm:
+def _started_by_laws(solver: LoopForm, laws: Mapping[str, DriverLaw]) -> LoopForm:
     """Return a mechanism whose drivers start at the initial values of their motion laws if these are unknown.
 
-    A value in the file, or a guess of both links of a driver's joint, has priority. A crank that is the only
-    driver starts at zero.
+    A value in the file, or a guess of both links of a driver's joint, has priority.
     """
     mechanism = solver.mechanism
-    if mechanism.has_crank:
-        return solver
     guessed, starts = {GROUND, *mechanism.guess}, dict(mechanism.guess_coordinates)
     for name, joint in zip(mechanism.drivers, mechanism.driven_joints, strict=True):
         if name in laws and name not in starts and not {joint.a.link, joint.b.link} <= guessed:

@@ -15,8 +15,7 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters
-from mechsim.subjects.prescription import Prescription
+from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.subjects.toml_values import suggestion
 
 

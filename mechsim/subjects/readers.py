@@ -1,7 +1,7 @@
 """Models from names, files and objects: `load`, and parametric models of designs."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -9,18 +9,21 @@ from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily, catalog_designs, placed_designs
-from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.mobility import undetermined_joints
-from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.subjects import gallery
-from mechsim.subjects.model_source import ModelDescription, ModelSource, file_reader, object_reader
+from mechsim.subjects.model_source import (
+    ModelDescription,
+    ModelSource,
+    Prescription,
+    file_reader,
+    object_reader,
+)
 from mechsim.subjects.pose_drivers import is_pose_driven, motor_laws
-from mechsim.subjects.prescription import Prescription, apply_prescription, started_by_laws
+from mechsim.subjects.prescription import prescribed_solver
 from mechsim.subjects.python_object import GivenObject
 
 if TYPE_CHECKING:
@@ -109,7 +112,7 @@ def load(
     Raises:
         InputError: for an invalid model or option; names the file, the line, the value and the remedy.
     """
-    return _load(
+    return prescribed_solver(
         open_model(model),
         set or {},
         _prescription(drive, lock, fix_base, key, track, duration, still, lock_others, loops),
@@ -164,32 +167,6 @@ def _prescription(
     )
 
 
-def _load(
-    source: ModelSource, changed: Mapping[str, str | float], prescription: Prescription, *, assembled: bool
-) -> KinematicSolver:
-    """Return the solver of a source; without `assembled`, it keeps the guess of the file, which is faster."""
-    if prescription.lock_others:
-        # the path to a locked value can need the other locks
-        at_start = replace(prescription, lock_others=False, lock=dict.fromkeys(prescription.lock))
-        undetermined = undetermined_joints(_load(source, changed, at_start, assembled=assembled).mechanism)
-        lock = {**prescription.lock, **dict.fromkeys(undetermined)}
-        prescription = replace(prescription, lock_others=False, lock=lock)
-    description = source.describe(changed, prescription)
-    if prescription.loops is not None and not description.prescribed:
-        name = description.solver.name
-        raise InputError(f"{name}: loops from {prescription.loops} need the path of a URDF file; give one")
-    solver = description.solver
-    if description.prescribed:
-        return apply_prescription(
-            solver, Prescription(drive=prescription.drive, duration=prescription.duration)
-        )
-    if isinstance(solver, LoopForm):
-        solver = started_by_laws(solver, {**description.motion_laws, **prescription.drive})
-        if assembled:
-            solver = replace(solver, mechanism=with_closed_guess(solver.mechanism))
-    return apply_prescription(solver, prescription, description.motion_laws, description.duration)
-
-
 def parametric_model(
     model: "Model", set: Mapping[str, str | float] | None = None, **options: Any
 ) -> DesignFamily:
@@ -210,7 +187,7 @@ def parametric_model(
     changed, prescription = dict(set or {}), _prescription(**options)
     source = open_model(model)
     # an object keeps its own guess
-    solver = _load(source, changed, prescription, assembled=not isinstance(source, GivenObject))
+    solver = prescribed_solver(source, changed, prescription, assembled=not isinstance(source, GivenObject))
     parameters = source.parameters(changed)
     dimensions = parameters.dimensions
     if not dimensions:
@@ -220,7 +197,7 @@ def parametric_model(
         if not values:
             return solver
         texts = {name: as_text(value, dimensions[name].unit) for name, value in values.items()}
-        return _load(source, changed | texts, prescription, assembled=assembled)
+        return prescribed_solver(source, changed | texts, prescription, assembled=assembled)
 
     def forces(values: Mapping[str, float]) -> Forces | None:
         return design(values, assembled=False).forces

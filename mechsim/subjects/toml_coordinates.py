@@ -7,11 +7,9 @@ from typing import Any, cast
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS, KindName, kinds_that
 from mechsim.model.joints import Coupling, Gear
-from mechsim.model.mechanism import Mechanism
-from mechsim.model.meshes import mesh_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects.law_text import MotionLaw, Start, is_table, parse_motion_law
-from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, suggestion
+from mechsim.subjects.toml_values import KeyPath, Values, suggestion
 from mechsim.units import Unit
 
 # name of the joint that is the default driver
@@ -216,22 +214,6 @@ def couplings_of(coordinates: FileCoordinates) -> tuple[tuple[Gear, ...], tuple[
             made.append(_coupling(coordinates, name, table, path))
     gears = tuple(coupling for coupling in made if isinstance(coupling, Gear))
     return gears, tuple(coupling for coupling in made if not isinstance(coupling, Gear))
-
-
-def require_pitch_points(source: TomlSource, mechanism: Mechanism, read: Mapping[str, Any]) -> None:
-    """Raise InputError for a pressure angle of a coupling without a pitch point."""
-    for name, table in read.get("couplings", {}).items():
-        if not table.get("pressure_angle"):
-            continue
-        sides = table["driven"], table.get("driver", {})
-        law = next(law for law in mechanism.laws if (law.left, law.right) == sides)
-        if mesh_of(mechanism, law) is None:
-            reason = (
-                "is of teeth, and this coupling has no pitch point; couple two hinges whose axes are "
-                "parallel or intersect, or a hinge and a slide perpendicular to it, on the same link, or "
-                "leave it out"
-            )
-            raise source.error(("couplings", name, "pressure_angle"), reason)
 
 
 def _coupling(

@@ -1,20 +1,20 @@
-"""Forces on a mechanism in a TOML file."""
+"""Forces on a mechanism in a TOML file, and the pitch points at which teeth transmit them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from mechsim.errors import InputError
-from mechsim.model.controllers import Controller
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
 from mechsim.model.joint_kinds import KINDS, KindName
 from mechsim.model.links import ORIGIN
 from mechsim.model.load_profile import LoadProfile, constant
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor, TorqueSpeedLine
+from mechsim.model.meshes import mesh_of
+from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, Motor, TorqueSpeedLine
 from mechsim.subjects.law_text import LoadComponent, combine_components, is_table, parse_component
 from mechsim.subjects.toml_coordinates import leaves
 from mechsim.subjects.toml_keys import MOTOR_PARAMETERS
-from mechsim.subjects.toml_values import KeyPath, Values, shown, suggestion
+from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, shown, suggestion
 from mechsim.units import Unit
 
 # default gravity in [m/s2]: MuJoCo's default value, along -Y
@@ -48,6 +48,22 @@ def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> 
         )
         forces.check(mechanism)
     return forces
+
+
+def require_pitch_points(source: TomlSource, mechanism: Mechanism, read: Mapping[str, Any]) -> None:
+    """Raise InputError for a pressure angle of a coupling without a pitch point."""
+    for name, table in read.get("couplings", {}).items():
+        if not table.get("pressure_angle"):
+            continue
+        sides = table["driven"], table.get("driver", {})
+        law = next(law for law in mechanism.laws if (law.left, law.right) == sides)
+        if mesh_of(mechanism, law) is None:
+            reason = (
+                "is of teeth, and this coupling has no pitch point; couple two hinges whose axes are "
+                "parallel or intersect, or a hinge and a slide perpendicular to it, on the same link, or "
+                "leave it out"
+            )
+            raise source.error(("couplings", name, "pressure_angle"), reason)
 
 
 def _frictions(values: Values, mechanism: Mechanism, table: Mapping[str, Any]) -> Iterator[Friction]:

@@ -12,11 +12,11 @@ from typing import Any, TypeGuard
 
 from mechsim import units
 from mechsim.errors import InputError, cut
-from mechsim.files import read_text
 from mechsim.model.expressions import FUNCTIONS, evaluate_number
 from mechsim.numerics.inputs import HUGE, number
 from mechsim.subjects.law_text import is_profile
 from mechsim.subjects.toml_keys import (
+    ROOT,
     AnyOf,
     Boolean,
     JointNumber,
@@ -30,8 +30,6 @@ from mechsim.subjects.toml_keys import (
 )
 from mechsim.units import Unit
 
-# largest file in bytes: mechanisms need far less
-MAX_BYTES = 1_000_000
 # largest number of characters of a value in an error message
 MAX_SHOWN = 60
 
@@ -106,13 +104,12 @@ def suggestion(name: str, names: Iterable[str]) -> str:
     return f"{hint} choose from {', '.join(listed)}" if listed else "; there are none"
 
 
-def read_source(path: str) -> TomlSource:
-    """Return a TOML file.
+def parsed_source(path: str, text: str) -> TomlSource:
+    """Return a TOML file with its text.
 
     Raises:
-        InputError: for a missing or too large file, or one that is no TOML.
+        InputError: for text that is no TOML.
     """
-    text = read_text(path, "a TOML file", MAX_BYTES)
     try:
         return TomlSource(path, tomllib.loads(text), _lines(text))
     except tomllib.TOMLDecodeError as error:
@@ -350,6 +347,19 @@ class Values:
         if not isinstance(value, dict):
             raise self.source.error(path, f"is {shown(value)}; give a table")
         return value
+
+
+def values_of(source: TomlSource) -> Values:
+    """Return the reader of values, with the file's units and without parameters."""
+    bare = Values(source, "m", "rad", {})
+    units_table = Table({"units": ROOT.keys["units"]}, "")
+    stated = {name: entry for name, entry in source.document.items() if name == "units"}
+    units = bare.checked(units_table, stated, ()).get("units", {})
+    values = Values(source, units.get("length", "m"), units.get("angle", "rad"), {})
+    with source.error_context(("units",)):
+        values.in_si(1.0, "m")
+        values.in_si(1.0, "rad")
+    return values
 
 
 def is_quantity(value: object) -> TypeGuard[str]:

@@ -13,7 +13,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.links import Pose
 from mechsim.simulation import simulate
 from mechsim.studies.validate import case_of
-from mechsim.theory.structure.mobility_count import mobility
+from mechsim.theory.mobility_count import mobility
 
 ANGLES = (np.arange(24) + 0.37) * 4.0 * np.pi / 24 - 5.0
 

@@ -9,9 +9,14 @@ from exact_solutions import DIGITS, four_bar_b_place, rssr_p3_place
 from mpmath import mp
 
 from mechsim.analytic import catalog
-from mechsim.analytic.derivatives.dimensions import DesignFamily, catalog_designs, changes, placed_designs
+from mechsim.analytic.derivatives.dimensions import (
+    DesignFamily,
+    catalog_designs,
+    changes,
+    numbers_of,
+    placed_designs,
+)
 from mechsim.analytic.derivatives.motion import motion_derivatives
-from mechsim.analytic.derivatives.parameter_vector import numbers_of
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.subjects import readers

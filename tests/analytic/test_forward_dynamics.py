@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import mechsim as ms
 from mechsim import load_profile
-from mechsim.analytic.dynamics.singular_crossing import crossing
+from mechsim.analytic.dynamics.right_hand_side import crossing
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load

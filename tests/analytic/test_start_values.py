@@ -11,9 +11,9 @@ from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Link, Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.subjects.model_source import Prescription
 from mechsim.subjects.readers import load
-from mechsim.subjects.toml_reader import toml_model
-from mechsim.subjects.toml_values import read_source
+from mechsim.subjects.toml_reader import TomlModel
 from mechsim.subjects.toml_writer import to_toml
 
 
@@ -68,7 +68,7 @@ def test_an_assembled_file_is_written_and_read_back(tmp_path):
     source = tmp_path / "rough.toml"
     source.write_text(to_toml(spherical_four_bar()), "utf-8")
     started = load(str(source)).mechanism
-    reported = toml_model(read_source(str(source))).solver.mechanism.guess["three"].rotation
+    reported = TomlModel(str(source)).describe({}, Prescription()).solver.mechanism.guess["three"].rotation
     assert np.abs(started.guess["three"].rotation - reported).max() > 0.1
     again = tmp_path / "again.toml"
     again.write_text(to_toml(started), "utf-8")

@@ -10,7 +10,7 @@ from mechanisms import at
 from mechsim import catalog, loops
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.motion import crank_path, motion_along
-from mechsim.analytic.loops.path_rates import CHUNK, rates_of_polynomial, regularised
+from mechsim.analytic.loops.path import CHUNK, rates_of_polynomial, regularised
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import Joint
 from mechsim.model.links import EX, GROUND, Link

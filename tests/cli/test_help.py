@@ -6,7 +6,7 @@ import shlex
 import pytest
 
 from mechsim import cli
-from mechsim.cli.help import PANEL_OF, PANELS, examples
+from mechsim.cli import PANEL_OF, PANELS, examples
 
 
 def help_of(name, mechsim):

@@ -24,8 +24,8 @@ from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 from mechsim.simulation import mjcf
 from mechsim.simulation.source import assembled
-from mechsim.subjects.toml_reader import toml_model
-from mechsim.subjects.toml_values import read_source
+from mechsim.subjects.model_source import Prescription
+from mechsim.subjects.toml_reader import TomlModel
 from mechsim.subjects.toml_writer import to_toml
 
 # each would break an output without escaping
@@ -96,7 +96,7 @@ def test_names_round_trip_through_tables_and_toml(tmp_path, name):
         files.write(tmp_path / f"motion{ending}", motion)
         assert list(files.read(tmp_path / f"motion{ending}")) == list(dict(motion.columns()))
     (tmp_path / "odd.toml").write_text(to_toml(mechanism), encoding="utf-8")
-    read = toml_model(read_source(str(tmp_path / "odd.toml"))).solver.mechanism
+    read = TomlModel(str(tmp_path / "odd.toml")).describe({}, Prescription()).solver.mechanism
     assert (read.name, read.points, read.drivers) == (mechanism.name, mechanism.points, mechanism.drivers)
     assert [joint.name for joint in read.joints] == [joint.name for joint in mechanism.joints]
 

@@ -12,7 +12,7 @@ CATALOG = "mechsim.analytic.catalog"
 # papers 002 to 004 treat one mechanism each, so their theories name it in signatures
 PAPERS = {"WarpKnitter", "Rrsrr", "Looper"}
 # a table of designs for the stress test, by mechanism
-TABLES = {"mechsim.studies.extremes.special_designs"}
+TABLES = {"mechsim.studies.extremes.axes"}
 CLASSES = {drive.__name__ for drive in catalog.DRIVES.values()}
 WORDS = catalog.DRIVES.keys() | CLASSES
 

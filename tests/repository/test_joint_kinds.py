@@ -15,7 +15,7 @@ DEFINING_MODULES = {
     "mechsim.simulation.mjcf.joints",
     "mechsim.simulation.mjcf_reader.kinematic_tree",
     "mechsim.shapes.joints",
-    "mechsim.simulation.mjcf_text.included_files",  # "fixed" is an element of MJCF there
+    "mechsim.simulation.mjcf.included_files",  # "fixed" is an element of MJCF there
     "mechsim.report.facts",  # "planar" describes a mechanism there
     "mechsim.cli.check",  # "fixed" is a key of its JSON
     "mechsim.simulation.mjcf_reader.urdf_loops",  # types of joints in URDF

@@ -10,8 +10,8 @@ import mechsim as ms
 from mechsim.analytic.catalog.many_designs import closed_form_starts
 from mechsim.model.design_arrays import started_designs
 from mechsim.simulation import Settings
-from mechsim.simulation.many.design_models import design_models, quaternions, shared_model
-from mechsim.simulation.many.stepped_designs import (
+from mechsim.simulation.design_models import design_models, quaternions, shared_model
+from mechsim.simulation.stepped_designs import (
     check_designs,
     design_motion,
     first_open_angle,

@@ -2,7 +2,7 @@ import mujoco
 import pytest
 
 from mechsim.errors import InputError
-from mechsim.simulation.mjcf_text.edited_text import (
+from mechsim.simulation.mjcf.edited_text import (
     EditedText,
     elements_of,
     put_comment,
@@ -10,7 +10,7 @@ from mechsim.simulation.mjcf_text.edited_text import (
     set_compliance,
     set_options,
 )
-from mechsim.simulation.mjcf_text.included_files import moved_to, with_included
+from mechsim.simulation.mjcf.included_files import moved_to, with_included
 
 TEXT = """<mujoco>
   <!-- <option timestep="9"/> äö -->

@@ -14,7 +14,7 @@ from mechsim.simulation.model_loops import ModelLoops, read_loops
 from mechsim.simulation.poses.equations import ModelEquations, ModelStates
 from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.source import assembled, from_source, initial_guess
-from mechsim.studies.extremes.special_designs import special_designs
+from mechsim.studies.extremes.axes import special_designs
 
 
 def test_a_wheel_with_gear_ratio_twenty_keeps_its_assembly_mode():

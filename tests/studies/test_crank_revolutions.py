@@ -18,7 +18,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
-from mechsim.studies.extremes.special_designs import special_designs
+from mechsim.studies.extremes.axes import special_designs
 from mechsim.verdict.crosscheck import crosscheck
 
 SWINGING = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper")

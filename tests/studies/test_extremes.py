@@ -12,8 +12,8 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import simulate
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes import axes
+from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.extremes.results import StabilityMap, Trial
-from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.studies.extremes.trial import borders_along
 
 SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]

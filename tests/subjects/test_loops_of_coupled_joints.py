@@ -8,7 +8,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.loops.tree import spanning_tree
 from mechsim.errors import MobilityError
-from mechsim.theory.structure.mobility_count import mobility
+from mechsim.theory.mobility_count import mobility
 
 TEXT = """
 name = "bound"

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mechsim.errors import InputError
-from mechsim.subjects.law_text import parse_motion_law
-from mechsim.subjects.time_expressions import time_function
+from mechsim.subjects.law_text import parse_motion_law, time_function
 
 TIMES = np.linspace(0.1, 0.9, 17)
 

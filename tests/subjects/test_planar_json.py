@@ -10,7 +10,7 @@ import pytest
 
 import mechsim as ms
 from mechsim import cli
-from mechsim.subjects.prescription import Prescription
+from mechsim.subjects.model_source import Prescription
 from mechsim.subjects.readers import open_model
 
 GROUND, CRANK, COUPLER, ROCKER = 0.1, 0.04, 0.11, 0.08

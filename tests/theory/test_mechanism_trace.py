@@ -18,7 +18,7 @@ from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.newton import root
-from mechsim.studies.extremes.special_designs import special_designs
+from mechsim.studies.extremes.axes import special_designs
 from mechsim.theory.continuation import mechanism_trace, segments
 from mechsim.theory.continuation.assembly_curve import crank_path_length, even_motion
 from mechsim.theory.continuation.mechanism_trace import trace

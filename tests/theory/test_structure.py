@@ -18,8 +18,8 @@ from mechsim.files import plain
 from mechsim.model.joints import End, Gear, Joint
 from mechsim.model.links import EX, EZ, GROUND, IDENTITY, Link, Pose
 from mechsim.model.mechanism import Mechanism
-from mechsim.theory.structure.assur import assur_groups
-from mechsim.theory.structure.mobility_count import mobility, plane_normal
+from mechsim.theory.assur import assur_groups
+from mechsim.theory.mobility_count import mobility, plane_normal
 
 JointPositions = Mapping[str, tuple[str, str, tuple[float, float]]]
 

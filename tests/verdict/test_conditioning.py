@@ -12,7 +12,7 @@ from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.model.motion_laws import swing
 from mechsim.simulation import Settings, simulate
 from mechsim.studies import validate
-from mechsim.studies.extremes.special_designs import special_designs
+from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.validate import case_of
 from mechsim.verdict.checks import check_of
 from mechsim.verdict.crosscheck import crosscheck

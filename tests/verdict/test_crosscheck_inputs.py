@@ -13,7 +13,7 @@ from mechsim.errors import AssemblyError
 from mechsim.model.links import EX, EY, EZ
 from mechsim.model.mechanism import Mechanism
 from mechsim.simulation import simulate
-from mechsim.studies.extremes.special_designs import special_designs
+from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.validate import case_of
 from mechsim.verdict.crosscheck import crosscheck
 

@@ -14,7 +14,7 @@ import mechsim as ms
 from mechsim.analytic.derivatives.dimensions import catalog_designs
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
-from mechsim.studies.certify.tolerances import joint_radii
+from mechsim.studies.certify.toml_intervals import joint_radii
 
 DIGITS = 50
 COUNT = 10_000

@@ -25,7 +25,7 @@ from mechsim.errors import MechsimError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables
-from mechsim.studies.extremes.special_designs import special_designs
+from mechsim.studies.extremes.axes import special_designs
 from mechsim.subjects import gallery
 from mechsim.subjects.readers import load
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve, CurvePoses

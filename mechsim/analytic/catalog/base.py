@@ -118,10 +118,13 @@ class ClosedForm(Formulas):
         solver = self.with_change_point(change_point).starting_at(angles, float(speed[0]))
         crank = Jet(angles, speed, acceleration)
         motion = join(
-            [motion_at(solver, crank[piece], links=links, joints=links) for piece in chunks(len(angles))]
+            [
+                motion_at(solver, crank[piece], links=links, joints=links, origin=solver)
+                for piece in chunks(len(angles))
+            ]
         )
         self.check_finite(motion)
-        return replace(motion, time=time, origin=solver)
+        return motion if time is None else replace(motion, time=time)
 
     def solve_along(self, parameter: ArrayLike, rate: ArrayLike = 1.0, second: ArrayLike = 0.0) -> Motion:
         """Return the motion at values of the path parameter, which is the crank angle; as `solve`."""

@@ -10,7 +10,7 @@ from mechsim.analytic.vector_method.link_frames import GROUND_FRAME, LinkFrame
 from mechsim.errors import AssemblyError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import JointMotion, Motion
+from mechsim.model.motion import JointMotion, Motion, Solver
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, constant_jet, values
 
@@ -23,7 +23,9 @@ def chunks(count: int) -> list[slice]:
     return [slice(start, start + CHUNK) for start in range(0, count, CHUNK)]
 
 
-def motion_at(formulas: Formulas, angle: Values, *, links: bool, joints: bool) -> Motion:
+def motion_at(
+    formulas: Formulas, angle: Values, *, links: bool, joints: bool, origin: Solver | None = None
+) -> Motion:
     """Return the motion at crank angles, NaN where the loop does not close; without rates if they have none.
 
     Parameters of the formulas may be arrays of many designs.
@@ -49,6 +51,7 @@ def motion_at(formulas: Formulas, angle: Values, *, links: bool, joints: bool) -
         moved,
         coordinates,
         spinning=formulas.spinning if links else frozenset(),
+        origin=origin,
     )
 
 
@@ -98,6 +101,11 @@ def require_closed(formulas: Formulas, angles: Array, points: Mapping[str, Array
 
 def require_finite(formulas: Formulas, motion: Motion) -> None:
     """Raise AssemblyError where a closed form has no finite rates."""
+    rates = [point.acceleration for point in motion.points.values()]
+    rates += [link.angular_acceleration for link in motion.links.values()]
+    # they follow from the poses, and are finite only where these are
+    if all(np.isfinite(rate).all() for rate in rates):
+        return
     require_closed(formulas, motion.angle, {name: point.position for name, point in motion.points.items()})
     for point in motion.points.values():
         if not np.isfinite(point.acceleration).all():

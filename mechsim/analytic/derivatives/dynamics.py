@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim.analytic.derivatives.dimensions import force_numbers, numbers_of, with_force_numbers
 from mechsim.analytic.derivatives.motion import TracedMotion
-from mechsim.analytic.derivatives.parameter_vector import force_numbers, numbers_of, with_force_numbers
 from mechsim.analytic.dynamics.applied_forces import STILL
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, moved_as

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechsim.analytic.derivatives.parameter_vector import GivenMechanism, numbers_of, with_numbers
+from mechsim.analytic.derivatives.dimensions import GivenMechanism, numbers_of, with_numbers
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.motion import (
@@ -16,11 +16,11 @@ from mechsim.analytic.loops.motion import (
     motion_record,
     with_locked_values,
 )
-from mechsim.analytic.loops.path import LoopPath
-from mechsim.analytic.loops.path_rates import (
+from mechsim.analytic.loops.path import (
     ClosedChunk,
     Instants,
     LoopMotion,
+    LoopPath,
     closed_chunks,
     merged,
     with_rates,

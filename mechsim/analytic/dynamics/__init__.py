@@ -1,13 +1,12 @@
 """Dynamics of any mechanism, from its closed form or its loop equations, without a simulator."""
 
 from mechsim.analytic.dynamics.dynamic_run import DynamicRun, run
-from mechsim.analytic.dynamics.flywheel import fluctuation, flywheel_for
 from mechsim.analytic.dynamics.free_motion import FreeRun, free_run
 from mechsim.analytic.dynamics.linearization import Mode
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.reactions import Balance
-from mechsim.analytic.dynamics.reduced_equation import Reduced, reduced
+from mechsim.analytic.dynamics.reduced_equation import Reduced, fluctuation, flywheel_for, reduced
 from mechsim.analytic.dynamics.redundant_actuation import actuator_forces
 from mechsim.analytic.dynamics.statics import (
     Equilibrium,

@@ -16,9 +16,8 @@ from mechsim.analytic.dynamics.equations_of_motion import (
     equations_of_motion,
 )
 from mechsim.analytic.dynamics.forward_dynamics import UNTIL, Integration, Piece, Trajectory
-from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state, projected
+from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
-from mechsim.analytic.dynamics.state_layout import StateLayout
 from mechsim.analytic.dynamics.state_quantities import Event, motion_of, parse_event
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import InputError

@@ -16,12 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechsim.analytic.dynamics.contacts import REST, ContactMode, Contacts, EventFunction, Stop
-from mechsim.analytic.dynamics.energy_balance import EnergyBalance
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.analytic.dynamics.initial_state import StateLayout
 from mechsim.analytic.dynamics.link_forces import kinetic_energy
-from mechsim.analytic.dynamics.right_hand_side import RightHandSide
-from mechsim.analytic.dynamics.singular_crossing import crossing
-from mechsim.analytic.dynamics.state_layout import StateLayout
+from mechsim.analytic.dynamics.right_hand_side import RightHandSide, crossing
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError
 from mechsim.model.finding import Outcome
@@ -29,6 +27,39 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import GaussCollocation, StepSolution
 from mechsim.numerics.newton import root
+
+# kinetic energy relative to the largest below which rates are not scaled
+SLOW = 1e-2
+
+
+class EnergyBalance:
+    """Energy of a run and its numerical drift.
+
+    Args:
+        equations: equations of motion.
+        q: initial coordinates.
+        rates: initial rates in units, (count, 1).
+
+    Attributes:
+        drift: largest magnitude of the summed energy corrections, in [J].
+    """
+
+    def __init__(self, equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
+        self.equations, self.drift = equations, 0.0
+        self._largest, potential = equations.energy(equations.kinematics(q, rates))
+        self._initial, self._correction = self._largest + potential, 0.0
+
+    def balanced(self, q: Coordinates, rates: Array, gained: float) -> Array:
+        """Return rates scaled to the initial energy plus the energy gained, in [J]."""
+        kinetic, potential = self.equations.energy(self.equations.kinematics(q, rates))
+        self._largest = max(self._largest, kinetic)
+        target = self._initial + gained - potential
+        if kinetic < SLOW * self._largest or not 0.5 * kinetic < target < 2.0 * kinetic:
+            return rates
+        self._correction += target - kinetic
+        self.drift = max(self.drift, abs(self._correction))
+        return rates * np.sqrt(target / kinetic)
+
 
 # names of events: end of a contact mode, and an end of the run at which both directions of crossing count
 MODE, UNTIL = "mode", "until"

@@ -24,7 +24,7 @@ from mechsim.analytic.loops.design_motion import (
     store,
 )
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.analytic.loops.path_rates import ClosedChunk, with_rates
+from mechsim.analytic.loops.path import ClosedChunk, with_rates
 from mechsim.model.design_arrays import StartedDesigns
 from mechsim.model.motion import Motion, Record, mapped
 from mechsim.numerics.angles import REVOLUTION

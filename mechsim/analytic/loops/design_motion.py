@@ -11,8 +11,7 @@ from mechsim.analytic.loops.constraints import Cut, LoopSystem, TreeLoops, TreeS
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses
 from mechsim.analytic.loops.mobility import checked_start
 from mechsim.analytic.loops.motion import instants_of_laws, straight_line, with_locked_values
-from mechsim.analytic.loops.path import LoopPath
-from mechsim.analytic.loops.path_rates import Instants, LoopMotion, closed_chunks, with_rates
+from mechsim.analytic.loops.path import Instants, LoopMotion, LoopPath, closed_chunks, with_rates
 from mechsim.analytic.loops.record import link_or_ground_motion, point_on
 from mechsim.analytic.loops.start import ASSEMBLY, CLOSED
 from mechsim.analytic.loops.tree import JointSides

@@ -14,8 +14,7 @@ from mechsim.analytic.loops.motion import (
     solve_along,
     solve_prescribed,
 )
-from mechsim.analytic.loops.path import LoopPath
-from mechsim.analytic.loops.path_rates import Instants
+from mechsim.analytic.loops.path import Instants, LoopPath
 from mechsim.analytic.path_instants import path_instants
 from mechsim.analytic.vector_method.trig_polynomial import Arcs
 from mechsim.errors import AssemblyError, SingularStartError

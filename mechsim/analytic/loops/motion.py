@@ -10,8 +10,7 @@ from mechsim import units
 from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import twists
 from mechsim.analytic.loops.mobility import checked_start
-from mechsim.analytic.loops.path import LoopPath
-from mechsim.analytic.loops.path_rates import Instants, LoopMotion, loop_motion
+from mechsim.analytic.loops.path import Instants, LoopMotion, LoopPath, loop_motion
 from mechsim.analytic.loops.record import tracked_points, tree_joint_motions
 from mechsim.analytic.loops.start import locked_values, with_locked
 from mechsim.analytic.path_instants import crank_angles, crank_rate
@@ -43,7 +42,6 @@ def crank_path(mechanism: Mechanism, change_point: ChangePointPolicy = "smooth")
         MobilityError: if the crank leaves joints or tracked points undetermined, or the loops lock it.
         InputError: for a mechanism without a crank.
     """
-    mechanism = described(mechanism)
     crank = mechanism.crank.name
     first = checked_start(mechanism)
     initial = float(first.reference.values[first.loops.tree.index_of[crank], 0])
@@ -83,7 +81,7 @@ def solve(
     name, speed = described(mechanism).name, units.si(speed, "rad/s", "the crank's speed")
     crank_angle = crank_angles(name, angles)
     rate = crank_rate(name, "speed", speed, len(crank_angle))
-    mechanism = starting_at(mechanism, crank_angle, float(rate[0]))
+    mechanism = described(starting_at(mechanism, crank_angle, float(rate[0])))
     return solve_along(crank_path(mechanism, change_point), crank_angle, rate, acceleration)
 
 

@@ -217,30 +217,30 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
     Raises:
         AssemblyError: if they do not close; states the gap, and where they would close.
     """
-    guess, guess_coordinates = rough_poses(mechanism), initial_coordinates(mechanism)
     candidates: list[tuple[float, TreeLoops, Coordinates]] = []
     first_error: AssemblyError | None = None
-    for poses in _initial_guesses(mechanism, guess):
+    for poses in _initial_guesses(mechanism):
         try:
-            loops, initial = tree_loops(mechanism, poses, guess_coordinates)
+            loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism))
             q = closed(loops, initial)
             tree_poses = link_poses(loops.tree, q)
             for name, column, cosine in axis_cosines(loops, tree_poses):
                 if cosine[0] < 0.0:
                     raise AssemblyError(f"{mechanism.name}: {antiparallel_message(name, column)}")
-            candidates.append((_distance_from_guess(mechanism, loops, tree_poses), loops, q))
+            candidates.append((_distance_from_guess(loops, tree_poses), loops, q))
         except AssemblyError as error:
             first_error = first_error or error
         if candidates and candidates[-1][0] < MAX_DISTANCE:
             break
     if not candidates:
         assert first_error is not None
-        return _from_random_starts(mechanism, guess, first_error)
+        return _from_random_starts(mechanism, first_error)
     return min(candidates, key=lambda candidate: candidate[0])[1:]
 
 
-def _initial_guesses(mechanism: Mechanism, guess: Mapping[str, Pose]) -> Iterator[Mapping[str, Pose]]:
+def _initial_guesses(mechanism: Mechanism) -> Iterator[Mapping[str, Pose]]:
     """Yield initial poses of all links: with joints in their order, completed, and with slides first."""
+    guess = rough_poses(mechanism)
     yield guess
     completed = completed_poses(mechanism, guess)
     if completed is not None:
@@ -249,16 +249,14 @@ def _initial_guesses(mechanism: Mechanism, guess: Mapping[str, Pose]) -> Iterato
         yield rough_poses(mechanism, stiff_first=True)
 
 
-def _from_random_starts(
-    mechanism: Mechanism, guess: Mapping[str, Pose], first_error: AssemblyError
-) -> tuple[TreeLoops, Coordinates]:
+def _from_random_starts(mechanism: Mechanism, first_error: AssemblyError) -> tuple[TreeLoops, Coordinates]:
     """Return loops closed from random starts: nearest to an incomplete guess, else nearest to zero.
 
     Raises:
         AssemblyError: if the guess is complete, with other configurations in which they close; `first_error`
             if they never close, or not near the guess.
     """
-    loops, initial = tree_loops(mechanism, guess, initial_coordinates(mechanism))
+    loops, initial = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
     batches = [batch for _, batch in random_poses(loops, initial, STARTS, seed=1)]
     if len(mechanism.guess) == len(mechanism.links):
         raise _closes_elsewhere(loops, initial, batches) or first_error
@@ -266,7 +264,7 @@ def _from_random_starts(
     chosen: Coordinates | None = None
     for q in (batch.select(np.array([i])) for batch in batches for i in range(len(batch))):
         rank = (
-            _distance_from_guess(mechanism, loops, link_poses(loops.tree, q)),
+            _distance_from_guess(loops, link_poses(loops.tree, q)),
             float(np.abs(q.values / loops.units[:, None]).max(initial=0.0)),
         )
         if rank[0] < MAX_DISTANCE and rank < best:
@@ -302,10 +300,10 @@ def _closes_elsewhere(
     )
 
 
-def _distance_from_guess(mechanism: Mechanism, loops: TreeLoops, poses: LinkPoses) -> float:
+def _distance_from_guess(loops: TreeLoops, poses: LinkPoses) -> float:
     """Return the largest distance of links from their guess, in characteristic lengths and [rad]."""
     worst = 0.0
-    for name, pose in mechanism.guess.items():
+    for name, pose in loops.tree.mechanism.guess.items():
         i = loops.tree.links[name]
         distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / loops.tree.length
         trace = float(np.trace(pose.rotation.T @ poses.rotation[i, :, :, 0]))
@@ -352,7 +350,11 @@ def with_closed_guess(mechanism: Mechanism) -> Mechanism:
         poses, values = start_poses(mechanism)
     except AssemblyError:
         return mechanism
-    guess_coordinates = _with_coupled_angles(mechanism, values)
+    counted = {*mechanism.guess_coordinates, *mechanism.drivers, *mechanism.locked}
+    uncounted = (name for law in mechanism.laws if not law.turns for name in law.coordinates)
+    coupled = [name for name in uncounted if name not in counted and mechanism.unit(name) == "rad"]
+    guess_coordinates = dict(mechanism.guess_coordinates)
+    guess_coordinates |= {name: values[name] for name in coupled if abs(values[name]) > np.pi}
     if (
         guess_coordinates == mechanism.guess_coordinates
         and mechanism.guess.keys() == poses.keys()
@@ -364,19 +366,6 @@ def with_closed_guess(mechanism: Mechanism) -> Mechanism:
     ):
         return mechanism
     return replace(mechanism, guess=poses, guess_coordinates=guess_coordinates)
-
-
-def _with_coupled_angles(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the guess coordinates, and coupled angles beyond half a revolution where revolutions matter."""
-    guess_coordinates = dict(mechanism.guess_coordinates)
-    for law in mechanism.laws:
-        for name in law.coordinates if not law.turns else ():
-            already_counted = (
-                name in guess_coordinates or name in mechanism.drivers or name in mechanism.locked
-            )
-            if not already_counted and mechanism.unit(name) == "rad" and abs(values[name]) > np.pi:
-                guess_coordinates[name] = values[name]
-    return guess_coordinates
 
 
 def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]]:

@@ -18,6 +18,9 @@ from mechsim.model.motion import JointMotion, LinkMotion, PointMotion
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.jets import Jet, Values, values
 
+# rate of a constant frame, (3, 1)
+REST = np.zeros((3, 1))
+
 
 @dataclass(frozen=True)
 class LinkFrame:
@@ -33,7 +36,7 @@ class LinkFrame:
 
     def axis(self, i: int) -> Any:
         """Return axis x, y or z by its index."""
-        stored = self._axes[i]
+        stored = self.x if i == 0 else self.y if i == 1 else self.z
         return self._third if stored is None else stored
 
     @property
@@ -77,20 +80,23 @@ class LinkFrame:
     def angular_rates(self) -> tuple[Array, Array]:
         """Angular velocity and acceleration, (3, n) or (3, 1) each.
 
-        Source: for axes e, e' = w x e; the sum of e x e' is 2 w, and that of e x e'' is 2 w'. A link with a
-        constant axis rotates about it.
+        Source: with w, the vector product of the axes u and v, the velocity has the components v'.w, -u'.w
+        and u'.v along u, v and w; u'' and v'' give the acceleration, less the products of these components.
+        A link with a constant axis rotates about it.
         """
-        moving = [axis for axis in self._axes if isinstance(axis, Jet)]
-        fixed = [axis for axis in self._axes if isinstance(axis, np.ndarray)]
-        if not moving:
-            return np.zeros((3, 1)), np.zeros((3, 1))
-        if fixed:
-            axis, across = fixed[0], cross(fixed[0], moving[0].value)
-            return axis * dot(across, moving[0].rate), axis * dot(across, moving[0].second)
-        axes = [self.axis(i) for i in range(3)]
-        spin = [cross(axis.value, axis.rate) for axis in axes]
-        acceleration = [cross(axis.value, axis.second) for axis in axes]
-        return 0.5 * np.sum(spin, 0), 0.5 * np.sum(acceleration, 0)
+        missing = next((i for i in range(3) if self._axes[i] is None), 2)
+        u, v, w = self.axis((missing + 1) % 3), self.axis((missing + 2) % 3), self.pose.axis(missing)
+        if not isinstance(u, Jet):
+            return (u * dot(w, v.rate), u * dot(w, v.second)) if isinstance(v, Jet) else (REST, REST)
+        if not isinstance(v, Jet):
+            return -v * dot(w, u.rate), -v * dot(w, u.second)
+        along_u, along_v, along_w = dot(w, v.rate), -dot(w, u.rate), dot(v.value, u.rate)
+        return (
+            along_u * u.value + along_v * v.value + along_w * w,
+            (dot(w, v.second) - along_v * along_w) * u.value
+            + (along_u * along_w - dot(w, u.second)) * v.value
+            + (dot(v.value, u.second) - along_u * along_v) * w,
+        )
 
 
 def _times(number: Any, axis: Any) -> Any:

@@ -21,9 +21,9 @@ from mechsim.simulation.closed_configurations import CONVERGED, ROUNDED_ERROR
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import compiled, quiet
+from mechsim.simulation.mjcf.included_files import included_lines
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, TENDON, WELD, is_readable
-from mechsim.simulation.mjcf_text.included_files import included_lines
 from mechsim.simulation.mobility import require_determined, residual_mobility
 from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.source import at_initial_state, from_source, parameter_profile

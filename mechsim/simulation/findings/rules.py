@@ -16,10 +16,10 @@ from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, loop_rank
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
+from mechsim.simulation.mjcf.edited_text import EditedText, equality_elements, set_options
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD, is_readable
-from mechsim.simulation.mjcf_text.edited_text import EditedText, equality_elements, set_options
 from mechsim.simulation.state import data_at, dense_rows, limited_joints
 
 Severity = Literal["error", "warning", "note"]

@@ -1,10 +1,17 @@
-"""Errors about files in one line, with file and line number."""
+"""Errors about files in one line, and rejected numbers: not finite, too large, quaternions of length zero."""
 
 import os
 import re
+from collections.abc import Iterator
+from typing import Any
 from xml.parsers import expat
 
+import mujoco
+import numpy as np
+
 from mechsim.errors import InputError, cut
+from mechsim.numerics.arrays import Array
+from mechsim.numerics.inputs import HUGE
 
 # maximum number of characters quoted from a message of MuJoCo
 MAX_SHOWN = 300
@@ -56,3 +63,78 @@ def _ill_formed(path: str) -> InputError | None:
             f"{expat.ErrorString(error.code)}; correct the file"
         )
     return None
+
+
+# largest length, in [m], and largest joint coordinate, in [m] or [rad]
+MAX_LENGTH = 1e12
+
+
+def require_numbers(path: str, spec: mujoco.MjSpec, model: mujoco.MjModel, start: Array) -> None:
+    """Reject a model with numbers that are not finite or too large, invalid quaternions, or no time step.
+
+    Args:
+        path: path of the file.
+        spec: specification of the model.
+        model: model compiled from it.
+        start: initial state, (nq,).
+
+    Raises:
+        InputError: with file, line, element and the numbers.
+    """
+    for what, element, values, limit in _numbers(spec, model):
+        invalid = values[~(np.abs(values) <= limit)]
+        if len(invalid) and not np.isfinite(invalid).all():
+            raise _error(path, what, element, "numbers that are not finite")
+        if len(invalid):
+            raise _error(path, what, element, f"{invalid[0]:g}; give {limit:g} in SI at most")
+    for what, elements, quaternions in (
+        ("body", spec.bodies, model.body_quat),
+        ("site", spec.sites, model.site_quat),
+    ):
+        for element in elements:
+            if not np.linalg.norm(quaternions[element.id]) > 0.0:
+                raise _error(path, what, element, "a quat that is no turn")
+    if not np.isfinite(start).all():
+        raise InputError(f"{path}: where it starts is not finite; correct ref or the keyframe")
+    if not 0.0 < model.opt.timestep <= HUGE:
+        raise InputError(
+            f"{path}: the timestep of <option> is {model.opt.timestep:g} s, by which no run goes on; "
+            "give one above 0, or leave it out for 0.002"
+        )
+    if not np.abs(model.opt.gravity).max() <= HUGE:
+        raise InputError(f"{path}: gravity is {model.opt.gravity.tolist()}; give {HUGE:g} m/s^2 at most")
+
+
+def _error(path: str, what: str, element: Any, content: str) -> InputError:
+    location = ", ".join([path, *filter(None, [element.info])])
+    label = f" {element.name!r}" if element.name else ""
+    return InputError(f"{location}: {what}{label} holds {content}; correct the file")
+
+
+def _numbers(spec: mujoco.MjSpec, model: mujoco.MjModel) -> Iterator[tuple[str, Any, Array, float]]:
+    """Yield the kind of an element, the element, its numbers and their largest magnitude."""
+    coordinates = np.append(model.jnt_qposadr, model.nq)
+    for body in spec.bodies:
+        i = body.id
+        yield "body", body, np.concatenate([model.body_pos[i], model.body_ipos[i]]), MAX_LENGTH
+        yield "body", body, np.array([*model.body_quat[i], model.body_mass[i], *model.body_inertia[i]]), HUGE
+    for joint in spec.joints:
+        i, dofs = joint.id, model.dof_jntid == joint.id
+        own = slice(coordinates[i], coordinates[i + 1])
+        positions = [model.jnt_pos[i], model.qpos0[own], model.qpos_spring[own]]
+        yield "joint", joint, np.concatenate(positions), MAX_LENGTH
+        rates = [model.dof_damping[dofs], model.dof_armature[dofs], model.dof_frictionloss[dofs]]
+        limit = [model.jnt_range[i], model.jnt_solref[i], model.jnt_solimp[i]]
+        single = [model.jnt_axis[i], *limit, model.jnt_stiffness[[i]].ravel()]
+        yield "joint", joint, np.concatenate([values_.ravel() for values_ in (*single, *rates)]), HUGE
+    for site in spec.sites:
+        yield "site", site, model.site_pos[site.id], MAX_LENGTH
+        yield "site", site, model.site_quat[site.id], HUGE
+    for equality in spec.equalities:
+        i = equality.id
+        yield (
+            "equality",
+            equality,
+            np.concatenate([model.eq_data[i], model.eq_solref[i], model.eq_solimp[i]]),
+            HUGE,
+        )

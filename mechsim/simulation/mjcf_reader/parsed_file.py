@@ -16,9 +16,15 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled, quiet
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
 from mechsim.simulation.mjcf_reader.file_errors import readable_error
-from mechsim.simulation.mjcf_reader.repairs import with_possible_inertias, without_missing
+from mechsim.simulation.mjcf_reader.repairs import (
+    copy_shapes,
+    has_replaceable_meshes,
+    remove_meshes,
+    remove_textures,
+    with_possible_inertias,
+    without_missing,
+)
 from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
-from mechsim.simulation.mjcf_reader.without_meshes import copy_shapes, has_replaceable_meshes, remove_meshes
 
 # path of an MJCF or URDF file, or an object of MuJoCo
 MujocoInput: TypeAlias = str | mujoco.MjSpec | mujoco.MjModel
@@ -66,6 +72,7 @@ def parse_without_meshes(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjM
     """
     path, spec = model_label(source), _specification(source)
     _disable_sleep(path, spec)
+    remove_textures(spec)
     if not has_replaceable_meshes(spec):
         return spec, None
     without_meshes = spec.copy()

@@ -25,7 +25,7 @@ from mechsim.simulation.mjcf_reader.coordinates import (
     tracked,
 )
 from mechsim.simulation.mjcf_reader.equality_constraints import equalities
-from mechsim.simulation.mjcf_reader.file_errors import readable_error
+from mechsim.simulation.mjcf_reader.file_errors import readable_error, require_numbers
 from mechsim.simulation.mjcf_reader.fixed_bodies import (
     fix_bodies,
     free_bodies,
@@ -44,7 +44,6 @@ from mechsim.simulation.mjcf_reader.kinematic_tree import (
     link_name,
     poses,
 )
-from mechsim.simulation.mjcf_reader.number_checks import require_numbers
 from mechsim.simulation.mjcf_reader.parsed_file import (
     MujocoInput,
     compile_repaired,

@@ -32,8 +32,7 @@ from mechsim.studies.agreement.evaluation_points import (
     discrete,
     sized,
 )
-from mechsim.studies.agreement.fitting import linearly_explains
-from mechsim.studies.agreement.misfit import Misfit
+from mechsim.studies.agreement.misfit import Misfit, linearly_explains
 
 # number of joint positions that are solved again: those that explain most to first order
 MAX_SOLVED = 6

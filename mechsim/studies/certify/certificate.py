@@ -21,7 +21,7 @@ from mechsim.studies.certify.segments import (
     with_misses,
 )
 from mechsim.studies.certify.singular_points import SingularPoint, enclosed_singular_point
-from mechsim.studies.certify.tolerances import radii_within
+from mechsim.studies.certify.toml_intervals import radii_within
 from mechsim.studies.sensitivity.tolerances import parsed_tolerances
 from mechsim.subjects.readers import load, open_model, parametric_model
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mechsim.analytic.dynamics.state_layout import rotation_matrices, rotation_quaternions
+from mechsim.analytic.dynamics.initial_state import rotation_matrices, rotation_quaternions
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import link_poses
 from mechsim.analytic.loops.motion import driven_path

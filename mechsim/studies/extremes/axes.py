@@ -1,6 +1,7 @@
 """The axes of the stress test: numerical quantities, singular configurations, long runs."""
 
-from dataclasses import fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,44 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation import Settings, simulate
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes.results import Drift, Trial
-from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.studies.extremes.trial import attempt, position_errors
 from mechsim.units import rpm
+
+
+@dataclass(frozen=True)
+class SpecialDesigns:
+    """Parameters of one mechanism for the stress test.
+
+    Attributes:
+        swinging: parameters for which the crank only swings; empty without such parameters.
+        limiting_length: length whose change eventually prevents a full revolution of the crank.
+        change_points: name -> parameters of a design with change points.
+        long_runs: whether the mechanism is run for many revolutions.
+    """
+
+    swinging: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    limiting_length: str = ""
+    change_points: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, Mapping[str, Any]])
+    long_runs: bool = False
+
+
+_CHANGE_POINTS = {
+    "parallelogram": {"ground": 0.1, "coupler": 0.1, "crank": 0.04, "rocker": 0.04},
+    "kite": {"ground": 0.1, "rocker": 0.1, "crank": 0.04, "coupler": 0.04},
+}
+_DESIGNS = {
+    "four_bar": SpecialDesigns({"rocker": 0.035}, "coupler", _CHANGE_POINTS, long_runs=True),
+    "slider_crank": SpecialDesigns({"rod": 0.045}, "rod"),
+    "rssr": SpecialDesigns({"rocker": 0.009}, "coupler", long_runs=True),
+    "rrsrr": SpecialDesigns({"link": 0.055}, "link"),
+    "bennett": SpecialDesigns(long_runs=True),
+}
+
+
+def special_designs(name: str) -> SpecialDesigns:
+    """Return the special designs of a catalogue mechanism."""
+    return _DESIGNS.get(name, SpecialDesigns())
+
 
 # crank speeds in [rad/s]
 SPEED, LONG_RUN_SPEED, SINGULAR_SPEED = rpm(600.0), 20.0 * np.pi, 10.0
@@ -69,11 +105,11 @@ def mass_ratio(solver: ClosedForm, value: float) -> Trial:
 def resized(solver: ClosedForm, factor: float) -> ClosedForm:
     """Return the closed form with every length scaled by a factor."""
     values: dict[str, Any] = {}
-    for field in fields(solver):
-        if field.metadata["unit"] == "m":
-            value = getattr(solver, field.name)
+    for entry in fields(solver):
+        if entry.metadata["unit"] == "m":
+            value = getattr(solver, entry.name)
             many = isinstance(value, tuple)
-            values[field.name] = tuple(factor * length for length in value) if many else factor * value
+            values[entry.name] = tuple(factor * length for length in value) if many else factor * value
     return replace(solver, **values)
 
 

@@ -9,8 +9,8 @@ from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.model.progress import Progress, no_progress
 from mechsim.studies.extremes import axes
+from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.extremes.results import StabilityMap, Trial
-from mechsim.studies.extremes.special_designs import special_designs
 from mechsim.studies.extremes.trial import borders_along
 
 # name of an axis -> its quantity and unit

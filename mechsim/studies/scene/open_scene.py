@@ -19,11 +19,10 @@ from mechsim.model.scene import Scene
 from mechsim.simulation import mjcf
 from mechsim.simulation.source import specification
 from mechsim.studies.scene.scene import UserScene, scene_of
-from mechsim.subjects.law_text import control_laws
+from mechsim.subjects.law_text import control_laws, python_expression
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.prescription import duration_of
 from mechsim.subjects.readers import load
-from mechsim.subjects.time_expressions import python_expression
 from mechsim.units import si
 
 

@@ -10,9 +10,7 @@ import numpy as np
 from mechsim.errors import InputError, MechsimError
 from mechsim.files import atomic_path
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
-from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies
-from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.simulation.mjcf_text.edited_text import (
+from mechsim.simulation.mjcf.edited_text import (
     EditedText,
     Element,
     equality_elements,
@@ -21,7 +19,9 @@ from mechsim.simulation.mjcf_text.edited_text import (
     set_compliance,
     set_options,
 )
-from mechsim.simulation.mjcf_text.included_files import moved_to, read_text, with_included
+from mechsim.simulation.mjcf.included_files import moved_to, read_text, with_included
+from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.plain_settings import FLAGS, OPTIONS, PlainSettings, python_value
 from mechsim.studies.scene.scene import RK4, UserScene
 

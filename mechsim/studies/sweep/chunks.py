@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mechsim._version import __version__
-from mechsim.analytic.derivatives.parameter_vector import numbers_of
+from mechsim.analytic.derivatives.dimensions import numbers_of
 from mechsim.errors import InputError, OutputError
 from mechsim.files import atomic_path
 from mechsim.numerics.resources import size_text
@@ -53,7 +53,7 @@ def _subject(task: SweepTask) -> str:
     if task.subject.closed is not None:
         return repr(task.subject.closed)
     if isinstance(make, OfToml):
-        return repr((make.source.document, sorted(make.fixed.items())))
+        return repr((make.model.source.document, sorted(make.fixed.items())))
     if isinstance(make, OfPython):
         return repr((sorted(make.fixed.items()), make.model.rpartition(":")[2], _file(make.model)))
     motion_laws = task.subject.solver.motion_laws

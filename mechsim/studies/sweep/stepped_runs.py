@@ -15,9 +15,11 @@ from mechsim.errors import AssemblyError
 from mechsim.model.motion import select_instants
 from mechsim.model.motion_laws import no_crank_range_error, within_range
 from mechsim.numerics.arrays import Array
+from mechsim.simulation.design_models import design_models
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.simulation.many.design_models import design_models
-from mechsim.simulation.many.stepped_designs import (
+from mechsim.simulation.mjcf.joints import CRANK
+from mechsim.simulation.run import simulate
+from mechsim.simulation.stepped_designs import (
     Content,
     SteppedDesigns,
     check_designs,
@@ -26,8 +28,6 @@ from mechsim.simulation.many.stepped_designs import (
     first_open_angle,
     stepped_designs,
 )
-from mechsim.simulation.mjcf.joints import CRANK
-from mechsim.simulation.run import simulate
 from mechsim.studies.reference import weighing
 from mechsim.studies.release import SHOWN, Release
 from mechsim.studies.sweep.measures import TurnMeasure, Turns

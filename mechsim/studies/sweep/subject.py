@@ -12,10 +12,10 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
+from mechsim.subjects.model_source import Prescription
 from mechsim.subjects.python_object import PythonObject
 from mechsim.subjects.readers import as_text, open_model, parametric_model
-from mechsim.subjects.toml_reader import TomlModel, toml_model
-from mechsim.subjects.toml_values import TomlSource
+from mechsim.subjects.toml_reader import TomlModel
 
 Make = Callable[[Mapping[str, float]], KinematicSolver]
 
@@ -25,14 +25,14 @@ class OfToml:
     """Makes designs of a TOML file.
 
     Attributes:
-        source: the file.
+        model: the file.
         fixed: parameter -> text or number in SI, for parameters that are set and do not vary.
         guess: link -> assembled nominal pose; it selects the assembly of designs if the file has no guess
             for a link.
         units: parameter -> SI unit.
     """
 
-    source: TomlSource
+    model: TomlModel
     fixed: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
     guess: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
     units: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -40,7 +40,7 @@ class OfToml:
     def __call__(self, values: Mapping[str, float]) -> KinematicSolver:
         """Return a design."""
         changed = {name: as_text(value, self.units.get(name, "1")) for name, value in values.items()}
-        solver = toml_model(self.source, {**self.fixed, **changed}).solver
+        solver = self.model.describe({**self.fixed, **changed}, Prescription()).solver
         mechanism = solver.mechanism
         if not isinstance(solver, LoopForm) or len(mechanism.guess) == len(mechanism.links):
             return solver
@@ -114,6 +114,6 @@ def swept_subject(
         return SweptSubject(name, solver, result, result.make, closed=solver)
     if isinstance(source, TomlModel) and plain and solver.motion_laws.crank:
         unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
-        make = OfToml(source.source, current, solver.mechanism.guess, unit_of)
+        make = OfToml(source, current, solver.mechanism.guess, unit_of)
         return SweptSubject(name, solver, result, make)
     return SweptSubject(name, solver, result, result.make)

@@ -20,7 +20,7 @@ from mechsim.model.motion_laws import SWING_FRACTION
 from mechsim.model.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.many.design_models import SharedModel, shared_model
+from mechsim.simulation.design_models import SharedModel, shared_model
 from mechsim.simulation.recording import CHUNK
 from mechsim.simulation.settings import Settings
 from mechsim.studies.release import Release

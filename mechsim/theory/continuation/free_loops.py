@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mechsim.analytic.loops.constraints import TreeLoops, TreeSolver
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, twists
-from mechsim.analytic.loops.path_rates import regularised, smallest_singular_values
+from mechsim.analytic.loops.path import regularised, smallest_singular_values
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.vector_method.vectors import array_cross as cross
 from mechsim.errors import MobilityError

@@ -12,7 +12,7 @@ from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
 from mechsim.studies.certify.loop_equations import concentric, loop_equations
-from mechsim.studies.certify.tolerances import joint_radii, radii_within
+from mechsim.studies.certify.toml_intervals import joint_radii, radii_within
 from mechsim.subjects import reference_data
 from mechsim.subjects.readers import open_model, parametric_model
 

@@ -8,7 +8,7 @@ from mechsim.errors import InputError
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.graphs import components, matching, ordered_blocks, reachable
-from mechsim.theory.structure.mobility_count import Pairs, planar_pairs, plane_normal, rigid
+from mechsim.theory.mobility_count import Pairs, planar_pairs, plane_normal, rigid
 
 
 class Unit(NamedTuple):

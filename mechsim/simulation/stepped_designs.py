@@ -13,16 +13,16 @@ from mechsim.model.motion import JointMotion, Motion, PointMotion, join
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
-from mechsim.simulation.driven_run import MAX_DRIVE_ERROR
-from mechsim.simulation.dynamics.applied_forces import rigid_forces, soften
-from mechsim.simulation.loop_jacobian import CLOSED_ERROR, NEWTON
-from mechsim.simulation.many.design_models import (
+from mechsim.simulation.design_models import (
     Bools,
     DesignModels,
     Fields,
     Rows,
     clear_same_frame,
 )
+from mechsim.simulation.driven_run import MAX_DRIVE_ERROR
+from mechsim.simulation.dynamics.applied_forces import rigid_forces, soften
+from mechsim.simulation.loop_jacobian import CLOSED_ERROR, NEWTON
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.model_loops import ModelLoops
 from mechsim.simulation.recording import CHUNK, States, evaluate

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mechsim.errors import InputError
 from mechsim.model.finding import FilePosition
-from mechsim.simulation.mjcf_text.edited_text import EditedText, Element, elements_of
+from mechsim.simulation.mjcf.edited_text import EditedText, Element, elements_of
 
 # largest depth of nested includes; more are an endless recursion
 MAX_DEPTH = 20

@@ -1,1 +1,0 @@
-"""Structure of a mechanism: degrees of freedom and their explanation, and Assur groups."""
