@@ -1,4 +1,4 @@
-"""States of a mechanism: initial ones from values of its joint coordinates, and their packing into vectors."""
+"""States of a mechanism: initial ones from values of joint coordinates, and their packing into vectors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
