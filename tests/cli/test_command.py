@@ -107,7 +107,7 @@ class Measured:
         return self.extent < 1.0
 
 
-def test_a_record_prints_what_it_lists_and_its_schema_describes_that():
+def test_a_record_prints_its_listed_fields_under_its_schema():
     assert plain(Measured(0.5)) == {"width": 0.5, "passed": True}
     schema = schema_of(Measured)
     jsonschema.validate(plain(Measured(float("nan"))), schema)

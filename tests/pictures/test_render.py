@@ -34,11 +34,11 @@ try:
     BACKEND = gl_backend.choose()
 except MissingToolError as missing:
     BACKEND = None
-    WHY = str(missing)
+    REASON = str(missing)
 else:
-    WHY = ""
+    REASON = ""
 
-draws = pytest.mark.skipif(BACKEND is None, reason=WHY or "OpenGL works")
+draws = pytest.mark.skipif(BACKEND is None, reason=REASON or "OpenGL works")
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_a_mechanism_higher_than_180_m_is_framed():
     assert drawn.camera.height > 180.0
 
 
-def bare(mechanism, motion, **options):
+def frames_of(mechanism, motion, **options):
     """Return frames with only the mechanism and the ground."""
     plain = {"size": SIZE, "paths": False, "labels": False, "notes": False}
     return render.frames(mechanism, motion, **{**plain, **options})
@@ -114,7 +114,7 @@ def decoded(path, size):
 def test_every_link_is_visible_in_every_frame(name):
     drive = catalog.make(name)
     mechanism = drive.mechanism
-    for picture in bare(mechanism, drive.solve(TURN[::12], 60.0)):
+    for picture in frames_of(mechanism, drive.solve(TURN[::12], 60.0)):
         for link, rgba in link_colours(mechanism).items():
             assert coloured(picture, rgba).sum() > 25, link
 
@@ -129,7 +129,7 @@ def test_every_link_is_visible_in_every_frame(name):
 )
 def test_no_link_reaches_the_border(name, view):
     drive = catalog.make(name)
-    for picture in bare(drive.mechanism, drive.solve(TURN[::36], 60.0), camera=view, paths="whole"):
+    for picture in frames_of(drive.mechanism, drive.solve(TURN[::36], 60.0), camera=view, paths="whole"):
         _, saturation = hues(picture)
         edge = np.concatenate([saturation[:5].ravel(), saturation[-5:].ravel(), saturation[:, :5].ravel()])
         assert max(edge.max(), saturation[:, -5:].max()) < 0.2
@@ -137,7 +137,7 @@ def test_no_link_reaches_the_border(name, view):
 
 @draws
 def test_a_picture_is_neither_black_nor_blank(drive, motion):
-    picture = next(iter(bare(drive.mechanism, motion)))
+    picture = next(iter(frames_of(drive.mechanism, motion)))
     assert picture.dtype == np.uint8
     assert picture.shape == (240, 320, 3)
     assert 140 < picture.mean() < 250
@@ -146,8 +146,8 @@ def test_a_picture_is_neither_black_nor_blank(drive, motion):
 
 @draws
 def test_first_and_last_frame_of_a_full_turn_match(drive, motion):
-    some = TURN[[0, 9, 18, 27, 36]]
-    first, *_, half, _, last = bare(drive.mechanism, motion, angles=some, paths="tail")
+    selected = TURN[[0, 9, 18, 27, 36]]
+    first, *_, half, _, last = frames_of(drive.mechanism, motion, angles=selected, paths="tail")
     assert (np.abs(first.astype(int) - last).max(2) > 40).mean() < 2e-3
     assert (np.abs(first.astype(int) - half).max(2) > 40).mean() > 0.02
 
@@ -157,7 +157,7 @@ def test_a_moving_point_is_drawn_at_its_projected_position():
     angles = np.linspace(0.0, 2.0 * np.pi, 9)
     mechanism, motion = crank_motion(angles)
     stage = DrawnModel(mechanism, frame_poses(mechanism, motion), Look(size=SIZE, camera="shaft"))
-    pictures = bare(mechanism, motion, camera="shaft")
+    pictures = frames_of(mechanism, motion, camera="shaft")
     for picture, pin, tip in zip(pictures, np.zeros((9, 3)), stage.frames.points["A"], strict=True):
         observed = np.argwhere(coloured(picture, PALETTE[0]))[:, ::-1] + 0.5  # pixel centres
         start, end = stage.camera.pixel(pin), stage.camera.pixel(tip)
@@ -166,15 +166,15 @@ def test_a_moving_point_is_drawn_at_its_projected_position():
         # the ball at the tip is 1.5 rod radii in radius
         ball = 1.5 * stage.radius * stage.camera.scale
         assert along.max() == pytest.approx(np.linalg.norm(end - start) + ball, abs=1.6)
-        near = observed[along > np.linalg.norm(end - start) - 0.5 * ball]
-        assert np.abs(near.mean(0) - end) @ np.abs([direction[1], direction[0]]) < 1.0
+        tip_pixels = observed[along > np.linalg.norm(end - start) - 0.5 * ball]
+        assert np.abs(tip_pixels.mean(0) - end) @ np.abs([direction[1], direction[0]]) < 1.0
 
 
 @draws
 def test_paths_grow_behind_their_points(drive, motion):
-    plain = bare(drive.mechanism, motion, angles=TURN[::9])
-    grown = list(bare(drive.mechanism, motion, angles=TURN[::9], paths="grow"))
-    drawn = [(item != other).any(2).sum() for item, other in zip(plain, grown, strict=True)]
+    plain = frames_of(drive.mechanism, motion, angles=TURN[::9])
+    with_paths = list(frames_of(drive.mechanism, motion, angles=TURN[::9], paths="grow"))
+    drawn = [(single != other).any(2).sum() for single, other in zip(plain, with_paths, strict=True)]
     assert len(drawn) == 5
     assert drawn[0] == 0
     assert all(a < b for a, b in pairwise(drawn))
@@ -182,9 +182,9 @@ def test_paths_grow_behind_their_points(drive, motion):
 
 @draws
 def test_labels_and_notes_cover_little_of_the_picture(drive, motion):
-    plain = next(iter(bare(drive.mechanism, motion)))
-    marked = next(iter(bare(drive.mechanism, motion, labels=True, notes=True)))
-    changed = (plain != marked).any(2)
+    plain = next(iter(frames_of(drive.mechanism, motion)))
+    with_labels = next(iter(frames_of(drive.mechanism, motion, labels=True, notes=True)))
+    changed = (plain != with_labels).any(2)
     assert 0.002 < changed.mean() < 0.12
 
 
@@ -193,9 +193,9 @@ def test_the_picture_is_independent_of_the_mechanism_size(drive):
     lengths = ("crank", "coupler", "rocker")
     pictures = []
     for factor in (1e-3, 1.0, 1e3):
-        pivot = tuple(factor * part for part in drive.pivot)
+        pivot = tuple(factor * incomplete for incomplete in drive.pivot)
         scaled = replace(drive, pivot=pivot, **{name: factor * getattr(drive, name) for name in lengths})
-        pictures.append(next(iter(bare(scaled.mechanism, scaled.solve(TURN, 60.0)))).astype(int))
+        pictures.append(next(iter(frames_of(scaled.mechanism, scaled.solve(TURN, 60.0)))).astype(int))
     for other in (pictures[0], pictures[2]):
         # the grid may move, the mechanism may not
         assert (np.abs(pictures[1] - other).max(2) > 60).mean() < 0.01
@@ -204,20 +204,20 @@ def test_the_picture_is_independent_of_the_mechanism_size(drive):
 @draws
 def test_overlaid_positions_show_the_crank_at_many_angles(drive, motion):
     crank = link_colours(drive.mechanism)["crank"]
-    item = render.still(drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False)
-    many = render.still(
+    single = render.still(drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False)
+    overlaid = render.still(
         drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False, overlay=12
     )
-    assert coloured(many, crank).sum() > 3 * coloured(item, crank).sum()
+    assert coloured(overlaid, crank).sum() > 3 * coloured(single, crank).sum()
 
 
 @draws
 def test_projections_are_drawn_on_three_planes(drive, motion):
     plain = render.still(drive.mechanism, motion, size=(640, 480), paths=False, projections=())
-    thrown = render.still(drive.mechanism, motion, size=(640, 480), paths=False, projections=("P2",))
-    assert thrown.shape == plain.shape
-    hits = coloured(thrown, link_colours(drive.mechanism)["crank"], least=0.4)
-    assert hits.sum() > 300
+    projected = render.still(drive.mechanism, motion, size=(640, 480), paths=False, projections=("P2",))
+    assert projected.shape == plain.shape
+    projected_pixels = coloured(projected, link_colours(drive.mechanism)["crank"], least=0.4)
+    assert projected_pixels.sum() > 300
     with pytest.raises(InputError, match="no point 'P9'"):
         render.still(drive.mechanism, motion, projections=("P9",))
 
@@ -234,15 +234,15 @@ def test_frames_are_evenly_spaced_without_a_repeated_frame(drive, motion):
     assert len(angles) == 36
     np.testing.assert_allclose(np.diff(angles), np.deg2rad(10.0))
     assert len(render.turn_angles(drive.mechanism, motion, 7)) == 7
-    part = replace(motion, angle=motion.angle[:20])
-    assert len(render.turn_angles(drive.mechanism, part, 36)) == 20
+    incomplete = replace(motion, angle=motion.angle[:20])
+    assert len(render.turn_angles(drive.mechanism, incomplete, 36)) == 20
 
 
 @pytest.mark.parametrize("name", ["planetary_gear", "rack_steering"])
 def test_an_aperiodic_turn_includes_its_last_frame(name):
     drive = load(name)
-    turned = drive.solve(TURN, 60.0)
-    angles = render.turn_angles(drive.mechanism, turned, 36)
+    motion_of_turn = drive.solve(TURN, 60.0)
+    angles = render.turn_angles(drive.mechanism, motion_of_turn, 36)
     assert len(angles) == 37
     assert angles[-1] == pytest.approx(TURN[-1])
 
@@ -273,7 +273,7 @@ def test_invalid_motions_are_rejected(drive, motion):
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "message"),
     [
         ({"camera": "front"}, "no camera 'front'"),
         ({"size": (0, 480)}, "give edges from 16"),
@@ -281,8 +281,8 @@ def test_invalid_motions_are_rejected(drive, motion):
         ({"overlay": 0}, "0 overlaid positions"),
     ],
 )
-def test_invalid_look_options_are_rejected(options, says):
-    with pytest.raises(InputError, match=says):
+def test_invalid_look_options_are_rejected(options, message):
+    with pytest.raises(InputError, match=message):
         Look(**options)
 
 
@@ -334,8 +334,8 @@ np.save(sys.argv[1], picture)
     command = [sys.executable, "-W", "error", "-c", script, str(saved)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-    here = render.still(drive.mechanism, motion, size=SIZE)
-    assert (np.abs(np.load(saved).astype(int) - here).max(2) > 60).mean() < 0.01
+    reference = render.still(drive.mechanism, motion, size=SIZE)
+    assert (np.abs(np.load(saved).astype(int) - reference).max(2) > 60).mean() < 0.01
 
 
 def test_missing_opengl_is_reported_with_the_packages(monkeypatch):
@@ -374,7 +374,7 @@ def test_videos_contain_every_frame_at_the_requested_size(extension, drive, moti
     assert len(observed) == 12
     drawn = next(iter(render.frames(drive.mechanism, motion, angles=angles, size=SIZE)))
     assert np.abs(observed[0].astype(int) - drawn).mean() < 6.0
-    assert [left.name for left in tmp_path.iterdir()] == [path.name]
+    assert [written.name for written in tmp_path.iterdir()] == [path.name]
 
 
 @draws

@@ -12,21 +12,21 @@ from mechsim.pictures.render.look import Look
 
 TURN = np.linspace(0.0, 2.0 * np.pi, 25)
 SIZE = (320, 240)
-PLAIN = {"size": SIZE, "labels": False, "notes": False, "paths": False}
+OPTIONS = {"size": SIZE, "labels": False, "notes": False, "paths": False}
 
 try:
     BACKEND = gl_backend.choose()
 except MissingToolError as missing:
-    WHY = str(missing)
+    REASON = str(missing)
 else:
-    WHY = ""
-draws = pytest.mark.skipif(bool(WHY), reason=WHY or "OpenGL works")
+    REASON = ""
+draws = pytest.mark.skipif(bool(REASON), reason=REASON or "OpenGL works")
 
 
 def stage_of(name, exact=False, **look):
     drive = catalog.make(name)
     motion = drive.solve(TURN, 60.0)
-    return Source(drive.mechanism, motion, motion if exact else None).drawn(Look(**{**PLAIN, **look}))
+    return Source(drive.mechanism, motion, motion if exact else None).drawn(Look(**{**OPTIONS, **look}))
 
 
 @draws
@@ -51,21 +51,21 @@ def test_flat_shadows_agree_with_a_shadow_map(name):
         observed = drawing.render()[:, :, 0]
     wall = stage.model.geom_type[observed] == mujoco.mjtGeom.mjGEOM_PLANE
     bare, flat, mapped = pictures
-    ours, theirs = (bare - flat > 20.0) & wall, (bare - mapped > 20.0) & wall
-    assert theirs.sum() > 600
+    flat_shadow, mapped_shadow = (bare - flat > 20.0) & wall, (bare - mapped > 20.0) & wall
+    assert mapped_shadow.sum() > 600
     # the edges are soft: one or two pixels of difference
-    assert (ours & theirs).sum() > 0.8 * (ours | theirs).sum()
-    assert np.median((bare - flat)[ours & theirs]) == pytest.approx(
-        np.median((bare - mapped)[ours & theirs]), rel=0.15
+    assert (flat_shadow & mapped_shadow).sum() > 0.8 * (flat_shadow | mapped_shadow).sum()
+    assert np.median((bare - flat)[flat_shadow & mapped_shadow]) == pytest.approx(
+        np.median((bare - mapped)[flat_shadow & mapped_shadow]), rel=0.15
     )
     # solids keep their brightness except at edges that share a pixel with the wall
     assert (np.abs(bare - flat)[~wall] > 8.0).mean() < 0.1
 
 
 def test_a_ghost_has_no_shadow():
-    plain, ghostly = (Shadow(stage_of("four_bar", exact=exact)) for exact in (False, True))
-    assert len(plain.geoms) == len(ghostly.geoms) > 0
-    assert ghostly.drawn.model.ngeom > plain.drawn.model.ngeom
+    plain, with_ghost = (Shadow(stage_of("four_bar", exact=exact)) for exact in (False, True))
+    assert len(plain.geoms) == len(with_ghost.geoms) > 0
+    assert with_ghost.drawn.model.ngeom > plain.drawn.model.ngeom
 
 
 def test_shadow_layers_are_ordered_close_to_the_wall():

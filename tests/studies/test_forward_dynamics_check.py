@@ -87,7 +87,7 @@ def arm():
     return ms.Mechanism("arm", links, joints, ("J0", "J1", "J2"), {"P": ("link2", (0.3, 0.0, 0.0))})
 
 
-def test_a_joint_reverses_although_friction_holds_joints_on_both_sides_of_it():
+def test_a_joint_reverses_between_sticking_joints():
     sizes = {"J0": 20.0, "J1": 0.6, "J2": 0.6}
     friction = tuple(Friction(name, 0.3, size) for name, size in sizes.items())
     machine = ms.dynamics.dynamic_model(arm(), Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
