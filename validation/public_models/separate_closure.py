@@ -28,7 +28,7 @@ from mechsim.simulation.closed_configurations import compiled_model, straight_pa
 from mechsim.simulation.mjcf.compiling import quiet
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "robustness"))
-from mjcf_closure_oracle import OPEN, Closure, turned
+from mjcf_closure_oracle import ZERO_SINGULAR_VALUE, Closure, rotated
 
 LISTED = Path(__file__).with_name("models.txt")
 STATES, OFF = 8, 1e-3
@@ -41,15 +41,15 @@ MOVED = 1e-7
 
 def bodies_at(closure, x):
     """Return positions over the size, (nbody - 1, 3), and rotation matrices, (nbody - 1, 3, 3)."""
-    own = x[: closure.places].reshape(-1, 7)
-    columns = [turned(own[:, 3:], np.broadcast_to(axis, own[:, :3].shape)) for axis in np.eye(3)]
+    own = x[: closure.first_qpos].reshape(-1, 7)
+    columns = [rotated(own[:, 3:], np.broadcast_to(axis, own[:, :3].shape)) for axis in np.eye(3)]
     return own[:, :3] / closure.size, np.stack(columns, -1)
 
 
 def determined(closure, x):
     """Return which bodies nothing leaves open, (nbody - 1,)."""
     _, values, right = np.linalg.svd(closure.slope(x, 0.0))
-    loose = right[int((values > OPEN * values[0]).sum()) :, : closure.places]
+    loose = right[int((values > ZERO_SINGULAR_VALUE * values[0]).sum()) :, : closure.first_qpos]
     return np.abs(loose).max(0, initial=0.0).reshape(-1, 7).max(-1) < MOVED
 
 
@@ -61,7 +61,7 @@ class HeldClosure(Closure):
         self.addresses, self.values = addresses, qpos[addresses]
 
     def residual(self, x, t):
-        coordinates = x[..., self.places :]
+        coordinates = x[..., self.first_qpos :]
         return np.concatenate([super().residual(x, t), coordinates[..., self.addresses] - self.values], -1)
 
 
@@ -75,7 +75,7 @@ def solved_apart(model, path, qpos, random):
     """Return the closure at the driver positions of qpos, from another start: itself and its unknowns."""
     closure = HeldClosure(model, path.loops.characteristic_length, qpos, held_addresses(model, path))
     start = closure.initial(qpos)
-    x = closure.solved(start + OFF * random.normal(size=len(start)) * np.abs(start).max(), 0.0)
+    x = closure.solve(start + OFF * random.normal(size=len(start)) * np.abs(start).max(), 0.0)
     return closure, x
 
 

@@ -1,11 +1,11 @@
-"""How often the cause of a wrong formula is named right: seeded mistakes over catalogue, gallery, scenes.
+"""How often the diagnosis names the cause of a wrong formula: seeded mistakes in many mechanisms.
 
     python validation/robustness/diagnosis.py [--cases 500] [--first 0] [--scenes FOLDER] [--show]
 
-Each case takes a mechanism, some of its quantities, and one mistake at one of three sizes; what would then be
-claimed is made by solving anew, or by changing values, never by what is judged. A cause counts as named
-where it is said first or said to explain as much as the first; a wrong cause as stated as sure where all that
-is said to be sure is wrong. Right formulas, with the rounding of another one, are to be left in peace.
+Each case takes a mechanism, some of its quantities, and one mistake of one of three sizes. The wrong values
+come from another solution or from changed values, never from the code under test. A cause counts as named if
+a finding states it, and as first if the first finding does. A wrong cause is stated as certain if every
+certain finding is wrong. Correct formulas, with the rounding of another formula, must not be rejected.
 """
 
 import argparse
@@ -48,78 +48,78 @@ SCENES = {
         "lock": ("right_coupler_joint", "left_coupler_joint"),
     },
 }
-# of another formula, as a part of what it measures
+# of another formula, relative to the quantity
 ROUNDING = 1e-13
-# slow to solve, and not more telling than others
-LEFT_OUT = ("peaucellier_lipkin",)
+# slow to solve, with no additional information
+OMITTED = ("peaucellier_lipkin",)
 
 
 @dataclass
 class Subject:
-    """A mechanism of the study, and what is kept of it from case to case."""
+    """A mechanism of the study, with values that are computed once."""
 
     name: str
-    asked: dict = field(default_factory=dict)
+    options: dict = field(default_factory=dict)
 
     @cached_property
-    def family(self):
-        """The mechanism among others."""
-        return parametric_model(self.name, **self.asked)
+    def parametric(self):
+        """The parametric model."""
+        return parametric_model(self.name, **self.options)
 
     @cached_property
     def solver(self):
-        """What moves."""
-        return self.family.make({})
+        """The solver of its default design."""
+        return self.parametric.make({})
 
     @cached_property
     def evaluation(self) -> EvaluationPoints:
-        """Its instants."""
+        """Its evaluation points."""
         return evaluation_points(self.solver, SPEED)
 
     @cached_property
     def reader(self):
-        """Reads names of its quantities."""
+        """The reader of its quantities."""
         return QuantityReader(self.solver.mechanism, "the study")
 
-    def solved(self, form=None, **changed) -> EvaluationPoints:
-        """Return the same instants of something else, or elsewhere, solved anew."""
-        made = self.solver if form is None else form
-        if isinstance(made, LoopForm) and isinstance(self.solver, LoopForm):
-            made = replace(made, motion_laws=changed.pop("motion_laws", self.solver.motion_laws))
-        item = self.evaluation
+    def evaluated(self, other_solver=None, **changed) -> EvaluationPoints:
+        """Return the evaluation points of another solver, or at other driver values."""
+        solver = self.solver if other_solver is None else other_solver
+        if isinstance(solver, LoopForm) and isinstance(self.solver, LoopForm):
+            solver = replace(solver, motion_laws=changed.pop("motion_laws", self.solver.motion_laws))
+        points = self.evaluation
         return EvaluationPoints(
-            made,
-            changed.get("angle", item.angle),
-            changed.get("speed", item.speed),
-            item.acceleration,
-            item.time,
+            solver,
+            changed.get("angle", points.angle),
+            changed.get("speed", points.speed),
+            points.acceleration,
+            points.time,
             dynamic_model=changed.get("dynamic_model"),
         )
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """What was claimed, and by which names its cause may be called."""
+    """A seeded mistake: its kind, the names of its cause, and the wrong values."""
 
     kind: str
-    what: tuple[str, ...]
+    causes: tuple[str, ...]
     values: list
 
-    def named_by(self, finding) -> bool:
-        """Whether a finding is of this cause."""
+    def matches(self, finding) -> bool:
+        """Return whether a finding states this cause."""
         if finding.kind != self.kind:
             return False
-        return not self.what or any(
-            finding.what == item or finding.what.startswith(f"{item}.") for item in self.what
+        return not self.causes or any(
+            finding.what == item or finding.what.startswith(f"{item}.") for item in self.causes
         )
 
 
 def quantities(subject: Subject, random) -> list:
-    """Return some quantities of a subject: points, or points and joints, or with rates."""
+    """Return random quantities of a subject: points, joints, velocities."""
     points = list(subject.solver.mechanism.points)
-    chosen = list(random.permutation(points)[: max(2, random.integers(1, 4))])
-    names = [(item, 3) for item in chosen]
-    # of links that stand no one draws a curve
+    point_names = list(random.permutation(points)[: max(2, random.integers(1, 4))])
+    requested = [(item, 3) for item in point_names]
+    # drivers are excluded
     motion = subject.evaluation.motion
     joints = [
         item
@@ -127,274 +127,289 @@ def quantities(subject: Subject, random) -> list:
         if item in coordinate_units(subject.solver.mechanism) and item not in subject.solver.mechanism.drivers
     ]
     if random.random() < 0.6:
-        names += [(item, None) for item in random.permutation(joints)[:2] if item not in points]
+        requested += [(item, None) for item in random.permutation(joints)[:2] if item not in points]
     if random.random() < 0.3:
-        names += [(f"{item}.v", 3) for item in chosen[:1]]
-    return [subject.reader.read(str(name), width) for name, width in names]
+        requested += [(f"{item}.v", 3) for item in point_names[:1]]
+    return [subject.reader.read(str(name), width) for name, width in requested]
 
 
-def of_dimension(subject: Subject, named: list, size: float, random) -> Mistake:
-    """One dimension larger or smaller."""
-    dimensions = [item for name, item in subject.family.dimensions.items() if ".tilt." not in name]
-    item = dimensions[random.integers(len(dimensions))]
-    whole = subject.solver.mechanism.characteristic_length if item.unit == "m" else 1.0
-    scale = abs(item.value) if abs(item.value) > 1e-3 * whole else whole
-    made = subject.family.make({item.name: item.value + random.choice([-1.0, 1.0]) * size * scale})
+def wrong_dimension(subject: Subject, readers: list, size: float, random) -> Mistake:
+    """Change one dimension."""
+    dimensions = [
+        dimension for name, dimension in subject.parametric.dimensions.items() if ".tilt." not in name
+    ]
+    dimension = dimensions[random.integers(len(dimensions))]
+    length = subject.solver.mechanism.characteristic_length if dimension.unit == "m" else 1.0
+    scale = abs(dimension.value) if abs(dimension.value) > 1e-3 * length else length
+    changed = subject.parametric.make(
+        {dimension.name: dimension.value + random.choice([-1.0, 1.0]) * size * scale}
+    )
     kind = "dimension"
     gear = getattr(subject.solver, "gear", "")
     if gear:
-        kind = {gear: "gear", "phase": "phase"}.get(item.name, kind)
+        kind = {gear: "gear", "phase": "phase"}.get(dimension.name, kind)
     elif (
-        item.unit != "m"
+        dimension.unit != "m"
         and subject.solver.mechanism.laws
-        and made.mechanism.joints == subject.solver.mechanism.joints
+        and changed.mechanism.joints == subject.solver.mechanism.joints
     ):
-        slopes = [law.ratio for law in made.mechanism.laws]
-        kind = "phase" if slopes == [law.ratio for law in subject.solver.mechanism.laws] else "gear"
-    what = (item.name, item.name.split(".")[0]) if ".at." in item.name else (item.name,)
-    return Mistake(kind, what, subject.solved(made).all(named))
+        ratios = [law.ratio for law in changed.mechanism.laws]
+        kind = "phase" if ratios == [law.ratio for law in subject.solver.mechanism.laws] else "gear"
+    names = (dimension.name, dimension.name.split(".")[0]) if ".at." in dimension.name else (dimension.name,)
+    return Mistake(kind, names, subject.evaluated(changed).all(readers))
 
 
-def shifted(subject: Subject, change: dict) -> EvaluationPoints:
-    """Return a subject whose drivers go otherwise: name -> (scale, offset, late by)."""
+def shifted(subject: Subject, changes: dict) -> EvaluationPoints:
+    """Return the evaluation points with changed driver motion: name -> (scale, offset, delay)."""
     motion_laws = subject.solver.motion_laws
     if motion_laws.crank:
-        scale, offset, _ = next(iter(change.values()))
+        scale, offset, _ = next(iter(changes.values()))
         angle = scale * subject.evaluation.angle + offset
-        return subject.solved(angle=angle, speed=scale * subject.evaluation.speed)
+        return subject.evaluated(angle=angle, speed=scale * subject.evaluation.speed)
 
-    def moved(name: str, state):
-        scale, offset, late = change.get(name, (1.0, 0.0, 0.0))
+    def shifted_state(name: str, state):
+        scale, offset, delay = changes.get(name, (1.0, 0.0, 0.0))
 
-        def other(t):
-            value, rate, second = state(t - late)
-            return scale * value + offset, scale * rate, scale * second
+        def law(t):
+            value, rate, acceleration = state(t - delay)
+            return scale * value + offset, scale * rate, scale * acceleration
 
-        return other
+        return law
 
     states = tuple(
-        moved(name, state) for name, state in zip(motion_laws.drivers, motion_laws.states, strict=True)
+        shifted_state(name, state)
+        for name, state in zip(motion_laws.drivers, motion_laws.states, strict=True)
     )
-    return subject.solved(motion_laws=replace(motion_laws, states=states))
+    return subject.evaluated(motion_laws=replace(motion_laws, states=states))
 
 
-def driver_of(subject: Subject, random) -> str:
+def random_driver(subject: Subject, random) -> str:
     return str(random.choice(list(subject.solver.mechanism.drivers)))
 
 
-def of_offset(subject, named, size, random) -> Mistake:
-    driver = driver_of(subject, random)
-    unit = (
+def wrong_offset(subject, readers, size, random) -> Mistake:
+    driver = random_driver(subject, random)
+    scale = (
         subject.solver.mechanism.characteristic_length
         if subject.solver.mechanism.unit(driver) == "m"
         else 1.0
     )
-    return Mistake("offset", (driver,), shifted(subject, {driver: (1.0, size * unit, 0.0)}).all(named))
+    return Mistake("offset", (driver,), shifted(subject, {driver: (1.0, size * scale, 0.0)}).all(readers))
 
 
-def of_sense(subject, named, size, random) -> Mistake:
-    driver = driver_of(subject, random)
-    return Mistake("sense", (driver,), shifted(subject, {driver: (-1.0, 0.0, 0.0)}).all(named))
+def wrong_direction(subject, readers, size, random) -> Mistake:
+    driver = random_driver(subject, random)
+    return Mistake("sense", (driver,), shifted(subject, {driver: (-1.0, 0.0, 0.0)}).all(readers))
 
 
-def of_degrees(subject, named, size, random) -> Mistake:
-    angles = [i for i, item in enumerate(named) if item.unit == "rad"]
+def wrong_angle_unit(subject, readers, size, random) -> Mistake:
+    angles = [i for i, item in enumerate(readers) if item.unit == "rad"]
     if not angles:
-        driver = driver_of(subject, random)
+        driver = random_driver(subject, random)
         if subject.solver.mechanism.unit(driver) == "m":
             raise MechsimError("no angle")
-        return Mistake("degrees", (driver,), shifted(subject, {driver: (np.pi / 180.0, 0.0, 0.0)}).all(named))
-    values = subject.evaluation.all(named)
+        return Mistake(
+            "degrees", (driver,), shifted(subject, {driver: (np.pi / 180.0, 0.0, 0.0)}).all(readers)
+        )
+    values = subject.evaluation.all(readers)
     for i in angles:
         values[i] = np.rad2deg(values[i])
     return Mistake("degrees", (), values)
 
 
-def of_phase(subject, named, size, random) -> Mistake:
+def wrong_phase(subject, readers, size, random) -> Mistake:
     motion_laws = subject.solver.motion_laws
     if len(motion_laws.drivers) < 2:
         raise MechsimError("one driver")
-    driver = driver_of(subject, random)
-    late = size * motion_laws.duration
-    return Mistake("phase", (driver,), shifted(subject, {driver: (1.0, 0.0, late)}).all(named))
+    driver = random_driver(subject, random)
+    delay = size * motion_laws.duration
+    return Mistake("phase", (driver,), shifted(subject, {driver: (1.0, 0.0, delay)}).all(readers))
 
 
-def of_delay(subject, named, size, random) -> Mistake:
-    late = 1 + SIZES.index(size)
-    values = subject.evaluation.all(named)
-    return Mistake("delay", (), [np.concatenate([item[:1].repeat(late, 0), item[:-late]]) for item in values])
-
-
-def of_units(subject, named, size, random) -> Mistake:
-    factor = (1000.0, 0.001, 0.01)[SIZES.index(size)]
-    values = subject.evaluation.all(named)
+def delayed(subject, readers, size, random) -> Mistake:
+    steps = 1 + SIZES.index(size)
+    values = subject.evaluation.all(readers)
     return Mistake(
-        "units",
-        (),
-        [factor * v if item.unit in ("m", "m/s") else v for item, v in zip(named, values, strict=True)],
+        "delay", (), [np.concatenate([item[:1].repeat(steps, 0), item[:-steps]]) for item in values]
     )
 
 
-def of_swapped(subject, named, size, random) -> Mistake:
-    places = [i for i, item in enumerate(named) if item.kind == "position"]
-    if len(places) < 2 or any(item.kind == "velocity" for item in named):
+def wrong_length_unit(subject, readers, size, random) -> Mistake:
+    factor = (1000.0, 0.001, 0.01)[SIZES.index(size)]
+    values = subject.evaluation.all(readers)
+    return Mistake(
+        "units",
+        (),
+        [factor * v if item.unit in ("m", "m/s") else v for item, v in zip(readers, values, strict=True)],
+    )
+
+
+def swapped_points(subject, readers, size, random) -> Mistake:
+    positions = [i for i, item in enumerate(readers) if item.kind == "position"]
+    if len(positions) < 2 or any(item.kind == "velocity" for item in readers):
         raise MechsimError("one point")
-    values = subject.evaluation.all(named)
-    i, j = places[:2]
+    values = subject.evaluation.all(readers)
+    i, j = positions[:2]
     values[i], values[j] = values[j], values[i]
-    both = named[i].subject, named[j].subject
-    return Mistake("swapped", (", ".join(both), ", ".join(both[::-1])), values)
+    points = readers[i].subject, readers[j].subject
+    return Mistake("swapped", (", ".join(points), ", ".join(points[::-1])), values)
 
 
-def turned(subject, named, matrix, shift) -> list:
+def transformed(subject, readers, matrix, shift) -> list:
     return [
         v @ matrix.T + (shift if item.kind == "position" else 0.0) if item.axes else v
-        for item, v in zip(named, subject.evaluation.all(named), strict=True)
+        for item, v in zip(readers, subject.evaluation.all(readers), strict=True)
     ]
 
 
-def of_mirror(subject, named, size, random) -> Mistake:
+def mirrored(subject, readers, size, random) -> Mistake:
     signs = np.ones(3)
     signs[random.integers(3)] = -1.0
-    return Mistake("mirror", (), turned(subject, named, np.diag(signs), 0.0))
+    return Mistake("mirror", (), transformed(subject, readers, np.diag(signs), 0.0))
 
 
-def of_frame(subject, named, size, random) -> Mistake:
+def wrong_frame(subject, readers, size, random) -> Mistake:
     vector = random.normal(size=3)
     vector *= size / np.linalg.norm(vector)
     if random.random() < 0.5:
         return Mistake(
             "frame",
             (),
-            turned(subject, named, np.eye(3), vector * subject.solver.mechanism.characteristic_length),
+            transformed(subject, readers, np.eye(3), vector * subject.solver.mechanism.characteristic_length),
         )
     from scipy.spatial.transform import Rotation
 
-    return Mistake("frame", (), turned(subject, named, Rotation.from_rotvec(vector).as_matrix(), 0.0))
+    return Mistake("frame", (), transformed(subject, readers, Rotation.from_rotvec(vector).as_matrix(), 0.0))
 
 
-def of_assembly(subject, named, size, random) -> Mistake:
-    form = subject.solver
-    if not isinstance(form, ClosedForm):
+def other_assembly(subject, readers, size, random) -> Mistake:
+    solver = subject.solver
+    if not isinstance(solver, ClosedForm):
         raise MechsimError("no closed form")
-    own = {name: getattr(form, name) for name in SELECTORS if hasattr(form, name)}
-    middle = float(subject.evaluation.angle[len(subject.evaluation) // 3])
-    others = [item for item in form.assemblies(middle) if {name: getattr(item, name) for name in own} != own]
+    selectors = {name: getattr(solver, name) for name in SELECTORS if hasattr(solver, name)}
+    angle = float(subject.evaluation.angle[len(subject.evaluation) // 3])
+    others = [
+        item
+        for item in solver.assemblies(angle)
+        if {name: getattr(item, name) for name in selectors} != selectors
+    ]
     other = others[random.integers(len(others))] if others else None
     if other is None:
         raise MechsimError("one assembly")
-    return Mistake("assembly", (), subject.solved(other).all(named))
+    return Mistake("assembly", (), subject.evaluated(other).all(readers))
 
 
-def of_loads(subject, named, size, random) -> Mistake:
-    """A torque and a reaction under another gravity, or with a link of another mass."""
+def wrong_loads(subject, readers, size, random) -> Mistake:
+    """Change gravity or the mass of a link behind a torque."""
     forces = Forces(gravity=(0.0, -9.81, 0.0))
-    machine = dynamics.dynamic_model(subject.solver, forces)
-    subject.under = machine
+    model = dynamics.dynamic_model(subject.solver, forces)
+    subject.under = model
     if random.random() < 0.5:
-        other, kind, what = (
-            machine.with_forces(Forces(gravity=(0.0, -9.81 * (1.0 + size), 0.0))),
+        changed, kind, names = (
+            model.with_forces(Forces(gravity=(0.0, -9.81 * (1.0 + size), 0.0))),
             "gravity",
             (),
         )
     else:
-        links = list(machine.mechanism.links)
-        k = random.integers(len(links))
-        inertia = links[k].inertia
-        rows = tuple(tuple((1.0 + size) * x for x in row) for row in inertia.moments)
-        links[k] = replace(links[k], inertia=replace(inertia, mass=(1.0 + size) * inertia.mass, moments=rows))
-        other = replace(machine, mechanism=replace(machine.mechanism, links=tuple(links)))
-        kind, what = "mass", (links[k].name,)
-    return Mistake(kind, what, subject.solved(dynamic_model=other).all(named))
+        links = list(model.mechanism.links)
+        i = random.integers(len(links))
+        inertia = links[i].inertia
+        moments = tuple(tuple((1.0 + size) * x for x in row) for row in inertia.moments)
+        links[i] = replace(
+            links[i], inertia=replace(inertia, mass=(1.0 + size) * inertia.mass, moments=moments)
+        )
+        changed = replace(model, mechanism=replace(model.mechanism, links=tuple(links)))
+        kind, names = "mass", (links[i].name,)
+    return Mistake(kind, names, subject.evaluated(dynamic_model=changed).all(readers))
 
 
 KINDS: dict[str, tuple[Callable, int]] = {
-    "dimension": (of_dimension, 9),
-    "offset": (of_offset, 4),
-    "sense": (of_sense, 2),
-    "degrees": (of_degrees, 2),
-    "phase": (of_phase, 3),
-    "delay": (of_delay, 2),
-    "units": (of_units, 2),
-    "swapped": (of_swapped, 2),
-    "mirror": (of_mirror, 2),
-    "frame": (of_frame, 3),
-    "assembly": (of_assembly, 3),
-    "loads": (of_loads, 3),
+    "dimension": (wrong_dimension, 9),
+    "offset": (wrong_offset, 4),
+    "sense": (wrong_direction, 2),
+    "degrees": (wrong_angle_unit, 2),
+    "phase": (wrong_phase, 3),
+    "delay": (delayed, 2),
+    "units": (wrong_length_unit, 2),
+    "swapped": (swapped_points, 2),
+    "mirror": (mirrored, 2),
+    "frame": (wrong_frame, 3),
+    "assembly": (other_assembly, 3),
+    "loads": (wrong_loads, 3),
 }
 
 
 def subjects(scenes: Path | None) -> Iterator[Subject]:
     for name in [*catalog.DRIVES, *gallery.files()]:
-        if name not in LEFT_OUT:
+        if name not in OMITTED:
             yield Subject(name)
-    for file, asked in SCENES.items() if scenes else ():
+    for file, options in SCENES.items() if scenes else ():
         if (scenes / file).exists():
-            yield Subject(str(scenes / file), dict(asked))
+            yield Subject(str(scenes / file), dict(options))
 
 
-def judged(subject: Subject, named: list, values: list, random, under=None):
-    """Return what is said of claims, with the rounding of another formula on them."""
+def diagnose(subject: Subject, readers: list, values: list, random, model=None):
+    """Return the report on values with the rounding of another formula."""
     candidates = []
-    for item, value in zip(named, values, strict=True):
+    for item, value in zip(readers, values, strict=True):
         scale = max(1.0, float(np.abs(value).max()))
         candidates.append(Candidate(item, value + ROUNDING * scale * random.normal(size=value.shape)))
-    evaluation = subject.evaluation if under is None else replace(subject.evaluation, dynamic_model=under)
-    return agreement(evaluation, candidates, "the study", None, subject.family)
+    evaluation = subject.evaluation if model is None else replace(subject.evaluation, dynamic_model=model)
+    return agreement(evaluation, candidates, "the study", None, subject.parametric)
 
 
-def one_case(number: int, among: list[Subject]) -> dict:
-    """Return what came of one case; no verdict where a mistake cannot be made or cannot be seen."""
+def run_case(number: int, subjects: list[Subject]) -> dict:
+    """Return the result of one case; draw again if a mistake is impossible or has no effect."""
     random = np.random.default_rng(1000 + number)
     kinds = [kind for kind, (_, times) in KINDS.items() for _ in range(times)]
     for _ in range(60):
         kind, size = kinds[random.integers(len(kinds))], SIZES[number % 3]
-        subject = among[random.integers(len(among))]
+        subject = subjects[random.integers(len(subjects))]
         loads = kind == "loads"
         try:
             if loads and not (subject.solver.mechanism.has_crank and isinstance(subject.solver, ClosedForm)):
                 continue
-            named = quantities(subject, random)
+            readers = quantities(subject, random)
             if loads:
                 crank = subject.solver.mechanism.crank.name
-                named = [subject.reader.read(f"torque:{crank}", None)]
-            mistake = KINDS[kind][0](subject, named, size, random)
+                readers = [subject.reader.read(f"torque:{crank}", None)]
+            mistake = KINDS[kind][0](subject, readers, size, random)
         except (MechsimError, KeyError, ValueError, np.linalg.LinAlgError):
             continue
-        begin = time.process_time()
-        result = judged(subject, named, mistake.values, random, subject.under if loads else None)
+        start = time.process_time()
+        result = diagnose(subject, readers, mistake.values, random, subject.under if loads else None)
         if result.passed:
             continue
         findings = [item for item in result.findings if item.kind != "none"]
-        named_right = [mistake.named_by(item) for item in findings]
+        matches = [mistake.matches(item) for item in findings]
         return {
             "case": number,
             "subject": Path(subject.name).stem,
             "kind": mistake.kind,
-            "what": mistake.what,
+            "what": mistake.causes,
             "size": size,
-            "first": bool(named_right[:1] and named_right[0]),
-            "named": any(named_right),
-            "sure_wrong": any(item.certain for item in findings)
-            and not any(right for right, item in zip(named_right, findings, strict=True) if item.certain),
-            "said": [item.message for item in result.findings],
-            "quantities": [item.name for item in named],
-            "seconds": time.process_time() - begin,
+            "first": bool(matches[:1] and matches[0]),
+            "named": any(matches),
+            "certain_wrong": any(item.certain for item in findings)
+            and not any(right for right, item in zip(matches, findings, strict=True) if item.certain),
+            "messages": [item.message for item in result.findings],
+            "quantities": [item.name for item in readers],
+            "seconds": time.process_time() - start,
         }
-    raise SystemExit(f"case {number}: no mistake could be made")
+    raise SystemExit(f"case {number}: no mistake is possible")
 
 
-def right_ones(among: list[Subject]) -> list[str]:
-    """Return the subjects whose right formula was accused."""
-    accused = []
-    for k, subject in enumerate(among):
+def rejected_correct_formulas(subjects: list[Subject]) -> list[str]:
+    """Return the subjects whose correct formula was rejected or has findings."""
+    rejected = []
+    for k, subject in enumerate(subjects):
         random = np.random.default_rng(k)
         for _ in range(3):
-            named = quantities(subject, random)
-            result = judged(subject, named, subject.evaluation.all(named), random)
+            readers = quantities(subject, random)
+            result = diagnose(subject, readers, subject.evaluation.all(readers), random)
             if not result.passed or result.findings:
-                accused.append(subject.name)
-    return accused
+                rejected.append(subject.name)
+    return rejected
 
 
 def main() -> int:
@@ -402,48 +417,50 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=500)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--scenes", type=Path)
-    parser.add_argument("--show", action="store_true", help="print the cases that were not named")
+    parser.add_argument("--show", action="store_true", help="print the cases whose cause is not named")
     parser.add_argument("--lines", action="store_true", help="print each case as JSON and nothing else")
-    asked = parser.parse_args()
-    among = list(subjects(asked.scenes))
+    options = parser.parse_args()
+    all_subjects = list(subjects(options.scenes))
     rows = []
-    for number in range(asked.first, asked.first + asked.cases):
-        rows.append(one_case(number, among))
-        if asked.lines:
+    for number in range(options.first, options.first + options.cases):
+        rows.append(run_case(number, all_subjects))
+        if options.lines:
             print(json.dumps(rows[-1]), flush=True)
-    accused = right_ones(among)
-    if asked.lines:
-        print(json.dumps({"accused": accused, "right": 3 * len(among)}), flush=True)
+    rejected = rejected_correct_formulas(all_subjects)
+    if options.lines:
+        print(json.dumps({"rejected": rejected, "correct": 3 * len(all_subjects)}), flush=True)
         return 0
-    return print_summary(rows, accused, 3 * len(among), asked.show)
+    return print_summary(rows, rejected, 3 * len(all_subjects), options.show)
 
 
-def print_summary(rows: list[dict], accused: list[str], right: int, show: bool) -> int:
-    """Print what came of the cases; 0 where it is what was asked for."""
-    by: dict[str, list[dict]] = defaultdict(list)
+def print_summary(rows: list[dict], rejected: list[str], correct: int, show: bool) -> int:
+    """Print the results; return 0 if they meet the requirements."""
+    by_kind: dict[str, list[dict]] = defaultdict(list)
     for row in rows:
-        by[row["kind"]].append(row)
-    print(f"{'cause':<12}{'cases':>6}{'named':>7}{'first':>7}{'sure, wrong':>13}")
-    for kind, some in sorted(by.items()):
-        good, item, bad = (_sum(some, name) for name in ("named", "first", "sure_wrong"))
-        print(f"{kind:<12}{len(some):>6}{good:>7}{item:>7}{bad:>13}")
+        by_kind[row["kind"]].append(row)
+    print(f"{'cause':<12}{'cases':>6}{'named':>7}{'first':>7}{'certain wrong':>14}")
+    for kind, group in sorted(by_kind.items()):
+        named_count, first_count, wrong_count = (
+            count_true(group, name) for name in ("named", "first", "certain_wrong")
+        )
+        print(f"{kind:<12}{len(group):>6}{named_count:>7}{first_count:>7}{wrong_count:>14}")
     count = len(rows)
-    named, first, wrong = (_sum(rows, name) for name in ("named", "first", "sure_wrong"))
-    print(f"{'all':<12}{count:>6}{named:>7}{first:>7}{wrong:>13}")
-    for size, some in Counter(row["size"] for row in rows).items():
-        right_named = sum(row["named"] for row in rows if row["size"] == size)
-        print(f"size {size:g}: {right_named} of {some}")
-    parts = [f"{100 * part / count:.1f} %" for part in (named, first, wrong)]
-    print(f"named {parts[0]}, first {parts[1]}, wrong and sure {parts[2]}")
-    print(f"right formulas accused: {len(accused)} of {right} {' '.join(sorted(set(accused)))}")
+    all_named, all_first, all_wrong = (count_true(rows, name) for name in ("named", "first", "certain_wrong"))
+    print(f"{'all':<12}{count:>6}{all_named:>7}{all_first:>7}{all_wrong:>14}")
+    for size, group in Counter(row["size"] for row in rows).items():
+        size_named = sum(row["named"] for row in rows if row["size"] == size)
+        print(f"size {size:g}: {size_named} of {group}")
+    percentages = [f"{100 * part / count:.1f} %" for part in (all_named, all_first, all_wrong)]
+    print(f"named {percentages[0]}, first {percentages[1]}, wrong and certain {percentages[2]}")
+    print(f"correct formulas rejected: {len(rejected)} of {correct} {' '.join(sorted(set(rejected)))}")
     print(f"median {np.median([row['seconds'] for row in rows]):.2f} s of processor time a case")
     for row in rows if show else ():
-        if not row["named"] or row["sure_wrong"]:
+        if not row["named"] or row["certain_wrong"]:
             print({name: value for name, value in row.items() if name not in ("first", "seconds")})
-    return 0 if named >= 0.95 * count and wrong <= 0.01 * count and not accused else 1
+    return 0 if all_named >= 0.95 * count and all_wrong <= 0.01 * count and not rejected else 1
 
 
-def _sum(rows: list[dict], name: str) -> int:
+def count_true(rows: list[dict], name: str) -> int:
     return sum(bool(row[name]) for row in rows)
 
 

@@ -1,8 +1,8 @@
-"""By how much the drivers' power misses what links, springs and weight take and friction loses.
+"""Power balance of drivers against links, springs, gravity and friction, by every method.
 
-Energies and losses are added up from the motion of links and joints alone, as `tests/studies/` does it,
-under gravity, friction, springs, dampers, a load and a couple at once. Prints, as parts of the largest power,
-what each method misses; stepped runs as `mechsim dynamics` steps them.
+Energies and losses follow from the motion of links and joints alone (`tests/studies/`), with gravity,
+friction, springs, dampers, a load and a couple. The script prints the error of each method relative to the
+largest power; runs are stepped as by `mechsim dynamics`.
 
 Run: python validation/robustness/power_balance.py [NAME ...]
 """
@@ -10,8 +10,9 @@ Run: python validation/robustness/power_balance.py [NAME ...]
 import sys
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "studies"))
-from test_power_balance import CRANKS, PROGRAMS, balance, busy, moved
+from test_power_balance import CRANKS, SEVERAL_DRIVERS, every_force, motion_and_forces, relative_imbalance
 
 from mechsim import load
 from mechsim.model.masses import with_inertia
@@ -22,11 +23,14 @@ METHODS = ("pose", "formulas", "step")
 def main() -> None:
     """Print a line for each mechanism."""
     print(f"{'':16s}" + "".join(f"{method:>12s}" for method in METHODS))
-    for name in sys.argv[1:] or (*CRANKS, *PROGRAMS):
+    for name in sys.argv[1:] or (*CRANKS, *SEVERAL_DRIVERS):
         form = load(name)
-        mechanism, forces = with_inertia(form.mechanism), busy(form.mechanism)
-        missed = [balance(mechanism, forces, *moved(form, mechanism, forces, method)) for method in METHODS]
-        print(f"{name:16s}" + "".join(f"{item:12.1e}" for item in missed), flush=True)
+        mechanism, forces = with_inertia(form.mechanism), every_force(form.mechanism)
+        errors = [
+            relative_imbalance(mechanism, forces, *motion_and_forces(form, mechanism, forces, method))
+            for method in METHODS
+        ]
+        print(f"{name:16s}" + "".join(f"{item:12.1e}" for item in errors), flush=True)
 
 
 if __name__ == "__main__":

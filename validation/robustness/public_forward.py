@@ -1,15 +1,15 @@
 """Public MJCF mechanisms run forward with their own masses, springs, dampers and friction.
 
-Each file is released from its reference configuration, moved and pushed a little, for half a second. Three
-results: mechsim's equations of motion; MuJoCo stepping the file itself (RK4, contacts, limits, actuators,
-armature and fluid off, its constraints made stiff); the verdict of mechsim's own comparison with its MuJoCo
-model. The error is the largest distance of a point off a body's origin by the size of the mechanism between
-the first two, relative to the largest displacement. MuJoCo steps twice, the second time with half the step:
-the change bounds its own error.
+Each file starts near its reference configuration with small displacements and rates, and runs for 0.5 s.
+Three results are compared: mechsim's equations of motion; MuJoCo stepping the file itself (RK4; contacts,
+limits, actuators, armature and fluid off; stiff constraints); and the verdict of mechsim's own comparison
+with its MuJoCo model. The error is the largest distance between the first two of a point on a body, off its
+origin by the size of the mechanism, relative to the largest displacement. A second run with half the step
+bounds MuJoCo's own error.
 
     python validation/robustness/public_forward.py FILE.xml ...
 
-None of the files lies in this repository; docs/explanation/accuracy.md names those that were tried.
+The files are not in this repository; docs/explanation/accuracy.md names those that were run.
 """
 
 import sys
@@ -27,19 +27,21 @@ from mechsim.studies.dynamics_check import crosscheck_forward
 from mechsim.subjects.mjcf_source import MjcfForm
 
 DURATION, SAMPLES, STEPS = 0.5, 40, 2000
-# initial displacement and rate of every joint that is free, in [rad] or sizes
-PUSH, RATE = 0.05, 0.5
-OFF = mujoco.mjtDisableBit
+# initial displacement and rate of every driver, in [rad] or relative to the size
+DISPLACEMENT, RATE = 0.05, 0.5
+DISABLE = mujoco.mjtDisableBit
 
 
-def stepped(path: Path, run: ms.dynamics.DynamicRun, steps: int, offset: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the positions of bodies at the instants of a run, stepped by MuJoCo from its first state."""
+def mujoco_positions(
+    path: Path, run: ms.dynamics.DynamicRun, steps: int, offset: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return the positions of bodies at the times of a run, stepped by MuJoCo from its first state."""
     spec = mujoco.MjSpec.from_file(str(path))
     # before compilation, which stores the inertia of single bodies
     for joint in spec.joints:
         joint.armature = 0.0
     model = spec.compile()
-    model.opt.disableflags |= int(OFF.mjDSBL_CONTACT | OFF.mjDSBL_LIMIT | OFF.mjDSBL_ACTUATION)
+    model.opt.disableflags |= int(DISABLE.mjDSBL_CONTACT | DISABLE.mjDSBL_LIMIT | DISABLE.mjDSBL_ACTUATION)
     model.opt.timestep, model.opt.integrator = DURATION / steps, mujoco.mjtIntegrator.mjINT_RK4
     model.opt.tolerance, model.opt.iterations = 0.0, 100
     model.opt.density, model.opt.viscosity = 0.0, 0.0
@@ -60,70 +62,70 @@ def stepped(path: Path, run: ms.dynamics.DynamicRun, steps: int, offset: np.ndar
     bodies = {name: [] for name in run.motion.links if mujoco.mj_name2id(model, kind, name) >= 0}
     for i in range(SAMPLES + 1):
         mujoco.mj_kinematics(model, data)
-        for name, places in bodies.items():
+        for name, positions in bodies.items():
             body = data.body(name)
-            places.append(body.xpos + body.xmat.reshape(3, 3) @ offset)
+            positions.append(body.xpos + body.xmat.reshape(3, 3) @ offset)
         if i < SAMPLES:
             mujoco.mj_step(model, data, nstep=steps // SAMPLES)
-    return {name: np.array(places) for name, places in bodies.items()}
+    return {name: np.array(positions) for name, positions in bodies.items()}
 
 
-def initial_of(form: MjcfForm) -> dict[str, float]:
+def initial_state(solver: MjcfForm) -> dict[str, float]:
     """Return a displacement and a rate of each driver, within its limits."""
     initial: dict[str, float] = {}
-    for name in form.mechanism.drivers:
-        scale = 1.0 if form.mechanism.unit(name) == "rad" else form.mechanism.characteristic_length
-        low, high = form.source.limits.get(name, (-np.inf, np.inf))
-        start = form.mechanism.guess_coordinates.get(name, 0.0)
+    for name in solver.mechanism.drivers:
+        scale = 1.0 if solver.mechanism.unit(name) == "rad" else solver.mechanism.characteristic_length
+        low, high = solver.source.limits.get(name, (-np.inf, np.inf))
+        start = solver.mechanism.guess_coordinates.get(name, 0.0)
         sign = 1.0 if high - start > start - low else -1.0
-        initial |= {f"{name}.q": start + sign * PUSH * scale, f"{name}.v": sign * RATE * scale}
+        initial |= {f"{name}.q": start + sign * DISPLACEMENT * scale, f"{name}.v": sign * RATE * scale}
     return initial
 
 
-def line(path: Path) -> str:
+def table_row(path: Path) -> str:
     """Return a row of the table."""
-    form = ms.load(str(path), lock_others=False, still=True)
-    initial = initial_of(form)
-    # limits of joints are off on all sides: MuJoCo's are soft
-    form = replace(form, ranges={})
-    model = ms.dynamics.dynamic_model(form)
-    begin = process_time()
+    solver = ms.load(str(path), lock_others=False, still=True)
+    initial = initial_state(solver)
+    # joint limits are disabled in both methods
+    solver = replace(solver, ranges={})
+    model = ms.dynamics.dynamic_model(solver)
+    start = process_time()
     run = ms.dynamics.run(model, initial=initial, duration=DURATION, samples=SAMPLES)
-    seconds = process_time() - begin
-    # a point that turns with its body, off its origin by the size of the mechanism
-    offset = form.mechanism.characteristic_length * np.array([0.6, 0.48, 0.64])
-    coarse, fine = (stepped(path, run, steps, offset) for steps in (STEPS, 2 * STEPS))
-    moved = max(float(np.abs(places - places[0]).max()) for places in fine.values())
-    exact = {name: link.position + link.rotation @ offset for name, link in run.motion.links.items()}
-    error = max(float(np.abs(exact[name] - fine[name]).max()) for name in fine)
+    seconds = process_time() - start
+    # a point on the body, off its origin by the size of the mechanism
+    offset = solver.mechanism.characteristic_length * np.array([0.6, 0.48, 0.64])
+    coarse, fine = (mujoco_positions(path, run, steps, offset) for steps in (STEPS, 2 * STEPS))
+    travel = max(float(np.abs(places - places[0]).max()) for places in fine.values())
+    computed = {name: link.position + link.rotation @ offset for name, link in run.motion.links.items()}
+    error = max(float(np.abs(computed[name] - fine[name]).max()) for name in fine)
     change = max(float(np.abs(coarse[name] - fine[name]).max()) for name in fine)
     verdict = crosscheck_forward(run, model, initial_values(model, initial))
     forces = model.forces
     springs = len(forces.springs) + len(forces.joint_springs)
     return (
-        f"| {path.stem} | {len(form.mechanism.joints)} | {springs} | {len(forces.friction)} | {moved:.2g} | "
-        f"{error / moved:.1e} | {change / moved:.1e} | {verdict.outcome} {verdict.reason} | {run.outcome} | "
-        f"{run.energy_error:.0e} | {seconds:.1f} |"
+        f"| {path.stem} | {len(solver.mechanism.joints)} | {springs} | {len(forces.friction)} | "
+        f"{travel:.2g} | {error / travel:.1e} | {change / travel:.1e} | "
+        f"{verdict.outcome} {verdict.reason} | {run.outcome} | {run.energy_error:.0e} | {seconds:.1f} |"
     )
 
 
 def main() -> None:
-    head = (
+    columns = (
         "file",
         "joints",
         "springs",
         "dampers",
-        "moved [m]",
+        "displacement [m]",
         "error",
-        "MuJoCo's own",
+        "MuJoCo's error",
         "verdict",
         "outcome",
     )
-    print(f"| {' | '.join(head)} | energy | s |")
-    print("|---" * (len(head) + 2) + "|")
+    print(f"| {' | '.join(columns)} | energy | s |")
+    print("|---" * (len(columns) + 2) + "|")
     for name in sys.argv[1:]:
         try:
-            print(line(Path(name)), flush=True)
+            print(table_row(Path(name)), flush=True)
         except MechsimError as error:
             print(f"| {Path(name).stem} | {str(error)[:200]} |", flush=True)
 
