@@ -71,6 +71,7 @@ TESTS: dict[str, list[str]] = {
         "analytic/test_several_drivers.py",
         "analytic/test_unassembled_starts.py",
         "analytic/test_many_designs.py",
+        "analytic/test_assembly_without_guess.py",
     ],
     "analytic/loops/tree.py": TREE,
     "analytic/loops/kinematics.py": TREE,
@@ -88,7 +89,7 @@ TESTS: dict[str, list[str]] = {
     "numerics/loop_solver.py": [
         "analytic/test_loop_solver.py",
         *PATHS,
-        "analytic/test_continuation_path.py::test_change_points_are_detected_from_any_start",
+        "analytic/test_many_motion.py",
     ],
     "numerics/continuation.py": ["analytic/test_continuation_path.py"],
     "simulation/poses/equations.py": ["simulation/test_pose_path.py", "simulation/test_free_bodies.py"],
