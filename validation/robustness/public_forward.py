@@ -95,7 +95,7 @@ def table_row(path: Path) -> str:
     # a point on the body, off its origin by the size of the mechanism
     offset = solver.mechanism.characteristic_length * np.array([0.6, 0.48, 0.64])
     coarse, fine = (mujoco_positions(path, run, steps, offset) for steps in (STEPS, 2 * STEPS))
-    travel = max(float(np.abs(places - places[0]).max()) for places in fine.values())
+    travel = max(float(np.abs(p - p[0]).max()) for p in fine.values())
     computed = {name: link.position + link.rotation @ offset for name, link in run.motion.links.items()}
     error = max(float(np.abs(computed[name] - fine[name]).max()) for name in fine)
     change = max(float(np.abs(coarse[name] - fine[name]).max()) for name in fine)

@@ -1,7 +1,7 @@
-"""How exact derivatives by dimensions are: against 50 digits, and against mechanisms solved next to.
+"""Errors of exact derivatives by dimensions: against 50 digits, and against neighbouring mechanisms.
 
-Prints, for each mechanism, the largest error of positions and of velocities, by any dimension, relative to
-the largest derivative by that dimension. Differences are of eighth order, over the step that agrees best.
+Prints, for each mechanism, the largest error of positions and of velocities by any dimension, relative to
+the largest derivative by that dimension. Differences are of eighth order, with the step that agrees best.
 
 Run: python validation/sensitivity/accuracy.py
 """
@@ -28,61 +28,61 @@ EXACT = {
     "four_bar": ("B", four_bar_b_place),
     "slider_crank": ("B", slider_crank_b_place),
 }
-AT = np.array([0.3, 1.1, 2.9, 4.4, 5.6])
-# a derivative this small next to the others is none
-NONE = 1e-9
-# steps of differences, as powers of two of a dimension
+ANGLES = np.array([0.3, 1.1, 2.9, 4.4, 5.6])
+# largest derivative, in SI units, that counts as zero
+NEGLIGIBLE = 1e-9
+# steps of differences relative to the dimension, as powers of two
 STEPS = (-9, -11, -13, -15)
 
 
-def exactly(place, drive, name, angle):
-    """Position's and velocity's derivative by a dimension at unit speed, from 50 digits."""
-    whole, _, axis = name.partition(".")
+def exact_derivatives(exact_position, mechanism, name, angle):
+    """Return the derivatives of position and velocity by a dimension at unit speed, from 50 digits."""
+    dimension, _, axis = name.partition(".")
 
-    def places(value, at):
-        own = {item: getattr(drive, item) for item in drive.__dataclass_fields__}
-        own[whole] = value
+    def position(value, angle_value):
+        dimensions = {item: getattr(mechanism, item) for item in mechanism.__dataclass_fields__}
+        dimensions[dimension] = value
         if axis:
-            own[whole] = list(getattr(drive, whole))
-            own[whole]["xyz".index(axis)] = value
-        return place(SimpleNamespace(**own), at)
+            dimensions[dimension] = list(getattr(mechanism, dimension))
+            dimensions[dimension]["xyz".index(axis)] = value
+        return exact_position(SimpleNamespace(**dimensions), angle_value)
 
     with mp.workdps(DIGITS):
-        begin = getattr(drive, whole)
-        of = mp.mpf(begin["xyz".index(axis)] if axis else begin), mp.mpf(float(angle))
+        initial = getattr(mechanism, dimension)
+        point = mp.mpf(initial["xyz".index(axis)] if axis else initial), mp.mpf(float(angle))
         return [
-            np.array([float(mp.diff(lambda v, t, i=i: places(v, t)[i], of, (1, k))) for i in range(3)])
+            np.array([float(mp.diff(lambda v, t, i=i: position(v, t)[i], point, (1, k))) for i in range(3)])
             for k in (0, 1)
         ]
 
 
-def against_digits():
-    """Print what 50 digits say."""
-    for name, (point, place) in EXACT.items():
-        drive = catalog.make(name)
-        of = catalog_designs(drive)
-        result = motion_derivatives(drive, changes(of, [*of.dimensions]), AT)
+def compare_with_digits():
+    """Print the errors against 50 digits."""
+    for name, (point, exact_position) in EXACT.items():
+        mechanism = catalog.make(name)
+        designs = catalog_designs(mechanism)
+        result = motion_derivatives(mechanism, changes(designs, [*designs.dimensions]), ANGLES)
         worst = [0.0, 0.0]
-        for dimension, moved in result.by.items():
-            own = moved.points[point].position, moved.points[point].velocity
-            exact = [exactly(place, drive, dimension, angle) for angle in AT]
+        for dimension, derivatives in result.by.items():
+            computed = derivatives.points[point].position, derivatives.points[point].velocity
+            exact = [exact_derivatives(exact_position, mechanism, dimension, angle) for angle in ANGLES]
             for k in (0, 1):
-                reported = np.array([item[k] for item in exact])
-                size = np.abs(reported).max()
-                if size > NONE:
-                    worst[k] = max(worst[k], float(np.abs(own[k] - reported).max() / size))
-        print(f"{name:22s} 50 digits   places {worst[0]:.1e}  velocities {worst[1]:.1e}")
+                reference = np.array([item[k] for item in exact])
+                scale = np.abs(reference).max()
+                if scale > NEGLIGIBLE:
+                    worst[k] = max(worst[k], float(np.abs(computed[k] - reference).max() / scale))
+        print(f"{name:22s} 50 digits   positions {worst[0]:.1e}  velocities {worst[1]:.1e}")
 
 
-def differences(of, near, dimension, part):
-    """Yield derivatives of points by differences of eighth order, over ever shorter steps."""
-    value = of.dimensions[dimension].value
+def difference_quotients(designs, motion, dimension, quantity):
+    """Yield derivatives of points by differences of eighth order, with decreasing steps."""
+    value = designs.dimensions[dimension].value
     for power in STEPS:
         step = 2.0**power * (abs(value) or 1.0)
         try:
-            both = [
+            pairs = [
                 [
-                    near.with_dimensions(of.describe({dimension: value + s * k * step})).motion()
+                    motion.with_dimensions(designs.describe({dimension: value + s * k * step})).motion()
                     for s in (1, -1)
                 ]
                 for k in (1, 2, 3, 4)
@@ -91,55 +91,64 @@ def differences(of, near, dimension, part):
             continue
         yield {
             point: sum(
-                weight * (getattr(a.points[point], part) - getattr(b.points[point], part))
-                for weight, (a, b) in zip(EIGHTH, both, strict=True)
+                weight * (getattr(a.points[point], quantity) - getattr(b.points[point], quantity))
+                for weight, (a, b) in zip(EIGHTH, pairs, strict=True)
             )
             / step
-            for point in near.solver.mechanism.points
+            for point in motion.solver.mechanism.points
         }
 
 
-def beside(name):
-    """Return the largest relative errors of positions and velocities against mechanisms solved next to."""
-    of = parametric_model(name)
-    form = of.make({})
-    if not form.mechanism.has_crank and form.motion_laws.crank:
-        units = {
-            item: "5mm" if form.mechanism.unit(item) == "m" else "5deg" for item in form.mechanism.drivers
+def compare_with_neighbours(name):
+    """Return the largest relative errors of positions and velocities against neighbouring mechanisms."""
+    designs = parametric_model(name)
+    solver = designs.make({})
+    if not solver.mechanism.has_crank and solver.motion_laws.crank:
+        amplitudes = {
+            item: "5mm" if solver.mechanism.unit(item) == "m" else "5deg" for item in solver.mechanism.drivers
         }
-        of = parametric_model(name, drive={item: f"{far}*sin(2*pi*t)" for item, far in units.items()})
-        form = of.make({})
-    motion_laws = form.motion_laws
-    angles = form.mechanism.start + 0.4 * AT / AT[-1] if motion_laws.crank else motion_laws.rate * AT / 40.0
+        designs = parametric_model(
+            name, drive={item: f"{amplitude}*sin(2*pi*t)" for item, amplitude in amplitudes.items()}
+        )
+        solver = designs.make({})
+    motion_laws = solver.motion_laws
+    angles = (
+        solver.mechanism.start + 0.4 * ANGLES / ANGLES[-1]
+        if motion_laws.crank
+        else motion_laws.rate * ANGLES / 40.0
+    )
     rate = 1.0 if motion_laws.crank else motion_laws.rate
-    result = motion_derivatives(form, changes(of, [*of.dimensions]), angles, rate)
-    near = followed_motion(form, angles, rate)
+    result = motion_derivatives(solver, changes(designs, [*designs.dimensions]), angles, rate)
+    motion = followed_motion(solver, angles, rate)
     worst = [0.0, 0.0]
-    for dimension, moved in result.by.items():
-        for i, part in enumerate(("position", "velocity")):
-            size = max(np.abs(getattr(item, part)).max() for item in moved.points.values())
-            if size > NONE:
-                reported = [np.array([*item.values()]) for item in differences(of, near, dimension, part)]
-                own = np.array([getattr(item, part) for item in moved.points.values()])
-                # that of the steps which agree best, as far as they do
-                best = min(
-                    range(len(reported) - 1), key=lambda k: np.abs(reported[k + 1] - reported[k]).max()
+    for dimension, derivatives in result.by.items():
+        for i, quantity in enumerate(("position", "velocity")):
+            scale = max(np.abs(getattr(item, quantity)).max() for item in derivatives.points.values())
+            if scale > NEGLIGIBLE:
+                quotients = [
+                    np.array([*item.values()])
+                    for item in difference_quotients(designs, motion, dimension, quantity)
+                ]
+                computed = np.array([getattr(item, quantity) for item in derivatives.points.values()])
+                # the step that agrees best with the next one
+                closest = min(
+                    range(len(quotients) - 1), key=lambda k: np.abs(quotients[k + 1] - quotients[k]).max()
                 )
-                worst[i] = max(worst[i], float(np.abs(own - reported[best]).max() / size))
+                worst[i] = max(worst[i], float(np.abs(computed - quotients[closest]).max() / scale))
     return len(result.by), worst
 
 
 def main():
-    against_digits()
-    every = (*catalog.DRIVES, *(item for item in gallery.files() if item not in catalog.DRIVES))
-    for name in sys.argv[1:] or every:
+    compare_with_digits()
+    all_names = (*catalog.DRIVES, *(item for item in gallery.files() if item not in catalog.DRIVES))
+    for name in sys.argv[1:] or all_names:
         try:
-            count, worst = beside(name)
+            count, worst = compare_with_neighbours(name)
         except MechsimError as error:
             print(f"{name:22s} {error}")
             continue
         print(
-            f"{name:22s} {count:2d} dimensions, solved beside   places {worst[0]:.1e}  "
+            f"{name:22s} {count:2d} dimensions, neighbours   positions {worst[0]:.1e}  "
             f"velocities {worst[1]:.1e}"
         )
 

@@ -1,13 +1,13 @@
-"""Exact derivatives by dimensions against 50 digits: all of the catalogue and of the gallery.
+"""Exact derivatives by dimensions against 50 digits, for catalogue and gallery.
 
-The other road is that of `reference/`, which shares nothing with mechsim but the TOML files: vector loops in
-absolute coordinates closed by Newton's method with mpmath, twists and their rates by the same matrix, drive
-efforts by virtual power. A parameter of the file is moved to either side by 1e-26 of itself, mechanisms are
-solved with 95 digits, and their difference is the derivative to 50.
+The other method is that of `reference/`, which shares only the TOML files with mechsim: vector loops in
+absolute coordinates closed by Newton's method with mpmath, rates by the same matrix, drive efforts by virtual
+power. A parameter changes by 1e-26 of itself to either side, both mechanisms are solved with 95 digits, and
+the central difference is the derivative to 50 digits.
 
-Prints, for each mechanism, the largest error of places, velocities, accelerations and drive efforts by any
-parameter, relative to the largest derivative of such quantities by that parameter; with --write, keeps some
-for the tests.
+Prints, for each mechanism, the largest error of positions, velocities, accelerations and drive efforts by
+any parameter, relative to the largest derivative of that kind by that parameter. --write stores a table for
+the tests.
 
 Run: python validation/sensitivity/fifty_digits.py [NAME...] [--write]
 """
@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 from mpmath import mp, mpf
 
-HOUSE = Path(__file__).parents[2]
-sys.path.insert(0, str(HOUSE / "reference"))
-sys.path.insert(0, str(HOUSE))
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "reference"))
+sys.path.insert(0, str(ROOT))
 import make  # noqa: E402
 from exact.description import read  # noqa: E402
 from exact.solving import followed, in_doubles, instant  # noqa: E402
@@ -33,42 +33,42 @@ from mechsim.analytic import catalog  # noqa: E402
 
 DIGITS, STEP = 95, "1e-26"
 ROWS = (7, 33, 58)
-# a derivative this small next to the largest by another parameter, in parts of both, is none
-NONE = 1e-9
-KEPT = HOUSE / "tests" / "studies" / "sensitivity" / "derivatives.csv"
-# those whose test takes seconds; the knitting machine and klann take 40 each
-KEEP = (*(name for name in catalog.DRIVES if name != "warp_knitter"), "humanoid_ankle")
+# derivatives below this fraction of the largest by another parameter are not compared
+NEGLIGIBLE = 1e-9
+TABLE = ROOT / "tests" / "studies" / "sensitivity" / "derivatives.csv"
+# mechanisms whose test takes seconds; warp_knitter and klann take 40 s each
+TABLE_NAMES = (*(name for name in catalog.DRIVES if name != "warp_knitter"), "humanoid_ankle")
 
 
-class Exactly:
-    """A mechanism of `reference/mechanisms` at some instants, with parameters moved."""
+class ExactDerivatives:
+    """A mechanism of `reference/mechanisms` at some instants, with changed parameters."""
 
     def __init__(self, name):
-        self.name, self.path = name, HOUSE / "reference" / "mechanisms" / f"{name}.toml"
+        self.name, self.path = name, ROOT / "reference" / "mechanisms" / f"{name}.toml"
         self.text = self.path.read_text(encoding="utf-8")
-        given = tomllib.loads(self.text, parse_float=str).get("parameters", {})
-        self.parameters = {item: str(value) for item, value in given.items() if _plain(str(value))}
-        described = read(self.path)
-        wanted = make.instants(described)
-        self.drives = [wanted[row][1] for row in ROWS]
-        path = [{item: float(at[0]) for item, at in drive.items()} for drive in self.drives]
-        self.stood = followed(in_doubles(described), path)
-        self.clock = np.array([float(wanted[row][0]) for row in ROWS])
+        parameters = tomllib.loads(self.text, parse_float=str).get("parameters", {})
+        self.parameters = {item: str(value) for item, value in parameters.items() if is_number(str(value))}
+        description = read(self.path)
+        instants = make.instants(description)
+        self.drives = [instants[row][1] for row in ROWS]
+        path = [{item: float(state[0]) for item, state in drive.items()} for drive in self.drives]
+        self.states = followed(in_doubles(description), path)
+        self.times = np.array([float(instants[row][0]) for row in ROWS])
 
     def columns(self, text):
-        """Columns of a file with this text, by name: a number an instant."""
+        """Return the columns of a file with this text, by name: one number an instant."""
         with tempfile.NamedTemporaryFile("w", suffix=".toml", encoding="utf-8") as file:
             file.write(text)
             file.flush()
-            described = read(Path(file.name))
+            description = read(Path(file.name))
         rows = [
-            make.columns(described, drive, instant(described, *stood, drive))
-            for stood, drive in zip(self.stood, self.drives, strict=True)
+            make.columns(description, drivers, instant(description, *state, drivers))
+            for state, drivers in zip(self.states, self.drives, strict=True)
         ]
         return {name: [row[name] for row in rows] for name in rows[0]}
 
-    def slopes(self, parameter):
-        """Derivatives of all columns by a parameter, per unit of the file."""
+    def derivatives(self, parameter):
+        """Return the derivatives of all columns by a parameter, per unit of the file."""
         value = mpf(self.parameters[parameter])
         step = mpf(STEP) * (abs(value) or 1)
         ahead, behind = (self.columns(self._moved(parameter, value + sign * step)) for sign in (1, -1))
@@ -84,19 +84,19 @@ class Exactly:
         return text
 
 
-def _plain(text):
+def is_number(text):
     return re.fullmatch(r"[-+]?[0-9.]+(e[-+]?\d+)?", text) is not None
 
 
-def kind(column):
-    """What a column measures."""
+def kind_of(column):
+    """Return the kind of quantity of a column."""
     if ":" in column:
         return "drive"
-    return {"v": "velocity", "a": "acceleration"}.get(column.rpartition(".")[2][0], "place")
+    return {"v": "velocity", "a": "acceleration"}.get(column.rpartition(".")[2][0], "position")
 
 
-# parameters of a file -> dimension of the catalogue and sign, where names differ
-NAMED = {
+# parameter of a file -> dimension of the catalogue, where names differ
+RENAMED = {
     "rssr": {"x": "pivot.x", "y": "pivot.y", "z": "pivot.z", "gamma1": "gamma2", "gamma2": "gamma1"},
     "rrsrr": {"x": "pivot.x", "y": "pivot.y", "z": "pivot.z", "gamma1": "gamma2", "gamma2": "gamma1"},
     "bennett": {"ground": "length0", "twist_ground": "twist0", "twist_crank": "twist1"},
@@ -106,58 +106,60 @@ NAMED = {
         for axis in "xy"
     },
 }
-# the looper's arm_angle is counted the other way in its file
+# the arm_angle of the looper has the opposite sign in its file
 REVERSED = {("looper", "arm_angle")}
 
 
-class ByMechsim:
-    """Derivatives by mechsim: of the file itself, or of the catalogue's mechanism of this name."""
+class MechsimDerivatives:
+    """Derivatives by mechsim, from the file or from the catalogue's mechanism of this name."""
 
     def __init__(self, item, model):
         speed = float(make.motions()["speeds"].get(item.name, make.motions()["speed"]))
-        form = ms.load(model) if isinstance(model, str) else model
-        if form.motion_laws.crank:
-            subject = ms.moved(model, angles=item.clock, speed=speed)
+        solver = ms.load(model) if isinstance(model, str) else model
+        if solver.motion_laws.crank:
+            subject = ms.moved(model, angles=item.times, speed=speed)
         else:
-            subject = ms.moved(model, t=item.clock)
+            subject = ms.moved(model, t=item.times)
         points = [
-            f"{name}.{rate}{axis}"
-            for name in subject.form.mechanism.points
-            for rate in make.RATES
+            f"{name}.{order}{axis}"
+            for name in subject.solver.mechanism.points
+            for order in make.RATES
             for axis in make.AXES
         ]
-        self.catalogued = model == item.name
-        efforts = {} if self.catalogued else self._efforts(subject)
-        names = {of: self._named(item, of)[0] for of in item.parameters}
+        self.from_catalogue = model == item.name
+        efforts = {} if self.from_catalogue else self._efforts(subject)
+        names = {parameter: self._named(item, parameter)[0] for parameter in item.parameters}
         self.table = ms.sensitivity(subject, [*points, *efforts], [*dict.fromkeys(names.values())])
-        self.forces, self.one = efforts, item
+        self.effort_names, self.exact_model = efforts, item
 
     def _efforts(self, subject):
-        """Columns of drive efforts, and what the other method calls them."""
-        form = subject.form
-        if form.motion_laws.crank:
-            return {"torque": f"torque:{form.mechanism.driver}"}
-        slides = form.mechanism.straight
-        drivers = form.motion_laws.drivers
-        return {f"drive {name}": f"{'force' if name in slides else 'torque'}:{name}" for name in drivers}
+        """Return the columns of drive efforts, and their names in the reference."""
+        solver = subject.solver
+        if solver.motion_laws.crank:
+            return {"torque": f"torque:{solver.mechanism.driver}"}
+        sliding = solver.mechanism.straight
+        drivers = solver.motion_laws.drivers
+        return {f"drive {name}": f"{'force' if name in sliding else 'torque'}:{name}" for name in drivers}
 
     def _named(self, item, parameter):
-        if not self.catalogued:
+        if not self.from_catalogue:
             return parameter, 1
-        name = NAMED.get(item.name, {}).get(parameter, parameter)
+        name = RENAMED.get(item.name, {}).get(parameter, parameter)
         return name, -1 if (item.name, parameter) in REVERSED else 1
 
-    def slopes(self, parameter):
-        """Columns as the other method calls them -> derivatives, (n,) per SI."""
-        name, sign = self._named(self.one, parameter)
+    def derivatives(self, parameter):
+        """Return columns, as the reference names them -> derivatives (n,) in SI units."""
+        name, sign = self._named(self.exact_model, parameter)
         if name not in self.table.by:
             return {}
-        return {self.forces.get(of, of): sign * item for of, item in self.table.by[name].items()}
+        return {
+            self.effort_names.get(column, column): sign * item for column, item in self.table.by[name].items()
+        }
 
     def factor(self, parameter):
-        """What one unit of the file is in SI, exactly."""
-        unit = self.table.dimensions[self._named(self.one, parameter)[0]].unit
-        units = tomllib.loads(self.one.text).get("units", {})
+        """Return the unit of a parameter of the file in SI units, exactly."""
+        unit = self.table.dimensions[self._named(self.exact_model, parameter)[0]].unit
+        units = tomllib.loads(self.exact_model.text).get("units", {})
         lengths = {"mm": mpf("1e-3"), "cm": mpf("1e-2")}
         if unit == "m":
             return lengths.get(units.get("length"), mpf(1))
@@ -165,66 +167,66 @@ class ByMechsim:
 
 
 def errors(item, result, exact):
-    """Largest error of each kind of column by any parameter, by the largest derivative of that kind by it."""
+    """Return the largest error of each kind of column, relative to the largest derivative of that kind."""
     largest, worst = {}, {}
-    for parameter, slopes in exact.items():
-        ours = result.slopes(parameter)
-        for column in ours:
-            reported = [abs(float(value / result.factor(parameter))) for value in slopes[column]]
-            at = parameter, kind(column)
-            largest[at] = max(largest.get(at, 0.0), *reported)
-    for parameter, slopes in exact.items():
-        for column, values in result.slopes(parameter).items():
-            of = kind(column)
-            scale = largest[parameter, of]
-            least = NONE * max(size for (_, other), size in largest.items() if other == of)
-            if scale <= least:
+    for parameter, exact_columns in exact.items():
+        computed = result.derivatives(parameter)
+        for column in computed:
+            sizes = [abs(float(value / result.factor(parameter))) for value in exact_columns[column]]
+            key = parameter, kind_of(column)
+            largest[key] = max(largest.get(key, 0.0), *sizes)
+    for parameter, exact_columns in exact.items():
+        for column, values in result.derivatives(parameter).items():
+            column_kind = kind_of(column)
+            scale = largest[parameter, column_kind]
+            threshold = NEGLIGIBLE * max(size for (_, other), size in largest.items() if other == column_kind)
+            if scale <= threshold:
                 continue
-            off = [
-                abs(float(mpf(float(value)) - right / result.factor(parameter)))
-                for value, right in zip(values, slopes[column], strict=True)
+            deviations = [
+                abs(float(mpf(float(value)) - exact_value / result.factor(parameter)))
+                for value, exact_value in zip(values, exact_columns[column], strict=True)
             ]
-            if max(off) / scale > worst.get(of, (-1.0, ""))[0]:
-                worst[of] = max(off) / scale, parameter
+            if max(deviations) / scale > worst.get(column_kind, (-1.0, ""))[0]:
+                worst[column_kind] = max(deviations) / scale, parameter
     return worst
 
 
-def kept(item, result, exact):
-    """Lines for the tests: the last point's place and velocity and the drive, at the first instant."""
-    last = list(result.table.moved.solver.mechanism.points)[-1]
-    for parameter, slopes in exact.items():
-        for column, values in slopes.items():
-            wanted = column.rpartition(".")[0] == last and kind(column) in ("place", "velocity")
-            if (wanted or kind(column) == "drive") and column in result.slopes(parameter):
+def table_rows(item, result, exact):
+    """Yield test rows: position and velocity of the last point, and the drive, at the first instant."""
+    last_point = list(result.table.moved.solver.mechanism.points)[-1]
+    for parameter, exact_columns in exact.items():
+        for column, values in exact_columns.items():
+            selected = column.rpartition(".")[0] == last_point and kind_of(column) in ("position", "velocity")
+            if (selected or kind_of(column) == "drive") and column in result.derivatives(parameter):
                 value = values[0] / result.factor(parameter)
-                yield f"{item.name},{float(item.clock[0])!r},{parameter},{column},{mp.nstr(value, 25)}"
+                yield f"{item.name},{float(item.times[0])!r},{parameter},{column},{mp.nstr(value, 25)}"
 
 
-def main(asked):
-    write = "--write" in asked
-    names = [item for item in asked if item != "--write"] or (KEEP if write else make.names())
+def main(arguments):
+    write = "--write" in arguments
+    names = [item for item in arguments if item != "--write"] or (TABLE_NAMES if write else make.names())
     mp.dps = DIGITS
     lines, worst = ["mechanism,at,parameter,column,derivative"], 0.0
     for name in names:
-        item = Exactly(name)
+        item = ExactDerivatives(name)
         if not item.parameters:
             print(f"{name:22s} has no parameters", flush=True)
             continue
-        exact = {parameter: item.slopes(parameter) for parameter in item.parameters}
+        exact = {parameter: item.derivatives(parameter) for parameter in item.parameters}
         for model in (str(item.path), *((name,) if name in catalog.DRIVES else ())):
-            result = ByMechsim(item, model)
-            reported = errors(item, result, exact)
-            text = ", ".join(f"{of} {size:.1e} ({by})" for of, (size, by) in reported.items())
+            result = MechsimDerivatives(item, model)
+            largest = errors(item, result, exact)
+            text = ", ".join(f"{label} {size:.1e} ({cause})" for label, (size, cause) in largest.items())
             print(
                 f"{name:22s} {'catalogue' if model == name else 'file':9s} {len(exact):2d}: {text}",
                 flush=True,
             )
-            worst = max(worst, *(size for size, _ in reported.values()))
+            worst = max(worst, *(size for size, _ in largest.values()))
             if write and model != name:
-                lines += kept(item, result, exact)
+                lines += table_rows(item, result, exact)
     print(f"largest of all: {worst:.1e}")
     if write:
-        KEPT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        TABLE.write_text("\n".join(lines) + "\n", encoding="utf-8")
     assert worst <= 1e-9
 
 

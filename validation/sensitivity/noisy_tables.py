@@ -1,8 +1,8 @@
-"""How often `validate --against` rejects a right noisy table, and how often it finds a systematic error.
+"""False alarms and detections of `validate --against` with noisy tables.
 
-Tables of positions and of a joint at 60 crank angles are made with normal errors of 20 um and 0.3 mrad,
-stated as standard deviations. Right tables must fail with a probability of 1e-3 at most; tables of a
-mechanism with a link 0.1 mm too short must fail, and the link must be among the causes of the difference.
+Tables of positions and of a joint at 60 crank angles have normal errors of 20 um and 0.3 mrad, stated as
+standard deviations. Correct tables must fail with a probability of at most 1e-3. Tables of a mechanism with a
+link 0.1 mm too short must fail, and the findings must name the link.
 
 Run: python validation/sensitivity/noisy_tables.py [TABLES] [CAUSES]
 """
@@ -34,15 +34,15 @@ def evaluation_points(form):
     return EvaluationPoints(form, ANGLES, np.ones_like(ANGLES), np.zeros_like(ANGLES))
 
 
-def exact_claims(form, columns):
-    """Return what a form does, as claims with standard deviations."""
-    evaluation, reader = evaluation_points(form), QuantityReader(form.mechanism, "the script")
+def exact_candidates(solver, columns):
+    """Return the exact quantities of a solver, with standard deviations."""
+    evaluation, reader = evaluation_points(solver), QuantityReader(solver.mechanism, "the script")
     candidates = []
     for column in columns:
         axes = column.partition(".")[2]
-        named = reader.read(column, {"xy": 2, "": 3}.get(axes))
-        values = evaluation.exact(named)
-        candidates.append(Candidate(named, values, np.full(values.shape, NOISE[named.unit])))
+        reader_of = reader.read(column, {"xy": 2, "": 3}.get(axes))
+        values = evaluation.exact(reader_of)
+        candidates.append(Candidate(reader_of, values, np.full(values.shape, NOISE[reader_of.unit])))
     return candidates
 
 
@@ -59,20 +59,20 @@ def shorter(name, link):
 def main(tables, causes):
     random, failed, total = np.random.default_rng(26), 0, 0
     for name, columns, link in CASES:
-        evaluation, right = evaluation_points(ms.load(name)), exact_claims(ms.load(name), columns)
+        evaluation, correct = evaluation_points(ms.load(name)), exact_candidates(ms.load(name), columns)
         evaluation.conditioning  # noqa: B018 - solved once for all tables
-        wrong, detected, named, sigma = exact_claims(shorter(name, link), columns), 0, 0, []
+        shortened, detected, named, sigma = exact_candidates(shorter(name, link), columns), 0, 0, []
         rejected = 0
         for _ in range(tables):
-            candidates = [noisy(candidate, random) for candidate in right]
-            # the verdict alone: what explains a false alarm is not of interest
-            result = agreement(evaluation, candidates, "a right table", diagnose=False)
-            sigma.append(np.mean([noise.size.worst for _, noise in result.measured]))
+            candidates = [noisy(candidate, random) for candidate in correct]
+            # the verdict alone, without a diagnosis
+            result = agreement(evaluation, candidates, "a correct table", diagnose=False)
+            sigma.append(np.mean([noise.total.worst for _, noise in result.measured]))
             rejected += not result.passed
         for _ in range(causes):
             result = agreement(
                 evaluation,
-                [noisy(candidate, random) for candidate in wrong],
+                [noisy(candidate, random) for candidate in shortened],
                 "a wrong table",
                 None,
                 parametric_model(name),
@@ -81,13 +81,13 @@ def main(tables, causes):
             named += link in [item.what for item in result.findings]
         failed, total = failed + rejected, total + tables
         print(
-            f"{name:13s} right: {rejected} of {tables} rejected, noise of {np.mean(sigma):.3f} sigma; "
+            f"{name:13s} correct: {rejected} of {tables} rejected, noise of {np.mean(sigma):.3f} sigma; "
             f"{link} 0.1 mm short: {detected} of {causes} rejected, {named} with that cause",
             flush=True,
         )
         assert detected == named == causes
     expected = FALSE_ALARM * total
-    print(f"all: {failed} of {total} right tables rejected, {expected:g} expected at the most")
+    print(f"all: {failed} of {total} correct tables rejected, {expected:g} expected at most")
     assert failed <= expected + 4.0 * np.sqrt(expected) + 1.0
 
 
