@@ -5,7 +5,7 @@ from dataclasses import replace
 import looper_synthesis
 import numpy as np
 import pytest
-from looper_search import broken, straighter
+from looper_search import straighter_looper, violated_conditions
 from looper_trials import Conditions
 
 from mechsim.analytic.catalog.looper import Looper
@@ -14,8 +14,8 @@ from mechsim.errors import InputError
 
 @pytest.mark.slow
 def test_a_straighter_looper_with_the_published_coupler_is_valid():
-    result = straighter(4e-3, Looper())
-    assert broken(result, Conditions()) == []
+    result = straighter_looper(4e-3, Looper())
+    assert violated_conditions(result, Conditions()) == []
     design = result.design
     assert (design.crank, design.coupler, design.arm, design.arm_angle) == (
         0.006,
@@ -30,10 +30,10 @@ def test_a_straighter_looper_with_the_published_coupler_is_valid():
 
 
 def test_violated_conditions_are_listed():
-    paper = looper_synthesis.paper_again()
-    assert "the centring of the follower's axis" in str(broken(paper, Conditions(centred=1e-6)))
+    paper = looper_synthesis.paper_linkage()
+    assert "the centring of the follower's axis" in str(violated_conditions(paper, Conditions(centred=1e-6)))
     output = str(
-        broken(
+        violated_conditions(
             paper,
             Conditions(stroke=(0.01, 0.012), width=0.004, clearance=0.003, transmission=1.1, longest=0.03),
         )
@@ -41,13 +41,13 @@ def test_violated_conditions_are_listed():
     for word in ("stroke", "width", "clearance", "transmission", "longest"):
         assert word in output
     immobile = replace(paper, design=replace(paper.design, coupler=0.005))
-    assert broken(immobile, Conditions()) == ["full turning of the crank"]
+    assert violated_conditions(immobile, Conditions()) == ["full turning of the crank"]
 
 
 @pytest.mark.slow
 def test_a_search_without_a_solution_is_rejected():
     with pytest.raises(InputError, match="relax"):
-        straighter(4e-3, Looper(), Conditions(stroke=(0.05, 0.06)))
+        straighter_looper(4e-3, Looper(), Conditions(stroke=(0.05, 0.06)))
 
 
 @pytest.mark.slow
@@ -60,10 +60,10 @@ def test_the_study_finds_straighter_loopers_for_both_strokes():
         (11e-3, True),
     ]
     for item in improvements:
-        assert item.found.deviation < item.paper
-        assert broken(item.found, Conditions()) == []
+        assert item.result.deviation < item.paper
+        assert violated_conditions(item.result, Conditions()) == []
     assert [round(1e6 * item.paper, 1) for item in improvements] == [3.1, 3.1, 63.0, 63.0]
     # a free coupler reduces 2 um to nanometres, and 63 um below 10 um
-    assert improvements[1].found.deviation < 1e-8
-    assert improvements[3].found.deviation < 1e-5
-    assert improvements[2].found.deviation < 46e-6
+    assert improvements[1].result.deviation < 1e-8
+    assert improvements[3].result.deviation < 1e-5
+    assert improvements[2].result.deviation < 46e-6

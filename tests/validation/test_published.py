@@ -64,21 +64,21 @@ def test_a_squeezer_with_a_mass_error_of_a_thousandth_fails() -> None:
 
 def test_the_stiff_governor_satisfies_lagranges_equation() -> None:
     governor = case("a05_governor")
-    result = governor.compared(0.02, samples=8)
+    result = governor.compare(0.02, samples=8)
     # rounding of the spring's force, 8e5 N/m, over the inertia; measured 1e-16 rad, 8e-16 rad and 3e-15 m
     assert result.shaft < 1e-14
     assert result.arm < 1e-14
     assert result.slider < 1e-13
     # a reference whose slider starts 1 um lower is detected
-    assert governor.compared(0.02, samples=8, height=governor.HEIGHT - 1e-6).slider > 1e-8
+    assert governor.compare(0.02, samples=8, height=governor.HEIGHT - 1e-6).slider > 1e-8
 
 
 def test_a_bouncing_slider_crank_agrees_with_the_reduced_equation() -> None:
     bounce = case("bouncing_slider_crank")
-    result = bounce.compared(0.35)
+    result = bounce.compare(0.35)
     # ten times the tolerance of a step, 3e-13, over about a hundred of them; measured 2e-12
     assert result.impacts >= 1
     assert result.angle < 3e-11
     assert result.impact < 3e-12
     # a reference with another coefficient of restitution is detected
-    assert bounce.compared(0.35, restitution=0.7001).angle > 1e-6
+    assert bounce.compare(0.35, restitution=0.7001).angle > 1e-6

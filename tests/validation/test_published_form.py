@@ -20,7 +20,7 @@ def test_only_the_published_form_loses_digits_near_zero():
 def test_the_published_form_changes_assembly_twice_per_turn():
     angles = np.linspace(0.0, 2 * np.pi, 720, endpoint=False) + 1e-3
     published, accurate = case.assemblies_over_a_turn(angles)
-    assert case.jumps(published) == 2
+    assert case.mode_changes(published) == 2
     assert (accurate == 1).all()
     # the jumps are where V3x = P4P2_y changes sign
     v3x = case.LOOPER.crank * np.cos(angles) - case.LOOPER.pivot[1]
@@ -29,7 +29,7 @@ def test_the_published_form_changes_assembly_twice_per_turn():
 
 def test_both_forms_agree_at_well_conditioned_angles():
     angles = np.linspace(-1.0, 1.0, 9)
-    v1, axis, angle = case.question(case.LOOPER, angles)
+    v1, axis, angle = case.vectors_and_angle(case.LOOPER, angles)
     accurate = case.unit_at_angles(v1, axis, angle, np.pi / 2, 1)
     assert np.abs(case.unit_at_angles_published(v1, axis, angle, np.pi / 2, 1) - accurate).max() <= 2e-15
 

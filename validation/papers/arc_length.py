@@ -1,4 +1,4 @@
-"""Walking along a curve by arc length: tangent, adaptive step, correction, and knowing when it has closed."""
+"""Tracing of a curve by arc length: tangent, adaptive step, correction, and detection of a closed curve."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from mechsim.numerics.newton import root
 if TYPE_CHECKING:
     from scipy.integrate import DOP853
 
-# singular values below this part of the largest count as zero: then more than one direction is free
+# singular values below this fraction of the largest are zero: more than one direction is then free
 SINGULAR = 1e-9
 
 
@@ -28,7 +28,7 @@ class Curve:
             periods of its coordinates.
         arc: length along the curve from the start, (n,).
         tangents: unit tangents, (n, dim).
-        closed: whether the curve came back to its start.
+        closed: whether the curve returned to its start.
         length: of the curve, arc[-1].
         steps: of the integration.
         newton: Newton iterations that brought the steps back onto the curve.
@@ -53,8 +53,8 @@ class Frame:
         tangent: unit tangent in the coordinates of the method, (dim,).
         jacobian: (m, k) by local coordinates.
         local: the tangent in local coordinates, (k,).
-        rows: orthonormal combinations of equations that are independent here, (m, r).
-        free: orthonormal local directions that count, (k, r + 1).
+        rows: orthonormal combinations of equations that are independent at the point, (m, r).
+        free: orthonormal local directions of these equations, (k, r + 1).
         mark_rate: rate of the method's marks along the curve.
     """
 
@@ -67,16 +67,16 @@ class Frame:
 
 
 class Route(Protocol):
-    """What can be walked along: a manifold of one dimension."""
+    """A manifold of one dimension that can be traced."""
 
     @property
     def name(self) -> str:
-        """What messages call the curve."""
+        """Name of the curve in messages."""
         ...
 
     @property
     def size(self) -> float:
-        """Typical size of the curve, in the unit of its coordinates."""
+        """Characteristic length of the curve, in the unit of its coordinates."""
         ...
 
     def frame(self, y: Array, along: Array | None) -> Frame:
@@ -88,11 +88,11 @@ class Route(Protocol):
         ...
 
     def gap(self, y: Array, other: Array) -> Array:
-        """Return by how much the marks of two points differ: zero where they are the same place."""
+        """Return the difference of the marks of two points: zero for the same point."""
         ...
 
 
-def walk(
+def trace(
     route: Route,
     start: Array,
     *,
@@ -102,15 +102,15 @@ def walk(
     longest: float | None = None,
     most_steps: int = 10_000,
 ) -> Curve:
-    """Trace a curve from a point of it until it closes or is as long as asked.
+    """Trace a curve from a point of it until it closes or reaches a length.
 
     Args:
-        method: the curve.
+        route: the curve.
         start: a point of it, to within 1e-6 of its size.
-        direction: in which of the two to go, (dim,); None takes the method's own choice.
-        length: where to stop if the curve has not closed; None asks for a closed curve.
-        tolerance: of the integration, in units of the curve's size: it sets the step and the error
-            of the arc length; points are on the curve to rounding whatever it is.
+        direction: selects one of both, (dim,); None is the default of the route.
+        length: of an open curve; None requires a closed curve.
+        tolerance: of the integration, in units of the curve's size: it determines the step and the error
+            of the arc length; points are on the curve to rounding at any tolerance.
         longest: longest step; None is a quarter of the size.
         most_steps: steps before giving up.
 
@@ -120,7 +120,7 @@ def walk(
     """
     from scipy.integrate import DOP853
 
-    y, first, newton = _begin(route, start, direction)
+    y, first, newton = _corrected_start(route, start, direction)
     points, arc, frames = [y], [0.0], [first]
     end = np.inf if length is None else length
     solver = DOP853(
@@ -140,45 +140,45 @@ def walk(
                 f"{route.name}: the curve has not closed after {most_steps} steps over a length of "
                 f"{arc[-1]:.6g}; give the length at which to stop, or allow more steps"
             )
-        _advance(route, solver, points[-1])
-        before, after = (float(plane @ route.gap(at, y)) for at in (points[-1], solver.y))
+        _take_step(route, solver, points[-1])
+        before, after = (float(plane @ route.gap(end, y)) for end in (points[-1], solver.y))
         if before < 0.0 <= after:
-            home = _homecoming(route, solver, y, plane, first)
-            if home is not None:
-                end, total, iterations = home
+            closing = _closed_curve_end(route, solver, y, plane, first)
+            if closing is not None:
+                end, total, iterations = closing
                 frames.append(route.frame(end, frames[-1].tangent))
                 return _curve([*points, end], [*arc, total], frames, True, newton + iterations)
-        here, frame, iterations = _landed(route, solver, points[-1], frames[-1])
+        point, frame, iterations = _corrected_step(route, solver, points[-1], frames[-1])
         newton += iterations
-        points.append(here)
+        points.append(point)
         arc.append(float(solver.t))
         frames.append(frame)
     return _curve(points, arc, frames, False, newton)
 
 
-def turns(route: Route, curve: Curve, rate: Callable[[Frame], float]) -> Array:
+def extrema(route: Route, curve: Curve, rate: Callable[[Frame], float]) -> Array:
     """Return the points of a curve at which a rate along it vanishes, (k, dim).
 
     Args:
-        method: what was walked.
+        route: the traced manifold.
         curve: the result.
-        rate: of the coordinate that turns back there.
+        rate: of the coordinate that has an extremum.
 
-    Accuracy: the root is sought on points brought back onto the curve, so that it is exact to rounding.
+    Accuracy: exact to rounding; the root is computed on corrected points of the curve.
     """
     result: list[Array] = []
     rates = np.array([rate(route.frame(y, t)) for y, t in zip(curve.points, curve.tangents, strict=True)])
     for i in np.flatnonzero((rates[:-1] < 0.0) != (rates[1:] < 0.0)).tolist():
 
-        def between(part: float, i: int = i) -> tuple[Array, float]:
-            y = route.corrected(_hermite(curve, i, part))[0]
+        def between(fraction: float, i: int = i) -> tuple[Array, float]:
+            y = route.corrected(_hermite(curve, i, fraction))[0]
             return y, rate(route.frame(y, curve.tangents[i]))
 
-        result.append(between(root(lambda part: between(part)[1], 0.0, 1.0))[0])
+        result.append(between(root(lambda fraction: between(fraction)[1], 0.0, 1.0))[0])
     return np.array(result).reshape(len(result), curve.points.shape[1])
 
 
-def _begin(route: Route, start: Array, direction: ArrayLike | None) -> tuple[Array, Frame, int]:
+def _corrected_start(route: Route, start: Array, direction: ArrayLike | None) -> tuple[Array, Frame, int]:
     try:
         y, newton = route.corrected(start)
         moved = float(np.linalg.norm(y - start))
@@ -192,68 +192,68 @@ def _begin(route: Route, start: Array, direction: ArrayLike | None) -> tuple[Arr
         along = None if direction is None else np.asarray(direction, dtype=np.float64)
         return y, route.frame(y, along), newton
     except AssemblyError as error:
-        raise InputError(f"{error}; start somewhere else") from error
+        raise InputError(f"{error}; use another start") from error
 
 
-def _advance(route: Route, solver: "DOP853", at: Array) -> None:
-    """Let the solver take a step."""
+def _take_step(route: Route, solver: "DOP853", q: Array) -> None:
+    """Advance the solver by a step."""
     solver.step()
     if str(solver.status) == "failed":
         raise AssemblyError(
-            f"{route.name}: no step is short enough at {at.tolist()}; the curve is not smooth there"
+            f"{route.name}: no step is short enough at {q.tolist()}; the curve is not smooth there"
         )
 
 
-def _landed(route: Route, solver: "DOP853", at: Array, last: Frame) -> tuple[Array, Frame, int]:
-    """Return the point of the curve nearest to a step's end, from which the solver then goes on."""
-    here, iterations = route.corrected(solver.y)
-    frame = route.frame(here, last.tangent)
-    if _crossed(last, frame):
+def _corrected_step(route: Route, solver: "DOP853", q: Array, previous: Frame) -> tuple[Array, Frame, int]:
+    """Correct the end of a step and continue the solver there; return point, frame and iterations."""
+    point, iterations = route.corrected(solver.y)
+    frame = route.frame(point, previous.tangent)
+    if _passes_branch_point(previous, frame):
         raise AssemblyError(
-            f"{route.name}: branches of the curve cross between {at.tolist()} and {here.tolist()}; "
-            "which one goes on is not determined there; change the dimensions a little"
+            f"{route.name}: branches of the curve cross between {q.tolist()} and {point.tolist()}; "
+            "the continuation is not determined there; change the dimensions a little"
         )
-    solver.y, solver.f = here, frame.tangent
-    return here, frame, iterations
+    solver.y, solver.f = point, frame.tangent
+    return point, frame, iterations
 
 
-def _homecoming(
+def _closed_curve_end(
     route: Route, solver: "DOP853", start: Array, plane: Array, first: Frame
 ) -> tuple[Array, float, int] | None:
-    """Return the start met again, the length of the curve and the iterations, if the last step passed it."""
+    """Return the end of a closed curve, its length and the iterations, if the last step passed the start."""
     dense = solver.dense_output()
-    at = root(
-        lambda s: float(plane @ route.gap(dense(s), start)), float(solver.t_old or 0.0), float(solver.t)
-    )
-    if not np.linalg.norm(route.gap(dense(at), start)) <= 1e-3 * route.size:
+    q = root(lambda s: float(plane @ route.gap(dense(s), start)), float(solver.t_old or 0.0), float(solver.t))
+    if not np.linalg.norm(route.gap(dense(q), start)) <= 1e-3 * route.size:
         return None
-    y, once = route.corrected(dense(at))
+    y, first_iterations = route.corrected(dense(q))
     frame = route.frame(y, first.tangent)
-    gap, turned = route.gap(y, start), frame.mark_rate - first.mark_rate
-    same_direction = np.linalg.norm(turned) <= 1e-3 * np.linalg.norm(first.mark_rate)
+    gap, tangent_change = route.gap(y, start), frame.mark_rate - first.mark_rate
+    same_direction = np.linalg.norm(tangent_change) <= 1e-3 * np.linalg.norm(first.mark_rate)
     if not (np.linalg.norm(gap) <= 1e-6 * route.size and same_direction):
         return None
-    beyond = float(plane @ gap)
-    end, again = route.corrected(y - beyond * frame.tangent)
-    return end, at - beyond, once + again
+    excess = float(plane @ gap)
+    end, more_iterations = route.corrected(y - excess * frame.tangent)
+    return end, q - excess, first_iterations + more_iterations
 
 
-def _crossed(old: Frame, new: Frame) -> bool:
-    """Say whether the system changed its sense of rotation about the curve: a branch point was passed."""
+def _passes_branch_point(before_frame: Frame, after_frame: Frame) -> bool:
+    """Return whether the determinant of the system changed its sign: a branch point was passed."""
 
-    def sense(frame: Frame) -> float:
-        across = old.rows.T @ frame.jacobian @ old.free
-        return float(np.linalg.det(np.vstack([across, frame.local @ old.free])))
+    def determinant(frame: Frame) -> float:
+        across = before_frame.rows.T @ frame.jacobian @ before_frame.free
+        return float(np.linalg.det(np.vstack([across, frame.local @ before_frame.free])))
 
-    return not sense(old) * sense(new) > 0.0
+    return not determinant(before_frame) * determinant(after_frame) > 0.0
 
 
-def _hermite(curve: Curve, i: int, part: float) -> Array:
+def _hermite(curve: Curve, i: int, fraction: float) -> Array:
     step = curve.arc[i + 1] - curve.arc[i]
     p, q = curve.points[i], curve.points[i + 1]
     a, b = step * curve.tangents[i], step * curve.tangents[i + 1]
-    rest = 1.0 - part
-    return rest**2 * ((1.0 + 2.0 * part) * p + part * a) + part**2 * ((3.0 - 2.0 * part) * q - rest * b)
+    remaining = 1.0 - fraction
+    return remaining**2 * ((1.0 + 2.0 * fraction) * p + fraction * a) + fraction**2 * (
+        (3.0 - 2.0 * fraction) * q - remaining * b
+    )
 
 
 def _curve(points: list[Array], arc: list[float], frames: list[Frame], closed: bool, newton: int) -> Curve:

@@ -1,10 +1,10 @@
-"""Any smooth system F(x) = 0 with one free direction, as a method to walk along."""
+"""A smooth system F(x) = 0 with one free direction, as a curve that `arc_length.trace` traces."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from arc_length import SINGULAR, Curve, Frame, turns, walk
+from arc_length import SINGULAR, Curve, Frame, extrema, trace
 from numpy.typing import ArrayLike
 
 from mechsim.errors import AssemblyError, InputError
@@ -20,9 +20,9 @@ class System:
     Attributes:
         residual: F, (n,) -> (m,); m >= n - 1, of which n - 1 are independent.
         jacobian: dF/dx, (n,) -> (m, n); None takes central differences over
-            6e-6 of the size, good to about 1e-10 if nothing changes faster than the size says.
+            6e-6 of the size, accurate to about 1e-10 for functions that vary over the size.
         size: typical size of the curve, in the unit of the coordinates.
-        periods: of each coordinate, 0 where it has none; the curve also closes a whole period on.
+        periods: of each coordinate, 0 if it has none; whole periods count as zero distance.
         name: for messages.
     """
 
@@ -49,27 +49,27 @@ class System:
         """Return the nearest point of the curve by Newton's method with least steps, and the iterations."""
         before = np.inf
         for count in range(1, 31):
-            gap, rows = self._rows(y)
+            residual, rows = self._rows(y)
             u, values, vt = np.linalg.svd(rows, full_matrices=False)
             rank = len(y) - 1
             inverse = np.where(values[:rank] > SINGULAR * values[0], values[:rank], np.inf)
-            step = vt[:rank].T @ ((u[:, :rank].T @ gap) / inverse)
+            step = vt[:rank].T @ ((u[:, :rank].T @ residual) / inverse)
             y = y - step
-            moved = float(np.linalg.norm(step))
-            settled = moved <= 1e-9 * self.size and moved >= 0.25 * before
-            if settled or moved <= 4.0 * EPS * max(self.size, float(np.abs(y).max())):
+            step_length = float(np.linalg.norm(step))
+            converged = step_length <= 1e-9 * self.size and step_length >= 0.25 * before
+            if converged or step_length <= 4.0 * EPS * max(self.size, float(np.abs(y).max())):
                 return y, count
-            before = moved
-        raise AssemblyError(f"{self.name}: Newton's method does not settle near {y.tolist()}")
+            before = step_length
+        raise AssemblyError(f"{self.name}: Newton's method does not converge near {y.tolist()}")
 
     def gap(self, y: Array, other: Array) -> Array:
-        """Return y - other, less whole periods."""
-        gap = y - other
+        """Return y - other, reduced by whole periods."""
+        difference = y - other
         if self.periods:
             periods = np.asarray(self.periods)
-            safe = np.where(periods > 0.0, periods, 1.0)
-            gap = gap - periods * np.round(gap / safe)
-        return gap
+            nonzero = np.where(periods > 0.0, periods, 1.0)
+            difference = difference - periods * np.round(difference / nonzero)
+        return difference
 
     def _rows(self, y: Array) -> tuple[Array, Array]:
         """Return residual and Jacobian, each row scaled so that its gradient is a unit vector."""
@@ -82,14 +82,16 @@ class System:
             )
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
             raise AssemblyError(f"{self.name}: the equations give no finite number at {y.tolist()}")
-        steepness = np.sqrt((jacobian**2).sum(1))
-        steepness = np.where(steepness > 0.0, steepness, 1.0)
-        return residual / steepness, jacobian / steepness[:, None]
+        gradient_norm = np.sqrt((jacobian**2).sum(1))
+        gradient_norm = np.where(gradient_norm > 0.0, gradient_norm, 1.0)
+        return residual / gradient_norm, jacobian / gradient_norm[:, None]
 
     def _differences(self, y: Array) -> Array:
         steps = np.eye(len(y)) * EPS ** (1 / 3) * np.maximum(self.size, np.abs(y))
-        ahead, back = ([np.atleast_1d(self.residual(y + sign * step)) for step in steps] for sign in (1, -1))
-        return (np.array(ahead) - np.array(back)).T / (2.0 * np.diag(steps))
+        forward, backward = (
+            [np.atleast_1d(self.residual(y + sign * step)) for step in steps] for sign in (1, -1)
+        )
+        return (np.array(forward) - np.array(backward)).T / (2.0 * np.diag(steps))
 
 
 def trace_curve(
@@ -102,16 +104,16 @@ def trace_curve(
     longest: float | None = None,
     most_steps: int = 10_000,
 ) -> Curve:
-    """Trace the curve F(x) = 0 from a point of it until it closes or is as long as asked.
+    """Trace the curve F(x) = 0 from a point of it until it closes or reaches a length.
 
     Args:
         system: the equations.
         start: a point of the curve to within 1e-6 of its size, (n,).
-        direction: of the two to go in, the one whose tangent makes an acute angle with this, (n,); None
-            lets the fastest coordinate rise.
-        length: where to stop if the curve has not closed; None asks for a closed curve.
-        tolerance: of the integration, in units of the size: it sets the steps and the error of the
-            arc length; the points are on the curve to rounding whatever it is.
+        direction: selects the tangent with an acute angle to it, (n,); None lets the fastest coordinate
+            increase.
+        length: of an open curve; None requires a closed curve.
+        tolerance: of the integration, in units of the size: it determines the steps and the error of the
+            arc length; the points are on the curve to rounding at any tolerance.
         longest: longest step; None is a quarter of the size.
         most_steps: steps before giving up.
 
@@ -120,7 +122,7 @@ def trace_curve(
         AssemblyError: where branches cross, or if the curve has not closed after `most_steps`.
     """
     y = np.atleast_1d(np.asarray(start, dtype=np.float64))
-    return walk(
+    return trace(
         system,
         y,
         direction=direction,
@@ -132,5 +134,5 @@ def trace_curve(
 
 
 def turning_points(system: System, curve: Curve, coordinate: int) -> Array:
-    """Return the points of a traced curve where a coordinate turns back, (k, n), exact to rounding."""
-    return turns(system, curve, lambda frame: float(frame.tangent[coordinate]))
+    """Return the points of a traced curve at extrema of a coordinate, (k, n), exact to rounding."""
+    return extrema(system, curve, lambda frame: float(frame.tangent[coordinate]))

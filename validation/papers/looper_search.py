@@ -1,16 +1,15 @@
-"""Search for loopers whose C runs straighter than that of a given one, under the same conditions.
+"""Search for loopers whose point C follows a straighter line than a given one, under the same conditions.
 
-The line stands along Y (turning the whole linkage about the crank's shaft changes nothing but the crank
-angle at which it is passed), and is followed by the C of the spatial linkage. For every trial rocker and
-frame are found by least squares, reweighted a few times towards the best approximation; the best trial is
-then synthesised exactly.
+The line is parallel to Y, without loss of generality: rotating the linkage about the shaft only shifts the
+crank angle. C of the spatial linkage follows it. Reweighted least squares determine rocker and frame of each
+trial; the best trial is then synthesised exactly.
 """
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from looper_trials import BROKEN, Conditions, cost, trials_of
+from looper_trials import PENALTY, Conditions, cost, trials_of
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
@@ -20,84 +19,87 @@ from mechsim.theory.coupler_line import Synthesis, synthesize_looper
 
 Array = NDArray[np.float64]
 
-# a trial is only nearly the linkage it becomes: it must keep the conditions this part more strictly;
-# how much is enough shows afterwards
-SPARES = (0.002, 0.006, 0.012)
+DEFAULT_CONDITIONS = Conditions()
+# margins of the conditions in trials, relative; the final linkage differs slightly from its trial
+MARGINS = (0.002, 0.006, 0.012)
 
 
-def straighter(
+def straighter_looper(
     length: float,
     base: Looper,
-    conditions: Conditions | None = None,
+    conditions: Conditions = DEFAULT_CONDITIONS,
     *,
     free_coupler: bool = False,
     seed: int = 1,
 ) -> Synthesis:
-    """Return a looper whose spatial C follows a line along Y best, the place of the line being free.
+    """Return a looper whose spatial C best follows a line along Y; the position of the line is free.
 
     Args:
         length: of the straight part, in [m].
-        base: gives crank, follower, depth of its axis, and, unless `free_coupler`, the coupler.
-        conditions: to be kept; None takes those of the paper.
+        base: determines crank, follower, depth of its axis, and the coupler unless `free_coupler`.
+        conditions: to satisfy; by default those of the paper.
         free_coupler: search coupler, arm and arm angle too.
-        seed: of the search, which gives the same answer every time.
+        seed: of the search, whose result is reproducible.
 
     Raises:
-        InputError: where no trial keeps the conditions.
+        InputError: if no trial satisfies the conditions.
 
-    Accuracy: differential evolution finds no proven optimum; what it returns is checked and exact.
+    Accuracy: the result is exact kinematics and satisfies the conditions; no optimum is proven.
     """
-    wanted = conditions or Conditions()
-    most = wanted.longest / base.crank
-    place = [(0.5, most), (1.0, most), (-1.5, 1.5)]
-    regions = [place]
+    longest = conditions.longest / base.crank
+    line_bounds = [(0.5, longest), (1.0, longest), (-1.5, 1.5)]
+    regions = [line_bounds]
     if free_coupler:
-        # short and long arms are two valleys; a search over both at once often misses the deeper one
-        arms = [(2.0, most / 2.0), (most / 2.0, most)]
-        regions = [[*place, (2.0, most), arm, (-np.pi, np.pi)] for arm in arms]
-    kept = [result for bounds in regions if (result := _kept(length, base, wanted, bounds, seed)) is not None]
-    if not kept:
+        # short and long arms have separate minima; one search over both often misses the lower one
+        arms = [(2.0, longest / 2.0), (longest / 2.0, longest)]
+        regions = [[*line_bounds, (2.0, longest), arm, (-np.pi, np.pi)] for arm in arms]
+    valid = [
+        result
+        for bounds in regions
+        if (result := _best_valid(length, base, conditions, bounds, seed)) is not None
+    ]
+    if not valid:
         raise InputError(
-            f"no looper was found that keeps the conditions with a straight part of {length:.6g} m; relax "
+            f"no looper satisfies the conditions with a straight part of {length:.6g} m; relax "
             "the stroke, the width, the clearance, the transmission angle or the longest link"
         )
-    return min(kept, key=lambda item: item.deviation)
+    return min(valid, key=lambda item: item.deviation)
 
 
-def _kept(
-    length: float, base: Looper, wanted: Conditions, bounds: list[tuple[float, float]], seed: int
+def _best_valid(
+    length: float, base: Looper, conditions: Conditions, bounds: list[tuple[float, float]], seed: int
 ) -> Synthesis | None:
-    """Return the best, over searches with each spare, that keeps the conditions; None if nothing does."""
-    kept: list[Synthesis] = []
-    for spare in SPARES:
+    """Return the best valid result over searches with each margin; None if there is none."""
+    valid: list[Synthesis] = []
+    for margin in MARGINS:
         try:
-            result = _searched(length, base, wanted, bounds, spare, seed)
+            result = _search_result(length, base, conditions, bounds, margin, seed)
         except InputError:
-            # the trial turns back just before the end of the line
+            # the path of the trial turns back just before the end of the line
             continue
         if result is None:
             break
-        if not broken(result, wanted):
-            kept.append(result)
-    return min(kept, key=lambda item: item.deviation, default=None)
+        if not violated_conditions(result, conditions):
+            valid.append(result)
+    return min(valid, key=lambda item: item.deviation, default=None)
 
 
-def _searched(
+def _search_result(
     length: float,
     base: Looper,
-    wanted: Conditions,
+    conditions: Conditions,
     bounds: list[tuple[float, float]],
-    spare: float,
+    margin: float,
     seed: int,
 ) -> Synthesis | None:
-    unit = base.crank
+    crank = base.crank
 
-    def total(x: Array) -> Array:
+    def total_cost(x: Array) -> Array:
         with np.errstate(all="ignore"):
-            return cost(trials_of(x, base), length / unit, base, wanted, spare)
+            return cost(trials_of(x, base), length / crank, base, conditions, margin)
 
     best: Any = differential_evolution(
-        total,
+        total_cost,
         bounds,
         popsize=20,
         maxiter=300,
@@ -107,48 +109,48 @@ def _searched(
         updating="deferred",
         polish=False,
     )
-    if not best.fun < BROKEN:
+    if not best.fun < PENALTY:
         return None
     trial = trials_of(best.x[:, None], base)
     start = replace(
         base,
-        coupler=float(trial.coupler[0]) * unit,
-        arm=float(trial.arm[0]) * unit,
+        coupler=float(trial.coupler[0]) * crank,
+        arm=float(trial.arm[0]) * crank,
         arm_angle=float(trial.arm_angle[0]),
-        axis_y=float(trial.axis[0]) * unit,
+        axis_y=float(trial.axis[0]) * crank,
     )
-    through = (float(trial.line[0]) * unit, float(trial.middle[0]) * unit)
-    return synthesize_looper(through, 0.0, length, start, equal_ripple=True, in_space=True)
+    point = (float(trial.line[0]) * crank, float(trial.middle[0]) * crank)
+    return synthesize_looper(point, 0.0, length, start, equal_ripple=True, in_space=True)
 
 
-def broken(result: Synthesis, wanted: Conditions) -> list[str]:
-    """Return which conditions a linkage does not keep, by exact kinematics; empty if it keeps all."""
-    design, faults = result.design, list[str]()
+def violated_conditions(result: Synthesis, conditions: Conditions) -> list[str]:
+    """Return the conditions that a linkage violates by exact kinematics; empty if it satisfies all."""
+    design, violations = result.design, list[str]()
     if not design.crank_range().full:
         return ["full turning of the crank"]
-    turn = np.linspace(0.0, 2.0 * np.pi, 3601)
-    places = design.positions(turn)
-    c, a, b = (places[name] for name in "CAB")
+    angles = np.linspace(0.0, 2.0 * np.pi, 3601)
+    positions = design.positions(angles)
+    c, a, b = (positions[name] for name in "CAB")
     x, y = c[:, 0], c[:, 1]
     stroke = float(np.ptp(y))
-    if not wanted.stroke[0] <= stroke <= wanted.stroke[1]:
-        faults.append(f"the stroke ({stroke:.6g} m)")
-    if not np.ptp(x) >= wanted.width:
-        faults.append(f"the width ({np.ptp(x):.6g} m)")
+    if not conditions.stroke[0] <= stroke <= conditions.stroke[1]:
+        violations.append(f"the stroke ({stroke:.6g} m)")
+    if not np.ptp(x) >= conditions.width:
+        violations.append(f"the width ({np.ptp(x):.6g} m)")
     middle = result.curve.mean(0)
     outward = np.sign((result.angles[-1] - result.angles[0]) * (result.curve[-1, 1] - result.curve[0, 1]))
-    back = (np.gradient(y) * outward < 0.0) & (np.abs(y - middle[1]) <= 0.5 * wanted.needle)
-    gap = float(np.abs(x[back] - middle[0]).min(initial=np.inf))
-    if not gap >= wanted.clearance:
-        faults.append(f"the clearance ({gap:.6g} m)")
-    off = abs(float(y.min()) + 0.5 * stroke - design.axis_y)
-    if not off <= wanted.centred:
-        faults.append(f"the centring of the follower's axis ({off:.6g} m)")
+    returning = (np.gradient(y) * outward < 0.0) & (np.abs(y - middle[1]) <= 0.5 * conditions.needle)
+    distance = float(np.abs(x[returning] - middle[0]).min(initial=np.inf))
+    if not distance >= conditions.clearance:
+        violations.append(f"the clearance ({distance:.6g} m)")
+    offset = abs(float(y.min()) + 0.5 * stroke - design.axis_y)
+    if not offset <= conditions.centred:
+        violations.append(f"the centring of the follower's axis ({offset:.6g} m)")
     rod, arm = (b - a)[:, :2] / design.coupler, (b[:, :2] - design.pivot[:2, 0]) / design.rocker
     transmission = float(np.arcsin(np.abs(rod[:, 0] * arm[:, 1] - rod[:, 1] * arm[:, 0])).min())
-    if not transmission >= wanted.transmission:
-        faults.append(f"the transmission angle ({transmission:.6g} rad)")
+    if not transmission >= conditions.transmission:
+        violations.append(f"the transmission angle ({transmission:.6g} rad)")
     longest = max(design.coupler, design.arm, design.rocker, design.frame)
-    if not longest <= wanted.longest:
-        faults.append(f"the longest link ({longest:.6g} m)")
-    return faults
+    if not longest <= conditions.longest:
+        violations.append(f"the longest link ({longest:.6g} m)")
+    return violations

@@ -1,8 +1,8 @@
-"""Paper 004: every number it prints about its looper, next to what mechsim gets.
+"""Paper 004: every number that it prints about its looper, compared with mechsim.
 
 Printed: crank 6, coupler 25, arm 33, arm angle 323 deg, frame 35.4, frame angle 45 deg, rocker 32 mm,
 CD/DE = 1/3. Not printed, inferred: follower 13.3 mm and axis_y 30.49 mm (swing of about 60 deg, symmetric
-about the middle of the stroke), axis_z 12.0 mm (how far C leaves the plane), and the assembly.
+about the middle of the stroke), axis_z 12.0 mm (distance of C from the plane), and the assembly.
 
 Run `python validation/papers/looper_table.py [--out DIR]` for the table, and Figs 3-7 as pictures.
 """
@@ -26,43 +26,43 @@ STEP = np.deg2rad(0.25)
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One printed number: what it is, its unit, as printed, as found before, as computed now, and a bound.
+    """A printed number: quantity, unit, printed text, expected and computed value, and tolerance.
 
-    `expected` is the value of papers.md for axis_z = 12.0 mm; `bound` the difference from it that is
-    allowed, half a unit of its last digit unless `why` says otherwise.
+    `expected` is the value of papers.md for axis_z = 12.0 mm; `tolerance` is half a unit of its last digit
+    unless `reason` states another.
     """
 
     quantity: str
     unit: str
     printed: str
     expected: float
-    got: float
-    bound: float
-    why: str = "half a unit of the last digit"
+    computed: float
+    tolerance: float
+    reason: str = "half a unit of the last digit"
 
     @property
     def passed(self) -> bool:
-        return abs(self.got - self.expected) <= self.bound
+        return abs(self.computed - self.expected) <= self.tolerance
 
 
 def table(looper: Looper | None = None) -> list[Row]:
     """Return the paper's table, computed for its linkage or for another one."""
     looper = looper or Looper()
-    turn = np.arange(0.0, 2.0 * np.pi, STEP)
-    points = {name: 1e3 * place for name, place in looper.positions(turn).items()}
-    flat, c, e = 1e3 * looper.planar_point(turn), points["C"], points["E"]
-    straight = (np.rad2deg(turn) >= STRAIGHT[0]) & (np.rad2deg(turn) <= STRAIGHT[1])
+    angles = np.arange(0.0, 2.0 * np.pi, STEP)
+    points = {name: 1e3 * position for name, position in looper.positions(angles).items()}
+    planar, c, e = 1e3 * looper.planar_point(angles), points["C"], points["E"]
+    straight = (np.rad2deg(angles) >= STRAIGHT[0]) & (np.rad2deg(angles) <= STRAIGHT[1])
     arm = c - points["D"]
     swing = np.unwrap(np.arctan2(arm[:, 2], arm[:, 1]))
-    order = "read off the picture by papers.md"
+    source = "read off the picture by papers.md"
     return [
-        Row("C: least x", "mm", "", 9.50, flat[:, 0].min(), 0.005, order),
-        Row("C: greatest x", "mm", "", 12.98, flat[:, 0].max(), 0.005, order),
-        Row("C: least y", "mm", "", 23.68, flat[:, 1].min(), 0.005, order),
-        Row("C: greatest y", "mm", "", 37.29, flat[:, 1].max(), 0.0051, order),
-        Row("C: stroke", "mm", "13.3", 13.6, float(np.ptp(flat[:, 1])), 0.05),
-        Row("C: width", "mm", "3", 3.5, float(np.ptp(flat[:, 0])), 0.05),
-        Row("C: plane against space", "mm", "<= 0.04", 0.0425, away(flat, c, straight), 0.00005),
+        Row("C: least x", "mm", "", 9.50, planar[:, 0].min(), 0.005, source),
+        Row("C: greatest x", "mm", "", 12.98, planar[:, 0].max(), 0.005, source),
+        Row("C: least y", "mm", "", 23.68, planar[:, 1].min(), 0.005, source),
+        Row("C: greatest y", "mm", "", 37.29, planar[:, 1].max(), 0.0051, source),
+        Row("C: stroke", "mm", "13.3", 13.6, float(np.ptp(planar[:, 1])), 0.05),
+        Row("C: width", "mm", "3", 3.5, float(np.ptp(planar[:, 0])), 0.05),
+        Row("C: plane against space", "mm", "<= 0.04", 0.0425, max_difference(planar, c, straight), 0.00005),
         Row("swing of the follower", "deg", "about 60", 61.6, float(np.rad2deg(np.ptp(swing))), 0.05),
         Row("E: stroke", "mm", "40", 40.85, float(np.ptp(e[:, 1])), 0.005),
         Row("E: half the band over 33 mm", "mm", "0.1", 0.075, half_band(e, 33.0), 0.0005),
@@ -72,15 +72,15 @@ def table(looper: Looper | None = None) -> list[Row]:
     ]
 
 
-def away(flat: Array, c: Array, straight: Array) -> float:
-    """Return the greatest difference of an x or y of C between plane and space over the straight part."""
-    return float(np.abs(flat - c)[straight, :2].max())
+def max_difference(planar: Array, c: Array, straight: Array) -> float:
+    """Return the largest difference in x or y of C between plane and space over the straight part."""
+    return float(np.abs(planar - c)[straight, :2].max())
 
 
 def half_band(path: Array, extent: float) -> float:
     """Return half the width of the narrowest band along a least-squares line over `extent` of y, in [mm].
 
-    The windows begin at every point of the rising part of the path, in equal steps of the crank.
+    The windows start at every point of the rising part of the path, in equal steps of the crank.
     """
     first, last = int(np.argmin(path[:, 1])), int(np.argmax(path[:, 1]))
     rising = path[first : last + 1] if first < last else path[last : first + 1][::-1]
@@ -90,48 +90,48 @@ def half_band(path: Array, extent: float) -> float:
         if end == len(rising):
             break
         x, y = rising[begin : end + 1, 0], rising[begin : end + 1, 1]
-        off = x - np.polyval(np.polyfit(y - y.mean(), x, 1), y - y.mean())
-        narrowest = min(narrowest, float(np.ptp(off)) / 2.0)
+        deviation = x - np.polyval(np.polyfit(y - y.mean(), x, 1), y - y.mean())
+        narrowest = min(narrowest, float(np.ptp(deviation)) / 2.0)
     return narrowest
 
 
 def figure_3(looper: Looper) -> dict[str, Array]:
     """Path of the looper's point E, seen along Z: x and y in [mm]."""
-    e = 1e3 * looper.positions(_turn())["E"]
+    e = 1e3 * looper.positions(_angles())["E"]
     return {"x": e[:, 0], "y": e[:, 1]}
 
 
 def figure_4(looper: Looper) -> dict[str, Array]:
     """Path of C seen along Z, in space and in the plane, in [mm], and the crank angle in [rad]."""
-    c, flat = 1e3 * looper.positions(_turn())["C"], 1e3 * looper.planar_point(_turn())
+    c, planar = 1e3 * looper.positions(_angles())["C"], 1e3 * looper.planar_point(_angles())
     return {
-        "angle": _turn(),
+        "angle": _angles(),
         "space x": c[:, 0],
         "space y": c[:, 1],
-        "plane x": flat[:, 0],
-        "plane y": flat[:, 1],
+        "plane x": planar[:, 0],
+        "plane y": planar[:, 1],
     }
 
 
 def figure_5(looper: Looper) -> dict[str, Array]:
     """X, Y and Z of the spatial C in [mm] over the crank angle in [rad]."""
-    c = 1e3 * looper.positions(_turn())["C"]
-    return {"angle": _turn(), "x": c[:, 0], "y": c[:, 1], "z": c[:, 2]}
+    c = 1e3 * looper.positions(_angles())["C"]
+    return {"angle": _angles(), "x": c[:, 0], "y": c[:, 1], "z": c[:, 2]}
 
 
 def figure_6(looper: Looper) -> dict[str, Array]:
     """X and Y of the planar C in [mm] over the crank angle in [rad]."""
-    flat = 1e3 * looper.planar_point(_turn())
-    return {"angle": _turn(), "x": flat[:, 0], "y": flat[:, 1]}
+    planar = 1e3 * looper.planar_point(_angles())
+    return {"angle": _angles(), "x": planar[:, 0], "y": planar[:, 1]}
 
 
 def figure_7(looper: Looper) -> dict[str, Array]:
     """Differences of X and Y between the planar and the spatial C in [mm] over the crank angle in [rad]."""
-    gap = 1e3 * (looper.planar_point(_turn()) - looper.positions(_turn())["C"])
-    return {"angle": _turn(), "x": gap[:, 0], "y": gap[:, 1]}
+    difference = 1e3 * (looper.planar_point(_angles()) - looper.positions(_angles())["C"])
+    return {"angle": _angles(), "x": difference[:, 0], "y": difference[:, 1]}
 
 
-def _turn() -> Array:
+def _angles() -> Array:
     return np.linspace(0.0, 2.0 * np.pi, 721)
 
 
@@ -141,20 +141,21 @@ def plot(out: Path, looper: Looper) -> list[Path]:
 
     out.mkdir(parents=True, exist_ok=True)
     written: list[Path] = []
-    form, four = figure_3(looper), figure_4(looper)
+    path_of_e, path_of_c = figure_3(looper), figure_4(looper)
     figure = Figure(figsize=(12, 5), layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
-    left.plot(form["x"], form["y"])
-    left.set(title="Fig. 3: path of E", xlabel="x, mm", ylabel="y, mm", aspect="equal")
-    part = (four["angle"] >= np.deg2rad(STRAIGHT[0])) & (four["angle"] <= np.deg2rad(STRAIGHT[1]))
-    for axes, chosen, title in (
-        (middle, np.ones_like(part), "Fig. 4a: path of C"),
-        (right, part, "Fig. 4b: its straight part"),
+    left_axes, middle_axes, right_axes = figure.subplots(1, 3)
+    left_axes.plot(path_of_e["x"], path_of_e["y"])
+    left_axes.set(title="Fig. 3: path of E", xlabel="x, mm", ylabel="y, mm", aspect="equal")
+    degrees = np.rad2deg(path_of_c["angle"])
+    on_line = (degrees >= STRAIGHT[0]) & (degrees <= STRAIGHT[1])
+    for axes, mask, title in (
+        (middle_axes, np.ones_like(on_line), "Fig. 4a: path of C"),
+        (right_axes, on_line, "Fig. 4b: its straight part"),
     ):
         for kind in ("space", "plane"):
             axes.plot(
-                four[f"{kind} x"][chosen],
-                four[f"{kind} y"][chosen],
+                path_of_c[f"{kind} x"][mask],
+                path_of_c[f"{kind} y"][mask],
                 label={"space": "in space", "plane": "in the plane"}[kind],
             )
         axes.set(title=title, xlabel="x, mm", ylabel="y, mm")
@@ -179,14 +180,15 @@ def plot(out: Path, looper: Looper) -> list[Path]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, help="folder for the pictures")
-    chosen = parser.parse_args()
+    options = parser.parse_args()
     rows = table()
     print(f"{'quantity':30} {'unit':4} {'printed':>9} {'expected':>9} {'mechsim':>9}")
     for row in rows:
-        mark = "" if row.passed else f"  MISSED, bound {row.bound}"
-        print(f"{row.quantity:30} {row.unit:4} {row.printed:>9} {row.expected:9.4f} {row.got:9.4f}{mark}")
-    if chosen.out:
-        for path in plot(chosen.out, Looper()):
+        mark = "" if row.passed else f"  FAILED, tolerance {row.tolerance}"
+        values = f"{row.printed:>9} {row.expected:9.4f} {row.computed:9.4f}"
+        print(f"{row.quantity:30} {row.unit:4} {values}{mark}")
+    if options.out:
+        for path in plot(options.out, Looper()):
             print(path, file=sys.stderr)
     return 0 if all(row.passed for row in rows) else 1
 

@@ -32,8 +32,8 @@ LOOPER = Rssr(crank=0.014, coupler=0.048, rocker=0.024, pivot=(0.039, -0.008, 0.
 def unit_at_angles_published(v1: Array, v2: Array, angle1: ArrayLike, angle2: ArrayLike, sign: Sign) -> Array:
     """Return the unit vector at two angles by the published form.
 
-    It divides by the X-component of v1 x v2, and its `sign` is the sign of a root in p_X: it loses
-    digits where that component is small, and means the other assembly where it is negative.
+    It divides by the X-component of v1 x v2, and its `sign` is the sign of a root in p_X. It loses digits
+    where that component is small, and selects the other assembly mode where it is negative.
 
     Source: paper 000, eqs (10)-(21), verbatim.
     """
@@ -51,7 +51,7 @@ def unit_at_angles_published(v1: Array, v2: Array, angle1: ArrayLike, angle2: Ar
 def triangle_angle(l1: ArrayLike, l2: ArrayLike, l3: ArrayLike) -> Array:
     """Return the angle between sides `l1` and `l2` of a triangle whose third side is `l3`, in [rad].
 
-    NaN where the three lengths make no triangle.
+    NaN if the three lengths form no triangle.
 
     Accuracy: Kahan's form, relative error of a few ulp even for needle-like triangles, where the
     arc cosine of the published form loses half the digits.
@@ -62,45 +62,45 @@ def triangle_angle(l1: ArrayLike, l2: ArrayLike, l3: ArrayLike) -> Array:
     a, b = np.maximum(l1, l2), np.minimum(l1, l2)
     mu = np.where(b >= l3, l3 - (a - b), b - (a - l3))
     product = ((a - b) + l3) * mu
-    whole = (a + (b + l3)) * ((a - l3) + b)
-    possible = (product >= 0.0) & (whole >= 0.0)
-    ratio = np.where(possible, product, 0.0), np.where(possible, whole, 1.0)
+    denominator = (a + (b + l3)) * ((a - l3) + b)
+    possible = (product >= 0.0) & (denominator >= 0.0)
+    ratio = np.where(possible, product, 0.0), np.where(possible, denominator, 1.0)
     return np.where(possible, 2.0 * np.arctan2(np.sqrt(ratio[0]), np.sqrt(ratio[1])), np.nan)
 
 
-def question(drive: Rssr, f: Array) -> tuple[Array, Array, Array]:
+def vectors_and_angle(rssr: Rssr, f: Array) -> tuple[Array, Array, Array]:
     """Return P4P2, (3, n), the rocker axis, (3, 1), and the angle between rocker and P4P2, (n,)."""
-    p2 = drive.crank * np.stack([np.zeros_like(f), np.cos(f), np.sin(f)])
-    to_crank = p2 - column(drive.pivot)
+    p2 = rssr.crank * np.stack([np.zeros_like(f), np.cos(f), np.sin(f)])
+    to_crank = p2 - column(rssr.pivot)
     distance = np.sqrt((to_crank**2).sum(0))
-    return to_crank, column(drive.rocker_frame[:, 2]), triangle_angle(distance, drive.rocker, drive.coupler)
+    return to_crank, column(rssr.rocker_frame[:, 2]), triangle_angle(distance, rssr.rocker, rssr.coupler)
 
 
-def with_fifty_digits(v1: Array, v2: Array, angle1: float, angle2: float, sign: Sign) -> list[mp.mpf]:
+def fifty_digit_vector(v1: Array, v2: Array, angle1: float, angle2: float, sign: Sign) -> list[mp.mpf]:
     """Return p by solving p.u1, p.u2 and p.n from the defining equations; n = u1 x u2, sign that of p.n."""
     with mp.workdps(50):
         u1, u2 = (mp.matrix([mp.mpf(float(x)) for x in v]) for v in (v1, v2))
         u1, u2 = u1 / mp.norm(u1), u2 / mp.norm(u2)
         n = [u1[1] * u2[2] - u1[2] * u2[1], u1[2] * u2[0] - u1[0] * u2[2], u1[0] * u2[1] - u1[1] * u2[0]]
-        flat = mp.lu_solve(
+        in_plane = mp.lu_solve(
             mp.matrix([list(u1), list(u2), n]), mp.matrix([mp.cos(mp.mpf(angle1)), mp.cos(mp.mpf(angle2)), 0])
         )
         n = mp.matrix(n)
-        return list(flat + sign * mp.sqrt(1 - mp.norm(flat) ** 2) / mp.norm(n) * n)
+        return list(in_plane + sign * mp.sqrt(1 - mp.norm(in_plane) ** 2) / mp.norm(n) * n)
 
 
-def errors_near_zero(distances: Array, drive: Rssr = LOOPER) -> tuple[Array, Array]:
-    """Return the errors of the published and the sound form so far from V3x = 0, in [rad], (n,) each.
+def errors_near_zero(distances: Array, rssr: Rssr = LOOPER) -> tuple[Array, Array]:
+    """Return the errors of the published and the valid form at distances from V3x = 0, in [rad], (n,) each.
 
-    The published root loses digits by the distance, and is then divided by it: two digits for each.
-    A published answer that is no number counts as an error of 1; its sign is chosen in its favour.
+    The published root loses digits with the distance and is then divided by it: two digits per decade.
+    A non-finite result counts as an error of 1. The better sign of the published form is compared.
     """
-    zero = np.arccos(drive.pivot[1] / drive.crank)
-    published, sound = np.empty_like(distances), np.empty_like(distances)
+    zero = np.arccos(rssr.pivot[1] / rssr.crank)
+    published, valid = np.empty_like(distances), np.empty_like(distances)
     for i, distance in enumerate(distances):
-        v1, axis, angle = question(drive, np.array([zero + distance]))
+        v1, axis, angle = vectors_and_angle(rssr, np.array([zero + distance]))
         v2, across = axis[:, 0], np.pi / 2
-        exact = with_fifty_digits(v1[:, 0], v2, float(angle[0]), across, drive.branch)
+        exact = fifty_digit_vector(v1[:, 0], v2, float(angle[0]), across, rssr.branch)
 
         def error(p: Array, exact: list[mp.mpf] = exact) -> float:
             if not np.isfinite(p).all():
@@ -110,38 +110,38 @@ def errors_near_zero(distances: Array, drive: Rssr = LOOPER) -> tuple[Array, Arr
         with np.errstate(all="ignore"):
             both = [unit_at_angles_published(v1, axis, angle, across, sign)[:, 0] for sign in (1, -1)]
         published[i] = min(1.0, *(error(p) for p in both))
-        sound[i] = error(unit_at_angles(v1, axis, angle, across, drive.branch)[:, 0])
-    return published, sound
+        valid[i] = error(unit_at_angles(v1, axis, angle, across, rssr.branch)[:, 0])
+    return published, valid
 
 
-def assemblies_over_a_turn(angles: Array, drive: Rssr = LOOPER) -> tuple[Array, Array]:
-    """Return the assembly, +1 or -1, that W = +1 means in the published and in the sound form, (n,) each."""
-    v1, axis, angle = question(drive, angles)
+def assemblies_over_a_turn(angles: Array, rssr: Rssr = LOOPER) -> tuple[Array, Array]:
+    """Return the assembly mode, +1 or -1, that W = +1 selects in either form, (n,) each."""
+    v1, axis, angle = vectors_and_angle(rssr, angles)
     normal = cross(v1, np.broadcast_to(axis, v1.shape))
-    forms = (unit_at_angles_published, unit_at_angles)
-    published, sound = (np.sign((form(v1, axis, angle, np.pi / 2, 1) * normal).sum(0)) for form in forms)
-    return published, sound
+    methods = (unit_at_angles_published, unit_at_angles)
+    published, valid = (np.sign((f(v1, axis, angle, np.pi / 2, 1) * normal).sum(0)) for f in methods)
+    return published, valid
 
 
-def jumps(assemblies: Array) -> int:
-    """Return how often an assembly changes over a closed turn."""
+def mode_changes(assemblies: Array) -> int:
+    """Return the number of changes of the assembly mode over a revolution."""
     return int((assemblies != np.roll(assemblies, 1)).sum())
 
 
-def draw(path: Path, distances: Array, errors: tuple[Array, Array], angles: Array, landed: Array) -> None:
-    """Write the picture of both defects."""
+def draw(path: Path, distances: Array, errors: tuple[Array, Array], angles: Array, modes: Array) -> None:
+    """Plot both defects."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
-    for error, label in zip(errors, ("published form", "sound form"), strict=True):
-        left.loglog(distances, np.maximum(error, 1e-17), ".-", label=label)
-    left.set(xlabel="crank angle from V3x = 0 [rad]", ylabel="error of the unit vector")
-    left.legend()
-    right.plot(np.rad2deg(angles), landed, drawstyle="steps-mid")
-    right.set(xlabel="crank angle [deg]", ylabel="assembly meant by W = +1", yticks=[-1, 1])
+    figure, (left_axes, right_axes) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
+    for error, label in zip(errors, ("published form", "valid form"), strict=True):
+        left_axes.loglog(distances, np.maximum(error, 1e-17), ".-", label=label)
+    left_axes.set(xlabel="crank angle from V3x = 0 [rad]", ylabel="error of the unit vector")
+    left_axes.legend()
+    right_axes.plot(np.rad2deg(angles), modes, drawstyle="steps-mid")
+    right_axes.set(xlabel="crank angle [deg]", ylabel="assembly mode of W = +1", yticks=[-1, 1])
     figure.savefig(path, dpi=120)
     plt.close(figure)
 
@@ -153,16 +153,17 @@ def main(arguments: list[str]) -> int:
     out.mkdir(parents=True, exist_ok=True)
 
     distances = np.geomspace(1e-15, 1e-1, 43)
-    published, sound = errors_near_zero(distances)
-    print("crank angle from V3x = 0 [rad]   published form   sound form")
-    for row in zip(distances[::6], published[::6], sound[::6], strict=True):
+    published, valid = errors_near_zero(distances)
+    print("crank angle from V3x = 0 [rad]   published form   valid form")
+    for row in zip(distances[::6], published[::6], valid[::6], strict=True):
         print("{:30.1e}   {:14.1e}   {:10.1e}".format(*row))
 
     angles = np.linspace(0.0, 2 * np.pi, 720, endpoint=False) + 1e-3
-    landed, kept = assemblies_over_a_turn(angles)
-    print(f"assembly changes in a turn: published form {jumps(landed)}, sound form {jumps(kept)}")
-    draw(out / "published_form.png", distances, (published, sound), angles, landed)
-    passed = sound.max() <= 4e-16 and jumps(landed) == 2 and jumps(kept) == 0
+    published_modes, modes = assemblies_over_a_turn(angles)
+    changes = mode_changes(published_modes), mode_changes(modes)
+    print(f"changes of assembly mode in a revolution: published form {changes[0]}, valid form {changes[1]}")
+    draw(out / "published_form.png", distances, (published, valid), angles, published_modes)
+    passed = valid.max() <= 4e-16 and changes == (2, 0)
     return 0 if passed else 1
 
 

@@ -127,7 +127,7 @@ class Solver:
         """Add crank or rocker; return its node and a marker at the joint with the coupler."""
         problem, hinge = self.problem, self.problem.hinge(link)
         axis = hinge.link_frame[:, 2]
-        inertia = float(axis @ problem.inertia(link).about(tuple(hinge.link_place)) @ axis)
+        inertia = float(axis @ problem.inertia(link).about(tuple(hinge.link_position)) @ axis)
         node = self.system.AddNode(
             items.Node1D(referenceCoordinates=[hinge.angle], initialVelocities=[hinge.rate])
         )

@@ -1,10 +1,10 @@
-"""A03, Andrews' squeezing mechanism: seven bodies, one freedom after six loop equations, a fast spring.
+"""A03, Andrews' squeezing mechanism: seven bodies, one degree of freedom, six loop equations, a stiff spring.
 
 Problem and reference at 0.03 s: IVP test set (CWI Amsterdam / Bari), problem Andrews; Hairer & Wanner,
-Solving Ordinary Differential Equations II, section VII.7. The start angles are derived again: beta and
-Theta are given, the loops are closed.
+Solving Ordinary Differential Equations II, section VII.7. The initial angles follow from
+beta and Theta by closing the loops.
 
-Two methods: MuJoCo stepped by Runge's method, and the reduced equation by DOP853. Work is checked by scd, the
+Two methods: MuJoCo stepped by RK4, and the reduced equation by DOP853. The error is stated as scd, the
 correct digits of the worst of the seven angles.
 
 Run: python validation/published/a03_squeezer.py
@@ -53,8 +53,8 @@ TABLE = Path(__file__).parents[1] / "external_data" / "andrews_squeezer.csv"
 def squeezer() -> ms.Mechanism:
     centres = ((RA, 0), (-DA, 0), (SB, -SA), (0, EA - E), (TA, TB), (ZF - FA, 0), (-UB, -UA))
     links = tuple(
-        ms.Link(f"K{i + 1}", inertia=Inertia(mass, (*map(float, at), 0.0), np.diag([about] * 3)))
-        for i, (mass, at, about) in enumerate(zip(MASSES, centres, INERTIAS, strict=True))
+        ms.Link(f"K{i + 1}", inertia=Inertia(mass, (*map(float, centre), 0.0), np.diag([moment] * 3)))
+        for i, (mass, centre, moment) in enumerate(zip(MASSES, centres, INERTIAS, strict=True))
     )
     joints = (
         _hinge("beta", "ground", (0, 0), "K1", (0, 0)),
@@ -112,9 +112,9 @@ def stepped_rows() -> list[Row]:
     start = np.array([joint[0] for joint in joints])
     work = TORQUE * (joints[0] - joints[0][0])
     return [
-        Row("start angles against the published ones", float(np.abs(start - START).max()), 1e-14, "rad", ""),
-        Row("MuJoCo: digits short of 9", 9.0 - digits(_at_end(joints)), 1.0, "scd", "8 wanted; 9.1 measured"),
-        Row("MuJoCo: time", run.seconds, 1.0, "s", "wanted"),
+        Row("initial angles", float(np.abs(start - START).max()), 1e-14, "rad", ""),
+        Row("MuJoCo: digits short of 9", 9.0 - digits(_at_end(joints)), 1.0, "scd", "target 8; 9.1 measured"),
+        Row("MuJoCo: time", run.seconds, 1.0, "s", "target"),
         Row("MuJoCo: energy against work", energy_error(run, work), 1e-9, "1", "fourth order"),
     ]
 
@@ -125,13 +125,13 @@ def _at_end(joints: list[np.ndarray]) -> np.ndarray:
 
 def reduced_rows() -> list[Row]:
     """Return the rows of the reduced equation."""
-    begin = time.perf_counter()
+    start = time.perf_counter()
     run = dynamics.free_run(dynamics.dynamic_model(squeezer(), forces()), duration=END, samples=2)
-    seconds = time.perf_counter() - begin
-    short = 10.0 + float(np.log10(abs(run.angle[-1] / reference()[0] - 1.0)))
+    seconds = time.perf_counter() - start
+    missing_digits = 10.0 + float(np.log10(abs(run.angle[-1] / reference()[0] - 1.0)))
     return [
-        Row("reduced equation: digits short of 10", short, 1.0, "scd", "9 wanted; 10.1 measured"),
-        Row("reduced equation: time", seconds, 10.0, "s", "wanted within seconds"),
+        Row("reduced equation: digits short of 10", missing_digits, 1.0, "scd", "target 9; 10.1 measured"),
+        Row("reduced equation: time", seconds, 10.0, "s", "target: seconds"),
         Row("reduced equation: energy against work", run.energy_error, 1e-9, "1", "DOP853 at 3e-13"),
     ]
 

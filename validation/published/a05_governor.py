@@ -2,7 +2,7 @@
 
 Problem: IFToMM library of computational multibody benchmarks, A05. A cube of 0.1 m and arms of 1 m of
 3000 kg/m3, 5 kg at the arms' ends, springs of 8e5 N/m with dampers of 4e4 N s/m between the arms' middles and
-the slider; the shaft starts at one turn a second, everything else at rest relative to it.
+the slider; the shaft starts at one revolution per second, everything else at rest relative to it.
 
 The reference is Lagrange's equation of shaft, arm and slider, derived by hand; the angular momentum about the
 shaft is constant. It is integrated by DOP853 at a relative tolerance of 1e-13.
@@ -52,7 +52,7 @@ def governor() -> ms.Mechanism:
     ]
     guess = {"slider": ms.Pose(np.array([0.0, 0.0, HEIGHT]), np.eye(3))}
     for name, side in (("right", 1.0), ("left", -1.0)):
-        # the arm turns about -y on the right, so that a positive angle is below the horizontal
+        # the right arm rotates about -y, so that a positive angle is below the horizontal
         axis, outwards = (0.0, side, 0.0), (side, 0.0, 0.0)
         joints.append(
             ms.Joint(
@@ -117,7 +117,7 @@ def rates(_: float, state: Array, momentum: float) -> list[float]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run next to the reference: largest errors of angles in [rad] and of the slider in [m]."""
+    """Largest errors of a run: angles in [rad] and the slider in [m]."""
 
     shaft: float
     arm: float
@@ -125,8 +125,8 @@ class Comparison:
     steps: int
 
 
-def compared(seconds: float, samples: int = 50, height: float = HEIGHT) -> Comparison:
-    """Return the errors of a run; `height` of the slider in the reference's start shows that they see it."""
+def compare(seconds: float, samples: int = 50, height: float = HEIGHT) -> Comparison:
+    """Return the errors of a run; `height` is the initial height of the slider in the reference."""
     run = ms.dynamics.run(
         governor(),
         forces(),
@@ -140,18 +140,18 @@ def compared(seconds: float, samples: int = 50, height: float = HEIGHT) -> Compa
         rates, (0.0, seconds), start, "DOP853", run.time, args=(momentum,), rtol=1e-13, atol=1e-14
     ).y
     joints = run.motion.joints
-    gaps = [
+    errors = [
         float(np.abs(joints[name].value - values).max())
         for name, values in (("shaft", exact[0]), ("right", exact[1]), ("slider", exact[2]))
     ]
-    return Comparison(*gaps, run.steps)
+    return Comparison(*errors, run.steps)
 
 
 if __name__ == "__main__":
     duration = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
-    begin = process_time()
-    result = compared(duration)
+    start = process_time()
+    result = compare(duration)
     print(
         f"A05 governor, {duration:g} s: shaft {result.shaft:.1e} rad, arm {result.arm:.1e} rad, slider "
-        f"{result.slider:.1e} m, {result.steps:,d} steps, {process_time() - begin:.1f} s of processor time"
+        f"{result.slider:.1e} m, {result.steps:,d} steps, {process_time() - start:.1f} s of processor time"
     )

@@ -23,12 +23,12 @@ CRANK, ROD, GRAVITY = 0.05, 0.16, 9.81
 # masses in [kg] and moments about the middle in [kg m2] of crank, rod and slider
 MASSES, MOMENTS = (0.3, 0.5, 0.8), (8e-5, 1.1e-3, 1e-4)
 START, STOP, RESTITUTION = np.deg2rad(40.0), 0.125, 0.7
-# step of derivatives by complex numbers
+# imaginary step of derivatives
 STEP = 1e-30
 
 
 def slider_crank() -> LoopForm:
-    """Return the mechanism, its slider held at the stop."""
+    """Return the mechanism with the stop of its slider."""
     mechanism = ms.catalog.make("slider_crank", crank=CRANK, rod=ROD, offset=0.0).mechanism
     centres = ((0.5 * CRANK, 0.0, 0.0), (0.5 * ROD, 0.0, 0.0), (0.0, 0.0, 0.0))
     links = tuple(
@@ -59,38 +59,37 @@ def rates(_: float, state: Array) -> list[float]:
     return [state[1], float(-(0.5 * gradient * state[1] ** 2 + pull) / np.real(moment))]
 
 
-def stop(_: float, state: Array) -> float:
-    """Return how far the slider is from the stop, in [m]."""
+def clearance(_: float, state: Array) -> float:
+    """Return the distance of the slider from the stop, in [m]."""
     return float(energies(state[0])[2]) - STOP
 
 
-stop.terminal, stop.direction = True, -1.0  # type: ignore[attr-defined]
+clearance.terminal, clearance.direction = True, -1.0  # type: ignore[attr-defined]
 
 
 def reference(times: Array, restitution: float) -> tuple[Array, list[float]]:
     """Return crank angles at times, and the times of the impacts."""
     angles, impacts = np.full(len(times), np.nan), list[float]()
-    now, state = 0.0, np.array([START, 0.0])
-    while now < times[-1]:
-        part = solve_ivp(
-            rates, (now, times[-1]), state, "DOP853", rtol=1e-13, atol=1e-14, dense_output=True, events=stop
-        )
-        which = (times >= now) & (times <= part.t[-1])
-        angles[which] = part.sol(times[which])[0]
-        now, state = part.t[-1], part.y[:, -1] * np.array([1.0, -restitution])
-        if part.status == 1:
-            impacts.append(float(now))
+    time, state = 0.0, np.array([START, 0.0])
+    while time < times[-1]:
+        options = {"rtol": 1e-13, "atol": 1e-14, "dense_output": True, "events": clearance}
+        arc = solve_ivp(rates, (time, times[-1]), state, "DOP853", **options)
+        within = (times >= time) & (times <= arc.t[-1])
+        angles[within] = arc.sol(times[within])[0]
+        time, state = arc.t[-1], arc.y[:, -1] * np.array([1.0, -restitution])
+        if arc.status == 1:
+            impacts.append(float(time))
     return angles, impacts
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run next to the reference.
+    """Errors of a run.
 
     Attributes:
         angle: largest error of the crank, in [rad].
         impact: largest error of the time of an impact, in [s].
-        impacts: how many there were.
+        impacts: number of impacts.
     """
 
     angle: float
@@ -98,7 +97,7 @@ class Comparison:
     impacts: int
 
 
-def compared(duration: float = 1.0, restitution: float = RESTITUTION) -> Comparison:
+def compare(duration: float = 1.0, restitution: float = RESTITUTION) -> Comparison:
     """Return the errors of a run; `restitution` is that of the reference."""
     run = ms.dynamics.run(
         slider_crank(),
@@ -110,18 +109,18 @@ def compared(duration: float = 1.0, restitution: float = RESTITUTION) -> Compari
     )
     angles, impacts = reference(run.time, restitution)
     count = min(len(impacts), len(run.events))
-    apart = np.abs(np.array(impacts[:count]) - np.array(run.events[:count])).max(initial=0.0)
+    impact_error = np.abs(np.array(impacts[:count]) - np.array(run.events[:count])).max(initial=0.0)
     if len(impacts) != len(run.events):
-        apart = np.inf
+        impact_error = np.inf
     return Comparison(
-        float(np.abs(run.motion.joints["crank"].value - angles).max()), float(apart), len(run.events)
+        float(np.abs(run.motion.joints["crank"].value - angles).max()), float(impact_error), len(run.events)
     )
 
 
 if __name__ == "__main__":
-    begin = process_time()
-    result = compared()
+    start = process_time()
+    result = compare()
     print(
         f"bouncing slider-crank, 1 s, {result.impacts} impacts: crank {result.angle:.1e} rad, times of "
-        f"impacts {result.impact:.1e} s, {process_time() - begin:.1f} s of processor time"
+        f"impacts {result.impact:.1e} s, {process_time() - start:.1f} s of processor time"
     )

@@ -1,7 +1,7 @@
-"""How far MuJoCo's stepped dry friction is from the reduced equation's, which has it exactly.
+"""Error of MuJoCo's stepped dry friction, compared with the exact reduced equation.
 
-A crank let go at a speed, with dry friction in a hinge, a ball joint and the joints of a loop cut in space:
-moving for half a turn, and brought to rest. Error: the largest of the crank angle, for two time steps.
+A crank is released at a speed, with dry friction in a hinge, a ball joint and the joints of a spatial loop.
+It moves for half a revolution, or comes to rest. Error: the largest of the crank angle, for two time steps.
 
 Run: python validation/published/dry_friction.py
 """
@@ -20,9 +20,9 @@ TILTED = (0.3, -9.81, 0.5)
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A crank let go, and what brakes it."""
+    """A released crank and its friction."""
 
-    what: str
+    title: str
     name: str
     joints: tuple[str, ...]
     torque: float
@@ -48,18 +48,18 @@ def error(case: Case, timestep: float) -> float:
     """Return the largest error of the crank angle, in [rad]."""
     friction = tuple(Friction(joint, 0.0, case.torque) for joint in case.joints)
     forces = Forces(gravity=case.gravity, friction=friction, flywheel=case.flywheel)
-    machine = dynamics.dynamic_model(catalog.make(case.name), forces)
-    exact = dynamics.free_run(machine, speed=case.speed, duration=case.duration, samples=51)
-    name = machine.mechanism.crank.name
+    model = dynamics.dynamic_model(catalog.make(case.name), forces)
+    exact = dynamics.free_run(model, speed=case.speed, duration=case.duration, samples=51)
+    name = model.mechanism.crank.name
     start = {name: float(exact.angle[0])}, {name: case.speed}
-    run = stepped_run(machine.mechanism, forces, *start, exact.time, round(exact.time[1] / timestep))
+    run = stepped_run(model.mechanism, forces, *start, exact.time, round(exact.time[1] / timestep))
     return float(np.abs(run.motion.angle - exact.angle).max())
 
 
 def main() -> None:
     for case in CASES:
         errors = ", ".join(f"{error(case, step):.1e} rad at {step:g} s" for step in STEPS)
-        print(f"{case.what:<44}{errors}")
+        print(f"{case.title:<44}{errors}")
 
 
 if __name__ == "__main__":

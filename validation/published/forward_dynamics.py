@@ -35,11 +35,11 @@ WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 
 def light_pendulum() -> ms.Mechanism:
     """Return the pendulum of A01 with a point mass of 1e-20 kg m2."""
-    plain = a01_pendulum.pendulum()
-    inertia = plain.links[0].inertia
+    pendulum = a01_pendulum.pendulum()
+    inertia = pendulum.links[0].inertia
     assert inertia is not None
     point = tuple(tuple(1e-8 * value for value in row) for row in inertia.moments)
-    return replace(plain, links=(replace(plain.links[0], inertia=replace(inertia, moments=point)),))
+    return replace(pendulum, links=(replace(pendulum.links[0], inertia=replace(inertia, moments=point)),))
 
 
 def a02_rates(_: float, state: np.ndarray) -> list[float]:
@@ -47,44 +47,45 @@ def a02_rates(_: float, state: np.ndarray) -> list[float]:
     return [state[1], -3.5 * a02_four_bars.GRAVITY / 3.0 * np.cos(state[0])]
 
 
-def line(name: str, run: ms.dynamics.DynamicRun, error: str, seconds: float) -> None:
+def show(name: str, run: ms.dynamics.DynamicRun, error: str, seconds: float) -> None:
     print(f"{name:34s} {error:>10s} {run.energy_error:10.1e} {run.steps:8,d} {seconds:8.1f}", flush=True)
 
 
 def main(periods: float) -> None:
     print(f"{'problem':34s} {'error':>10s} {'energy':>10s} {'steps':>8s} {'cpu s':>8s}")
-    begin = process_time()
+    start = process_time()
     run = ms.dynamics.run(light_pendulum(), WEIGHT, duration=periods * a01_pendulum.PERIOD, samples=400)
     swing = run.motion.joints["pivot"].value + np.pi / 2.0
     error = np.abs(swing - a01_pendulum.exact(run.time)).max() / (np.pi / 2.0)
-    line(f"A01 pendulum, {periods:g} periods", run, f"{error:.1e}", process_time() - begin)
-    begin = process_time()
-    # the error depends on how near to the singular pose the steps happen to end: the worst of six speeds
+    show(f"A01 pendulum, {periods:g} periods", run, f"{error:.1e}", process_time() - start)
+    start = process_time()
+    # the error depends on the distance of the steps from the singular configuration: the worst of six speeds
     worst, energy, steps = 0.0, 0.0, 0
     for speed in SPEEDS:
-        start = {"A0.v": speed}
-        run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial=start, duration=6.0, samples=40)
+        initial_rate = {"A0.v": speed}
+        run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial=initial_rate, duration=6.0, samples=40)
         initial, times = [np.pi / 2.0, speed], run.time
         exact = solve_ivp(a02_rates, (0.0, 6.0), initial, "DOP853", times, rtol=2.3e-14, atol=1e-14)
         distance = run.motion.points["B0"].position[:, :2] - a02_four_bars.tip(exact.y[0])
         worst, energy = max(worst, float(np.abs(distance).max())), max(energy, run.energy_error)
         steps = max(steps, run.steps)
-    seconds = process_time() - begin
+    seconds = process_time() - start
     print(
         f"{'A02, worst of six speeds, 6 s [m]':34s} {worst:10.1e} {energy:10.1e} {steps:8,d} {seconds:8.1f}"
     )
-    begin = process_time()
+    start = process_time()
     run = ms.dynamics.run(
         a03_squeezer.squeezer(), a03_squeezer.forces(), duration=a03_squeezer.END, samples=2
     )
     angles = np.array([run.motion.joints[name].value[-1] for name in a03_squeezer.NAMES])
-    line("A03 squeezer [correct digits]", run, f"{a03_squeezer.digits(angles):.1f}", process_time() - begin)
-    begin = process_time()
+    digits = f"{a03_squeezer.digits(angles):.1f}"
+    show("A03 squeezer [correct digits]", run, digits, process_time() - start)
+    start = process_time()
     run = ms.dynamics.run(a04_bricard.bricard(), WEIGHT, duration=10.0, samples=2, tolerance=BRICARD)
-    line("A04 Bricard, 10 s", run, "-", process_time() - begin)
-    begin = process_time()
+    show("A04 Bricard, 10 s", run, "-", process_time() - start)
+    start = process_time()
     run = ms.dynamics.run(rsup.rsup(), rsup.FORCES, initial={"shaft.v": 6.0}, duration=5.0, samples=2)
-    line("R-S-U-P slider-crank, 5 s", run, "-", process_time() - begin)
+    show("R-S-U-P slider-crank, 5 s", run, "-", process_time() - start)
 
 
 if __name__ == "__main__":

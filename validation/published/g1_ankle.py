@@ -1,9 +1,9 @@
-"""The public Unitree G1 ankle: an independent formula compared with it, and a run of the scene taken apart.
+"""The public Unitree G1 ankle: an independent formula compared with it, and the causes of the error of a run.
 
     python validation/published/g1_ankle.py FOLDER/g1_ankle.xml
 
-The formula has nothing of this package: each rod keeps its length between the foot and its motor's arm, and
-Newton's method finds pitch and roll from the two motors. Dimensions are those of the file.
+The formula is independent of this package: each rod keeps its length between the foot and its motor's arm,
+and Newton's method computes pitch and roll from the two motors. Dimensions are those of the file.
 """
 
 import sys
@@ -34,12 +34,12 @@ def about_y(angle, vector):
     )
 
 
-def rods(pitch, roll, drivers):
-    """Return by how much the square of each rod's length is off, (2, n)."""
+def rod_residuals(pitch, roll, drivers):
+    """Return the error of the squared length of each rod, (2, n)."""
     result = []
     for name, (ball, axis, arm) in SIDES.items():
-        turned = about_x(roll, ball)
-        foot = about_y(pitch, turned + ROLL[:, None])
+        rotated = about_x(roll, ball)
+        foot = about_y(pitch, rotated + ROLL[:, None])
         end = np.array(axis)[:, None] + about_x(drivers[name], arm)
         length = np.linalg.norm(np.array(axis) + arm - np.array(ball) - ROLL)
         result.append(((foot - end) ** 2).sum(0) - length**2)
@@ -55,27 +55,27 @@ def ankle(drivers):
         for i in range(2):
             step = x.astype(complex)
             step[i] += 1e-30j
-            gradient[:, :, i] = rods(*step, drivers).imag.T * 1e30
-        x = x - np.linalg.solve(gradient, rods(*x, drivers).T[..., None])[..., 0].T
+            gradient[:, :, i] = rod_residuals(*step, drivers).imag.T * 1e30
+        x = x - np.linalg.solve(gradient, rod_residuals(*x, drivers).T[..., None])[..., 0].T
     return {"pitch_joint": x[0], "roll_joint": x[1]}
 
 
 def main() -> int:
-    for size in (0.3, 1.0):
+    for amplitude in (0.3, 1.0):
         drive = {
-            "left_motor_joint": f"{size:g}*sin(2*pi*0.6*t)",
-            "right_motor_joint": f"{-size / 2:g}*sin(2*pi*0.6*t)",
+            "left_motor_joint": f"{amplitude:g}*sin(2*pi*0.6*t)",
+            "right_motor_joint": f"{-amplitude / 2:g}*sin(2*pi*0.6*t)",
         }
         model = ms.load(sys.argv[1], drive=drive, duration=1.7)
         result = ms.validate(model, against=ankle)
-        print(f"motors by {size:g} rad: {result.why}")
+        print(f"motors by {amplitude:g} rad: {result.why}")
         for check in result.checks:
             print(f"  formula against exact closure, {check.title}: {check.worst:.1e} {check.unit}")
-        for item in result.attribution["quantities"].values():
-            parts = ", ".join(f"{name} {value:.2e}" for name, value in item["largest"].items())
-            total = sum(item[name] for name in ("formula", "softness", "time step", "drive"))
-            print(f"  run against {item['quantity']}: {item['whole']:.3e} rad, parts add up to {total:.3e}")
-            print(f"    at the most: {parts}")
+        for quantity in result.attribution["quantities"].values():
+            causes = ", ".join(f"{name} {value:.2e}" for name, value in quantity["largest"].items())
+            total = sum(quantity[name] for name in ("formula", "softness", "time step", "drive"))
+            print(f"  run against {quantity['quantity']}: {quantity['whole']:.3e} rad, sum {total:.3e}")
+            print(f"    largest: {causes}")
     return 0
 
 

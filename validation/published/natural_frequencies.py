@@ -1,8 +1,8 @@
 """Natural frequencies and damping ratios of mechanisms with springs against 50 digits.
 
-The linearised equations are written here apart from mechsim: closed positions by intersecting circles, mass
-and damping matrix and the Hessian of the potential by mpmath's differences at 60 digits, about the
-equilibrium that mpmath's Newton method finds. Only dimensions and inertias are read from the mechanism.
+The linearised equations are independent of mechsim: positions by intersection of circles, mass and damping
+matrices and the Hessian of the potential by differences in mpmath with 60 digits, about the equilibrium of
+mpmath's Newton method. Only dimensions and inertias are read from the mechanism.
 
 Run: python validation/published/natural_frequencies.py
 """
@@ -26,23 +26,23 @@ Frames = Callable[..., dict[str, tuple[Any, Any, Any]]]
 
 @dataclass(frozen=True)
 class Case:
-    """A planar mechanism, what acts on it, and its frames by independent coordinates.
+    """A planar mechanism, its forces, and its frames by independent coordinates.
 
     Attributes:
         name: of the catalogue.
         forces: springs between points and in drivers, viscous friction in drivers.
         frames: at 50 digits.
-        near: coordinates of the drivers near the equilibrium, in [rad].
+        guess: coordinates of the drivers near the equilibrium, in [rad].
     """
 
     name: str
     forces: Forces
     frames: Frames
-    near: tuple[float, ...]
+    guess: tuple[float, ...]
 
 
 def circles(a: Sequence[Any], b: Sequence[Any], first: Any, second: Any, side: int) -> tuple[Any, Any]:
-    """Return where circles of two radii about two points meet, on one side of the line between them."""
+    """Return the intersection of two circles on one side of the line between their centres."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     square = dx * dx + dy * dy
     along = (first * first - second * second + square) / (2 * square)
@@ -55,9 +55,10 @@ def angle(a: Sequence[Any], b: Sequence[Any]) -> Any:
 
 
 def four_bar(phi: Any) -> dict[str, tuple[Any, Any, Any]]:
-    made = ms.catalog.make("four_bar")
+    dimensions = ms.catalog.make("four_bar")
     crank, coupler, rocker, ground = (
-        mp.mpf(value) for value in (made.crank, made.coupler, made.rocker, made.ground)
+        mp.mpf(value)
+        for value in (dimensions.crank, dimensions.coupler, dimensions.rocker, dimensions.ground)
     )
     a, pivot = (crank * mp.cos(phi), crank * mp.sin(phi)), (ground, mp.mpf(0))
     b = circles(a, pivot, coupler, rocker, 1)
@@ -69,8 +70,8 @@ def four_bar(phi: Any) -> dict[str, tuple[Any, Any, Any]]:
 
 
 def slider_crank(phi: Any) -> dict[str, tuple[Any, Any, Any]]:
-    made = ms.catalog.make("slider_crank")
-    crank, rod, offset = mp.mpf(made.crank), mp.mpf(made.rod), mp.mpf(made.offset)
+    dimensions = ms.catalog.make("slider_crank")
+    crank, rod, offset = mp.mpf(dimensions.crank), mp.mpf(dimensions.rod), mp.mpf(dimensions.offset)
     a = crank * mp.cos(phi), crank * mp.sin(phi)
     b = a[0] + mp.sqrt(rod**2 - (offset - a[1]) ** 2), offset
     return {"crank": (mp.mpf(0), mp.mpf(0), phi), "rod": (*a, angle(a, b)), "slider": (*b, mp.mpf(0))}
@@ -128,24 +129,24 @@ CASES = (
 def exact(case: Case) -> tuple[list[Any], list[tuple[Any, Any]]]:
     """Return the equilibrium, and (frequency in [Hz], damping ratio) of each mode, at 50 digits."""
     mechanism = with_inertia(ms.load(case.name).mechanism)
-    count = len(case.near)
+    count = len(case.guess)
 
-    def place(frames: dict[str, tuple[Any, Any, Any]], link: str, local: Sequence[float]) -> Any:
+    def position(frames: dict[str, tuple[Any, Any, Any]], link: str, local: Sequence[float]) -> Any:
         if link == "ground":
             return mp.mpf(local[0]), mp.mpf(local[1])
-        x, y, turn = frames[link]
-        cos, sin, u, v = mp.cos(turn), mp.sin(turn), mp.mpf(local[0]), mp.mpf(local[1])
+        x, y, angle_of_link = frames[link]
+        cos, sin, u, v = mp.cos(angle_of_link), mp.sin(angle_of_link), mp.mpf(local[0]), mp.mpf(local[1])
         return x + cos * u - sin * v, y + sin * u + cos * v
 
     def end(frames: dict[str, tuple[Any, Any, Any]], location: Any) -> Any:
-        return place(frames, *(mechanism.points[location] if isinstance(location, str) else location))
+        return position(frames, *(mechanism.points[location] if isinstance(location, str) else location))
 
     def potential(*u: Any) -> Any:
         frames = case.frames(*u)
         total = mp.mpf(0)
         for link in mechanism.links:
             assert link.inertia is not None
-            height = place(frames, link.name, link.inertia.centre)[1]
+            height = position(frames, link.name, link.inertia.centre)[1]
             total += mp.mpf(link.inertia.mass) * mp.mpf(GRAVITY) * height
         for spring in case.forces.springs:
             a, b = end(frames, spring.a), end(frames, spring.b)
@@ -159,15 +160,15 @@ def exact(case: Case) -> tuple[list[Any], list[tuple[Any, Any]]]:
     def order(*axes: int) -> tuple[int, ...]:
         return tuple(axes.count(k) for k in range(count))
 
-    def slope(*u: Any) -> list[Any]:
+    def gradient(*u: Any) -> list[Any]:
         return [mp.diff(potential, u, order(k)) for k in range(count)]
 
-    u = [*mp.findroot(slope, case.near, tol=mp.mpf(10) ** (-2 * DIGITS // 3))]
+    u = [*mp.findroot(gradient, case.guess, tol=mp.mpf(10) ** (-2 * DIGITS // 3))]
     mass, damping, stiffness = (mp.zeros(count) for _ in range(3))
     rates = {
         link.name: [
             [
-                mp.diff(lambda *v, i=i, link=link: _state(case, link, v, place)[i], u, order(k))
+                mp.diff(lambda *v, i=i, link=link: _state(case, link, v, position)[i], u, order(k))
                 for i in range(3)
             ]
             for k in range(count)
@@ -196,18 +197,18 @@ def exact(case: Case) -> tuple[list[Any], list[tuple[Any, Any]]]:
     return u, sorted(modes, key=lambda mode: mode[0])
 
 
-def _state(case: Case, link: Any, u: Any, place: Any) -> Any:
+def _state(case: Case, link: Any, u: Any, position: Any) -> Any:
     frames = case.frames(*u)
-    return (*place(frames, link.name, link.inertia.centre), frames[link.name][2])
+    return (*position(frames, link.name, link.inertia.centre), frames[link.name][2])
 
 
 def errors(case: Case) -> list[tuple[str, float, float, float]]:
     """Return frequency, its relative error, and error of the damping ratio of each mode of mechsim."""
     with mp.workdps(DIGITS):
         u, modes = exact(case)
-        form = ms.load(case.name)
-        initial = {f"{name}.q": float(value) for name, value in zip(form.mechanism.drivers, u, strict=True)}
-        computed = ms.dynamics.modes(ms.dynamics.dynamic_model(form, case.forces), initial=initial)
+        solver = ms.load(case.name)
+        initial = {f"{name}.q": float(value) for name, value in zip(solver.mechanism.drivers, u, strict=True)}
+        computed = ms.dynamics.modes(ms.dynamics.dynamic_model(solver, case.forces), initial=initial)
         return [
             (
                 mp.nstr(frequency, 30),
@@ -227,7 +228,7 @@ def main() -> None:
         for frequency, error, of_ratio, ratio in errors(case):
             print(f"{case.name:14s} {frequency:36s} {ratio:9.4f} {error:11.1e} {of_ratio:12.1e}")
             worst = max(worst, error, of_ratio)
-    print(f"worst {worst:.1e}, to be at most 1e-9")
+    print(f"worst {worst:.1e}, limit 1e-9")
     assert np.isfinite(worst)
     assert worst <= 1e-9
 

@@ -1,4 +1,4 @@
-"""A spatial slider-crank R-S-U-P whose start values are exact fractions.
+"""A spatial slider-crank R-S-U-P whose initial values are exact fractions.
 
 Problem: IFToMM library of computational multibody benchmarks, after E. J. Haug, Computer Aided
 Kinematics and Dynamics of Mechanical Systems. Crank 0.08 m about x at (0, 0.1, 0.12), rod 0.3 m, slide
@@ -66,19 +66,19 @@ def rows(duration: float = 5.0, timestep: float = 5e-4, compared: float = 0.5) -
     spin = motion.links["rod"].angular_velocity[0]
     early = motion.time <= compared
     exact = dynamics.free_run(dynamics.dynamic_model(rsup(), FORCES), speed=6.0, times=motion.time[early])
-    gap = float(np.abs(exact.angle - motion.angle[early]).max())
+    error = float(np.abs(exact.angle - motion.angle[early]).max())
     return [
         _start("slider at the start", slider.position, (0.2, 0.0, 0.0), "m"),
         _start("its speed", slider.velocity, (0.24, 0.0, 0.0), "m/s"),
         _start("rod centre's velocity", centre.velocity, (0.12, -0.24, 0.0), "m/s"),
         Row("rod's angular velocity", float(np.abs(spin - SPIN).max()), 1e-13, "rad/s", "rounding"),
         Row(f"energy over {duration:g} s", energy_error(run), 1e-6, "1", "fourth order: 1.0e-7 measured"),
-        Row(f"crank angle over {compared:g} s", gap, 1e-6, "rad", "against the reduced equation"),
+        Row(f"crank angle over {compared:g} s", error, 1e-6, "rad", "against the reduced equation"),
     ]
 
 
-def _start(what: str, result: np.ndarray, exact: tuple[float, float, float], unit: str) -> Row:
-    return Row(what, float(np.abs(result[0] - exact).max()), 1e-14, unit, "rounding")
+def _start(quantity: str, result: np.ndarray, exact: tuple[float, float, float], unit: str) -> Row:
+    return Row(quantity, float(np.abs(result[0] - exact).max()), 1e-14, unit, "rounding")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""One way to print a published problem: quantity by quantity against its bound."""
+"""Table of a published problem: the error of each quantity and its tolerance."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from mechsim.simulation.dynamics.forward_run import SteppedRun
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One quantity of a problem: what was found, how far it may be off, its unit, and why so far."""
+    """A quantity of a problem: its error, tolerance and unit, and the reason of the tolerance."""
 
     quantity: str
     error: float
     bound: float
     unit: str
-    why: str
+    reason: str
 
     @property
     def passed(self) -> bool:
-        """Whether the error is within the bound; NaN is not."""
+        """Whether the error is within the tolerance; NaN is not."""
         return self.error <= self.bound
 
 
@@ -32,11 +32,11 @@ def energy_error(run: SteppedRun, work: np.ndarray | float = 0.0) -> float:
 
 
 def show(title: str, rows: Iterable[Row]) -> int:
-    """Print a table; return 0 if every row is within its bound, else 1."""
+    """Print a table; return 0 if every row passes, else 1."""
     print(title)
-    missed = 0
+    failed = 0
     for row in rows:
         relation = "<=" if row.passed else "> "
-        print(f"  {row.quantity:<44} {row.error:9.2e} {relation} {row.bound:8.1e} {row.unit:<5} {row.why}")
-        missed += not row.passed
-    return int(missed > 0)
+        print(f"  {row.quantity:<44} {row.error:9.2e} {relation} {row.bound:8.1e} {row.unit:<5} {row.reason}")
+        failed += not row.passed
+    return int(failed > 0)

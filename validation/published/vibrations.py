@@ -32,11 +32,10 @@ SAMPLES = 40
 def ring_down(case: Case, number: int, amplitude: float) -> float:
     """Return the largest distance of the run from the mode's vibration over a period, per amplitude."""
     model = ms.dynamics.dynamic_model(ms.load(case.name), case.forces)
-    near = dict(zip(model.mechanism.drivers, case.near, strict=True))
-    initial = {f"{name}.q": value for name, value in near.items()}
+    drivers = model.mechanism.drivers
+    initial = {f"{name}.q": value for name, value in zip(drivers, case.guess, strict=True)}
     equilibrium = ms.dynamics.nearest_equilibrium(model, initial=initial)
     mode = equilibrium.modes[number]
-    drivers = model.mechanism.drivers
     start = {
         f"{name}.{letter}": (equilibrium.q[name] if letter == "q" else 0.0)
         + amplitude * (mode.shape[name] * factor).real
@@ -54,32 +53,34 @@ def ring_down(case: Case, number: int, amplitude: float) -> float:
 
 def transition_eigenvalues(case: Case, timestep: float) -> Any:
     """Return s = log(z) / step of the eigenvalues z of MuJoCo's transition matrix about the equilibrium."""
-    form = ms.load(case.name)
-    described = ms.dynamics.dynamic_model(form, case.forces)
-    near = {f"{name}.q": value for name, value in zip(form.mechanism.drivers, case.near, strict=True)}
-    equilibrium = ms.dynamics.nearest_equilibrium(described, initial=near)
+    solver = ms.load(case.name)
+    described = ms.dynamics.dynamic_model(solver, case.forces)
+    initial = {f"{name}.q": value for name, value in zip(solver.mechanism.drivers, case.guess, strict=True)}
+    equilibrium = ms.dynamics.nearest_equilibrium(described, initial=initial)
     model = free_model(described.mechanism, case.forces, set()).model
     model.opt.timestep, model.opt.integrator = timestep, mujoco.mjtIntegrator.mjINT_IMPLICIT
     model.opt.tolerance, model.opt.iterations = 0.0, 100
     model.eq_solref[:] = 2.0 * timestep, 1.0
     model.eq_solimp[:] = HARD, HARD, 1.0, 0.5, 2.0
     data = mujoco.MjData(model)
-    data.qpos[:] = ms.closed_qpos(model, {name: equilibrium.q[name] for name in form.mechanism.drivers})
+    data.qpos[:] = ms.closed_qpos(model, {name: equilibrium.q[name] for name in solver.mechanism.drivers})
     matrix = np.zeros((2 * model.nv, 2 * model.nv))
     mujoco.mjd_transitionFD(model, data, DIFFERENCE, True, matrix, None, None, None)
     values = np.linalg.eigvals(matrix).astype(complex)
     return np.log(values) / timestep
 
 
-def nearest(values: Any, wanted: complex) -> complex:
-    return complex(values[np.argmin(np.abs(values - wanted))])
+def nearest(values: Any, target: complex) -> complex:
+    return complex(values[np.argmin(np.abs(values - target))])
 
 
 def main() -> None:
     for case in CASES:
         model = ms.dynamics.dynamic_model(ms.load(case.name), case.forces)
-        near = {f"{name}.q": value for name, value in zip(model.mechanism.drivers, case.near, strict=True)}
-        modes = ms.dynamics.modes(model, initial=near)
+        initial = {
+            f"{name}.q": value for name, value in zip(model.mechanism.drivers, case.guess, strict=True)
+        }
+        modes = ms.dynamics.modes(model, initial=initial)
         eigenvalues = [transition_eigenvalues(case, step) for step in STEPS]
         for number, mode in enumerate(modes):
             result = [nearest(values, mode.eigenvalue) for values in eigenvalues]
