@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mechsim import units
-from mechsim.analytic.dynamics.contacts import EventFunction, Stop, stops_of
+from mechsim.analytic.dynamics.contacts import Stop, stops_of
 from mechsim.analytic.dynamics.equations_of_motion import (
     EquationsOfMotion,
     Kinematics,
@@ -183,15 +183,18 @@ def run(
     stops = stops_of(equations, ranges)
     _require_within(equations, q, stops)
     integration = Integration(equations, q, rates, tolerance, stops, restitution, progress)
-    ends: dict[str, EventFunction] = {}
-    if event is not None:
-        _require_later(event, until, equations, integration.kinematics())
-        ends[UNTIL] = lambda state, _: event.function(equations, state)
-    trajectory = integration.run(end, ends)
-    if event is not None and trajectory.outcome == "done" and not trajectory.event:
-        message = f"{until} was not reached within {end:g} s"
-        trajectory = replace(trajectory, outcome="time over", reason=message)
+    trajectory = integration.run(end) if event is None else _run_until(integration, end, event, until)
     return run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
+
+
+def _run_until(integration: Integration, end: float, event: Event, text: str | None) -> Trajectory:
+    """Return the trajectory to an event, given as a text, or to a time in [s]."""
+    equations = integration.equations
+    _require_later(event, text, equations, integration.kinematics())
+    trajectory = integration.run(end, {UNTIL: lambda state, _: event.function(equations, state)})
+    if trajectory.outcome != "done" or trajectory.event:
+        return trajectory
+    return replace(trajectory, outcome="time over", reason=f"{text} was not reached within {end:g} s")
 
 
 def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:

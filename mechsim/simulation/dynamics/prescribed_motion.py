@@ -87,12 +87,7 @@ def driven(
         InputError: for invalid values, or more instants than memory holds.
         AssemblyError: if the loops close nowhere, or only over a fraction of the motion.
     """
-    if method not in (None, "pose", "step"):
-        raise InputError(f"there is no method {method!r}; choose from pose, step")
-    if tolerance is not None and not 0.0 < tolerance < np.inf:
-        raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
-    if samples is not None and not samples >= 1:
-        raise InputError(f"{samples} samples requested; take at least 1")
+    _require_valid(method, tolerance, samples)
     speed = si(speed, "rad/s", "the crank speed")
     motion_laws = laws_of(source, motion_laws, speed if profile is None else profile)
     mechanism, acting = described(source), forces_of(source, forces)
@@ -112,7 +107,30 @@ def driven(
     settings, note = settings or HARD, undecided_note(loaded.loops, passed)
     if tolerance is None:
         run = _stepped(loaded, profile, settings, *_paced(profile, settings, samples), progress)
-        return replace(run, note="; ".join(text for text in (note, run.note) if text))
+    else:
+        run = _within_tolerance(loaded, profile, settings, tolerance, samples, progress)
+    return replace(run, note="; ".join(text for text in (note, run.note) if text))
+
+
+def _require_valid(method: str | None, tolerance: float | None, samples: int | None) -> None:
+    """Raise InputError for invalid options of a run."""
+    if method not in (None, "pose", "step"):
+        raise InputError(f"there is no method {method!r}; choose from pose, step")
+    if tolerance is not None and not 0.0 < tolerance < np.inf:
+        raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
+    if samples is not None and not samples >= 1:
+        raise InputError(f"{samples} samples requested; take at least 1")
+
+
+def _within_tolerance(
+    loaded: LoadedModel,
+    profile: CrankProfile,
+    settings: Settings,
+    tolerance: float,
+    samples: int | None,
+    progress: Progress,
+) -> Driven:
+    """Return the stepped run with the number of steps that a tolerance needs."""
 
     def whole(steps: int) -> Driven:
         chosen = replace(settings, steps_per_turn=steps)
@@ -125,8 +143,7 @@ def driven(
         chosen = replace(settings, steps_per_turn=steps)
         return _stepped(loaded, short, chosen, count, steps // TRIAL_SAMPLES, progress)
 
-    run = torque_within(loaded, tolerance, whole, trial)
-    return replace(run, note="; ".join(text for text in (note, run.note) if text))
+    return torque_within(loaded, tolerance, whole, trial)
 
 
 def _paced(profile: CrankProfile, settings: Settings, samples: int | None) -> tuple[int, int]:
