@@ -129,9 +129,8 @@ def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
 def test_a_diverging_comparison_of_a_stiff_motor_has_a_remedy(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(
-        "sys.argv", ["mechsim", "dynamics", "four_bar", "--motor", "dc:1,2,3", "--samples", "12"]
-    )
+    command = "mechsim dynamics four_bar --motor line:1e5,600rpm --samples 12 --turns 0.01"
+    monkeypatch.setattr("sys.argv", command.split(" "))
     with pytest.raises(SystemExit) as ended:
         cli.main()
     output = capsys.readouterr().out
