@@ -50,7 +50,7 @@ from mechsim.numerics.resources import require_memory
 from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
+from mechsim.studies.dynamics_check import compared_segments, crosscheck_driven, crosscheck_free
 from mechsim.studies.reference import driven_as, profile_of
 from mechsim.units import crank_speed, option, parse
 from mechsim.verdict.checks import Verdict
@@ -288,7 +288,7 @@ def _free(
     speed = options.speed if options.free else 0.0
     run = free_run(model, speed=speed, turns=options.turns, samples=options.instants + 1)
     verdict = None
-    if options.mujoco_method != "none" and run.outcome == "done":
+    if options.mujoco_method != "none" and run.outcome == "done" and compared_segments(run):
         with progress("check in MuJoCo", None) as report:
             verdict = crosscheck_free(run, model, tolerance=options.tolerance, progress=report)
     _write(options.output, run, model.mechanism, shown if labelled else None)

@@ -109,7 +109,7 @@ def compared_segments(run: DynamicRun) -> tuple[RunSegment, ...]:
     free = [
         segment
         for segment in run.segments
-        if moves and not segment.touching and _instants(run, segment).sum() > 2
+        if moves and not segment.touching and _instants(run, segment).sum() > 1
     ]
     longest = sorted(free, key=lambda segment: segment.first - segment.last)[:MAX_SEGMENTS]
     return tuple(sorted(longest, key=lambda segment: segment.first))
