@@ -40,8 +40,8 @@ def main():
         result, difference = study.sampled, max(largest_difference(study, item) for item in table.values)
         print(
             f"{name:14s} {len(limits):2d} dimensions: derivatives {table_time:.2f} s, {result.samples} "
-            f"random mechanisms {study_time:.2f} s, order {result.sampling.order or 'none: each solved'}, error of "
-            f"the expansion {result.sampling.expansion_error:.1e} standard deviations, "
+            f"random mechanisms {study_time:.2f} s, order {result.sampling.order or 'none: each solved'}, "
+            f"error of the expansion {result.sampling.expansion_error:.1e} standard deviations, "
             f"random and linear deviation within {100.0 * difference:.1f} %"
         )
 
