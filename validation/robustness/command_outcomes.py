@@ -37,10 +37,10 @@ def file_faults(folder: Path, case: Case, code: int | None) -> Iterator[str]:
     """Yield what is wrong with the files left in a folder."""
     for path in folder.rglob("*"):
         # a stopped sweep keeps its chunks for --resume
-        if path.name in case.files or any(part.endswith(".parts") for part in path.parts):
+        if path.name in case.files or any(component.endswith(".parts") for component in path.parts):
             continue
         # a report is a folder
-        if not any(part in word for part in path.relative_to(folder).parts for word in case.words):
+        if not any(component in word for component in path.relative_to(folder).parts for word in case.words):
             yield f"left {path.name}"
         elif code == 2:
             yield f"rejected, but wrote {path.name}"

@@ -450,7 +450,7 @@ def print_summary(rows: list[dict], rejected: list[str], correct: int, show: boo
     for size, group in Counter(row["size"] for row in rows).items():
         size_named = sum(row["named"] for row in rows if row["size"] == size)
         print(f"size {size:g}: {size_named} of {group}")
-    percentages = [f"{100 * part / count:.1f} %" for part in (all_named, all_first, all_wrong)]
+    percentages = [f"{100 * number / count:.1f} %" for number in (all_named, all_first, all_wrong)]
     print(f"named {percentages[0]}, first {percentages[1]}, wrong and certain {percentages[2]}")
     print(f"correct formulas rejected: {len(rejected)} of {correct} {' '.join(sorted(set(rejected)))}")
     print(f"median {np.median([row['seconds'] for row in rows]):.2f} s of processor time a case")

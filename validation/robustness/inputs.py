@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from stopped_processes import default_signals
 
 TIME_LIMIT = 60.0
 SCENE = "scene.xml --drive crank=600rpm --duration 0.1"
@@ -122,12 +123,6 @@ def create_files(folder: Path, command: str) -> set[str]:
     rows = "".join(f"{0.01 * i},{0.03 * i}\n" for i in range(10))
     (folder / "mark.csv").write_text("\ufefftime, angle\n" + rows, encoding="utf-8")
     return {path.name for path in folder.iterdir()}
-
-
-def default_signals() -> None:
-    """Restore the default handlers of signals, which background shells and nohup ignore."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_DFL)
 
 
 def run_case(case: ShellCase) -> tuple[int, float, str, list[str]]:

@@ -238,8 +238,8 @@ def random_coupling(chance, names, units, sketch, count):
         text = f'driven = "{names[two]}"\nratio = {ratio!r}\nphase = "{phase!r} rad"\n'
         return head + text, lambda x: x[..., two] - ratio * x[..., one] - phase
     scale = [sketch.size if units[i] == "m" else 1.0 for i in chosen]
-    slopes = chance.uniform(-0.6, 0.6, int(chance.integers(1, 4)))
-    powers = [float(c * scale[1] / scale[0] ** (i + 1)) for i, c in enumerate(slopes)]
+    factors = chance.uniform(-0.6, 0.6, int(chance.integers(1, 4)))
+    powers = [float(c * scale[1] / scale[0] ** (i + 1)) for i, c in enumerate(factors)]
     polynomial = sum(c * q[0] ** (i + 1) for i, c in enumerate(powers))
     extra = units[three] == units[two] and len(names) > 2
     constant = q[1] + 0.7 * extra * q[2] - polynomial

@@ -262,7 +262,7 @@ def stepped_gap(scene: Inspected, motion, rate):
     data.qpos[:], data.qvel[:] = motion.qpos[0], motion.qvel[0]
     forces, inertias, dofs = required_forces(scene, motion, inputs)
     # the initial transient decays in five time constants
-    widest, settled = {}, max(0.15, 5.0 * float(np.abs(model.eq_solref[:, 0]).max()))
+    widest, transient_end = {}, max(0.15, 5.0 * float(np.abs(model.eq_solref[:, 0]).max()))
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
     offset, largest = np.zeros(model.nv), 0.0
     # after divergence MuJoCo resets its time to zero
@@ -278,7 +278,7 @@ def stepped_gap(scene: Inspected, motion, rate):
         data.qfrc_applied[:] = inputs.T @ (forces[i] + inertias[i] * servo)
         mujoco.mj_step(model, data)
         largest = max(largest, float(np.abs(target[dofs]).max()))
-        if data.time > settled:
+        if data.time > transient_end:
             rows = data.efc_type == EQUALITY
             for loop in np.unique(data.efc_id[rows]):
                 residual = data.efc_pos[rows][data.efc_id[rows] == loop][:3]

@@ -18,6 +18,7 @@ import numpy as np
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.errors import MechsimError
 from mechsim.model.scene import Scene
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.simulation.model_loops import read_loops
 from mechsim.simulation.poses import follow
 from mechsim.simulation.source import assembled
@@ -26,7 +27,6 @@ sys.path.append(str(Path(__file__).parents[1] / "choices"))
 import random_mechanisms
 from assembly_detector import near_singular
 
-TURN = 2.0 * np.pi
 OTHER_ASSEMBLY = 1e-4
 
 
@@ -42,7 +42,7 @@ def solve_poses(linkage: ClosedForm) -> tuple[str, float]:
     """Return the outcome, and the largest error of a tracked point in lengths of the model."""
     loops = read_loops(assembled(linkage.mechanism, Scene(level="pose")).compile())
     start = loops.model.qpos0
-    angles = start[loops.crank_address] + np.linspace(0.0, TURN, 181)
+    angles = start[loops.crank_address] + np.linspace(0.0, REVOLUTION, 181)
     try:
         positions = loops.posed.site_positions(follow.follow(loops, start, angles))
     except MechsimError:

@@ -113,9 +113,9 @@ def valid_cases() -> list[CommandCase]:
 def measured(name: str) -> bytes:
     """Return a table of the motion of a catalogue mechanism."""
     point = VARIED[name][0]
-    drive = catalog.make(name)
+    solver = catalog.make(name)
     angles = [6.0 * (0.1 + 0.04 * i) for i in range(20)]
-    positions = drive.positions(angles)[point]
+    positions = solver.positions(angles)[point]
     head = f"angle,{point}.x,{point}.y,{point}.z"
     rows = [",".join(repr(float(v)) for v in (a, *p)) for a, p in zip(angles, positions, strict=True)]
     return "\n".join([head, *rows]).encode()

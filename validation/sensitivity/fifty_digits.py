@@ -71,10 +71,10 @@ class ExactDerivatives:
         """Return the derivatives of all columns by a parameter, per unit of the file."""
         value = mpf(self.parameters[parameter])
         step = mpf(STEP) * (abs(value) or 1)
-        ahead, behind = (self.columns(self._moved(parameter, value + sign * step)) for sign in (1, -1))
+        forward, backward = (self.columns(self._moved(parameter, value + sign * step)) for sign in (1, -1))
         return {
-            name: [(a - b) / (2 * step) for a, b in zip(ahead[name], behind[name], strict=True)]
-            for name in ahead
+            name: [(a - b) / (2 * step) for a, b in zip(forward[name], backward[name], strict=True)]
+            for name in forward
         }
 
     def _moved(self, parameter, value):
@@ -101,8 +101,8 @@ RENAMED = {
     "rrsrr": {"x": "pivot.x", "y": "pivot.y", "z": "pivot.z", "gamma1": "gamma2", "gamma2": "gamma1"},
     "bennett": {"ground": "length0", "twist_ground": "twist0", "twist_crank": "twist1"},
     "warp_knitter": {
-        f"{place}_{axis}": f"{place}.{axis}"
-        for place in ("pivot2", "pivot_rocker", "base_c", "base_k")
+        f"{pivot}_{axis}": f"{pivot}.{axis}"
+        for pivot in ("pivot2", "pivot_rocker", "base_c", "base_k")
         for axis in "xy"
     },
 }
