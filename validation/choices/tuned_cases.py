@@ -1,4 +1,4 @@
-"""The scenes, motions and tolerances that tuned_scenes.py puts `mechsim tune` through."""
+"""Scenes, motions and tolerances of the study tuned_scenes.py."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ CRANKS = (
     *("quick_return", "watt_six_bar", "stephenson_six_bar", "spherical_four_bar", "rsur"),
     "chebyshev_lambda",
 )
-SEVERAL = ("five_bar", "planar_3rrr", "humanoid_ankle")
-# file, and what feeds its actuators; where nothing does its drivers swing
+WITH_SEVERAL_DRIVERS = ("five_bar", "planar_3rrr", "humanoid_ankle")
+# file, and controls of its actuators; without controls its drivers swing
 PUBLIC: dict[str, tuple[str, dict[str, str]]] = {
     "2F-85": ("robotiq_2f85.xml", {"fingers_actuator": "255*(0.5-0.5*cos({rate}*2*pi*t))"}),
     "G1 ankle": (
@@ -41,7 +41,7 @@ PUBLIC: dict[str, tuple[str, dict[str, str]]] = {
         {"fingers_actuator": "255*(0.5-0.5*cos({rate}*2*pi*t))"},
     ),
 }
-# of every scene: measure, tolerance in parts of its size, how much quicker its motion is
+# for every scene: error measure, tolerance relative to its size, speed factor of its motion
 CASES: tuple[tuple[Literal["closure", "trajectory"], float, float], ...] = (
     ("closure", 1e-5, 1.0),
     ("closure", 1e-4, 1.0),
@@ -53,24 +53,26 @@ CASES: tuple[tuple[Literal["closure", "trajectory"], float, float], ...] = (
 
 @dataclass(frozen=True)
 class SceneFile:
-    """A scene that is tuned.
+    """A scene to tune.
 
     Attributes:
         name: of the scene.
         path: of its file.
-        mechanism: that was read of it.
-        feed: actuator -> program, with {rate} for how much quicker it goes.
+        mechanism: of the scene.
+        controls: actuator -> control over time, with {rate} as speed factor.
     """
 
     name: str
     path: Path
     mechanism: Mechanism
-    feed: dict[str, str]
+    controls: dict[str, str]
 
     def motion(self, rate: float) -> tuple[DriveOptions, ControlOptions]:
-        """Return what moves it: its actuators fed, a turn of the crank, or a swing of every driver."""
-        if self.feed:
-            pairs = tuple((name, output.replace("{rate}", f"{rate:g}")) for name, output in self.feed.items())
+        """Return the motion: controls of actuators, a revolution of the crank, or a swing of every driver."""
+        if self.controls:
+            pairs = tuple(
+                (name, control.replace("{rate}", f"{rate:g}")) for name, control in self.controls.items()
+            )
             return DriveOptions(), ControlOptions(ctrl=pairs)
         if self.mechanism.drivers == ("crank",):
             return DriveOptions(drive=(("crank", f"{60.0 * rate:g}rpm"),)), ControlOptions()
@@ -79,47 +81,49 @@ class SceneFile:
 
 
 def _swing(scene: SceneFile, name: str, rate: float) -> tuple[str, str]:
-    """Return a program that swings a driver from its start, within its limits, and back."""
-    form = load(str(scene.path), drive=dict.fromkeys(scene.mechanism.drivers, "0.1*t"))
-    start = form.mechanism.guess_coordinates[name]
-    # several drivers at once would pass a singular pose
-    turning = form.mechanism.unit(name) == "rad"
-    reach = 0.3 / len(form.mechanism.drivers) if turning else 0.1 * form.mechanism.characteristic_length
-    low, high = form.source.limits.get(name, (-np.inf, np.inf))
-    reach = reach if start + reach <= high else -min(reach, start - low)
-    return name, f"{start!r} + {0.5 * reach!r}*(1-cos({rate:g}*2*pi*t))"
+    """Return a motion law that swings a driver from its start, within its limits, and back."""
+    subject = load(str(scene.path), drive=dict.fromkeys(scene.mechanism.drivers, "0.1*t"))
+    start = subject.mechanism.guess_coordinates[name]
+    # smaller amplitudes with several drivers avoid singular configurations
+    rotates = subject.mechanism.unit(name) == "rad"
+    amplitude = (
+        0.3 / len(subject.mechanism.drivers) if rotates else 0.1 * subject.mechanism.characteristic_length
+    )
+    low, high = subject.source.limits.get(name, (-np.inf, np.inf))
+    amplitude = amplitude if start + amplitude <= high else -min(amplitude, start - low)
+    return name, f"{start!r} + {0.5 * amplitude!r}*(1-cos({rate:g}*2*pi*t))"
 
 
 def scene_files(folder: Path | None, work: Path, only: set[str]) -> Iterator[SceneFile]:
-    """Yield the scenes, those of the catalogue written into a folder to work in.
+    """Yield the scenes; write those of the catalogue into a folder.
 
     Args:
         folder: with clones of the repositories of `PUBLIC`; None for none.
-        work: a folder to write in.
+        work: folder for written files.
         only: names; empty for all.
     """
-    for name in (*CRANKS, *SEVERAL):
+    for name in (*CRANKS, *WITH_SEVERAL_DRIVERS):
         if only and name not in only:
             continue
         mechanism, path = load(name).mechanism, work / f"{name}.xml"
         path.write_text(mjcf.to_xml(exported(mechanism, Scene())))
         yield SceneFile(name, path, mechanism, {})
-    for name, (file, feed) in PUBLIC.items() if folder else ():
+    for name, (file, controls) in PUBLIC.items() if folder else ():
         path = folder / file
         if only and name not in only:
             continue
         if not path.is_file():
-            print(f"{name}: {file} is not there: skipped")
+            print(f"{name}: {file} is missing: skipped")
             continue
-        path = _whole(path, work / f"{name}.xml".replace(" ", "-"))
-        yield SceneFile(name, path, load(str(path)).mechanism, feed)
+        path = _loadable(path, work / f"{name}.xml".replace(" ", "-"))
+        yield SceneFile(name, path, load(str(path)).mechanism, controls)
 
 
-def _whole(path: Path, without: Path) -> Path:
-    """Return the path of a file that plain MuJoCo loads: without the meshes that are not there, if any."""
+def _loadable(path: Path, path_without_meshes: Path) -> Path:
+    """Return the path of a file that plain MuJoCo loads, without its missing meshes."""
     try:
         mujoco.MjModel.from_xml_path(str(path))
     except ValueError:
-        without.write_text(parse_file(str(path))[0].to_xml())
-        return without
+        path_without_meshes.write_text(parse_file(str(path))[0].to_xml())
+        return path_without_meshes
     return path

@@ -1,8 +1,8 @@
-"""An exhaustive search over a grid of settings, to hold the search of `mechsim tune` against.
+"""An exhaustive search over a grid of settings, to compare with the search of `mechsim tune`.
 
-First every step with every integrator, time constant and impedance of the loops; then, around the quickest of
-what keeps the tolerance, every solver, number of iterations, tolerance of the solver, kind of matrix and
-islands. What keeps it does so at every step over a motion half as long again.
+The first grid varies step, integrator, time constant and impedance of the loops. The second grid, around the
+fastest settings that satisfy the tolerance, varies solver, iterations, solver tolerance, kind of matrix and
+islands. The result satisfies the tolerance at every step over a motion 1.5 times as long.
 """
 
 import itertools
@@ -18,35 +18,37 @@ from mechsim.studies.scene.run import SceneRun, run_scene, step_times
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.step_sizes import shortest_time_constant
 
-# steps in those of the file's own, each so many times shorter than the one before
-LONGEST, SHORTER, SHORTEST = 20.0, 1.2, 0.01
+# time steps relative to that of the file: largest, ratio of successive steps, smallest
+MAX_STEP_RATIO, STEP_FACTOR, MIN_STEP_RATIO = 20.0, 1.2, 0.01
 INTEGRATORS = ("Euler", "implicitfast", "discrete", "implicit", "RK4")
 CONSTANTS = (1.5, 2.0, 3.0, 5.0, 10.0, None)
 SOLVERS, ITERATIONS, TOLERANCES = ("Newton", "CG", "PGS"), (1, 2, 5, 100), (1.0, 100.0, 1e-4)
 JACOBIANS = ("dense", "sparse")
-# of the first grid, about whose quickest the second is laid; of the second, timed with care
-AROUND, TIMED = 3, 8
-# steps beyond the quickest found so far, in its time a simulated second, that could still be quicker
-HOPE, LONGER = 0.7, 1.5
-# as much slower as clocks may err
-SLOWER = 1.5
-# fewest steps in a motion
-FEWEST = 50
-Found = tuple[float, PlainSettings]
+# number of settings of the first grid to refine; of the second grid to time repeatedly
+REFINED, TIMED = 3, 8
+# the search ends where this fraction of the shortest time exceeds the best; factor of the longer motion
+MIN_SPEED_RATIO, DURATION_FACTOR = 0.7, 1.5
+# largest ratio to the best time, for the error of a single timing
+MAX_TIME_RATIO = 1.5
+# smallest number of steps in a motion
+MIN_STEPS = 50
+TimedSettings = tuple[float, PlainSettings]
 
 
-def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, float] | None:
-    """Return the settings of the grid that keep a tolerance by closure in the least time, with that, in [s].
+def fastest_valid(scene: UserScene, tolerance: float) -> tuple[PlainSettings, float] | None:
+    """Return the fastest settings of the grid that satisfy a closure tolerance, and their time in [s].
 
-    The time is of a simulated second.
+    The time is that of a simulated second.
     """
-    result = sorted(_first(scene, tolerance), key=lambda item: item[0])
-    around = [settings for _, settings in result[:AROUND]]
+    result = sorted(_coarse_grid(scene, tolerance), key=lambda item: item[0])
+    around = [settings for _, settings in result[:REFINED]]
     for settings in around:
-        for item in _second(scene, settings):
-            result += _kept(run_scene(scene, item.applied(scene.model)), item, tolerance, result)
+        for item in _fine_grid(scene, settings):
+            result += _if_valid(run_scene(scene, item.applied(scene.model)), item, tolerance, result)
     result.sort(key=lambda item: item[0])
-    best = [settings for _, settings in result[: 3 * TIMED] if _stands(scene, settings, tolerance)][:TIMED]
+    best = [settings for _, settings in result[: 3 * TIMED] if _valid_for_longer(scene, settings, tolerance)][
+        :TIMED
+    ]
     if not best:
         return None
     times = step_times([(scene, item.applied(scene.model)) for item in best])
@@ -54,11 +56,11 @@ def quickest_kept(scene: UserScene, tolerance: float) -> tuple[PlainSettings, fl
     return best[least], float(times[least])
 
 
-def _first(scene: UserScene, tolerance: float) -> list[Found]:
+def _coarse_grid(scene: UserScene, tolerance: float) -> list[TimedSettings]:
     own, safe = float(scene.model.opt.timestep), 0.5 * shortest_time_constant(scene.model)
-    longest = max(own, min(safe, scene.duration / FEWEST))
-    step, result = LONGEST * own, list[Found]()
-    while step >= SHORTEST * own:
+    longest = max(own, min(safe, scene.duration / MIN_STEPS))
+    step, result = MAX_STEP_RATIO * own, list[TimedSettings]()
+    while step >= MIN_STEP_RATIO * own:
         tried = list[float]()
         for integrator, constant, hard in itertools.product(INTEGRATORS, CONSTANTS, (True, False)):
             if step > longest * (1.0 + 1e-9) or (constant == 1.5 and step > safe):
@@ -74,14 +76,14 @@ def _first(scene: UserScene, tolerance: float) -> list[Found]:
             )
             run = run_scene(scene, settings.applied(scene.model))
             tried += [] if run.broken else [run.seconds_per_second]
-            result += _kept(run, settings, tolerance, result)
-        if result and tried and HOPE * min(tried) > min(result)[0]:
+            result += _if_valid(run, settings, tolerance, result)
+        if result and tried and MIN_SPEED_RATIO * min(tried) > min(result)[0]:
             break
-        step /= SHORTER
+        step /= STEP_FACTOR
     return result
 
 
-def _second(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings]:
+def _fine_grid(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings]:
     usual = scene.solver_tolerance
     for solver, iterations, tolerance, jacobian, island in itertools.product(
         SOLVERS, ITERATIONS, TOLERANCES, JACOBIANS, (True, False)
@@ -96,14 +98,16 @@ def _second(scene: UserScene, settings: PlainSettings) -> Iterator[PlainSettings
         )
 
 
-def _kept(run: SceneRun, settings: PlainSettings, tolerance: float, result: Sequence[Found]) -> list[Found]:
-    """Return settings with their time if they keep the tolerance and are not much slower than others."""
+def _if_valid(
+    run: SceneRun, settings: PlainSettings, tolerance: float, result: Sequence[TimedSettings]
+) -> list[TimedSettings]:
+    """Return settings with their time if they satisfy the tolerance and are not much slower than others."""
     time = run.seconds_per_second
-    slow = time > SLOWER * min((item[0] for item in result), default=np.inf)
+    slow = time > MAX_TIME_RATIO * min((item[0] for item in result), default=np.inf)
     return [] if slow or not SceneEvaluator().errors(run).closure <= tolerance else [(time, settings)]
 
 
-def _stands(scene: UserScene, settings: PlainSettings, tolerance: float) -> bool:
+def _valid_for_longer(scene: UserScene, settings: PlainSettings, tolerance: float) -> bool:
     model = settings.applied(scene.model)
-    run = run_scene(scene, model, records=None, duration=LONGER * scene.duration)
+    run = run_scene(scene, model, records=None, duration=DURATION_FACTOR * scene.duration)
     return SceneEvaluator().errors(run).closure <= tolerance
