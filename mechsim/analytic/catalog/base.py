@@ -6,8 +6,9 @@ from typing import Self
 from numpy.typing import ArrayLike
 
 from mechsim import units
-from mechsim.analytic.catalog.formulas import SELECTORS, Formulas
-from mechsim.analytic.catalog.frame_motion import (
+from mechsim.analytic.catalog.formulas import (
+    SELECTORS,
+    Formulas,
     chunks,
     motion_at,
     require_closed,

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.analytic.catalog.base import ClosedForm
-from mechsim.analytic.catalog.formulas import Solver, parameters_from, unchecked
-from mechsim.analytic.catalog.frame_motion import motion_at
+from mechsim.analytic.catalog.formulas import AnyFormulas, motion_at, parameters_from, unchecked
 from mechsim.analytic.catalog.two_branch import MIN_START_DISCRIMINANT, TwoBranchForm
 from mechsim.analytic.vector_method import link_frames
 from mechsim.analytic.vector_method.trig_polynomial import SignedRoot, TrigPolynomial, polynomial_roots
@@ -87,7 +86,7 @@ def allowed(solver: ClosedForm, varied: Mapping[str, Array]) -> Bools:
     return valid
 
 
-def many(solver: Solver, varied: Mapping[str, Array], repeat: int) -> Solver:
+def many(solver: AnyFormulas, varied: Mapping[str, Array], repeat: int) -> AnyFormulas:
     """Return a closed form whose varied parameters are arrays, each number repeated.
 
     No check of the parameters runs, and no change point is searched; only its formulas can be used.

@@ -8,7 +8,8 @@ from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
 from mechsim.studies.agreement import dimension_hypotheses, driver_hypotheses, value_hypotheses
 from mechsim.studies.agreement.evaluation_points import Hypothesis
-from mechsim.studies.agreement.misfit import ODDS, Fitted, Misfit, fitted
+from mechsim.studies.agreement.fitting import ODDS, Fitted, fitted
+from mechsim.studies.agreement.misfit import Misfit
 
 HypothesisFamily = Callable[[Misfit], Iterator[Hypothesis]]
 

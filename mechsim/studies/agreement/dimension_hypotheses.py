@@ -32,7 +32,8 @@ from mechsim.studies.agreement.evaluation_points import (
     discrete,
     sized,
 )
-from mechsim.studies.agreement.misfit import Misfit, linearly_explains
+from mechsim.studies.agreement.fitting import linearly_explains
+from mechsim.studies.agreement.misfit import Misfit
 
 # number of joint positions that are solved again: those that explain most to first order
 MAX_SOLVED = 6
