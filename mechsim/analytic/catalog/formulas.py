@@ -1,4 +1,4 @@
-"""Declaration, dimensions and formulas of a catalogue mechanism, and its motion from the frames of its links."""
+"""Declaration, dimensions and formulas of a catalogue mechanism, and its motion from the frames of links."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
