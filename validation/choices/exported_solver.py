@@ -1,4 +1,4 @@
-"""How exactly an exported model's solver works: what a tolerance of 0 costs, and what others lose.
+"""Error and cost of the solver settings of exported models, compared with a tolerance of 0.
 
 Problem: every mechanism of the catalogue and the gallery as `mechsim export` writes it, its drivers moved as
 in tuned_cases.py; and at level dynamics, falling, without and with dry friction in the crank.
@@ -37,7 +37,7 @@ SETTINGS = {
     "1, 0": PlainSettings(iterations=1, tolerance=0.0),
     "100, 1e-8": PlainSettings(iterations=100, tolerance=1e-8),
 }
-# of a run in [s]; in parts of the size, what rounding leaves; more than clocks tell apart
+# of a run in [s]; rounding relative to the size; significant ratio of times
 DURATION, ROUNDING, LONGER = 0.2, 1e-11, 1.1
 FALLING = ("four_bar", "rssr", "jansen")
 
@@ -48,22 +48,22 @@ def scenes(work):
         yield item.name, user_scene(str(item.path), *item.motion(1.0))
     for name in FALLING:
         mechanism = load(name).mechanism
-        for output, friction in (
-            ("falls", ()),
-            ("rubs", (Friction(joint=mechanism.crank.name, coulomb=0.1),)),
+        for label, friction in (
+            ("falling", ()),
+            ("dry friction", (Friction(joint=mechanism.crank.name, coulomb=0.1),)),
         ):
             forces = Forces(gravity=(0.0, -9.81, 0.0), friction=friction)
-            path = work / f"{name}-{output}.xml"
+            path = work / f"{name}-{label}.xml"
             path.write_text(mjcf.to_xml(exported(mechanism, Scene(level="dynamics", forces=forces))))
-            yield f"{name} {output}", user_scene(str(path), DriveOptions(), ControlOptions())
+            yield f"{name} {label}", user_scene(str(path), DriveOptions(), ControlOptions())
 
 
 @quiet()
 def main():
     """Print errors and times of every scene."""
-    asked = argparse.ArgumentParser()
-    asked.add_argument("--only", default="")
-    only = {item for item in asked.parse_args().only.split(",") if item}
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--only", default="")
+    only = {item for item in parser.parse_args().only.split(",") if item}
     print(f"{'iterations, tolerance':22}", *(f"{name:>17}" for name in SETTINGS))
     worse, ratios = [], []
     with tempfile.TemporaryDirectory() as folder:
@@ -75,16 +75,16 @@ def main():
             errors = [SceneEvaluator().errors(run_scene(scene, model)).closure for model in models]
             times = step_times([(scene, model) for model in models])
             ratios.append(times / times[0])
-            cells = (f"{error:9.2g} {ratio:7.3f}" for error, ratio in zip(errors, ratios[-1], strict=True))
-            print(f"{name:22}", *cells, flush=True)
+            columns = (f"{error:9.2g} {ratio:7.3f}" for error, ratio in zip(errors, ratios[-1], strict=True))
+            print(f"{name:22}", *columns, flush=True)
             exact, own = errors[:2]
             worse += (
                 [name]
                 if own > exact + ROUNDING * scene.characteristic_length or ratios[-1][1] > LONGER
                 else []
             )
-    for name, part in zip(SETTINGS, np.median(ratios, axis=0), strict=True):
-        print(f"time over that of tolerance 0, {name}: {part:.3f} in the median")
+    for name, ratio in zip(SETTINGS, np.median(ratios, axis=0), strict=True):
+        print(f"time over that of tolerance 0, {name}: {ratio:.3f} in the median")
     print(f"errs more or takes longer: {', '.join(worse) or 'none'}")
     return int(bool(worse))
 

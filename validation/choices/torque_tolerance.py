@@ -39,43 +39,43 @@ WEIGHT = (0.3, -9.81, 0.5)
 TIMED = 5
 
 
-def true_error(run: Driven, machine: DynamicModel) -> float:
+def true_error(run: Driven, model: DynamicModel) -> float:
     """Return the worst error of torque and reactions, relative as `tolerance` is."""
     asked = {"drive torque", "force", "moment", "gear torque"}
-    checks = [check for check in crosscheck_driven(run, machine).checks if check.kind in asked]
+    checks = [check for check in crosscheck_driven(run, model).checks if check.kind in asked]
     return max(check.worst / _scale(check.reason) for check in checks)
 
 
-def _scale(why: str) -> float:
+def _scale(reason: str) -> float:
     """Return what a check's relative bound was a part of: '1e-06 of 0.0123 N; ...'."""
-    return float(why.split(" of ")[1].split()[0])
+    return float(reason.split(" of ")[1].split()[0])
 
 
-def fewest(keeps: Callable[[int], bool]) -> int | None:
+def fewest_steps(satisfies: Callable[[int], bool]) -> int | None:
     """Return the fewest steps of the ladder that keep a tolerance; None if none does."""
-    return next((steps for steps in STEPS if keeps(steps)), None)
+    return next((steps for steps in STEPS if satisfies(steps)), None)
 
 
-def prescribed(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
+def prescribed(closed_form: ClosedForm, speed: float, part: float) -> dict[str, Any]:
     """Return one prescribed run's error, estimate and price."""
-    machine = dynamics.dynamic_model(drive, Forces(gravity=WEIGHT))
+    model = dynamics.dynamic_model(closed_form, Forces(gravity=WEIGHT))
 
-    def keeps(steps: int) -> bool:
+    def satisfies(steps: int) -> bool:
         settings = Settings(steps_per_turn=steps)
-        run = driven(machine.mechanism, machine.forces, speed=speed, method="step", settings=settings)
-        return true_error(run, machine) <= part
+        run = driven(model.mechanism, model.forces, speed=speed, method="step", settings=settings)
+        return true_error(run, model) <= part
 
-    run = driven(machine.mechanism, machine.forces, speed=speed, turns=TURNS, tolerance=part)
+    run = driven(model.mechanism, model.forces, speed=speed, turns=TURNS, tolerance=part)
     assert run.tolerance_report is not None
-    least = fewest(keeps) if run.outcome == "passed" else None
-    return _row(drive, speed, part, run, true_error(run, machine), least)
+    least = fewest_steps(satisfies) if run.outcome == "passed" else None
+    return _row(closed_form, speed, part, run, true_error(run, model), least)
 
 
 def _row(
-    drive: ClosedForm, speed: float, part: float, run: Any, error: float, least: int | None
+    closed_form: ClosedForm, speed: float, part: float, run: Any, error: float, least: int | None
 ) -> dict[str, Any]:
     return {
-        "mechanism": drive.name,
+        "mechanism": closed_form.name,
         "rpm": speed / units.rpm(1.0),
         "T": part,
         "met": run.tolerance_report.satisfied,
@@ -90,14 +90,14 @@ def _row(
 def ladder() -> Iterator[dict[str, Any]]:
     """Yield torque error against processor time, steps and poses, for each mechanism of the catalogue."""
     for name in catalog.DRIVES:
-        machine = dynamics.dynamic_model(catalog.make(name), Forces(gravity=WEIGHT))
+        model = dynamics.dynamic_model(catalog.make(name), Forces(gravity=WEIGHT))
         for steps in (None, *STEPS[::2]):
             options: dict[str, Any] = {"method": "pose", "samples": 72}
             if steps is not None:
                 options = {"method": "step", "settings": Settings(steps_per_turn=steps)}
-            runs = [driven(machine.mechanism, machine.forces, speed=60.0, **options) for _ in range(TIMED)]
+            runs = [driven(model.mechanism, model.forces, speed=60.0, **options) for _ in range(TIMED)]
             exact = dynamics.prescribed(
-                machine, runs[0].motion.angle, runs[0].motion.speed, runs[0].motion.acceleration
+                model, runs[0].motion.angle, runs[0].motion.speed, runs[0].motion.acceleration
             ).forces
             gap, size = runs[0].forces.torque - exact.torque, np.sqrt(np.mean(exact.torque**2))
             yield {
@@ -106,19 +106,19 @@ def ladder() -> Iterator[dict[str, Any]]:
                 "ms a turn": 1e3 * float(np.median([run.seconds for run in runs])),
                 "torque, RMS": float(np.sqrt(np.mean(gap**2)) / size),
                 "torque, worst": float(np.abs(gap).max() / size),
-                "with reactions": true_error(runs[0], machine),
+                "with reactions": true_error(runs[0], model),
             }
 
 
 def fractions(rows: Sequence[sheet.Row]) -> Iterator[str]:
     """Yield the results of the study, a sentence a line."""
-    kept = [row for row in rows if row["met"]]
+    passed = [row for row in rows if row["met"]]
     error, ratio, price = (
-        np.array([row[key] for row in kept]) for key in ("error/T", "estimate/error", "price")
+        np.array([row[key] for row in passed]) for key in ("error/T", "estimate/error", "price")
     )
     price = price[np.isfinite(price)]
     yield (
-        f"{len(rows)} runs, {len(kept)} report that they met T; of these "
+        f"{len(rows)} runs, {len(passed)} report that they met T; of these "
         f"{100.0 * (error <= 1.0).mean():.1f} % are within T, worst {error.max():.2g} T"
     )
     yield (
@@ -147,9 +147,9 @@ def main() -> None:
         return
     rows, begin = [], time.perf_counter()
     random = np.random.default_rng(asked.seed)
-    for drive in drives(random, asked.count):
+    for closed_form in drives(random, asked.count):
         speed, part = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, PART))
-        rows.append(prescribed(drive, units.rpm(speed), part))
+        rows.append(prescribed(closed_form, units.rpm(speed), part))
     sheet.show(rows, asked.out, "torque_tolerance")
     print(*fractions(rows), f"{time.perf_counter() - begin:.0f} s", sep="\n")
 
