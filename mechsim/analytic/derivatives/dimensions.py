@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,7 @@ class GivenMechanism(Mechanism):
 
     def __post_init__(self) -> None: ...
 
-    @property
+    @cached_property
     def characteristic_length(self) -> float:
         """Its given characteristic length, in [m]."""
         return self.given_length
