@@ -25,7 +25,7 @@ STEPS = 72
 # turns timed: fewer where one takes seconds
 ROUNDS = {n: 9 if n <= 20 else 3 if n <= 100 else 1 for n in LENGTHS}
 # dense and sparse add up in another order: rounding, in units of the crank
-SAME = 1e-9
+EQUAL_TIME = 1e-9
 # from this length on a chain costs more than the overhead of a step
 LONG = 20
 JACOBIANS = {
@@ -34,23 +34,23 @@ JACOBIANS = {
 }
 
 
-def chain(drive: FourBar, n: int) -> mujoco.MjSpec:
+def chain(linkage: FourBar, n: int) -> mujoco.MjSpec:
     """Return the model of a chain of n four-bars with its crank at zero."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.gravity = (0.0, 0.0, 0.0)
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    first = drive.positions(np.zeros(1))
-    pin, frame = first["B"][0], np.array([drive.ground, 0.0, 0.0])
-    links = [_link(spec.worldbody, "crank", np.zeros(3), first["A"][0], drive.crank)]
+    first = linkage.positions(np.zeros(1))
+    pin, frame = first["B"][0], np.array([linkage.ground, 0.0, 0.0])
+    links = [_link(spec.worldbody, "crank", np.zeros(3), first["A"][0], linkage.crank)]
     for k in range(1, n + 1):
         foot, tip = k * frame, pin + (k - 1) * frame
-        rocker = _link(spec.worldbody, f"rocker{k}", foot, tip, drive.rocker)
-        rocker.add_site(name=f"B{k}", pos=(drive.rocker, 0.0, 0.0))
+        rocker = _link(spec.worldbody, f"rocker{k}", foot, tip, linkage.rocker)
+        rocker.add_site(name=f"B{k}", pos=(linkage.rocker, 0.0, 0.0))
         before = links[-1]
-        arm = drive.crank if k == 1 else drive.rocker
+        arm = linkage.crank if k == 1 else linkage.rocker
         tail = first["A"][0] if k == 1 else tip - frame
-        length = drive.coupler if k == 1 else drive.ground
+        length = linkage.coupler if k == 1 else linkage.ground
         coupler = _link(before, f"coupler{k}", np.array([arm, 0.0, 0.0]), tip - tail, length, before)
         coupler.add_site(name=f"B{k}@coupler", pos=(length, 0.0, 0.0))
         kind, of = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
@@ -62,16 +62,16 @@ def chain(drive: FourBar, n: int) -> mujoco.MjSpec:
 def _link(
     parent: mujoco.MjsBody,
     name: str,
-    place: np.ndarray,
+    position: np.ndarray,
     towards: np.ndarray,
     length: float,
     within: mujoco.MjsBody | None = None,
 ) -> mujoco.MjsBody:
-    """Add a rod of 1 kg with a hinge at a place of its parent, pointing to a place or along a vector."""
-    direction = towards - place if within is None else towards
-    angle = np.arctan2(direction[1], direction[0]) - (0.0 if within is None else _turned(within))
+    """Add a rod of 1 kg, hinged to its parent at a position, towards another position or along a vector."""
+    direction = towards - position if within is None else towards
+    angle = np.arctan2(direction[1], direction[0]) - (0.0 if within is None else _rotated(within))
     half = 0.5 * angle
-    body = parent.add_body(name=name, pos=place, quat=(np.cos(half), 0.0, 0.0, np.sin(half)))
+    body = parent.add_body(name=name, pos=position, quat=(np.cos(half), 0.0, 0.0, np.sin(half)))
     body.mass, body.ipos = 1.0, (0.5 * length, 0.0, 0.0)
     body.inertia = np.full(3, length**2 / 10.0)
     body.explicitinertial = True
@@ -79,28 +79,28 @@ def _link(
     return body
 
 
-def _turned(body: mujoco.MjsBody) -> float:
+def _rotated(body: mujoco.MjsBody) -> float:
     """Return by what angle about z a body stands turned in its parent."""
     return 2.0 * float(np.arctan2(body.quat[3], body.quat[0]))
 
 
-def measured(drive: FourBar, n: int) -> list[dict[str, Any]]:
+def measured(linkage: FourBar, n: int) -> list[dict[str, Any]]:
     """Return the costs of a chain, dense and sparse, whose results are asserted to be the same."""
-    model = chain(drive, n).compile()
+    model = chain(linkage, n).compile()
     bare = {name: Bare(model, STEPS, _using(jacobian)) for name, jacobian in JACOBIANS.items()}
     for _ in range(ROUNDS[n]):
         for item in bare.values():
             item.turn()
-    places = [item.loops.posed.site_positions(item.qpos) for item in bare.values()]
-    gap = float(np.abs(places[0] - places[1]).max()) / drive.crank
-    assert gap <= SAME, f"dense and sparse differ by {gap:.1e} cranks in a chain of {n}"
+    positions = [item.loops.posed.site_positions(item.qpos) for item in bare.values()]
+    gap = float(np.abs(positions[0] - positions[1]).max()) / linkage.crank
+    assert gap <= EQUAL_TIME, f"dense and sparse differ by {gap:.1e} cranks in a chain of {n}"
     rows = []
     for name, item in bare.items():
-        pins = drive.positions(item.qpos[:, item.loops.crank_address])["B"]
-        exact = {f"B{k}": np.add(pins, ((k - 1) * drive.ground, 0.0, 0.0)) for k in range(1, n + 1)}
+        pins = linkage.positions(item.qpos[:, item.loops.crank_address])["B"]
+        exact = {f"B{k}": np.add(pins, ((k - 1) * linkage.ground, 0.0, 0.0)) for k in range(1, n + 1)}
         row = {"N": n, "matrices": name, "freedoms": int(model.nv), "rows": item.rows()}
         row |= {"us/step": f"{item.microseconds:.3g}", "us/step/N": f"{item.microseconds / n:.3g}"}
-        rows.append(row | {"error": item.site_error(exact) / drive.crank, "dense-sparse": gap})
+        rows.append(row | {"error": item.site_error(exact) / linkage.crank, "dense-sparse": gap})
     return rows
 
 
@@ -142,9 +142,9 @@ def plot(rows: list[dict[str, Any]], out: Path) -> None:
 @mjcf.quiet()
 def main() -> None:
     out = sheet.folder(__doc__ or "")
-    drive = catalog.make("four_bar")
-    assert isinstance(drive, FourBar)
-    rows = [row for n in LENGTHS for row in measured(drive, n)]
+    linkage = catalog.make("four_bar")
+    assert isinstance(linkage, FourBar)
+    rows = [row for n in LENGTHS for row in measured(linkage, n)]
     sheet.show(rows, out, "chain_costs")
     print(*exponents(rows), sep="\n")
     if out is not None:

@@ -54,8 +54,8 @@ def errors(moved):
 
 def five_bar(period, path):
     swing = f"*sin(2*pi*t/{period:.0f})"
-    form = load(str(path), drive={"left": f"0.11{swing}", "right": f"0.13{swing}"}, duration=period)
-    return lambda settings: simulate(form, settings=settings)
+    solver = load(str(path), drive={"left": f"0.11{swing}", "right": f"0.13{swing}"}, duration=period)
+    return lambda settings: simulate(solver, settings=settings)
 
 
 @quiet()

@@ -37,7 +37,7 @@ def ladder() -> dict[str, list[Settings]]:
         base = Settings(constant_steps=constant, **options)
         return each(lambda n: replace(base, steps_per_turn=n))
 
-    def part(of_turn: float, **options: Any) -> list[Settings]:
+    def fraction(of_turn: float, **options: Any) -> list[Settings]:
         return each(lambda n: Settings(steps_per_turn=n, constant_steps=max(10.0, n * of_turn), **options))
 
     def direct(integrator: str) -> list[Settings]:
@@ -62,26 +62,26 @@ def ladder() -> dict[str, list[Settings]]:
     for constant in (7.0, 20.0, 40.0):
         table[f"RK4, {constant:.0f} steps, 1e-4"] = hard(constant, compliance=1e-4)
     for compliance in (1.0, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10):
-        table[f"RK4, turn/10, {compliance:.0e}"] = part(0.1, compliance=compliance)
+        table[f"RK4, turn/10, {compliance:.0e}"] = fraction(0.1, compliance=compliance)
     for of_turn in (0.2, 0.05, 0.025):
-        table[f"RK4, turn/{1 / of_turn:.0f}, 1e-08"] = part(of_turn)
-    table["RK4, turn/10, 1e-08, diagexact"] = part(0.1, diagexact=True)
+        table[f"RK4, turn/{1 / of_turn:.0f}, 1e-08"] = fraction(of_turn)
+    table["RK4, turn/10, 1e-08, diagexact"] = fraction(0.1, diagexact=True)
     return table
 
 
 def measured(name: str, settings: Settings) -> dict[str, Any]:
     """Return the errors and the cost of one setting."""
-    drive = catalog.make("rssr")
-    run = simulate(drive.mechanism, speed=SPEED, turns=TURNS, settings=settings)
+    linkage = catalog.make("rssr")
+    run = simulate(linkage.mechanism, speed=SPEED, turns=TURNS, settings=settings)
     row: dict[str, Any] = {"settings": name, "steps": settings.steps_per_turn, "outcome": run.outcome}
     motion = run.motion
-    exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
+    exact = linkage.solve(motion.angle, motion.speed, motion.acceleration)
     swing = motion.joints["rocker"].value - exact.joints["rocker"].value
     swing -= 2.0 * np.pi * np.round(swing / (2.0 * np.pi))
     row["angle"] = float(np.abs(swing).max()) if run.outcome != "diverged" else np.inf
     for power, kind in enumerate(("position", "velocity", "acceleration")):
         gap = getattr(motion.points["P3"], kind) - getattr(exact.points["P3"], kind)
-        worst = float(np.sqrt((gap**2).sum(1)).max()) / drive.crank / SPEED**power
+        worst = float(np.sqrt((gap**2).sum(1)).max()) / linkage.crank / SPEED**power
         row[kind] = worst if run.outcome != "diverged" else np.inf
     row["ms/turn"] = 1e3 * run.seconds / TURNS
     return row

@@ -1,12 +1,11 @@
-"""How accurate can a run get, what does it cost, and why does it stop there; and how cheap can one be.
+"""Limits of the accuracy of a run, their cost and cause, and the cheapest run within 1 %.
 
-Every catalogue mechanism, one turn at 600 rpm, against its closed form at the crank angle reached: worst
-place of a tracked point in strokes, worst joint angle in rad, worst acceleration in strokes and crank
-speed. Methods: RK4 with hard loops and more and more steps; Richardson's extrapolation of the places and
-angles of two such runs, one with twice the steps of the other; the recorded states of a coarse run with
-their loops closed; poses solved without any run. Of each method the most accurate point, and the cheapest
-that is within a factor of two of it. Fast end: the cheapest of a ladder of settings, over ten turns,
-that stays within 1 % of the stroke.
+Every catalogue mechanism, one revolution at 600 rpm, against its closed form at the crank angle reached:
+largest errors of a tracked point in strokes, of a joint angle in rad, and of an acceleration in strokes times
+the squared crank speed. Methods: RK4 with low compliance and more and more steps; Richardson's extrapolation
+of two such runs, one with twice the steps of the other; the recorded states of a coarse run with closed
+loops; configurations solved one by one. Of each method the most accurate point, and the cheapest one within a
+factor of two of it. The cheapest run: of several settings, over ten revolutions, within 1 % of the stroke.
 
 Run: python validation/choices/frontier.py [--out DIR]
 """
@@ -39,7 +38,7 @@ STEPS = (72, 144, 288, 720, 1440, 2880, 5760, 11520, 23040)
 COARSE = 72
 ORDER, ROUNDS = 4.0, 5
 # fast end: numbers of steps, turns, part of the stroke
-FEW, TURNS, PART = (6, 9, 12, 18, 24, 36, 72, 144, 360, 720), 10.0, 0.01
+FEW, TURNS, FRACTION = (6, 9, 12, 18, 24, 36, 72, 144, 360, 720), 10.0, 0.01
 COLOURS = {"RK4": "#0072b2", "Richardson": "#d55e00", "projected": "#009e73", "poses": "#cc79a7"}
 
 
@@ -79,8 +78,8 @@ def extrapolated(subject: Subject, steps: int) -> Point:
         for name, joint in exact.joints.items()
         if joint.unit == "rad" and name in fine.joints and name != "crank"
     ]
-    turn = 2.0 * np.pi
-    angle = max((worst(gap - turn * np.round(gap / turn)) for gap in gaps), default=0.0)
+    revolution = 2.0 * np.pi
+    angle = max((worst(gap - revolution * np.round(gap / revolution)) for gap in gaps), default=0.0)
     errors = {
         "position": apart("position") / subject.stroke,
         "angle": angle,
@@ -104,15 +103,15 @@ def projected(subject: Subject) -> Point:
     """Close the loops of the states that a coarse run recorded."""
     settings = Settings(steps_per_turn=COARSE)
     loops, steps = subject.built.stepped(settings)
-    qpos = loop_jacobian.close(loops, steps.states.qpos)
+    qpos = loop_jacobian.fastest(loops, steps.states.qpos)
 
     def again() -> float:
         _, steps = subject.built.stepped(settings)
         begin = time.process_time()
-        loop_jacobian.close(read_loops(subject.built.closed.model), steps.states.qpos)
+        loop_jacobian.fastest(read_loops(subject.built.closed.model), steps.states.qpos)
         return steps.processor + time.process_time() - begin
 
-    return Point("projected", COARSE, subject.errors(_at(subject, steps.states.time, qpos)), again)
+    return Point("projected", COARSE, subject.errors(_evaluated(subject, steps.states.time, qpos)), again)
 
 
 def solved(subject: Subject) -> Point:
@@ -129,10 +128,10 @@ def solved(subject: Subject) -> Point:
         poses()
         return time.process_time() - begin
 
-    return Point("poses", 0, subject.errors(_at(subject, at, poses())), again)
+    return Point("poses", 0, subject.errors(_evaluated(subject, at, poses())), again)
 
 
-def _at(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
+def _evaluated(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
     """Return the motion at closed states: rates and accelerations are those that keep the loops closed."""
     loops = read_loops(subject.built.closed.model)
     _, speed, acceleration = subject.built.profile.state(at)
@@ -141,9 +140,9 @@ def _at(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
     return evaluate(loops, subject.built.closed.track, states, "pose", crank_acceleration=acceleration)
 
 
-def frontier(drive: ClosedForm) -> list[dict[str, Any]]:
-    """Return the most accurate point of each method, and the cheapest as good."""
-    subject = subject_of(drive, SPEED)
+def frontier(linkage: ClosedForm) -> list[dict[str, Any]]:
+    """Return the most accurate point of each method, and the cheapest as accurate."""
+    subject = subject_of(linkage, SPEED)
     methods = [
         [stepped(subject, n) for n in STEPS],
         [extrapolated(subject, n) for n in STEPS[1:]],
@@ -155,17 +154,17 @@ def frontier(drive: ClosedForm) -> list[dict[str, Any]]:
         least = min(point.errors["position"] for point in method)
         chosen.append(next(point for point in method if point.errors["position"] <= 2.0 * least))
     times = np.array([[point.again() for point in chosen] for _ in range(ROUNDS)])
-    rows = [_row(drive, point, float(ms)) for point, ms in zip(chosen, np.median(times, 0), strict=True)]
-    quick = cheapest(drive, subject)
-    return [*rows, _row(drive, quick, quick.again())]
+    rows = [_row(linkage, point, float(ms)) for point, ms in zip(chosen, np.median(times, 0), strict=True)]
+    quick = cheapest(linkage, subject)
+    return [*rows, _row(linkage, quick, quick.again())]
 
 
-def cheapest(drive: ClosedForm, subject: Subject) -> Point:
+def cheapest(linkage: ClosedForm, subject: Subject) -> Point:
     """Return the cheapest run that stays within a part of the stroke over ten turns."""
     built = build_model(
-        drive.mechanism, within_range(drive.mechanism, drive.crank_range(), SPEED, TURNS), SPEED
+        linkage.mechanism, within_range(linkage.mechanism, linkage.crank_range(), SPEED, TURNS), SPEED
     )
-    good: list[tuple[float, str, Settings, dict[str, float]]] = []
+    valid: list[tuple[float, str, Settings, dict[str, float]]] = []
     for method in stepping_methods():
         if method.build != built.build:
             continue
@@ -173,20 +172,20 @@ def cheapest(drive: ClosedForm, subject: Subject) -> Point:
             settings = method.settings(steps, SPEED)
             motion, seconds = built.motion(settings)
             errors = subject.errors(motion)
-            if errors["position"] <= PART:
-                good.append((seconds, method.name, settings, errors))
+            if errors["position"] <= FRACTION:
+                valid.append((seconds, method.name, settings, errors))
                 break
-    good.sort(key=lambda item: item[0])
-    near = good[:6]
-    times = np.median([[built.stepped(item[2])[1].processor for item in near] for _ in range(ROUNDS)], 0)
+    valid.sort(key=lambda item: item[0])
+    fastest = valid[:6]
+    times = np.median([[built.stepped(item[2])[1].processor for item in fastest] for _ in range(ROUNDS)], 0)
     best = int(np.argmin(times))
-    _, name, settings, errors = near[best]
+    _, name, settings, errors = fastest[best]
     return Point(f"1 %: {name}", settings.steps_per_turn, errors, lambda: float(times[best]) / TURNS)
 
 
-def _row(drive: ClosedForm, point: Point, seconds: float) -> dict[str, Any]:
+def _row(linkage: ClosedForm, point: Point, seconds: float) -> dict[str, Any]:
     return {
-        "mechanism": drive.name,
+        "mechanism": linkage.name,
         "method": point.method,
         "steps": point.steps or "",
         "ms/turn": f"{1e3 * seconds:.2f}",
@@ -194,9 +193,9 @@ def _row(drive: ClosedForm, point: Point, seconds: float) -> dict[str, Any]:
     }
 
 
-def every(drive: ClosedForm) -> list[Point]:
+def every(linkage: ClosedForm) -> list[Point]:
     """Return all points of the two methods that have steps, for the plot."""
-    subject = subject_of(drive, SPEED)
+    subject = subject_of(linkage, SPEED)
     return [stepped(subject, n) for n in STEPS] + [extrapolated(subject, n) for n in STEPS[1:]]
 
 
@@ -231,7 +230,7 @@ def plot(rows: list[dict[str, Any]], out: Path) -> None:
         spare.axis("off")
     handles, labels = axes.flat[0].get_legend_handles_labels()
     axes.flat[-1].legend(handles, labels, loc="center")
-    figure.supxlabel("processor time of one turn [ms]")
+    figure.supxlabel("processor time of one revolution [ms]")
     figure.supylabel("worst place error [stroke]")
     figure.savefig(out / "frontier.png", dpi=110)
 

@@ -31,11 +31,11 @@ def polygons(count: int, sides: int) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     half = np.pi / (sides + 1)
-    turn = (np.cos(half), 0.0, 0.0, np.sin(half))
+    rotation = (np.cos(half), 0.0, 0.0, np.sin(half))
     for k in range(count):
         body = spec.worldbody
         for i in range(sides):
-            body = body.add_body(pos=(1.0 if i else 3.0 * k, 0.0, 0.0), quat=turn)
+            body = body.add_body(pos=(1.0 if i else 3.0 * k, 0.0, 0.0), quat=rotation)
             _weigh(body, (0.5, 0.0, 0.0))
             body.add_joint(name=f"{k}.{i}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 0.0, 1.0))
         body.add_site(name=f"{k}.end", pos=(1.0, 0.0, 0.0))
@@ -97,7 +97,7 @@ def gap(model: mujoco.MjModel) -> tuple[float, float]:
 
 
 def measured(name: str, spec: mujoco.MjSpec) -> dict[str, Any]:
-    """Return a row: the cost of a step either way, timed in turn."""
+    """Return a row: the cost of a step either way, timed in alternation."""
     model = ready(spec)
     differ, filled = gap(model)
     times: dict[str, list[float]] = {kind: [] for kind in settings.KINDS}
@@ -111,33 +111,33 @@ def measured(name: str, spec: mujoco.MjSpec) -> dict[str, Any]:
     dense, sparse = (float(np.median(times[kind])) for kind in ("dense", "sparse"))
     row = {"model": name, "freedoms": int(model.nv), "filled": f"{filled:.2f}", "differ": differ}
     row |= {"dense us": f"{dense:.0f}", "sparse us": f"{sparse:.0f}", "dense/sparse": f"{dense / sparse:.2f}"}
-    return row | {"taken": settings.faster_matrices(model)}
+    return row | {"selected": settings.faster_matrices(model)}
 
 
 def wrong() -> str:
-    """Return how often sparse matrices are wrong in random models, and what is taken there."""
+    """Return how often sparse matrices are wrong in random models, and what is selected there."""
     random = np.random.default_rng(SEED)
     result: list[tuple[float, str]] = []
     for _ in range(RANDOM):
         model = ready(tangle(random))
         result.append((gap(model)[0], settings.faster_matrices(model)))
-    bad = [(differ, taken) for differ, taken in result if differ > settings.AGREEMENT_TOLERANCE]
+    bad = [(differ, selected) for differ, selected in result if differ > settings.AGREEMENT_TOLERANCE]
     right = [differ for differ, _ in result if differ <= settings.AGREEMENT_TOLERANCE]
-    kinds = [taken for _, taken in bad]
+    kinds = [selected for _, selected in bad]
     return (
         f"MuJoCo {mujoco.__version__}, {RANDOM} random models: accelerations differ in {len(bad)}, by "
         f"{min(d for d, _ in bad):.1g} to {max(d for d, _ in bad):.2g} of the largest, in the others by "
-        f"{max(right):.1g} at most; sparse taken in {kinds.count('sparse')} of the {len(bad)} and in "
-        f"{sum(taken == 'sparse' for _, taken in result)} of all"
+        f"{max(right):.1g} at most; sparse selected in {kinds.count('sparse')} of the {len(bad)} and in "
+        f"{sum(selected == 'sparse' for _, selected in result)} of all"
     )
 
 
 @mjcf.quiet()
 def main() -> None:
     out = sheet.folder(__doc__ or "")
-    drive = catalog.make("four_bar")
-    assert isinstance(drive, FourBar)
-    rows = [measured(f"{n} four-bars", chain(drive, n)) for n in CHAINS]
+    linkage = catalog.make("four_bar")
+    assert isinstance(linkage, FourBar)
+    rows = [measured(f"{n} four-bars", chain(linkage, n)) for n in CHAINS]
     rows += [measured(f"{count} polygons of {sides}", polygons(count, sides)) for count, sides in POLYGONS]
     sheet.show(rows, out, "matrices")
     print(wrong())

@@ -1,7 +1,7 @@
-"""Stepped runs whose couplings bend: efforts off states as stepped and with loops closed, and free cranks.
+"""Stepped runs with polynomial couplings: forces from stepped states and from closed ones; free cranks.
 
-Prints the largest error beside the analytic dynamics over 20 instants, as a part of what the verdict compares
-with, by steps a turn; and that of a free crank's angle in rad.
+Prints the largest difference from the analytic dynamics over 20 instants, as a fraction of the scale of the
+verdict, by steps a turn; and that of a free crank's angle in rad.
 
 Run: python validation/choices/nonlinear_couplings.py
 """
@@ -35,7 +35,7 @@ CASES = {
     ),
     "passive joint of a five-bar": (machines.five_bar_with_cam(), ARMS, 1.0),
 }
-# what is judged -> its quantities, and which part of the scale its bound is
+# what is judged -> its quantities, and which fraction of the scale its bound is
 KINDS = {
     "drive torque": (("drive torque",), 1e-6),
     "forces": (("driver effort", "gear torque", "force", "moment"), 1e-5),
@@ -43,31 +43,31 @@ KINDS = {
 }
 
 
-def errors(machine: DynamicModel, steps: int) -> dict[str, float]:
-    """Return kind of effort -> its largest error, as a part of its scale."""
+def errors(model: DynamicModel, steps: int) -> dict[str, float]:
+    """Return kind of effort -> its largest error, as a fraction of its scale."""
     run = driven(
-        machine.mechanism,
-        machine.forces,
-        motion_laws=machine.solver.motion_laws,
+        model.mechanism,
+        model.forces,
+        motion_laws=model.solver.motion_laws,
         method="step",
         settings=Settings(steps_per_turn=steps),
         samples=20,
     )
-    checks = crosscheck_driven(run, machine).checks
+    checks = crosscheck_driven(run, model).checks
     return {
-        what: max(part * check.worst / check.tolerance for check in checks if check.kind in kinds)
-        for what, (kinds, part) in KINDS.items()
+        what: max(component * check.worst / check.tolerance for check in checks if check.kind in kinds)
+        for what, (kinds, component) in KINDS.items()
     }
 
 
 def running_free(steps: int) -> float:
     """Return the largest error of a free crank's angle in [rad], of a four-bar whose rocker bends a slide."""
-    machine = dynamics.dynamic_model(machines.nonlinear_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
-    name, duration = machine.mechanism.crank.name, 0.08
-    exact = dynamics.free_run(machine, speed=40.0, duration=duration, samples=41)
+    model = dynamics.dynamic_model(machines.nonlinear_rocker(), Forces(gravity=(0.3, -9.81, 0.0)))
+    name, duration = model.mechanism.crank.name, 0.08
+    exact = dynamics.free_run(model, speed=40.0, duration=duration, samples=41)
     substeps = max(1, round(steps * 40.0 * duration / (2.0 * np.pi) / 40))
     start = {name: float(exact.angle[0])}, {name: 40.0}
-    run = stepped_run(machine.mechanism, machine.forces, *start, exact.time, substeps)
+    run = stepped_run(model.mechanism, model.forces, *start, exact.time, substeps)
     return float(np.abs(run.motion.angle - exact.angle).max())
 
 
@@ -77,12 +77,12 @@ def main() -> None:
     print(f"{'angle of a free crank':56s}" + "".join(f"{running_free(steps):12.1e}" for steps in FREE_STEPS))
     print(f"{'':30s}{'':16s}" + "".join(f"{steps:>12,}" for steps in STEPS))
     for name, (mechanism, states, duration) in CASES.items():
-        form = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, duration))
-        machine = dynamics.dynamic_model(form, Forces(gravity=(0.0, -9.81, 0.0)))
+        solver = LoopForm(mechanism, motion_laws=make_motion_laws(mechanism, states, duration))
+        model = dynamics.dynamic_model(solver, Forces(gravity=(0.0, -9.81, 0.0)))
         stepped = mock.patch.object(inverse_dynamics, "_straightened", lambda _, states: states)
-        closed = {steps: errors(machine, steps) for steps in STEPS}
+        closed = {steps: errors(model, steps) for steps in STEPS}
         with stepped:
-            open_ = {steps: errors(machine, steps) for steps in STEPS}
+            open_ = {steps: errors(model, steps) for steps in STEPS}
         for route, result in (("closed", closed), ("as stepped", open_)):
             for what in KINDS:
                 row = "".join(f"{result[steps][what]:12.1e}" for steps in STEPS)

@@ -11,10 +11,10 @@ from mechsim.analytic.catalog.formulas import SELECTORS
 from mechsim.errors import MechsimError
 
 # sizes vary by this factor up and down, angles by this many radians
-FACTOR, TURN = 1.25, 0.25
+FACTOR, REVOLUTION = 1.25, 0.25
 # what is not dimension but kind
 KEPT = (*SELECTORS, "gear_ratio")
-# a sound drive keeps its transmission angle above this, in [rad]
+# a sound linkage keeps its transmission angle above this, in [rad]
 SOUND = np.deg2rad(20.0)
 
 
@@ -29,10 +29,10 @@ def sound(name: str, random: np.random.Generator) -> ClosedForm:
     """Return one mechanism of a kind, drawn until it turns fully and its transmission is sound."""
     while True:
         try:
-            drive = catalog.make(name, **_values(name, random))
+            linkage = catalog.make(name, **_values(name, random))
             angles = np.linspace(0.0, 2.0 * np.pi, 181)
-            if drive.crank_range().full and drive.transmission_angle(angles).min() > SOUND:
-                return drive
+            if linkage.crank_range().full and linkage.transmission_angle(angles).min() > SOUND:
+                return linkage
         except MechsimError:
             continue
 
@@ -44,7 +44,7 @@ def _values(name: str, random: np.random.Generator) -> dict[str, Any]:
             continue
         default = np.asarray(field.default, dtype=np.float64)
         if field.metadata["unit"] == "rad":
-            changed = default + random.uniform(-TURN, TURN, default.shape)
+            changed = default + random.uniform(-REVOLUTION, REVOLUTION, default.shape)
         else:
             changed = default * FACTOR ** random.uniform(-1.0, 1.0, default.shape)
         values[parameter] = changed.item() if changed.ndim == 0 else tuple(changed.tolist())

@@ -31,13 +31,13 @@ from mechsim.studies.reduction.search import reduce_scene
 from mechsim.studies.scene.scene import UserScene
 
 Array = NDArray[np.float64]
-PART, FASTER = 1e-4, 2.0
-# the motion from outside: how far it goes, and by how much its pace differs within it
+FRACTION, FASTER = 1e-4, 2.0
+# the motion from outside: its largest displacement, and how much its speed varies
 REACH, UNEVEN = 0.75, 0.2
 
 
 def outside(scene: UserScene, spec: mujoco.MjSpec, text: str) -> float:
-    """Return how far a reduced scene is from the full one over a third motion, in [m]."""
+    """Return the distance of a reduced scene from the full one over a third motion, in [m]."""
     evaluator = ReducedSceneEvaluator.from_scene(other_motion(scene, REACH, UNEVEN), spec)
     moved, named, tracked = evaluator.motion, evaluator.named, dict(evaluator.tracked)
     if scene.joint_laws:
@@ -45,10 +45,10 @@ def outside(scene: UserScene, spec: mujoco.MjSpec, text: str) -> float:
         return evaluator.errors(tilt, compare_forces=False).trajectory
     tilt = mujoco.MjModel.from_xml_string(text)
     step_ratio = round(float(tilt.opt.timestep / named.opt.timestep))
-    far, near = (_looped(moved, model, tracked) for model in (named, tilt))
-    far = far[:: max(1, step_ratio)]
-    count = min(len(far), len(near))
-    return float(np.linalg.norm(far[:count] - near[:count], axis=2).max())
+    full, reduced = (_looped(moved, model, tracked) for model in (named, tilt))
+    full = full[:: max(1, step_ratio)]
+    count = min(len(full), len(reduced))
+    return float(np.linalg.norm(full[:count] - reduced[:count], axis=2).max())
 
 
 def _looped(scene: UserScene, model: mujoco.MjModel, tracked: dict[str, tuple[str, Array]]) -> Array:
@@ -58,8 +58,8 @@ def _looped(scene: UserScene, model: mujoco.MjModel, tracked: dict[str, tuple[st
         for name, state in scene.ctrl.items():
             data.actuator(name).ctrl[0] = state(np.array([data.time]))[0][0]
         mujoco.mj_kinematics(model, data)
-        bodies = [(data.body(body), place) for body, place in tracked.values()]
-        result.append([body.xpos + body.xmat.reshape(3, 3) @ place for body, place in bodies])
+        bodies = [(data.body(body), position) for body, position in tracked.values()]
+        result.append([body.xpos + body.xmat.reshape(3, 3) @ position for body, position in bodies])
         mujoco.mj_step(model, data)
     return np.array(result)
 
@@ -67,13 +67,13 @@ def _looped(scene: UserScene, model: mujoco.MjModel, tracked: dict[str, tuple[st
 def row(name: str, case: Case, folder: Path) -> dict[str, object]:
     """Return what came of a scene."""
     scene, began = case.scene(folder), process_time()
-    bound, spec = PART * scene.characteristic_length, parse_file(scene.path)[0]
-    result = reduce_scene(scene, spec, bound, keep=case.keep)
+    limit, spec = FRACTION * scene.characteristic_length, parse_file(scene.path)[0]
+    result = reduce_scene(scene, spec, limit, keep=case.keep)
     first, second = result.errors
     third = outside(scene, spec, result.text)
     return {
         "scene": name,
-        "T": bound,
+        "T": limit,
         "error": first.trajectory,
         "second": second.trajectory,
         "outside": third,
@@ -83,7 +83,7 @@ def row(name: str, case: Case, folder: Path) -> dict[str, object]:
         "faster": f"{result.speedup:.2f}",
         "s": f"{process_time() - began:.0f}",
         "left out": "; ".join(item.candidate.what for item in result.left_out),
-        "kept": "yes" if result.kept(bound) and third <= bound else "NO",
+        "kept": "yes" if result.kept(limit) and third <= limit else "NO",
     }
 
 
@@ -94,16 +94,16 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--only", default="")
-    asked = parser.parse_args()
-    only, rows = {name for name in asked.only.split(",") if name}, list[dict[str, object]]()
-    with tempfile.TemporaryDirectory() as place:
-        for name, case, folder in prepared(asked.folder, Path(place)):
+    options = parser.parse_args()
+    only, rows = {name for name in options.only.split(",") if name}, list[dict[str, object]]()
+    with tempfile.TemporaryDirectory() as path:
+        for name, case, folder in prepared(options.folder, Path(path)):
             if not only or name in only:
                 rows.append(row(name, case, folder))
                 print({key: value for key, value in rows[-1].items() if key != "left out"}, flush=True)
-    if asked.out is not None:
-        asked.out.mkdir(parents=True, exist_ok=True)
-    sheet.show(rows, asked.out, "reduced_scenes")
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+    sheet.show(rows, options.out, "reduced_scenes")
     return int(any(item["kept"] == "NO" or float(str(item["faster"])) < FASTER for item in rows))
 
 

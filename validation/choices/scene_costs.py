@@ -1,7 +1,7 @@
 """What each thing in a scene costs: levels of a scene, equivalent reductions, things left on by mistake.
 
-One turn at 600 rpm, 720 steps, RK4 with hard loops; the worst place error of any tracked point against
-the closed form, in units of the crank. Processor time of a step, the median of interleaved turns.
+One turn at 600 rpm, 720 steps, RK4 with hard loops; the worst position error of any tracked point against
+the closed solver, in units of the crank. Processor time of a step, the median of interleaved turns.
 A step recorded is time, coordinates and rates.
 
 What can be turned on or off in any scene is measured by the product (`mechsim tradeoff FILE.xml --costs`),
@@ -55,9 +55,9 @@ def with_contacts(model: mujoco.MjModel) -> None:
     model.opt.iterations, model.opt.tolerance = 100, 1e-8
 
 
-def colliding(drive: ClosedForm) -> mujoco.MjSpec:
+def colliding(linkage: ClosedForm) -> mujoco.MjSpec:
     """Return a picture whose geoms were left as MuJoCo has them: they collide."""
-    spec = spec_of(drive, "picture")
+    spec = spec_of(linkage, "picture")
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 1
     return spec
@@ -74,20 +74,20 @@ def quick_rod(model: mujoco.MjModel) -> None:
     model.eq_solref[:] = 2.0 * model.opt.timestep, 1.0
 
 
-def spec_of(drive: ClosedForm, level: str = "motion") -> mujoco.MjSpec:
-    return assembled(drive.mechanism, Scene(level=level))
+def spec_of(linkage: ClosedForm, level: str = "motion") -> mujoco.MjSpec:
+    return assembled(linkage.mechanism, Scene(level=level))
 
 
-def sensed(drive: ClosedForm) -> mujoco.MjSpec:
+def sensed(linkage: ClosedForm) -> mujoco.MjSpec:
     """Return a model with the sensors of a recorded motion."""
-    spec = spec_of(drive)
-    add_sensors(spec, tuple(drive.mechanism.points))
+    spec = spec_of(linkage)
+    add_sensors(spec, tuple(linkage.mechanism.points))
     return spec
 
 
-def rod_only(drive: ClosedForm, ends: tuple[str, str]) -> mujoco.MjSpec:
+def rod_only(linkage: ClosedForm, ends: tuple[str, str]) -> mujoco.MjSpec:
     """Return a model whose coupler is no body, only a length kept between two points of its neighbours."""
-    spec = spec_of(drive)
+    spec = spec_of(linkage)
     for equality in list(spec.equalities):
         spec.delete(equality)
     spec.delete(spec.body("coupler"))
@@ -99,62 +99,62 @@ def rod_only(drive: ClosedForm, ends: tuple[str, str]) -> mujoco.MjSpec:
     return spec
 
 
-def doubly_closed(drive: ClosedForm) -> mujoco.MjSpec:
+def doubly_closed(linkage: ClosedForm) -> mujoco.MjSpec:
     """Return a planar model closed as in space: by a second point along the axis of the cut joint."""
-    spec = spec_of(drive)
+    spec = spec_of(linkage)
     names = []
     for site in list(spec.sites):
         if "@" in site.name:
-            place = np.add(site.pos, (0.0, 0.0, drive.mechanism.characteristic_length))
-            names.append(site.parent.add_site(name=f"{site.name}+", pos=place).name)
+            position = np.add(site.pos, (0.0, 0.0, linkage.mechanism.characteristic_length))
+            names.append(site.parent.add_site(name=f"{site.name}+", pos=position).name)
     kind, of = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
     spec.add_equality(name="second", type=kind, objtype=of, name1=names[0], name2=names[1])
     return spec
 
 
-def cases(drive: ClosedForm, ends: tuple[str, str]) -> dict[str, tuple[mujoco.MjSpec, Change | None]]:
+def cases(linkage: ClosedForm, ends: tuple[str, str]) -> dict[str, tuple[mujoco.MjSpec, Change | None]]:
     """Return what is compared on a mechanism: name -> specification and a change after the settings."""
     result: dict[str, tuple[mujoco.MjSpec, Change | None]] = {
-        f"level {level}": (spec_of(drive, level), None) for level in LEVELS
+        f"level {level}": (spec_of(linkage, level), None) for level in LEVELS
     }
-    result["motion, sensors on"] = sensed(drive), sensors_on
-    result["motion, energy on"] = spec_of(drive), energy_on
-    result["picture, contacts left on"] = spec_of(drive, "picture"), contacts_on
-    result["picture, geoms collide"] = colliding(drive), with_contacts
-    result["rod as a length"] = rod_only(drive, ends), hard_rod
-    result["rod as a length, 2 steps"] = rod_only(drive, ends), quick_rod
-    if drive.name == "four_bar":
-        result["closed as in space"] = doubly_closed(drive), None
-    for name, variant in drive.variants().items():
+    result["motion, sensors on"] = sensed(linkage), sensors_on
+    result["motion, energy on"] = spec_of(linkage), energy_on
+    result["picture, contacts left on"] = spec_of(linkage, "picture"), contacts_on
+    result["picture, geoms collide"] = colliding(linkage), with_contacts
+    result["rod as a length"] = rod_only(linkage, ends), hard_rod
+    result["rod as a length, 2 steps"] = rod_only(linkage, ends), quick_rod
+    if linkage.name == "four_bar":
+        result["closed as in space"] = doubly_closed(linkage), None
+    for name, variant in linkage.variants().items():
         result[f"variant {name}"] = spec_of(variant), None
     return result
 
 
-def measured(drive: ClosedForm, ends: tuple[str, str]) -> list[dict[str, Any]]:
+def measured(linkage: ClosedForm, ends: tuple[str, str]) -> list[dict[str, Any]]:
     """Return a row for each case of a mechanism, timed in turn."""
-    whole = mjcf.compiled(spec_of(drive))
+    whole = mjcf.compiled(spec_of(linkage))
     bare: dict[str, Bare] = {}
-    for name, (spec, change) in cases(drive, ends).items():
+    for name, (spec, change) in cases(linkage, ends).items():
         like = whole if name.startswith("rod") else None
         bare[name] = Bare(mjcf.compiled(spec), STEPS, change or (lambda _: None), like)
     for _ in range(ROUNDS):
         for item in bare.values():
             item.turn()
-    return [_row(drive, name, item, bare["level motion"].microseconds) for name, item in bare.items()]
+    return [_row(linkage, name, item, bare["level motion"].microseconds) for name, item in bare.items()]
 
 
-def _row(drive: ClosedForm, name: str, bare: Bare, usual: float) -> dict[str, Any]:
+def _row(linkage: ClosedForm, name: str, bare: Bare, usual: float) -> dict[str, Any]:
     model = bare.loops.model
-    exact = drive.positions(bare.qpos[:, bare.loops.crank_address])
+    exact = linkage.positions(bare.qpos[:, bare.loops.crank_address])
     return {
-        "mechanism": drive.name,
+        "mechanism": linkage.name,
         "scene": name,
         "freedoms": int(model.nv),
         "rows": bare.rows(),
         "us/step": f"{bare.microseconds:.1f}",
         "of motion": f"{bare.microseconds / usual:.2f}",
         "bytes/step": 8 * (1 + int(model.nq) + int(model.nv)),
-        "error": bare.site_error(exact) / drive.crank,
+        "error": bare.site_error(exact) / linkage.crank,
     }
 
 
@@ -162,13 +162,13 @@ def turned_on_and_off(name: str, folder: str) -> list[dict[str, Any]]:
     """Return what each thing that can be turned on or off costs in an exported model."""
     path = Path(folder) / f"{name}.xml"
     path.write_text(mjcf.to_xml(assembled(catalog.make(name).mechanism, Scene(level="motion"))))
-    form = load(str(path), drive={"crank": "600rpm"})
+    solver = load(str(path), drive={"crank": "600rpm"})
     scene = scene_of(
-        form.source,
-        form.mechanism,
-        joint_laws=dict(form.motion_laws.by_name),
+        solver.source,
+        solver.mechanism,
+        joint_laws=dict(solver.motion_laws.by_name),
         duration=0.1,
-        points=form.mechanism.points,
+        points=solver.mechanism.points,
     )
     return [{"mechanism": name} | asdict(item) for item in scene_costs(scene, parse_file(str(path))[0])]
 

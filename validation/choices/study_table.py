@@ -22,9 +22,9 @@ def folder(purpose: str) -> Path | None:
 def show(rows: Sequence[Row], out: Path | None, name: str) -> None:
     """Print rows as a table, floats with two digits; write them to a CSV file where a folder is given."""
     columns = list(rows[0])
-    cells = [[_text(row[column]) for column in columns] for row in rows]
-    widths = [max(len(column), *(len(line[i]) for line in cells)) for i, column in enumerate(columns)]
-    for line in [columns, *cells]:
+    entries = [[_text(row[column]) for column in columns] for row in rows]
+    widths = [max(len(column), *(len(line[i]) for line in entries)) for i, column in enumerate(columns)]
+    for line in [columns, *entries]:
         print("  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip())
     if out is not None:
         with (out / f"{name}.csv").open("w", newline="") as file:

@@ -28,7 +28,7 @@ from mechsim.studies.tradeoff.methods import STEPS, BuiltModel, build_model, ste
 from mechsim.studies.tradeoff.subject import Subject, subject_of
 
 TURNS = 10.0
-RPM, PART = (1.0, 20_000.0), (1e-3, 1e-8)
+RPM, FRACTION = (1.0, 20_000.0), (1e-3, 1e-8)
 # families that hold the fronts of `mechsim tradeoff` over the catalogue
 LADDER = (
     "RK4, turn/10, 1e-08",
@@ -57,7 +57,7 @@ def counted() -> Iterator[list[float]]:
         yield times
 
 
-def keeping(subject: Subject, built: BuiltModel, part: float) -> list[Settings]:
+def keeping(subject: Subject, built: BuiltModel, fraction: float) -> list[Settings]:
     """Return of each method the settings with the fewest steps that keep an error, in strokes.
 
     What takes twice the time of another, and more, is left out.
@@ -71,25 +71,25 @@ def keeping(subject: Subject, built: BuiltModel, part: float) -> list[Settings]:
             motion, seconds = built.motion(settings)
             if seconds > 2.0 * min((time for time, _ in result), default=np.inf):
                 break
-            if subject.errors(motion)["position"] <= part:
+            if subject.errors(motion)["position"] <= fraction:
                 result.append((seconds, settings))
                 break
     best = min(time for time, _ in result)
     return [settings for time, settings in result if time <= 2.0 * best]
 
 
-def crank_length(drive: ClosedForm) -> float:
+def crank_length(linkage: ClosedForm) -> float:
     """Return the length of the crank in [m]; for a Bennett linkage that of its frame."""
-    return next(getattr(drive, name) for name in ("crank", "crank1", "length0") if hasattr(drive, name))
+    return next(getattr(linkage, name) for name in ("crank", "crank1", "length0") if hasattr(linkage, name))
 
 
-def measured(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
+def measured(linkage: ClosedForm, speed: float, fraction: float) -> dict[str, Any]:
     """Return one run's error, estimate and price; lengths in units of the tolerance."""
-    subject = subject_of(drive, speed)
-    tolerance = part * crank_length(drive)
-    run = simulation.simulate(drive.mechanism, speed=speed, turns=TURNS, tolerance=tolerance)
+    subject = subject_of(linkage, speed)
+    tolerance = fraction * crank_length(linkage)
+    run = simulation.simulate(linkage.mechanism, speed=speed, turns=TURNS, tolerance=tolerance)
     true = subject.errors(run.motion)["position"] * subject.stroke
-    built = build_model(drive.mechanism, constant(speed, TURNS, float(run.motion.angle[0])), speed)
+    built = build_model(linkage.mechanism, constant(speed, TURNS, float(run.motion.angle[0])), speed)
     ladder_times: dict[Settings, list[float]] = {
         settings: [] for settings in keeping(subject, built, tolerance / subject.stroke)
     }
@@ -97,15 +97,15 @@ def measured(drive: ClosedForm, speed: float, part: float) -> dict[str, Any]:
     # in turn, so that a slow minute of the machine falls on all
     for _ in range(TIMED):
         with counted() as times:
-            simulation.simulate(drive.mechanism, speed=speed, turns=TURNS, tolerance=tolerance)
+            simulation.simulate(linkage.mechanism, speed=speed, turns=TURNS, tolerance=tolerance)
         own_times.append(sum(times))
-        for settings, taken in ladder_times.items():
-            taken.append(built.stepped(settings)[1].processor)
-    cost, cheap = np.median(own_times), min(np.median(taken) for taken in ladder_times.values())
+        for settings, step_times in ladder_times.items():
+            step_times.append(built.stepped(settings)[1].processor)
+    cost, cheap = np.median(own_times), min(np.median(step_times) for step_times in ladder_times.values())
     return {
-        "mechanism": drive.name,
+        "mechanism": linkage.name,
         "rpm": speed / units.rpm(1.0),
-        "T/crank": part,
+        "T/crank": fraction,
         "outcome": run.outcome,
         "error/T": true / tolerance,
         "estimate/error": run.estimate / true,
@@ -120,9 +120,9 @@ def fractions(rows: Sequence[sheet.Row]) -> list[str]:
     error, ratio, cost = (
         np.array([row[key] for row in rows]) for key in ("error/T", "estimate/error", "cost/cheapest")
     )
-    met = sum(row["outcome"] == "passed" for row in rows)
+    satisfied = sum(row["outcome"] == "passed" for row in rows)
     return [
-        f"runs: {len(rows)}, of which {met} say they met T",
+        f"runs: {len(rows)}, of which {satisfied} say they satisfied T",
         f"true error within T: {100.0 * (error <= 1.0).mean():.1f} % (asked: 99); "
         f"worst {error.max():.2g} T (asked: 3)",
         f"estimate over true error: median {np.median(ratio):.3g}, {ratio.min():.3g} to {ratio.max():.3g} "
@@ -146,10 +146,10 @@ def plot(rows: Sequence[sheet.Row], out: Path) -> None:
         mine = [row for row in rows if row["mechanism"] == name]
         for axis, key in zip(axes, ("error/T", "cost/cheapest"), strict=True):
             axis.loglog([row["T/crank"] for row in mine], [row[key] for row in mine], "o", ms=3.5, label=name)
-    for axis, bound, what in zip(
+    for axis, limit, what in zip(
         axes, (1.0, 1.5), ("true error / T", "cost, trials included / cheapest of the ladder"), strict=True
     ):
-        axis.axhline(bound, color="#b00020", lw=1.0, ls="--")
+        axis.axhline(limit, color="#b00020", lw=1.0, ls="--")
         axis.set(xlabel="T / crank length", ylabel=what)
         axis.grid(alpha=0.3)
     axes[1].legend(fontsize=8)
@@ -165,9 +165,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="folder for the table as CSV and the plot as PNG")
     asked = parser.parse_args()
     random, rows = np.random.default_rng(asked.seed), []
-    for drive in drives(random, asked.count, asked.only):
-        speed, part = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, PART))
-        rows.append(measured(drive, units.rpm(speed), part))
+    for linkage in drives(random, asked.count, asked.only):
+        speed, fraction = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, FRACTION))
+        rows.append(measured(linkage, units.rpm(speed), fraction))
     if asked.out is not None:
         asked.out.mkdir(parents=True, exist_ok=True)
         plot(rows, asked.out)

@@ -33,7 +33,7 @@ from mechsim.simulation.result import Driven
 from mechsim.studies.dynamics_check import crosscheck_driven
 
 TURNS = 10.0
-RPM, PART = (1.0, 20_000.0), (1e-2, 1e-8)
+RPM, FRACTION = (1.0, 20_000.0), (1e-2, 1e-8)
 STEPS = (48, 72, 96, 144, 192, 288, 384, 576, 768, 1152, 1536, 2304, 3072, 4608, 6144, 9216)
 WEIGHT = (0.3, -9.81, 0.5)
 TIMED = 5
@@ -47,7 +47,7 @@ def true_error(run: Driven, model: DynamicModel) -> float:
 
 
 def _scale(reason: str) -> float:
-    """Return what a check's relative bound was a part of: '1e-06 of 0.0123 N; ...'."""
+    """Return what a check's relative bound was a fraction of: '1e-06 of 0.0123 N; ...'."""
     return float(reason.split(" of ")[1].split()[0])
 
 
@@ -56,30 +56,30 @@ def fewest_steps(satisfies: Callable[[int], bool]) -> int | None:
     return next((steps for steps in STEPS if satisfies(steps)), None)
 
 
-def prescribed(closed_form: ClosedForm, speed: float, part: float) -> dict[str, Any]:
+def prescribed(closed_form: ClosedForm, speed: float, fraction: float) -> dict[str, Any]:
     """Return one prescribed run's error, estimate and price."""
     model = dynamics.dynamic_model(closed_form, Forces(gravity=WEIGHT))
 
     def satisfies(steps: int) -> bool:
         settings = Settings(steps_per_turn=steps)
         run = driven(model.mechanism, model.forces, speed=speed, method="step", settings=settings)
-        return true_error(run, model) <= part
+        return true_error(run, model) <= fraction
 
-    run = driven(model.mechanism, model.forces, speed=speed, turns=TURNS, tolerance=part)
+    run = driven(model.mechanism, model.forces, speed=speed, turns=TURNS, tolerance=fraction)
     assert run.tolerance_report is not None
     least = fewest_steps(satisfies) if run.outcome == "passed" else None
-    return _row(closed_form, speed, part, run, true_error(run, model), least)
+    return _row(closed_form, speed, fraction, run, true_error(run, model), least)
 
 
 def _row(
-    closed_form: ClosedForm, speed: float, part: float, run: Any, error: float, least: int | None
+    closed_form: ClosedForm, speed: float, fraction: float, run: Any, error: float, least: int | None
 ) -> dict[str, Any]:
     return {
         "mechanism": closed_form.name,
         "rpm": speed / units.rpm(1.0),
-        "T": part,
+        "T": fraction,
         "met": run.tolerance_report.satisfied,
-        "error/T": error / part,
+        "error/T": error / fraction,
         "estimate/error": run.tolerance_report.estimate / error,
         "order": float(run.tolerance_report.order),
         "steps a turn": run.settings.steps_per_turn,
@@ -148,8 +148,8 @@ def main() -> None:
     rows, begin = [], time.perf_counter()
     random = np.random.default_rng(asked.seed)
     for closed_form in drives(random, asked.count):
-        speed, part = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, PART))
-        rows.append(prescribed(closed_form, units.rpm(speed), part))
+        speed, fraction = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, FRACTION))
+        rows.append(prescribed(closed_form, units.rpm(speed), fraction))
     sheet.show(rows, asked.out, "torque_tolerance")
     print(*fractions(rows), f"{time.perf_counter() - begin:.0f} s", sep="\n")
 

@@ -4,7 +4,7 @@ Problem: a linter is of use only if it takes every model that MuJoCo takes, says
 The table states errors, warnings and notes of each model of `models.txt`, seconds of `check` without its
 imports, and the exit codes of the four commands (70 is a fault of mechsim, -1 takes more than a minute of
 processor time).
-`judge_findings.py` tries whether the findings are true.
+`confirm_findings.py` tries whether the findings are true.
 
     python validation/public_models/check_table.py FOLDER [--findings] [--only WORD]
 

@@ -4,7 +4,7 @@ Problem: `ms.sample` draws configurations of each model of `models.txt` in FOLDE
 maximal coordinates (`robustness/mjcf_closure_oracle.py`), which shares no equation with mechsim, is
 solved by least squares at the same driver positions from a start that is 1e-3 off. "apart" is the largest
 distance of a body's origin over the size, or difference of a rotation matrix, among bodies that the loops and
-drivers determine; "left" is what the reference itself leaves, in the same units.
+drivers determine; "remaining" is what the reference itself leaves, in the same units.
 
 "inverse": a body's coordinates are prescribed over time (`ms.load(model, drive={"body.x": ...})`), as many as
 the model has drivers; the closure apart at the resulting driver positions must have the body there.
@@ -53,7 +53,7 @@ def determined(closure, x):
     return np.abs(loose).max(0, initial=0.0).reshape(-1, 7).max(-1) < MOVED
 
 
-class HeldClosure(Closure):
+class FixedClosure(Closure):
     """A closure whose coordinates at some addresses of qpos have prescribed values."""
 
     def __init__(self, model, size, qpos, addresses):
@@ -65,7 +65,7 @@ class HeldClosure(Closure):
         return np.concatenate([super().residual(x, t), coordinates[..., self.addresses] - self.values], -1)
 
 
-def held_addresses(model, path):
+def fixed_addresses(model, path):
     """Return the addresses in qpos of drivers and free joints."""
     free = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
     return np.concatenate([path.addresses, (free[:, None] + np.arange(7)).ravel()]).astype(int)
@@ -73,7 +73,7 @@ def held_addresses(model, path):
 
 def solved_apart(model, path, qpos, random):
     """Return the closure at the driver positions of qpos, from another start: itself and its unknowns."""
-    closure = HeldClosure(model, path.loops.characteristic_length, qpos, held_addresses(model, path))
+    closure = FixedClosure(model, path.loops.characteristic_length, qpos, fixed_addresses(model, path))
     start = closure.initial(qpos)
     x = closure.solve(start + OFF * random.normal(size=len(start)) * np.abs(start).max(), 0.0)
     return closure, x
@@ -81,7 +81,7 @@ def solved_apart(model, path, qpos, random):
 
 def worst_apart(model, path, states, random):
     """Return the largest differences from the closure solved apart, and its own residual."""
-    worst, left = np.nan, 0.0
+    worst, remaining = np.nan, 0.0
     for qpos in states:
         closure, x = solved_apart(model, path, qpos, random)
         (position, rotation), (own, own_rotation) = (
@@ -92,8 +92,8 @@ def worst_apart(model, path, states, random):
         if fixed.any():
             worst = np.nanmax([worst, np.abs(position - own)[fixed].max()])
             worst = np.nanmax([worst, np.abs(rotation - own_rotation)[fixed].max()])
-        left = max(left, float(np.abs(closure.residual(x, 0.0)).max()))
-    return worst, left
+        remaining = max(remaining, float(np.abs(closure.residual(x, 0.0)).max()))
+    return worst, remaining
 
 
 def coordinates(model, path):
@@ -217,7 +217,7 @@ def compared(file):
     path, random = straight_path(model, None), np.random.default_rng(1)
     names = [model.joint(int(model.dof_jntid[dof])).name for dof in path.drivers]
     states = ms.sample(model, STATES).qpos
-    apart, left = worst_apart(model, path, states, random)
+    apart, remaining = worst_apart(model, path, states, random)
     prescribed = jacobian = np.nan
     if all(names):
         try:
@@ -225,13 +225,13 @@ def compared(file):
             jacobian = worst_jacobian(model, path, names, states)
         except MechsimError as error:
             print(f"      jacobian: {str(error)[:150]}")
-    return apart, left, prescribed, jacobian
+    return apart, remaining, prescribed, jacobian
 
 
 def main(folder, word):
     """Print the table and return whether all bounds hold."""
     rows = []
-    print("   apart     left  inverse jacobian  model")
+    print("   apart     remaining  inverse jacobian  model")
     for line in LISTED.read_text().splitlines():
         path = Path(folder) / line
         if line.startswith("#") or word not in line or not path.exists():
@@ -252,9 +252,9 @@ def main(folder, word):
     print(f"{rounded.sum()} models with rounded redundant constraints, apart by {differ:.1e}")
     table = table[~rounded]
     # nothing compared is no success
-    apart, left, prescribed, jacobian = np.where(np.isnan(table), 0.0, table).max(0, initial=0.0)
+    apart, remaining, prescribed, jacobian = np.where(np.isnan(table), 0.0, table).max(0, initial=0.0)
     count = np.sum(~np.isnan(table), axis=0)
-    print(f"{apart:8.1e} {left:8.1e} {prescribed:8.1e} {jacobian:8.1e}  worst of {count} models")
+    print(f"{apart:8.1e} {remaining:8.1e} {prescribed:8.1e} {jacobian:8.1e}  worst of {count} models")
     enough = count[0] >= MODELS or bool(word)
     return enough and apart <= CLOSED and prescribed <= CLOSED and jacobian <= JACOBIAN
 

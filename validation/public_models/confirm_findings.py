@@ -1,4 +1,4 @@
-"""Errors and warnings of `mechsim check` on public models, judged by MuJoCo alone.
+"""Errors and warnings of `mechsim check` on public models, checked by MuJoCo alone.
 
 Problem: are the findings of a linter true? Each rule states something that MuJoCo itself can show: the
 residual of an equality, contacts at the start, the rank of the equality rows, the force of an actuator. This
@@ -6,10 +6,10 @@ script computes it from the compiled model, without mechsim's readers and equati
 of the message. A predicted gap of a loop (MS110) is compared with the gap while MuJoCo steps the scene,
 within a factor of two (`robustness/scene_findings.py` says how the scene is driven).
 
-    python validation/public_models/judge_findings.py FOLDER [WORD] [--steps]
+    python validation/public_models/confirm_findings.py FOLDER [WORD] [--steps]
 
-FOLDER holds clones of the repositories of `models.txt`. MS110 is judged with --steps only. Prints what is not
-confirmed, and exits with 1 if that is more than 1 % of the judged findings.
+FOLDER holds clones of the repositories of `models.txt`. MS110 is checked with --steps only. Prints what is not
+confirmed, and exits with 1 if that is more than 1 % of the checked findings.
 """
 
 import re
@@ -34,7 +34,7 @@ LISTED = Path(__file__).with_name("models.txt")
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 # relative difference between a number of a message, which has three digits, and MuJoCo's
 DIGITS = 0.05
-# singular values below this fraction of the largest are zero for rounded dimensions
+# singular values below this component of the largest are zero for rounded dimensions
 RANK = 1e-5
 # number of configurations, and their random displacement in [rad] or [m] where none is closed
 STATES, NUDGE = 5, 0.05
@@ -57,7 +57,7 @@ def evaluated(model, qpos):
     return data
 
 
-def near(value, expected):
+def close(value, expected):
     return abs(value - expected) <= DIGITS * abs(expected) + 1e-12
 
 
@@ -100,12 +100,12 @@ def gap(model, finding):
         rows = data.efc_type == EQUALITY
         for number in np.unique(data.efc_id[rows]):
             residual = data.efc_pos[rows][data.efc_id[rows] == number]
-            parts = (residual[:3], residual[3:], residual)
-            if any(near(float(np.linalg.norm(part)), finding.value) for part in parts):
+            components = (residual[:3], residual[3:], residual)
+            if any(close(float(np.linalg.norm(component)), finding.value) for component in components):
                 return True
             # rotations of a weld, scaled by torquescale
             scale = model.eq_data[number, 10] or 1.0
-            if near(2.0 * float(np.linalg.norm(residual[3:])) / scale, finding.value):
+            if close(2.0 * float(np.linalg.norm(residual[3:])) / scale, finding.value):
                 return True
     return False
 
@@ -142,7 +142,7 @@ def implausible(model, finding):
     mass, moments = float(model.body_mass[body]), np.sort(model.body_inertia[body])
     if "radius" in finding.message:
         radius = float(re.findall(r"gyration of (\S+) m", finding.message)[0])
-        return radius > model.stat.extent and near(np.sqrt(moments[2] / mass), radius)
+        return radius > model.stat.extent and close(np.sqrt(moments[2] / mass), radius)
     if "negligible" in finding.message:
         return model.body_subtreemass[body] < 1e-4 * model.body_mass.max()
     if "moments" in finding.message:
@@ -172,7 +172,7 @@ def limit(model, finding):
             dof = model.jnt_dofadr[number]
             moving = [np.abs(rows[:, dof]).max(initial=0.0) > 0.0 for _, rows in equality_rows(model)]
             return low == high and any(moving)
-        if near(max(low - value, value - high), finding.value):
+        if close(max(low - value, value - high), finding.value):
             return True
     return False
 
@@ -188,7 +188,7 @@ def collision(model, finding):
                 bodies = {model.body(model.geom_bodyid[geom]).name for geom in contact.geom}
                 if bodies == names:
                     deepest = max(deepest, -float(contact.dist))
-                    if near(deepest, finding.value):
+                    if close(deepest, finding.value):
                         return True
     return "joined" in finding.message and deepest > 0.0
 
@@ -202,7 +202,7 @@ def actuator(model, finding):
     """A servo starts with the stated force, or its joint follows from the loops and the other servos."""
     number = model.actuator(finding.object).id
     if "redundant" not in finding.message:
-        return any(near(abs(float(data.actuator_force[number])), finding.value) for data in states(model))
+        return any(close(abs(float(data.actuator_force[number])), finding.value) for data in states(model))
     servos = [a for a in range(model.nu) if model.actuator_biasprm[a, 1] < 0.0 and a != number]
     for qpos, rows in equality_rows(model):
         data, arms = evaluated(model, qpos), np.zeros((model.nu, model.nv))
@@ -219,10 +219,10 @@ def refsafe(model, finding):
     if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_REFSAFE):
         return False
     constants = model.eq_solref[:, 0]
-    return any(near(2.0 * model.opt.timestep / c, finding.value) for c in constants if c > 0.0)
+    return any(close(2.0 * model.opt.timestep / c, finding.value) for c in constants if c > 0.0)
 
 
-JUDGES = {
+CHECKS = {
     "MS102": gap,
     "MS103": units,
     "MS104": implausible,
@@ -256,7 +256,7 @@ def predicted_gaps(path, computed):
 
 def main(folder, word="", *, steps):
     """Print the findings that MuJoCo does not confirm, and return whether they are few enough."""
-    judged, refuted = Counter(), Counter()
+    checked, refuted = Counter(), Counter()
     names = [line for line in LISTED.read_text().splitlines() if line.strip() and not line.startswith("#")]
     for name in names:
         path = Path(folder) / name
@@ -269,28 +269,28 @@ def main(folder, word="", *, steps):
             print(f"{name}: {error}")
             continue
         for finding in computed:
-            judge = JUDGES.get(finding.rule)
-            if judge is None:
+            check = CHECKS.get(finding.rule)
+            if check is None:
                 if finding.rule != "MS110":
-                    print(f"{name}: no judge for {finding.rule}: {finding.message}")
+                    print(f"{name}: no check for {finding.rule}: {finding.message}")
                 continue
-            judged[finding.rule] += 1
-            if not judge(model, finding):
+            checked[finding.rule] += 1
+            if not check(model, finding):
                 refuted[finding.rule] += 1
                 print(f"{name}\n    {finding.rule} [{finding.object}]: {finding.message}", flush=True)
         soft = [v for v in computed if v.rule == "MS110"]
         for finding, ratio in predicted_gaps(path, soft) if steps and soft else ():
-            judged["MS110"] += 1
+            checked["MS110"] += 1
             if not 1.0 / FACTOR <= ratio <= FACTOR:
                 refuted["MS110"] += 1
                 print(
                     f"{name}\n    {ratio:.2g} of MuJoCo's gap [{finding.object}]: {finding.message}",
                     flush=True,
                 )
-    for rule in sorted(judged):
-        print(f"{rule}: {judged[rule]} judged, {refuted[rule]} not confirmed")
-    total = sum(judged.values())
-    print(f"{total} findings judged, {sum(refuted.values())} not confirmed")
+    for rule in sorted(checked):
+        print(f"{rule}: {checked[rule]} checked, {refuted[rule]} not confirmed")
+    total = sum(checked.values())
+    print(f"{total} findings checked, {sum(refuted.values())} not confirmed")
     return sum(refuted.values()) <= FALSE_ALARMS * max(total, 1)
 
 
