@@ -186,12 +186,12 @@ def _catalogue(path: str, scene: Scene) -> Result[ExportJson]:
     """Write the models of the catalogue into a folder."""
     folder = folder_for(path)
     folder.mkdir(exist_ok=True)
-    with progress("export", len(catalog.DRIVES)) as report:
-        for name in catalog.DRIVES:
+    with progress("export", len(catalog.MECHANISMS)) as report:
+        for name in catalog.MECHANISMS:
             text = mjcf.to_xml(exported(catalog.make(name).mechanism, scene))
             with files.atomic_path(folder / f"{name}.xml") as unfinished:
                 unfinished.write_text(text)
             report(name)
-    names = list(catalog.DRIVES)
+    names = list(catalog.MECHANISMS)
     data: ExportJson = {"mechanisms": names, "output": path}
     return Result(data, lambda: typer.echo(f"wrote {len(names)} models to {path}"))

@@ -57,9 +57,9 @@ def warn_about_angles(name: str, text: str, file_unit: str = "rad") -> None:
 
 def warn_about_parameters(model: str, texts: Mapping[str, str]) -> None:
     """Warn about parameters of the catalogue without a unit that differ much from their defaults."""
-    if model not in catalog.DRIVES:
+    if model not in catalog.MECHANISMS:
         return
-    by_name = {field.name: field for field in fields(catalog.DRIVES[model])}
+    by_name = {field.name: field for field in fields(catalog.MECHANISMS[model])}
     for name, text in texts.items():
         value, field = _without_unit(text), by_name.get(name)
         if value is None or field is None:
@@ -81,7 +81,7 @@ def _without_unit(text: str) -> float | None:
 
 def complete_models(incomplete: str) -> list[str]:
     """Return the names of mechanisms, and folders and files that may contain one."""
-    names = [name for name in (*catalog.DRIVES, *gallery.files()) if name.startswith(incomplete)]
+    names = [name for name in (*catalog.MECHANISMS, *gallery.files()) if name.startswith(incomplete)]
     return names + _paths(incomplete, tuple(suffix for reader in READERS for suffix in reader.suffixes))
 
 
@@ -97,8 +97,8 @@ def complete_parameters(ctx: Any, incomplete: str) -> list[str]:
 
 
 def _parameter_names(model: str) -> list[str]:
-    if model in catalog.DRIVES:
-        return [field.name for field in fields(catalog.DRIVES[model])]
+    if model in catalog.MECHANISMS:
+        return [field.name for field in fields(catalog.MECHANISMS[model])]
     path = gallery.files().get(model, Path(model))
     if path.suffix.lower() != ".toml":
         return []

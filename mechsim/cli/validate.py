@@ -172,7 +172,7 @@ def validate(
         return _against(design, chosen, folder, verbose)
     if chosen.plot is not None:
         raise InputError("--plot goes with --against; name what the model is compared with")
-    names = list(models or catalog.DRIVES)
+    names = list(models or catalog.MECHANISMS)
     names += list(gallery.files()) if chosen.whole_gallery or not models else []
     if driven_or_changed and len(names) != 1:
         options = "--set changes" if sets else "--drive, --lock, --key and --track change"
@@ -305,7 +305,7 @@ def _by_reference(models: Sequence[str], verbose: bool) -> Result[ValidateJson]:
     verdicts: dict[str, Verdict] = {}
     with progress("validate", len(tables)) as report:
         for table in tables:
-            closed_form = catalog.make(table.name) if table.name in catalog.DRIVES else None
+            closed_form = catalog.make(table.name) if table.name in catalog.MECHANISMS else None
             verdicts[table.name] = by_reference(load(str(table.mechanism)), table, closed_form)
             report(table.name)
     count = sum(verdict.passed for verdict in verdicts.values())

@@ -19,7 +19,7 @@ from mechsim.numerics.arrays import Array
 Sides = tuple[Array, Array, Array, Array]
 
 
-def rough_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[str, Pose]:
+def guessed_poses(mechanism: Mechanism, *, stiff_first: bool = False) -> dict[str, Pose]:
     """Return a pose of each moving link: its guess, or the pose that its joints to placed links give.
 
     Coordinates of these joints have the values that the description states (such as those of drivers), else

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.joint_kinds import KINDS, antiparallel_message
-from mechsim.model.link_poses import rough_poses
+from mechsim.model.link_poses import guessed_poses
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import CrankProfile, MotionLaws
@@ -317,7 +317,7 @@ def initial_guess(mechanism: Mechanism, scene: Scene) -> tuple[ModelLoops, Array
 
     The loops are not closed in that state.
     """
-    spec = generate(mechanism, scene, rough_poses(mechanism))
+    spec = generate(mechanism, scene, guessed_poses(mechanism))
     if mechanism.has_crank:
         loops = closed_loops(spec, CRANK)
         guess = loops.model.qpos0.copy()

@@ -36,6 +36,6 @@ def list() -> dict[str, dict[str, str]]:
         ['gallery', 'mechanisms']
     """
     return {
-        "mechanisms": {name: (cls.__doc__ or "").splitlines()[0] for name, cls in catalog.DRIVES.items()},
+        "mechanisms": {name: (cls.__doc__ or "").splitlines()[0] for name, cls in catalog.MECHANISMS.items()},
         "gallery": {name: description(path) for name, path in files().items()},
     }

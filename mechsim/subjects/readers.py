@@ -64,11 +64,13 @@ def open_model(model: "Model") -> ModelSource:
     name = fspath(model)
     if reader := file_reader(name):
         return reader.open(name)
-    if name in catalog.DRIVES:
+    if name in catalog.MECHANISMS:
         return CatalogName(name)
     files = gallery.files()
     if name not in files:
-        raise InputError(f"there is no mechanism {name!r}{catalog.nearest(name, [*catalog.DRIVES, *files])}")
+        raise InputError(
+            f"there is no mechanism {name!r}{catalog.nearest(name, [*catalog.MECHANISMS, *files])}"
+        )
     return open_model(files[name])
 
 

@@ -12,7 +12,7 @@ from mechsim.analytic.loops import oracle
 from mechsim.analytic.loops.start import assembled, start_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import rough_poses
+from mechsim.model.link_poses import guessed_poses
 from mechsim.model.links import Link, Pose
 from mechsim.model.mechanism import Mechanism
 
@@ -125,7 +125,7 @@ def test_the_guess_selects_the_revolution_of_the_screw(lead, initial_position, s
 def test_a_universal_joint_starts_with_crossed_axes():
     mechanism = ms.load("stewart_gough").mechanism
     bare = replace(mechanism, guess={"plate": mechanism.guess["plate"]})
-    initial = rough_poses(bare)
+    initial = guessed_poses(bare)
     for joint in bare.joints:
         if joint.kind == "universal":
             own = initial[joint.b.link].rotation @ np.asarray(joint.b.axis)
@@ -143,12 +143,12 @@ def test_the_search_for_initial_poses_ends_once_it_stops_improving(monkeypatch):
     monkeypatch.setattr(
         oracle, "equations", lambda *arguments: steps.append(arguments) or evaluate(*arguments)
     )
-    drawn = oracle.completed_poses(reported, rough_poses(reported))
+    drawn = oracle.completed_poses(reported, guessed_poses(reported))
     # measured 7, the last without improvement
     assert len(steps) <= 9
     endless = replace(oracle.COMPLETION, last_step=0.0, rounding=0.0)
     monkeypatch.setattr(oracle, "COMPLETION", endless)
-    longer = oracle.completed_poses(reported, rough_poses(reported))
+    longer = oracle.completed_poses(reported, guessed_poses(reported))
     assert len(steps) > 30
     for link in drawn:
         np.testing.assert_allclose(drawn[link].position, longer[link].position, rtol=0, atol=1e-15)

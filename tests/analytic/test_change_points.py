@@ -168,7 +168,7 @@ def test_the_branch_policy_applies_to_user_defined_mechanisms():
 
 
 def test_catalogue_defaults_have_no_change_points():
-    for name in catalog.DRIVES:
+    for name in catalog.MECHANISMS:
         linkage = catalog.make(name)
         assert linkage.change_points() == ()
         assert linkage.with_change_point("branch").positions([0.3]).keys() == linkage.positions([0.3]).keys()

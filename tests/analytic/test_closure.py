@@ -173,7 +173,7 @@ def test_a_link_without_a_joint_is_rejected_by_name():
     mechanism = catalog.make("four_bar").mechanism
     loose = replace(mechanism, links=(*mechanism.links, Link("loose")), guess={})
     with pytest.raises(AssemblyError, match="link loose has no joint"):
-        loops.rough_poses(loose)
+        loops.guessed_poses(loose)
 
 
 @pytest.mark.parametrize("angles", [[np.nan], [np.inf], [0.1, np.nan]])

@@ -19,7 +19,7 @@ from mechsim.model.mechanism import Mechanism
 
 GRAVITY = (0.3, -9.81, 2.1)
 REVOLUTION = 2.0 * np.pi
-FULL = [name for name in catalog.DRIVES if catalog.make(name).crank_range().full]
+FULL = [name for name in catalog.MECHANISMS if catalog.make(name).crank_range().full]
 ANGLES = np.linspace(0.1, 6.4, 41)
 
 

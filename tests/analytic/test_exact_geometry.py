@@ -57,7 +57,7 @@ def test_errors_above_rounding_are_not_corrected(name):
     assert corrected(off).mechanism is off
 
 
-@pytest.mark.parametrize("name", catalog.DRIVES)
+@pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_exact_dimensions_are_not_changed(name):
     mechanism = catalog.make(name).mechanism
     assert corrected(mechanism).mechanism is mechanism

@@ -45,7 +45,7 @@ def test_a_gear_pair_determines_a_five_bar():
     assert motion.joints["D"].rate == pytest.approx([1.0, 1.0])
 
 
-@pytest.mark.parametrize("name", catalog.DRIVES)
+@pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_a_passive_spin_is_not_underdetermined(name):
     linkage = catalog.make(name)
     assert len(loops.solve(linkage.mechanism, [linkage.mechanism.start])) == 1

@@ -139,12 +139,12 @@ def test_mechsim_without_a_command_shows_the_help(mechsim: Call) -> None:
 
 
 def test_list_names_every_mechanism(mechsim: Call) -> None:
-    assert set(json.loads(mechsim("list", "--json").out)["mechanisms"]) == set(catalog.DRIVES)
-    for name in catalog.DRIVES:
+    assert set(json.loads(mechsim("list", "--json").out)["mechanisms"]) == set(catalog.MECHANISMS)
+    for name in catalog.MECHANISMS:
         assert name in mechsim("list").out
 
 
-@pytest.mark.parametrize("name", catalog.DRIVES)
+@pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_show_lists_every_assembly_mode(name: str, mechsim: Call) -> None:
     result = json.loads(mechsim("show", name, "--angle", "30deg", "--json").out)
     assert result["mobility"] == (2 if name == "rssr" else 1)

@@ -35,7 +35,7 @@ def test_a_slender_rod_is_the_limit_of_round_rods():
 
 
 def test_inertias_of_catalogue_links_scale_with_density():
-    for name in catalog.DRIVES:
+    for name in catalog.MECHANISMS:
         bare = catalog.make(name).mechanism
         light, heavy = with_inertia(bare), with_inertia(bare, 2.0 * STEEL)
         for a, b in zip(light.links, heavy.links, strict=True):

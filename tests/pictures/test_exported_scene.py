@@ -14,7 +14,7 @@ from mechsim.shapes.body import link_colours
 from mechsim.simulation import Settings, mjcf, simulate
 from mechsim.simulation.source import assembled
 
-NAMES = list(catalog.DRIVES)
+NAMES = list(catalog.MECHANISMS)
 
 
 def full_turn(name):

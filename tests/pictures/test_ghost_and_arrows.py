@@ -181,7 +181,7 @@ def test_forces_of_the_caller_are_drawn(drive, motion):
         Source(drive.mechanism, motion, forces={"B": np.ones((3, 3))}).drawn(Look(arrows=("force",)))
 
 
-@pytest.mark.parametrize("name", catalog.DRIVES)
+@pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_points_and_joints_of_the_same_name_coincide(name):
     drive = catalog.make(name)
     motion = drive.solve([drive.mechanism.start + 0.1], 60.0)

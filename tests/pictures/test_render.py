@@ -26,7 +26,7 @@ from mechsim.shapes import camera
 from mechsim.shapes.body import link_colours
 from mechsim.shapes.shape import PALETTE
 
-NAMES = list(catalog.DRIVES)
+NAMES = list(catalog.MECHANISMS)
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
 SIZE = (320, 240)
 

@@ -13,8 +13,8 @@ CATALOG = "mechsim.analytic.catalog"
 PAPERS = {"WarpKnitter", "Rrsrr", "Looper"}
 # a table of designs for the stress test, by mechanism
 TABLES = {"mechsim.studies.extremes.axes"}
-CLASSES = {drive.__name__ for drive in catalog.DRIVES.values()}
-WORDS = catalog.DRIVES.keys() | CLASSES
+CLASSES = {drive.__name__ for drive in catalog.MECHANISMS.values()}
+WORDS = catalog.MECHANISMS.keys() | CLASSES
 
 
 def named(source):
@@ -26,7 +26,7 @@ def named(source):
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
     names |= {node.name for node in ast.walk(tree) if isinstance(node, ast.alias)}
-    return {item for item in strings if isinstance(item, str)} & catalog.DRIVES.keys() | names & CLASSES
+    return {item for item in strings if isinstance(item, str)} & catalog.MECHANISMS.keys() | names & CLASSES
 
 
 def distinguishes_classes(source):

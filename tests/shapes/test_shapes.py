@@ -14,7 +14,7 @@ from mechsim.shapes.body import free_sides, link_colours, planar_normals, rod_ra
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import PALETTE, Shape
 
-NAMES = list(catalog.DRIVES)
+NAMES = list(catalog.MECHANISMS)
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 73)
 
 

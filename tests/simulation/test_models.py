@@ -14,10 +14,10 @@ MODELS = Path(__file__).parents[2] / "models"
 
 
 def test_the_models_are_those_of_the_catalogue() -> None:
-    assert {path.stem for path in MODELS.glob("*.xml")} == set(catalog.DRIVES)
+    assert {path.stem for path in MODELS.glob("*.xml")} == set(catalog.MECHANISMS)
 
 
-@pytest.mark.parametrize("name", catalog.DRIVES)
+@pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_the_model_file_equals_the_generated_model(name: str) -> None:
     text = (MODELS / f"{name}.xml").read_text()
     written = mujoco.MjModel.from_xml_string(text)
@@ -39,7 +39,7 @@ def test_the_model_file_equals_the_generated_model(name: str) -> None:
         np.testing.assert_allclose(getattr(written, field), getattr(made, field), rtol=1e-12, atol=1e-15)
 
 
-@pytest.mark.parametrize("name", catalog.DRIVES)
+@pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_plain_mujoco_reads_the_model_assembled_with_a_site_per_point(name: str) -> None:
     drive = catalog.make(name)
     model = mujoco.MjModel.from_xml_path(str(MODELS / f"{name}.xml"))
@@ -73,7 +73,7 @@ def test_the_solver_tolerance_of_a_model_keeps_full_accuracy() -> None:
     assert np.abs(state(1e-8) - exact).max() > 1e-8
 
 
-@pytest.mark.parametrize("name", catalog.DRIVES)
+@pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_plain_mujoco_steps_the_model_through_a_turn(name: str) -> None:
     drive = catalog.make(name)
     model = mujoco.MjModel.from_xml_path(str(MODELS / f"{name}.xml"))

@@ -80,7 +80,7 @@ def test_unconnected_bodies_and_idle_spins_are_not_undetermined():
     free = '<body name="f" pos="1 1 1"><freejoint/><geom size=".01"/><site name="Q"/></body>'
     model = tree(free).replace('<joint name="loose" axis="0 0 1"/>', "")
     assert simulate(model, speed=1.0, turns=0.02, method="pose").outcome == "passed"
-    for name in catalog.DRIVES:
+    for name in catalog.MECHANISMS:
         result = residual_mobility(from_source(catalog.make(name)))
         assert (result.undetermined, result.immobile_drivers, result.at_change_point) == ((), (), False), name
 

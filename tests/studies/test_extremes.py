@@ -16,7 +16,7 @@ from mechsim.studies.extremes.axes import special_designs
 from mechsim.studies.extremes.results import StabilityMap, Trial
 from mechsim.studies.extremes.trial import borders_along
 
-SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
+SWINGING = [name for name in catalog.MECHANISMS if special_designs(name).swinging]
 
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter", "bennett")))

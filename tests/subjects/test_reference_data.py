@@ -55,7 +55,7 @@ def test_the_script_reproduces_its_digits_at_another_precision(name, row):
 def test_the_data_cover_catalogue_gallery_and_benchmarks():
     from mechsim.analytic import catalog
 
-    assert set(NAMES) == {*catalog.DRIVES, *gallery.files(), "spatial_slider_crank", "bricard"}
+    assert set(NAMES) == {*catalog.MECHANISMS, *gallery.files(), "spatial_slider_crank", "bricard"}
     reported = json.loads((WHERE / "datapackage.json").read_text())
     assert [item["path"] for item in reported["resources"]] == [f"data/{name}.csv" for name in NAMES]
     assert reported["licenses"][0]["name"] == "CC-BY-4.0"

@@ -19,7 +19,7 @@ from mechsim.subjects.toml_writer import to_toml
 
 VARIANTS = {
     f"{name}, {variant or 'itself'}": item
-    for name in catalog.DRIVES
+    for name in catalog.MECHANISMS
     for variant, item in {"": catalog.make(name), **catalog.make(name).variants()}.items()
 }
 

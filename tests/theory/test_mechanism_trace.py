@@ -24,7 +24,7 @@ from mechsim.theory.continuation.assembly_curve import crank_path_length, even_m
 from mechsim.theory.continuation.mechanism_trace import trace
 
 REVOLUTION = 2.0 * np.pi
-SOLVERS = {name: catalog.make(name) for name in catalog.DRIVES}
+SOLVERS = {name: catalog.make(name) for name in catalog.MECHANISMS}
 SOLVERS |= {
     f"{name} {case}": replace(closed_form, **changes)
     for name, closed_form in tuple(SOLVERS.items())

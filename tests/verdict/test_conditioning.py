@@ -26,7 +26,7 @@ FIVE_LINK = {
     "gamma1": -0.0808723,
     "gamma2": -0.894713,
 }
-SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
+SWINGING = [name for name in catalog.MECHANISMS if special_designs(name).swinging]
 
 
 def near_a_dead_centre(name, fraction):

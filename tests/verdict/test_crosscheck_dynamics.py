@@ -48,7 +48,7 @@ def model_of(name: str, forces: Forces) -> dynamics.DynamicModel:
 
 
 @pytest.mark.parametrize("method", ["pose", "step"])
-@pytest.mark.parametrize("name", grid(catalog.DRIVES))
+@pytest.mark.parametrize("name", grid(catalog.MECHANISMS))
 def test_torque_reactions_and_energies_agree_under_every_kind_of_force(name, method):
     model = model_of(name, every_force(name))
     run = driven(model.mechanism, model.forces, speed=SPEED, method=method, samples=36)
@@ -203,7 +203,7 @@ def test_a_free_run_without_an_end_is_rejected():
         dynamics.free_run(model_of("four_bar", Forces()), duration=0.0)
 
 
-@pytest.mark.parametrize("name", grid(catalog.DRIVES))
+@pytest.mark.parametrize("name", grid(catalog.MECHANISMS))
 def test_a_model_with_all_forces_is_read_back_exactly(name):
     forces = replace(every_force(name), motor=DCMotor(12.0, 1.3, 0.0123))
     spec = assembled(catalog.make(name).mechanism, Scene(level="dynamics", forces=forces))

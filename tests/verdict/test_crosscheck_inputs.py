@@ -21,9 +21,11 @@ SPEED = 20.0 * np.pi
 
 # each fault by one method, each mechanism by both
 CASES = [
-    (name, fault, ("pose", "step")[i % 2]) for name in catalog.DRIVES for i, fault in enumerate(FAULTS[name])
+    (name, fault, ("pose", "step")[i % 2])
+    for name in catalog.MECHANISMS
+    for i, fault in enumerate(FAULTS[name])
 ]
-SWINGING = [name for name in catalog.DRIVES if special_designs(name).swinging]
+SWINGING = [name for name in catalog.MECHANISMS if special_designs(name).swinging]
 
 
 @pytest.mark.parametrize(("name", "fault", "method"), CASES, ids=": ".join)
@@ -40,12 +42,12 @@ def test_a_wrong_mechanism_fails(name, fault, method):
         assert verdict.outcome == "changed assembly"
 
 
-@pytest.mark.parametrize("linkage", catalog.DRIVES.values())
+@pytest.mark.parametrize("linkage", catalog.MECHANISMS.values())
 def test_every_mechanism_has_a_planted_fault(linkage):
     assert FAULTS[linkage.declaration.name]
 
 
-@pytest.mark.parametrize("name", grid(catalog.DRIVES))
+@pytest.mark.parametrize("name", grid(catalog.MECHANISMS))
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_the_correct_mechanism_passes(name, method):
     linkage = catalog.make(name)

@@ -105,7 +105,7 @@ def test_a_reaction_on_the_wrong_link_is_detected():
 
 
 def test_catalogue_mechanisms_satisfy_the_reduced_equation():
-    for name in catalog.DRIVES:
+    for name in catalog.MECHANISMS:
         linkage = catalog.make(name)
         if linkage.crank_range().full:
             model = dynamics.dynamic_model(linkage, Forces(gravity=(0.3, -9.81, 2.1)))

@@ -90,7 +90,7 @@ def plot(rows: list[dict[str, Any]], out: Path) -> None:
 
 def main() -> None:
     out = sheet.folder(__doc__ or "")
-    rows = [row for name in catalog.DRIVES for row in measured(name)]
+    rows = [row for name in catalog.MECHANISMS for row in measured(name)]
     sheet.show(rows, out, "cut_joint")
     if out is not None:
         plot(rows, out)

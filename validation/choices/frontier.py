@@ -238,7 +238,7 @@ def plot(rows: list[dict[str, Any]], out: Path) -> None:
 @mjcf.quiet()
 def main() -> None:
     out = sheet.folder(__doc__ or "")
-    rows = [row for name in catalog.DRIVES for row in frontier(catalog.make(name))]
+    rows = [row for name in catalog.MECHANISMS for row in frontier(catalog.make(name))]
     sheet.show(rows, out, "frontier")
     if out is not None:
         plot(rows, out)

@@ -31,7 +31,7 @@ SLOW = {"looper": 20_000, "warp_knitter": 20_000}
 def speeds() -> dict[str, float]:
     """Return million poses a second of the mechsim that is imported: places, rates of points, everything."""
     result: dict[str, float] = {}
-    for name in catalog.DRIVES:
+    for name in catalog.MECHANISMS:
         closed_form, count = catalog.make(name), SLOW.get(name, POSES)
         angles = np.linspace(0.0, 2.0 * np.pi, count)
         calls: dict[str, Callable[[], object]] = {
@@ -70,7 +70,7 @@ def main() -> None:
                 result[route, key].append(value)
     print("| mechanism | " + " | ".join(f"{kind}" for kind in ("places", "rates of points", "all")) + " |")
     print("|---|---|---|---|")
-    for name in catalog.DRIVES:
+    for name in catalog.MECHANISMS:
         columns = []
         for kind in ("places", "rates", "all"):
             key = f"{name} {kind}"

@@ -20,7 +20,7 @@ SOUND = np.deg2rad(20.0)
 
 def drives(random: np.random.Generator, count: int, only: str | None = None) -> Iterator[ClosedForm]:
     """Yield mechanisms that turn fully and stay clear of dead centres, of one kind or each in turn."""
-    names = [only] if only else list(catalog.DRIVES)
+    names = [only] if only else list(catalog.MECHANISMS)
     for i in range(count):
         yield sound(names[i % len(names)], random)
 

@@ -89,7 +89,7 @@ def _row(
 
 def ladder() -> Iterator[dict[str, Any]]:
     """Yield torque error against processor time, steps and poses, for each mechanism of the catalogue."""
-    for name in catalog.DRIVES:
+    for name in catalog.MECHANISMS:
         model = dynamics.dynamic_model(catalog.make(name), Forces(gravity=WEIGHT))
         for steps in (None, *STEPS[::2]):
             options: dict[str, Any] = {"method": "pose", "samples": 72}

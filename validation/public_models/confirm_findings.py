@@ -8,8 +8,8 @@ within a factor of two (`robustness/scene_findings.py` says how the scene is dri
 
     python validation/public_models/confirm_findings.py FOLDER [WORD] [--steps]
 
-FOLDER holds clones of the repositories of `models.txt`. MS110 is checked with --steps only. Prints what is not
-confirmed, and exits with 1 if that is more than 1 % of the checked findings.
+FOLDER holds clones of the repositories of `models.txt`. MS110 is checked with --steps only. Prints what is
+not confirmed, and exits with 1 if that is more than 1 % of the checked findings.
 """
 
 import re

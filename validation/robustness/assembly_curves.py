@@ -50,7 +50,7 @@ class Row:
 
 def solvers() -> Iterator[tuple[str, KinematicSolver]]:
     """Yield catalogue mechanisms (default, swinging, collinear), then gallery mechanisms of one driver."""
-    for name, kind in catalog.DRIVES.items():
+    for name, kind in catalog.MECHANISMS.items():
         default = catalog.make(name)
         for design_name, parameters in {
             "": {},

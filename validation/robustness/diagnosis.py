@@ -340,7 +340,7 @@ KINDS: dict[str, tuple[Callable, int]] = {
 
 
 def subjects(scenes: Path | None) -> Iterator[Subject]:
-    for name in [*catalog.DRIVES, *gallery.files()]:
+    for name in [*catalog.MECHANISMS, *gallery.files()]:
         if name not in OMITTED:
             yield Subject(name)
     for file, options in SCENES.items() if scenes else ():

@@ -40,4 +40,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or list(catalog.DRIVES))
+    main(sys.argv[1:] or list(catalog.MECHANISMS))

@@ -30,7 +30,7 @@ def random_catalog_mechanisms(random: np.random.Generator, count: int) -> Iterat
 
 def random_mechanism(number: int, random: np.random.Generator) -> ClosedForm:
     """Return a mechanism whose kind follows from its number."""
-    names = list(catalog.DRIVES)
+    names = list(catalog.MECHANISMS)
     name = names[number % len(names)]
     while True:
         try:

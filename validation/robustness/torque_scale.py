@@ -44,7 +44,7 @@ def main() -> None:
             cost(name)
         return
     print(f"{'':20s}{'torque / F size':>16s}{'error / torque':>16s}{'error / F size':>16s}")
-    for name in sys.argv[1:] or [*catalog.DRIVES, *gallery.files()]:
+    for name in sys.argv[1:] or [*catalog.MECHANISMS, *gallery.files()]:
         solver = load(name)
         motion: dict[str, Any] = {"motion_laws": solver.motion_laws}
         if solver.motion_laws.crank:

@@ -21,7 +21,7 @@ quantities = st.builds(lambda number, unit: f"{number}{unit}", numbers, units)
 lengths = st.integers(1, 400).map(lambda value: f"{0.5 * value}mm")
 texts = st.one_of(quantities, st.text(max_size=8), st.sampled_from(["on", "off", "1", "-1", "+1", "2,3,4mm"]))
 names = st.one_of(
-    st.sampled_from(list(catalog.DRIVES)),
+    st.sampled_from(list(catalog.MECHANISMS)),
     st.sampled_from(["rsr", "", "four-bar", "RSSR", "--", "n" * 304, "."]),
     st.text(max_size=6),
 )
@@ -30,7 +30,7 @@ names = st.one_of(
 @st.composite
 def set_options(draw: st.DrawFn, name: str) -> list[str]:
     """Return `--set` options, valid and invalid."""
-    listed = list(catalog.parameters(name)) if name in catalog.DRIVES else ["crank"]
+    listed = list(catalog.parameters(name)) if name in catalog.MECHANISMS else ["crank"]
     words: list[str] = []
     for _ in range(draw(st.integers(0, 3))):
         parameter = draw(st.one_of(st.sampled_from(listed), st.sampled_from(listed), st.text(max_size=5)))
@@ -178,7 +178,7 @@ def cases(draw: st.DrawFn) -> Case:
     valid = valid and command not in ALWAYS_INVALID
     words = [command]
     if command != "list":
-        name = draw(st.sampled_from(list(catalog.DRIVES)) if valid else names)
+        name = draw(st.sampled_from(list(catalog.MECHANISMS)) if valid else names)
         words.append(name)
         words += draw(scaled_parameters(name) if valid else set_options(name))
     choices = OPTIONS[command]

@@ -41,7 +41,7 @@ class CommandCase:
 
 def subjects() -> Iterator[tuple[str, dict[str, bytes]]]:
     """Yield valid models: the argument, and the files it needs."""
-    for name in catalog.DRIVES:
+    for name in catalog.MECHANISMS:
         yield name, {}
     python_files = {path.name: path.read_bytes() for path in GALLERY.glob("*.py")}
     for path in sorted(GALLERY.glob("*.toml")):

@@ -140,7 +140,7 @@ def compare_with_neighbours(name):
 
 def main():
     compare_with_digits()
-    all_names = (*catalog.DRIVES, *(item for item in gallery.files() if item not in catalog.DRIVES))
+    all_names = (*catalog.MECHANISMS, *(item for item in gallery.files() if item not in catalog.MECHANISMS))
     for name in sys.argv[1:] or all_names:
         try:
             count, worst = compare_with_neighbours(name)

@@ -37,7 +37,7 @@ ROWS = (7, 33, 58)
 NEGLIGIBLE = 1e-9
 TABLE = ROOT / "tests" / "studies" / "sensitivity" / "derivatives.csv"
 # mechanisms whose test takes seconds; warp_knitter and klann take 40 s each
-TABLE_NAMES = (*(name for name in catalog.DRIVES if name != "warp_knitter"), "humanoid_ankle")
+TABLE_NAMES = (*(name for name in catalog.MECHANISMS if name != "warp_knitter"), "humanoid_ankle")
 
 
 class ExactDerivatives:
@@ -213,7 +213,7 @@ def main(arguments):
             print(f"{name:22s} has no parameters", flush=True)
             continue
         exact = {parameter: item.derivatives(parameter) for parameter in item.parameters}
-        for model in (str(item.path), *((name,) if name in catalog.DRIVES else ())):
+        for model in (str(item.path), *((name,) if name in catalog.MECHANISMS else ())):
             result = MechsimDerivatives(item, model)
             largest = errors(item, result, exact)
             text = ", ".join(f"{label} {size:.1e} ({cause})" for label, (size, cause) in largest.items())

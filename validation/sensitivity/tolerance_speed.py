@@ -29,7 +29,7 @@ def largest_difference(study, quantity):
 
 
 def main():
-    for name in sys.argv[1:] or [*catalog.DRIVES, "klann"]:
+    for name in sys.argv[1:] or [*catalog.MECHANISMS, "klann"]:
         subject = ms.moved(name)
         point = list(subject.solver.mechanism.points)[-1]
         table, table_time = timed(lambda subject=subject, point=point: ms.sensitivity(subject, [point]))

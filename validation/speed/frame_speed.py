@@ -81,7 +81,7 @@ def row(name, size, drawing_on):
 def main():
     sizes = [word for word in sys.argv[1:] if word[0].isdigit()]
     width, height = map(int, (sizes or ["1280x720"])[0].split("x"))
-    names = [word for word in sys.argv[1:] if not word[0].isdigit()] or list(catalog.DRIVES)
+    names = [word for word in sys.argv[1:] if not word[0].isdigit()] or list(catalog.MECHANISMS)
     drawing_on = gl_backend.choose()
     print(f"{drawing_on}, {width}x{height}; ms of wall (processor) a frame")
     print(f"{'':14}{'exported':>14}{'drawn':>14}{'mechsim':>14}{'ratio':>8}{'240 frames':>14}")

@@ -64,7 +64,7 @@ def main() -> None:
         for words in commands:
             label = " ".join(Path(word).name for word in words)
             print(f"mechsim {label:16} {command_time(bytecode, '-m', 'mechsim', *words):8.1f} ms")
-    for name in ms.catalog.DRIVES:
+    for name in ms.catalog.MECHANISMS:
         model = ms.catalog.make(name)
         print(f"solve {name:15} {call_time(lambda model=model: model.solve(ANGLES)):8.2f} ms")
     for name in ("jansen", "stephenson_six_bar", "watt_six_bar"):

@@ -15,7 +15,7 @@ from mechsim.analytic.catalog.slider_crank import SliderCrank
 from mechsim.analytic.catalog.warp_knitter import WarpKnitter
 from mechsim.errors import InputError
 
-DRIVES: dict[str, type[ClosedForm]] = {
+MECHANISMS: dict[str, type[ClosedForm]] = {
     solver.declaration.name: solver
     for solver in (FourBar, SliderCrank, Rssr, Rrsrr, WarpKnitter, Looper, Bennett)
 }
@@ -36,7 +36,7 @@ def make(name: str, /, **values: Any) -> ClosedForm:
     for parameter in values:
         if parameter not in fields_of:
             raise InputError(f"{name} has no parameter {parameter!r}{nearest(parameter, list(fields_of))}")
-    return DRIVES[name](
+    return MECHANISMS[name](
         **{key: parameter_value(name, fields_of[key], key, value) for key, value in values.items()}
     )
 
@@ -47,16 +47,18 @@ def parameters(name: str) -> dict[str, Field[Any]]:
     Raises:
         InputError: for an unknown name, with the nearest known one.
     """
-    if str(name) not in DRIVES:
-        raise InputError(f"there is no mechanism {name!r}{nearest(str(name), list(DRIVES))}")
+    if str(name) not in MECHANISMS:
+        raise InputError(f"there is no mechanism {name!r}{nearest(str(name), list(MECHANISMS))}")
     # the change-point policy comes last, since it is no dimension
-    ordered = sorted(fields(DRIVES[name]), key=lambda field: field.name == "change_point")
+    ordered = sorted(fields(MECHANISMS[name]), key=lambda field: field.name == "change_point")
     return {field.name: field for field in ordered}
 
 
 def with_theory(theory: str) -> str:
     """Return the names of the mechanisms for which a theory exists, as text."""
-    return ", ".join(name for name, mechanism in DRIVES.items() if theory in mechanism.declaration.theories)
+    return ", ".join(
+        name for name, mechanism in MECHANISMS.items() if theory in mechanism.declaration.theories
+    )
 
 
 # names that an error message lists

@@ -16,7 +16,7 @@ from mechsim.errors import InputError, MechsimError
 from mechsim.model.forces import Forces, Friction, JointSpring, Load, Spring
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Coupling, End, Joint
-from mechsim.model.link_poses import rough_poses
+from mechsim.model.link_poses import guessed_poses
 from mechsim.model.links import GROUND, IDENTITY, Inertia, Link, Vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantity import AXES
@@ -354,7 +354,7 @@ def _between(mechanism: Mechanism, joint: Joint) -> Array:
     """Return the rotation from link b's frame to link a's at which both sides of a joint coincide."""
     if KINDS[joint.kind].aligned:
         return joint.a.frame @ joint.b.frame.T
-    poses = {GROUND: IDENTITY, **rough_poses(mechanism)}
+    poses = {GROUND: IDENTITY, **guessed_poses(mechanism)}
     return poses[joint.a.link].rotation.T @ poses[joint.b.link].rotation
 
 

@@ -10,7 +10,7 @@ from mechsim.analytic.loops.mobility import DofCount, dof_count
 from mechsim.analytic.loops.motion import solve
 from mechsim.analytic.loops.oracle import assemble, conditioning, rates, singular_values
 from mechsim.analytic.vector_method.rotations import turned_by
-from mechsim.model.link_poses import rough_poses
+from mechsim.model.link_poses import guessed_poses
 from mechsim.numerics.rank import RANK_TOLERANCE
 
 __all__ = [
@@ -21,9 +21,9 @@ __all__ = [
     "conditioning",
     "dof_count",
     "equations",
+    "guessed_poses",
     "rates",
     "residual_norms",
-    "rough_poses",
     "singular_values",
     "solve",
     "turned_by",

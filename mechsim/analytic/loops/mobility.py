@@ -11,7 +11,7 @@ from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
 from mechsim.analytic.loops.start import assembled, closed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.joint_kinds import KINDS
-from mechsim.model.link_poses import initial_coordinates, rough_poses
+from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -394,7 +394,7 @@ def undetermined_joints(mechanism: Mechanism) -> tuple[str, ...]:
 
 def _at_generic_pose(mechanism: Mechanism) -> tuple[TreeSolver, Array]:
     """Return a solver about the pose near the start with the highest rank, and the Jacobian there."""
-    loops, guess = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
+    loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
     try:
         start = closed(replace(loops, driven=()), guess)
     except AssemblyError:  # at the drivers' start the loops may close; otherwise the error gives the reason
@@ -417,7 +417,7 @@ def checked_start(mechanism: Mechanism) -> TreeSolver:
     except AssemblyError:
         # redundant drivers seldom agree to the last digit
         require_no_redundant_drivers(
-            loop_solver(*tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism)))
+            loop_solver(*tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism)))
         )
         raise
     solver = loop_solver(loops, start)

@@ -15,7 +15,7 @@ from mechsim.analytic.path_instants import crank_angles, crank_rate
 from mechsim.analytic.vector_method.rotations import dot, turned_by
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import KINDS, antiparallel_message
-from mechsim.model.link_poses import rough_poses
+from mechsim.model.link_poses import guessed_poses
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import LinkMotion, Motion
@@ -91,7 +91,7 @@ def assemble(
     """
     mechanism = described(mechanism)
     angles = crank_angles(mechanism.name, angles)
-    guess_poses = rough_poses(mechanism) if guess is None else guess
+    guess_poses = guessed_poses(mechanism) if guess is None else guess
     poses = {
         link.name: Pose(
             np.broadcast_to(guess_poses[link.name].position, (len(angles), 3)),

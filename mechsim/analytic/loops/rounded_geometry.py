@@ -22,7 +22,7 @@ from mechsim.analytic.loops.tree import TreeJoint
 from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
-from mechsim.model.link_poses import initial_coordinates, rough_poses
+from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -60,7 +60,7 @@ def corrected(mechanism: Mechanism) -> Corrected:
 
     Corrections above `MAX_CORRECTION` are not made.
     """
-    loops, guess = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
+    loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
     if not loops.rows or not _inconsistent(
         loops, poses := generic_poses(loops, guess, PROBES, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
     ):
@@ -157,7 +157,7 @@ def _jacobians(
 
 
 def _loops(mechanism: Mechanism) -> TreeLoops:
-    return tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))[0]
+    return tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))[0]
 
 
 def _enters_equations(joint: Joint, component: int) -> bool:

@@ -12,7 +12,7 @@ from mechsim.analytic.vector_method.rotations import from_quaternion
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import antiparallel_message
 from mechsim.model.joints import joint_coordinate
-from mechsim.model.link_poses import initial_coordinates, rough_poses
+from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
@@ -240,13 +240,13 @@ def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
 
 def _initial_guesses(mechanism: Mechanism) -> Iterator[Mapping[str, Pose]]:
     """Yield initial poses of all links: with joints in their order, completed, and with slides first."""
-    guess = rough_poses(mechanism)
+    guess = guessed_poses(mechanism)
     yield guess
     completed = completed_poses(mechanism, guess)
     if completed is not None:
         yield completed
     if len(mechanism.guess) < len(mechanism.links):
-        yield rough_poses(mechanism, stiff_first=True)
+        yield guessed_poses(mechanism, stiff_first=True)
 
 
 def _from_random_starts(mechanism: Mechanism, first_error: AssemblyError) -> tuple[TreeLoops, Coordinates]:
@@ -256,7 +256,7 @@ def _from_random_starts(mechanism: Mechanism, first_error: AssemblyError) -> tup
         AssemblyError: if the guess is complete, with other configurations in which they close; `first_error`
             if they never close, or not near the guess.
     """
-    loops, initial = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
+    loops, initial = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
     batches = [batch for _, batch in random_poses(loops, initial, STARTS, seed=1)]
     if len(mechanism.guess) == len(mechanism.links):
         raise _closes_elsewhere(loops, initial, batches) or first_error

@@ -17,7 +17,7 @@ from mechsim.analytic.loops.start import closed
 from mechsim.analytic.loops.tree import SpanningTree
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, MechsimError
-from mechsim.model.link_poses import initial_coordinates, rough_poses
+from mechsim.model.link_poses import guessed_poses, initial_coordinates
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.quantity import AXES
@@ -327,7 +327,7 @@ def _assemblies_from_random_starts(solver: LoopForm) -> list[tuple[str, Kinemati
     """Return assemblies of a mechanism found from random starts."""
     mechanism = solver.mechanism
     try:
-        loops, guess = tree_loops(mechanism, rough_poses(mechanism), initial_coordinates(mechanism))
+        loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
         own = closed(loops, guess)
     except MechsimError:
         return []

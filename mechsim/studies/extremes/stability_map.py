@@ -78,7 +78,7 @@ def study(
         progress: callback after each axis of each mechanism.
     """
     result = StabilityMap()
-    solvers = {name: catalog.make(name) for name in names or catalog.DRIVES}
+    solvers = {name: catalog.make(name) for name in names or catalog.MECHANISMS}
     total = sum(
         len(axes_of(solver, quick)) + special_designs(solver.name).long_runs for solver in solvers.values()
     )
