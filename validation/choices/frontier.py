@@ -103,12 +103,12 @@ def projected(subject: Subject) -> Point:
     """Close the loops of the states that a coarse run recorded."""
     settings = Settings(steps_per_turn=COARSE)
     loops, steps = subject.built.stepped(settings)
-    qpos = loop_jacobian.fastest(loops, steps.states.qpos)
+    qpos = loop_jacobian.close(loops, steps.states.qpos)
 
     def again() -> float:
         _, steps = subject.built.stepped(settings)
         begin = time.process_time()
-        loop_jacobian.fastest(read_loops(subject.built.closed.model), steps.states.qpos)
+        loop_jacobian.close(read_loops(subject.built.closed.model), steps.states.qpos)
         return steps.processor + time.process_time() - begin
 
     return Point("projected", COARSE, subject.errors(_evaluated(subject, steps.states.time, qpos)), again)
