@@ -19,7 +19,7 @@ from mechsim.analytic.derivatives.dimensions import (
 from mechsim.analytic.derivatives.motion import motion_derivatives
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import AssemblyError, InputError
-from mechsim.subjects import readers
+from mechsim.subjects import prescription
 from mechsim.subjects.readers import parametric_model
 
 SPEED = 7.0
@@ -163,7 +163,7 @@ def test_a_perturbed_file_is_described_without_assembly(monkeypatch):
     def rejected(mechanism):
         raise AssemblyError("no assembly is needed")
 
-    monkeypatch.setattr(readers, "with_closed_guess", rejected)
+    monkeypatch.setattr(prescription, "with_closed_guess", rejected)
     with pytest.raises(AssemblyError):
         designs.make(values)
     assert (numbers_of(designs.describe(values)) == numbers_of(assembled)).all()

@@ -78,7 +78,7 @@ def test_the_characteristic_length_is_evaluated_a_few_times(monkeypatch):
     measured, perturbed = [], []
     length = Mechanism.characteristic_length
     monkeypatch.setattr(
-        Mechanism, "characteristic_length", property(lambda self: measured.append(1) or length.fget(self))
+        Mechanism, "characteristic_length", property(lambda self: measured.append(1) or length.func(self))
     )
     trial = rounded_geometry.with_moved_sides
     monkeypatch.setattr(
