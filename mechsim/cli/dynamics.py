@@ -84,7 +84,7 @@ class DynamicsOptions:
     tolerance: float | None = option(
         None,
         "Largest error of MuJoCo's torque and reactions relative to their root mean square; in a free run "
-        "the error of the crank angle in rad. The steps are chosen to satisfy it.",
+        "the largest error of joint angles in rad. The steps are chosen to satisfy it.",
         metavar="NUMBER",
     )
     method: str | None = option(
