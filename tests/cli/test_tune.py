@@ -162,7 +162,7 @@ def test_an_open_start_is_reported_and_closed_in_the_tuned_file(mechsim, tmp_pat
     assert "the loops are open by 0.00" in answer.out
     answer = mechsim("tune", *arguments, "--tolerance", "5um", "--budget", "20s", "-o", "out.xml", "--json")
     assert answer.code == 0, answer.err
-    assert "the tuned file begins closed, in keyframe mechsim_start" in answer.err
+    assert "the tuned file starts assembled, in keyframe mechsim_start" in answer.err
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("mechsim_start").id)
@@ -186,7 +186,7 @@ def test_an_unreachable_tolerance_is_reported(mechsim, tmp_path):
     )
     answer = mechsim(*arguments, "--duration", "0.1s", "-o", "out.xml", "--python", "run.py")
     assert answer.code == 1
-    assert "no MJCF file reaches 1e-15 m here" in answer.out
+    assert "no MJCF file reaches 1e-15 m for this scene" in answer.out
     assert "def steps(" in (tmp_path / "run.py").read_text()
 
 
