@@ -32,18 +32,18 @@ def floating_point_errors_raise() -> Iterator[None]:
 
 
 @pytest.fixture
-def fast_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+def fast_timers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the clocks of a budget advance by 5 ms at each reading, however long the work takes."""
     from mechsim.studies import budget
 
     readings = itertools.count()
 
-    def clock() -> float:
+    def reading() -> float:
         return 5e-3 * next(readings)
 
-    monkeypatch.setattr("time.perf_counter", clock)
-    monkeypatch.setattr(budget, "perf_counter", clock)
-    monkeypatch.setattr(budget, "process_time", clock)
+    monkeypatch.setattr("time.perf_counter", reading)
+    monkeypatch.setattr(budget, "perf_counter", reading)
+    monkeypatch.setattr(budget, "process_time", reading)
 
 
 @pytest.fixture

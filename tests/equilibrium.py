@@ -1,4 +1,4 @@
-"""Newton's and Euler's laws of each link, from the accelerations of a motion and its reported efforts.
+"""Newton's and Euler's laws of each link, from the accelerations of a motion and its reported forces.
 
 Neither method is used, only the descriptions of mechanism and forces, the motion of the
 links, and the reported forces.
@@ -35,7 +35,7 @@ class Posture:
     def __init__(self, motion: Motion) -> None:
         self.motion, self.n = motion, len(motion)
 
-    def turned(self, link: str, vector: object) -> np.ndarray:
+    def rotated(self, link: str, vector: object) -> np.ndarray:
         """Return a vector of a link's frame in the ground frame."""
         values = np.asarray(vector, dtype=np.float64)
         if link == GROUND:
@@ -44,7 +44,7 @@ class Posture:
 
     def point(self, link: str, local: object) -> np.ndarray:
         """Return a point of a link."""
-        arm = self.turned(link, local)
+        arm = self.rotated(link, local)
         return arm if link == GROUND else self.motion.links[link].position + arm
 
     def spin(self, link: str) -> np.ndarray:
@@ -60,7 +60,7 @@ class Posture:
 
 
 def largest_imbalance(
-    mechanism: Mechanism, forces: Forces, motion: Motion, efforts: ForceRecord, without: str | None = None
+    mechanism: Mechanism, forces: Forces, motion: Motion, record: ForceRecord, without: str | None = None
 ) -> float:
     """Return the largest imbalance of any link relative to the largest force.
 
@@ -68,14 +68,14 @@ def largest_imbalance(
         mechanism: with an inertia on every link.
         forces: gravity, springs, friction, loads and couples.
         motion: of all links.
-        efforts: reported forces at the same instants.
+        record: reported forces at the same instants.
         without: name of an action to leave out.
     """
     posture = Posture(motion)
-    acting = [item for item in actions(mechanism, forces, motion, efforts) if item.name != without]
+    acting = [item for item in actions(mechanism, forces, motion, record) if item.name != without]
     scale = max(
         float(np.linalg.norm(vector, axis=1).max(initial=0.0)) / unit
-        for item in actions(mechanism, forces, motion, efforts)
+        for item in actions(mechanism, forces, motion, record)
         for vector, unit in ((item.force, 1.0), (item.moment, mechanism.characteristic_length))
     )
     worst = 0.0
@@ -94,7 +94,7 @@ def largest_imbalance(
     return worst / scale
 
 
-def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: ForceRecord) -> Iterator[Action]:
+def actions(mechanism: Mechanism, forces: Forces, motion: Motion, record: ForceRecord) -> Iterator[Action]:
     """Yield all actions on the links, described and reported."""
     posture, none = Posture(motion), np.zeros((len(motion), 3))
     for link in mechanism.links:
@@ -124,15 +124,15 @@ def actions(mechanism: Mechanism, forces: Forces, motion: Motion, efforts: Force
         )
     yield from _springs(mechanism, forces, posture)
     yield from _friction(mechanism, forces, posture)
-    for name, item in efforts.reactions.items():
+    for name, item in record.reactions.items():
         yield Action(f"reaction of {name}", item.link, item.by, item.force, item.point, item.moment)
-    for name, item in efforts.meshes.items():
+    for name, item in record.meshes.items():
         yield Action(f"teeth of {name}", item.link, item.by, item.force, item.point, none)
-    if not efforts.drives:
-        yield along_coordinate(mechanism, posture, mechanism.crank.name, efforts.torque, "drive")
-    for name, effort in {**efforts.drives, **efforts.locked}.items():
+    if not record.drives:
+        yield along_coordinate(mechanism, posture, mechanism.crank.name, record.torque, "drive")
+    for name, effort in {**record.drives, **record.locked}.items():
         yield along_coordinate(mechanism, posture, name, effort, f"drive of {name}")
-    yield from _ideal_transmissions(mechanism, posture, efforts)
+    yield from _ideal_transmissions(mechanism, posture, record)
 
 
 def along_coordinate(
@@ -142,17 +142,17 @@ def along_coordinate(
     joint = next(joint for joint in mechanism.joints if coordinate in joint.coordinates)
     kind, index = KINDS[joint.kind], joint.coordinates.index(coordinate)
     axis = {"x": 0, "y": 1}.get(kind.slides[index], 2) if index < len(kind.slides) else 2
-    vector = effort[:, None] * posture.turned(joint.a.link, joint.a.frame[:, axis])
+    vector = effort[:, None] * posture.rotated(joint.a.link, joint.a.frame[:, axis])
     point, none = posture.point(joint.b.link, joint.b.point), np.zeros((posture.n, 3))
     vectors = (vector, none) if index < len(kind.slides) else (none, vector)
     return Action(name, joint.b.link, joint.a.link, vectors[0], point, vectors[1])
 
 
-def _ideal_transmissions(mechanism: Mechanism, posture: Posture, efforts: ForceRecord) -> Iterator[Action]:
-    """Yield the efforts of couplings that have neither teeth nor a thread."""
+def _ideal_transmissions(mechanism: Mechanism, posture: Posture, record: ForceRecord) -> Iterator[Action]:
+    """Yield the forces and torques of couplings that have neither teeth nor a thread."""
     screws = [{*joint.coordinates} for joint in mechanism.joints if joint.kind == "screw"]
     for name, law in mechanism.named_laws.items():
-        if name in efforts.meshes or {*law.coordinates} in screws:
+        if name in record.meshes or {*law.coordinates} in screws:
             continue
         joints = posture.motion.joints
         right = (
@@ -162,7 +162,7 @@ def _ideal_transmissions(mechanism: Mechanism, posture: Posture, efforts: ForceR
         gradient = np.polynomial.Polynomial(law.coefficients).deriv()(right + np.zeros(posture.n))
         for terms, factor in ((law.left_terms, np.ones(posture.n)), (law.right_terms, -gradient)):
             for coordinate, weight in terms.items():
-                effort = weight * factor * efforts.gears[name]
+                effort = weight * factor * record.gears[name]
                 yield along_coordinate(
                     mechanism, posture, coordinate, effort, f"coupling {name} on {coordinate}"
                 )
@@ -198,7 +198,7 @@ def _friction(mechanism: Mechanism, forces: Forces, posture: Posture) -> Iterato
             couple = -(rubbing.viscous + rubbing.coulomb / np.where(speed > 0.0, speed, 1.0)) * spin
             yield Action(name, joint.b.link, joint.a.link, np.zeros((posture.n, 3)), point, couple)
             continue
-        axis = posture.turned(joint.a.link, joint.a.axis)
+        axis = posture.rotated(joint.a.link, joint.a.axis)
         moved = posture.velocity(joint.b.link, point) - posture.velocity(joint.a.link, point)
         rates = {"slide": (moved * axis).sum(1), "turn": (spin * axis).sum(1)}
         mixed, sliding = KINDS[joint.kind].mixed, bool(KINDS[joint.kind].slides)
@@ -216,7 +216,7 @@ def _friction(mechanism: Mechanism, forces: Forces, posture: Posture) -> Iterato
 def _inertial(posture: Posture, link: str, inertia: object) -> tuple[np.ndarray, np.ndarray]:
     """Return m a of the centre of mass, and I alpha + omega x I omega about it."""
     moved = posture.motion.links[link]
-    spin, arm = moved.angular_velocity, posture.turned(link, inertia.centre)
+    spin, arm = moved.angular_velocity, posture.rotated(link, inertia.centre)
     turning = np.cross(moved.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
     matrix = moved.rotation @ np.asarray(inertia.moments) @ np.swapaxes(moved.rotation, 1, 2)
     moment = (matrix @ moved.angular_acceleration[..., None])[..., 0]
@@ -224,14 +224,14 @@ def _inertial(posture: Posture, link: str, inertia: object) -> tuple[np.ndarray,
     return inertia.mass * (moved.acceleration + turning), moment
 
 
-def largest_work(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> float:
+def largest_work(mechanism: Mechanism, motion: Motion, record: ForceRecord) -> float:
     """Return the largest power of any reaction in its joint, or of teeth at their pitch point.
 
     It is relative to the largest force times the largest speed. Ideal constraints do no work.
     """
     posture, power, force, speed = Posture(motion), 0.0, 0.0, 0.0
-    pairs = [(item, item.moment) for item in efforts.reactions.values()]
-    pairs += [(item, np.zeros_like(item.force)) for item in efforts.meshes.values()]
+    pairs = [(item, item.moment) for item in record.reactions.values()]
+    pairs += [(item, np.zeros_like(item.force)) for item in record.meshes.values()]
     for item, moment in pairs:
         velocities = [posture.velocity(link, item.point) for link in (item.link, item.by)]
         spins = [mechanism.characteristic_length * posture.spin(link) for link in (item.link, item.by)]
@@ -243,10 +243,10 @@ def largest_work(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> 
     return power / (force * speed)
 
 
-def largest_slip(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> float:
+def largest_slip(mechanism: Mechanism, motion: Motion, record: ForceRecord) -> float:
     """Return the largest slip speed of pitch circles relative to the largest speed of any wheel."""
     posture, slip, speed = Posture(motion), 0.0, 0.0
-    for item in efforts.meshes.values():
+    for item in record.meshes.values():
         velocities = [posture.velocity(link, item.point) for link in (item.link, item.by)]
         slip = max(slip, float(np.abs(velocities[0] - velocities[1]).max()))
         speed = max(
@@ -256,4 +256,4 @@ def largest_slip(mechanism: Mechanism, motion: Motion, efforts: ForceRecord) -> 
                 for link in (item.link, item.by)
             ),
         )
-    return slip / speed if efforts.meshes else 0.0
+    return slip / speed if record.meshes else 0.0

@@ -125,7 +125,7 @@ def train(seed: int, pressure_angle: float | None = None) -> Mechanism:
     return Mechanism("train", links, tuple(shop.joints), "crank", points, gears, shop.poses, 0.0, couplings)
 
 
-def screw_feed(seed: int, spindle_first: bool) -> Mechanism:
+def spindle_and_rack(seed: int, spindle_first: bool) -> Mechanism:
     """Return a spindle on an arm, whose nut turns a pinion on the arm by a rack: all joints drive or couple.
 
     In MuJoCo's model the joint of the spindle leads to a virtual body of its link b.
@@ -147,5 +147,5 @@ def screw_feed(seed: int, spindle_first: bool) -> Mechanism:
     links = tuple(Link(name, inertia=shop.inertia()) for name in shop.poses)
     points = {name: (name, (0.01, -0.02, 0.015)) for name in shop.poses}
     return Mechanism(
-        "screw_feed", links, tuple(shop.joints), "crank", points, gears, shop.poses, 0.0, (rack,)
+        "spindle_and_rack", links, tuple(shop.joints), "crank", points, gears, shop.poses, 0.0, (rack,)
     )

@@ -12,7 +12,7 @@ from mechsim.model.mechanism import Mechanism
 START = 0.7
 
 
-def at(link: str, point: Vector = (0.0, 0.0, 0.0), axis: Vector = (0.0, 0.0, 1.0)) -> End:
+def end_at(link: str, point: Vector = (0.0, 0.0, 0.0), axis: Vector = (0.0, 0.0, 1.0)) -> End:
     return End(link, point, axis)
 
 
@@ -23,16 +23,20 @@ def rsup() -> Mechanism:
             "rsup",
             (Link("crank"), Link("rod"), Link("slider")),
             (
-                Joint("shaft", "revolute", at(GROUND, (0.01, 0.02, 0.03), (0.2, 0.1, 1.0)), at("crank")),
-                Joint("ball", "spherical", at("crank", (0.03, 0.004, 0.002)), at("rod")),
+                Joint(
+                    "shaft", "revolute", end_at(GROUND, (0.01, 0.02, 0.03), (0.2, 0.1, 1.0)), end_at("crank")
+                ),
+                Joint("ball", "spherical", end_at("crank", (0.03, 0.004, 0.002)), end_at("rod")),
                 Joint(
                     "cross",
                     "universal",
-                    at("rod", (0.14, 0.01, -0.003), (0.1, 1.0, 0.2)),
-                    at("slider", axis=(0.3, 0.1, 1.0)),
+                    end_at("rod", (0.14, 0.01, -0.003), (0.1, 1.0, 0.2)),
+                    end_at("slider", axis=(0.3, 0.1, 1.0)),
                     cross_angle=np.deg2rad(70.0),
                 ),
-                Joint("slide", "prismatic", at(GROUND, (0.0, 0.01, 0.02), (1.0, 0.1, 0.2)), at("slider")),
+                Joint(
+                    "slide", "prismatic", end_at(GROUND, (0.0, 0.01, 0.02), (1.0, 0.1, 0.2)), end_at("slider")
+                ),
             ),
             "shaft",
             {"tip": ("crank", (0.03, 0.004, 0.002)), "cross": ("slider", (0.0, 0.0, 0.0))},
@@ -53,15 +57,22 @@ def rscr() -> Mechanism:
             "rscr",
             (Link("crank"), Link("rod"), Link("lever")),
             (
-                Joint("shaft", "revolute", at(GROUND, axis=(0.1, 0.2, 1.0)), at("crank")),
-                Joint("ball", "spherical", at("crank", (0.02, 0.003, 0.004)), at("rod", (0.05, 0.035, 0.0))),
+                Joint("shaft", "revolute", end_at(GROUND, axis=(0.1, 0.2, 1.0)), end_at("crank")),
+                Joint(
+                    "ball",
+                    "spherical",
+                    end_at("crank", (0.02, 0.003, 0.004)),
+                    end_at("rod", (0.05, 0.035, 0.0)),
+                ),
                 Joint(
                     "sleeve",
                     "cylindrical",
-                    at("lever", (0.01, 0.0, 0.0), (0.1, 1.0, 0.2)),
-                    at("rod", axis=(1.0, 0.1, 0.0)),
+                    end_at("lever", (0.01, 0.0, 0.0), (0.1, 1.0, 0.2)),
+                    end_at("rod", axis=(1.0, 0.1, 0.0)),
                 ),
-                Joint("pivot", "revolute", at(GROUND, (0.09, 0.03, 0.02), (0.2, -0.1, 1.0)), at("lever")),
+                Joint(
+                    "pivot", "revolute", end_at(GROUND, (0.09, 0.03, 0.02), (0.2, -0.1, 1.0)), end_at("lever")
+                ),
             ),
             "shaft",
             {"ball": ("crank", (0.02, 0.003, 0.004)), "rod end": ("rod", (-0.04, 0.0, 0.0))},
@@ -114,11 +125,11 @@ def geared_five_bar(ratio: float = -1.5) -> Mechanism:
             "geared_five_bar",
             (Link("one"), Link("two"), Link("rod"), Link("arm")),
             (
-                Joint("shaft", "revolute", at(GROUND), at("one")),
-                Joint("second", "revolute", at(GROUND, (0.09, 0.01, 0.0)), at("two")),
-                Joint("A", "revolute", at("one", (0.021, 0.0, 0.0)), at("rod")),
-                Joint("B", "revolute", at("two", (0.017, 0.0, 0.0)), at("arm")),
-                Joint("C", "revolute", at("rod", (0.083, 0.0, 0.0)), at("arm", (0.071, 0.0, 0.0))),
+                Joint("shaft", "revolute", end_at(GROUND), end_at("one")),
+                Joint("second", "revolute", end_at(GROUND, (0.09, 0.01, 0.0)), end_at("two")),
+                Joint("A", "revolute", end_at("one", (0.021, 0.0, 0.0)), end_at("rod")),
+                Joint("B", "revolute", end_at("two", (0.017, 0.0, 0.0)), end_at("arm")),
+                Joint("C", "revolute", end_at("rod", (0.083, 0.0, 0.0)), end_at("arm", (0.071, 0.0, 0.0))),
             ),
             "shaft",
             {"C": ("rod", (0.083, 0.0, 0.0)), "B": ("two", (0.017, 0.0, 0.0))},
@@ -135,11 +146,11 @@ def geared_five_bar(ratio: float = -1.5) -> Mechanism:
 
 
 def three_cranks(
-    place: tuple[float, float], crank: float = 0.03, ground: float = 0.1, start: float = 0.35
+    third_pivot: tuple[float, float], crank: float = 0.03, ground: float = 0.1, start: float = 0.35
 ) -> Mechanism:
     """Return a parallelogram with a third parallel crank, pivoted at a position of frame and coupler."""
     out, pivots = (crank, 0.0, 0.0), {"crank": (0.0, 0.0, 0.0), "rocker": (ground, 0.0, 0.0)}
-    pivots["third"] = (*place, 0.0)
+    pivots["third"] = (*third_pivot, 0.0)
     joints = [Joint(name, "revolute", End(GROUND, position), End(name)) for name, position in pivots.items()]
     joints += [
         Joint(f"{name} pin", "revolute", End(name, out), End("coupler", position))

@@ -229,7 +229,7 @@ CASES = {
         flipped(2, "axis_z", "side"),
         scaled=1e-12,
         # a long arm shows the rounding of a short coupler's direction
-        slack=lambda drive: max(1.0, drive.arm / drive.coupler),
+        slack=lambda solver: max(1.0, solver.arm / solver.coupler),
     ),
     "bennett": Case(bennetts(), flipped(2, "twist0", "twist1")),
     "warp_knitter": Case(warp_knitters(), None, scaled=1e-12),

@@ -97,7 +97,7 @@ TESTS: dict[str, list[str]] = {
         f"simulation/{name}.py": [
             *LOOPS,
             "simulation/test_spherical_change_points.py",
-            "studies/test_driven_efforts.py",
+            "studies/test_driven_forces.py",
         ]
         for name in ("model_loops", "loop_jacobian")
     },
@@ -293,8 +293,8 @@ def main() -> int:
         if options.pattern and not any(pattern in file for pattern in options.pattern):
             continue
         population = [mutant for mutant in mutants(file) if first <= mutant.line < last]
-        size = min(options.most, len(population))
-        sample = random.Random(f"{options.seed} {file}").sample(population, size)
+        count = min(options.most, len(population))
+        sample = random.Random(f"{options.seed} {file}").sample(population, count)
         tested = population if options.all else sorted(sample, key=lambda mutant: mutant.line)
         counted = [mutant for mutant in tested if not mutant.equivalent]
         survived = len(surviving_mutants(tests, counted, print_all=options.list)) if counted else 0

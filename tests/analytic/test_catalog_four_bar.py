@@ -41,8 +41,8 @@ def test_the_coupler_point_lies_on_the_side_of_its_angle(linkage):
 def test_branch_selects_the_side_of_the_rocker(linkage):
     points = linkage.positions(angles_of(linkage))
     line = np.array([linkage.ground, 0.0, 0.0]) - points["A"]
-    left = np.cross(line, points["B"] - points["A"])[:, 2]
-    assert (np.sign(left) == linkage.branch).all()
+    side = np.cross(line, points["B"] - points["A"])[:, 2]
+    assert (np.sign(side) == linkage.branch).all()
     assert (linkage.assembly_sign(points) > 0.0).all()
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from driven_mechanisms import five_bar
-from mechanisms import at
+from mechanisms import end_at
 
 from mechsim import catalog, loops
 from mechsim.analytic.loops.motion import crank_path, motion_along
@@ -25,7 +25,7 @@ def swinging(**coupling) -> Mechanism:
     if not coupling:
         return mechanism
     kind = "revolute" if coupling["turns"] else "prismatic"
-    coupled = Joint("coupled", kind, at(GROUND, (0.2, 0.0, 0.0)), at("wheel"))
+    coupled = Joint("coupled", kind, end_at(GROUND, (0.2, 0.0, 0.0)), end_at("wheel"))
     start = mechanism.start
     coordinate = coupling["coefficients"][0] + coupling["coefficients"][1] * start
     guess = dict(mechanism.guess)
@@ -105,10 +105,10 @@ def test_links_with_a_passive_spin_are_reported(name, idle):
 
 def test_a_rod_that_spins_about_a_frame_axis_is_reported():
     joints = (
-        Joint("crank", "revolute", at(GROUND), at("crank")),
-        Joint("A", "spherical", at("crank", (0.1, 0.0, 0.0)), at("rod")),
-        Joint("B", "spherical", at("rod", (0.3, 0.0, 0.0)), at("block")),
-        Joint("way", "prismatic", at(GROUND, (0.4, 0.0, 0.0), EX), at("block", (0.0, 0.0, 0.0), EX)),
+        Joint("crank", "revolute", end_at(GROUND), end_at("crank")),
+        Joint("A", "spherical", end_at("crank", (0.1, 0.0, 0.0)), end_at("rod")),
+        Joint("B", "spherical", end_at("rod", (0.3, 0.0, 0.0)), end_at("block")),
+        Joint("way", "prismatic", end_at(GROUND, (0.4, 0.0, 0.0), EX), end_at("block", (0.0, 0.0, 0.0), EX)),
     )
     guess = {
         "rod": Pose(np.array([0.1, 0.0, 0.0]), np.eye(3)),

@@ -27,8 +27,8 @@ GRAVITY = 9.81
 WEIGHT = Forces(gravity=(0.0, -GRAVITY, 0.0))
 
 
-def point_mass(mass=1.0, at=(1.0, 0.0, 0.0), about=1e-20):
-    return Inertia(mass, at, tuple(tuple(row) for row in about * np.eye(3)))
+def point_mass(mass=1.0, centre=(1.0, 0.0, 0.0), about=1e-20):
+    return Inertia(mass, centre, tuple(tuple(row) for row in about * np.eye(3)))
 
 
 def pendulum():
@@ -70,7 +70,7 @@ def test_a_pendulum_agrees_with_elliptic_functions():
 
 def test_a_pendulum_of_another_length_disagrees():
     longer = replace(
-        pendulum(), links=(ms.Link("arm", inertia=point_mass(at=(1.0001, 0.0, 0.0))),), points={}
+        pendulum(), links=(ms.Link("arm", inertia=point_mass(centre=(1.0001, 0.0, 0.0))),), points={}
     )
     longer = replace(longer, points={"P": ("arm", (1.0, 0.0, 0.0))})
     run = ms.dynamics.run(longer, WEIGHT, duration=a01_pendulum.PERIOD, samples=10)

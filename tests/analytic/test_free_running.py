@@ -314,10 +314,10 @@ def test_user_defined_and_catalogue_mechanisms_give_the_same_run(force):
 def test_frictions_that_hold_a_crank_together_release_it_when_their_sum_is_exceeded():
     ramp = load_profile.table([0.0, 1.0], [0.0, 0.1], over="time")
     friction = (Friction("crank", 0.0, 0.02), Friction("rocker", 0.0, 0.03), Friction("A", 0.0, 0.01))
-    form = catalog.make("four_bar")
+    solver = catalog.make("four_bar")
     forces = Forces(friction=friction, crank_torque=ramp, flywheel=0.1)
-    result = dynamics.run(dynamics.dynamic_model(form, forces), initial={"crank.q": 1.0}, duration=0.5)
-    joints = form.solve(1.0, 1.0).joints
+    result = dynamics.run(dynamics.dynamic_model(solver, forces), initial={"crank.q": 1.0}, duration=0.5)
+    joints = solver.solve(1.0, 1.0).joints
     # power of all frictions at unit speed
     torque = sum(row.coulomb * abs(joints[row.joint].rate[0]) for row in friction)
     # friction holds up to 1e-9 above its limit

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from mechanisms import at as end
+from mechanisms import end_at as end
 
 from mechsim import catalog
 from mechsim.analytic.loops.constraints import tree_loops

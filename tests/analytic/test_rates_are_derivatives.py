@@ -5,7 +5,7 @@ from functools import cache
 import mechanisms
 import numpy as np
 import pytest
-from mechanisms import at
+from mechanisms import end_at
 
 from mechsim import loops
 from mechsim.errors import InputError
@@ -27,16 +27,20 @@ def rocking_slide() -> Mechanism:
             "rocking slide",
             (Link("crank"), Link("block"), Link("rocker")),
             (
-                Joint("shaft", "revolute", at(GROUND), at("crank")),
-                Joint("pin", "revolute", at("crank", (0.03, 0.0, 0.0)), at("block", (0.004, 0.002, 0.0))),
+                Joint("shaft", "revolute", end_at(GROUND), end_at("crank")),
+                Joint(
+                    "pin", "revolute", end_at("crank", (0.03, 0.0, 0.0)), end_at("block", (0.004, 0.002, 0.0))
+                ),
                 Joint(
                     "slide",
                     "prismatic",
-                    at("rocker", (0.01, 0.005, 0.0), (1.0, 0.2, 0.0)),
-                    at("block", (0.003, -0.001, 0.0), (1.0, 0.2, 0.0)),
+                    end_at("rocker", (0.01, 0.005, 0.0), (1.0, 0.2, 0.0)),
+                    end_at("block", (0.003, -0.001, 0.0), (1.0, 0.2, 0.0)),
                 ),
-                Joint("pivot", "revolute", at(GROUND, (-0.08, 0.01, 0.0)), at("rocker")),
-                Joint("table", "planar", at(GROUND, (0.02, 0.01, 0.0)), at("block", (0.001, 0.002, 0.0))),
+                Joint("pivot", "revolute", end_at(GROUND, (-0.08, 0.01, 0.0)), end_at("rocker")),
+                Joint(
+                    "table", "planar", end_at(GROUND, (0.02, 0.01, 0.0)), end_at("block", (0.001, 0.002, 0.0))
+                ),
             ),
             "shaft",
             {"P": ("block", (0.01, 0.02, 0.005))},
@@ -61,20 +65,20 @@ def bevel_wheels() -> Mechanism:
                 Joint(
                     "shaft",
                     "revolute",
-                    at(GROUND, (0.01, 0.0, 0.02), (0.2, 0.1, 1.0)),
-                    at("arm", axis=(0.2, 0.1, 1.0)),
+                    end_at(GROUND, (0.01, 0.0, 0.02), (0.2, 0.1, 1.0)),
+                    end_at("arm", axis=(0.2, 0.1, 1.0)),
                 ),
                 Joint(
                     "wheel",
                     "revolute",
-                    at("arm", (0.03, 0.01, 0.0), (1.0, 0.3, 0.4)),
-                    at("wheel", axis=(1.0, 0.3, 0.4)),
+                    end_at("arm", (0.03, 0.01, 0.0), (1.0, 0.3, 0.4)),
+                    end_at("wheel", axis=(1.0, 0.3, 0.4)),
                 ),
                 Joint(
                     "idler",
                     "revolute",
-                    at("idler", axis=(0.1, 1.0, -0.6)),
-                    at("wheel", (0.01, 0.02, 0.0), (0.1, 1.0, -0.6)),
+                    end_at("idler", axis=(0.1, 1.0, -0.6)),
+                    end_at("wheel", (0.01, 0.02, 0.0), (0.1, 1.0, -0.6)),
                 ),
             ),
             "shaft",
@@ -95,13 +99,15 @@ def racks() -> Mechanism:
             "racks",
             tuple(Link(name) for name in names),
             (
-                Joint("shaft", "revolute", at(GROUND, (0.01, 0.0, 0.02)), at("arm")),
-                Joint("rack", "prismatic", at("arm", (0.05, 0.01, 0.0), first), at("rack", axis=first)),
+                Joint("shaft", "revolute", end_at(GROUND, (0.01, 0.0, 0.02)), end_at("arm")),
+                Joint(
+                    "rack", "prismatic", end_at("arm", (0.05, 0.01, 0.0), first), end_at("rack", axis=first)
+                ),
                 Joint(
                     "second",
                     "prismatic",
-                    at("rack", (0.0, 0.02, 0.01), second),
-                    at("second", (0.01, 0.0, 0.0), second),
+                    end_at("rack", (0.0, 0.02, 0.01), second),
+                    end_at("second", (0.01, 0.0, 0.0), second),
                 ),
             ),
             "shaft",
@@ -124,13 +130,15 @@ def plate() -> Mechanism:
             "plate",
             tuple(Link(name) for name in names),
             (
-                Joint("shaft", "revolute", at(GROUND, (0.01, 0.0, 0.02)), at("arm")),
-                Joint("wheel", "revolute", at("arm", (0.05, 0.01, 0.0), axis), at("wheel", axis=axis)),
+                Joint("shaft", "revolute", end_at(GROUND, (0.01, 0.0, 0.02)), end_at("arm")),
+                Joint(
+                    "wheel", "revolute", end_at("arm", (0.05, 0.01, 0.0), axis), end_at("wheel", axis=axis)
+                ),
                 Joint(
                     "table",
                     "planar",
-                    at("wheel", (0.0, 0.02, 0.01), normal),
-                    at("plate", (0.01, 0.0, 0.0), normal),
+                    end_at("wheel", (0.0, 0.02, 0.01), normal),
+                    end_at("plate", (0.01, 0.0, 0.0), normal),
                 ),
             ),
             "shaft",

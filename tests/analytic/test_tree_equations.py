@@ -4,7 +4,7 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from mechanisms import at
+from mechanisms import end_at
 
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses, twists, velocity_products
@@ -44,11 +44,11 @@ def branched(swap, names=("shaft", *"abcdefghijklm"), seed=3):
     joints = []
     for i, (kind, inner, outer) in enumerate(chain):
         ends = [
-            at(link, tuple(random.uniform(-0.2, 0.2, 3)), tuple(random.uniform(0.2, 1.0, 3)))
+            end_at(link, tuple(random.uniform(-0.2, 0.2, 3)), tuple(random.uniform(0.2, 1.0, 3)))
             for link in (inner, outer)
         ]
         joints.append(joint(f"j{i}", kind, *(ends[::-1] if (i + swap) % 2 else ends)))
-    shaft = Joint("shaft", "revolute", at(GROUND), at("shaft"))
+    shaft = Joint("shaft", "revolute", end_at(GROUND), end_at("shaft"))
     links = tuple(Link(name) for name in names)
     return Mechanism("branched", links, (shaft, *joints), "shaft", {})
 
@@ -69,11 +69,13 @@ class Moving:
         start = Coordinates(np.repeat(start.values[:, :1], 9, 1), start.turns)
         rates = random.uniform(-1.0, 1.0, tree.count)
         self.rates = np.repeat((rates * self.loops.units)[:, None], 9, 1)
-        self.at = self.loops.displaced(start, np.outer(rates, STEP * (np.arange(9) - MIDDLE)))
-        self.here = link_poses(self.tree, self.at)
-        self.twist = twists(self.tree, self.here, self.rates)
-        self.drift = velocity_products(self.tree, self.here, self.twist, self.rates)
-        self.bias = self.loops.velocity_products(self.at, self.here, self.rates, self.twist, self.drift)
+        self.coordinates = self.loops.displaced(start, np.outer(rates, STEP * (np.arange(9) - MIDDLE)))
+        self.poses = link_poses(self.tree, self.coordinates)
+        self.twist = twists(self.tree, self.poses, self.rates)
+        self.drift = velocity_products(self.tree, self.poses, self.twist, self.rates)
+        self.bias = self.loops.velocity_products(
+            self.coordinates, self.poses, self.rates, self.twist, self.drift
+        )
 
 
 def assert_close(result, expected, tolerance=1e-9):
@@ -90,8 +92,8 @@ def test_twists_and_velocity_products_are_derivatives(swap):
     moving = Moving(swap, None)
     for link in range(len(moving.tree.branches)):
         rotated, position, twist = (
-            rotation_of(moving.here, link),
-            moving.here.position[link].T,
+            rotation_of(moving.poses, link),
+            moving.poses.position[link].T,
             moving.twist[link].T,
         )
         assert_close(rotated @ rotated.transpose(0, 2, 1), np.eye(3), 1e-13)
@@ -105,34 +107,35 @@ def test_twists_and_velocity_products_are_derivatives(swap):
 def test_coordinates_are_read_back_from_poses(swap):
     moving = Moving(swap, None)
     poses = {
-        name: Pose(moving.here.position[i].T, rotation_of(moving.here, i))
+        name: Pose(moving.poses.position[i].T, rotation_of(moving.poses, i))
         for i, name in enumerate(moving.tree.links)
     }
     read = moving.loops.read(poses)
     scalars = np.delete(np.arange(moving.tree.count), moving.tree.ball_indices)
-    assert_close(read.values[scalars], moving.at.values[scalars], 1e-13)
-    assert_close(read.turns, moving.at.turns, 1e-13)
+    assert_close(read.values[scalars], moving.coordinates.values[scalars], 1e-13)
+    assert_close(read.turns, moving.coordinates.turns, 1e-13)
 
 
 @pytest.mark.parametrize("swap", [0, 1])
 def test_the_order_of_links_does_not_change_their_poses(swap):
     names = ("h", "c", "k", "shaft", "i", "a", "l", "f", "b", "e", "j", "d", "g", "m")
     item, other = Moving(swap, None), spanning_tree(branched(swap, names))
-    poses = link_poses(other, item.at)
+    poses = link_poses(other, item.coordinates)
     for i, name in enumerate(names):
         k = item.tree.links[name]
-        assert_close(poses.position[i], item.here.position[k], 1e-15)
-        assert_close(poses.rotation[i], item.here.rotation[k], 1e-15)
-    assert_close(poses.unit_twists, item.here.unit_twists, 1e-15)
+        assert_close(poses.position[i], item.poses.position[k], 1e-15)
+        assert_close(poses.rotation[i], item.poses.rotation[k], 1e-15)
+    assert_close(poses.unit_twists, item.poses.unit_twists, 1e-15)
 
 
 def test_links_on_a_common_link_agree_with_separate_chains():
     random, count = np.random.default_rng(4), 16
     names = [f"l{i}" for i in range(count)]
     ends = [
-        (at("hub", (0.1 * i, 0.2, -0.3 * i)), at(name, (0.4, 0.0, 0.1 * i))) for i, name in enumerate(names)
+        (end_at("hub", (0.1 * i, 0.2, -0.3 * i)), end_at(name, (0.4, 0.0, 0.1 * i)))
+        for i, name in enumerate(names)
     ]
-    shaft = Joint("shaft", "revolute", at(GROUND), at("hub", (0.1, 0.2, 0.3)))
+    shaft = Joint("shaft", "revolute", end_at(GROUND), end_at("hub", (0.1, 0.2, 0.3)))
     joints = tuple(Joint(name, "revolute", *pair) for name, pair in zip(names, ends, strict=True))
     values = random.uniform(-3.0, 3.0, (count + 1, 4))
 
@@ -151,14 +154,14 @@ def test_links_on_a_common_link_agree_with_separate_chains():
 @pytest.mark.parametrize("kind", KINDS)
 def test_jacobian_and_velocity_products_are_derivatives_of_the_residual(kind, sides, swap):
     ends = [
-        at(GROUND if item == "-" else item, (0.05, -0.03, 0.08 + 0.02 * i), (0.3, 1.0 - i, 0.4))
+        end_at(GROUND if item == "-" else item, (0.05, -0.03, 0.08 + 0.02 * i), (0.3, 1.0 - i, 0.4))
         for i, item in enumerate(sides)
     ]
     cut = joint("cut", kind, *ends)
     # a slide without references gets those of the smallest rotation
     ends = (cut.a, cut.b)
     moving = Moving(swap, cut)
-    residual, gradient, _ = moving.loops.linearise(moving.at)
+    residual, gradient, _ = moving.loops.linearise(moving.coordinates)
     rate = np.einsum("mkn,kn->mn", gradient, moving.rates / moving.loops.units[:, None])
     assert_close(rate[:, MIDDLE], residual @ FIRST)
     assert_close(moving.bias[:, MIDDLE], rate @ FIRST)
@@ -166,8 +169,8 @@ def test_jacobian_and_velocity_products_are_derivatives_of_the_residual(kind, si
     ends_in_ground = []
     for end in ends:
         link = moving.tree.links.get(end.link, -1)
-        rotation = np.broadcast_to(np.eye(3), (9, 3, 3)) if link < 0 else rotation_of(moving.here, link)
-        position = 0.0 if link < 0 else moving.here.position[link].T
+        rotation = np.broadcast_to(np.eye(3), (9, 3, 3)) if link < 0 else rotation_of(moving.poses, link)
+        position = 0.0 if link < 0 else moving.poses.position[link].T
         ends_in_ground.append(
             (position + rotation @ np.array(end.point), (rotation @ end.frame).transpose(2, 0, 1))
         )
@@ -191,10 +194,10 @@ def test_a_tree_without_revolute_joints_has_its_exact_poses():
         Joint(
             "slide",
             "prismatic",
-            at(GROUND, (0.1, 0.0, 0.0), (1.0, 2.0, 2.0)),
-            at("block", axis=(1.0, 2.0, 2.0)),
+            end_at(GROUND, (0.1, 0.0, 0.0), (1.0, 2.0, 2.0)),
+            end_at("block", axis=(1.0, 2.0, 2.0)),
         ),
-        Joint("ball", "spherical", at("block", (0.0, 0.3, 0.0)), at("bob", (0.0, 0.0, 0.2))),
+        Joint("ball", "spherical", end_at("block", (0.0, 0.3, 0.0)), end_at("bob", (0.0, 0.0, 0.2))),
     )
     whole = Mechanism("hung", (Link("block"), Link("bob")), joints, "slide", {})
     rotation = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -215,7 +218,7 @@ def test_poses_of_stacked_designs_agree_with_single_designs(swap):
         for pairs in [[item.constants[i] for item in trees]]
     }
     vars(tree)["constants"] = constants
-    two = Coordinates(moving.at.values[:, :2], moving.at.turns[..., :2])
+    two = Coordinates(moving.coordinates.values[:, :2], moving.coordinates.turns[..., :2])
     together = link_poses(tree, two)
     for i, own in enumerate(trees):
         alone = link_poses(own, Coordinates(two.values[:, [i]], two.turns[..., [i]]))

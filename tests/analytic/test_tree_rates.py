@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from driven_mechanisms import circle_intersection, five_bar, sinusoidal
-from mechanisms import at
+from mechanisms import end_at
 
 from mechsim import catalog, loops
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -133,8 +133,8 @@ def test_several_chunks_keep_the_order_of_instants():
 
 def test_a_slide_on_a_rotating_arm_has_its_coriolis_acceleration():
     joints = (
-        Joint("turn", "revolute", at(GROUND), at("arm")),
-        Joint("way", "prismatic", at("arm", axis=EX), at("block", axis=EX)),
+        Joint("turn", "revolute", end_at(GROUND), end_at("arm")),
+        Joint("way", "prismatic", end_at("arm", axis=EX), end_at("block", axis=EX)),
     )
     points = {"P": ("block", (0.3, 0.0, 0.0))}
     arm = Mechanism("arm", (Link("arm"), Link("block")), joints, ("turn", "way"), points)

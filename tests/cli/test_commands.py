@@ -222,7 +222,9 @@ def test_simulate_with_default_settings_of_mujoco_reports_its_error(mechsim: Cal
 
 
 PARALLELOGRAM = [
-    part for text in ("ground=0.1", "crank=0.045", "coupler=0.1", "rocker=0.045") for part in ("--set", text)
+    argument
+    for text in ("ground=0.1", "crank=0.045", "coupler=0.1", "rocker=0.045")
+    for argument in ("--set", text)
 ]
 
 
@@ -336,10 +338,10 @@ def test_every_command_is_listed_with_its_complete_summary(name: str, mechsim: C
 
 
 def test_the_package_runs_as_a_module() -> None:
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", "mechsim", "--version"], capture_output=True, text=True, check=False
     )
-    assert done.stdout.strip() == __version__
+    assert completed.stdout.strip() == __version__
 
 
 HEAVY = {"scipy", "matplotlib", "mediapy", "pint", "networkx", "jinja2"}
@@ -356,8 +358,8 @@ def loaded_by(*arguments: str) -> set[str]:
         "    except SystemExit as ended: assert not ended.code, words\n"
         "print('loaded', *{name.partition('.')[0] for name in sys.modules})"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return set(done.stdout.splitlines()[-1].split())
+    completed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(completed.stdout.splitlines()[-1].split())
 
 
 def test_help_imports_no_heavy_library() -> None:

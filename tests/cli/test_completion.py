@@ -45,5 +45,5 @@ def test_a_shell_gets_completions():
         "COMP_CWORD": "2",
     }
     line = "import sys; sys.argv = ['mechsim']; from mechsim.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", line], env=environment, capture_output=True, text=True)
-    assert (done.returncode, done.stdout.split()) == (0, ["rssr"])
+    completed = subprocess.run([sys.executable, "-c", line], env=environment, capture_output=True, text=True)
+    assert (completed.returncode, completed.stdout.split()) == (0, ["rssr"])

@@ -21,15 +21,15 @@ def test_reported_digits_match_the_true_error(loops):
     error_ratios = []
     while len(error_ratios) < 24:
         lengths = dict(zip(SWINGS, rng.uniform(0.03, 0.1, 4), strict=True))
-        drive = catalog.make("four_bar", **lengths)
-        ends = drive.dead_centres()
+        linkage = catalog.make("four_bar", **lengths)
+        ends = linkage.dead_centres()
         if len(ends) != 2:
             continue
         angles = max(ends) - 10.0 ** np.array([-8.0, -10.0, -11.0])
-        motion = (LoopForm(drive.mechanism) if loops else drive).solve(angles, 1.0)
-        conditioning = motion.conditioning if loops else conditioning_of(drive.mechanism, motion)
+        motion = (LoopForm(linkage.mechanism) if loops else linkage).solve(angles, 1.0)
+        conditioning = motion.conditioning if loops else conditioning_of(linkage.mechanism, motion)
         for row, angle in enumerate(angles):
-            exact = four_bar_b(drive, float(angle))[2]
+            exact = four_bar_b(linkage, float(angle))[2]
             error = np.linalg.norm(motion.points["B"].acceleration[row] - exact) / np.linalg.norm(exact)
             error_ratios.append(error / RATES.widened(conditioning, 3)[row])
     assert 0.01 < np.median(error_ratios) < 1.0
@@ -37,17 +37,17 @@ def test_reported_digits_match_the_true_error(loops):
 
 
 def test_every_method_reports_a_loss_of_significance():
-    drive = catalog.make("four_bar", **SWINGS)
-    near_dead_centre = max(drive.dead_centres()) - 1e-10
+    linkage = catalog.make("four_bar", **SWINGS)
+    near_dead_centre = max(linkage.dead_centres()) - 1e-10
     angles = np.array([0.0, 1.0, near_dead_centre])
     profile = simulation.table(np.linspace(0.0, 1.0, 9), np.linspace(0.5, near_dead_centre, 9))
-    run = simulate(drive, profile=profile, method="pose").motion
-    for form, motion in (
-        (drive, drive.solve(angles, 1.0)),
-        (LoopForm(drive.mechanism), LoopForm(drive.mechanism).solve(angles, 1.0)),
-        (drive, run),
+    run = simulate(linkage, profile=profile, method="pose").motion
+    for solver, motion in (
+        (linkage, linkage.solve(angles, 1.0)),
+        (LoopForm(linkage.mechanism), LoopForm(linkage.mechanism).solve(angles, 1.0)),
+        (linkage, run),
     ):
-        warning = few_digits(form, motion)
+        warning = few_digits(solver, motion)
         assert warning is not None
         assert 3 <= warning.digits <= 5
         assert warning.at == pytest.approx(near_dead_centre, abs=1e-12)
@@ -56,8 +56,8 @@ def test_every_method_reports_a_loss_of_significance():
 def test_exact_and_limiting_rates_give_no_warning():
     flat = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045, branch=-1)
     angles = np.linspace(0.0, 2.0 * np.pi, 73)
-    for form in (flat, LoopForm(flat.mechanism), catalog.make("bennett"), catalog.make("rssr")):
-        assert few_digits(form, form.solve(angles, 1.0)) is None
+    for solver in (flat, LoopForm(flat.mechanism), catalog.make("bennett"), catalog.make("rssr")):
+        assert few_digits(solver, solver.solve(angles, 1.0)) is None
     swings = catalog.make("four_bar", **SWINGS)
     assert few_digits(swings, swings.solve(np.array([max(swings.dead_centres()) - 1e-10]), 0.0)) is None
 

@@ -54,8 +54,8 @@ def test_couplings_are_reported_with_their_transmission(capsys, monkeypatch, tmp
 
 def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatch, tmp_path):
     load = tmp_path / "load.csv"
-    turn = repr(2.0 * np.pi)
-    load.write_text(f"angle,P3.fx,P3.fz,crank\n0,0,1,0\n2,3,0,0.01\n{turn},0,1,0\n")
+    revolution = repr(2.0 * np.pi)
+    load.write_text(f"angle,P3.fx,P3.fz,crank\n0,0,1,0\n2,3,0,0.01\n{revolution},0,1,0\n")
     without_loads = run(capsys, monkeypatch, "rssr", "--method", "none", "--json", "--samples", "12")
     loaded = run(
         capsys,
@@ -163,8 +163,8 @@ def test_an_invalid_load_table_is_rejected(capsys, monkeypatch, tmp_path, text, 
 
 def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch, tmp_path):
     load = tmp_path / "load.csv"
-    turn = repr(2.0 * np.pi)
-    load.write_text(f"angle,rocker.mx,rocker.mz\n0,0.01,0\n3,0,0.02\n{turn},0.01,0\n")
+    revolution = repr(2.0 * np.pi)
+    load.write_text(f"angle,rocker.mx,rocker.mz\n0,0.01,0\n3,0,0.02\n{revolution},0.01,0\n")
     arguments = ("rssr", "--json", "--samples", "6", "--method", "pose")
     output = [
         json.loads(run(capsys, monkeypatch, *arguments, *options)[1])

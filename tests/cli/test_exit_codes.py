@@ -54,10 +54,10 @@ def run(arguments: str, folder: Path, **environment: str) -> subprocess.Complete
 def test_closed_and_full_streams_keep_the_exit_code(
     arguments: str, code: int, output: str, tmp_path: Path
 ) -> None:
-    done = run(arguments, tmp_path)
-    assert done.returncode == code
-    assert output in done.stderr
-    assert len(done.stderr.splitlines()) <= 1
+    completed = run(arguments, tmp_path)
+    assert completed.returncode == code
+    assert output in completed.stderr
+    assert len(completed.stderr.splitlines()) <= 1
     if "-o" in arguments:
         # no output or message goes into a file that reuses the number of a closed stream
         assert (tmp_path / "out.csv").read_text().startswith("angle,P2.x")
@@ -136,8 +136,8 @@ raise SystemExit(code)
 def test_a_signal_swallowed_by_destructors_ends_the_command_once(
     number: signal.Signals, times: int, code: int
 ) -> None:
-    done = swallowing(number, times)
-    assert (done.returncode, done.stderr) == (code, "mechsim: stopped\n")
+    completed = swallowing(number, times)
+    assert (completed.returncode, completed.stderr) == (code, "mechsim: stopped\n")
 
 
 def test_an_ignored_signal_stays_ignored(tmp_path: Path) -> None:
@@ -169,9 +169,9 @@ def test_an_internal_error_has_its_own_exit_code(
 
 @pytest.mark.parametrize("name", grid(("osmesa", "nonsense"), ("nonsense",)))
 def test_a_failing_opengl_back_end_does_not_stop_other_commands(name: str, tmp_path: Path) -> None:
-    done = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL=name)
-    assert done.returncode == 0
-    if done.stderr:
-        assert done.stderr == (
+    completed = run("simulate rssr --method pose --samples 8", tmp_path, MUJOCO_GL=name)
+    assert completed.returncode == 0
+    if completed.stderr:
+        assert completed.stderr == (
             f"mechsim: MUJOCO_GL={name} does not work here; pictures use another back end, if there is one\n"
         )

@@ -165,7 +165,8 @@ def test_a_wrapped_angle_does_not_trigger_an_event(facts):
 
 def test_velocity_responses_are_displacements_times_frequency(facts):
     result = [
-        facts("--response", f"crank:{of}", "--initial", "crank.q=-95deg")[1] for of in ("B.x", "B.vx", "B.ax")
+        facts("--response", f"crank:{quantity}", "--initial", "crank.q=-95deg")[1]
+        for quantity in ("B.x", "B.vx", "B.ax")
     ]
     frequency, displacement, velocity, acceleration = (
         np.array(result[i]["response"][name])

@@ -35,8 +35,8 @@ def test_help_names_types_fits_eighty_columns_and_ends_with_two_examples(name, m
 def test_examples_use_existing_options(name):
     command = cli.load_command(name)
     for line in examples(command.help):
-        program, typed, *options = shlex.split(line)
-        assert (program, typed) == ("mechsim", name)
+        executable, typed, *options = shlex.split(line)
+        assert (executable, typed) == ("mechsim", name)
         # raises for an unknown option or a missing argument
         command.make_context(name, options)
 

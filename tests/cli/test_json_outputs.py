@@ -75,10 +75,10 @@ def undescribed(value, schema, path=""):
     """Return the paths of output keys that the schema does not describe."""
     options = valid_options(value, schema)
     if isinstance(value, dict):
-        known = [item for item in options if "properties" in item or "additionalProperties" in item]
-        if not known:
+        described = [item for item in options if "properties" in item or "additionalProperties" in item]
+        if not described:
             return []
-        own, rest = known[-1].get("properties", {}), known[-1].get("additionalProperties")
+        own, rest = described[-1].get("properties", {}), described[-1].get("additionalProperties")
         result = []
         for key, item in value.items():
             result += (
@@ -93,7 +93,7 @@ def undescribed(value, schema, path=""):
     return []
 
 
-@pytest.mark.usefixtures("fast_clock")
+@pytest.mark.usefixtures("fast_timers")
 @pytest.mark.parametrize("line", [*LINES, *(pytest.param(line, marks=pytest.mark.slow) for line in SLOW)])
 def test_json_output_is_valid_under_its_schema(line, monkeypatch, capsys, tmp_path):
     line = line.format(folder=tmp_path)

@@ -54,8 +54,8 @@ def press(tmp_path):
 
 
 def test_masses_are_listed_with_their_source(press):
-    machine = ms.dynamics.dynamic_model(ms.load(press), diameter=0.01)
-    result = {item.link: item for item in machine.masses}
+    model = ms.dynamics.dynamic_model(ms.load(press), diameter=0.01)
+    result = {item.link: item for item in model.masses}
     assert (result["crank"].mass, result["crank"].source) == (0.5, "given")
     rod = result["rod"]
     assert rod.source == "rod"
@@ -63,17 +63,17 @@ def test_masses_are_listed_with_their_source(press):
     assert (rod.length, rod.diameter, rod.density) == (pytest.approx(0.3), 0.01, 7850.0)
     # all joints of the slider coincide: a pin of two diameters length
     assert result["slider"].length == pytest.approx(0.02)
-    study = ms.dynamics.prescribed(machine, [0.1, 0.2], 1.0)
-    assert study.masses == machine.masses
-    assert driven(machine.mechanism, machine.forces, speed=1.0, samples=4).masses == machine.masses
+    study = ms.dynamics.prescribed(model, [0.1, 0.2], 1.0)
+    assert study.masses == model.masses
+    assert driven(model.mechanism, model.forces, speed=1.0, samples=4).masses == model.masses
 
 
 def test_a_massless_link_of_a_scene_is_listed_as_zero(tmp_path):
     path = tmp_path / "pair.xml"
     path.write_text(SCENE)
-    form = ms.load(str(path), lock={"tip": 0.0})
-    assert {item.link: item.source for item in masses_of(form.mechanism)} == {"arm": "given", "tip": "zero"}
-    assert summary(masses_of(form.mechanism)) == "masses: arm given, 2 kg; tip zero in the file"
+    solver = ms.load(str(path), lock={"tip": 0.0})
+    assert {item.link: item.source for item in masses_of(solver.mechanism)} == {"arm": "given", "tip": "zero"}
+    assert summary(masses_of(solver.mechanism)) == "masses: arm given, 2 kg; tip zero in the file"
 
 
 def test_rods_of_another_material_are_listed_with_their_density():

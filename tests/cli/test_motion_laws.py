@@ -30,21 +30,21 @@ def arm(tmp_path):
     (tmp_path / "arm.toml").write_text(ARM)
 
 
-DRIVE = ["--drive", "lift=20mm/s", "--drive", "turn=0.5*sin(3*t)"]
+MOTION_LAWS = ["--drive", "lift=20mm/s", "--drive", "turn=0.5*sin(3*t)"]
 
 
 @pytest.mark.parametrize("command", ["solve", "simulate"])
 def test_both_methods_follow_the_motion_laws(mechsim, command):
     code, _, output = mechsim(
-        command, "arm.toml", *DRIVE, "--duration", "2s", "--samples", "11", "-o", "out.csv"
+        command, "arm.toml", *MOTION_LAWS, "--duration", "2s", "--samples", "11", "-o", "out.csv"
     )
     assert code == 0, output
     table = files.read("out.csv")
     time = np.linspace(0.0, 2.0, 11)
     np.testing.assert_allclose(table["t"], time, atol=1e-15)
     np.testing.assert_allclose(table["lift"], 0.02 * time, atol=1e-12)
-    turn = 0.5 * np.sin(3 * time)
-    np.testing.assert_allclose(table["hand.x"], 0.3 * np.cos(turn), atol=1e-12)
+    angle = 0.5 * np.sin(3 * time)
+    np.testing.assert_allclose(table["hand.x"], 0.3 * np.cos(angle), atol=1e-12)
     np.testing.assert_allclose(table["hand.vz"], 0.02, atol=1e-9)
     np.testing.assert_allclose(table["turn.a"], -4.5 * np.sin(3 * time), atol=1e-6)
 
@@ -103,17 +103,17 @@ def test_show_reports_mobility_under_any_drivers(mechsim):
 
 WRONG = {
     "no motion laws": (["solve", "arm.toml"], ["lift, turn have no motion law", "--drive JOINT=LAW"]),
-    "one motion law": (["solve", "arm.toml", *DRIVE[:2]], ["turn has no motion law", "--drive JOINT"]),
+    "one motion law": (["solve", "arm.toml", *MOTION_LAWS[:2]], ["turn has no motion law", "--drive JOINT"]),
     "an angle for a slide": (["solve", "arm.toml", "--drive", "lift=3deg*t"], ["is an angle; give a length"]),
     "no equals sign": (["solve", "arm.toml", "--drive", "lift"], ["--drive NAME=VALUE"]),
     "twice": (["solve", "arm.toml", "--drive", "lift=1", "--drive", "lift=2"], ["lift twice"]),
-    "angles": (["solve", "arm.toml", *DRIVE, "--angles", "0:1:1"], ["--angles applies to a crank"]),
-    "turns": (["simulate", "arm.toml", *DRIVE, "--turns", "2"], ["--turns applies to a crank"]),
-    "one row": (["solve", "arm.toml", *DRIVE, "--samples", "1"], ["--samples is 1"]),
-    "no time": (["solve", "arm.toml", *DRIVE, "--duration", "0s"], ["above 0"]),
+    "angles": (["solve", "arm.toml", *MOTION_LAWS, "--angles", "0:1:1"], ["--angles applies to a crank"]),
+    "turns": (["simulate", "arm.toml", *MOTION_LAWS, "--turns", "2"], ["--turns applies to a crank"]),
+    "one row": (["solve", "arm.toml", *MOTION_LAWS, "--samples", "1"], ["--samples is 1"]),
+    "no time": (["solve", "arm.toml", *MOTION_LAWS, "--duration", "0s"], ["above 0"]),
     "a keyframe": (["solve", "arm.toml", "--key", "home"], ["no keyframes"]),
     "a plot of a crank": (
-        ["plot", "arm.toml", *DRIVE, "--kind", "transmission", "-o", "a.svg"],
+        ["plot", "arm.toml", *MOTION_LAWS, "--kind", "transmission", "-o", "a.svg"],
         ["needs a crank without a motion law; choose from"],
     ),
 }
@@ -130,9 +130,9 @@ def test_invalid_input_gives_one_line(mechsim, case):
 
 
 def test_an_export_with_motion_laws_gives_the_same_solution(mechsim):
-    assert mechsim("export", "arm.toml", *DRIVE, "--format", "toml", "-o", "again.toml")[0] == 0
+    assert mechsim("export", "arm.toml", *MOTION_LAWS, "--format", "toml", "-o", "again.toml")[0] == 0
     tables = []
-    for model in (["arm.toml", *DRIVE], ["again.toml"]):
+    for model in (["arm.toml", *MOTION_LAWS], ["again.toml"]):
         assert mechsim("solve", *model, "--samples", "5", "-o", "out.csv")[0] == 0
         tables.append(files.read("out.csv"))
     assert tables[0].keys() == tables[1].keys()
@@ -163,7 +163,7 @@ def test_driver_errors_beyond_the_tolerance_are_reported(mechsim):
 
 
 def test_a_requested_time_step_is_used_under_motion_laws(mechsim):
-    arguments = ["simulate", "arm.toml", *DRIVE, "--duration", "1s", "--timestep", "2ms", "--json"]
+    arguments = ["simulate", "arm.toml", *MOTION_LAWS, "--duration", "1s", "--timestep", "2ms", "--json"]
     output = json.loads(mechsim(*arguments).out)
     assert (output["steps"], output["settings"]["timestep"]) == (500, 0.002)
     code, _, output = mechsim(*arguments[:-1], "--samples", "72")

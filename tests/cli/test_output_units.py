@@ -83,8 +83,8 @@ def test_a_number_without_a_unit_is_rejected_for_a_file_in_mm(mechsim, press, op
 
 def test_cells_of_designs_need_units_for_a_file_in_mm(mechsim, press, tmp_path):
     table = tmp_path / "designs.csv"
-    for cells, code in (("30mm\n0.04m\n", 0), ("30\n40\n", 2)):
-        table.write_text(f"rx\n{cells}")
+    for values, code in (("30mm\n0.04m\n", 0), ("30\n40\n", 2)):
+        table.write_text(f"rx\n{values}")
         options = ("--design", str(table), "--measure", "stroke:B", "-o", "s.csv")
         assert mechsim("sweep", press, *options).code == code
     written = (tmp_path / "s.csv").read_text().splitlines()

@@ -29,7 +29,7 @@ def states_by_comment(path, duration):
     if motion_laws:
         mujoco.mj_resetDataKeyframe(model, data, model.key("mechsim_start").id)
     lines = re.findall(r"^\s+(data\..*?)(?: -->)?$", comment, re.MULTILINE)
-    known = {
+    namespace = {
         **vars(math),
         "data": data,
         "h": h,
@@ -38,7 +38,7 @@ def states_by_comment(path, duration):
     states = [data.qpos.copy()]
     for _ in range(round(duration / h)):
         for line in lines:
-            exec(line, {**known, "t": data.time})
+            exec(line, {**namespace, "t": data.time})
         mujoco.mj_step(model, data)
         states.append(data.qpos.copy())
     return np.array(states)

@@ -24,7 +24,7 @@ P = { link = "fore_l", at = [0.08, 0, 0] }
 [guess]
 arm_r = { at = [0.03, 0, 0], turn = { axis = [0, 0, 1], angle = 1.0 } }
 """
-DRIVE = ("finger.xml", "--drive", "knuckle=0.2*sin(2*pi*t)")
+DRIVEN_FINGER = ("finger.xml", "--drive", "knuckle=0.2*sin(2*pi*t)")
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ DRIVE = ("finger.xml", "--drive", "knuckle=0.2*sin(2*pi*t)")
 )
 def test_an_underdetermined_motion_is_rejected_with_a_remedy(arguments, mechsim, tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
-    answer = mechsim(arguments[0], *DRIVE, *arguments[1:])
+    answer = mechsim(arguments[0], *DRIVEN_FINGER, *arguments[1:])
     assert answer.code == 2
     assert "underdetermined" in answer.err
     assert "mechsim simulate --method step" in answer.err
@@ -51,8 +51,8 @@ def test_an_underdetermined_motion_is_rejected_with_a_remedy(arguments, mechsim,
 
 def test_stepping_or_locking_determines_the_motion(mechsim, tmp_path):
     (tmp_path / "finger.xml").write_text(FINGER)
-    assert mechsim("simulate", *DRIVE, "--method", "step").code in (0, 1)
-    assert mechsim("solve", *DRIVE, "--lock", "swing").code == 0
+    assert mechsim("simulate", *DRIVEN_FINGER, "--method", "step").code in (0, 1)
+    assert mechsim("solve", *DRIVEN_FINGER, "--lock", "swing").code == 0
 
 
 def test_an_underdetermined_crank_is_stepped_from_its_start(mechsim, tmp_path):

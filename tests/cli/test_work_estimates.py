@@ -143,8 +143,8 @@ def test_a_diverging_comparison_of_a_stiff_motor_has_a_remedy(
 
 def test_a_crank_under_a_stiff_motor_reaches_its_speed() -> None:
     motor = motors.TorqueSpeedLine(1e6, units.rpm(600))
-    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
-    run = dynamics.free_run(machine, turns=0.1, samples=3)
+    model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
+    run = dynamics.free_run(model, turns=0.1, samples=3)
     assert run.outcome == "done"
     # at its no-load speed except for the short start
     assert run.time[-1] == pytest.approx(0.01, rel=1e-6)
@@ -154,17 +154,17 @@ def test_a_solution_under_motion_laws_is_independent_of_chunks(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for name, part in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
-        monkeypatch.setattr(solve, "CHUNK", part)
+    for name, chunk in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
+        monkeypatch.setattr(solve, "CHUNK", chunk)
         arguments = f"mechsim solve four_bar --drive crank=sin(3*t) --duration 2 -o {name}"
         monkeypatch.setattr("sys.argv", arguments.split())
         with pytest.raises(SystemExit) as ended:
             cli.main()
         assert ended.value.code == 0
-    whole, parts = files.read("whole.csv"), files.read("parts.csv")
-    assert whole.keys() == parts.keys()
+    whole, chunked = files.read("whole.csv"), files.read("parts.csv")
+    assert whole.keys() == chunked.keys()
     for name, column in whole.items():
-        np.testing.assert_allclose(parts[name], column, rtol=0, atol=1e-12 * np.abs(column).max())
+        np.testing.assert_allclose(chunked[name], column, rtol=0, atol=1e-12 * np.abs(column).max())
     capsys.readouterr()
 
 
@@ -172,8 +172,8 @@ def test_a_solution_is_independent_of_chunks(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for name, part in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
-        monkeypatch.setattr(solve, "CHUNK", part)
+    for name, chunk in (("whole.csv", solve.CHUNK), ("parts.csv", 10)):
+        monkeypatch.setattr(solve, "CHUNK", chunk)
         monkeypatch.setattr("sys.argv", ["mechsim", "solve", "rrsrr", "-o", name])
         with pytest.raises(SystemExit) as ended:
             cli.main()
@@ -246,7 +246,7 @@ def test_dynamics_report_progress_of_every_method(
 
     @contextmanager
     def recorded_progress(*_: object) -> Iterator[progress.Progress]:
-        yield lambda done="", part=None: reported.append((done.split(",")[0], part))
+        yield lambda label="", fraction=None: reported.append((label.split(",")[0], fraction))
 
     monkeypatch.setattr(cli_dynamics, "progress", recorded_progress)
     monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "rssr", "--method", method, "--samples", "90"])
@@ -255,9 +255,9 @@ def test_dynamics_report_progress_of_every_method(
     assert ended.value.code == 0
     capsys.readouterr()
     assert list(dict.fromkeys(route for route, _ in reported)) == ["formulas", "MuJoCo", "check"][:count]
-    parts = [part for _, part in reported]
-    assert parts == sorted(parts)
-    assert parts[-1] == 1.0
+    fractions = [fraction for _, fraction in reported]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -269,8 +269,8 @@ def test_dynamics_report_progress_of_every_method(
     ],
 )
 def test_a_motor_much_too_strong_for_its_model_drives_it(motor: motors.PlainMotor) -> None:
-    machine = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
-    run = dynamics.free_run(machine, turns=0.25)
+    model = dynamics.dynamic_model(catalog.make("four_bar"), Forces(motor=motor))
+    run = dynamics.free_run(model, turns=0.25)
     assert run.outcome == "done"
     assert run.energy_error < 1e-9
     assert run.angle[-1] - run.angle[0] == pytest.approx(0.5 * np.pi, rel=1e-12)

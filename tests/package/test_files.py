@@ -29,7 +29,7 @@ def test_a_table_round_trips_exactly(motion, tmp_path, extension):
 def test_the_header_names_angle_and_points(motion, tmp_path):
     files.write(tmp_path / "table.csv", motion)
     header = (tmp_path / "table.csv").read_text().splitlines()[0].split(",")
-    assert header[:10] == ["angle", *(f"P2.{part}{axis}" for part in ("", "v", "a") for axis in "xyz")]
+    assert header[:10] == ["angle", *(f"P2.{order}{axis}" for order in ("", "v", "a") for axis in "xyz")]
 
 
 def test_a_table_of_one_row_keeps_its_shape(tmp_path):

@@ -44,17 +44,17 @@ def arm_with(kind, reversed_sides):
 def poses_at(mechanism, values):
     """Return the poses of the links with the crank at zero and the joint at its coordinates."""
     joint = mechanism.joint("J")
-    shift, turn = displaced(KINDS[joint.kind], values, CROSS_ANGLE)
+    shift, rotation_matrix = displaced(KINDS[joint.kind], values, CROSS_ANGLE)
     if joint.a.link == "tip":
-        shift, turn = -turn.T @ shift, turn.T
+        shift, rotation_matrix = -rotation_matrix.T @ shift, rotation_matrix.T
     proximal, distal = (joint.a, joint.b) if joint.a.link == "arm" else (joint.b, joint.a)
-    rotation = proximal.frame @ turn @ distal.frame.T
+    rotation = proximal.frame @ rotation_matrix @ distal.frame.T
     position = np.asarray(proximal.point) + proximal.frame @ shift - rotation @ np.asarray(distal.point)
     return {"arm": IDENTITY, "tip": Pose(position, rotation)}
 
 
 def values_of(kind, *sizes):
-    return tuple(size for size, _ in zip(sizes, KINDS[kind].units, strict=False))
+    return tuple(count for count, _ in zip(sizes, KINDS[kind].units, strict=False))
 
 
 @pytest.mark.parametrize("reversed_sides", [False, True])

@@ -13,9 +13,9 @@ import pytest
 
 import mechsim as ms
 
-DRIVE = ms.catalog.make("rssr")
-MECHANISM = DRIVE.mechanism
-RUN = ms.simulate(DRIVE, speed=10.0, turns=0.1)
+LINKAGE = ms.catalog.make("rssr")
+MECHANISM = LINKAGE.mechanism
+RUN = ms.simulate(LINKAGE, speed=10.0, turns=0.1)
 NAN = float("nan")
 
 
@@ -81,14 +81,17 @@ REJECTED = {
     "half a range": (lambda: ms.loops.solve(MECHANISM, "0:1"), "must be start:stop:step"),
     "loop speed as words": (lambda: ms.loops.solve(MECHANISM, [0.0], "fast"), "speed 'fast' is not a"),
     "a name of nothing": (lambda: ms.catalog.make(None), "there is no mechanism None"),
-    "a mechanism for a run": (lambda: ms.crosscheck(DRIVE, DRIVE), "is of type .*; give one of type Motion"),
+    "a mechanism for a run": (
+        lambda: ms.crosscheck(LINKAGE, LINKAGE),
+        "is of type .*; give one of type Motion",
+    ),
     "nothing to compare": (lambda: ms.crosscheck(RUN.motion, None), "the analytic side is of type NoneType"),
     "places as text": (lambda: ms.crosscheck(RUN.motion, lambda f: {"P3": "x"}), "'P3' of shape"),
     "a load as text": (lambda: ms.Load("P3", "3 N"), "the load on P3 is of type str"),
     "a spring as text": (lambda: ms.Spring("P2", "P3", "soft"), "stiffness of the spring .* is soft"),
     "gravity as text": (lambda: ms.Forces(gravity="down"), "gravity is down m/s2; give three finite"),
     "no dynamic model": (
-        lambda: ms.dynamics.prescribed(DRIVE, [0.0], 1.0),
+        lambda: ms.dynamics.prescribed(LINKAGE, [0.0], 1.0),
         "type Rssr; give one of type DynamicModel",
     ),
     "rods for nothing": (lambda: ms.masses.with_inertia(None), "a mechanism is of type NoneType"),
@@ -111,7 +114,7 @@ def test_a_catalogue_mechanism_and_its_description_run_equally():
     assert RUN.outcome == "passed"
     other = ms.simulate(MECHANISM, speed=10.0, turns=0.1)
     np.testing.assert_array_equal(RUN.motion.points["P3"].position, other.motion.points["P3"].position)
-    by_loops = ms.loops.solve(DRIVE, [0.1]).points["P3"].position
+    by_loops = ms.loops.solve(LINKAGE, [0.1]).points["P3"].position
     np.testing.assert_array_equal(by_loops, ms.loops.solve(MECHANISM, [0.1]).points["P3"].position)
 
 
@@ -141,8 +144,8 @@ def test_dir_lists_exactly_the_public_names():
 
 def test_name_completion_imports_no_module():
     options = "import sys, mechsim; dir(mechsim); print(*(name for name in sys.modules if 'mechsim' in name))"
-    done = subprocess.run([sys.executable, "-c", options], capture_output=True, text=True, check=True)
-    assert set(done.stdout.split()) == {"mechsim", "mechsim._version"}
+    completed = subprocess.run([sys.executable, "-c", options], capture_output=True, text=True, check=True)
+    assert set(completed.stdout.split()) == {"mechsim", "mechsim._version"}
 
 
 @pytest.mark.parametrize(

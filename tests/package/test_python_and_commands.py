@@ -30,9 +30,9 @@ def mechsim_json(tmp_path_factory):
     from mechsim.cli import app
 
     def call(*arguments):
-        done = CliRunner().invoke(app, [*arguments, "--json"])
-        assert done.exit_code in (0, 1), done.output
-        return json.loads(done.stdout)
+        completed = CliRunner().invoke(app, [*arguments, "--json"])
+        assert completed.exit_code in (0, 1), completed.output
+        return json.loads(completed.stdout)
 
     return call
 

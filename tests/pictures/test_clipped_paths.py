@@ -18,15 +18,15 @@ ARM = """
 </mujoco>"""
 
 
-@pytest.mark.parametrize("far", [100.0, 0.3])
-def test_a_picture_is_framed_on_the_links_and_notes_clipped_paths(tmp_path, far):
+@pytest.mark.parametrize("radius", [100.0, 0.3])
+def test_a_picture_is_framed_on_the_links_and_notes_clipped_paths(tmp_path, radius):
     path = tmp_path / "arm.xml"
-    path.write_text(ARM.replace("FAR", str(far)))
-    form = load(str(path), drive={"crank": "t"})
-    motion = form.solve(t=np.linspace(0.0, 1.0, 20))
-    drawn = Source(form.mechanism, motion).drawn(Look(**drawn_as(form), arrows=("velocity",)))
-    cut = far > 1.0
-    assert drawn.camera.height < 2.0 * max(0.2, 0.0 if cut else far)
+    path.write_text(ARM.replace("FAR", str(radius)))
+    solver = load(str(path), drive={"crank": "t"})
+    motion = solver.solve(t=np.linspace(0.0, 1.0, 20))
+    drawn = Source(solver.mechanism, motion).drawn(Look(**drawn_as(solver), arrows=("velocity",)))
+    cut = radius > 1.0
+    assert drawn.camera.height < 2.0 * max(0.2, 0.0 if cut else radius)
     assert drawn.camera.height > 0.1
     assert ("far" in named(drawn, 0)) == (not cut)
     assert "near" in named(drawn, 0)

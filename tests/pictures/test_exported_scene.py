@@ -18,8 +18,8 @@ NAMES = list(catalog.MECHANISMS)
 
 
 def full_turn(name):
-    drive = catalog.make(name)
-    return drive if drive.crank_range().full else catalog.make("rssr", crank=0.014, rocker=0.03)
+    linkage = catalog.make(name)
+    return linkage if linkage.crank_range().full else catalog.make("rssr", crank=0.014, rocker=0.03)
 
 
 def assert_same(item, other):
@@ -30,23 +30,23 @@ def assert_same(item, other):
 
 @pytest.mark.parametrize("name", ["rssr", "warp_knitter", "looper"])
 def test_visual_geoms_do_not_change_a_run_by_a_bit(name):
-    drive = full_turn(name)
+    linkage = full_turn(name)
 
     def run(spec):
         return simulate(spec, speed=60.0, settings=Settings(steps_per_turn=60)).motion
 
     scene = Scene(level="picture")
-    assert_same(run(exported(drive.mechanism, scene)), run(assembled(drive.mechanism, scene)))
+    assert_same(run(exported(linkage.mechanism, scene)), run(assembled(linkage.mechanism, scene)))
 
 
 def test_rendering_does_not_change_later_runs():
-    drive = full_turn("rssr")
-    before = simulate(drive.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion
+    linkage = full_turn("rssr")
+    before = simulate(linkage.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion
     try:
-        render.still(drive.mechanism, before, size=(64, 48))
+        render.still(linkage.mechanism, before, size=(64, 48))
     except MissingToolError as missing:
         pytest.skip(str(missing))
-    assert_same(before, simulate(drive.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion)
+    assert_same(before, simulate(linkage.mechanism, speed=60.0, settings=Settings(steps_per_turn=60)).motion)
 
 
 @pytest.mark.parametrize("name", NAMES)

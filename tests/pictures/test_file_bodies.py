@@ -37,14 +37,14 @@ SCENE = """
 
 
 @pytest.fixture
-def form(tmp_path):
+def solver(tmp_path):
     path = tmp_path / "arm.xml"
     path.write_text(SCENE)
     return ms.load(str(path))
 
 
-def test_geoms_have_the_poses_and_colours_of_the_file(form):
-    bodies = file_bodies(form.source)
+def test_geoms_have_the_poses_and_colours_of_the_file(solver):
+    bodies = file_bodies(solver.source)
     assert set(bodies) == {"ground", "arm"}
     (box,) = bodies["ground"]  # a plane is infinite
     assert (box.kind, box.half_sizes) == ("box", pytest.approx((0.1, 0.02, 0.03)))
@@ -60,8 +60,8 @@ def test_geoms_have_the_poses_and_colours_of_the_file(form):
     np.testing.assert_allclose((high - low) / 2, [0.03, 0.02, 0.01], rtol=0.02)
 
 
-def test_a_scene_is_drawn_with_z_upwards_and_mesh_shadows(form):
-    drawn = Source(form.mechanism, form.solve([0.0, 1.0])).drawn(Look(**drawn_as(form)))
+def test_a_scene_is_drawn_with_z_upwards_and_mesh_shadows(solver):
+    drawn = Source(solver.mechanism, solver.solve([0.0, 1.0])).drawn(Look(**drawn_as(solver)))
     assert drawn.camera.up @ [0.0, 0.0, 1.0] == pytest.approx(1.0)
     scene = mujoco.MjvScene(drawn.model, maxgeom=200)
     Shadow(drawn).put(scene)
@@ -70,8 +70,8 @@ def test_a_scene_is_drawn_with_z_upwards_and_mesh_shadows(form):
 
 
 def test_a_pivot_at_a_point_is_labelled_with_the_name_of_the_point():
-    drive = ms.catalog.make("four_bar")
-    mechanism = drive.mechanism
+    linkage = ms.catalog.make("four_bar")
+    mechanism = linkage.mechanism
     both = {**mechanism.points, "motor": ("crank", (0.0, 0.0, 0.0))}
     for points, reported in ((mechanism.points, {"crank", "rocker"}), (both, {"motor", "rocker"})):
         with_points = replace(mechanism, points=points)
@@ -80,15 +80,15 @@ def test_a_pivot_at_a_point_is_labelled_with_the_name_of_the_point():
         assert names == reported | {"A", "B", "C"}
 
 
-def test_the_page_contains_the_file_bodies(form):
-    view = mechanism_view(form, 6.0, form.source.limits)
+def test_the_page_contains_the_file_bodies(solver):
+    view = mechanism_view(solver, 6.0, solver.source.limits)
     assert page(view).count('"kind":"facets"') == 2
     assert '"kind":"facets"' not in page(replace(view, bodies=None))
 
 
 def test_a_coarser_mesh_keeps_its_size():
-    turn, height = np.meshgrid(np.linspace(0, 2 * np.pi, 80), np.linspace(0, np.pi, 40))
-    ball = np.stack([np.sin(height) * np.cos(turn), np.sin(height) * np.sin(turn), np.cos(height)], -1)
+    azimuth, height = np.meshgrid(np.linspace(0, 2 * np.pi, 80), np.linspace(0, np.pi, 40))
+    ball = np.stack([np.sin(height) * np.cos(azimuth), np.sin(height) * np.sin(azimuth), np.cos(height)], -1)
     a = (np.arange(39)[:, None] * 80 + np.arange(79)).ravel()
     fine = TriangleMesh(ball.reshape(-1, 3), np.stack([a, a + 1, a + 80], -1).astype(np.int32))
     coarse = fine.coarser(0.2)
@@ -97,8 +97,8 @@ def test_a_coarser_mesh_keeps_its_size():
     assert coarse.faces.max() < len(coarse.vertices)
 
 
-def test_every_solid_is_drawn_in_its_own_colour(form):
-    drawn = Source(form.mechanism, form.solve([0.0, 1.0])).drawn(Look(**drawn_as(form)))
+def test_every_solid_is_drawn_in_its_own_colour(solver):
+    drawn = Source(solver.mechanism, solver.solve([0.0, 1.0])).drawn(Look(**drawn_as(solver)))
     model, scene = drawn.model, mujoco.MjvScene(drawn.model, maxgeom=200)
     drawn.set_frame(0)
     mujoco.mjv_updateScene(
@@ -107,7 +107,7 @@ def test_every_solid_is_drawn_in_its_own_colour(form):
     colours = {
         geom.objid: geom.rgba for geom in scene.geoms[: scene.ngeom] if geom.dataid >= 0 or geom.type != 0
     }
-    expected = [shape.rgba for shapes in file_bodies(form.source).values() for shape in shapes]
+    expected = [shape.rgba for shapes in file_bodies(solver.source).values() for shape in shapes]
     assert (0.5, 0.5, 0.5, 1.0) in expected
     solids = [i for i in colours if model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE]
     np.testing.assert_allclose(sorted(colours[i].tolist() for i in solids), sorted(expected), atol=1e-6)
@@ -118,10 +118,10 @@ def test_a_body_too_small_to_see_is_omitted(tmp_path, monkeypatch):
     geom = '<geom type="mesh" mesh="screw" pos="0.1 0.013 0.05"/><geom type="capsule"'
     text = SCENE.replace("</asset>", screw).replace('<geom type="capsule"', geom)
     (tmp_path / "arm.xml").write_text(text)
-    form = ms.load(str(tmp_path / "arm.xml"))
-    before = [shape for shapes in file_bodies(form.source).values() for shape in shapes]
+    solver = ms.load(str(tmp_path / "arm.xml"))
+    before = [shape for shapes in file_bodies(solver.source).values() for shape in shapes]
     monkeypatch.setattr("mechsim.pictures.render.drawn_model.MAX_TRIANGLES", 60)
-    after = [shape for shapes in file_bodies(form.source).values() for shape in shapes]
+    after = [shape for shapes in file_bodies(solver.source).values() for shape in shapes]
     assert len(after) == len(before) - 1
     assert all(len(shape.facets.vertices) >= 4 for shape in after if shape.facets)
 

@@ -20,19 +20,19 @@ from mechsim.pictures.render.look import Look
 from mechsim.shapes.body import span
 from mechsim.studies.reference import drawn_motion, joint_loads, profile_of
 
-TURN = np.linspace(0.0, 2.0 * np.pi, 25)
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
 SIZE = (320, 240)
 NONE: frozenset[str] = frozenset()
 
 
 @pytest.fixture(scope="module")
-def drive():
+def linkage():
     return catalog.make("four_bar")
 
 
 @pytest.fixture(scope="module")
-def motion(drive):
-    return drive.solve(TURN, 60.0)
+def motion(linkage):
+    return linkage.solve(ANGLES, 60.0)
 
 
 def moved(motion: Motion, link: str, by: np.ndarray) -> Motion:
@@ -41,30 +41,30 @@ def moved(motion: Motion, link: str, by: np.ndarray) -> Motion:
     return replace(motion, source="step", links={**motion.links, link: other})
 
 
-def test_a_position_error_is_measured_and_magnified(drive, motion):
+def test_a_position_error_is_measured_and_magnified(linkage, motion):
     displacement = np.array([2e-9, -1e-9, 0.0])
-    run = frame_poses(drive.mechanism, moved(motion, "rocker", displacement)).poses
-    exact = frame_poses(drive.mechanism, motion).poses
-    result = ghost.errors(drive.mechanism, run, exact, NONE)
+    run = frame_poses(linkage.mechanism, moved(motion, "rocker", displacement)).poses
+    exact = frame_poses(linkage.mechanism, motion).poses
+    result = ghost.errors(linkage.mechanism, run, exact, NONE)
     np.testing.assert_allclose(result["rocker"][0], np.tile(-displacement, (25, 1)), atol=1e-15)
     assert np.abs(result["crank"][0]).max() == 0.0
-    by = ghost.factor(drive.mechanism, result)
+    by = ghost.factor(linkage.mechanism, result)
     assert np.log10(by) == pytest.approx(round(np.log10(by)))
     assert (
-        0.1 * ghost.MAX_GHOST_DISTANCE * span(drive.mechanism)
+        0.1 * ghost.MAX_GHOST_DISTANCE * span(linkage.mechanism)
         < 2e-9 * by
-        <= ghost.MAX_GHOST_DISTANCE * span(drive.mechanism)
+        <= ghost.MAX_GHOST_DISTANCE * span(linkage.mechanism)
     )
-    magnified = ghost.magnified(drive.mechanism, run, result, by)["rocker"]
+    magnified = ghost.magnified(linkage.mechanism, run, result, by)["rocker"]
     np.testing.assert_allclose(
         magnified.position - run["rocker"].position, np.tile(-displacement * by, (25, 1)), atol=1e-8
     )
 
 
 @pytest.mark.parametrize("size", [1e-12, 1e-3, 1.0])
-def test_a_rotation_error_is_magnified_about_its_axis(drive, motion, size):
+def test_a_rotation_error_is_magnified_about_its_axis(linkage, motion, size):
     axis = np.array([0.36, 0.48, 0.8])
-    poses = frame_poses(drive.mechanism, motion).poses
+    poses = frame_poses(linkage.mechanism, motion).poses
     rotated = {
         name: Pose(
             pose.position, Rotation.from_rotvec(np.tile(size * axis, (25, 1))).as_matrix() @ pose.rotation
@@ -73,34 +73,34 @@ def test_a_rotation_error_is_magnified_about_its_axis(drive, motion, size):
         else pose
         for name, pose in poses.items()
     }
-    result = ghost.errors(drive.mechanism, poses, rotated, NONE)
+    result = ghost.errors(linkage.mechanism, poses, rotated, NONE)
     np.testing.assert_allclose(result["crank"][1], np.tile(size * axis, (25, 1)), rtol=1e-3, atol=1e-15)
-    twice = ghost.magnified(drive.mechanism, poses, result, 2.0)["crank"]
-    back = ghost.magnified(drive.mechanism, rotated, result, 1.0)["crank"]
+    twice = ghost.magnified(linkage.mechanism, poses, result, 2.0)["crank"]
+    back = ghost.magnified(linkage.mechanism, rotated, result, 1.0)["crank"]
     np.testing.assert_allclose(twice.rotation, back.rotation, atol=2e-3 * size + 1e-15)
 
 
 def test_an_idle_spin_is_no_error():
-    drive = catalog.make("rssr")
-    motion = drive.solve(TURN, 60.0)
-    poses = frame_poses(drive.mechanism, motion).poses
+    linkage = catalog.make("rssr")
+    motion = linkage.solve(ANGLES, 60.0)
+    poses = frame_poses(linkage.mechanism, motion).poses
     assert motion.spinning == {"coupler"}
-    ends = [np.asarray(end.point) for end in drive.mechanism.ends("coupler")]
+    ends = [np.asarray(end.point) for end in linkage.mechanism.ends("coupler")]
     line = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     spun = poses["coupler"].rotation @ Rotation.from_rotvec(np.tile(0.7 * line, (25, 1))).as_matrix()
     first = poses["coupler"].point(tuple(ends[0]))
     other = {**poses, "coupler": Pose(first - spun @ ends[0], spun)}
-    assert np.abs(ghost.errors(drive.mechanism, poses, other, NONE)["coupler"][1]).max() > 0.5
-    direction, turn = ghost.errors(drive.mechanism, poses, other, motion.spinning)["coupler"]
-    assert max(np.abs(direction).max(), np.abs(turn).max()) < 1e-14
+    assert np.abs(ghost.errors(linkage.mechanism, poses, other, NONE)["coupler"][1]).max() > 0.5
+    direction, rotation = ghost.errors(linkage.mechanism, poses, other, motion.spinning)["coupler"]
+    assert max(np.abs(direction).max(), np.abs(rotation).max()) < 1e-14
 
 
 @draws
-def test_the_ghost_is_visible_only_with_an_error(drive, motion):
+def test_the_ghost_is_visible_only_with_an_error(linkage, motion):
     def picture(run):
-        return render.still(drive.mechanism, run, exact=motion, size=SIZE, notes=False, labels=False)
+        return render.still(linkage.mechanism, run, exact=motion, size=SIZE, notes=False, labels=False)
 
-    plain = render.still(drive.mechanism, motion, size=SIZE, notes=False, labels=False)
+    plain = render.still(linkage.mechanism, motion, size=SIZE, notes=False, labels=False)
     assert (np.abs(picture(motion).astype(int) - plain).max(2) > 60).mean() < 2e-3
     displacement = moved(motion, "rocker", np.array([1e-9, 0.0, 0.0]))
     # the frame includes the ghost, so the whole picture may shift: count dark pixels instead
@@ -109,16 +109,16 @@ def test_the_ghost_is_visible_only_with_an_error(drive, motion):
     assert GHOST[3] < 1.0
 
 
-def test_a_ghost_of_other_angles_is_rejected(drive, motion):
-    other = drive.solve(TURN + 0.1, 60.0)
+def test_a_ghost_of_other_angles_is_rejected(linkage, motion):
+    other = linkage.solve(ANGLES + 0.1, 60.0)
     with pytest.raises(InputError, match="other crank angles"):
-        Source(drive.mechanism, motion, other).drawn(Look())
+        Source(linkage.mechanism, motion, other).drawn(Look())
     with pytest.raises(InputError, match="ask for one position"):
-        Source(drive.mechanism, motion, motion).drawn(Look(overlay=4))
+        Source(linkage.mechanism, motion, motion).drawn(Look(overlay=4))
 
 
-def test_arrows_share_one_scale_within_the_picture(drive, motion):
-    stage = Source(drive.mechanism, motion).drawn(Look(size=SIZE, arrows=("velocity",), camera="shaft"))
+def test_arrows_share_one_scale_within_the_picture(linkage, motion):
+    stage = Source(linkage.mechanism, motion).drawn(Look(size=SIZE, arrows=("velocity",), camera="shaft"))
     (arrow,) = stage.arrows
     speeds = np.concatenate([np.linalg.norm(v, axis=1) for v in arrow.vectors.values()])
     assert arrow.largest == pytest.approx(speeds.max())
@@ -132,14 +132,14 @@ def test_arrows_share_one_scale_within_the_picture(drive, motion):
 
 @draws
 @pytest.mark.parametrize("camera", ["shaft", "iso"])
-def test_an_arrow_ends_at_the_tip_of_its_vector(drive, camera):
+def test_an_arrow_ends_at_the_tip_of_its_vector(linkage, camera):
     direction = np.array([0.3, 2.0, 4.1])
-    motion = drive.solve(direction, 60.0)
+    motion = linkage.solve(direction, 60.0)
     forces = {
         "A": 80.0 * np.column_stack([np.cos(3.0 * direction), np.sin(3.0 * direction), 0.0 * direction])
     }
     look = Look(size=SIZE, notes=False, labels=False, paths=False, arrows=("force",), camera=camera)
-    stage = Source(drive.mechanism, motion, forces=forces).drawn(look)
+    stage = Source(linkage.mechanism, motion, forces=forces).drawn(look)
     (drawn,) = stage.arrows
     pictures = []
     for arrows in ([drawn], []):
@@ -161,32 +161,34 @@ def test_an_arrow_ends_at_the_tip_of_its_vector(drive, camera):
         assert abs(across.mean()) < 1.5
 
 
-def test_forces_of_the_caller_are_drawn(drive, motion):
+def test_forces_of_the_caller_are_drawn(linkage, motion):
     forces = {"B": np.ones((25, 3))}
-    stage = Source(drive.mechanism, motion, forces=forces).drawn(Look(arrows=("force",)))
+    stage = Source(linkage.mechanism, motion, forces=forces).drawn(Look(arrows=("force",)))
     assert stage.arrows[0].largest == pytest.approx(np.sqrt(3.0))
     # a joint that is no tracked point: its position is that on its link
-    with_moments = Source(drive.mechanism, motion, moments={"rocker": np.ones((25, 3))}).drawn(
+    with_moments = Source(linkage.mechanism, motion, moments={"rocker": np.ones((25, 3))}).drawn(
         Look(arrows=("moment",))
     )
     np.testing.assert_allclose(
-        with_moments.frames.starts["rocker"], np.tile([drive.ground, 0.0, 0.0], (25, 1))
+        with_moments.frames.starts["rocker"], np.tile([linkage.ground, 0.0, 0.0], (25, 1))
     )
     assert with_moments.arrows[0].legend[0].endswith("at most 1.73 N m")
     with pytest.raises(InputError, match="holds NaN"):
-        Source(drive.mechanism, motion, forces={"B": np.full((25, 3), np.nan)}).drawn(Look(arrows=("force",)))
+        Source(linkage.mechanism, motion, forces={"B": np.full((25, 3), np.nan)}).drawn(
+            Look(arrows=("force",))
+        )
     with pytest.raises(InputError, match="no force to draw"):
-        Source(drive.mechanism, motion).drawn(Look(arrows=("force",)))
+        Source(linkage.mechanism, motion).drawn(Look(arrows=("force",)))
     with pytest.raises(InputError, match=r"give \(25, 3\) numbers"):
-        Source(drive.mechanism, motion, forces={"B": np.ones((3, 3))}).drawn(Look(arrows=("force",)))
+        Source(linkage.mechanism, motion, forces={"B": np.ones((3, 3))}).drawn(Look(arrows=("force",)))
 
 
 @pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_points_and_joints_of_the_same_name_coincide(name):
-    drive = catalog.make(name)
-    motion = drive.solve([drive.mechanism.start + 0.1], 60.0)
-    for joint in drive.mechanism.joints:
-        if joint.name in drive.mechanism.points:
+    linkage = catalog.make(name)
+    motion = linkage.solve([linkage.mechanism.start + 0.1], 60.0)
+    for joint in linkage.mechanism.joints:
+        if joint.name in linkage.mechanism.points:
             pose = motion.links[joint.b.link]
             position = pose.position + pose.rotation @ np.asarray(joint.b.point)
             np.testing.assert_allclose(position, motion.points[joint.name].position, atol=1e-12)
@@ -194,11 +196,11 @@ def test_points_and_joints_of_the_same_name_coincide(name):
 
 @pytest.mark.parametrize("name", ["rssr", "four_bar"])
 def test_both_methods_give_the_same_joint_forces(name):
-    drive = catalog.make(name)
-    profile = profile_of(drive, 60.0, 1.0)
-    motion = drawn_motion(drive, "closed", profile, 12)
-    closed = joint_loads(drive, "closed", profile, motion)
-    simulated = joint_loads(drive, "simulated", profile, motion)
+    linkage = catalog.make(name)
+    profile = profile_of(linkage, 60.0, 1.0)
+    motion = drawn_motion(linkage, "closed", profile, 12)
+    closed = joint_loads(linkage, "closed", profile, motion)
+    simulated = joint_loads(linkage, "simulated", profile, motion)
     for kind, result in closed.items():
         largest = max(np.abs(force).max() for force in result.values())
         for joint, force in result.items():
@@ -231,13 +233,13 @@ def test_invalid_look_options_are_rejected(options, message):
 
 
 @draws
-def test_progress_is_reported_for_every_frame(drive, motion, tmp_path):
+def test_progress_is_reported_for_every_frame(linkage, motion, tmp_path):
     reported: list[int] = []
     render.write_video(
         tmp_path / "a.gif",
-        drive.mechanism,
+        linkage.mechanism,
         motion,
-        angles=TURN[:3],
+        angles=ANGLES[:3],
         size=(64, 48),
         progress=lambda: reported.append(1),
     )
@@ -246,8 +248,8 @@ def test_progress_is_reported_for_every_frame(drive, motion, tmp_path):
 
 @pytest.mark.parametrize(("name", "none"), [("four_bar", True), ("rssr", False)])
 def test_rounding_sized_moments_are_not_drawn(name, none):
-    drive = catalog.make(name)
-    profile = profile_of(drive, 60.0, 1.0)
-    loads = joint_loads(drive, "closed", profile, drawn_motion(drive, "closed", profile, 24))
-    arrows = scenery.arrows("moment", loads["moments"], drive.mechanism.characteristic_length)
+    linkage = catalog.make(name)
+    profile = profile_of(linkage, 60.0, 1.0)
+    loads = joint_loads(linkage, "closed", profile, drawn_motion(linkage, "closed", profile, 24))
+    arrows = scenery.arrows("moment", loads["moments"], linkage.mechanism.characteristic_length)
     assert (arrows.legend[0] == "moment: none") == none

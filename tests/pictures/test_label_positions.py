@@ -11,7 +11,7 @@ def overlaps(spots):
 
 
 def test_crowded_labels_do_not_overlap():
-    points = [np.array(at) for at in RANDOM.uniform([150.0, 100.0], [250.0, 170.0], (9, 2))]
+    points = [np.array(position) for position in RANDOM.uniform([150.0, 100.0], [250.0, 170.0], (9, 2))]
     note = Rectangle(0.0, 270.0, 160.0, 300.0)
     spots = [spot for spot, _ in placed(points, [45.0] * 9, 14.0, 8.0, SIZE, [note])]
     assert overlaps([*spots, note]) == 0
@@ -35,8 +35,8 @@ def test_a_label_keeps_its_side_until_a_nearer_point_occupies_it():
         points = [np.array([200.0, 150.0]), np.array(point)]
         return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, occupied, [before, None])[0]
 
-    far = [300.0, 250.0]
-    spot, usual = pivot(far, None)
+    corner = [300.0, 250.0]
+    spot, usual = pivot(corner, None)
     passing = np.array([200.0, 150.0]) + np.array([70.0, 25.0]) * np.array(usual[0])
     assert spot.distance(passing) > spot.distance(np.array([200.0, 150.0]))
     assert pivot(passing, usual)[1] == usual
@@ -47,7 +47,10 @@ def test_a_label_keeps_its_side_until_a_nearer_point_occupies_it():
 
 def test_every_label_is_nearest_to_its_own_point():
     for seed in range(20):
-        points = [np.array(at) for at in np.random.default_rng(seed).uniform([100, 80], [300, 220], (6, 2))]
+        points = [
+            np.array(position)
+            for position in np.random.default_rng(seed).uniform([100, 80], [300, 220], (6, 2))
+        ]
         result = placed(points, [40.0] * 6, 14.0, 8.0, SIZE)
         nearest_is_own = [
             min(points, key=spot.distance) is point for (spot, _), point in zip(result, points, strict=True)
@@ -60,6 +63,6 @@ def test_a_label_moves_away_from_an_occupied_position():
         points = [np.array([200.0, 150.0]), np.array(point)]
         return placed(points, [40.0, 10.0], 14.0, 8.0, SIZE, occupied, [before, None])[0]
 
-    far = [300.0, 250.0]
-    spot, usual = pivot(far, None)
-    assert pivot(far, usual, [spot])[1] != usual
+    corner = [300.0, 250.0]
+    spot, usual = pivot(corner, None)
+    assert pivot(corner, usual, [spot])[1] != usual

@@ -16,21 +16,21 @@ from mechsim.studies.reference import drawn_motion, profile_of
 
 @pytest.mark.parametrize("name", ["four_bar", "rsur", "humanoid_ankle", "parallel_gripper"])
 def test_every_pivot_on_the_ground_has_a_label(name):
-    form = load(name)
-    mechanism = form.mechanism
-    motion = drawn_motion(form, "closed", profile_of(form, 1.0, 0.1), 3)
+    solver = load(name)
+    mechanism = solver.mechanism
+    motion = drawn_motion(solver, "closed", profile_of(solver, 1.0, 0.1), 3)
     written = named(Source(mechanism, motion).drawn(Look()), 0)
-    at = np.array(list(written.values()))
+    positions = np.array(list(written.values()))
     for joint in mechanism.joints:
         for end in (joint.a, joint.b):
             if end.link == GROUND and KINDS[joint.kind].pivot:
-                assert np.abs(at - end.point).max(1).min() < 1e-12, joint.name
+                assert np.abs(positions - end.point).max(1).min() < 1e-12, joint.name
 
 
 def test_the_label_of_a_full_turn_reads_zero():
-    drive = catalog.make("four_bar")
-    motion = drive.solve(2.0 * np.pi * np.array([0.0, 0.5, 1.0 - 1e-9]))
-    frames = frame_poses(drive.mechanism, motion)
+    linkage = catalog.make("four_bar")
+    motion = linkage.solve(2.0 * np.pi * np.array([0.0, 0.5, 1.0 - 1e-9]))
+    frames = frame_poses(linkage.mechanism, motion)
     assert [frames.instant(i).split()[-1] for i in range(3)] == ["0.0°", "180.0°", "0.0°"]
 
 
@@ -50,12 +50,12 @@ def test_a_legend_does_not_cover_the_mechanism(size, lines):
         assert lines == 0 or size[1] * free >= letters(size) * (1.2 + 1.4 * lines)
 
 
-def test_a_picture_is_scaled_to_make_room_for_its_legend():
-    drive = catalog.make("four_bar")
-    motion = drive.solve(np.linspace(0.0, 2.0 * np.pi, 25), 60.0)
+def test_a_picture_is_scaled_to_fit_its_legend():
+    linkage = catalog.make("four_bar")
+    motion = linkage.solve(np.linspace(0.0, 2.0 * np.pi, 25), 60.0)
     look = Look(arrows=("velocity", "acceleration"), caption="slow")
     with_legend, without = (
-        Source(drive.mechanism, motion).drawn(item).camera for item in (look, replace(look, notes=False))
+        Source(linkage.mechanism, motion).drawn(item).camera for item in (look, replace(look, notes=False))
     )
     free, legend_fraction = 1.0 - 2.0 * camera.BORDER, foot(look.size, 3) - camera.BORDER
     assert with_legend.height * (free - legend_fraction) == pytest.approx(without.height * free)

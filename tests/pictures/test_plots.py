@@ -22,18 +22,18 @@ from mechsim.report import plot_table
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource
 from mechsim.subjects.readers import load
 
-TURN = np.linspace(0.0, 2.0 * np.pi, 37)
-ERRORS = {"P2": 1e-9 * np.sin(TURN), "P3": 0.0 * TURN}
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
+ERRORS = {"P2": 1e-9 * np.sin(ANGLES), "P3": 0.0 * ANGLES}
 
 
 @pytest.fixture(scope="module")
-def drive():
+def linkage():
     return catalog.make("rssr")
 
 
 @pytest.fixture(scope="module")
-def motion(drive):
-    return drive.solve(TURN, 60.0)
+def motion(linkage):
+    return linkage.solve(ANGLES, 60.0)
 
 
 class SmallPlan:
@@ -44,13 +44,13 @@ class SmallPlan:
 
 
 @pytest.fixture(scope="module")
-def figures(drive, motion):
+def figures(linkage, motion):
     return [
         plots.motion_plot(motion),
-        plots.coupler_curve(drive.mechanism, motion),
-        plots.space_curve(drive.mechanism, motion),
-        plots.transmission_plot(TURN, drive.transmission_angle(TURN)),
-        plots.error_plot(TURN, ERRORS, tolerance=1e-8),
+        plots.coupler_curve(linkage.mechanism, motion),
+        plots.space_curve(linkage.mechanism, motion),
+        plots.transmission_plot(ANGLES, linkage.transmission_angle(ANGLES)),
+        plots.error_plot(ANGLES, ERRORS, tolerance=1e-8),
         plots.velocity_plan_plot(SmallPlan(), "crank 2 stopped"),
     ]
 
@@ -62,10 +62,10 @@ def vectors(figures):
 
 
 @pytest.mark.parametrize(
-    ("form", "start"), grid([("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")], ("svg", "png"))
+    ("solver", "start"), grid([("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")], ("svg", "png"))
 )
-def test_every_plot_is_written_in_every_format(figures, vectors, form, start):
-    for drawing in vectors if form == "svg" else (plots.drawn(figure, form) for figure in figures):
+def test_every_plot_is_written_in_every_format(figures, vectors, solver, start):
+    for drawing in vectors if solver == "svg" else (plots.drawn(figure, solver) for figure in figures):
         assert drawing.startswith(start)
         assert len(drawing) > 2000
 
@@ -92,11 +92,11 @@ def test_a_figure_can_be_changed_and_drawn_again(motion):
     assert b"<!-- mine -->" in plots.drawn(figure)
 
 
-def test_plots_are_self_contained_and_reproducible(drive, motion, vectors):
+def test_plots_are_self_contained_and_reproducible(linkage, motion, vectors):
     # one plot per module: names and dates are set in one function for all
     repeated = (
-        plots.error_plot(TURN, ERRORS, tolerance=1e-8),
-        plots.coupler_curve(drive.mechanism, motion),
+        plots.error_plot(ANGLES, ERRORS, tolerance=1e-8),
+        plots.coupler_curve(linkage.mechanism, motion),
     )
     assert {plots.drawn(figure) for figure in repeated} <= set(vectors)
     for plane_curve in vectors:
@@ -112,18 +112,18 @@ def test_units_are_chosen_by_magnitude():
     assert readable([0.0], "m") == (1.0, "m")
 
 
-def test_a_space_curve_is_drawn_in_three_projections(drive, motion):
+def test_a_space_curve_is_drawn_in_three_projections(linkage, motion):
     flat = catalog.make("four_bar")
-    plane_curve = plots.coupler_curve(flat.mechanism, flat.solve(TURN))
-    three = plots.coupler_curve(drive.mechanism, motion)
+    plane_curve = plots.coupler_curve(flat.mechanism, flat.solve(ANGLES))
+    three = plots.coupler_curve(linkage.mechanism, motion)
     assert [len(figure.axes) for figure in (plane_curve, three)] == [1, 3]
 
 
 def test_nan_errors_leave_a_gap_in_the_curve():
     errors = np.full(37, np.nan)
-    assert plots.drawn(plots.error_plot(TURN, {"P2": errors})).startswith(b"<?xml")
+    assert plots.drawn(plots.error_plot(ANGLES, {"P2": errors})).startswith(b"<?xml")
     errors[3:9] = 1e-7
-    figure = plots.error_plot(TURN, {"P2": errors}, tolerance=1e-6)
+    figure = plots.error_plot(ANGLES, {"P2": errors}, tolerance=1e-6)
     assert plots.drawn(figure).startswith(b"<?xml")
     (line, _) = figure.axes[0].get_lines()
     assert np.isnan(line.get_ydata()).sum() == 31
@@ -190,8 +190,10 @@ def test_drive_forces_are_drawn_over_time_by_both_methods(monkeypatch):
 
 def test_forces_of_a_file_are_included_in_its_plots(monkeypatch):
     monkeypatch.setattr(plot_table, "SAMPLES", 36)
-    drive = load("quick_return")
-    loaded = replace(drive, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=load_profile.constant(-0.5)))
+    linkage = load("quick_return")
+    loaded = replace(
+        linkage, forces=Forces(gravity=(0.0, 0.0, 0.0), crank_torque=load_profile.constant(-0.5))
+    )
     study = PlotSource(solver=loaded, speed=1e-3).study()
     assert study.forces.torque == pytest.approx(0.5, abs=1e-6)
 
@@ -204,16 +206,18 @@ def test_a_logarithmic_axis_within_a_decade_has_labels(limits):
     ax.set_xlim(*limits)
     round_numbers(ax.xaxis)
     figure.canvas.draw()
-    inside = [at for at in ax.get_xticks() if limits[0] <= at <= limits[1]]
+    inside = [tick for tick in ax.get_xticks() if limits[0] <= tick <= limits[1]]
     assert len(inside) >= 2
     assert all(label.get_text() for label in ax.get_xticklabels())
     assert not len(ax.xaxis.get_minorticklocs())
 
 
 def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
-    at = np.linspace(0.0, 6.0, 5)
-    curves = {"torque": {"crank": 3e-5 * np.cos(at), "gamma": np.full(5, 1e-4)}}
-    figure = plots.sensitivity_plot("angle", at, curves, {"torque": "N m"}, {"crank": "m", "gamma": "rad"})
+    angles = np.linspace(0.0, 6.0, 5)
+    curves = {"torque": {"crank": 3e-5 * np.cos(angles), "gamma": np.full(5, 1e-4)}}
+    figure = plots.sensitivity_plot(
+        "angle", angles, curves, {"torque": "N m"}, {"crank": "m", "gamma": "rad"}
+    )
     ax = figure.axes[0]
     assert "[µN m per mm or °]" in ax.get_title(loc="left")
     largest = max(np.abs(line.get_ydata()).max() for line in ax.get_lines())
@@ -238,13 +242,13 @@ def test_rounding_sized_forces_are_drawn_as_zero():
         name: SimpleNamespace(link="rod", force=force, moment=force, project=lambda f, m: (f, m))
         for name, force in {"A": vertical_force, "B": np.tile([3e-14, 0.0, 0.0], (9, 1))}.items()
     }
-    efforts = SimpleNamespace(reactions=reactions, unbounded=np.zeros(9, dtype=bool))
-    figure = plots.reaction_plot(SimpleNamespace(forces=efforts))
+    record = SimpleNamespace(reactions=reactions, unbounded=np.zeros(9, dtype=bool))
+    figure = plots.reaction_plot(SimpleNamespace(forces=record))
     for ax in figure.axes:
         assert tuple(ax.dataLim.intervalx) == (0.0, 0.0)
 
 
-def test_a_fixed_point_is_drawn_flat_with_a_note_on_rounding(drive, motion):
+def test_a_fixed_point_is_drawn_flat_with_a_note_on_rounding(linkage, motion):
     """A pin on the frame whose coordinates and rates have a rounding error of 1e-17."""
     noise = 1e-17 * np.random.default_rng(3).normal(size=(3, len(motion), 3))
     position = np.array([0.03, -0.02, 0.01])
@@ -264,14 +268,16 @@ def test_a_fixed_point_is_drawn_flat_with_a_note_on_rounding(drive, motion):
         assert high - low > 1e6 * drawn
         assert any("rounding" in text.get_text() for text in flat.texts) or row == 0
         assert not signal.texts
-    fixed_pin = replace(motion, points={next(iter(drive.mechanism.points)): pin})
+    fixed_pin = replace(motion, points={next(iter(linkage.mechanism.points)): pin})
     for figure in (
-        plots.coupler_curve(drive.mechanism, fixed_pin),
-        plots.space_curve(drive.mechanism, fixed_pin),
+        plots.coupler_curve(linkage.mechanism, fixed_pin),
+        plots.space_curve(linkage.mechanism, fixed_pin),
     ):
         low, high = figure.axes[0].get_xlim()
         assert high - low > 1.0
-    assert "stands still within" in plots.coupler_curve(drive.mechanism, fixed_pin).axes[0].get_title("left")
+    assert "stands still within" in plots.coupler_curve(linkage.mechanism, fixed_pin).axes[0].get_title(
+        "left"
+    )
 
 
 def test_a_rounding_sized_difference_is_drawn_as_zero():

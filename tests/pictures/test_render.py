@@ -27,7 +27,7 @@ from mechsim.shapes.body import link_colours
 from mechsim.shapes.shape import PALETTE
 
 NAMES = list(catalog.MECHANISMS)
-TURN = np.linspace(0.0, 2.0 * np.pi, 37)
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 SIZE = (320, 240)
 
 try:
@@ -42,20 +42,20 @@ draws = pytest.mark.skipif(BACKEND is None, reason=REASON or "OpenGL works")
 
 
 @pytest.fixture(scope="module")
-def drive():
+def linkage():
     return catalog.make("rssr")
 
 
 @pytest.fixture(scope="module")
-def motion(drive):
-    return drive.solve(TURN, 60.0)
+def motion(linkage):
+    return linkage.solve(ANGLES, 60.0)
 
 
 def test_a_mechanism_higher_than_180_m_is_framed():
     """MuJoCo treats the height of a parallel camera as an angle and rejects 180 and more."""
-    drive = catalog.make("four_bar", ground=1000.0, crank=320.0, coupler=910.0, rocker=740.0)
+    linkage = catalog.make("four_bar", ground=1000.0, crank=320.0, coupler=910.0, rocker=740.0)
     drawn = DrawnModel(
-        drive.mechanism, frame_poses(drive.mechanism, drive.solve(TURN, 60.0)), Look(size=SIZE)
+        linkage.mechanism, frame_poses(linkage.mechanism, linkage.solve(ANGLES, 60.0)), Look(size=SIZE)
     )
     assert drawn.model.cam_fovy == pytest.approx([drawn.camera.height])
     assert drawn.camera.height > 180.0
@@ -112,9 +112,9 @@ def decoded(path, size):
 @draws
 @pytest.mark.parametrize("name", grid(NAMES))
 def test_every_link_is_visible_in_every_frame(name):
-    drive = catalog.make(name)
-    mechanism = drive.mechanism
-    for picture in frames_of(mechanism, drive.solve(TURN[::12], 60.0)):
+    linkage = catalog.make(name)
+    mechanism = linkage.mechanism
+    for picture in frames_of(mechanism, linkage.solve(ANGLES[::12], 60.0)):
         for link, rgba in link_colours(mechanism).items():
             assert coloured(picture, rgba).sum() > 25, link
 
@@ -128,16 +128,18 @@ def test_every_link_is_visible_in_every_frame(name):
     ],
 )
 def test_no_link_reaches_the_border(name, view):
-    drive = catalog.make(name)
-    for picture in frames_of(drive.mechanism, drive.solve(TURN[::36], 60.0), camera=view, paths="whole"):
+    linkage = catalog.make(name)
+    for picture in frames_of(
+        linkage.mechanism, linkage.solve(ANGLES[::36], 60.0), camera=view, paths="whole"
+    ):
         _, saturation = hues(picture)
         edge = np.concatenate([saturation[:5].ravel(), saturation[-5:].ravel(), saturation[:, :5].ravel()])
         assert max(edge.max(), saturation[:, -5:].max()) < 0.2
 
 
 @draws
-def test_a_picture_is_neither_black_nor_blank(drive, motion):
-    picture = next(iter(frames_of(drive.mechanism, motion)))
+def test_a_picture_is_neither_black_nor_blank(linkage, motion):
+    picture = next(iter(frames_of(linkage.mechanism, motion)))
     assert picture.dtype == np.uint8
     assert picture.shape == (240, 320, 3)
     assert 140 < picture.mean() < 250
@@ -145,9 +147,9 @@ def test_a_picture_is_neither_black_nor_blank(drive, motion):
 
 
 @draws
-def test_first_and_last_frame_of_a_full_turn_match(drive, motion):
-    selected = TURN[[0, 9, 18, 27, 36]]
-    first, *_, half, _, last = frames_of(drive.mechanism, motion, angles=selected, paths="tail")
+def test_first_and_last_frame_of_a_full_turn_match(linkage, motion):
+    selected = ANGLES[[0, 9, 18, 27, 36]]
+    first, *_, half, _, last = frames_of(linkage.mechanism, motion, angles=selected, paths="tail")
     assert (np.abs(first.astype(int) - last).max(2) > 40).mean() < 2e-3
     assert (np.abs(first.astype(int) - half).max(2) > 40).mean() > 0.02
 
@@ -171,9 +173,9 @@ def test_a_moving_point_is_drawn_at_its_projected_position():
 
 
 @draws
-def test_paths_grow_behind_their_points(drive, motion):
-    plain = frames_of(drive.mechanism, motion, angles=TURN[::9])
-    with_paths = list(frames_of(drive.mechanism, motion, angles=TURN[::9], paths="grow"))
+def test_paths_grow_behind_their_points(linkage, motion):
+    plain = frames_of(linkage.mechanism, motion, angles=ANGLES[::9])
+    with_paths = list(frames_of(linkage.mechanism, motion, angles=ANGLES[::9], paths="grow"))
     drawn = [(single != other).any(2).sum() for single, other in zip(plain, with_paths, strict=True)]
     assert len(drawn) == 5
     assert drawn[0] == 0
@@ -181,76 +183,76 @@ def test_paths_grow_behind_their_points(drive, motion):
 
 
 @draws
-def test_labels_and_notes_cover_little_of_the_picture(drive, motion):
-    plain = next(iter(frames_of(drive.mechanism, motion)))
-    with_labels = next(iter(frames_of(drive.mechanism, motion, labels=True, notes=True)))
+def test_labels_and_notes_cover_little_of_the_picture(linkage, motion):
+    plain = next(iter(frames_of(linkage.mechanism, motion)))
+    with_labels = next(iter(frames_of(linkage.mechanism, motion, labels=True, notes=True)))
     changed = (plain != with_labels).any(2)
     assert 0.002 < changed.mean() < 0.12
 
 
 @draws
-def test_the_picture_is_independent_of_the_mechanism_size(drive):
+def test_the_picture_is_independent_of_the_mechanism_size(linkage):
     lengths = ("crank", "coupler", "rocker")
     pictures = []
     for factor in (1e-3, 1.0, 1e3):
-        pivot = tuple(factor * incomplete for incomplete in drive.pivot)
-        scaled = replace(drive, pivot=pivot, **{name: factor * getattr(drive, name) for name in lengths})
-        pictures.append(next(iter(frames_of(scaled.mechanism, scaled.solve(TURN, 60.0)))).astype(int))
+        pivot = tuple(factor * incomplete for incomplete in linkage.pivot)
+        scaled = replace(linkage, pivot=pivot, **{name: factor * getattr(linkage, name) for name in lengths})
+        pictures.append(next(iter(frames_of(scaled.mechanism, scaled.solve(ANGLES, 60.0)))).astype(int))
     for other in (pictures[0], pictures[2]):
         # the grid may move, the mechanism may not
         assert (np.abs(pictures[1] - other).max(2) > 60).mean() < 0.01
 
 
 @draws
-def test_overlaid_positions_show_the_crank_at_many_angles(drive, motion):
-    crank = link_colours(drive.mechanism)["crank"]
-    single = render.still(drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False)
+def test_overlaid_positions_show_the_crank_at_many_angles(linkage, motion):
+    crank = link_colours(linkage.mechanism)["crank"]
+    single = render.still(linkage.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False)
     overlaid = render.still(
-        drive.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False, overlay=12
+        linkage.mechanism, motion, size=SIZE, camera="shaft", notes=False, paths=False, overlay=12
     )
     assert coloured(overlaid, crank).sum() > 3 * coloured(single, crank).sum()
 
 
 @draws
-def test_projections_are_drawn_on_three_planes(drive, motion):
-    plain = render.still(drive.mechanism, motion, size=(640, 480), paths=False, projections=())
-    projected = render.still(drive.mechanism, motion, size=(640, 480), paths=False, projections=("P2",))
+def test_projections_are_drawn_on_three_planes(linkage, motion):
+    plain = render.still(linkage.mechanism, motion, size=(640, 480), paths=False, projections=())
+    projected = render.still(linkage.mechanism, motion, size=(640, 480), paths=False, projections=("P2",))
     assert projected.shape == plain.shape
-    projected_pixels = coloured(projected, link_colours(drive.mechanism)["crank"], least=0.4)
+    projected_pixels = coloured(projected, link_colours(linkage.mechanism)["crank"], least=0.4)
     assert projected_pixels.sum() > 300
     with pytest.raises(InputError, match="no point 'P9'"):
-        render.still(drive.mechanism, motion, projections=("P9",))
+        render.still(linkage.mechanism, motion, projections=("P9",))
 
 
 @draws
-def test_a_still_picture_shows_the_requested_crank_angle(drive, motion):
-    at = render.still(drive.mechanism, motion, size=SIZE, angle=float(TURN[2]), paths=False)
-    frame = next(islice(render.frames(drive.mechanism, motion, size=SIZE, paths=False), 2, None))
-    assert (np.abs(at.astype(int) - frame).max(2) > 30).mean() < 1e-3
+def test_a_still_picture_shows_the_requested_crank_angle(linkage, motion):
+    picture_at_angle = render.still(linkage.mechanism, motion, size=SIZE, angle=float(ANGLES[2]), paths=False)
+    frame = next(islice(render.frames(linkage.mechanism, motion, size=SIZE, paths=False), 2, None))
+    assert (np.abs(picture_at_angle.astype(int) - frame).max(2) > 30).mean() < 1e-3
 
 
-def test_frames_are_evenly_spaced_without_a_repeated_frame(drive, motion):
-    angles = render.turn_angles(drive.mechanism, motion, 36)
+def test_frames_are_evenly_spaced_without_a_repeated_frame(linkage, motion):
+    angles = render.turn_angles(linkage.mechanism, motion, 36)
     assert len(angles) == 36
     np.testing.assert_allclose(np.diff(angles), np.deg2rad(10.0))
-    assert len(render.turn_angles(drive.mechanism, motion, 7)) == 7
+    assert len(render.turn_angles(linkage.mechanism, motion, 7)) == 7
     incomplete = replace(motion, angle=motion.angle[:20])
-    assert len(render.turn_angles(drive.mechanism, incomplete, 36)) == 20
+    assert len(render.turn_angles(linkage.mechanism, incomplete, 36)) == 20
 
 
 @pytest.mark.parametrize("name", ["planetary_gear", "rack_steering"])
 def test_an_aperiodic_turn_includes_its_last_frame(name):
-    drive = load(name)
-    motion_of_turn = drive.solve(TURN, 60.0)
-    angles = render.turn_angles(drive.mechanism, motion_of_turn, 36)
+    linkage = load(name)
+    motion_of_turn = linkage.solve(ANGLES, 60.0)
+    angles = render.turn_angles(linkage.mechanism, motion_of_turn, 36)
     assert len(angles) == 37
-    assert angles[-1] == pytest.approx(TURN[-1])
+    assert angles[-1] == pytest.approx(ANGLES[-1])
 
 
-def test_interpolated_frames_have_rigid_links(drive):
-    motion = drive.solve(TURN, 60.0)
-    between = frame_poses(drive.mechanism, motion, TURN[:-1] + 0.03)
-    exact = drive.solve(TURN[:-1] + 0.03, 60.0)
+def test_interpolated_frames_have_rigid_links(linkage):
+    motion = linkage.solve(ANGLES, 60.0)
+    between = frame_poses(linkage.mechanism, motion, ANGLES[:-1] + 0.03)
+    exact = linkage.solve(ANGLES[:-1] + 0.03, 60.0)
     for name, pose in between.poses.items():
         if name != GROUND:
             np.testing.assert_allclose(
@@ -258,18 +260,18 @@ def test_interpolated_frames_have_rigid_links(drive):
             )
             assert (
                 np.abs(pose.position - exact.links[name].position).max()
-                < 0.01 * drive.mechanism.characteristic_length
+                < 0.01 * linkage.mechanism.characteristic_length
             )
 
 
-def test_invalid_motions_are_rejected(drive, motion):
+def test_invalid_motions_are_rejected(linkage, motion):
     with pytest.raises(InputError, match="the motion has no pose of link 'crank'"):
-        frame_poses(drive.mechanism, replace(motion, links={}))
+        frame_poses(linkage.mechanism, replace(motion, links={}))
     broken = replace(motion.links["rocker"], position=np.full_like(motion.links["rocker"].position, np.nan))
     with pytest.raises(InputError, match="'rocker' holds NaN"):
-        frame_poses(drive.mechanism, replace(motion, links={**motion.links, "rocker": broken}))
+        frame_poses(linkage.mechanism, replace(motion, links={**motion.links, "rocker": broken}))
     with pytest.raises(InputError, match="the motion goes only"):
-        frame_poses(drive.mechanism, motion, [7.0])
+        frame_poses(linkage.mechanism, motion, [7.0])
 
 
 @pytest.mark.parametrize(
@@ -310,7 +312,7 @@ def test_rods_of_a_chain_connect_the_points_of_a_path():
 
 @draws
 @pytest.mark.parametrize("name", grid(gl_backend.ORDER, gl_backend.ORDER[:1]))
-def test_each_back_end_draws_the_same_picture(name, drive, motion, tmp_path):
+def test_each_back_end_draws_the_same_picture(name, linkage, motion, tmp_path):
     if gl_backend.probe(name) is None:
         pytest.skip(
             f"{name} does not work here; the system package {gl_backend.PACKAGES.get(name, '?')} brings it"
@@ -332,9 +334,11 @@ np.save(sys.argv[1], picture)
     environment["PYTHONPATH"] = str(Path(render.__file__).parents[2])
     saved = tmp_path / "picture.npy"
     command = [sys.executable, "-W", "error", "-c", script, str(saved)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    reference = render.still(drive.mechanism, motion, size=SIZE)
+    completed = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (completed.returncode, completed.stderr) == (0, "")
+    reference = render.still(linkage.mechanism, motion, size=SIZE)
     assert (np.abs(np.load(saved).astype(int) - reference).max(2) > 60).mean() < 0.01
 
 
@@ -365,61 +369,63 @@ def test_a_software_driver_is_distinguished_from_hardware():
 
 @draws
 @pytest.mark.parametrize("extension", grid(video.VIDEOS, (".mp4",)))
-def test_videos_contain_every_frame_at_the_requested_size(extension, drive, motion, tmp_path):
+def test_videos_contain_every_frame_at_the_requested_size(extension, linkage, motion, tmp_path):
     path = tmp_path / f"turn{extension}"
-    angles = render.turn_angles(drive.mechanism, motion, 12)
-    count = render.write_video(path, drive.mechanism, motion, angles=angles, size=SIZE, fps=12.0)
+    angles = render.turn_angles(linkage.mechanism, motion, 12)
+    count = render.write_video(path, linkage.mechanism, motion, angles=angles, size=SIZE, fps=12.0)
     assert count == 12
     observed = decoded(path, SIZE)
     assert len(observed) == 12
-    drawn = next(iter(render.frames(drive.mechanism, motion, angles=angles, size=SIZE)))
+    drawn = next(iter(render.frames(linkage.mechanism, motion, angles=angles, size=SIZE)))
     assert np.abs(observed[0].astype(int) - drawn).mean() < 6.0
     assert [written.name for written in tmp_path.iterdir()] == [path.name]
 
 
 @draws
-def test_odd_sizes_are_made_even_for_codecs(drive, motion, tmp_path):
+def test_odd_sizes_are_made_even_for_codecs(linkage, motion, tmp_path):
     path = tmp_path / "odd.mp4"
-    render.write_video(path, drive.mechanism, motion, angles=TURN[:2], size=(161, 121))
+    render.write_video(path, linkage.mechanism, motion, angles=ANGLES[:2], size=(161, 121))
     assert len(decoded(path, (160, 120))) == 2
 
 
 @draws
-def test_a_path_without_extension_becomes_a_directory_of_pictures(drive, motion, tmp_path):
+def test_a_path_without_extension_becomes_a_directory_of_pictures(linkage, motion, tmp_path):
     from PIL import Image
 
-    assert render.write_video(tmp_path / "frames", drive.mechanism, motion, angles=TURN[:3], size=SIZE) == 3
+    assert (
+        render.write_video(tmp_path / "frames", linkage.mechanism, motion, angles=ANGLES[:3], size=SIZE) == 3
+    )
     names = sorted(path.name for path in (tmp_path / "frames").iterdir())
     assert names == ["00000.png", "00001.png", "00002.png"]
     with Image.open(tmp_path / "frames" / names[0]) as image:
         assert image.size == SIZE
     with pytest.raises(OutputError, match="not an empty directory"):
-        render.write_video(tmp_path / "frames", drive.mechanism, motion, size=SIZE)
+        render.write_video(tmp_path / "frames", linkage.mechanism, motion, size=SIZE)
     assert len(list(tmp_path.iterdir())) == 1
 
 
 @draws
-def test_a_picture_is_written_as_png(drive, motion, tmp_path):
-    render.write_picture(tmp_path / "a.png", drive.mechanism, motion, size=SIZE)
+def test_a_picture_is_written_as_png(linkage, motion, tmp_path):
+    render.write_picture(tmp_path / "a.png", linkage.mechanism, motion, size=SIZE)
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(OutputError, match="no directory"):
-        render.write_picture(tmp_path / "missing" / "a.png", drive.mechanism, motion, size=SIZE)
+        render.write_picture(tmp_path / "missing" / "a.png", linkage.mechanism, motion, size=SIZE)
 
 
 @pytest.mark.parametrize("name", ["turn.avi", "turn.txt", "turn.png"])
-def test_unknown_video_extensions_are_rejected_before_drawing(name, drive, motion, tmp_path):
+def test_unknown_video_extensions_are_rejected_before_drawing(name, linkage, motion, tmp_path):
     with pytest.raises(InputError, match=r"is not one of .mp4, .webm, .gif"):
-        render.write_video(tmp_path / name, drive.mechanism, motion)
+        render.write_video(tmp_path / name, linkage.mechanism, motion)
     with pytest.raises(InputError, match="frames per second"):
-        render.write_video(tmp_path / "a.mp4", drive.mechanism, motion, fps=float("nan"))
+        render.write_video(tmp_path / "a.mp4", linkage.mechanism, motion, fps=float("nan"))
     assert not list(tmp_path.iterdir())
 
 
-def test_a_missing_ffmpeg_is_rejected_before_the_first_frame(drive, motion, tmp_path, monkeypatch):
+def test_a_missing_ffmpeg_is_rejected_before_the_first_frame(linkage, motion, tmp_path, monkeypatch):
     monkeypatch.setattr("shutil.which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingToolError, match="imageio-ffmpeg"):
-        render.write_video(tmp_path / "a.mp4", drive.mechanism, motion)
+        render.write_video(tmp_path / "a.mp4", linkage.mechanism, motion)
     assert not list(tmp_path.iterdir())
 
 

@@ -10,7 +10,7 @@ from mechsim.pictures.render.drawing import DECOR, Shadow, Source
 from mechsim.pictures.render.drawn_model import CAMERA
 from mechsim.pictures.render.look import Look
 
-TURN = np.linspace(0.0, 2.0 * np.pi, 25)
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
 SIZE = (320, 240)
 OPTIONS = {"size": SIZE, "labels": False, "notes": False, "paths": False}
 
@@ -24,9 +24,9 @@ draws = pytest.mark.skipif(bool(REASON), reason=REASON or "OpenGL works")
 
 
 def stage_of(name, exact=False, **look):
-    drive = catalog.make(name)
-    motion = drive.solve(TURN, 60.0)
-    return Source(drive.mechanism, motion, motion if exact else None).drawn(Look(**{**OPTIONS, **look}))
+    linkage = catalog.make(name)
+    motion = linkage.solve(ANGLES, 60.0)
+    return Source(linkage.mechanism, motion, motion if exact else None).drawn(Look(**{**OPTIONS, **look}))
 
 
 @draws

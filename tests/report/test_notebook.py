@@ -69,10 +69,10 @@ def test_a_run_displays_outcome_settings_and_motion(run):
 
 
 def test_a_verdict_displays_every_check_and_failures_in_red(run):
-    drive = ms.catalog.make("rssr", rocker=0.03)
-    good = ms.crosscheck(run.motion, drive)
-    assert page_of(good).count("<tr") == len(good.checks) + 1
-    bad = ms.crosscheck(run.motion, replace(drive, rocker=0.0301))
+    linkage = ms.catalog.make("rssr", rocker=0.03)
+    agreeing = ms.crosscheck(run.motion, linkage)
+    assert page_of(agreeing).count("<tr") == len(agreeing.checks) + 1
+    bad = ms.crosscheck(run.motion, replace(linkage, rocker=0.0301))
     assert not bad.passed
     assert "failed" in page_of(bad)
     assert 'style="color:#a8261a"' in page_of(bad)

@@ -17,7 +17,7 @@ from mechsim.report import page as report
 from mechsim.report.page import studies_in
 from mechsim.verdict.checks import Check
 
-TURN = np.linspace(0.0, 2.0 * np.pi, 37)
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 37)
 # a minimal PNG
 PNG = bytes.fromhex(
     "89504e470d0a1a0a0000000d49484452000000010000000108060000001f15c4890000000d49444154789c6360606060000000050001"
@@ -65,7 +65,7 @@ def results(**mechanisms):
     return {"passed": all(item["passed"] for item in mechanisms.values()), "mechanisms": mechanisms}
 
 
-def good():
+def passed_result():
     return {
         "passed": True,
         "outcome": "passed",
@@ -82,8 +82,8 @@ def bad():
 
 @pytest.fixture(scope="module")
 def section():
-    drive = catalog.make("rssr")
-    motion = drive.solve(TURN, 60.0)
+    linkage = catalog.make("rssr")
+    motion = linkage.solve(ANGLES, 60.0)
     return report.Section(
         name="rssr",
         title="Spatial four-bar",
@@ -96,7 +96,7 @@ def section():
         picture=PNG,
         plots=[
             ("Motion", plots.drawn(plots.motion_plot(motion))),
-            ("Paths", plots.drawn(plots.coupler_curve(drive.mechanism, motion), "png")),
+            ("Paths", plots.drawn(plots.coupler_curve(linkage.mechanism, motion), "png")),
         ],
         checks=(check(),),
         settings={"integrator": "RK4", "timestep": 1e-4},
@@ -105,7 +105,9 @@ def section():
 
 def test_the_page_is_self_contained(section, tmp_path):
     section = replace(section, video="turn.mp4")
-    page = report.write_report(tmp_path / "out", results(rssr=good()), [section]).read_text(encoding="utf-8")
+    page = report.write_report(tmp_path / "out", results(rssr=passed_result()), [section]).read_text(
+        encoding="utf-8"
+    )
     observed = Reader(page)
     own = ("validate.json", "turn.mp4")
     assert all(link.startswith(("data:", "#")) or link in own for link in observed.links)
@@ -116,7 +118,7 @@ def test_the_page_is_self_contained(section, tmp_path):
 
 
 def test_no_picture_is_stored_twice(section, tmp_path):
-    page = report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
+    page = report.write_report(tmp_path, results(rssr=passed_result()), [section]).read_text(encoding="utf-8")
     stored = re.findall(r"base64,([A-Za-z0-9+/=]{40,})", page)
     assert len(stored) == len(set(stored)) == 3
     assert {path.name for path in tmp_path.iterdir()} == {"index.html", "validate.json"}
@@ -126,7 +128,7 @@ def test_failed_mechanisms_come_first_with_their_cause(section, tmp_path):
     cause = "rod = 0.199 m instead of 0.2 m, explains 100 % of the error"
     failed = {**bad(), "reason": "disagrees with rod.py:short", "findings": [{"message": cause}]}
     other = report.Section(name="other", checks=BROKEN)
-    path = report.write_report(tmp_path, results(rssr=good(), other=failed), [section, other])
+    path = report.write_report(tmp_path, results(rssr=passed_result(), other=failed), [section, other])
     page = path.read_text(encoding="utf-8")
     assert page.index('<section id="other"') < page.index('<section id="rssr"')
     assert re.findall(r'<details class="case"( open)?>', page) == [" open", ""]
@@ -137,7 +139,7 @@ def test_failed_mechanisms_come_first_with_their_cause(section, tmp_path):
 
 def test_the_first_screen_lists_the_methods_that_were_run(section, tmp_path):
     posed = replace(section, name="posed", checks=(check(method="pose"), check(1e-12, method="closed form")))
-    steps = {"rssr": good(), "posed": {**good(), "steps": 0}}
+    steps = {"rssr": passed_result(), "posed": {**passed_result(), "steps": 0}}
     text = Reader(
         report.write_report(tmp_path, results(**steps), [section, posed]).read_text(encoding="utf-8")
     ).text
@@ -155,10 +157,10 @@ def test_the_first_screen_lists_the_methods_that_were_run(section, tmp_path):
 
 
 def test_a_second_report_is_compared_with_the_first(section, tmp_path):
-    report.write_report(tmp_path, results(rssr=good()), [section])
+    report.write_report(tmp_path, results(rssr=passed_result()), [section])
     first = Reader((tmp_path / "index.html").read_text(encoding="utf-8")).text
     assert "Compared with the report" not in first
-    worse = {**good(), "passed": False, "checks": [plain(check(5e-9))]}
+    worse = {**passed_result(), "passed": False, "checks": [plain(check(5e-9))]}
     report.write_report(tmp_path, results(rssr=worse), [replace(section, checks=(check(5e-9),))])
     text = Reader((tmp_path / "index.html").read_text(encoding="utf-8")).text
     assert "1 change" in text
@@ -169,7 +171,11 @@ def test_a_second_report_is_compared_with_the_first(section, tmp_path):
 
 def test_the_numbers_are_written_as_json_next_to_the_page(section, tmp_path):
     report.write_report(
-        tmp_path, results(rssr=good(), other=bad()), [section], command="mechsim validate", notes=["x"]
+        tmp_path,
+        results(rssr=passed_result(), other=bad()),
+        [section],
+        command="mechsim validate",
+        notes=["x"],
     )
     numbers = json.loads((tmp_path / "validate.json").read_text(encoding="utf-8"))
     assert numbers["passed"] is False
@@ -183,7 +189,10 @@ def test_the_numbers_are_written_as_json_next_to_the_page(section, tmp_path):
 def test_failed_checks_are_listed_before_the_mechanisms(section, tmp_path):
     other = report.Section(name="other", checks=BROKEN)
     path = report.write_report(
-        tmp_path, results(rssr=good(), other=bad()), [section, other], notes=["no pictures: install libegl1"]
+        tmp_path,
+        results(rssr=passed_result(), other=bad()),
+        [section, other],
+        notes=["no pictures: install libegl1"],
     )
     page = path.read_text(encoding="utf-8")
     text = Reader(page).text
@@ -197,7 +206,7 @@ def test_failed_checks_are_listed_before_the_mechanisms(section, tmp_path):
 
 def test_a_passed_report_shows_tolerances_and_reasons(section, tmp_path):
     text = Reader(
-        report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
+        report.write_report(tmp_path, results(rssr=passed_result()), [section]).read_text(encoding="utf-8")
     ).text
     for words in (
         "Validation passed",
@@ -216,7 +225,7 @@ def test_the_tightest_check_of_each_kind_comes_first(section, tmp_path):
     checks = [check(worst, name) for name, worst in points.items()]
     failed = check(5e-9, "P5")
     for subset, first in ((checks, ["P3"]), ([*checks, failed], ["P3", "P5"])):
-        result = {**good(), "passed": len(first) == 1}
+        result = {**passed_result(), "passed": len(first) == 1}
         shown = replace(section, checks=subset)
         page = report.write_report(tmp_path, results(rssr=result), [shown]).read_text(encoding="utf-8")
         short, long = page[page.index("<section") :].split("<summary>All")
@@ -227,14 +236,14 @@ def test_the_tightest_check_of_each_kind_comes_first(section, tmp_path):
 
 def test_a_mechanism_without_pictures_is_reported(tmp_path):
     page = report.write_report(
-        tmp_path, results(rssr=good()), [report.Section(name="rssr", checks=(check(),))]
+        tmp_path, results(rssr=passed_result()), [report.Section(name="rssr", checks=(check(),))]
     )
     assert "step: position of P3" in Reader(page.read_text(encoding="utf-8")).text
 
 
 def test_names_are_escaped(tmp_path):
     section = report.Section(name="rssr", title="<script>alert(1)</script>", facts={"<b>": "<i>"})
-    page = report.write_report(tmp_path, results(rssr=good()), [section]).read_text(encoding="utf-8")
+    page = report.write_report(tmp_path, results(rssr=passed_result()), [section]).read_text(encoding="utf-8")
     tags = Reader(page).tags
     assert {"b", "i"}.isdisjoint(tags)
     assert tags.count("script") == 1
@@ -281,7 +290,7 @@ def video_in(folder):
 
 
 def test_studies_in_the_folder_are_included_in_the_page(tmp_path):
-    drawing = plots.drawn(plots.error_plot(TURN, {"a": 1e-3 + 0.0 * TURN}))
+    drawing = plots.drawn(plots.error_plot(ANGLES, {"a": 1e-3 + 0.0 * ANGLES}))
     border = {"axis": "size", "mechanism": "rssr", "inside": 1e-9, "outside": 5e-10}
     trial = {"passed": True}
     numbers = {
@@ -292,7 +301,7 @@ def test_studies_in_the_folder_are_included_in_the_page(tmp_path):
     (tmp_path / "extremes.svg").write_bytes(drawing)
     (tmp_path / "extremes.json").write_text(json.dumps(numbers), encoding="utf-8")
     (tmp_path / "tradeoff_rssr.svg").write_bytes(drawing)
-    page = report.write_report(tmp_path, results(rssr=good()), [], studies=studies_in(tmp_path))
+    page = report.write_report(tmp_path, results(rssr=passed_result()), [], studies=studies_in(tmp_path))
     observed = Reader(page.read_text(encoding="utf-8"))
     assert sum(link.startswith("data:image/svg") for link in observed.links) == 2
     for words in ("2 of 2 runs", "5e-10: cannot assemble", "Speed against accuracy"):
@@ -330,7 +339,7 @@ SURVEY = """(async () => {
 @in_browser
 def test_a_browser_displays_and_plays_everything_without_errors(section, tmp_path):
     section = replace(section, video=video_in(tmp_path / "out"))
-    page = report.write_report(tmp_path / "out", results(rssr=good(), other=bad()), [section])
+    page = report.write_report(tmp_path / "out", results(rssr=passed_result(), other=bad()), [section])
     with Browser(tmp_path / "profile") as browser:
         for width, scheme in ((1280, "light"), (400, "dark")):
             browser.open(page, width, scheme)
@@ -359,7 +368,7 @@ def test_a_report_of_31_mechanisms_is_small_and_prints_on_four_pages(section, tm
         replace(section, name=f"m{i}", title=f"m{i}", picture=picture, checks=checks, plots=[("Paths", PNG)])
         for i, picture in enumerate(pictures)
     ]
-    computed = results(**{item.name: good() for item in sections})
+    computed = results(**{item.name: passed_result() for item in sections})
     page = report.write_report(tmp_path, computed, sections)
     assert page.stat().st_size < 3_000_000
     paper = tmp_path / "page.pdf"
@@ -372,7 +381,9 @@ def test_a_report_of_31_mechanisms_is_small_and_prints_on_four_pages(section, tm
 @in_browser
 def test_filter_sort_and_links_select_a_row(section, tmp_path):
     other = replace(section, name="other", title="other", checks=(check(7e-10, "toe"), check(1e-10, "knee")))
-    page = report.write_report(tmp_path, results(rssr=good(), other=good()), [section, other])
+    page = report.write_report(
+        tmp_path, results(rssr=passed_result(), other=passed_result()), [section, other]
+    )
     with Browser(tmp_path / "profile") as browser:
         browser.open(page, 400, "light", "#other.1")
         assert browser.run("document.getElementById('other.1').getClientRects().length") > 0
@@ -392,7 +403,7 @@ def test_the_browser_survey_detects_faults(section, tmp_path):
     (tmp_path / "out" / "turn.mp4").write_bytes(b"not really a video")
     broken = ("Paths", b"\x89PNG\r\n\x1a\nbroken")
     section = replace(section, video="turn.mp4", plots=[*section.plots, broken])
-    page = report.write_report(tmp_path / "out", results(rssr=good()), [section])
+    page = report.write_report(tmp_path / "out", results(rssr=passed_result()), [section])
     text = page.read_text(encoding="utf-8")
     text = text.replace("<h3>Verdict", '<p style="width:700px">wide</p><script>lost()</script><h3>Verdict')
     page.write_text(text, encoding="utf-8")

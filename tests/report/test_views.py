@@ -14,8 +14,8 @@ SPEED = ms.units.rpm(600)
 
 
 def test_a_view_contains_every_distinct_assembly_mode():
-    drive = ms.catalog.make("rssr")
-    view = mechanism_view(drive, SPEED)
+    linkage = ms.catalog.make("rssr")
+    view = mechanism_view(linkage, SPEED)
     assert [grid.name for grid in view.grids] == ["branch -1", "branch 1"]
     first_mode, second_mode = (grid.quaternion["rocker"] for grid in view.grids)
     assert not np.allclose(first_mode, second_mode, atol=1e-3)
@@ -26,16 +26,16 @@ def test_a_view_contains_every_distinct_assembly_mode():
 
 
 def test_a_swinging_crank_has_dead_centres_and_a_closed_curve():
-    drive = ms.catalog.make("four_bar", crank=0.09)
-    first_mode, second_mode, both_modes = mechanism_view(drive, SPEED).grids
+    linkage = ms.catalog.make("four_bar", crank=0.09)
+    first_mode, second_mode, both_modes = mechanism_view(linkage, SPEED).grids
     (slider,) = first_mode.sliders
-    dead = [mark.value for mark in slider.landmarks if mark.kind == "dead"]
+    dead = [landmark.value for landmark in slider.landmarks if landmark.kind == "dead"]
     assert len(dead) == 2
     assert not slider.ring
     np.testing.assert_allclose(sorted(dead), [slider.nodes[0], slider.nodes[-1]], atol=1e-5)
     assert first_mode.error < 1e-8
     assert both_modes.sliders[0].ring
-    assert len([mark for mark in both_modes.sliders[0].landmarks if mark.kind == "dead"]) == 2
+    assert len([landmark for landmark in both_modes.sliders[0].landmarks if landmark.kind == "dead"]) == 2
     # at a dead centre the assembly modes coincide
     turns = [grid.quaternion["rocker"] for grid in (first_mode, second_mode)]
     same = np.abs((turns[0] * turns[1]).sum(1))
@@ -44,13 +44,13 @@ def test_a_swinging_crank_has_dead_centres_and_a_closed_curve():
 
 
 def test_views_under_motion_laws_cover_their_time():
-    form = ms.load("five_bar")
-    grid = motion_law_grid(form)
+    solver = ms.load("five_bar")
+    grid = motion_law_grid(solver)
     (slider,) = grid.sliders
     assert (slider.name, slider.unit) == ("time", "s")
     assert grid.error < 1e-8
     time = np.array([0.3217])
-    exact = form.solve(t=time)
+    exact = solver.solve(t=time)
     for link, moved in exact.links.items():
         result = interpolated(grid.sliders, grid.position[link], [time[0]])
         np.testing.assert_allclose(result, moved.position[0], atol=1e-8)
@@ -58,10 +58,10 @@ def test_views_under_motion_laws_cover_their_time():
 
 def test_interpolated_poses_of_two_drivers_agree_with_the_solver(monkeypatch):
     monkeypatch.setattr("mechsim.report.driver_views.NODES", {2: 9})
-    form = ms.load("five_bar")
-    (grid,) = hand_grids(form, box_of(form, {"left": (1.9, 2.3)}, start_poses(form.mechanism)[1]))
-    left = grid.sliders[0]
-    assert (left.nodes[0], left.nodes[-1]) == pytest.approx((1.9, 2.3))
+    solver = ms.load("five_bar")
+    (grid,) = hand_grids(solver, box_of(solver, {"left": (1.9, 2.3)}, start_poses(solver.mechanism)[1]))
+    slider = grid.sliders[0]
+    assert (slider.nodes[0], slider.nodes[-1]) == pytest.approx((1.9, 2.3))
     assert np.isnan(grid.position["forearm_l"]).any()  # out of reach
     assert grid.error < 2e-4
     driver_values = {"left": 2.03, "right": 0.97}
@@ -72,16 +72,16 @@ def test_interpolated_poses_of_two_drivers_agree_with_the_solver(monkeypatch):
         .position
     )
     result = [
-        interpolated(grid.sliders, part[..., None], list(driver_values.values()))[0]
-        for part in next(item for item in grid.readouts if item.name == "P").components.values()
+        interpolated(grid.sliders, component[..., None], list(driver_values.values()))[0]
+        for component in next(item for item in grid.readouts if item.name == "P").components.values()
     ]
     np.testing.assert_allclose(result, solved, atol=2e-4)
 
 
 def test_more_than_three_drivers_move_one_at_a_time(monkeypatch):
     monkeypatch.setattr("mechsim.report.driver_views.ALONE", 5)
-    form = ms.load("stewart_gough")
-    grids = hand_grids(form, box_of(form, {}, start_poses(form.mechanism)[1]))
+    solver = ms.load("stewart_gough")
+    grids = hand_grids(solver, box_of(solver, {}, start_poses(solver.mechanism)[1]))
     assert [grid.name for grid in grids] == [f"move l{i}" for i in range(1, 7)]
     assert all(grid.shape == (5,) for grid in grids)
 

@@ -13,7 +13,7 @@ CATALOG = "mechsim.analytic.catalog"
 PAPERS = {"WarpKnitter", "Rrsrr", "Looper"}
 # a table of designs for the stress test, by mechanism
 TABLES = {"mechsim.studies.extremes.axes"}
-CLASSES = {drive.__name__ for drive in catalog.MECHANISMS.values()}
+CLASSES = {linkage.__name__ for linkage in catalog.MECHANISMS.values()}
 WORDS = catalog.MECHANISMS.keys() | CLASSES
 
 

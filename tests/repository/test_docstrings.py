@@ -24,7 +24,10 @@ def attributes(node: ast.ClassDef) -> set[str]:
         if isinstance(item, ast.AnnAssign | ast.Assign):
             targets = [item.target] if isinstance(item, ast.AnnAssign) else item.targets
             names |= {
-                part.id for target in targets for part in ast.walk(target) if isinstance(part, ast.Name)
+                target_node.id
+                for target in targets
+                for target_node in ast.walk(target)
+                if isinstance(target_node, ast.Name)
             }
         elif isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store):
             names.add(item.attr)

@@ -19,7 +19,7 @@ def test_every_tested_example_exists() -> None:
 
 @pytest.mark.parametrize("name", EXPECTED_OUTPUT)
 def test_the_example_runs_without_a_warning_and_passes(name: str, tmp_path: Path) -> None:
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-W", "error", str(EXAMPLES / f"{name}.py")],
         capture_output=True,
         text=True,
@@ -27,8 +27,8 @@ def test_the_example_runs_without_a_warning_and_passes(name: str, tmp_path: Path
         check=False,
         cwd=tmp_path,
     )
-    assert done.returncode == 0, done.stderr
-    assert EXPECTED_OUTPUT[name] in done.stdout
-    assert "failed" not in done.stdout
+    assert completed.returncode == 0, completed.stderr
+    assert EXPECTED_OUTPUT[name] in completed.stdout
+    assert "failed" not in completed.stdout
     # the working directory stays empty
     assert not list(tmp_path.iterdir())

@@ -72,9 +72,9 @@ WITH_EXTRAS = {
 def ended(tmp_path_factory):
     """Return the folder of all commands, and exit code and stderr of each."""
     folder = tmp_path_factory.mktemp("core")
-    done = commands([*CORE, *WITH_EXTRAS], folder)
-    assert done.returncode == 0, done.stderr
-    return folder, dict(zip([*CORE, *WITH_EXTRAS], json.loads(done.stdout), strict=True))
+    completed = commands([*CORE, *WITH_EXTRAS], folder)
+    assert completed.returncode == 0, completed.stderr
+    return folder, dict(zip([*CORE, *WITH_EXTRAS], json.loads(completed.stdout), strict=True))
 
 
 def test_the_core_solves_simulates_and_validates(ended):
@@ -106,9 +106,9 @@ def test_tables_with_a_missing_library_report_how_to_install_it(library, tmp_pat
         "motion = ms.catalog.make('slider_crank').solve(np.linspace(0.0, 1.0, 3))\n"
         f"motion.to_{library}()"
     )
-    done = run_core(code, tmp_path)
-    assert done.returncode == 1
-    assert f"{library} is not installed; pip install 'mechsim[tables]' installs it" in done.stderr
+    completed = run_core(code, tmp_path)
+    assert completed.returncode == 1
+    assert f"{library} is not installed; pip install 'mechsim[tables]' installs it" in completed.stderr
 
 
 def test_a_failed_import_inside_mechsim_is_no_missing_library():

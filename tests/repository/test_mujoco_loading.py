@@ -65,9 +65,11 @@ def run_with_mujoco(tmp_path, files, *names):
 
 
 def test_an_old_mujoco_is_reported_with_the_update_command(tmp_path):
-    done = run_with_mujoco(tmp_path, {"__init__.py": "MjModel = object"}, "mujoco")
-    assert done.returncode == 2
-    assert done.stderr == "mechsim: MuJoCo 4.0.0 is too old; pip install -U 'mujoco>=3.17.0' updates it\n"
+    completed = run_with_mujoco(tmp_path, {"__init__.py": "MjModel = object"}, "mujoco")
+    assert completed.returncode == 2
+    assert (
+        completed.stderr == "mechsim: MuJoCo 4.0.0 is too old; pip install -U 'mujoco>=3.17.0' updates it\n"
+    )
 
 
 @pytest.mark.parametrize(
@@ -78,9 +80,9 @@ def test_an_old_mujoco_is_reported_with_the_update_command(tmp_path):
     ],
 )
 def test_a_damaged_mujoco_is_reported_with_the_repair_command(tmp_path, files, cause):
-    done = run_with_mujoco(tmp_path, files, "mujoco", "mujoco-core", "mujoco-studio")
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert cause in done.stderr
+    completed = run_with_mujoco(tmp_path, files, "mujoco", "mujoco-core", "mujoco-studio")
+    assert completed.returncode == 2
+    assert len(completed.stderr.splitlines()) == 1
+    assert cause in completed.stderr
     pins = "mujoco==4.0.0 mujoco-core==4.0.0 mujoco-studio==4.0.0"
-    assert f"pip install --force-reinstall --no-deps {pins} repairs it" in done.stderr
+    assert f"pip install --force-reinstall --no-deps {pins} repairs it" in completed.stderr

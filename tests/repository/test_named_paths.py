@@ -30,11 +30,13 @@ def missing(text: str) -> list[str]:
 
 
 def _exists(name: str) -> bool:
-    parts = name.split(".")
-    if parts[0] in mechsim.__all__:
+    components = name.split(".")
+    if components[0] in mechsim.__all__:
         return True
     # a module or a name in a module
-    candidates = [ROOT.joinpath("mechsim", *parts[:end]) for end in (len(parts), len(parts) - 1) if end]
+    candidates = [
+        ROOT.joinpath("mechsim", *components[:end]) for end in (len(components), len(components) - 1) if end
+    ]
     return any(candidate.is_dir() or candidate.with_suffix(".py").exists() for candidate in candidates)
 
 

@@ -116,8 +116,8 @@ def unknown_options(line: str) -> list[str]:
     if command not in command_line_page.commands():
         return [command]
     parameters = command_line_page.commands()[command].params
-    known = {option for parameter in parameters for option in (*parameter.opts, *parameter.secondary_opts)}
-    return [word for word in words if re.match(r"-[a-zA-Z-]", word) and word.split("=")[0] not in known]
+    existing = {option for parameter in parameters for option in (*parameter.opts, *parameter.secondary_opts)}
+    return [word for word in words if re.match(r"-[a-zA-Z-]", word) and word.split("=")[0] not in existing]
 
 
 def unknown_names(code: str) -> list[str]:
@@ -126,11 +126,11 @@ def unknown_names(code: str) -> list[str]:
     missing = []
     for name in sorted(names):
         value = mechsim
-        for part in name.strip(".").split("."):
-            if not hasattr(value, part):
+        for component in name.strip(".").split("."):
+            if not hasattr(value, component):
                 missing.append(f"ms{name}")
                 break
-            value = getattr(value, part)
+            value = getattr(value, component)
             # results of calls are not checked
             if not isinstance(value, ModuleType):
                 break

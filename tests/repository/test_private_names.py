@@ -10,7 +10,7 @@ TESTS = Path(__file__).parents[1]
 
 def is_private(name: str) -> bool:
     """Return whether a component of a dotted name is private: `_repr_html_` and `__all__` are protocols."""
-    return any(part.startswith("_") and not part.endswith("_") for part in name.split("."))
+    return any(component.startswith("_") and not component.endswith("_") for component in name.split("."))
 
 
 def private_names(source: str) -> list[str]:

@@ -6,15 +6,15 @@ import numpy as np
 
 import mechsim as ms
 
-drive = ms.catalog.make("rssr", crank=0.014)
-exact = drive.solve(np.linspace(0.0, 6.0, 73), speed=ms.units.rpm(3000))
+linkage = ms.catalog.make("rssr", crank=0.014)
+exact = linkage.solve(np.linspace(0.0, 6.0, 73), speed=ms.units.rpm(3000))
 assert_type(exact, ms.Motion)
-run = ms.simulate(drive, speed=ms.units.rpm(3000), turns=2, tolerance=1e-6)
+run = ms.simulate(linkage, speed=ms.units.rpm(3000), turns=2, tolerance=1e-6)
 assert_type(run, ms.Run)
 verdict = ms.crosscheck(run.motion, exact)
 assert_type(verdict.passed, bool)
 assert_type(ms.units.parse_length("13 mm"), float)
 ms.render.Look, ms.plots.motion_plot, ms.load_profile.constant, ms.masses.with_inertia, ms.motors
-ms.simulate(drive, speed="600rpm", tolerance="1um")
-ms.simulate(drive, speed=[600])  # type: ignore[arg-type]
+ms.simulate(linkage, speed="600rpm", tolerance="1um")
+ms.simulate(linkage, speed=[600])  # type: ignore[arg-type]
 ms.nothing  # type: ignore[attr-defined]

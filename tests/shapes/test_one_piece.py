@@ -21,8 +21,8 @@ def pieces(shapes, radius):
     spec.add_material(name=scenery.MATTE)
     for shape in shapes:
         frm, to = (tuple(np.divide(end, radius)) for end in (shape.frm, shape.to))
-        size = tuple(length / radius for length in shape.sizes)
-        scenery.add_shape(spec, spec.worldbody.add_body(), replace(shape, frm=frm, to=to, sizes=size))
+        sizes = tuple(length / radius for length in shape.sizes)
+        scenery.add_shape(spec, spec.worldbody.add_body(), replace(shape, frm=frm, to=to, sizes=sizes))
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

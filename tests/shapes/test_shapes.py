@@ -64,7 +64,7 @@ def test_shapes_have_positive_finite_sizes_and_right_handed_frames(name):
     for shapes in link_shapes(mechanism_of(name)).values():
         assert shapes
         for shape in shapes:
-            assert all(0.0 < size < np.inf for size in shape.half_sizes)
+            assert all(0.0 < half_size < np.inf for half_size in shape.half_sizes)
             np.testing.assert_allclose(shape.frame.T @ shape.frame, np.eye(3), atol=1e-12)
             assert np.linalg.det(shape.frame) == pytest.approx(1.0)
 
@@ -122,8 +122,8 @@ def test_the_default_rail_covers_the_full_stroke(branch):
 def test_a_rail_covers_a_given_stroke():
     mechanism = mechanism_of("slider_crank")
     rail = next(s for s in link_shapes(mechanism, {"slide": (0.1, 0.3)})[GROUND] if s.kind == "box")
-    margin = 4.0 * rod_radius(mechanism)
-    assert sorted((rail.frm[0], rail.to[0])) == pytest.approx([0.1 - margin, 0.3 + margin])
+    clearance = 4.0 * rod_radius(mechanism)
+    assert sorted((rail.frm[0], rail.to[0])) == pytest.approx([0.1 - clearance, 0.3 + clearance])
 
 
 def teeth_of(mechanism, link, centre, axis):

@@ -34,29 +34,29 @@ NEARLY_FLAT = catalog.make(
 FLAT = [NEARLY_FLAT, *(catalog.make("four_bar", **named(item)) for item in change_point_lengths(9)), *OTHERS]
 
 
-def assert_same_motion(motion, exact, size, bounds):
+def assert_same_motion(motion, exact, length, bounds):
     """Points agree within bounds: positions relative to the size, rates relative to their maxima."""
     for name, point in exact.points.items():
         result = motion.points[name]
-        scales = size, np.abs(point.velocity).max(), np.abs(point.acceleration).max()
-        for kind, scale, bound in zip(("position", "velocity", "acceleration"), scales, bounds, strict=True):
-            assert np.abs(getattr(result, kind) - getattr(point, kind)).max() <= bound * scale, (
+        scales = length, np.abs(point.velocity).max(), np.abs(point.acceleration).max()
+        for kind, scale, limit in zip(("position", "velocity", "acceleration"), scales, bounds, strict=True):
+            assert np.abs(getattr(result, kind) - getattr(point, kind)).max() <= limit * scale, (
                 name,
                 kind,
             )
 
 
-@pytest.mark.parametrize("drive", FLAT, ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
-def test_solved_poses_keep_their_assembly_mode_for_two_turns(drive):
-    run = simulate(drive, speed=20.0, turns=2.0, method="pose", samples=144)
+@pytest.mark.parametrize("linkage", FLAT, ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
+def test_solved_poses_keep_their_assembly_mode_for_two_turns(linkage):
+    run = simulate(linkage, speed=20.0, turns=2.0, method="pose", samples=144)
     assert run.outcome == "passed"
     motion = run.motion
-    exact = drive.solve(motion.angle, motion.speed, motion.acceleration)
+    exact = linkage.solve(motion.angle, motion.speed, motion.acceleration)
     # measured 2e-11, 3e-10 and 3e-9 for nearly equal frame and crank, else 1e-13, 5e-12 and 1e-10; ten
     # times as much for NEARLY_FLAT, whose path is evaluated within 0.03 rad and curves within 0.05 rad
-    loose = 10.0 if drive is NEARLY_FLAT else 1.0
+    loose = 10.0 if linkage is NEARLY_FLAT else 1.0
     assert_same_motion(
-        motion, exact, drive.mechanism.characteristic_length, loose * np.array([1e-10, 1e-9, 1e-8])
+        motion, exact, linkage.mechanism.characteristic_length, loose * np.array([1e-10, 1e-9, 1e-8])
     )
     for name in exact.joints.keys() & motion.joints.keys():
         joint = exact.joints[name]
@@ -65,31 +65,31 @@ def test_solved_poses_keep_their_assembly_mode_for_two_turns(drive):
 
 
 @pytest.mark.parametrize("turns", [2.4, -0.9])
-@pytest.mark.parametrize("drive", OTHERS, ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
-def test_solved_poses_stay_on_the_branch_as_the_closed_form_does(drive, turns):
-    drive = drive.with_change_point("branch")
-    run = simulate(drive, speed=20.0 * np.sign(turns), turns=abs(turns), samples=96)
+@pytest.mark.parametrize("linkage", OTHERS, ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
+def test_solved_poses_stay_on_the_branch_as_the_closed_form_does(linkage, turns):
+    linkage = linkage.with_change_point("branch")
+    run = simulate(linkage, speed=20.0 * np.sign(turns), turns=abs(turns), samples=96)
     assert run.outcome == "passed"
     motion = run.motion
-    exact = drive.solve(motion.angle, motion.speed)
+    exact = linkage.solve(motion.angle, motion.speed)
     # measured 2e-14 of the size, 6e-12 and 4e-8 of the largest
-    assert_same_motion(motion, exact, drive.mechanism.characteristic_length, (1e-12, 1e-10, 1e-6))
+    assert_same_motion(motion, exact, linkage.mechanism.characteristic_length, (1e-12, 1e-10, 1e-6))
 
 
-@pytest.mark.parametrize("drive", OTHERS[:3], ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
-def test_forces_at_a_change_point_are_their_limits(drive):
+@pytest.mark.parametrize("linkage", OTHERS[:3], ids=lambda item: f"{item.name} {item.change_points()[0]:.2f}")
+def test_forces_at_a_change_point_are_their_limits(linkage):
     # begins and ends at the change point
-    profile = constant(20.0, 1.0, drive.change_points()[-1])
-    machine = dynamics.dynamic_model(drive).starting_at(profile.angles)
-    run = driven(machine.mechanism, machine.forces, profile=profile, samples=36)
-    verdict = crosscheck_driven(run, machine)
+    profile = constant(20.0, 1.0, linkage.change_points()[-1])
+    model = dynamics.dynamic_model(linkage).starting_at(profile.angles)
+    run = driven(model.mechanism, model.forces, profile=profile, samples=36)
+    verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict.reason
-    heavier = dynamics.dynamic_model(drive, Forces(gravity=(0.0, -9.8101, 0.0)))
+    heavier = dynamics.dynamic_model(linkage, Forces(gravity=(0.0, -9.8101, 0.0)))
     assert not crosscheck_driven(run, heavier).passed
     with pytest.raises(
         InputError, match="changes its branch at change points, where speeds are discontinuous"
     ):
-        dynamics.dynamic_model(drive.with_change_point("branch"))
+        dynamics.dynamic_model(linkage.with_change_point("branch"))
 
 
 def test_an_immobile_branch_is_rejected_with_its_angle():
@@ -102,24 +102,24 @@ def test_an_immobile_branch_is_rejected_with_its_angle():
 
 
 def test_stepping_through_change_points_with_policy_branch_is_rejected():
-    drive = OTHERS[0].with_change_point("branch")
+    linkage = OTHERS[0].with_change_point("branch")
     with pytest.raises(
         InputError, match=r"must stay on the branch at crank angle 3\.142, 6\.283 rad, .*: run it by pose"
     ):
-        simulate(drive, speed=20.0, method="step")
-    start = drive.mechanism.start
-    swing = simulate(drive, profile=constant(20.0, 0.1, start), method="step")
+        simulate(linkage, speed=20.0, method="step")
+    start = linkage.mechanism.start
+    swing = simulate(linkage, profile=constant(20.0, 0.1, start), method="step")
     assert swing.outcome == "passed"
 
 
 @pytest.mark.parametrize("start", [0.0, np.pi])
 def test_a_stepped_run_starting_at_a_change_point_is_rejected(start):
-    drive = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045)
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.045, coupler=0.1, rocker=0.045)
     with pytest.raises(
         AssemblyError, match=r"starts at crank angle .* rad, .*do not determine .* second parallel"
     ):
-        simulate(drive, profile=constant(20.0, 0.1, start), method="step")
-    run = simulate(drive, profile=constant(20.0, 0.1, start + 0.5), method="step")
+        simulate(linkage, profile=constant(20.0, 0.1, start), method="step")
+    run = simulate(linkage, profile=constant(20.0, 0.1, start + 0.5), method="step")
     assert run.outcome == "passed"
     assert run.note == ""
 
@@ -127,33 +127,35 @@ def test_a_stepped_run_starting_at_a_change_point_is_rejected(start):
 @pytest.mark.parametrize("before", [0.05, 0.2])
 @pytest.mark.parametrize("beyond", [0.01, 0.05])
 def test_the_first_step_across_a_change_point_keeps_the_assembly_mode(before, beyond):
-    drive = catalog.make("four_bar", ground=0.12, crank=0.04, coupler=0.09, rocker=0.07)
-    closed, at = from_source(drive), drive.change_points()[0]
-    start = follow.follow(closed.loops, closed.qpos, [at - before])[0]
-    positions = closed.point_positions(follow.follow(closed.loops, start, [at + beyond]))[0]
+    linkage = catalog.make("four_bar", ground=0.12, crank=0.04, coupler=0.09, rocker=0.07)
+    closed, change_point = from_source(linkage), linkage.change_points()[0]
+    start = follow.follow(closed.loops, closed.qpos, [change_point - before])[0]
+    positions = closed.point_positions(follow.follow(closed.loops, start, [change_point + beyond]))[0]
     for name, position in zip(closed.track.points, positions, strict=True):
         # half of the digits are lost near the singular configuration
-        assert np.abs(position - drive.positions([at + beyond])[name][0]).max() <= 1e-9
+        assert np.abs(position - linkage.positions([change_point + beyond])[name][0]).max() <= 1e-9
 
 
 def test_change_points_are_located_to_1e_9_radians():
-    drive = OTHERS[0]
-    closed = from_source(drive)
+    linkage = OTHERS[0]
+    closed = from_source(linkage)
     _, path = follow.follow_path(closed.loops, closed.qpos, np.linspace(-4.0, 4.0, 33))
     assert path.change_points
     for branch_point in path.change_points:
-        assert np.min(np.abs(np.exp(1j * branch_point) - np.exp(1j * np.array(drive.change_points())))) < 1e-9
-    away = follow.follow_path(from_source(drive).loops, closed.qpos, [0.3, 1.0])[1]
+        assert (
+            np.min(np.abs(np.exp(1j * branch_point) - np.exp(1j * np.array(linkage.change_points())))) < 1e-9
+        )
+    away = follow.follow_path(from_source(linkage).loops, closed.qpos, [0.3, 1.0])[1]
     assert not away.change_points
 
 
 @pytest.mark.parametrize("excess", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_solved_poses_near_a_change_point_keep_their_assembly_mode(excess):
-    drive = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
-    motion = simulate(drive, speed=20.0, method="pose").motion
-    exact = drive.solve(motion.angle)
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.04, coupler=0.12, rocker=0.06 + excess)
+    motion = simulate(linkage, speed=20.0, method="pose").motion
+    exact = linkage.solve(motion.angle)
     for name, point in exact.points.items():
         assert (
             np.abs(motion.points[name].position - point.position).max()
-            <= 1e-9 * drive.mechanism.characteristic_length
+            <= 1e-9 * linkage.mechanism.characteristic_length
         )

@@ -27,43 +27,43 @@ def dynamic_model_of(name, **forces):
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 @pytest.mark.parametrize("name", ["rssr", "warp_knitter"])
 def test_the_torque_estimate_is_the_true_error_within_the_tolerance(name, tolerance):
-    machine = dynamic_model_of(name)
-    run = driven(machine.mechanism, machine.forces, speed=60.0, turns=2.0, tolerance=tolerance)
-    exact = dynamics.prescribed(machine, run.motion.angle, run.motion.speed, run.motion.acceleration)
+    model = dynamic_model_of(name)
+    run = driven(model.mechanism, model.forces, speed=60.0, turns=2.0, tolerance=tolerance)
+    exact = dynamics.prescribed(model, run.motion.angle, run.motion.speed, run.motion.acceleration)
     true = np.abs(run.forces.torque - exact.forces.torque).max() / np.sqrt(np.mean(exact.forces.torque**2))
     assert run.outcome == "passed"
     assert true <= tolerance
     assert run.tolerance_report.estimates["torque"] == pytest.approx(true, rel=1e-3)
     # step halving estimates the same error independently
     assert 0.1 < run.tolerance_report.estimates["halving"] / true < 10.0
-    assert crosscheck_driven(run, machine).passed
+    assert crosscheck_driven(run, model).passed
 
 
 @pytest.mark.slow
 def test_a_tolerance_below_rounding_fails_with_a_reason():
-    machine = dynamic_model_of("warp_knitter")
-    run = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-13)
+    model = dynamic_model_of("warp_knitter")
+    run = driven(model.mechanism, model.forces, speed=60.0, tolerance=1e-13)
     assert run.outcome == "failed"
     assert "are no better than fewer" in run.tolerance_report.reason
-    assert crosscheck_driven(run, machine).outcome == "failed"
-    poses = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-8, method="pose")
+    assert crosscheck_driven(run, model).outcome == "failed"
+    poses = driven(model.mechanism, model.forces, speed=60.0, tolerance=1e-8, method="pose")
     assert poses.outcome == "passed"
     assert 0.0 < poses.tolerance_report.estimates["balance"] <= 1e-8
 
 
 def test_a_swinging_crank_satisfies_its_tolerance():
-    machine = dynamic_model_of("four_bar", friction=(Friction("rocker", 1e-3, 1e-2),))
-    profile = swing(machine.mechanism.start + 0.3, 0.5, 30.0)
-    run = driven(machine.mechanism, machine.forces, profile=profile, tolerance=1e-5)
+    model = dynamic_model_of("four_bar", friction=(Friction("rocker", 1e-3, 1e-2),))
+    profile = swing(model.mechanism.start + 0.3, 0.5, 30.0)
+    run = driven(model.mechanism, model.forces, profile=profile, tolerance=1e-5)
     assert run.outcome == "passed"
-    assert crosscheck_driven(run, machine).passed
+    assert crosscheck_driven(run, model).passed
 
 
 def test_step_halving_detects_an_error_hidden_from_the_pose_estimate(monkeypatch):
-    machine = dynamic_model_of("rssr")
+    model = dynamic_model_of("rssr")
 
     def report():
-        return driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-6).tolerance_report
+        return driven(model.mechanism, model.forces, speed=60.0, tolerance=1e-6).tolerance_report
 
     monkeypatch.setattr(torque_tolerance, "against_poses", lambda *_: (1e-9, 1e-9))
     monkeypatch.setattr(torque_tolerance, "plausible_order", lambda *_: 4.0)
@@ -76,8 +76,8 @@ def test_step_halving_detects_an_error_hidden_from_the_pose_estimate(monkeypatch
 
 
 def test_only_statically_determined_forces_are_compared():
-    known = determined_components(loaded_model(catalog.make("four_bar").mechanism, Forces()))
-    assert known["crank"].tolist() == [True, True, False, False, False, True]
+    determined = determined_components(loaded_model(catalog.make("four_bar").mechanism, Forces()))
+    assert determined["crank"].tolist() == [True, True, False, False, False, True]
     assert all(
         item.all()
         for item in determined_components(loaded_model(catalog.make("rssr").mechanism, Forces())).values()
@@ -95,9 +95,9 @@ def test_only_statically_determined_forces_are_compared():
 )
 def test_a_free_crank_satisfies_its_tolerance(name, tolerance):
     motor = TorqueSpeedLine(0.5, 100.0)
-    machine = dynamic_model_of(name, motor=motor, friction=(Friction("crank", 1e-4),), flywheel=1e-3)
-    run = dynamics.free_run(machine, speed=20.0, turns=1.0, samples=61)
-    verdict = crosscheck_free(run, machine, tolerance=tolerance)
+    model = dynamic_model_of(name, motor=motor, friction=(Friction("crank", 1e-4),), flywheel=1e-3)
+    run = dynamics.free_run(model, speed=20.0, turns=1.0, samples=61)
+    verdict = crosscheck_free(run, model, tolerance=tolerance)
     assert verdict.passed, verdict
     angles = [
         check for check in verdict.checks if check.kind.startswith("coordinate") and check.unit == "rad"
@@ -107,25 +107,25 @@ def test_a_free_crank_satisfies_its_tolerance(name, tolerance):
 
 
 def test_a_tolerance_below_rounding_fails_in_a_free_run():
-    machine = dynamic_model_of("four_bar")
-    run = dynamics.free_run(machine, speed=30.0, duration=0.01, samples=3)
-    verdict = crosscheck_free(run, machine, tolerance=1e-16)
+    model = dynamic_model_of("four_bar")
+    run = dynamics.free_run(model, speed=30.0, duration=0.01, samples=3)
+    verdict = crosscheck_free(run, model, tolerance=1e-16)
     assert verdict.outcome == "failed"
     assert "do not reach the tolerance of 1e-16 rad" in verdict.reason
 
 
 def test_invalid_tolerances_are_rejected():
-    mechanism, machine = catalog.make("four_bar").mechanism, dynamic_model_of("four_bar")
-    run = dynamics.free_run(machine, speed=1.0, duration=0.01, samples=2)
+    mechanism, model = catalog.make("four_bar").mechanism, dynamic_model_of("four_bar")
+    run = dynamics.free_run(model, speed=1.0, duration=0.01, samples=2)
     for wrong in (0.0, -1.0, np.nan):
         with pytest.raises(InputError, match="tolerance of torque is"):
             driven(mechanism, speed=1.0, tolerance=wrong)
         with pytest.raises(InputError, match="tolerance of a free run is"):
-            crosscheck_free(run, machine, tolerance=wrong)
+            crosscheck_free(run, model, tolerance=wrong)
 
 
 def test_a_tolerance_changes_only_the_number_of_steps():
-    machine = dynamic_model_of("rssr")
+    model = dynamic_model_of("rssr")
     requested = Settings(compliance=1e-6)
-    run = driven(machine.mechanism, machine.forces, speed=60.0, tolerance=1e-4, settings=requested)
+    run = driven(model.mechanism, model.forces, speed=60.0, tolerance=1e-4, settings=requested)
     assert replace(run.settings, steps_per_turn=requested.steps_per_turn) == requested

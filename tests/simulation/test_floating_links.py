@@ -30,9 +30,9 @@ FLOATING = {
 }
 
 
-def read(tmp_path, name, parts, extra=""):
+def read(tmp_path, name, joints, extra=""):
     path = tmp_path / f"{name}.xml"
-    path.write_text(LINKS.format(**parts, extra=extra))
+    path.write_text(LINKS.format(**joints, extra=extra))
     return load(str(path), drive={"crank": "0.4*sin(2*pi*t)"})
 
 
@@ -49,14 +49,18 @@ def test_a_floating_rod_gives_the_crank_torque_of_a_hinged_one(tmp_path, method)
 
 
 def test_a_floating_rod_moves_as_a_hinged_one(tmp_path):
-    forms = [read(tmp_path, "hinged", HINGED), read(tmp_path, "floating", FLOATING)]
-    runs = [simulate(form.mechanism, motion_laws=form.motion_laws, method="pose").motion for form in forms]
+    solvers = [read(tmp_path, "hinged", HINGED), read(tmp_path, "floating", FLOATING)]
+    runs = [
+        simulate(solver.mechanism, motion_laws=solver.motion_laws, method="pose").motion for solver in solvers
+    ]
     positions = [run.links["rod"].position for run in runs]
     np.testing.assert_allclose(positions[1], positions[0], atol=1e-14)
 
 
 def test_an_unconstrained_floating_link_is_rejected_by_name(tmp_path):
     ball = '<body name="ball" pos="0 0 1"><freejoint name="loose"/><geom/></body>'
-    form = read(tmp_path, "loose", HINGED, extra=ball.replace("<geom/>", '<geom type="sphere" size="0.01"/>'))
+    solver = read(
+        tmp_path, "loose", HINGED, extra=ball.replace("<geom/>", '<geom type="sphere" size="0.01"/>')
+    )
     with pytest.raises(InputError, match="joint 'loose' floats and nothing else connects its link"):
-        driven(form.mechanism, form.forces, motion_laws=form.motion_laws, samples=4)
+        driven(solver.mechanism, solver.forces, motion_laws=solver.motion_laws, samples=4)

@@ -27,12 +27,12 @@ MODEL = """
   </equality>
 </mujoco>
 """
-FAR = 0.1
+DISTANCE = 0.1
 
 
 @pytest.fixture
 def loops():
-    return read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=0.01)))
+    return read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=DISTANCE, crank=0.01)))
 
 
 def states(loops, n=4, reach=0.3):
@@ -81,8 +81,8 @@ def test_newton_steps_are_limited_to_half_a_radian_of_rotation(loops):
     step, _ = loop_jacobian.newton_step(loops, residual, jacobian)
     turns = np.abs(full_steps[:, 3:9]).max(1)
     assert turns.max() > 0.5
-    for item, full_step, turn in zip(step[:, loops.free], full_steps, turns, strict=True):
-        assert item == pytest.approx(full_step * min(1.0, 0.5 / turn))
+    for item, full_step, angle in zip(step[:, loops.free], full_steps, turns, strict=True):
+        assert item == pytest.approx(full_step * min(1.0, 0.5 / angle))
     assert np.abs(step[:, 1:4]).max() > 0.5
     assert (step[:, 0] == 0.0).all()
     # a translation of any length is corrected in a single step
@@ -137,7 +137,7 @@ def test_site_and_loop_point_positions_agree_with_mujoco(loops):
 def test_the_characteristic_length_is_the_longest_arm_or_body_distance(loops):
     reach = max(np.linalg.norm(local) for pair in loops.pairs for local in pair.local)
     assert loops.characteristic_length == max(reach, np.linalg.norm([0.3, 0.1, 0.0]))
-    out = read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=FAR, crank=9.0)))
+    out = read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=DISTANCE, crank=9.0)))
     assert out.characteristic_length == pytest.approx(np.hypot(9.0, 0.02))
     distant = read_loops(mujoco.MjModel.from_xml_string(MODEL.format(far=7.0, crank=0.01)))
     assert distant.characteristic_length == pytest.approx(np.hypot(7.0, 0.03))

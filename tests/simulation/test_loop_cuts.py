@@ -158,14 +158,14 @@ def test_the_cut_joint_is_farthest_from_the_crank_in_any_joint_order():
     for joints in permutations(rows(FOUR_BAR)):
         tree = cut_loops(chain(*joints))
         assert [joint.name for joint in tree.cuts] == ["B"]
-        assert {(one.joint.name, one.direction) for one in tree.branches} == {
+        assert {(item.joint.name, item.direction) for item in tree.branches} == {
             ("crank", 1),
             ("A", 1),
             ("C", 1),
         }
         backwards = cut_loops(chain(*(replace(joint, a=joint.b, b=joint.a) for joint in joints)))
         assert [joint.name for joint in backwards.cuts] == ["B"]
-        assert {(one.parent.link, one.child.link, one.direction) for one in backwards.branches} == {
+        assert {(item.parent.link, item.child.link, item.direction) for item in backwards.branches} == {
             ("ground", "crank", -1),
             ("crank", "coupler", -1),
             ("ground", "rocker", -1),

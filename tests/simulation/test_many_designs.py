@@ -30,10 +30,10 @@ VARIED = {
 
 
 def models_of(name, rows):
-    form = ms.catalog.make(name)
-    like = shared_model(form.mechanism)
+    solver = ms.catalog.make(name)
+    like = shared_model(solver.mechanism)
     return design_models(
-        like, closed_form_starts(form, {key: np.array(values) for key, values in rows.items()})
+        like, closed_form_starts(solver, {key: np.array(values) for key, values in rows.items()})
     )
 
 
@@ -53,28 +53,33 @@ def test_batched_designs_move_as_single_designs(name):
     assert verdict.same_assembly.all()
     assert (verdict.estimate <= verdict.tolerance).all()
     motion = design_motion(stepped, np.arange(2), np.arange(STEPS), "rates")
-    for i, form in enumerate(forms_of(name, rows)):
-        single = ms.simulate(form, speed=SPEED, settings=SETTINGS, method="step", samples=STEPS).motion
-        part = slice(i * STEPS, (i + 1) * STEPS)
+    for i, solver in enumerate(forms_of(name, rows)):
+        single = ms.simulate(solver, speed=SPEED, settings=SETTINGS, method="step", samples=STEPS).motion
+        rows_of_design = slice(i * STEPS, (i + 1) * STEPS)
         # same arithmetic except the order of sums: measured 4e-16 of the size, 1e-13 of accelerations
         for point, item in single.points.items():
-            for kind, bound in (("position", 1e-14), ("velocity", 1e-12), ("acceleration", 1e-9)):
-                expected, actual = getattr(item, kind)[:STEPS], getattr(motion.points[point], kind)[part]
+            for kind, limit in (("position", 1e-14), ("velocity", 1e-12), ("acceleration", 1e-9)):
+                expected, actual = (
+                    getattr(item, kind)[:STEPS],
+                    getattr(motion.points[point], kind)[rows_of_design],
+                )
                 np.testing.assert_allclose(
-                    actual, expected, atol=bound * np.abs(expected).max(), err_msg=f"{point} {kind}"
+                    actual, expected, atol=limit * np.abs(expected).max(), err_msg=f"{point} {kind}"
                 )
         for joint, item in single.joints.items():
-            np.testing.assert_allclose(motion.joints[joint].value[part], item.value[:STEPS], atol=1e-13)
-            size = np.abs(item.acceleration).max()
-            actual = motion.joints[joint].acceleration[part]
-            np.testing.assert_allclose(actual, item.acceleration[:STEPS], atol=1e-9 * size + 1e-9)
+            np.testing.assert_allclose(
+                motion.joints[joint].value[rows_of_design], item.value[:STEPS], atol=1e-13
+            )
+            largest = np.abs(item.acceleration).max()
+            actual = motion.joints[joint].acceleration[rows_of_design]
+            np.testing.assert_allclose(actual, item.acceleration[:STEPS], atol=1e-9 * largest + 1e-9)
 
 
 def test_closed_form_starts_equal_those_of_descriptions():
     for name, rows in VARIED.items():
-        form = ms.catalog.make(name)
-        by_formula = closed_form_starts(form, {key: np.array(values) for key, values in rows.items()})
-        described = started_designs(form.mechanism, [item.mechanism for item in forms_of(name, rows)])
+        solver = ms.catalog.make(name)
+        by_formula = closed_form_starts(solver, {key: np.array(values) for key, values in rows.items()})
+        described = started_designs(solver.mechanism, [item.mechanism for item in forms_of(name, rows)])
         for joint, ends in described.arrays.ends.items():
             for computed, expected in zip(by_formula.arrays.ends[joint], ends, strict=True):
                 np.testing.assert_allclose(computed, expected, atol=1e-15)
@@ -100,9 +105,9 @@ def test_a_design_that_changes_assembly_fails_the_check():
 
 
 def test_an_unreachable_crank_angle_is_reported():
-    form = ms.load("watt_six_bar")
+    solver = ms.load("watt_six_bar")
     designs = [ms.load("watt_six_bar", {"crank": crank}).mechanism for crank in (0.025, 0.06)]
-    models = design_models(shared_model(form.mechanism), started_designs(form.mechanism, designs))
+    models = design_models(shared_model(solver.mechanism), started_designs(solver.mechanism, designs))
     open_at = first_open_angle(stepped_designs(models, SETTINGS, SPEED, STEPS, 1), np.arange(2))
     assert np.isnan(open_at[0])
     arcs = ms.load("watt_six_bar", {"crank": 0.06}).crank_range().arcs
@@ -114,7 +119,7 @@ def test_quaternions_agree_with_mujoco():
     turns = np.linalg.qr(rng.normal(size=(200, 3, 3)))[0]
     turns *= np.sign(np.linalg.det(turns))[:, None, None]
     turns = np.concatenate([turns, [np.eye(3), np.diag([-1.0, -1, 1]), np.diag([1.0, -1, -1])]])
-    for turn, computed in zip(turns, quaternions(turns), strict=True):
+    for rotation, computed in zip(turns, quaternions(turns), strict=True):
         expected = np.empty(4)
-        mujoco.mju_mat2Quat(expected, turn.ravel())
+        mujoco.mju_mat2Quat(expected, rotation.ravel())
         assert abs(abs(computed @ expected) - 1.0) < 1e-14

@@ -36,12 +36,12 @@ def test_a_long_chain_steps_equally_with_sparse_and_dense_matrices(chain) -> Non
     }
     assert [run.settings.jacobian for run in runs.values()] == ["sparse", "dense", "sparse"]
     assert runs["auto"].summary()["settings"]["jacobian"] == "sparse"
-    size = catalog.make("four_bar").crank
+    length = catalog.make("four_bar").crank
     for name, point in runs["auto"].motion.points.items():
         other = runs["dense"].motion.points[name]
         # another order of sums: rounding errors grow along 24 loops
-        assert np.abs(point.position - other.position).max() <= 1e-11 * size
-        assert np.abs(point.acceleration - other.acceleration).max() <= 1e-7 * size * 100.0
+        assert np.abs(point.position - other.position).max() <= 1e-11 * length
+        assert np.abs(point.acceleration - other.acceleration).max() <= 1e-7 * length * 100.0
         assert (point.position == runs["sparse"].motion.points[name].position).all()
 
 

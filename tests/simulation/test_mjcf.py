@@ -41,8 +41,8 @@ def test_bodies_joints_and_sites_have_the_names_of_the_description(mechanism: Me
     assert set(names(model, "body", model.nbody)) == {"world", *links}
     joints = names(model, "joint", model.njnt)
     assert "crank" in joints
-    known = {joint.name for joint in mechanism.joints} | {"crank"}
-    assert {name.split(".")[0] for name in joints} <= known
+    expected = {joint.name for joint in mechanism.joints} | {"crank"}
+    assert {name.split(".")[0] for name in joints} <= expected
     assert set(mechanism.points) <= set(names(model, "site", model.nsite))
 
 
@@ -184,5 +184,5 @@ def test_inertia_tensors_round_trip_exactly():
     fullinertia="0.0123456789012 0.02 0.03 0.001 0.002 0.003"/></body></worldbody></mujoco>"""
     spec = mujoco.MjSpec.from_string(text)
     first, reread = spec.compile(), mujoco.MjModel.from_xml_string(mjcf.to_xml(spec.copy()))
-    for of in ("body_inertia", "body_iquat", "body_ipos", "body_mass"):
-        assert np.array_equal(getattr(reread, of), getattr(first, of))
+    for attribute in ("body_inertia", "body_iquat", "body_ipos", "body_mass"):
+        assert np.array_equal(getattr(reread, attribute), getattr(first, attribute))

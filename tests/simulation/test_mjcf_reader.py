@@ -122,8 +122,8 @@ def residuals_of(mechanism, link_poses, values):
         a, b = link_poses[joint.a.link], link_poses[joint.b.link]
         gaps.append(np.linalg.norm(a.point(joint.a.point) - b.point(joint.b.point)))
         if joint.kind == "fixed":
-            turn = (a.rotation @ joint.a.frame).T @ b.rotation @ joint.b.frame
-            gaps.append(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
+            rotation = (a.rotation @ joint.a.frame).T @ b.rotation @ joint.b.frame
+            gaps.append(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
     for law in mechanism.laws:
         left, right = (
             sum(w * values[n] for n, w in side.items()) for side in (law.left_terms, law.right_terms)
@@ -263,7 +263,7 @@ BAD = {
     "empty": ("", "is empty"),
     "html": ("<html><body/></html>", "begins with <html>"),
     "sdf": ('<?xml version="1.0"?><!-- a --><sdf name="r"/>', "begins with <sdf>"),
-    "prose": ("dear all", "is no XML"),
+    "prose": ("hello all", "is no XML"),
     "unknown element": (
         "<mujoco>\n<worldbody>\n<bodie/></worldbody></mujoco>",
         r"line 3: MuJoCo refuses it: .*'bodie'",
@@ -382,8 +382,8 @@ def test_the_characteristic_length_of_a_gripper_is_that_of_its_fingers(file):
     <joint name="{0}" type="slide" axis="0 1 0"/>
     <geom type="box" size="0.01 0.02 0.04" pos="0 0 0.04"/></body>"""
     text = f"<mujoco><worldbody>{finger.format('left')}{finger.format('right')}</worldbody></mujoco>"
-    size = read_model(file(text), drivers=["left", "right"]).mechanism.characteristic_length
-    assert size == pytest.approx(np.hypot(np.hypot(0.02, 0.04), 0.08))
+    length = read_model(file(text), drivers=["left", "right"]).mechanism.characteristic_length
+    assert length == pytest.approx(np.hypot(np.hypot(0.02, 0.04), 0.08))
 
 
 @pytest.mark.parametrize(("high", "output"), [(1e-9, ""), (1e-14, "bounds no volume")])

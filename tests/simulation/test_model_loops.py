@@ -122,8 +122,11 @@ def test_perturbed_loops_close_with_the_crank_locked(mechanism: Mechanism) -> No
     assert np.array_equal(closed[:, loops.crank_address], perturbed[:, loops.crank_address])
     # rounding of a Newton step, relative to the longest link
     assert loops.closure_error(loops.residual(closed)).max() < 1e-14
-    for place in quaternion_addresses(loops.model):
-        assert np.abs(np.linalg.norm(closed[:, place : place + 4], axis=1) - 1.0).max() < 1e-15
+    for quaternion_start in quaternion_addresses(loops.model):
+        assert (
+            np.abs(np.linalg.norm(closed[:, quaternion_start : quaternion_start + 4], axis=1) - 1.0).max()
+            < 1e-15
+        )
 
 
 @pytest.mark.parametrize("mechanism", EVERYTHING, ids=lambda m: m.name)
@@ -228,14 +231,14 @@ def test_newtons_method_stops_at_rounding_above_its_tolerance(monkeypatch) -> No
     assert len(steps) < 7
 
 
-@pytest.mark.parametrize(("joint", "kind", "size"), [("j", "hinge", 1.0), ("k", "slide", 0.3)])
-def test_coupled_slide_errors_are_relative_to_the_model_size(joint, kind, size) -> None:
+@pytest.mark.parametrize(("joint", "kind", "scale"), [("j", "hinge", 1.0), ("k", "slide", 0.3)])
+def test_coupled_slide_errors_are_relative_to_the_model_size(joint, kind, scale) -> None:
     text = USER.format(equality=f'<joint joint1="{joint}" polycoef=".06 0 0 0 0"/>', crank="crank")
     loops = read_loops(
         mujoco.MjModel.from_xml_string(text.replace(f'"{joint}"', f'"{joint}" type="{kind}"', 1))
     )
     state = loops.model.qpos0[None]
-    assert loops.closure_error(loops.residual(state))[0] == pytest.approx(0.06 / size)
+    assert loops.closure_error(loops.residual(state))[0] == pytest.approx(0.06 / scale)
 
 
 def test_driven_slide_errors_are_relative_to_the_model_size() -> None:
@@ -250,8 +253,8 @@ def test_driven_slide_errors_are_relative_to_the_model_size() -> None:
     assert loops.characteristic_length == pytest.approx(0.3)
 
 
-@pytest.mark.parametrize(("kind", "size"), [("hinge", 1.0), ("slide", 0.3)])
-def test_conditioning_is_the_smallest_scaled_singular_value(kind, size) -> None:
+@pytest.mark.parametrize(("kind", "scale"), [("hinge", 1.0), ("slide", 0.3)])
+def test_conditioning_is_the_smallest_scaled_singular_value(kind, scale) -> None:
     first = '<joint joint1="j" joint2="crank" polycoef=".1 .2 0 0 0"/>'
     second = '<joint joint1="k" joint2="j" polycoef="0 .15 .1 0 0"/>'
 
@@ -261,7 +264,7 @@ def test_conditioning_is_the_smallest_scaled_singular_value(kind, size) -> None:
 
     loops = read_loops(model(first + second, "crank"))
     states = np.array([[0.3, 0.2, 0.0], [0.1, -0.9, 0.0]])
-    gradient = (0.15 + 0.2 * states[:, 1]) / size
+    gradient = (0.15 + 0.2 * states[:, 1]) / scale
     required = [np.linalg.svd([[1.0, 0.0], [-item, 1.0]])[1][-1] for item in gradient]
     assert loop_jacobian.conditioning(loops, loops.linearise(states)[1]) == pytest.approx(required)
     # a joint with a motion law is no unknown, and its constraint has no columns
@@ -271,8 +274,8 @@ def test_conditioning_is_the_smallest_scaled_singular_value(kind, size) -> None:
 
 
 def test_unconstrained_bodies_do_not_change_the_determinant_sign(monkeypatch) -> None:
-    drive = catalog.make("four_bar")
-    plain, spec = loops_of(drive.mechanism), assembled(drive.mechanism, Scene())
+    linkage = catalog.make("four_bar")
+    plain, spec = loops_of(linkage.mechanism), assembled(linkage.mechanism, Scene())
     for i in range(5):
         bob = spec.worldbody.add_body(name=f"bob {i}", pos=(1.0 + i, 0.0, 0.0), mass=1.0)
         bob.inertia, bob.explicitinertial = (1.0, 1.0, 1.0), True

@@ -41,16 +41,17 @@ def test_the_model_file_equals_the_generated_model(name: str) -> None:
 
 @pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_plain_mujoco_reads_the_model_assembled_with_a_site_per_point(name: str) -> None:
-    drive = catalog.make(name)
+    linkage = catalog.make(name)
     model = mujoco.MjModel.from_xml_path(str(MODELS / f"{name}.xml"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     angle = float(data.joint("crank").qpos[0])
     assert angle == 0.0
-    for point, position in drive.positions([angle]).items():
+    for point, position in linkage.positions([angle]).items():
         # 1e-12 of the crank: assembly to rounding
         assert (
-            np.abs(data.site(point).xpos - position[0]).max() <= 1e-12 * drive.mechanism.characteristic_length
+            np.abs(data.site(point).xpos - position[0]).max()
+            <= 1e-12 * linkage.mechanism.characteristic_length
         )
 
 
@@ -75,7 +76,7 @@ def test_the_solver_tolerance_of_a_model_keeps_full_accuracy() -> None:
 
 @pytest.mark.parametrize("name", catalog.MECHANISMS)
 def test_plain_mujoco_steps_the_model_through_a_turn(name: str) -> None:
-    drive = catalog.make(name)
+    linkage = catalog.make(name)
     model = mujoco.MjModel.from_xml_path(str(MODELS / f"{name}.xml"))
     data = mujoco.MjData(model)
     data.joint("crank").qvel[0] = 20.0 * np.pi
@@ -83,9 +84,9 @@ def test_plain_mujoco_steps_the_model_through_a_turn(name: str) -> None:
     mujoco.mj_step(model, data, nstep=1000)
     mujoco.mj_forward(model, data)
     angle = float(data.joint("crank").qpos[0])
-    for point, position in drive.positions([angle]).items():
+    for point, position in linkage.positions([angle]).items():
         # MuJoCo's own compliance and a linkage at rest at the start; a wrong assembly mode is 100 times worse
         assert (
             np.linalg.norm(data.site(point).xpos - position[0])
-            <= 5e-3 * drive.mechanism.characteristic_length
+            <= 5e-3 * linkage.mechanism.characteristic_length
         )

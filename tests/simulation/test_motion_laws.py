@@ -80,12 +80,12 @@ def test_rates_are_derivatives_of_positions(case):
         assert joint.acceleration[4] == pytest.approx(FIRST @ joint.rate / step, abs=1e-8)
 
 
-@pytest.mark.parametrize(("method", "near"), [("pose", 1e-15), ("step", 1e-10)])
-def test_a_five_bar_reaches_the_intersection_of_two_circles(method, near):
+@pytest.mark.parametrize(("method", "error_limit"), [("pose", 1e-15), ("step", 1e-10)])
+def test_a_five_bar_reaches_the_intersection_of_two_circles(method, error_limit):
     mechanism, moves = CASES["five-bar"]()
     motion = simulate(mechanism, motion_laws=moves, method=method).motion
     exact = circle_intersection(motion.joints["left"].value, motion.joints["right"].value)
-    assert motion.points["P"].position[:, :2] == pytest.approx(exact, abs=near)
+    assert motion.points["P"].position[:, :2] == pytest.approx(exact, abs=error_limit)
     assert [name for name, _ in motion.columns()][:3] == ["t", "left", "right"]
     assert set(motion.links) == {"a", "b", "c", "d"}
 
@@ -126,11 +126,11 @@ def test_a_platform_follows_its_measured_leg_lengths():
 def test_a_steady_motion_law_equals_a_constant_speed():
     mechanism = replace(five_bar(), driver="left", locked={"right": 1.2}, start=2.0, guess_coordinates={})
     moves = make_motion_laws(mechanism, {"left": steady(2.0, 0.5)}, 1.0)
-    known = simulate(mechanism, speed=0.5, turns=0.5 / (2 * np.pi), samples=10, method="pose").motion
-    for method, near in (("pose", 1e-15), ("step", 1e-11)):
+    reference = simulate(mechanism, speed=0.5, turns=0.5 / (2 * np.pi), samples=10, method="pose").motion
+    for method, error_limit in (("pose", 1e-15), ("step", 1e-11)):
         motion = simulate(mechanism, motion_laws=moves, samples=10, method=method).motion
-        assert motion.points["P"].position == pytest.approx(known.points["P"].position, abs=near)
-        assert motion.joints["left"].value == pytest.approx(known.angle, abs=1e-12)
+        assert motion.points["P"].position == pytest.approx(reference.points["P"].position, abs=error_limit)
+        assert motion.joints["left"].value == pytest.approx(reference.angle, abs=1e-12)
         assert motion.joints["right"].value == pytest.approx(1.2, abs=1e-9)
 
 

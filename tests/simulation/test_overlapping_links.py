@@ -27,7 +27,7 @@ BALL = """<body name="ball" pos="0 -.1 0"><freejoint/><geom size=".01"/></body>
 
 
 @pytest.fixture
-def form(tmp_path):
+def solver(tmp_path):
     def load_with(extra=""):
         path = tmp_path / "five_bar.xml"
         path.write_text(FIVE_BAR.replace("EXTRA", extra))
@@ -42,8 +42,8 @@ def assert_follows(run, motion_laws):
         assert run.motion.joints[name].value == pytest.approx(value, abs=1e-5)
 
 
-def test_links_that_overlap_at_their_joints_do_not_brake_the_driver(form):
-    case = case_of(form())
+def test_links_that_overlap_at_their_joints_do_not_brake_the_driver(solver):
+    case = case_of(solver())
     assert case.passed, case.verdict.reason
     # with contacts as stiff as the loops and recomputed accelerations the error was much larger
     assert case.run.estimate < 1e-12
@@ -51,10 +51,10 @@ def test_links_that_overlap_at_their_joints_do_not_brake_the_driver(form):
     assert "contacts do not act" in case.run.note
 
 
-def test_bodies_independent_of_the_drivers_keep_their_contacts(form):
-    run = simulate(form(BALL), method="step")
+def test_bodies_independent_of_the_drivers_keep_their_contacts(solver):
+    run = simulate(solver(BALL), method="step")
     assert "so are contacts" in run.note
-    assert_follows(run, form(BALL).motion_laws)
+    assert_follows(run, solver(BALL).motion_laws)
     fallen = run.motion.links["ball"].position[-1]
     assert fallen[1] == pytest.approx(-0.11, abs=2e-3)
     assert np.isfinite(fallen).all()
@@ -77,9 +77,9 @@ def test_only_contacts_between_determined_bodies_are_excluded():
     def masks():
         return may_collide(model.geom_contype, model.geom_conaffinity)
 
-    before, of = masks(), determined[model.geom_bodyid]
+    before, is_determined = masks(), determined[model.geom_bodyid]
     exclude_contacts(model, determined)
-    both_determined = np.logical_and.outer(of, of)
+    both_determined = np.logical_and.outer(is_determined, is_determined)
     assert before[both_determined].any()
     assert not masks()[both_determined].any()
     assert (masks() == before)[~both_determined].all()

@@ -42,9 +42,9 @@ def test_a_wheel_with_gear_ratio_twenty_keeps_its_assembly_mode():
 
 def test_a_tiny_step_near_a_dead_centre_is_solved():
     """A crank angle 50 units of rounding from a node of the path was once rejected."""
-    drive = catalog.make("four_bar", **special_designs("four_bar").swinging)
-    closed = from_source(drive)
-    (_, high), address = drive.crank_range().arcs[0], closed.loops.crank_address
+    linkage = catalog.make("four_bar", **special_designs("four_bar").swinging)
+    closed = from_source(linkage)
+    (_, high), address = linkage.crank_range().arcs[0], closed.loops.crank_address
     near_dead_centre = follow(closed.loops, closed.qpos, np.array([high - 1e-5]))[0]
     for off in np.geomspace(1.01e-14, 1e-12, 40):
         (end,) = follow(closed.loops, near_dead_centre, [float(near_dead_centre[address]) - off])
@@ -52,7 +52,7 @@ def test_a_tiny_step_near_a_dead_centre_is_solved():
         assert np.abs(end - near_dead_centre).max() < 1e-8
 
 
-TURN = 2.0 * np.pi
+REVOLUTION = 2.0 * np.pi
 
 
 def loops_of(name: str, **changed: float) -> ModelLoops:
@@ -63,7 +63,7 @@ def loops_of(name: str, **changed: float) -> ModelLoops:
 def gap(loops: ModelLoops, name: str, turns: float, **changed: float) -> float:
     """Largest distance of a tracked point from the closed form, in lengths of the model."""
     start = loops.model.qpos0
-    angles = start[loops.crank_address] + TURN * turns * np.linspace(0.0, 1.0, 50)
+    angles = start[loops.crank_address] + REVOLUTION * turns * np.linspace(0.0, 1.0, 50)
     positions = loops.posed.site_positions(follow(loops, start, angles))
     exact = catalog.make(name, **changed).solve(angles, speed=1.0)
     return max(
@@ -98,7 +98,7 @@ def test_a_path_beyond_a_dead_centre_is_rejected() -> None:
     loops = loops_of("four_bar", ground=0.08, crank=0.03, coupler=0.07, rocker=0.125)
     start = loops.model.qpos0
     with pytest.raises(AssemblyError, match="the crank cannot pass"):
-        follow(loops, start, start[loops.crank_address] + TURN * np.linspace(0.0, 1.0, 5))
+        follow(loops, start, start[loops.crank_address] + REVOLUTION * np.linspace(0.0, 1.0, 5))
 
 
 def test_derivatives_along_idle_directions_equal_finite_differences() -> None:

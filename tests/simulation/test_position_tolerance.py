@@ -23,8 +23,8 @@ def stepped() -> Iterator[list[int]]:
     counts: list[int] = []
     step = driven_run.step
 
-    def counting(*given, **options):
-        steps = step(*given, **options)
+    def counting(*args, **options):
+        steps = step(*args, **options)
         counts.append(steps.count)
         return steps
 
@@ -32,8 +32,8 @@ def stepped() -> Iterator[list[int]]:
         yield counts
 
 
-def error(drive, motion) -> float:
-    exact = drive.positions(motion.angle)
+def error(linkage, motion) -> float:
+    exact = linkage.positions(motion.angle)
     return max(
         float(np.linalg.norm(point.position - exact[name], axis=1).max())
         for name, point in motion.points.items()
@@ -43,18 +43,18 @@ def error(drive, motion) -> float:
 def test_growing_errors_per_turn_cost_only_a_short_trial(stepped) -> None:
     # at this tolerance one turn of a Bennett linkage needs about 50 steps;
     # over ten turns such steps end in another assembly mode
-    drive = catalog.make("bennett")
-    tolerance = 2e-4 * drive.length0
-    run = simulate(drive.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
+    linkage = catalog.make("bennett")
+    tolerance = 2e-4 * linkage.length0
+    run = simulate(linkage.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
     assert run.outcome == "passed"
-    assert error(drive, run.motion) <= tolerance
+    assert error(linkage, run.motion) <= tolerance
     assert len(stepped) == 3
     assert run.tolerance_report.satisfied
     assert run.tolerance_report.trials == sum(stepped) - run.steps
     assert sum(stepped) <= 1.25 * run.steps
     coarse = Settings(steps_per_turn=stepped[1] // 2)
-    short = simulate(drive.mechanism, speed=SPEED, turns=1.0, settings=coarse)
-    long = simulate(drive.mechanism, speed=SPEED, turns=TURNS, settings=coarse)
+    short = simulate(linkage.mechanism, speed=SPEED, turns=1.0, settings=coarse)
+    long = simulate(linkage.mechanism, speed=SPEED, turns=TURNS, settings=coarse)
     assert short.estimate <= tolerance
     assert long.estimate > 100.0 * tolerance
 
@@ -62,11 +62,11 @@ def test_growing_errors_per_turn_cost_only_a_short_trial(stepped) -> None:
 @pytest.mark.parametrize("name", ["four_bar", "rrsrr", "looper"])
 @pytest.mark.parametrize("fraction", [1e-3, 3e-5])
 def test_a_loose_tolerance_needs_only_one_full_run(name, fraction, stepped) -> None:
-    drive = catalog.make(name)
-    tolerance = fraction * drive.crank
-    run = simulate(drive.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
+    linkage = catalog.make(name)
+    tolerance = fraction * linkage.crank
+    run = simulate(linkage.mechanism, speed=SPEED, turns=TURNS, tolerance=tolerance)
     assert run.outcome == "passed"
-    assert error(drive, run.motion) <= tolerance
+    assert error(linkage, run.motion) <= tolerance
     assert sum(count > 5 * TRIAL_STEPS or count == run.steps for count in stepped) == 1
     assert run.steps < TURNS * TRIAL_STEPS
 
@@ -95,15 +95,15 @@ def test_a_zero_error_needs_the_minimum_number_of_steps() -> None:
 
 @pytest.mark.parametrize("reach", [0.1, 0.01])
 def test_a_swing_below_a_turn_satisfies_its_tolerance(reach) -> None:
-    drive = catalog.make("four_bar")
-    run = simulate(drive.mechanism, profile=swing(1.0, reach, 60.0), tolerance=4e-10 * reach)
+    linkage = catalog.make("four_bar")
+    run = simulate(linkage.mechanism, profile=swing(1.0, reach, 60.0), tolerance=4e-10 * reach)
     assert run.outcome == "passed"
-    assert error(drive, run.motion) <= run.tolerance
+    assert error(linkage, run.motion) <= run.tolerance
 
 
 def test_a_swing_over_a_tiny_crank_range_satisfies_its_tolerance() -> None:
     # within 0.0067 rad the follower moves from one dead centre to the next
-    drive = catalog.Looper(
+    linkage = catalog.Looper(
         crank=0.0078268,
         coupler=0.0197878,
         arm=0.022136,
@@ -115,16 +115,16 @@ def test_a_swing_over_a_tiny_crank_range_satisfies_its_tolerance() -> None:
         axis_y=0.0196731,
         axis_z=0.0089396,
     )
-    profile = within_range(drive.mechanism, drive.crank_range(), SPEED)
-    run = simulate(drive.mechanism, profile=profile, tolerance=1e-11)
+    profile = within_range(linkage.mechanism, linkage.crank_range(), SPEED)
+    run = simulate(linkage.mechanism, profile=profile, tolerance=1e-11)
     assert run.outcome == "passed"
-    assert error(drive, run.motion) <= 1e-11
+    assert error(linkage, run.motion) <= 1e-11
     assert run.tolerance_report.trials < 2.0 * run.steps
 
 
 def test_dense_samples_do_not_hide_the_effect_of_finer_steps() -> None:
-    drive = catalog.make("rssr")
-    run = simulate(drive.mechanism, speed=SPEED, tolerance=1e-12, samples=1000)
+    linkage = catalog.make("rssr")
+    run = simulate(linkage.mechanism, speed=SPEED, tolerance=1e-12, samples=1000)
     assert run.outcome == "passed"
     assert run.steps % 1000 == 0
 

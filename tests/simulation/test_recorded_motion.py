@@ -17,9 +17,9 @@ SPEED, ACCELERATION, STEP, MIDDLE = 1.3, -2.1, 2e-3, 4
 FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / STEP
 
 # a four-bar with a free coupler constrained by points: two on the crank pin and one on the rocker pin
-TURNED = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
+ROTATION = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
 PIN, ON_PIN, ON_ROCKER = (
-    " ".join(map(repr, (point @ TURNED).tolist()))
+    " ".join(map(repr, (point @ ROTATION).tolist()))
     for point in np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [0.2, 0.1, 0.05]])
 )
 FREE = f"""
@@ -28,7 +28,7 @@ FREE = f"""
   <worldbody>
     <body name="crank"><joint name="crank" axis="0 0 1"/><geom size=".01"/>
       <site name="A" pos=".1 .02 .03"/></body>
-    <body name="rod" pos=".1 .02 .03" xyaxes="{" ".join(map(repr, TURNED.T[:2].ravel().tolist()))}">
+    <body name="rod" pos=".1 .02 .03" xyaxes="{" ".join(map(repr, ROTATION.T[:2].ravel().tolist()))}">
       <freejoint name="fly"/><geom size=".01" pos=".1 0 .05"/></body>
     <body name="rocker" pos=".35 0 0"><joint name="rocker" axis="0 0 1"/><geom size=".01"/></body>
   </worldbody>

@@ -21,7 +21,7 @@ from mechsim.units import rpm
 from mechsim.verdict.crosscheck import crosscheck
 
 CATALOGUE = ("rssr", "four_bar", "slider_crank")
-TURN = 2.0 * np.pi
+REVOLUTION = 2.0 * np.pi
 
 
 def worst(motion, exact, kind: str = "position") -> float:
@@ -37,12 +37,12 @@ def worst(motion, exact, kind: str = "position") -> float:
 @pytest.mark.parametrize("reach", [0.01, 1e-5])
 @pytest.mark.parametrize("method", ["pose", "step"])
 def test_a_short_swing_is_sampled_over_its_whole_range(reach: float, method: str) -> None:
-    drive = catalog.make("slider_crank")
-    run = simulate(drive, profile=swing(0.7, reach, 60.0), method=method)
+    linkage = catalog.make("slider_crank")
+    run = simulate(linkage, profile=swing(0.7, reach, 60.0), method=method)
     angle = run.motion.angle
     assert np.ptp(angle) == pytest.approx(2.0 * reach, rel=1e-2)
     assert run.outcome == "passed"
-    assert crosscheck(run, drive).passed
+    assert crosscheck(run, linkage).passed
 
 
 # poses
@@ -51,19 +51,19 @@ def test_a_short_swing_is_sampled_over_its_whole_range(reach: float, method: str
 @pytest.mark.parametrize("name", CATALOGUE)
 @pytest.mark.parametrize("branch", [1, -1])
 def test_solved_poses_equal_the_closed_form_to_1e_12_of_the_crank(name: str, branch: int) -> None:
-    drive = catalog.make(name, branch=branch)
-    run = simulate(drive.mechanism, speed=10.0, turns=2.0, method="pose", samples=500)
-    exact = drive.solve(run.motion.angle, 10.0)
+    linkage = catalog.make(name, branch=branch)
+    run = simulate(linkage.mechanism, speed=10.0, turns=2.0, method="pose", samples=500)
+    exact = linkage.solve(run.motion.angle, 10.0)
     assert len(run.motion) == 501
-    assert worst(run.motion, exact) < 1e-12 * drive.crank
+    assert worst(run.motion, exact) < 1e-12 * linkage.crank
     # each rate adds a linear solve of condition below 100
-    assert worst(run.motion, exact, "velocity") < 1e-12 * drive.crank * 10.0
-    assert worst(run.motion, exact, "acceleration") < 1e-11 * drive.crank * 100.0
+    assert worst(run.motion, exact, "velocity") < 1e-12 * linkage.crank * 10.0
+    assert worst(run.motion, exact, "acceleration") < 1e-11 * linkage.crank * 100.0
 
 
 @pytest.mark.parametrize("mechanism", mechanisms.everything(), ids=lambda m: m.name)
 def test_solved_poses_of_any_mechanism_satisfy_the_loop_equations(mechanism: Mechanism) -> None:
-    exact = loops.solve(mechanism, mechanism.start + np.linspace(0.0, TURN, 25), 10.0)
+    exact = loops.solve(mechanism, mechanism.start + np.linspace(0.0, REVOLUTION, 25), 10.0)
     for item in (mechanism, mechanisms.swapped(mechanism)):
         motion = simulate(item, speed=10.0, method="pose", samples=24).motion
         assert worst(motion, exact) < 1e-13  # rounding in lengths of a tenth of a metre
@@ -80,16 +80,16 @@ def test_a_fractional_gear_ratio_does_not_repeat_after_one_turn() -> None:
 
 
 def test_a_thousand_turns_are_as_accurate_as_one() -> None:
-    drive = catalog.make("rssr")
-    motion = simulate(drive.mechanism, speed=1.0, turns=1000.0, method="pose", samples=3001).motion
-    exact = drive.solve(motion.angle, 1.0)
+    linkage = catalog.make("rssr")
+    motion = simulate(linkage.mechanism, speed=1.0, turns=1000.0, method="pose", samples=3001).motion
+    exact = linkage.solve(motion.angle, 1.0)
     # the rounding error of a crank angle of 6283 rad is 5e-13 rad
-    assert worst(motion, exact) < 2e-12 * drive.crank
+    assert worst(motion, exact) < 2e-12 * linkage.crank
 
 
 def test_poses_do_not_depend_on_the_order_of_angles() -> None:
-    drive = catalog.make("rssr")
-    loops = read_loops(assembled(drive.mechanism, Scene()).compile())
+    linkage = catalog.make("rssr")
+    loops = read_loops(assembled(linkage.mechanism, Scene()).compile())
     angles = np.array([3.0, 0.1, -7.0, 2.0, 2.0])
     states = follow.follow(loops, loops.model.qpos0, angles)
     for angle, state in zip(angles, states, strict=True):
@@ -101,12 +101,12 @@ def test_poses_do_not_depend_on_the_order_of_angles() -> None:
 
 def test_a_near_dead_centre_is_passed_in_the_same_assembly_mode() -> None:
     # the crank misses its dead centre by 1e-4 of its length: the assembly modes nearly coincide
-    drive = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.08, rocker=0.050003)
-    assert drive.crank_range().full
-    motion = simulate(drive.mechanism, speed=1.0, method="pose", samples=720).motion
-    exact = drive.solve(motion.angle, 1.0)
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.03, coupler=0.08, rocker=0.050003)
+    assert linkage.crank_range().full
+    motion = simulate(linkage.mechanism, speed=1.0, method="pose", samples=720).motion
+    exact = linkage.solve(motion.angle, 1.0)
     # near a dead centre an error grows by the inverse of the sine of the transmission angle, 70 here
-    assert worst(motion, exact) < 1e-12 * drive.crank
+    assert worst(motion, exact) < 1e-12 * linkage.crank
 
 
 # steps
@@ -114,15 +114,15 @@ def test_a_near_dead_centre_is_passed_in_the_same_assembly_mode() -> None:
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_the_position_error_is_of_fourth_order_in_the_step(name: str) -> None:
-    drive, errors = catalog.make(name), []
+    linkage, errors = catalog.make(name), []
     for steps in (100, 200, 400, 800):
-        run = simulate(drive.mechanism, speed=TURN, settings=Settings(steps_per_turn=steps))
-        errors.append(worst(run.motion, drive.solve(run.motion.angle, run.motion.speed)))
+        run = simulate(linkage.mechanism, speed=REVOLUTION, settings=Settings(steps_per_turn=steps))
+        errors.append(worst(run.motion, linkage.solve(run.motion.angle, run.motion.speed)))
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     # fourth order, and no better: 4.0 to 4.3 measured
     assert ((orders > 3.7) & (orders < 4.6)).all(), orders
     # well above rounding, 1e-13 of the crank after some hundred steps
-    assert errors[-1] > 1e-12 * drive.crank
+    assert errors[-1] > 1e-12 * linkage.crank
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -137,10 +137,10 @@ def test_the_position_error_is_of_fourth_order_in_the_step(name: str) -> None:
     ],
 )
 def test_a_tolerance_is_satisfied_against_the_closed_form(name: str, speed: float, tolerance: float) -> None:
-    drive = catalog.make(name)
-    run = simulate(drive.mechanism, speed=speed, turns=1.5, tolerance=tolerance)
+    linkage = catalog.make(name)
+    run = simulate(linkage.mechanism, speed=speed, turns=1.5, tolerance=tolerance)
     assert run.outcome == "passed"
-    exact = drive.solve(run.motion.angle, run.motion.speed)
+    exact = linkage.solve(run.motion.angle, run.motion.speed)
     assert worst(run.motion, exact) <= tolerance
     # the estimate of the simulator agrees with the closed form at the same instants
     distance = max(
@@ -148,13 +148,15 @@ def test_a_tolerance_is_satisfied_against_the_closed_form(name: str, speed: floa
         for name, point in exact.points.items()
     )
     assert run.estimate == pytest.approx(distance, rel=1e-3, abs=1e-15)
-    assert run.motion.angle[-1] - run.motion.angle[0] == pytest.approx(np.sign(speed) * 1.5 * TURN, abs=1e-7)
+    assert run.motion.angle[-1] - run.motion.angle[0] == pytest.approx(
+        np.sign(speed) * 1.5 * REVOLUTION, abs=1e-7
+    )
 
 
 def test_a_guided_coupler_satisfies_its_tolerance() -> None:
-    drive = catalog.make("rssr", guide=True)
-    run = simulate(drive.mechanism, speed=10.0, tolerance=1e-8)
-    exact = drive.solve(run.motion.angle, run.motion.speed)
+    linkage = catalog.make("rssr", guide=True)
+    run = simulate(linkage.mechanism, speed=10.0, tolerance=1e-8)
+    exact = linkage.solve(run.motion.angle, run.motion.speed)
     assert run.outcome == "passed"
     assert worst(run.motion, exact) <= 1e-8
 
@@ -166,26 +168,26 @@ def test_a_tolerance_below_rounding_fails_with_the_error() -> None:
 
 
 def test_rates_and_positions_have_the_same_instant() -> None:
-    drive = catalog.make("rssr")
-    run = simulate(drive.mechanism, speed=100.0, settings=Settings(steps_per_turn=1000))
-    exact = drive.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
-    scale = drive.crank * 100.0
+    linkage = catalog.make("rssr")
+    run = simulate(linkage.mechanism, speed=100.0, settings=Settings(steps_per_turn=1000))
+    exact = linkage.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
+    scale = linkage.crank * 100.0
     # one step of 6e-3 rad late would be 6e-3 of the speed; measured 1e-8 and 1e-7
     assert worst(run.motion, exact, "velocity") < 1e-6 * scale
     assert worst(run.motion, exact, "acceleration") < 1e-5 * scale * 100.0
 
 
 def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
-    drive = catalog.make("rssr")
+    linkage = catalog.make("rssr")
     time = np.linspace(0.0, 0.5, 101)
     profile = simulation.table(time, 0.3 + 20.0 * time**2 - 4.0 * np.sin(6.0 * time))
-    for method, bound in (("pose", 1e-12), ("step", 1e-4)):
-        run = simulate(drive.mechanism, profile=profile, method=method, samples=100)
+    for method, limit in (("pose", 1e-12), ("step", 1e-4)):
+        run = simulate(linkage.mechanism, profile=profile, method=method, samples=100)
         required, speed, acceleration = profile.state(run.motion.time)
         # in steps, torque is constant over each: the angle errs by the step squared, 1/8 x 2e-7 x 144 rad
-        assert np.abs(run.motion.angle - required).max() < bound
-        assert np.abs(run.motion.speed - speed).max() < max(bound, 1e-10) * 40.0
-        exact = drive.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
+        assert np.abs(run.motion.angle - required).max() < limit
+        assert np.abs(run.motion.speed - speed).max() < max(limit, 1e-10) * 40.0
+        exact = linkage.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
         assert worst(run.motion, exact) < (1e-14 if method == "pose" else 1e-9)
         assert worst(run.motion, exact, "velocity") < 1e-6
         if method == "pose":
@@ -193,23 +195,23 @@ def test_a_profile_is_followed_in_angle_speed_and_acceleration() -> None:
 
 
 def test_an_impassable_dead_centre_is_rejected_with_its_angle() -> None:
-    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
     for method in ("step", "pose"):
         with pytest.raises(AssemblyError, match="the crank cannot pass") as reported:
-            simulate(drive.mechanism, speed=10.0, method=method)
+            simulate(linkage.mechanism, speed=10.0, method=method)
         output = float(str(reported.value).split("cannot pass ")[1].split()[0])
         # the continuation stops within its shortest step of a dead centre
-        nearest = min(abs(np.angle(np.exp(1j * (output - dead)))) for dead in drive.dead_centres())
+        nearest = min(abs(np.angle(np.exp(1j * (output - dead)))) for dead in linkage.dead_centres())
         assert nearest < 1e-4
 
 
 def test_a_crank_that_swings_within_its_range_is_stepped() -> None:
-    drive = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
-    ((low, high),) = drive.crank_range().arcs
+    linkage = catalog.make("four_bar", ground=0.1, crank=0.06, coupler=0.05, rocker=0.07)
+    ((low, high),) = linkage.crank_range().arcs
     profile = simulation.swing((low + high) / 2.0, 0.4 * (high - low), 10.0)
-    run = simulate(drive.mechanism, profile=profile, tolerance=1e-6)
+    run = simulate(linkage.mechanism, profile=profile, tolerance=1e-6)
     assert run.outcome == "passed"
-    assert worst(run.motion, drive.solve(run.motion.angle, run.motion.speed)) <= 1e-6
+    assert worst(run.motion, linkage.solve(run.motion.angle, run.motion.speed)) <= 1e-6
 
 
 def test_a_diverged_run_reports_its_finite_motion() -> None:
@@ -229,11 +231,11 @@ def test_a_diverged_run_reports_its_finite_motion() -> None:
 
 
 def test_the_estimate_of_a_compliant_loop_is_within_a_factor_of_two() -> None:
-    drive = catalog.make("rssr")
+    linkage = catalog.make("rssr")
     soft = Settings(integrator="Euler", steps_per_turn=100, solref=(0.02, 1.0), compliance=1.0, refsafe=True)
     soft = replace(soft, solimp=(0.9, 0.95, 0.001, 0.5, 2.0))
-    run = simulate(drive.mechanism, speed=rpm(600.0), settings=soft)
-    error = worst(run.motion, drive.solve(run.motion.angle, run.motion.speed))
+    run = simulate(linkage.mechanism, speed=rpm(600.0), settings=soft)
+    error = worst(run.motion, linkage.solve(run.motion.angle, run.motion.speed))
     assert 1e-4 < error < 1e-2
     assert 0.5 * error < run.estimate < 2.0 * error
 
@@ -243,7 +245,7 @@ def test_the_requested_number_of_samples_is_recorded_evenly(samples: int) -> Non
     run = simulate(catalog.make("rssr").mechanism, speed=10.0, samples=samples, method="step")
     assert len(run.motion) == samples + 1
     spacing = np.diff(run.motion.angle)
-    assert np.abs(spacing - TURN / samples).max() < 1e-8
+    assert np.abs(spacing - REVOLUTION / samples).max() < 1e-8
 
 
 def test_a_long_run_needs_memory_only_for_its_records() -> None:
@@ -285,7 +287,7 @@ def test_a_users_file_with_a_connect_between_bodies_runs(tmp_path) -> None:
     closing = '<connect body1="coupler" body2="rocker" anchor=".06 .08 0"/>'
     path = tmp_path / "own.xml"
     path.write_text(FOUR_BAR.format(f=0.0, closing=closing))
-    drive = catalog.make(
+    linkage = catalog.make(
         "four_bar",
         ground=0.1,
         crank=0.04,
@@ -298,10 +300,10 @@ def test_a_users_file_with_a_connect_between_bodies_runs(tmp_path) -> None:
     for options in ({"method": "pose"}, {"tolerance": 1e-8}):
         run = simulate(path, speed=10.0, **options)
         assert run.outcome == "passed"
-        exact = drive.solve(run.motion.angle, run.motion.speed)
+        exact = linkage.solve(run.motion.angle, run.motion.speed)
         for name in ("B", "C"):
-            bound = np.abs(run.motion.points[name].position - exact.points[name].position).max()
-            assert bound < options.get("tolerance", 1e-14)
+            limit = np.abs(run.motion.points[name].position - exact.points[name].position).max()
+            assert limit < options.get("tolerance", 1e-14)
 
 
 def test_a_users_joint_equality_couples_the_joints() -> None:
@@ -409,8 +411,8 @@ def test_a_crank_without_enough_drive_inertia_diverges() -> None:
 
 
 def test_an_unconnected_falling_body_does_not_change_the_outcome() -> None:
-    drive = catalog.make("four_bar")
-    spec = assembled(drive.mechanism, Scene())
+    linkage = catalog.make("four_bar")
+    spec = assembled(linkage.mechanism, Scene())
     spec.option.gravity = 0.0, -9.81, 0.0
     ball = spec.worldbody.add_body(name="ball", pos=(0.3, 0.3, 0.1))
     ball.add_freejoint()
@@ -421,16 +423,16 @@ def test_an_unconnected_falling_body_does_not_change_the_outcome() -> None:
     assert np.ptp(run.motion.points["falling"].position[:, 1]) > 0.04
     # the falling body does not widen the tolerance
     assert run.tolerance < 1e-5
-    assert crosscheck(run, drive).passed
+    assert crosscheck(run, linkage).passed
 
 
 def test_a_check_uses_the_tolerance_of_the_run() -> None:
-    drive = catalog.make("rssr")
-    run = simulate(drive.mechanism, speed=62.8, tolerance=1e-7)
-    position_check = next(check for check in crosscheck(run, drive).checks if check.kind == "position")
+    linkage = catalog.make("rssr")
+    run = simulate(linkage.mechanism, speed=62.8, tolerance=1e-7)
+    position_check = next(check for check in crosscheck(run, linkage).checks if check.kind == "position")
     assert position_check.tolerance == run.tolerance == 1e-7
-    coarse = simulate(drive.mechanism, speed=62.8, settings=Settings(steps_per_turn=40))
-    assert (coarse.outcome == "passed") == crosscheck(coarse, drive).passed
+    coarse = simulate(linkage.mechanism, speed=62.8, settings=Settings(steps_per_turn=40))
+    assert (coarse.outcome == "passed") == crosscheck(coarse, linkage).passed
 
 
 # at 100 N m the position errors are 1 to 3 mm, depending on the linear-algebra kernel
@@ -439,14 +441,14 @@ def test_a_check_uses_the_tolerance_of_the_run() -> None:
 )
 def test_accelerations_are_correct_with_sticking_dry_friction(name: str, loss: float) -> None:
     """In MuJoCo's compliant loops friction stops a light rocker at instants: 50 m/s2 error at any step."""
-    drive = catalog.make(name)
-    spec = assembled(drive.mechanism, Scene(level="dynamics"))
+    linkage = catalog.make(name)
+    spec = assembled(linkage.mechanism, Scene(level="dynamics"))
     for joint in spec.joints:
         joint.frictionloss = loss
     run = simulate(spec, speed=62.8, tolerance=1e-3)
     assert run.outcome == "passed"
-    assert crosscheck(run, drive).passed
-    exact = drive.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
+    assert crosscheck(run, linkage).passed
+    exact = linkage.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
     largest = max(float(np.abs(point.acceleration).max()) for point in exact.points.values())
     # measured 0.03
     assert worst(run.motion, exact, "acceleration") < 0.3 * largest

@@ -61,8 +61,8 @@ def rocker_end(coupler, rocker, policy, sign):
     ],
 )
 def test_solved_poses_of_a_spherical_linkage_pass_change_points(coupler, rocker, policy):
-    form = ms.load("spherical_four_bar", set=arcs(coupler, rocker)).with_change_point(policy)
-    model = from_source(form)
+    solver = ms.load("spherical_four_bar", set=arcs(coupler, rocker)).with_change_point(policy)
+    model = from_source(solver)
     states = follow.follow(model.loops, model.qpos, ANGLES)
     result = model.point_positions(states)[:, model.track.points.index("B")]
     error = min(np.abs(result - rocker_end(coupler, rocker, policy, sign)).max() for sign in (1, -1)) / RADIUS
@@ -71,11 +71,11 @@ def test_solved_poses_of_a_spherical_linkage_pass_change_points(coupler, rocker,
 
 
 def test_rates_at_a_change_point_exist_only_for_solved_poses():
-    form = ms.load("spherical_four_bar", set=arcs(65.0, 45.0))
-    run = ms.simulate(form, speed=10.0, turns=2.0, method="pose", samples=48)
-    exact = form.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
-    for kind, bound in (("velocity", 1e-9), ("acceleration", 1e-8)):
+    solver = ms.load("spherical_four_bar", set=arcs(65.0, 45.0))
+    run = ms.simulate(solver, speed=10.0, turns=2.0, method="pose", samples=48)
+    exact = solver.solve(run.motion.angle, run.motion.speed, run.motion.acceleration)
+    for kind, limit in (("velocity", 1e-9), ("acceleration", 1e-8)):
         result, expected = (getattr(item.points["B"], kind) for item in (run.motion, exact))
-        assert np.abs(result - expected).max() <= bound * np.abs(expected).max()
-    stepped = ms.simulate(form, speed=10.0, turns=1.0, method="step")
+        assert np.abs(result - expected).max() <= limit * np.abs(expected).max()
+    stepped = ms.simulate(solver, speed=10.0, turns=1.0, method="step")
     assert "two assemblies meet" in stepped.note

@@ -19,12 +19,12 @@ def simulated_velocities(mechanism, speed):
 
 @pytest.mark.parametrize("angle", [0.3, 1.9, 4.4])
 def test_velocities_of_single_cranks_add_up_to_those_of_both(angle):
-    drive = catalog.make("warp_knitter")
-    plan = velocity_plan(drive, angle, SPEED)
-    ratio = drive.gear_ratio
-    crank1_only = simulated_velocities(one_crank_stopped(drive, "crank2", angle), SPEED)
-    crank2_only = simulated_velocities(one_crank_stopped(drive, "crank1", angle), ratio * SPEED)
-    both = drive.solve([angle], SPEED).points
+    linkage = catalog.make("warp_knitter")
+    plan = velocity_plan(linkage, angle, SPEED)
+    ratio = linkage.gear_ratio
+    crank1_only = simulated_velocities(one_crank_stopped(linkage, "crank2", angle), SPEED)
+    crank2_only = simulated_velocities(one_crank_stopped(linkage, "crank1", angle), ratio * SPEED)
+    both = linkage.solve([angle], SPEED).points
     # rounding of a linear solve on velocities of about 0.6 m/s
     for name in "ABCDK":
         np.testing.assert_allclose(
@@ -38,16 +38,16 @@ def test_velocities_of_single_cranks_add_up_to_those_of_both(angle):
 
 
 def test_velocities_of_geared_cranks_equal_the_summed_plans():
-    drive = catalog.make("warp_knitter")
-    run = simulate(drive.mechanism, speed=SPEED, samples=12, method="pose").motion
+    linkage = catalog.make("warp_knitter")
+    run = simulate(linkage.mechanism, speed=SPEED, samples=12, method="pose").motion
     for i, angle in enumerate(run.angle):
-        plan = velocity_plan(drive, float(angle), SPEED)
+        plan = velocity_plan(linkage, float(angle), SPEED)
         for name in "BCK":
             np.testing.assert_allclose(run.points[name].velocity[i], plan.velocities[name], atol=1e-12)
 
 
 def test_a_plan_with_the_wrong_crank_stopped_differs():
-    drive = catalog.make("warp_knitter")
-    plan = velocity_plan(drive, 0.3, SPEED)
-    crank2_only = simulated_velocities(one_crank_stopped(drive, "crank1", 0.3), drive.gear_ratio * SPEED)
+    linkage = catalog.make("warp_knitter")
+    plan = velocity_plan(linkage, 0.3, SPEED)
+    crank2_only = simulated_velocities(one_crank_stopped(linkage, "crank1", 0.3), linkage.gear_ratio * SPEED)
     assert np.abs(crank2_only["K"] - plan.crank2_stopped.velocities["K"]).max() > 1e-3

@@ -10,7 +10,7 @@ from mechsim.studies import validate
 from mechsim.studies.validate import case_of
 
 
-class Clock:
+class Timer:
     """Processor time set by the tests; each reading of it takes a fixed time."""
 
     def __init__(self, reading_time: float = 0.0):
@@ -23,14 +23,14 @@ class Clock:
 
 def refined(seconds: float, tolerance: float) -> tuple[list[int], str]:
     """Return the steps of the attempts, 1 ms each, of a run with a first-order error."""
-    clock, attempted = Clock(), list[int]()
+    timer, attempted = Timer(), list[int]()
 
     def attempt(steps: int) -> Attempt[int]:
         attempted.append(steps)
-        clock.now += 1e-3 * steps
+        timer.now += 1e-3 * steps
         return Attempt(run=steps, steps=steps, estimates={"place": 1.0 / steps}, order=1.0)
 
-    budget = ProcessorBudget(seconds, clock)
+    budget = ProcessorBudget(seconds, timer)
     run, report = run_within_tolerance(
         attempt, tolerance, 100, lambda _, error: f"{error:.2g} m are left", budget=budget
     )
@@ -46,7 +46,7 @@ def test_an_attempt_that_would_exceed_the_budget_is_not_started() -> None:
 
 
 def test_a_budget_shorter_than_the_first_run_is_reported() -> None:
-    budget = ProcessorBudget(1.0, Clock(reading_time=0.6))
+    budget = ProcessorBudget(1.0, Timer(reading_time=0.6))
     with pytest.raises(BudgetError, match=r"not converged within the budget of 1 s .* it reached 8,192 of"):
         ms.simulate(ms.load("four_bar").mechanism, speed=60.0, turns=100, method="step", budget=budget)
 

@@ -22,43 +22,43 @@ from mechsim.studies.extremes.axes import special_designs
 from mechsim.verdict.crosscheck import crosscheck
 
 SWINGING = ("four_bar", "slider_crank", "rssr", "rrsrr", "warp_knitter", "looper")
-PARTS = st.floats(0.05, 0.95)
+FRACTIONS = st.floats(0.05, 0.95)
 
 
 @st.composite
 def swings(draw, name):
     """Return a mechanism with a swinging crank and a profile inside its range on any revolution."""
-    drive = draw(CASES[name].random)
+    linkage = draw(CASES[name].random)
     if name == "warp_knitter":
-        drive = replace(drive, gear_ratio=-2.0, assembly=1)
+        linkage = replace(linkage, gear_ratio=-2.0, assembly=1)
     try:
-        arcs, start = drive.crank_range(), drive.mechanism.start
+        arcs, start = linkage.crank_range(), linkage.mechanism.start
     except AssemblyError:
         assume(False)
     reachable = None if arcs.full else interval_around(arcs, start)
     assume(reachable is not None and reachable[1] - reachable[0] > 0.2)
     low, high = reachable
     angles = np.linspace(low, high, 61)[2:-2]
-    assume(drive.transmission_angle(angles).min() > 0.02)
-    middle = low + (high - low) * draw(PARTS)
-    reach = SWING_FRACTION * min(middle - low, high - middle) * draw(PARTS)
-    return drive, swing(middle + REVOLUTION * draw(st.sampled_from([-2, -1, 1])), reach, 20.0)
+    assume(linkage.transmission_angle(angles).min() > 0.02)
+    middle = low + (high - low) * draw(FRACTIONS)
+    reach = SWING_FRACTION * min(middle - low, high - middle) * draw(FRACTIONS)
+    return linkage, swing(middle + REVOLUTION * draw(st.sampled_from([-2, -1, 1])), reach, 20.0)
 
 
 @pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
 @given(data=st.data())
 @settings(max_examples=1, phases=[Phase.generate])
 def test_every_method_accepts_a_swing_on_any_revolution(name, data):
-    drive, profile = data.draw(swings(name))
-    mechanism = drive.mechanism
+    linkage, profile = data.draw(swings(name))
+    mechanism = linkage.mechanism
     poses = simulate(mechanism, profile=profile, samples=24, method="pose")
     assert poses.outcome == "passed"
     same = 1e-9 * mechanism.characteristic_length
-    assert crosscheck(poses.motion, drive, tolerance=same).passed
+    assert crosscheck(poses.motion, linkage, tolerance=same).passed
     angle = poses.motion.angle
     np.testing.assert_allclose(angle, profile.state(poses.motion.time)[0], rtol=0, atol=1e-12)
     by_loop_equations = loops.solve(mechanism, angle)
-    for point, position in drive.positions(angle).items():
+    for point, position in linkage.positions(angle).items():
         np.testing.assert_allclose(by_loop_equations.points[point].position, position, rtol=0, atol=same)
     stepped = simulate(mechanism, profile=profile, samples=24, settings=Settings(steps_per_turn=100))
     # the accuracy is checked elsewhere
@@ -68,7 +68,7 @@ def test_every_method_accepts_a_swing_on_any_revolution(name, data):
     assert model.joint("crank").qpos0[0] == pytest.approx(mechanism.start, abs=1e-12)
     from_text = simulate(text, profile=profile, samples=24, method="pose")
     assert from_text.outcome == "passed"
-    assert crosscheck(from_text.motion, drive, tolerance=same).passed
+    assert crosscheck(from_text.motion, linkage, tolerance=same).passed
 
 
 # cranks with more than a turn between their dead centres: an angle mod 2 pi can have two poses
@@ -100,15 +100,15 @@ LOOPER = catalog.Looper(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("drive", [KNITTER, LOOPER], ids=["warp_knitter", "looper"])
-def test_all_methods_agree_on_multi_turn_crank_ranges(drive):
-    low, high = interval_around(drive.crank_range(), drive.mechanism.start)
+@pytest.mark.parametrize("linkage", [KNITTER, LOOPER], ids=["warp_knitter", "looper"])
+def test_all_methods_agree_on_multi_turn_crank_ranges(linkage):
+    low, high = interval_around(linkage.crank_range(), linkage.mechanism.start)
     assert high - low > REVOLUTION
     for middle, reach in ((low + 0.06, 0.05), (0.5 * (low + high), 0.49 * (high - low))):
         profile = swing(middle + REVOLUTION, reach, 20.0)
-        poses = simulate(drive.mechanism, profile=profile, samples=12, method="pose").motion
-        by_loop_equations = loops.solve(drive.mechanism, poses.angle)
-        for point, position in drive.positions(poses.angle).items():
+        poses = simulate(linkage.mechanism, profile=profile, samples=12, method="pose").motion
+        by_loop_equations = loops.solve(linkage.mechanism, poses.angle)
+        for point, position in linkage.positions(poses.angle).items():
             for route in (poses, by_loop_equations):
                 np.testing.assert_allclose(route.points[point].position, position, rtol=0, atol=1e-11)
 
@@ -124,7 +124,7 @@ def test_poses_beyond_a_dead_centre_are_rejected_on_every_revolution():
 
 
 def test_a_crank_range_beyond_half_a_turn_sets_the_start():
-    drive = catalog.make(
+    linkage = catalog.make(
         "rssr",
         crank=0.018,
         coupler=0.034,
@@ -133,31 +133,31 @@ def test_a_crank_range_beyond_half_a_turn_sets_the_start():
         gamma1=-0.78,
         gamma2=1.89,
     )
-    assert drive.mechanism.start > np.pi
-    run = simulate(drive.mechanism, profile=constant(6.0, 0.1, drive.mechanism.start))
+    assert linkage.mechanism.start > np.pi
+    run = simulate(linkage.mechanism, profile=constant(6.0, 0.1, linkage.mechanism.start))
     assert run.outcome == "passed"
-    assert run.motion.angle[0] == drive.mechanism.start
+    assert run.motion.angle[0] == linkage.mechanism.start
 
 
 def test_a_swing_that_leaves_the_range_is_rejected_on_every_revolution():
-    drive = catalog.make("four_bar", **special_designs("four_bar").swinging)
-    low, high = drive.crank_range().arcs[0]
+    linkage = catalog.make("four_bar", **special_designs("four_bar").swinging)
+    low, high = linkage.crank_range().arcs[0]
     for revolution in (-2, 0, 1):
         profile = swing(0.5 * (low + high) + REVOLUTION * revolution, 0.51 * (high - low), 20.0)
         with pytest.raises(AssemblyError, match="cannot pass"):
-            simulate(drive.mechanism, profile=profile)
+            simulate(linkage.mechanism, profile=profile)
 
 
 def test_a_geared_crank_outside_its_revolution_is_rejected():
     """With gear ratio 3:2 the second crank is half a turn further after a turn of the first."""
     for seed in range(60):
-        drive = random_knitter(seed, -1.5)
-        arcs = drive.crank_range()
-        reachable = None if arcs.full else interval_around(arcs, drive.mechanism.start)
+        linkage = random_knitter(seed, -1.5)
+        arcs = linkage.crank_range()
+        reachable = None if arcs.full else interval_around(arcs, linkage.mechanism.start)
         if reachable is not None:
             break
     low, high = reachable
     middle, reach = 0.5 * (low + high), 0.2 * (high - low)
-    assert simulate(drive.mechanism, profile=swing(middle, reach, 20.0)).outcome == "passed"
+    assert simulate(linkage.mechanism, profile=swing(middle, reach, 20.0)).outcome == "passed"
     with pytest.raises(AssemblyError):
-        simulate(drive.mechanism, profile=swing(middle + REVOLUTION, reach, 20.0))
+        simulate(linkage.mechanism, profile=swing(middle + REVOLUTION, reach, 20.0))

@@ -21,8 +21,8 @@ SWINGING = [name for name in catalog.MECHANISMS if special_designs(name).swingin
 
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr", "warp_knitter", "bennett")))
 def test_the_error_is_independent_of_size(name):
-    drive = catalog.make(name)
-    trials = [axes.characteristic_length(drive, value) for value in (1e-5, 1e-1, 1e3)]
+    linkage = catalog.make(name)
+    trials = [axes.characteristic_length(linkage, value) for value in (1e-5, 1e-1, 1e3)]
     assert all(trial.passed for trial in trials)
     errors = np.array([trial.error for trial in trials])
     assert errors.max() <= 1.1 * errors.min()
@@ -37,10 +37,10 @@ def test_the_error_is_independent_of_speed(name):
 
 
 def test_points_within_a_micrometre_of_the_origin_are_exact():
-    drive = axes.resized(catalog.make("rssr"), 1e-6)
-    run = simulate(drive.mechanism, speed=10.0, method="pose")
-    exact = drive.positions(run.motion.angle)["P3"]
-    assert np.abs(run.motion.points["P3"].position - exact).max() <= 1e-12 * drive.rocker
+    linkage = axes.resized(catalog.make("rssr"), 1e-6)
+    run = simulate(linkage.mechanism, speed=10.0, method="pose")
+    exact = linkage.positions(run.motion.angle)["P3"]
+    assert np.abs(run.motion.points["P3"].position - exact).max() <= 1e-12 * linkage.rocker
 
 
 @pytest.mark.parametrize("ratio", [1e-6, 1e6])
@@ -83,9 +83,9 @@ def test_a_near_tangent_crank_keeps_its_assembly_mode(name):
 
 @pytest.mark.parametrize("which", special_designs("four_bar").change_points)
 def test_runs_near_and_through_a_change_point_report_their_outcome(which):
-    drive = catalog.make("four_bar")
-    assert axes.change_point(drive, which, True).outcome == "passed"
-    assert axes.change_point(drive, which, False).passed
+    linkage = catalog.make("four_bar")
+    assert axes.change_point(linkage, which, True).outcome == "passed"
+    assert axes.change_point(linkage, which, False).passed
 
 
 @pytest.mark.parametrize("value", [1e-2, 0.3, 3.0])

@@ -81,8 +81,8 @@ def test_an_unmeasured_dimension_is_reported():
 
 
 def test_a_file_of_the_gallery_is_fitted_under_its_motion_laws():
-    of = ms.moved("five_bar")
-    motion = of.designs.make({"arm": 0.061}).solve(t=of.over[1][::12])
+    mechanism = ms.moved("five_bar")
+    motion = mechanism.designs.make({"arm": 0.061}).solve(t=mechanism.over[1][::12])
     columns = dict(motion.columns())
     (point,) = motion.points
     table = {"t": columns["t"], f"{point}.x": columns[f"{point}.x"], f"{point}.y": columns[f"{point}.y"]}
@@ -105,9 +105,11 @@ def test_a_reference_table_is_fitted_with_its_own_column_names(name, vary, effor
         effort,
     ]
     table = {item: table_of_reference[item][::9] for item in columns_used}
-    of = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), speed=20.0)
-    true = {item: of.designs.dimensions[item].value for item in vary}
-    initial = replace(of, designs=family_at(of.designs, {item: 0.99 * value for item, value in true.items()}))
+    mechanism = ms.moved(str(REFERENCE / "mechanisms" / f"{name}.toml"), speed=20.0)
+    true = {item: mechanism.designs.dimensions[item].value for item in vary}
+    initial = replace(
+        mechanism, designs=family_at(mechanism.designs, {item: 0.99 * value for item, value in true.items()})
+    )
     result = ms.fit(initial, table, vary)
     assert result.outcome == "fitted"
     assert all(result.values[item] == pytest.approx(value, rel=1e-10) for item, value in true.items())
@@ -116,10 +118,10 @@ def test_a_reference_table_is_fitted_with_its_own_column_names(name, vary, effor
 
 @pytest.mark.slow
 def test_the_crank_offset_is_fitted_with_the_dimensions():
-    form, ahead = catalog.make("four_bar", coupler=0.0913), 0.07
-    efforts = dynamics.prescribed(dynamics.dynamic_model(form), ANGLES + ahead, 5.0).forces
-    motion = form.solve(ANGLES + ahead, 5.0)
-    table = {"angle": ANGLES, "C.x": motion.points["C"].position[:, 0], "torque": efforts.torque}
+    solver, ahead = catalog.make("four_bar", coupler=0.0913), 0.07
+    forces = dynamics.prescribed(dynamics.dynamic_model(solver), ANGLES + ahead, 5.0).forces
+    motion = solver.solve(ANGLES + ahead, 5.0)
+    table = {"angle": ANGLES, "C.x": motion.points["C"].position[:, 0], "torque": forces.torque}
     table["rocker.a"] = motion.joints["rocker"].acceleration
     result = ms.fit("four_bar", table, ["coupler"], offset=True, speed=5.0)
     assert (result.outcome, result.units["crank.offset"]) == ("fitted", "rad")
@@ -147,10 +149,10 @@ def test_intervals_from_residual_deviations_use_students_t():
 
 
 def test_the_force_of_a_sliding_driver_has_its_reference_name():
-    of = ms.moved("stewart_gough", t=[0.0])
-    assert single({"force:l1": np.zeros(1)}, of) == {"force:l1": "drive l1"}
+    mechanism = ms.moved("stewart_gough", t=[0.0])
+    assert single({"force:l1": np.zeros(1)}, mechanism) == {"force:l1": "drive l1"}
     with pytest.raises(InputError, match="column force:s1 is not a single quantity"):
-        single({"force:s1": np.zeros(1)}, of)
+        single({"force:s1": np.zeros(1)}, mechanism)
 
 
 def test_an_offset_without_a_crank_is_rejected():

@@ -42,9 +42,9 @@ def with_inertia(mechanism, about=1e-3):
     ids=["double pendulum", "oscillator", "four_bar", "rssr"],
 )
 def test_both_methods_agree_on_free_motion(mechanism, forces, initial, values):
-    machine = ms.dynamics.dynamic_model(mechanism, forces)
-    run = ms.dynamics.run(machine, initial=initial, duration=0.1, samples=10)
-    verdict = crosscheck_forward(run, machine, values)
+    model = ms.dynamics.dynamic_model(mechanism, forces)
+    run = ms.dynamics.run(model, initial=initial, duration=0.1, samples=10)
+    verdict = crosscheck_forward(run, model, values)
     assert verdict.passed, verdict
 
 
@@ -62,14 +62,14 @@ WITH_FRICTION = Forces(gravity=(0.0, -9.81, 0.0), friction=(Friction("rocker", 0
 
 
 def test_runs_are_compared_between_friction_reversals():
-    machine = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), WITH_FRICTION)
-    run = ms.dynamics.run(machine, initial={"crank.v": 30.0}, duration=0.12, samples=60)
+    model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), WITH_FRICTION)
+    run = ms.dynamics.run(model, initial={"crank.v": 30.0}, duration=0.12, samples=60)
     # the rocker reverses at its dead centres while the crank turns, so friction cannot stop it
     assert (run.outcome, len(run.events)) == ("done", 2)
-    verdict = crosscheck_forward(run, machine, InitialValues({}, {"crank": 30.0}))
+    verdict = crosscheck_forward(run, model, InitialValues({}, {"crank": 30.0}))
     assert verdict.passed, verdict
     assert len({check.variant for check in verdict.checks}) == len(compared_segments(run)) == 3
-    wrong = machine.with_forces(replace(WITH_FRICTION, friction=(Friction("rocker", 0.0, 2.2e-3),)))
+    wrong = model.with_forces(replace(WITH_FRICTION, friction=(Friction("rocker", 0.0, 2.2e-3),)))
     assert not crosscheck_forward(run, wrong, InitialValues({}, {"crank": 30.0})).passed
 
 
@@ -89,31 +89,31 @@ def arm():
 
 def test_a_joint_reverses_between_sticking_joints():
     sizes = {"J0": 20.0, "J1": 0.6, "J2": 0.6}
-    friction = tuple(Friction(name, 0.3, size) for name, size in sizes.items())
-    machine = ms.dynamics.dynamic_model(arm(), Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
-    run = ms.dynamics.run(machine, initial={"J1.v": 0.5, "J2.v": 0.5}, duration=0.2, samples=40)
+    friction = tuple(Friction(name, 0.3, torque) for name, torque in sizes.items())
+    model = ms.dynamics.dynamic_model(arm(), Forces(gravity=(0.0, -9.81, 0.0), friction=friction))
+    run = ms.dynamics.run(model, initial={"J1.v": 0.5, "J2.v": 0.5}, duration=0.2, samples=40)
     rates = {name: joint.rate[-1] for name, joint in run.motion.joints.items()}
     # the weight of both outer links, 1.3 N m at the least, exceeds 0.6 N m
     assert rates["J1"] < -1.0
     assert rates["J0"] == pytest.approx(0.0, abs=1e-12)
     assert rates["J2"] == pytest.approx(0.0, abs=1e-12)
     initial = InitialValues({}, {"J1": 0.5, "J2": 0.5})
-    verdict = crosscheck_forward(run, machine, initial)
+    verdict = crosscheck_forward(run, model, initial)
     assert verdict.passed, verdict
     stronger = (*friction[:1], Friction("J1", 0.3, 0.61), friction[2])
-    wrong = machine.with_forces(replace(machine.forces, friction=stronger))
+    wrong = model.with_forces(replace(model.forces, friction=stronger))
     assert not crosscheck_forward(run, wrong, initial).passed
 
 
 def test_a_mechanism_that_never_moves_is_not_compared():
-    machine = ms.dynamics.dynamic_model(
+    model = ms.dynamics.dynamic_model(
         ms.catalog.make("four_bar"),
         Forces(gravity=WITH_FRICTION.gravity, friction=(Friction("crank", 0.0, 1.0),)),
     )
-    run = ms.dynamics.run(machine, initial={"crank.q": 0.5}, duration=0.1, samples=10)
+    run = ms.dynamics.run(model, initial={"crank.q": 0.5}, duration=0.1, samples=10)
     assert run.outcome == "stopped"
     assert compared_segments(run) == ()
-    assert crosscheck_forward(run, machine, InitialValues({"crank": 0.5}, {})).outcome == "failed"
+    assert crosscheck_forward(run, model, InitialValues({"crank": 0.5}, {})).outcome == "failed"
 
 
 def test_the_error_of_mujoco_is_of_fourth_order_in_the_step():
@@ -129,31 +129,31 @@ def test_the_error_of_mujoco_is_of_fourth_order_in_the_step():
 
 
 def test_mujoco_agrees_on_equilibria_and_their_stability():
-    machine = ms.dynamics.dynamic_model(with_inertia(double_pendulum()), WEIGHT)
-    result = ms.dynamics.equilibria(machine, starts=25)
+    model = ms.dynamics.dynamic_model(with_inertia(double_pendulum()), WEIGHT)
+    result = ms.dynamics.equilibria(model, starts=25)
     assert len(result) == 4
     for equilibrium in result:
-        verdict = crosscheck_equilibrium(equilibrium, machine)
+        verdict = crosscheck_equilibrium(equilibrium, model)
         assert verdict.passed, verdict
         assert len(verdict.checks) == 3
 
 
 def test_a_seeded_wrong_equilibrium_is_rejected():
-    machine = ms.dynamics.dynamic_model(with_inertia(double_pendulum()), WEIGHT)
-    stable, *_, unstable = ms.dynamics.equilibria(machine, starts=25)
+    model = ms.dynamics.dynamic_model(with_inertia(double_pendulum()), WEIGHT)
+    stable, *_, unstable = ms.dynamics.equilibria(model, starts=25)
     q = stable.linear.q
     moved = replace(stable, linear=replace(stable.linear, q=replace(q, values=q.values + 1e-5)))
-    verdict = crosscheck_equilibrium(moved, machine)
+    verdict = crosscheck_equilibrium(moved, model)
     assert verdict.outcome == "failed"
     assert "acceleration at rest" in verdict.reason
     swapped = replace(stable, linear=replace(stable.linear, matrix=unstable.linear.matrix))
-    assert "largest growth rate" in crosscheck_equilibrium(swapped, machine).reason
+    assert "largest growth rate" in crosscheck_equilibrium(swapped, model).reason
 
 
 def test_dry_friction_does_not_hide_a_wrong_equilibrium():
     forces = Forces(gravity=WEIGHT.gravity, friction=(Friction("crank", 1e-4, 0.5),))
-    machine = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), forces)
-    stable = ms.dynamics.equilibria(machine, starts=6)[0]
-    assert crosscheck_equilibrium(stable, machine).passed
-    tilted_gravity = ms.dynamics.dynamic_model(machine.mechanism, replace(forces, gravity=(0.1, -9.81, 0.0)))
+    model = ms.dynamics.dynamic_model(ms.catalog.make("four_bar"), forces)
+    stable = ms.dynamics.equilibria(model, starts=6)[0]
+    assert crosscheck_equilibrium(stable, model).passed
+    tilted_gravity = ms.dynamics.dynamic_model(model.mechanism, replace(forces, gravity=(0.1, -9.81, 0.0)))
     assert crosscheck_equilibrium(stable, tilted_gravity).outcome == "failed"

@@ -17,11 +17,11 @@ from mechsim.subjects.readers import load
 SPEED = 60.0
 
 
-def position_error(model, form, turns=3.0):
+def position_error(model, solver, turns=3.0):
     """Step a model from its keyframe; return its largest position error and the last crank angle."""
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
-    angles, positions = [], {name: [] for name in form.mechanism.points}
+    angles, positions = [], {name: [] for name in solver.mechanism.points}
     crank = model.joint("crank").qposadr[0]
     for _ in range(round(turns * 2.0 * np.pi / SPEED / model.opt.timestep)):
         mujoco.mj_step(model, data)
@@ -29,31 +29,31 @@ def position_error(model, form, turns=3.0):
         angles.append(data.qpos[crank])
         for name, item in positions.items():
             item.append(data.site(name).xpos.copy())
-    exact = form.positions(np.array(angles))
+    exact = solver.positions(np.array(angles))
     gaps = [np.linalg.norm(np.array(positions[name]) - exact[name], axis=1).max() for name in exact]
     return max(gaps), angles[-1]
 
 
 @pytest.mark.slow
 def test_an_exported_model_satisfies_its_stated_tolerance():
-    form = catalog.make("four_bar")
-    spec = exported(form.mechanism, Scene())
-    text, reported = tune_model.exported_model(spec, form.mechanism, SPEED, 1e-5, budget=2.0)
+    solver = catalog.make("four_bar")
+    spec = exported(solver.mechanism, Scene())
+    text, reported = tune_model.exported_model(spec, solver.mechanism, SPEED, 1e-5, budget=2.0)
     assert "satisfies 1e-05 m at 60 rad/s" in text
     assert "keyframe turning" in text
     model = mujoco.MjModel.from_xml_string(text)
-    error, angle = position_error(model, form)
+    error, angle = position_error(model, solver)
     assert error <= 1e-5
     assert error == pytest.approx(reported, rel=0.5)
     assert angle - model.key_qpos[0][model.joint("crank").qposadr[0]] == pytest.approx(6.0 * np.pi, rel=1e-2)
     # the check rejects loops with MuJoCo's default compliance
     model.eq_solref[:], model.eq_solimp[:] = [0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]
-    assert position_error(model, form)[0] > 1e-5
+    assert position_error(model, solver)[0] > 1e-5
 
 
 def test_the_keyframe_is_closed_and_the_motor_keeps_the_speed():
-    form = catalog.make("four_bar")
-    spec = tune_model.turning(exported(form.mechanism, Scene(level="dynamics")), form.mechanism, SPEED)
+    solver = catalog.make("four_bar")
+    spec = tune_model.turning(exported(solver.mechanism, Scene(level="dynamics")), solver.mechanism, SPEED)
     model = mujoco.MjModel.from_xml_string(to_xml(spec))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)

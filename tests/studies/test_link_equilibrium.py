@@ -54,9 +54,9 @@ def solved(case: Case, method: str) -> tuple[Motion, ForceRecord]:
     if method == "MuJoCo":
         run = driven(case.mechanism, case.forces, motion_laws=moves, method="pose", samples=5)
         return run.motion, run.forces
-    machine = dynamics.dynamic_model(LoopForm(case.mechanism, motion_laws=moves), case.forces)
+    model = dynamics.dynamic_model(LoopForm(case.mechanism, motion_laws=moves), case.forces)
     time = np.linspace(0.0, 1.0, 6)
-    return machine.solver.solve(t=time), dynamics.prescribed(machine, t=time).forces
+    return model.solver.solve(t=time), dynamics.prescribed(model, t=time).forces
 
 
 @cache
@@ -72,13 +72,13 @@ def linkage(seed: int) -> Case:
         path = Path(folder) / "drawn.toml"
         path.write_text(case_data.text, "utf-8")
         mechanism = load(path).mechanism
-    size = mechanism.characteristic_length
+    length = mechanism.characteristic_length
 
     def inertia() -> Inertia:
         spread = chance.normal(size=(3, 3))
         spread = spread @ spread.T + 0.5 * np.eye(3)
-        moments = 0.05 * size**2 * (np.trace(spread) * np.eye(3) - spread)
-        centre = tuple((0.3 * size * chance.normal(size=3)).tolist())
+        moments = 0.05 * length**2 * (np.trace(spread) * np.eye(3) - spread)
+        centre = tuple((0.3 * length * chance.normal(size=3)).tolist())
         return Inertia(1.0, centre, tuple(tuple(row) for row in moments.tolist()))
 
     mechanism = replace(mechanism, links=tuple(replace(item, inertia=inertia()) for item in mechanism.links))
@@ -87,7 +87,7 @@ def linkage(seed: int) -> Case:
         case_data.names[i]: machines.sinusoidal(start[i], 0.05 * swing, 2.0, 0.3)
         for i, swing in zip(case_data.drivers, case_data.amplitudes, strict=True)
     }
-    return Case(mechanism, acting(mechanism, size), laws)
+    return Case(mechanism, acting(mechanism, length), laws)
 
 
 @cache
@@ -97,39 +97,41 @@ def train(seed: int) -> Case:
 
 
 @cache
-def screw_feed(spindle_first: bool) -> Case:
-    mechanism = gear_trains.screw_feed(0, spindle_first)
+def spindle_and_rack(spindle_first: bool) -> Case:
+    mechanism = gear_trains.spindle_and_rack(0, spindle_first)
     return Case(mechanism, acting(mechanism, 0.1), {"crank": machines.sinusoidal(0.1, 0.5, 3.0, 0.4)})
 
 
 @cache
 def of_gallery(name: str) -> Case:
-    form = load(str(GALLERY / f"{name}.toml"))
-    mechanism = dynamics.dynamic_model(form).mechanism
+    solver = load(str(GALLERY / f"{name}.toml"))
+    mechanism = dynamics.dynamic_model(solver).mechanism
     wave = machines.sinusoidal(mechanism.start + 0.1, 0.2, 3.0, 0.4)
     return Case(mechanism, acting(mechanism, mechanism.characteristic_length), {mechanism.driver: wave})
 
 
-def acting(mechanism: Mechanism, size: float) -> Forces:
+def acting(mechanism: Mechanism, length: float) -> Forces:
     """Return forces of every kind: weight, springs, friction, a load and a couple."""
     driven_joints = {joint.name: joint.kind for joint in mechanism.driven_joints}
     rubbing = []
     for joint in mechanism.joints:
         # dry friction only in moving joints: at rest it has no direction
-        dry = 0.1 * size if joint.name in driven_joints else 0.0
+        dry = 0.1 * length if joint.name in driven_joints else 0.0
         if joint.kind in ("revolute", "prismatic", "spherical"):
-            rubbing.append(Friction(joint.name, 5.0 * size**2, dry))
+            rubbing.append(Friction(joint.name, 5.0 * length**2, dry))
         if joint.kind in ("cylindrical", "screw"):
-            rubbing.append(Friction(joint.name, 10.0, 0.0, 5.0 * size**2, 0.0))
-    wound = [JointSpring(name, 0.3 * size, 0.1) for name, kind in driven_joints.items() if kind == "revolute"]
+            rubbing.append(Friction(joint.name, 10.0, 0.0, 5.0 * length**2, 0.0))
+    wound = [
+        JointSpring(name, 0.3 * length, 0.1) for name, kind in driven_joints.items() if kind == "revolute"
+    ]
     (first, *_, last), (link, *_) = mechanism.points, mechanism.links
     return Forces(
         gravity=(1.0, -9.81, 3.0),
         friction=tuple(rubbing),
-        springs=(Spring((GROUND, (size, 2.0 * size, -size)), first, 50.0, 0.5 * size, 2.0),),
+        springs=(Spring((GROUND, (length, 2.0 * length, -length)), first, 50.0, 0.5 * length, 2.0),),
         joint_springs=tuple(wound),
         loads=(Load(last, load_profile.constant((7.0, 5.0, -6.0))),),
-        couples=(Couple(link.name, load_profile.constant((size, 2.0 * size, -3.0 * size))),),
+        couples=(Couple(link.name, load_profile.constant((length, 2.0 * length, -3.0 * length))),),
     )
 
 
@@ -137,8 +139,8 @@ CASES = {
     **{f"linkage {seed}": lambda seed=seed: linkage(seed) for seed in LINKAGES},
     **{f"train {seed}": lambda seed=seed: train(seed) for seed in TRAINS},
     # a geared joint is split in MuJoCo's model, by a virtual body of the wheel or of its carrier
-    "screw feed on its arm": lambda: screw_feed(False),
-    "screw feed, spindle first": lambda: screw_feed(True),
+    "screw feed on its arm": lambda: spindle_and_rack(False),
+    "screw feed, spindle first": lambda: spindle_and_rack(True),
     **{name: lambda name=name: of_gallery(name) for name in ("planetary_gear", "rack_steering")},
 }
 
@@ -147,11 +149,11 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_every_link_is_in_equilibrium_under_its_reported_forces(case, method):
     case_data = CASES[case]()
-    motion, efforts = solved(case_data, method)
-    assert equilibrium.largest_imbalance(case_data.mechanism, case_data.forces, motion, efforts) <= BALANCED
+    motion, record = solved(case_data, method)
+    assert equilibrium.largest_imbalance(case_data.mechanism, case_data.forces, motion, record) <= BALANCED
     # a moment along a free axis would be an unreported drive
-    assert equilibrium.largest_work(case_data.mechanism, motion, efforts) <= BALANCED
-    assert equilibrium.largest_slip(case_data.mechanism, motion, efforts) <= BALANCED
+    assert equilibrium.largest_work(case_data.mechanism, motion, record) <= BALANCED
+    assert equilibrium.largest_slip(case_data.mechanism, motion, record) <= BALANCED
 
 
 def test_the_cases_cover_every_kind_of_joint_and_coupling():
@@ -162,23 +164,21 @@ def test_the_cases_cover_every_kind_of_joint_and_coupling():
     nonlinear = [law for mechanism in case_data for law in mechanism.couplings if len(law.coefficients) > 2]
     assert len(nonlinear) > len(TRAINS)
     meshing = {"crank-wheel", "crank-planet", "planet-second", "crank-bevel", "planet-rack"}
-    _, efforts = solved(train(TRAINS[0]), "analytic")
-    assert {*efforts.meshes} == meshing
+    _, record = solved(train(TRAINS[0]), "analytic")
+    assert {*record.meshes} == meshing
     # skew shafts, a thread and a cam groove have no pitch point
-    assert {*efforts.gears} - meshing == {"crank-skew", "thread.turn-thread.way", "wheel-cam"}
+    assert {*record.gears} - meshing == {"crank-skew", "thread.turn-thread.way", "wheel-cam"}
 
 
 @pytest.mark.parametrize(("case", "method"), [("linkage 38", "MuJoCo"), ("train 1", "analytic")])
 def test_the_check_detects_every_omitted_force(case, method):
     case_data = CASES[case]()
-    motion, efforts = solved(case_data, method)
-    names = {
-        item.name for item in equilibrium.actions(case_data.mechanism, case_data.forces, motion, efforts)
-    }
+    motion, record = solved(case_data, method)
+    names = {item.name for item in equilibrium.actions(case_data.mechanism, case_data.forces, motion, record)}
     assert len(names) > 20
     for name in names:
         imbalance = equilibrium.largest_imbalance(
-            case_data.mechanism, case_data.forces, motion, efforts, without=name
+            case_data.mechanism, case_data.forces, motion, record, without=name
         )
         assert imbalance > 1e4 * BALANCED, name
 
@@ -203,12 +203,12 @@ def press() -> Case:
 @pytest.mark.parametrize("method", METHODS)
 def test_the_thread_of_a_press_carries_load_and_torque(method):
     case_data = press()
-    _, efforts = solved(case_data, method)
-    thread = efforts.reactions["thread"]
+    _, record = solved(case_data, method)
+    thread = record.reactions["thread"]
     force, moment = (vectors[:, 2] for vectors in (thread.force, thread.moment))
     np.testing.assert_allclose(force, 100.0, rtol=1e-12)
     np.testing.assert_allclose(moment, -100.0 * 0.005 / (2.0 * np.pi), rtol=1e-12)
-    np.testing.assert_allclose(efforts.drives["motor"], moment, rtol=1e-12)
+    np.testing.assert_allclose(record.drives["motor"], moment, rtol=1e-12)
     if method == "analytic":
         assert {"fz", "mz"}.isdisjoint(thread.undetermined)
 
@@ -221,15 +221,15 @@ def test_the_force_of_a_locked_joint_balances_its_links(method):
     )
     if method == "MuJoCo":
         run = driven(mechanism, case_data.forces, speed=3.0, turns=0.1, method="pose", samples=4)
-        motion, efforts = run.motion, run.forces
+        motion, record = run.motion, run.forces
     else:
-        machine = dynamics.dynamic_model(mechanism, case_data.forces)
+        model = dynamics.dynamic_model(mechanism, case_data.forces)
         angles = np.linspace(0.0, 0.6, 5)
-        motion, efforts = machine.solver.solve(angles, 3.0), dynamics.prescribed(machine, angles, 3.0).forces
-    assert {*efforts.locked} == {"cam"}
-    assert equilibrium.largest_imbalance(mechanism, case_data.forces, motion, efforts) <= BALANCED
+        motion, record = model.solver.solve(angles, 3.0), dynamics.prescribed(model, angles, 3.0).forces
+    assert {*record.locked} == {"cam"}
+    assert equilibrium.largest_imbalance(mechanism, case_data.forces, motion, record) <= BALANCED
     imbalance = equilibrium.largest_imbalance(
-        mechanism, case_data.forces, motion, efforts, without="drive of cam"
+        mechanism, case_data.forces, motion, record, without="drive of cam"
     )
     assert imbalance > 1e4 * BALANCED
 
@@ -242,8 +242,8 @@ def test_bearing_forces_of_redundant_planets_are_undetermined():
     ]
     gears = []
     for i, side in enumerate((1.0, -1.0)):
-        at = (0.04 * side, 0.0, 0.0)
-        joints.append(Joint(f"planet{i}", "revolute", End("arm", at), End(f"planet{i}")))
+        pivot = (0.04 * side, 0.0, 0.0)
+        joints.append(Joint(f"planet{i}", "revolute", End("arm", pivot), End(f"planet{i}")))
         gears += [Gear("crank", f"planet{i}", -2.0), Gear(f"planet{i}", "sun", -1.5)]
     links = tuple(Link(joint.b.link) for joint in joints)
     points = {"P": ("sun", (0.02, 0.0, 0.0))}

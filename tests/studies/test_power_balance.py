@@ -100,29 +100,31 @@ def power_lost(mechanism, forces, motion):
     return power
 
 
-def drive_power(efforts, motion):
+def drive_power(record, motion):
     """Return the power of the drivers, (n,) in [W]."""
-    if not efforts.drives:
-        return efforts.torque * efforts.speed
-    return sum(effort * motion.joints[name].rate for name, effort in efforts.drives.items())
+    if not record.drives:
+        return record.torque * record.speed
+    return sum(effort * motion.joints[name].rate for name, effort in record.drives.items())
 
 
-def motion_and_forces(form, mechanism, forces, method):
+def motion_and_forces(solver, mechanism, forces, method):
     """Return motion and forces by MuJoCo's poses, its steps, or formulas at the same instants."""
-    options = {"speed": SPEED} if form.motion_laws.crank else {"motion_laws": form.motion_laws}
+    options = {"speed": SPEED} if solver.motion_laws.crank else {"motion_laws": solver.motion_laws}
     run = driven(mechanism, forces, method="step" if method == "step" else "pose", samples=SAMPLES, **options)
     if method != "formulas":
         return run.motion, run.forces
-    machine, at = dynamics.dynamic_model(form, forces, mechanism=mechanism), run.motion
-    study = dynamics.prescribed(machine, at.angle, at.speed, at.acceleration, time=at.time, as_run=at)
-    return run.motion, study.forces
+    model, motion = dynamics.dynamic_model(solver, forces, mechanism=mechanism), run.motion
+    study = dynamics.prescribed(
+        model, motion.angle, motion.speed, motion.acceleration, time=motion.time, as_run=motion
+    )
+    return motion, study.forces
 
 
-def relative_imbalance(mechanism, forces, motion, efforts):
+def relative_imbalance(mechanism, forces, motion, record):
     """Return the largest imbalance away from jumps of springs, relative to the largest drive power."""
     step = (motion.time[-1] - motion.time[0]) / (len(motion) - 1)
     energy_rate = np.convolve(energy_of(mechanism, forces, motion), DIFFERENCES[::-1], "valid") / step
-    power = drive_power(efforts, motion)
+    power = drive_power(record, motion)
     imbalance = power[4:-4] - energy_rate - power_lost(mechanism, forces, motion)[4:-4]
     smooth = np.ones(len(motion))
     for item in forces.joint_springs:
@@ -136,11 +138,11 @@ def relative_imbalance(mechanism, forces, motion, efforts):
 @pytest.mark.parametrize("method", ["pose", "step", "formulas"])
 @pytest.mark.parametrize("name", grid(CRANKS, ("slider_crank", "rssr", "cardan_joint")))
 def test_crank_power_balances_energies_losses_and_loads(name, method):
-    form = load(name)
-    mechanism, forces = with_inertia(form.mechanism), every_force(form.mechanism)
-    motion, efforts = motion_and_forces(form, mechanism, forces, method)
+    solver = load(name)
+    mechanism, forces = with_inertia(solver.mechanism), every_force(solver.mechanism)
+    motion, record = motion_and_forces(solver, mechanism, forces, method)
     # measured 8e-10, the error of the differences, and 5e-9 for steps
-    assert relative_imbalance(mechanism, forces, motion, efforts) < (5e-8 if method == "step" else 5e-9)
+    assert relative_imbalance(mechanism, forces, motion, record) < (5e-8 if method == "step" else 5e-9)
 
 
 @pytest.mark.parametrize(
@@ -155,17 +157,17 @@ def test_crank_power_balances_energies_losses_and_loads(name, method):
     ),
 )
 def test_the_power_of_several_drivers_balances(name, method):
-    form = load(name)
-    mechanism, forces = with_inertia(form.mechanism), every_force(form.mechanism)
-    motion, efforts = motion_and_forces(form, mechanism, forces, method)
+    solver = load(name)
+    mechanism, forces = with_inertia(solver.mechanism), every_force(solver.mechanism)
+    motion, record = motion_and_forces(solver, mechanism, forces, method)
     # drive forces are constant over a step, so accelerations lag by half a step: measured 7.7e-4
-    assert relative_imbalance(mechanism, forces, motion, efforts) < (3e-3 if method == "step" else 1e-8)
+    assert relative_imbalance(mechanism, forces, motion, record) < (3e-3 if method == "step" else 1e-8)
 
 
 @pytest.mark.parametrize("omitted", ["gravity", "friction", "springs", "joint_springs", "loads", "couples"])
 def test_an_omitted_force_breaks_the_balance(omitted):
-    form = load("rsur")
-    mechanism, forces = with_inertia(form.mechanism), every_force(form.mechanism)
-    motion, efforts = motion_and_forces(form, mechanism, forces, "pose")
+    solver = load("rsur")
+    mechanism, forces = with_inertia(solver.mechanism), every_force(solver.mechanism)
+    motion, record = motion_and_forces(solver, mechanism, forces, "pose")
     incomplete = replace(forces, **{omitted: getattr(Forces(), omitted)})
-    assert relative_imbalance(mechanism, incomplete, motion, efforts) > 1e-3
+    assert relative_imbalance(mechanism, incomplete, motion, record) > 1e-3

@@ -105,9 +105,9 @@ def test_the_published_run_starts_at_the_requested_keyframe(tmp_path):
     start = " ".join(repr(float(value)) for value in first.closure.moved_to(first.start[0], {"crank": 0.5}))
     key = f'<keyframe><key name="out" qpos="{start}"/></keyframe></mujoco>'
     path = scene(tmp_path, ("</mujoco>", key))
-    form = ms.load(path, drive={"crank": "0.5 + 0.01*sin(2*pi*t)"}, duration=0.2, key="out")
-    published, _ = published_scene(form)
-    assert published.start[0] == pytest.approx(form.source.qpos, abs=1e-12)
+    solver = ms.load(path, drive={"crank": "0.5 + 0.01*sin(2*pi*t)"}, duration=0.2, key="out")
+    published, _ = published_scene(solver)
+    assert published.start[0] == pytest.approx(solver.source.qpos, abs=1e-12)
     assert published.start[0][0] == pytest.approx(0.5)
     assert first.start[0][0] == 0.0
 
@@ -120,13 +120,13 @@ def test_a_valid_scene_passes_at_any_stroke(tmp_path):
 
 
 def test_the_default_tolerance_of_a_short_stroke_uses_the_size():
-    form = ms.catalog.make("four_bar")
-    mechanism, motion = form.mechanism, form.solve([0.50, 0.51, 0.52])
-    stroke, size = stroke_of(motion), mechanism.characteristic_length
-    assert stroke < 0.01 * size
+    solver = ms.catalog.make("four_bar")
+    mechanism, motion = solver.mechanism, solver.solve([0.50, 0.51, 0.52])
+    stroke, length = stroke_of(motion), mechanism.characteristic_length
+    assert stroke < 0.01 * length
     result = position_tolerance(motion, mechanism)
-    assert result.value == pytest.approx(1e-8 * size)
+    assert result.value == pytest.approx(1e-8 * length)
     assert "of the mechanism's size" in result.reason
-    tiny = form.solve([0.5, 0.5 + 1e-6])
+    tiny = solver.solve([0.5, 0.5 + 1e-6])
     assert position_tolerance(tiny, mechanism).value == pytest.approx(1e-4 * stroke_of(tiny))
     assert position_tolerance(motion, mechanism, 1e-5).value == 1e-5

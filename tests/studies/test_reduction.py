@@ -28,8 +28,8 @@ from mechsim.studies.scene.scene import scene_of
 from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.readers import load
 
-SIZE = 0.07
-BOUND = 1e-4 * SIZE
+LENGTH = 0.07
+LIMIT = 1e-4 * LENGTH
 CONTROL = "0.5*sin(2*pi*t)"
 # a scene with more than its mechanism: a disconnected fan, visual-only geoms, a ball on a table
 CLUTTER = FINGER.replace(
@@ -47,16 +47,16 @@ CLUTTER = FINGER.replace(
 def scene(folder, text, *, ctrl=CONTROL, drive=None, duration=0.5, track=("tip,pad@0.02,0,0",)):
     path = folder / "scene.xml"
     path.write_text(text)
-    form = load(str(path), drive=drive, track=track)
-    motion_laws = form.motion_laws.by_name
+    solver = load(str(path), drive=drive, track=track)
+    motion_laws = solver.motion_laws.by_name
     control = control_laws({"servo": ctrl} if ctrl else {})
     scene_object = scene_of(
-        form.source,
-        form.mechanism,
+        solver.source,
+        solver.mechanism,
         joint_laws=motion_laws,
         ctrl=control,
         duration=duration,
-        points=dict(form.mechanism.points),
+        points=dict(solver.mechanism.points),
     )
     return scene_object, mujoco.MjSpec.from_file(str(path))
 
@@ -69,7 +69,7 @@ def few_trials(patch):
 
 
 def observed(evaluator):
-    return observe(evaluator.spec, evaluator.full, evaluator.tracked_bodies, BOUND)
+    return observe(evaluator.spec, evaluator.full, evaluator.tracked_bodies, LIMIT)
 
 
 def path_of(text, body, law, duration):
@@ -81,8 +81,8 @@ def path_of(text, body, law, duration):
         data.ctrl[servo] = law(data.time)
         mujoco.mj_step(model, data)
         mujoco.mj_kinematics(model, data)
-        turn = data.body(body).xmat.reshape(3, 3)
-        rows.append((data.time, *(data.body(body).xpos + turn @ (0.02, 0.0, 0.0))))
+        rotation = data.body(body).xmat.reshape(3, 3)
+        rows.append((data.time, *(data.body(body).xpos + rotation @ (0.02, 0.0, 0.0))))
     return np.array(rows)
 
 
@@ -96,13 +96,13 @@ def cluttered(tmp_path_factory):
 def rows(cluttered):
     with pytest.MonkeyPatch.context() as patch:
         few_trials(patch)
-        return reduce_scene(*cluttered[:2], BOUND)
+        return reduce_scene(*cluttered[:2], LIMIT)
 
 
 @pytest.mark.slow
 def test_a_reduced_scene_satisfies_its_tolerance_in_other_motions(rows):
-    text = with_comment(rows, "scene.xml", BOUND, "m")
-    assert rows.kept(BOUND)
+    text = with_comment(rows, "scene.xml", LIMIT, "m")
+    assert rows.kept(LIMIT)
     assert rows.left_out
     for law in (lambda t: 0.5 * np.sin(2 * np.pi * t), lambda t: 0.4 * np.sin(9 * t) ** 2):
         full, reduced_model = (path_of(scene_text, "pad", law, 0.5) for scene_text in (CLUTTER, text))
@@ -110,12 +110,12 @@ def test_a_reduced_scene_satisfies_its_tolerance_in_other_motions(rows):
         between = np.abs(np.diff(full[:, 1:], 2, axis=0)).max() / 8.0  # error of linear interpolation
         assert (
             np.linalg.norm(reduced_model[:, 1:] - np.transpose(interpolated), axis=1).max()
-            <= BOUND + 2.0 * between
+            <= LIMIT + 2.0 * between
         )
 
 
 def test_the_file_lists_removed_elements_and_keeps_needed_ones(rows):
-    text = with_comment(rows, "scene.xml", BOUND, "m")
+    text = with_comment(rows, "scene.xml", LIMIT, "m")
     model = mujoco.MjModel.from_xml_string(text)
     assert [item.candidate.what in text for item in rows.left_out] == [True] * len(rows.left_out)
     joints = {model.joint(j).name for j in range(model.njnt)}
@@ -143,8 +143,8 @@ def test_only_disconnected_bodies_are_removed(cluttered):
     _, _, evaluator = cluttered
     (removal,) = disconnected_bodies(observed(evaluator))
     reduced_model = with_candidate(evaluator.spec, removal).compile()
-    left = {reduced_model.body(b).name for b in range(reduced_model.nbody)}
-    assert left == {"world", "crank", "rod", "lever", "pad", "shelf"}
+    remaining = {reduced_model.body(b).name for b in range(reduced_model.nbody)}
+    assert remaining == {"world", "crank", "rod", "lever", "pad", "shelf"}
 
 
 def test_a_reached_limit_is_kept(tmp_path):
@@ -173,10 +173,10 @@ def test_the_evaluator_rejects_a_scene_without_a_needed_element(cluttered):
     _, _, evaluator = cluttered
     assert evaluator.errors(evaluator.scene(evaluator.spec)).trajectory == 0.0
     spring = next(c for c in springs(observed(evaluator)) if c.what == "spring of swing")
-    assert evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, spring))).trajectory > BOUND
+    assert evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, spring))).trajectory > LIMIT
     heavy = RemovalCandidate("wrong", "a mass", lambda spec: setattr(spec.body("lever"), "mass", 0.3))
     wrong = evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, heavy)))
-    assert wrong.trajectory > BOUND
+    assert wrong.trajectory > LIMIT
     assert wrong.torque > 1e-3
     assert wrong.energy > 1e-5
 
@@ -209,7 +209,7 @@ def test_a_fused_joint_keeps_the_pose_of_its_body(tmp_path):
 def test_a_second_motion_has_the_same_start_and_consistent_rates(tmp_path):
     user, _ = scene(tmp_path, FINGER, ctrl="", drive={"knuckle": "0.4*sin(7*t)+0.3*t"})
     other = second_motion(user)
-    first, second = (of.joint_laws["knuckle"] for of in (user, other))
+    first, second = (scene_object.joint_laws["knuckle"] for scene_object in (user, other))
     time, h = np.linspace(0.01, 0.49, 40), 1e-6
     value, rate, acceleration = second(time)
     assert second(np.zeros(1))[0] == first(np.zeros(1))[0]
@@ -274,20 +274,21 @@ SPRING_AND_COUPLING = """<mujoco><option timestep="0.002"/><worldbody><body name
 @pytest.mark.slow
 def test_fitted_longer_steps_satisfy_the_tolerance_in_a_third_motion(tmp_path):
     user, spec = scene(tmp_path, SPRING_AND_COUPLING, ctrl="0.05*sin(2*pi*t)", duration=0.2)
-    evaluator, to_fit, held_back = (
-        ReducedSceneEvaluator.from_scene(of, spec) for of in (user, motion_to_fit(user), second_motion(user))
+    evaluator, to_fit, validation_motion = (
+        ReducedSceneEvaluator.from_scene(scene_object, spec)
+        for scene_object in (user, motion_to_fit(user), second_motion(user))
     )
     rows = refit((evaluator, to_fit), observed(evaluator), 2, {})
     plain = evaluator.spec.copy()
     stepping.set_longer_steps(plain, 2, int(stepping.EULER))
     fitted = with_candidate(evaluator.spec, rows.candidate)
     errors = {
-        kind: held_back.errors(held_back.scene(of)).trajectory
-        for kind, of in (("fitted", fitted), ("plain", plain))
+        kind: validation_motion.errors(validation_motion.scene(scene_object)).trajectory
+        for kind, scene_object in (("fitted", fitted), ("plain", plain))
     }
-    assert rows.error < refitting.GOAL * BOUND
-    assert errors["fitted"] < 0.5 * BOUND
-    assert errors["plain"] > 5.0 * BOUND
+    assert rows.error < refitting.GOAL * LIMIT
+    assert errors["fitted"] < 0.5 * LIMIT
+    assert errors["plain"] > 5.0 * LIMIT
     # the fitted values are in the file
     assert np.allclose(
         mujoco.MjModel.from_xml_string(fitted.to_xml()).dof_armature, fitted.compile().dof_armature, rtol=1e-5

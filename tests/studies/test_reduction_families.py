@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from scene_texts import FINGER
-from studies.test_reduction import BOUND, observed, scene
+from studies.test_reduction import LIMIT, observed, scene
 
 from mechsim.studies.reduction.candidates import joint_polynomials
 from mechsim.studies.reduction.candidates.bodies import fused_bodies, with_candidate
@@ -67,7 +67,7 @@ def test_an_untracked_leaf_is_fused(tmp_path):
     leaf = next(direction for what, direction in removals.items() if "pad" in what)
     reduced_model = evaluator.scene(with_candidate(evaluator.spec, leaf))
     assert "swing" not in [reduced_model.model.joint(j).name for j in range(reduced_model.model.njnt)]
-    assert evaluator.errors(reduced_model).trajectory < 10 * BOUND
+    assert evaluator.errors(reduced_model).trajectory < 10 * LIMIT
     loop = next(direction for what, direction in removals.items() if "closing" in what)
     assert evaluator.errors(evaluator.scene(with_candidate(evaluator.spec, loop))).trajectory > 1e-3
 
@@ -84,24 +84,24 @@ def test_jointless_bodies_are_merged(tmp_path):
         evaluator.errors(
             evaluator.scene(with_candidate(evaluator.spec, fused_bodies(observed(evaluator))[0]))
         ).trajectory
-        < BOUND
+        < LIMIT
     )
     assert reduced_model.nbody < evaluator.named.nbody
 
 
 def test_an_added_mass_updates_centre_and_moments(tmp_path):
     model = ReducedSceneEvaluator.from_scene(*scene(tmp_path, FINGER)).named
-    body, turn = model.body("rod").id, np.empty(9)
+    body, rotation = model.body("rod").id, np.empty(9)
     own = float(model.body_mass[body]), model.body_ipos[body].copy(), model.body_inertia[body].copy()
-    at, mass = np.array([0.01, -0.02, 0.03]), 0.05
-    add_weight(model, body, mass, at, np.zeros((3, 3)))
-    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
-    axes = turn.reshape(3, 3)
+    position, mass = np.array([0.01, -0.02, 0.03]), 0.05
+    add_weight(model, body, mass, position, np.zeros((3, 3)))
+    mujoco.mju_quat2Mat(rotation, model.body_iquat[body])
+    axes = rotation.reshape(3, 3)
     about = lambda m, r: m * (r @ r * np.eye(3) - np.outer(r, r))  # noqa: E731
     centre = model.body_ipos[body]
-    assert np.allclose(centre * (own[0] + mass), own[0] * own[1] + mass * at)
+    assert np.allclose(centre * (own[0] + mass), own[0] * own[1] + mass * position)
     origin = axes @ np.diag(model.body_inertia[body]) @ axes.T + about(own[0] + mass, centre)
-    assert np.allclose(origin, np.diag(own[2]) + about(own[0], own[1]) + about(mass, at), atol=1e-18)
+    assert np.allclose(origin, np.diag(own[2]) + about(own[0], own[1]) + about(mass, position), atol=1e-18)
 
 
 def test_the_best_polynomial_has_minimum_degree_and_chebyshev_error():
@@ -126,7 +126,7 @@ def test_a_loop_becomes_joint_polynomials_with_reflected_inertia(tmp_path):
     needed, all_of_them = joint_polynomials.loops_as_polynomials(observed(evaluator))
     reduced_model = evaluator.scene(with_candidate(evaluator.spec, all_of_them))
     assert (reduced_model.model.nv, reduced_model.model.neq) == (3, 2)
-    assert evaluator.errors(reduced_model).trajectory < 2 * BOUND
+    assert evaluator.errors(reduced_model).trajectory < 2 * LIMIT
     spec = with_candidate(evaluator.spec, needed)
     reduced_model = evaluator.scene(spec)
     assert (reduced_model.model.nv, reduced_model.model.neq) == (2, 1)
@@ -135,8 +135,8 @@ def test_a_loop_becomes_joint_polynomials_with_reflected_inertia(tmp_path):
     reflected_inertia = [
         np.mean(
             [
-                joint_polynomials.reflected(model, relations, at)
-                for at in np.linspace(relations.low, relations.high, 41)
+                joint_polynomials.reflected(model, relations, angle)
+                for angle in np.linspace(relations.low, relations.high, 41)
             ],
             0,
         )

@@ -7,7 +7,7 @@ import mechsim as ms
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 RSSR = "rssr"
-FORM = ms.catalog.make(RSSR)
+LINKAGE = ms.catalog.make(RSSR)
 # one turn per second, in rad/s
 ONE_TURN = ms.units.parse_speed("60rpm")
 
@@ -29,9 +29,9 @@ def test_catalogue_parameters_are_read_with_units():
 
 
 def test_motions_accept_speeds_and_angles_as_text():
-    for form in (ms.catalog.make(RSSR), ms.load(RSSR)):
-        expected = form.solve(np.deg2rad(np.arange(0, 91, 30)), ms.units.rpm(600))
-        from_text = form.solve("0:90:30deg", speed="600rpm")
+    for solver in (ms.catalog.make(RSSR), ms.load(RSSR)):
+        expected = solver.solve(np.deg2rad(np.arange(0, 91, 30)), ms.units.rpm(600))
+        from_text = solver.solve("0:90:30deg", speed="600rpm")
         np.testing.assert_allclose(from_text.angle, expected.angle, rtol=0, atol=1e-15)
         np.testing.assert_array_equal(from_text.speed, expected.speed)
     loops = ms.load("klann")
@@ -46,39 +46,39 @@ def test_certificates_accept_ends_as_text():
 
 
 def test_runs_accept_speeds_and_tolerances_as_text():
-    form = ms.catalog.make(RSSR)
+    solver = ms.catalog.make(RSSR)
     options = {"samples": 8}
-    from_text = ms.simulate(form.mechanism, speed="600rpm", tolerance="10um", **options)
-    expected = ms.simulate(form.mechanism, speed=20.0 * np.pi, tolerance=1e-5, **options)
+    from_text = ms.simulate(solver.mechanism, speed="600rpm", tolerance="10um", **options)
+    expected = ms.simulate(solver.mechanism, speed=20.0 * np.pi, tolerance=1e-5, **options)
     assert from_text.tolerance == 1e-5
     assert same(from_text.motion, expected.motion)
 
 
 def test_dynamics_accept_speeds_and_sizes_as_text():
-    machine = ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter="5mm")
-    assert machine == ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter=0.005)
-    from_text = ms.dynamics.prescribed(machine, "0:90:45deg", "60rpm")
+    model = ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter="5mm")
+    assert model == ms.dynamics.dynamic_model(ms.catalog.make(RSSR), diameter=0.005)
+    from_text = ms.dynamics.prescribed(model, "0:90:45deg", "60rpm")
     np.testing.assert_array_equal(from_text.forces.speed, np.full(3, ONE_TURN))
     assert same(
-        driven(machine.mechanism, machine.forces, speed="60rpm", samples=4).forces,
-        driven(machine.mechanism, machine.forces, speed=ONE_TURN, samples=4).forces,
+        driven(model.mechanism, model.forces, speed="60rpm", samples=4).forces,
+        driven(model.mechanism, model.forces, speed=ONE_TURN, samples=4).forces,
     )
-    assert ms.dynamics.fluctuation(machine, "60rpm").mean == ONE_TURN
-    free = ms.dynamics.free_run(machine, speed="60rpm", duration="5 ms")
+    assert ms.dynamics.fluctuation(model, "60rpm").mean == ONE_TURN
+    free = ms.dynamics.free_run(model, speed="60rpm", duration="5 ms")
     assert free.time[-1] == 0.005
     # rates are projected onto the loops: rounding
     assert free.speed[0] == pytest.approx(ONE_TURN, rel=1e-14)
 
 
 def test_comparisons_accept_speeds_and_tolerances_as_text():
-    form = ms.catalog.make("four_bar")
+    solver = ms.catalog.make("four_bar")
 
     def formula(crank):
-        return {"C": form.solve(crank).points["C"].position}
+        return {"C": solver.solve(crank).points["C"].position}
 
-    verdict = ms.testing.assert_agrees(form, formula, tolerance="10um", speed="60rpm")
+    verdict = ms.testing.assert_agrees(solver, formula, tolerance="10um", speed="60rpm")
     assert {check.tolerance for check in verdict.checks} == {1e-5}
-    assert ms.validate(form, formula, tolerance="10um", stepped=False).passed
+    assert ms.validate(solver, formula, tolerance="10um", stepped=False).passed
 
 
 def test_studies_accept_speeds_as_text():
@@ -100,16 +100,16 @@ def test_studies_accept_speeds_as_text():
             lambda: ms.catalog.make(RSSR, crank="14rpm"),
             "crank of rssr '14rpm' has unit 'rpm'",
         ),
-        (lambda: ms.simulate(FORM, speed="10mm"), "the crank speed '10mm' has unit 'mm'"),
+        (lambda: ms.simulate(LINKAGE, speed="10mm"), "the crank speed '10mm' has unit 'mm'"),
         (
-            lambda: ms.simulate(FORM, speed=1.0, tolerance="fine"),
+            lambda: ms.simulate(LINKAGE, speed=1.0, tolerance="fine"),
             "the tolerance 'fine' is not",
         ),
         (
-            lambda: ms.simulate(FORM, speed=1.0, tolerance="-1um"),
+            lambda: ms.simulate(LINKAGE, speed=1.0, tolerance="-1um"),
             "give a finite length above 0",
         ),
-        (lambda: FORM.solve([0.0], speed="fast"), "the crank's speed 'fast' is not"),
+        (lambda: LINKAGE.solve([0.0], speed="fast"), "the crank's speed 'fast' is not"),
         (lambda: ms.testing.assert_agrees(RSSR, dict, tolerance="10 V"), "the tolerance '10 V' has unit 'V'"),
         (
             lambda: ms.testing.assert_agrees(RSSR, dict, tolerance=[1]),

@@ -38,7 +38,7 @@ SHORT = (72, 288)
 
 
 @pytest.fixture(scope="module")
-def found() -> Tradeoff:
+def tradeoff() -> Tradeoff:
     return measure_tradeoff(subject_of(catalog.make("rssr"), SPEED), budget=90.0, steps=SHORT)
 
 
@@ -81,9 +81,9 @@ def test_stepping_methods_cover_drives_levels_and_reductions():
 
 
 @pytest.fixture(scope="module")
-def built(found):
+def built(tradeoff):
     def curve(suffix: str) -> dict[str, float]:
-        (points,) = (points for name, points in found.curves().items() if name.endswith(suffix))
+        (points,) = (points for name, points in tradeoff.curves().items() if name.endswith(suffix))
         return points[-1].errors
 
     return curve
@@ -129,54 +129,54 @@ def test_steps_record_the_same_instants():
     assert all(72 % n == 0 or n % 72 == 0 for n in STEPS)
 
 
-def test_all_points_are_measured_and_the_front_is_timed_again(found):
-    assert found.left_out == 0
-    assert {point.settings.steps_per_turn for point in found.points} == set(SHORT)
-    assert all(len(point.times) == 5 for point in found.front())
-    assert (found.costs > 0.0).all()
+def test_all_points_are_measured_and_the_front_is_timed_again(tradeoff):
+    assert tradeoff.left_out == 0
+    assert {point.settings.steps_per_turn for point in tradeoff.points} == set(SHORT)
+    assert all(len(point.times) == 5 for point in tradeoff.front())
+    assert (tradeoff.costs > 0.0).all()
 
 
-def test_the_front_rises_in_cost_and_falls_in_error(found):
-    front = found.front()
+def test_the_front_rises_in_cost_and_falls_in_error(tradeoff):
+    front = tradeoff.front()
     assert (np.diff([point.cost for point in front]) > 0.0).all()
     assert (np.diff([point.errors["position"] for point in front]) < 0.0).all()
     assert front[-1].settings.integrator == "RK4"
 
 
-def test_rk4_has_fourth_order_and_the_defaults_first(found):
-    hard = found.order(found.curves()["RK4, turn/5, 1e-08"])
+def test_rk4_has_fourth_order_and_the_defaults_first(tradeoff):
+    hard = tradeoff.order(tradeoff.curves()["RK4, turn/5, 1e-08"])
     assert hard is not None
     assert 3.0 < hard.order < 5.0
-    compliant = found.order(found.curves()[DEFAULTS])
+    compliant = tradeoff.order(tradeoff.curves()[DEFAULTS])
     assert compliant is not None
     assert compliant.order < 1.5
 
 
-def test_the_recommended_point_is_the_cheapest_within_its_bound(found):
-    for bound in BOUNDS:
-        point = found.choice(bound)
+def test_the_recommended_point_is_the_cheapest_within_its_bound(tradeoff):
+    for limit in BOUNDS:
+        point = tradeoff.choice(limit)
         if point is None:
-            assert (found.errors() > bound).all()
+            assert (tradeoff.errors() > limit).all()
             continue
-        assert point.errors["position"] <= bound
-        assert point.cost == found.costs[found.errors() <= bound].min()
+        assert point.errors["position"] <= limit
+        assert point.cost == tradeoff.costs[tradeoff.errors() <= limit].min()
 
 
-def test_a_diverged_motion_satisfies_no_bound(found):
-    without_motion = found.subject.errors(None)
+def test_a_diverged_motion_satisfies_no_bound(tradeoff):
+    without_motion = tradeoff.subject.errors(None)
     assert all(error == np.inf for error in without_motion.values())
-    motion, _ = found.subject.built.motion(found.points[0].settings)
-    assert all(error < np.inf for error in found.subject.errors(motion).values())
-    diverged = found.subject.errors(replace(motion, speed=1e9 * motion.speed))
+    motion, _ = tradeoff.subject.built.motion(tradeoff.points[0].settings)
+    assert all(error < np.inf for error in tradeoff.subject.errors(motion).values())
+    diverged = tradeoff.subject.errors(replace(motion, speed=1e9 * motion.speed))
     assert all(error == np.inf for error in diverged.values())
 
 
 def test_a_fine_reference_run_agrees_with_the_closed_form():
-    drive = catalog.make("four_bar")
+    linkage = catalog.make("four_bar")
     from mechsim.simulation.source import assembled
 
-    own = subject_of_model(assembled(drive.mechanism, Scene()), "own", SPEED)
-    closed_form = subject_of(drive, SPEED)
+    own = subject_of_model(assembled(linkage.mechanism, Scene()), "own", SPEED)
+    closed_form = subject_of(linkage, SPEED)
     assert own.stroke == pytest.approx(closed_form.stroke, rel=1e-3)
     assert own.reference.own_error["position"] < 1e-10
     settings = stepping_methods()[1].settings(144, SPEED)
@@ -195,8 +195,8 @@ def test_drives_are_added_to_a_model_with_a_motor():
     trntype = mujoco.mjtTrn.mjTRN_JOINT
     spec.add_actuator(name="motor", target="rocker", trntype=trntype)
     own = subject_of_model(spec, "own", SPEED)
-    for drive, lag in (("geared", 1e-12), ("servo", 0.1)):
-        built = build_model(own.source, own.built.profile, SPEED, Build(crank_drive=drive, gain=0.5))
+    for actuator, lag in (("geared", 1e-12), ("servo", 0.1)):
+        built = build_model(own.source, own.built.profile, SPEED, Build(crank_drive=actuator, gain=0.5))
         motion, _ = built.motion(stepping_methods()[1].settings(144, SPEED))
         errors = own.errors(motion)
         assert errors["drive"] < lag
@@ -235,7 +235,7 @@ def test_the_seed_determines_the_trials_of_a_short_budget():
     assert [p.as_dict()["method"] for p in repeated.points] == [p.as_dict()["method"] for p in stiff.points]
 
 
-@pytest.mark.usefixtures("fast_clock")
+@pytest.mark.usefixtures("fast_timers")
 def test_the_command_writes_table_plot_and_json(tmp_path, capsys):
     table, plot = tmp_path / "out.csv", tmp_path / "out.svg"
     words = ("slider_crank", "--budget", "2.5s", "--json", "-o", str(table), "--plot", str(plot))
@@ -310,15 +310,15 @@ class Spent(NamedTuple):
 @pytest.mark.parametrize("share", [1.0, 4.0])
 @pytest.mark.parametrize(("step", "building"), [(2e-5, 0.05), (1e-3, 0.3)])
 def test_the_study_ends_within_a_fifth_of_the_budget(monkeypatch, budget, share, step, building):
-    machine = DynamicModel(monkeypatch, share, step, building)
+    model = DynamicModel(monkeypatch, share, step, building)
     # time of loading and building
-    machine.processor = 0.2
-    found = measure_tradeoff(SLIDER, budget=machine.budget(budget))
-    assert 0.8 * budget < found.seconds < 1.2 * budget
-    assert len(found.points) + found.left_out + found.unbuilt == len(STEPS) * len(
+    model.processor = 0.2
+    tradeoff = measure_tradeoff(SLIDER, budget=model.budget(budget))
+    assert 0.8 * budget < tradeoff.seconds < 1.2 * budget
+    assert len(tradeoff.points) + tradeoff.left_out + tradeoff.unbuilt == len(STEPS) * len(
         stepping_methods(SLIDER.mechanism, SLIDER.variants)
     )
-    assert found.untried
+    assert tradeoff.untried
 
 
 def test_a_budget_below_the_loading_time_is_rejected():
@@ -327,10 +327,10 @@ def test_a_budget_below_the_loading_time_is_rejected():
 
 
 def test_a_sufficient_budget_omits_no_trial(monkeypatch):
-    machine = DynamicModel(monkeypatch, 1.0, 2e-5, 0.05)
-    found = measure_tradeoff(SLIDER, budget=machine.budget(600.0))
-    assert (found.left_out, found.untried) == (0, ())
-    assert found.seconds < 300.0
+    model = DynamicModel(monkeypatch, 1.0, 2e-5, 0.05)
+    tradeoff = measure_tradeoff(SLIDER, budget=model.budget(600.0))
+    assert (tradeoff.left_out, tradeoff.untried) == (0, ())
+    assert tradeoff.seconds < 300.0
 
 
 def test_the_budget_limits_the_steps_of_the_reference(monkeypatch):
@@ -343,9 +343,9 @@ def test_the_budget_limits_the_steps_of_the_reference(monkeypatch):
     assert own.reference.what == "a run of 2880 steps a turn"
     monkeypatch.undo()
     monkeypatch.setattr(trials, "stepping_methods", lambda *_: stepping_methods()[:4])
-    found = measure_tradeoff(own, budget=90.0, steps=(72, 1440, 2880))
-    assert {point.settings.steps_per_turn for point in found.points} == {72, 1440}
-    assert found.left_out > 0
+    tradeoff = measure_tradeoff(own, budget=90.0, steps=(72, 1440, 2880))
+    assert {point.settings.steps_per_turn for point in tradeoff.points} == {72, 1440}
+    assert tradeoff.left_out > 0
 
 
 def test_a_budget_too_short_for_a_reference_is_rejected():
@@ -410,10 +410,10 @@ def test_an_exhausted_budget_ends_the_loading(monkeypatch, reading, trials_made)
 
     now, made, compiled = [0.0], [], []
 
-    def with_duration(seconds, done, call):
+    def with_duration(seconds, durations, call):
         def slow(*arguments, **named):
             now[0] += seconds
-            done.append(seconds)
+            durations.append(seconds)
             return call(*arguments, **named)
 
         return slow

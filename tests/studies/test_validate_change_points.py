@@ -19,13 +19,13 @@ FLAT = {
 @pytest.mark.parametrize("which", FLAT)
 def test_a_mechanism_with_change_points_passes_validation(which):
     name, lengths = FLAT[which]
-    drive = catalog.make(name, **lengths)
-    case = case_of(drive)
+    linkage = catalog.make(name, **lengths)
+    case = case_of(linkage)
     assert case.verdict.outcome == "passed", case.verdict.reason
-    assert np.ptp(case.exact.angle) == pytest.approx(drive.period)
+    assert np.ptp(case.exact.angle) == pytest.approx(linkage.period)
     # forces do not determine the branch at a change point, so the stepped run swings between two of them
     nearest = np.abs(
-        np.exp(1j * case.run.motion.angle[:, None]) - np.exp(1j * np.array(drive.change_points()))
+        np.exp(1j * case.run.motion.angle[:, None]) - np.exp(1j * np.array(linkage.change_points()))
     )
     assert nearest.min() > 0.04
 

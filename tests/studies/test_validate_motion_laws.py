@@ -18,6 +18,6 @@ def test_each_driver_has_its_own_check_by_both_methods():
 
 def test_a_formula_gets_the_coordinates_of_the_drivers():
     motion = FIVE_BAR.solve(t=np.linspace(0.0, FIVE_BAR.motion_laws.duration, 5))
-    at = driver_inputs(evaluation_points(FIVE_BAR, 1.0, samples=5))
-    assert list(at) == ["left", "right"]
-    np.testing.assert_allclose(at["left"], motion.joints["left"].value, atol=1e-14)
+    inputs = driver_inputs(evaluation_points(FIVE_BAR, 1.0, samples=5))
+    assert list(inputs) == ["left", "right"]
+    np.testing.assert_allclose(inputs["left"], motion.joints["left"].value, atol=1e-14)

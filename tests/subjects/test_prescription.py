@@ -89,8 +89,8 @@ def test_a_five_bar_follows_two_circles_with_the_rates_of_its_laws(file):
     motion = solver.solve(t=time)
 
     def law(t):
-        left = np.deg2rad(110 + 20 * np.sin(2 * np.pi * t))
-        return two_circles(left, np.deg2rad(60 + 15 * np.cos(3 * t)) - 0.1 * t)
+        left_angle = np.deg2rad(110 + 20 * np.sin(2 * np.pi * t))
+        return two_circles(left_angle, np.deg2rad(60 + 15 * np.cos(3 * t)) - 0.1 * t)
 
     np.testing.assert_allclose(motion.time, time, atol=1e-15)
     np.testing.assert_allclose(motion.points["P"].position[:, :2], law(time), atol=1e-14)

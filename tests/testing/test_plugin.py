@@ -26,7 +26,7 @@ def run(folder, *arguments, isolated=True):
     """Return exit code and output of pytest in a folder, alone with the plugin, or with all installed."""
     plugin = ("-p", "mechsim.testing.plugin") if isolated else ()
     without = {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"} if isolated else {}
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-m", "pytest", *plugin, "-q", "-W", "error", "--strict-markers", *arguments],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "80", **without},
@@ -35,7 +35,7 @@ def run(folder, *arguments, isolated=True):
         timeout=120,
         check=False,
     )
-    return done.returncode, done.stdout + done.stderr
+    return completed.returncode, completed.stdout + completed.stderr
 
 
 def collected(folder, *arguments, isolated=True):
@@ -106,6 +106,6 @@ def test_the_plugin_is_declared_and_imports_lazily():
         "import sys; import mechsim.testing.plugin\n"
         "print(*(m for m in sys.modules if 'mechsim' in m or m in ('numpy', 'mujoco')))"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    completed = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     expected = {"mechsim", "mechsim._version", "mechsim.testing", "mechsim.testing.running"}
-    assert set(done.stdout.split()) == expected | {"mechsim.testing.plugin"}
+    assert set(completed.stdout.split()) == expected | {"mechsim.testing.plugin"}

@@ -52,23 +52,25 @@ PARALLEL: JointPositions = {
 
 
 def planar(
-    places: JointPositions,
+    joint_positions: JointPositions,
     *,
     gears: tuple[Gear, ...] = (),
-    turn: np.ndarray | None = None,
+    rotation_matrix: np.ndarray | None = None,
     slides: Mapping[str, float] | None = None,
     driver: str = "crank",
 ) -> Mechanism:
     """Return a planar mechanism whose link frames coincide with the ground frame at the start."""
-    turn = np.eye(3) if turn is None else turn
-    names = dict.fromkeys(link for a, b, _ in places.values() for link in (a, b) if link != GROUND)
+    rotation_matrix = np.eye(3) if rotation_matrix is None else rotation_matrix
+    names = dict.fromkeys(link for a, b, _ in joint_positions.values() for link in (a, b) if link != GROUND)
     joints = []
-    for name, (a, b, (x, y)) in places.items():
-        point, axis, reference = (tuple((turn @ v).tolist()) for v in ((1e-3 * x, 1e-3 * y, 0.0), EZ, EX))
+    for name, (a, b, (x, y)) in joint_positions.items():
+        point, axis, reference = (
+            tuple((rotation_matrix @ v).tolist()) for v in ((1e-3 * x, 1e-3 * y, 0.0), EZ, EX)
+        )
         kind = "revolute"
         if slides and name in slides:
             kind, reference = "prismatic", axis
-            axis = tuple((turn @ (np.cos(slides[name]), np.sin(slides[name]), 0.0)).tolist())
+            axis = tuple((rotation_matrix @ (np.cos(slides[name]), np.sin(slides[name]), 0.0)).tolist())
         joints.append(Joint(name, kind, End(a, point, axis, reference), End(b, point, axis, reference)))
     return Mechanism(
         name="drawn",
@@ -403,10 +405,10 @@ def test_an_undriven_dof_is_rejected_with_its_links():
 
 def test_planarity_depends_on_every_axis():
     rotated = rotation("x", 0.7) @ rotation("y", -1.1)
-    normal = plane_normal(planar(FOUR_BAR, turn=rotated))
+    normal = plane_normal(planar(FOUR_BAR, rotation_matrix=rotated))
     assert normal is not None
     assert normal == pytest.approx(rotated[:, 2], abs=1e-15)
-    assert groups_of(planar(FOUR_BAR, turn=rotated)) == groups_of(planar(FOUR_BAR))
+    assert groups_of(planar(FOUR_BAR, rotation_matrix=rotated)) == groups_of(planar(FOUR_BAR))
     assert plane_normal(Rssr().mechanism) is None
     tilted = planar({"crank": FOUR_BAR["crank"], "A": FOUR_BAR["A"]})
     slide = Joint(

@@ -14,7 +14,7 @@ from mechsim.analytic.catalog.rssr import Rssr
 from mechsim.analytic.catalog.slider_crank import SliderCrank
 from mechsim.errors import AssemblyError, InputError
 
-TURN = 2.0 * np.pi
+REVOLUTION = 2.0 * np.pi
 FOUR_BAR = FourBar(crank=0.09)
 SWINGING = {
     "four_bar": FOUR_BAR,
@@ -28,18 +28,18 @@ def ellipse(a: float, b: float) -> System:
     return System(
         lambda x: np.array([(x[0] / a) ** 2 + (x[1] / b) ** 2 - 1.0]),
         lambda x: np.array([[2.0 * x[0] / a**2, 2.0 * x[1] / b**2]]),
-        size=min(a, b),
+        scale=min(a, b),
     )
 
 
-def crank_and_rocker(drive: FourBar) -> System:
+def crank_and_rocker(linkage: FourBar) -> System:
     """|AB| = coupler in the angles of crank and rocker, in units of the crank."""
 
     def residual(x):
-        gap = drive.ground + drive.rocker * np.exp(1j * x[1]) - drive.crank * np.exp(1j * x[0])
-        return np.array([abs(gap) ** 2 - drive.coupler**2]) / drive.crank**2
+        gap = linkage.ground + linkage.rocker * np.exp(1j * x[1]) - linkage.crank * np.exp(1j * x[0])
+        return np.array([abs(gap) ** 2 - linkage.coupler**2]) / linkage.crank**2
 
-    return System(residual, periods=(TURN, TURN), name="four-bar")
+    return System(residual, periods=(REVOLUTION, REVOLUTION), name="four-bar")
 
 
 @pytest.mark.slow
@@ -79,7 +79,7 @@ def test_redundant_equations_without_a_jacobian_are_traced():
 
     curve = trace_curve(System(residual), [np.sqrt(0.91), 0.0, 0.3])
     assert curve.closed
-    assert abs(curve.length - TURN * np.sqrt(0.91)) <= 1e-9
+    assert abs(curve.length - REVOLUTION * np.sqrt(0.91)) <= 1e-9
 
 
 def test_an_open_curve_is_traced_over_the_requested_length():
@@ -99,10 +99,10 @@ def test_a_spiral_near_its_start_is_not_closed():
     )
     curve = trace_curve(spiral, [1.0, 0.0, 0.0], length=15.0)
     assert not curve.closed
-    scaled = replace(spiral, periods=(0.0, 0.0, TURN / 1e3))
+    scaled = replace(spiral, periods=(0.0, 0.0, REVOLUTION / 1e3))
     closed = trace_curve(scaled, [1.0, 0.0, 0.0])
     assert closed.closed
-    assert abs(closed.length - TURN * np.sqrt(1.0 + 1e-6)) <= 1e-8
+    assert abs(closed.length - REVOLUTION * np.sqrt(1.0 + 1e-6)) <= 1e-8
 
 
 def test_both_modes_of_a_swinging_four_bar_form_one_curve():
@@ -131,37 +131,37 @@ def test_both_modes_of_a_swinging_four_bar_form_one_curve():
 
 
 def test_a_rotating_crank_closes_after_a_full_turn():
-    drive = FourBar()
-    system = crank_and_rocker(drive)
-    start = [0.0, float(drive.solve([0.0]).joints["rocker"].value[0])]
+    linkage = FourBar()
+    system = crank_and_rocker(linkage)
+    start = [0.0, float(linkage.solve([0.0]).joints["rocker"].value[0])]
     curve = trace_curve(system, start, direction=[1.0, 0.0])
     assert curve.closed
-    assert np.abs(curve.points[-1] - curve.points[0] - [TURN, 0.0]).max() <= 1e-12
+    assert np.abs(curve.points[-1] - curve.points[0] - [REVOLUTION, 0.0]).max() <= 1e-12
     assert len(turning_points(system, curve, 0)) == 0
     assert len(turning_points(system, curve, 1)) == 2
 
 
-@pytest.mark.parametrize("drive", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
-def test_finite_differences_give_the_path_of_exact_gradients(drive):
-    path = trace_path(drive)
-    system = replace(torus_sphere(drive), jacobian=None)
+@pytest.mark.parametrize("linkage", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
+def test_finite_differences_give_the_path_of_exact_gradients(linkage):
+    path = trace_path(linkage)
+    system = replace(torus_sphere(linkage), jacobian=None)
     curve = trace_curve(system, path.on_torus[0], direction=path.on_torus[1] - path.on_torus[0])
     assert curve.closed
-    assert abs(curve.length - path.curve.length) <= 1e-9 * drive.link
+    assert abs(curve.length - path.curve.length) <= 1e-9 * linkage.link
 
 
-@pytest.mark.parametrize("drive", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
-def test_the_four_parameters_of_the_paper_give_the_same_dead_centres(drive):
+@pytest.mark.parametrize("linkage", [Rrsrr(), SWINGING["rrsrr"]], ids=["turning", "swinging"])
+def test_the_four_parameters_of_the_paper_give_the_same_dead_centres(linkage):
     def residual(u):
-        return (torus(drive, u[0], u[1]) - sphere(drive, u[2], u[3])) / drive.link
+        return (torus(linkage, u[0], u[1]) - sphere(linkage, u[2], u[3])) / linkage.link
 
-    path, system = trace_path(drive), System(residual, periods=(TURN,) * 4)
+    path, system = trace_path(linkage), System(residual, periods=(REVOLUTION,) * 4)
     curve = trace_curve(system, path.parameters[0], direction=path.parameters[1] - path.parameters[0])
     assert curve.closed
-    turning = np.round((curve.points[-1] - curve.points[0]) / TURN)
-    assert (turning == np.round((path.parameters[-1] - path.parameters[0]) / TURN)).all()
+    turning = np.round((curve.points[-1] - curve.points[0]) / REVOLUTION)
+    assert (turning == np.round((path.parameters[-1] - path.parameters[0]) / REVOLUTION)).all()
     dead = turning_points(system, curve, 0)[:, 0]
-    ends = np.array(drive.dead_centres())
+    ends = np.array(linkage.dead_centres())
     assert len(dead) == (2 if len(ends) else 0)
     assert all(np.abs(np.exp(1j * angle) - np.exp(1j * ends)).min() <= 1e-12 for angle in dead)
 
@@ -170,11 +170,11 @@ def test_invalid_systems_and_starts_are_rejected():
     circle = System(lambda x: np.array([x @ x - 1.0]), name="circle")
     cross = System(lambda x: np.array([x[0] * x[1]]), lambda x: np.array([[x[1], x[0]]]), name="cross")
     line = System(lambda x: np.array([x[0] - x[1]]))
-    nowhere = System(lambda x: np.array([x @ x + 1.0]))
+    empty_curve = System(lambda x: np.array([x @ x + 1.0]))
     with pytest.raises(InputError, match=r"circle: the start is 0\.1 off the curve; the nearest point"):
         trace_curve(circle, [1.1, 0.0])
     with pytest.raises(InputError, match="no point of the curve is near"):
-        trace_curve(nowhere, [0.4, 0.3])
+        trace_curve(empty_curve, [0.4, 0.3])
     with pytest.raises(InputError, match="more than one direction is free"):
         trace_curve(cross, [0.0, 0.0])
     with pytest.raises(AssemblyError, match=r"cross: (branches of the curve cross|more than one direction)"):

@@ -16,9 +16,9 @@ def study():
     sys.path.remove(str(FOLDER))
 
 
-@pytest.mark.parametrize("near", [False, True], ids=["change point", "near change point"])
-def test_only_linkages_with_change_points_have_branch_points(study, near):
-    assert study.check_change_points(3, near, seed=3) == (3, [])
+@pytest.mark.parametrize("close", [False, True], ids=["change point", "near change point"])
+def test_only_linkages_with_change_points_have_branch_points(study, close):
+    assert study.check_change_points(3, close, seed=3) == (3, [])
 
 
 def test_a_curve_of_another_linkage_is_rejected(study):

@@ -18,10 +18,10 @@ def study():
     return module
 
 
-@pytest.mark.parametrize("near", [False, True], ids=["change point", "near change point"])
+@pytest.mark.parametrize("close", [False, True], ids=["change point", "near change point"])
 @pytest.mark.parametrize("method", ["closed form", "loop equations", "MuJoCo, poses"])
-def test_no_linkage_is_silently_wrong(study, method, near):
-    result = study.tally(method, study.random_linkages(6, near, seed=3))
+def test_no_linkage_is_silently_wrong(study, method, close):
+    result = study.tally(method, study.random_linkages(6, close, seed=3))
     assert (result.correct, result.rejected, result.wrong) == (6, 0, 0)
 
 

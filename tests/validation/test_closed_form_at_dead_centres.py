@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 PATH = Path(__file__).parents[2] / "validation" / "robustness" / "closed_form_at_dead_centres.py"
-NEAR = np.array([1e-12, 1e-7, 1e-2])
+DISTANCES = np.array([1e-12, 1e-7, 1e-2])
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def case():
 @pytest.mark.parametrize("name", ["four_bar", "slider_crank", "rssr", "rrsrr"])
 def test_errors_are_at_most_those_of_rounded_inputs(name, case):
     linkage, point = case.LINKAGES[name]
-    error, condition = case.errors(linkage, point, case.angles_near(linkage, NEAR))
+    error, condition = case.errors(linkage, point, case.angles_near(linkage, DISTANCES))
     assert (error <= case.MAX_UNITS * case.EPS * condition).all()
     # the condition grows as the inverse square root of the distance
     assert condition[0] / condition[2] == pytest.approx(1e5, rel=0.5)

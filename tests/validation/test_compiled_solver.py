@@ -11,7 +11,7 @@ def cache_folder(monkeypatch, tmp_path):
 
 def test_a_generated_solver_satisfies_the_limits(tmp_path, capsys):
     assert compiled_solver.study("four_bar", tmp_path)
-    name, unknowns, *_, error, float_error, _size = capsys.readouterr().out.strip("| \n").split(" | ")
+    name, unknowns, *_, error, float_error, _kilobytes = capsys.readouterr().out.strip("| \n").split(" | ")
     assert (name, unknowns) == ("four_bar", "2")
     assert float(error) <= compiled_solver.ALLOWED < 1e-8 < float(float_error) < 1e-5
 

@@ -37,9 +37,9 @@ def problem(request):
     return problems.make_problem(request.param)
 
 
-def solved(module: str, problem, family: str, steps: int):
+def solved(module: str, problem, series: str, steps: int):
     peer = importlib.import_module(module)
-    setting = next(item for item in peer.settings(problem) if (item.family, item.steps) == (family, steps))
+    setting = next(item for item in peer.settings(problem) if (item.series, item.steps) == (series, steps))
     # floating-point warnings of other packages are ignored
     with np.errstate(all="ignore"):
         _, result = peer.build(problem, setting).run()
@@ -60,15 +60,15 @@ def test_the_start_is_closed_with_rates_of_the_closed_form(problem):
     for link in ("crank", "rocker"):
         rate = (after.joints[link].value - before.joints[link].value) / (2.0 * step) * problem.speed
         assert problem.hinge(link).rate == pytest.approx(rate[0], rel=1e-8)
-    (at_crank, near), _ = problem.coupler_ends
+    (at_crank, pin), _ = problem.coupler_ends
     coupler, crank = problem.link("coupler"), problem.hinge("crank")
     tip = crank.path(at_crank, np.array([crank.angle]))[0]
-    assert np.abs(coupler.position[0] + coupler.rotation[0] @ near - tip).max() < 1e-15
+    assert np.abs(coupler.position[0] + coupler.rotation[0] @ pin - tip).max() < 1e-15
 
 
 def test_a_known_displacement_is_the_reported_error(problem):
     angles = problem.angles(20)
-    result = {name: place.copy() for name, place in problem.closed_form.positions(angles).items()}
+    result = {name: position.copy() for name, position in problem.closed_form.positions(angles).items()}
     next(iter(result.values()))[7, 1] += 1e-6 * problem.crank
     assert problems.position_errors(problem, angles, result).position == pytest.approx(1e-6, rel=1e-6)
 
@@ -127,8 +127,8 @@ def test_each_peer_solves_the_same_problem(problem, module):
         pytest.importorskip(package, reason=f"{package} is not installed: {protocol.EXTRA}")
     if not importlib.import_module(module).settings(problem):
         pytest.skip(f"{module} cannot state {problem.name}")
-    family, steps, bound = BEST[module]
-    assert solved(module, problem, family, steps).position < bound
+    series, steps, limit = BEST[module]
+    assert solved(module, problem, series, steps).position < limit
 
 
 def test_a_missing_peer_is_reported_and_the_others_run(monkeypatch, capsys):
@@ -138,7 +138,7 @@ def test_a_missing_peer_is_reported_and_the_others_run(monkeypatch, capsys):
         protocol.load("by_exudyn")
     monkeypatch.setattr(importlib.import_module("by_mechsim"), "STEPS", (20,))
     rows = compare.measure(("by_exudyn", "by_mechsim"), names=("four_bar",), rounds=1)
-    assert "mechsim, configurations in MuJoCo" in {row.family for row in rows}
+    assert "mechsim, configurations in MuJoCo" in {row.series for row in rows}
     output = capsys.readouterr().err.splitlines()
     assert len(output) == 1
     assert ".[peers]" in output[0]

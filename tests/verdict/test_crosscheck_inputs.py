@@ -84,21 +84,21 @@ def _with_slide_along(mechanism: Mechanism, axis) -> Mechanism:
 class WrongClosedForm:
     """A wrong closed form: its rocker point is off by a thousandth."""
 
-    drive: ClosedForm
+    solver: ClosedForm
 
     def solve(self, *arguments):
-        motion = self.drive.solve(*arguments)
+        motion = self.solver.solve(*arguments)
         p3 = motion.points["P3"]
         return replace(motion, points={**motion.points, "P3": replace(p3, position=1.001 * p3.position)})
 
     def assembly_sign(self, points):
-        return self.drive.assembly_sign(points)
+        return self.solver.assembly_sign(points)
 
 
 def test_a_wrong_closed_form_fails():
     linkage = catalog.make("rssr")
     run = simulate(linkage.mechanism, speed=SPEED, samples=36, method="step")
-    assert not crosscheck(run.motion, WrongClosedForm(drive=linkage)).passed
+    assert not crosscheck(run.motion, WrongClosedForm(solver=linkage)).passed
 
 
 @pytest.mark.parametrize("name", grid(SWINGING))

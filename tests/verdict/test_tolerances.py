@@ -23,7 +23,7 @@ from mechsim.verdict.tolerances import EPS, RATES, WELL_CONDITIONED, Requested, 
 N = 5
 ANGLE = np.linspace(0.2, 3.0, N)
 FLAT = np.zeros((N, 3))
-ONES = np.ones(N)
+UNIT = np.ones(N)
 
 
 # tolerances
@@ -99,9 +99,9 @@ def test_a_tolerance_of_zero_is_exceeded_by_any_error():
 
 def test_a_failed_verdict_lists_at_most_three_quantities():
     beyond = [
-        check_of("loop", "", k * ONES, ANGLE, Tolerance(0.5, "m", "")) for k in (1.0, 2.0, 3.0, 4.0, 5.0)
+        check_of("loop", "", k * UNIT, ANGLE, Tolerance(0.5, "m", "")) for k in (1.0, 2.0, 3.0, 4.0, 5.0)
     ]
-    within = check_of("loop", "", 0.1 * ONES, ANGLE, Tolerance(0.5, "m", ""))
+    within = check_of("loop", "", 0.1 * UNIT, ANGLE, Tolerance(0.5, "m", ""))
     assert concluded([within]) == Verdict("passed", (within,))
     assert concluded([within], lambda: 1.0).outcome == "passed"
     names = "loop residual by 2 times, loop residual by 4 times, loop residual by 6 times"
@@ -111,7 +111,7 @@ def test_a_failed_verdict_lists_at_most_three_quantities():
     assert concluded(beyond, lambda: None).outcome == "failed"
     moved = concluded(beyond, lambda: 1.23456)
     assert (moved.outcome, moved.reason) == ("changed assembly", "first seen at crank angle 1.2346 rad")
-    undefined = check_of("loop", "", np.nan * ONES, ANGLE, Tolerance(0.5, "m", ""))
+    undefined = check_of("loop", "", np.nan * UNIT, ANGLE, Tolerance(0.5, "m", ""))
     assert concluded([within, undefined]).outcome == "diverged"
     assert within.passed
     assert concluded([within]).passed
@@ -120,7 +120,7 @@ def test_a_failed_verdict_lists_at_most_three_quantities():
 
 def test_a_verdict_prints_outcome_reason_and_checks():
     within, beyond, undefined = (
-        check_of("loop", "", error * ONES, ANGLE, Tolerance(0.5, "m", "why")) for error in (0.25, 1.0, np.nan)
+        check_of("loop", "", error * UNIT, ANGLE, Tolerance(0.5, "m", "why")) for error in (0.25, 1.0, np.nan)
     )
     assert [" ".join(str(check).split()) for check in (within, beyond, undefined)] == [
         "loop residual 2.50e-01 <= 5.0e-01 m at 0.2000 rad (why)",
@@ -173,7 +173,7 @@ def test_scales_of_a_motion_are_products_of_its_lengths_and_speeds():
 
 
 def moving(path, **more):
-    return Motion("user", ANGLE, ONES, 0.0 * ONES, {"P": PointMotion(path, FLAT, FLAT)}, **more)
+    return Motion("user", ANGLE, UNIT, 0.0 * UNIT, {"P": PointMotion(path, FLAT, FLAT)}, **more)
 
 
 def test_stroke_and_reach_of_a_path_are_its_extents():
@@ -203,7 +203,7 @@ def forces_of(force, torque=(3.0, -4.0, 0.0, 0.0, 0.0), kinetic=(-2.0, 1.0, 0.0,
         "characteristic_length": 0.2,
         "time": None,
         "angle": ANGLE,
-        "speed": -5.0 * ONES,
+        "speed": -5.0 * UNIT,
         "gears": {},
         **zeros,
     }
@@ -295,17 +295,17 @@ def test_the_conditioning_of_the_exact_motion_has_priority():
             return self.exact
 
         def conditioning(self, exact):
-            return 0.25 * WELL_CONDITIONED * ONES
+            return 0.25 * WELL_CONDITIONED * UNIT
 
-    simulated = replace(EXACT, source="step", conditioning=0.5 * WELL_CONDITIONED * ONES)
+    simulated = replace(EXACT, source="step", conditioning=0.5 * WELL_CONDITIONED * UNIT)
     power = QUANTITIES["velocity"].bounds["step"].power
 
     def widened(solver):
         check = next(item for item in crosscheck(simulated, solver).checks if item.kind == "velocity")
-        sound = crosscheck(replace(simulated, conditioning=None), Solver(WELL_CONDITIONED * ONES)).checks
+        sound = crosscheck(replace(simulated, conditioning=None), Solver(WELL_CONDITIONED * UNIT)).checks
         return check.tolerance / next(item.tolerance for item in sound if item.kind == "velocity")
 
-    assert widened(Solver(0.125 * WELL_CONDITIONED * ONES)) == pytest.approx(8.0**power)
+    assert widened(Solver(0.125 * WELL_CONDITIONED * UNIT)) == pytest.approx(8.0**power)
     assert widened(Solver()) == pytest.approx(4.0**power)
     assert widened(Solver(links=False)) == pytest.approx(2.0**power)
 
@@ -350,7 +350,7 @@ def test_the_drive_is_checked_if_its_speed_is_known():
     assert {check.kind for check in crosscheck(EXACT, exact).checks} >= {"drive speed"}
     uneven = replace(exact, speed=np.linspace(1.0, 1.1, N))
     assert not {"drive", "drive speed"} & {check.kind for check in crosscheck(EXACT, uneven).checks}
-    fast = crosscheck(replace(EXACT, time=time, speed=1.5 * ONES), exact, speed=1.5)
+    fast = crosscheck(replace(EXACT, time=time, speed=1.5 * UNIT), exact, speed=1.5)
     assert {check.kind for check in fast.checks if not check.passed} == {"drive"}
 
 

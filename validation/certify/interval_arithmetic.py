@@ -55,8 +55,8 @@ def by_nextafter(angles, radius):
         sine, cosine = Ball(column, np.full(n, radius)).sin_cos()
         for (i, j), entry in {(0, 0): cosine, (0, 1): -sine, (1, 0): sine, (1, 1): cosine}.items():
             rotation[0][:, i, j], rotation[1][:, i, j] = widened(entry.mid - entry.rad, entry.mid + entry.rad)
-        for bound in rotation:
-            bound[:, 2, 2] = 1.0
+        for limit in rotation:
+            limit[:, 2, 2] = 1.0
         total = matrix_product(matrix_product(total, rotation), inclined)
     return 0.5 * (total[0] + total[1]), 0.5 * (total[1] - total[0])
 

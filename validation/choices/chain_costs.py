@@ -53,8 +53,8 @@ def chain(linkage: FourBar, n: int) -> mujoco.MjSpec:
         length = linkage.coupler if k == 1 else linkage.ground
         coupler = _link(before, f"coupler{k}", np.array([arm, 0.0, 0.0]), tip - tail, length, before)
         coupler.add_site(name=f"B{k}@coupler", pos=(length, 0.0, 0.0))
-        kind, of = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
-        spec.add_equality(name=f"B{k}", type=kind, objtype=of, name1=f"B{k}@coupler", name2=f"B{k}")
+        kind, kind_of_ends = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
+        spec.add_equality(name=f"B{k}", type=kind, objtype=kind_of_ends, name1=f"B{k}@coupler", name2=f"B{k}")
         links.append(rocker)
     return spec
 
@@ -90,7 +90,7 @@ def measured(linkage: FourBar, n: int) -> list[dict[str, Any]]:
     bare = {name: Bare(model, STEPS, _using(jacobian)) for name, jacobian in JACOBIANS.items()}
     for _ in range(ROUNDS[n]):
         for item in bare.values():
-            item.turn()
+            item.time_revolution()
     positions = [item.loops.posed.site_positions(item.qpos) for item in bare.values()]
     gap = float(np.abs(positions[0] - positions[1]).max()) / linkage.crank
     assert gap <= EQUAL_TIME, f"dense and sparse differ by {gap:.1e} cranks in a chain of {n}"

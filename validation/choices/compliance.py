@@ -5,7 +5,7 @@ rows repeat each other, without weight at 600 rpm; 1,000 steps. Reference: the p
 own places, to 1e-16 m. Errors are the worst distance of a tracked point in m. Newton's method finds
 accelerations; MuJoCo's noslip pass, which a run leaves out, takes them from forces, with all their rounding.
 
-Softness is proportional to compliance: the script exits with 1 where a hundredth of the compliance does not
+The error is proportional to compliance: the script exits with 1 where a hundredth of the compliance does not
 leave a hundredth of the error, within 5 %, of the slow five-bar.
 
 Run: python validation/choices/compliance.py [--out DIR]

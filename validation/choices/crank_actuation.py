@@ -1,7 +1,7 @@
 """How the crank is best driven: a flywheel, a velocity servo, a position servo, a motor fed forward.
 
 Three mechanisms, one turn at 600 rpm, 1,000 steps; links of 1 kg, so that the load is heavy next to the
-crank's own inertia. Drive errors: of the speed, relative; of the angle, in rad, against the angle wanted
+crank's own inertia. Drive errors: of the speed, relative; of the angle, in rad, against the requested angle
 at that time. The place error of the driven point is against the closed form at the crank angle really
 reached, in units of the crank: what the drive adds to the error of the loop. inf: blew up.
 
@@ -34,59 +34,59 @@ NO_FLYWHEEL = 1e-9
 
 
 @dataclass(frozen=True)
-class Drive:
+class Actuation:
     """A way to drive the crank.
 
     Attributes:
         name: for the table.
         settings: of the run; the softer loop is what the low-order integrators need.
-        proportional: position gain in units of inertia over step squared; counts from the angle wanted.
+        proportional: position gain in units of inertia over step squared; counts from the requested angle.
         derivative: velocity gain in units of inertia over step.
-        fed: whether the torque that inverse dynamics asks for is added.
+        feed_forward: whether the torque that inverse dynamics asks for is added.
     """
 
     name: str
     settings: Settings
     proportional: float = 0.0
     derivative: float = 0.0
-    fed: bool = False
+    feed_forward: bool = False
 
 
 HARD = Settings(steps_per_turn=STEPS, drive_inertia=NO_FLYWHEEL)
 SOFT = replace(HARD, compliance=1.0, constant_steps=2.0)
-DRIVES = (
-    Drive("flywheel 1e9", replace(HARD, drive_inertia=1e9)),
-    Drive("flywheel 1e3", replace(HARD, drive_inertia=1e3)),
-    Drive("velocity servo", HARD, derivative=1.0),
-    Drive("velocity servo x 1e4", replace(SOFT, integrator="implicitfast"), derivative=1e4),
-    Drive("velocity servo x 10", replace(SOFT, integrator="discrete"), derivative=10.0),
-    Drive("position servo", HARD, proportional=0.1, derivative=0.6),
-    Drive("position servo x 10", replace(SOFT, integrator="implicitfast"), 1.0, 10.0),
-    Drive("position servo x 10", replace(SOFT, integrator="discrete"), 1.0, 10.0),
-    Drive("fed-forward motor", HARD, fed=True),
-    Drive("fed-forward motor + servo", HARD, 0.1, 0.6, fed=True),
+ACTUATIONS = (
+    Actuation("flywheel 1e9", replace(HARD, drive_inertia=1e9)),
+    Actuation("flywheel 1e3", replace(HARD, drive_inertia=1e3)),
+    Actuation("velocity servo", HARD, derivative=1.0),
+    Actuation("velocity servo x 1e4", replace(SOFT, integrator="implicitfast"), derivative=1e4),
+    Actuation("velocity servo x 10", replace(SOFT, integrator="discrete"), derivative=10.0),
+    Actuation("position servo", HARD, proportional=0.1, derivative=0.6),
+    Actuation("position servo x 10", replace(SOFT, integrator="implicitfast"), 1.0, 10.0),
+    Actuation("position servo x 10", replace(SOFT, integrator="discrete"), 1.0, 10.0),
+    Actuation("fed-forward motor", HARD, feed_forward=True),
+    Actuation("fed-forward motor + servo", HARD, 0.1, 0.6, feed_forward=True),
 )
 
 
 class Rig:
     """A mechanism ready to be driven: its model, the angles it should pass, the control of each step."""
 
-    def __init__(self, name: str, drive: Drive):
-        self.exact, self.drive = catalog.make(name), drive
+    def __init__(self, name: str, actuation: Actuation):
+        self.exact, self.actuation = catalog.make(name), actuation
         spec = assembled(self.exact.mechanism, Scene())
         spec.add_actuator(name="motor", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="crank")
         model = spec.compile()
         self.loops, self.dt = read_loops(model), HARD.timestep(SPEED)
-        drive.settings.apply(self.loops, self.dt)
+        actuation.settings.apply(self.loops, self.dt)
         self.angle = model.qpos0[self.loops.crank_address] + SPEED * self.dt * np.arange(STEPS + 1)
         torque, inertia = self._inverse_dynamics()
-        stiff = drive.proportional * inertia / self.dt**2
-        damping = drive.derivative * inertia / self.dt
+        stiff = actuation.proportional * inertia / self.dt**2
+        damping = actuation.derivative * inertia / self.dt
         model.actuator_biastype[0] = int(mujoco.mjtBias.mjBIAS_AFFINE)
         model.actuator_biasprm[0, 1:3] = -stiff, -damping
         # a target held over a step is right in its middle for RK4, at its end for implicit integrators
-        target = self.angle[1:] - (0.5 * SPEED * self.dt if drive.settings.integrator == "RK4" else 0.0)
-        self.control = stiff * target + damping * SPEED + (torque if drive.fed else 0.0)
+        target = self.angle[1:] - (0.5 * SPEED * self.dt if actuation.settings.integrator == "RK4" else 0.0)
+        self.control = stiff * target + damping * SPEED + (torque if actuation.feed_forward else 0.0)
 
     def _inverse_dynamics(self) -> tuple[np.ndarray, float]:
         """Return the torque in the middle of each step, by virtual work, and the crank's least inertia."""
@@ -125,8 +125,8 @@ class Rig:
         qpos, qvel = out["qpos"][0], out["qvel"][0]
         row: dict[str, Any] = {
             "mechanism": self.exact.name,
-            "drive": self.drive.name,
-            "integrator": self.drive.settings.integrator,
+            "drive": self.actuation.name,
+            "integrator": self.actuation.settings.integrator,
             "speed": np.inf,
             "angle": np.inf,
             "place": np.inf,
@@ -153,7 +153,7 @@ def plot(rows: list[dict[str, Any]], out: Path) -> None:
     for name in dict.fromkeys(row["mechanism"] for row in rows):
         mine = [row for row in rows if row["mechanism"] == name]
         axis.loglog([r["speed"] for r in mine], [r["place"] for r in mine], "o", label=name)
-    for row in rows[: len(DRIVES)]:
+    for row in rows[: len(ACTUATIONS)]:
         axis.annotate(f"{row['drive']} ({row['integrator']})", (row["speed"], row["place"]), fontsize=6)
     axis.set(xlabel="worst drive error, of speed", ylabel="worst place error at the angle reached [crank]")
     axis.grid(alpha=0.3)
@@ -166,7 +166,7 @@ def main() -> None:
     out = sheet.folder(__doc__ or "")
     rows: list[dict[str, Any]] = []
     for name in ("rssr", "four_bar", "slider_crank"):
-        rigs = [Rig(name, drive) for drive in DRIVES]
+        rigs = [Rig(name, actuation) for actuation in ACTUATIONS]
         result = [rig.run() for rig in rigs]
         for _ in range(REPEATS - 1):
             for row, rig in zip(result, rigs, strict=True):

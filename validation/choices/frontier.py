@@ -117,8 +117,8 @@ def projected(subject: Subject) -> Point:
 def solved(subject: Subject) -> Point:
     """Solve every pose by itself."""
     built = subject.built
-    at = np.linspace(0.0, built.profile.duration, MAX_SAMPLES_PER_TURN + 1)
-    angles = built.profile.state(at)[0]
+    instants = np.linspace(0.0, built.profile.duration, MAX_SAMPLES_PER_TURN + 1)
+    angles = built.profile.state(instants)[0]
 
     def poses() -> np.ndarray:
         return follow.follow(read_loops(built.closed.model), built.start[0], angles)
@@ -128,15 +128,15 @@ def solved(subject: Subject) -> Point:
         poses()
         return time.process_time() - begin
 
-    return Point("poses", 0, subject.errors(_evaluated(subject, at, poses())), again)
+    return Point("poses", 0, subject.errors(_evaluated(subject, instants, poses())), again)
 
 
-def _evaluated(subject: Subject, at: np.ndarray, qpos: np.ndarray) -> Motion:
+def _evaluated(subject: Subject, instants: np.ndarray, qpos: np.ndarray) -> Motion:
     """Return the motion at closed states: rates and accelerations are those that keep the loops closed."""
     loops = read_loops(subject.built.closed.model)
-    _, speed, acceleration = subject.built.profile.state(at)
+    _, speed, acceleration = subject.built.profile.state(instants)
     rates = loop_jacobian.tangent(loops, loops.linearise(qpos)[1]) * speed[:, None]
-    states = States(at, qpos, rates)
+    states = States(instants, qpos, rates)
     return evaluate(loops, subject.built.closed.track, states, "pose", crank_acceleration=acceleration)
 
 

@@ -51,8 +51,10 @@ def polygons(count: int, sides: int) -> mujoco.MjSpec:
             name2=f"{k}.foot",
         )
         if k:
-            kind, of = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
-            gear = spec.add_equality(type=kind, objtype=of, name1=f"{k}.0", name2=f"{k - 1}.{sides // 2}")
+            kind, kind_of_ends = mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtObj.mjOBJ_JOINT
+            gear = spec.add_equality(
+                type=kind, objtype=kind_of_ends, name1=f"{k}.0", name2=f"{k - 1}.{sides // 2}"
+            )
             gear.data[:5] = 0.0, 1.0, 0.0, 0.0, 0.0
     return spec
 
@@ -69,8 +71,8 @@ def tangle(random: np.random.Generator) -> mujoco.MjSpec:
         bodies.append(body)
     for _ in range(int(random.integers(1, count))):
         a, b = random.choice(count, 2, replace=False)
-        kind, of = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_BODY
-        spec.add_equality(type=kind, objtype=of, name1=f"{a}", name2=f"{b}").data[:3] = 0.0
+        kind, kind_of_ends = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_BODY
+        spec.add_equality(type=kind, objtype=kind_of_ends, name1=f"{a}", name2=f"{b}").data[:3] = 0.0
     return spec
 
 

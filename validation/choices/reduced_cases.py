@@ -39,18 +39,18 @@ class Case:
     @property
     def keep(self) -> set[str]:
         """Names of bodies that stay bodies."""
-        return {part for text in self.track for part in text.partition("@")[0].split(",")}
+        return {body for text in self.track for body in text.partition("@")[0].split(",")}
 
     def scene(self, folder: Path) -> UserScene:
         """Return the scene and its motion, its file in a folder."""
-        form = load(str(folder / Path(self.file).name), drive=self.drive, track=self.track, key=self.key)
+        solver = load(str(folder / Path(self.file).name), drive=self.drive, track=self.track, key=self.key)
         return scene_of(
-            form.source,
-            form.mechanism,
-            joint_laws=dict(form.motion_laws.by_name),
+            solver.source,
+            solver.mechanism,
+            joint_laws=dict(solver.motion_laws.by_name),
             ctrl=control_laws(self.ctrl),
             duration=self.duration,
-            points=dict(form.mechanism.points),
+            points=dict(solver.mechanism.points),
             key=self.key,
         )
 

@@ -94,8 +94,8 @@ def rod_only(linkage: ClosedForm, ends: tuple[str, str]) -> mujoco.MjSpec:
     tendon = spec.add_tendon(name="rod")
     for site in ends:
         tendon.wrap_site(site)
-    kind, of = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
-    spec.add_equality(name="rod", type=kind, objtype=of, name1="rod", active=False)
+    kind, kind_of_ends = mujoco.mjtEq.mjEQ_TENDON, mujoco.mjtObj.mjOBJ_TENDON
+    spec.add_equality(name="rod", type=kind, objtype=kind_of_ends, name1="rod", active=False)
     return spec
 
 
@@ -107,8 +107,8 @@ def doubly_closed(linkage: ClosedForm) -> mujoco.MjSpec:
         if "@" in site.name:
             position = np.add(site.pos, (0.0, 0.0, linkage.mechanism.characteristic_length))
             names.append(site.parent.add_site(name=f"{site.name}+", pos=position).name)
-    kind, of = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
-    spec.add_equality(name="second", type=kind, objtype=of, name1=names[0], name2=names[1])
+    kind, kind_of_ends = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtObj.mjOBJ_SITE
+    spec.add_equality(name="second", type=kind, objtype=kind_of_ends, name1=names[0], name2=names[1])
     return spec
 
 
@@ -139,7 +139,7 @@ def measured(linkage: ClosedForm, ends: tuple[str, str]) -> list[dict[str, Any]]
         bare[name] = Bare(mjcf.compiled(spec), STEPS, change or (lambda _: None), like)
     for _ in range(ROUNDS):
         for item in bare.values():
-            item.turn()
+            item.time_revolution()
     return [_row(linkage, name, item, bare["level motion"].microseconds) for name, item in bare.items()]
 
 

@@ -48,7 +48,7 @@ class Bare:
         change(self.loops.model)
         self.qpos, self.times, self.broken = self.start[0], list[float](), False
 
-    def turn(self) -> None:
+    def time_revolution(self) -> None:
         """Step one turn and note the time."""
         sims = batch.Batch(self.loops.model, 1, 1)
         sims.bind("qpos")[:], sims.bind("qvel")[:] = self.start
@@ -73,8 +73,12 @@ class Bare:
         """Return the worst distance of sites from where they should be, name -> (steps, 3), in [m]."""
         if self.broken or not np.isfinite(self.qpos).all():
             return float("inf")
-        places, model = self.loops.posed.site_positions(self.qpos), self.loops.model
-        gaps = [places[:, model.site(name).id] - place for name, place in exact.items() if _has(model, name)]
+        positions, model = self.loops.posed.site_positions(self.qpos), self.loops.model
+        gaps = [
+            positions[:, model.site(name).id] - position
+            for name, position in exact.items()
+            if _has(model, name)
+        ]
         return float(np.sqrt((np.stack(gaps) ** 2).sum(-1)).max())
 
 
@@ -87,8 +91,8 @@ def _start(model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
 def _start_like(model: mujoco.MjModel, like: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
     qpos, qvel = _start(like)
     names = [model.joint(i).name for i in range(model.njnt)]
-    places = [like.joint(name).qposadr[0] for name in names]
-    return qpos[:, places], qvel[:, [like.joint(name).dofadr[0] for name in names]]
+    addresses = [like.joint(name).qposadr[0] for name in names]
+    return qpos[:, addresses], qvel[:, [like.joint(name).dofadr[0] for name in names]]
 
 
 def _has(model: mujoco.MjModel, site: str) -> bool:

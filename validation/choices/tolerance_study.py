@@ -48,8 +48,8 @@ def counted() -> Iterator[list[float]]:
     times: list[float] = []
     step = driven_run.step
 
-    def counting(*given: Any, **options: Any) -> Any:
-        steps = step(*given, **options)
+    def counting(*args: Any, **options: Any) -> Any:
+        steps = step(*args, **options)
         times.append(steps.processor)
         return steps
 
@@ -163,15 +163,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", metavar="NAME", help="one mechanism of the catalogue")
     parser.add_argument("--out", type=Path, help="folder for the table as CSV and the plot as PNG")
-    asked = parser.parse_args()
-    random, rows = np.random.default_rng(asked.seed), []
-    for linkage in drives(random, asked.count, asked.only):
+    options = parser.parse_args()
+    random, rows = np.random.default_rng(options.seed), []
+    for linkage in drives(random, options.count, options.only):
         speed, fraction = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, FRACTION))
         rows.append(measured(linkage, units.rpm(speed), fraction))
-    if asked.out is not None:
-        asked.out.mkdir(parents=True, exist_ok=True)
-        plot(rows, asked.out)
-    sheet.show(rows, asked.out, "tolerance_study")
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+        plot(rows, options.out)
+    sheet.show(rows, options.out, "tolerance_study")
     print(*fractions(rows), sep="\n")
 
 

@@ -41,8 +41,8 @@ TIMED = 5
 
 def true_error(run: Driven, model: DynamicModel) -> float:
     """Return the worst error of torque and reactions, relative as `tolerance` is."""
-    asked = {"drive torque", "force", "moment", "gear torque"}
-    checks = [check for check in crosscheck_driven(run, model).checks if check.kind in asked]
+    kinds = {"drive torque", "force", "moment", "gear torque"}
+    checks = [check for check in crosscheck_driven(run, model).checks if check.kind in kinds]
     return max(check.worst / _scale(check.reason) for check in checks)
 
 
@@ -99,13 +99,13 @@ def ladder() -> Iterator[dict[str, Any]]:
             exact = dynamics.prescribed(
                 model, runs[0].motion.angle, runs[0].motion.speed, runs[0].motion.acceleration
             ).forces
-            gap, size = runs[0].forces.torque - exact.torque, np.sqrt(np.mean(exact.torque**2))
+            gap, scale = runs[0].forces.torque - exact.torque, np.sqrt(np.mean(exact.torque**2))
             yield {
                 "mechanism": name,
                 "steps a turn": steps or "72 poses",
                 "ms a turn": 1e3 * float(np.median([run.seconds for run in runs])),
-                "torque, RMS": float(np.sqrt(np.mean(gap**2)) / size),
-                "torque, worst": float(np.abs(gap).max() / size),
+                "torque, RMS": float(np.sqrt(np.mean(gap**2)) / scale),
+                "torque, worst": float(np.abs(gap).max() / scale),
                 "with reactions": true_error(runs[0], model),
             }
 
@@ -139,18 +139,18 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--ladder", action="store_true")
     parser.add_argument("--out", type=Path, help="folder for the table as CSV")
-    asked = parser.parse_args()
-    if asked.out is not None:
-        asked.out.mkdir(parents=True, exist_ok=True)
-    if asked.ladder:
-        sheet.show(list(ladder()), asked.out, "torque_ladder")
+    options = parser.parse_args()
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+    if options.ladder:
+        sheet.show(list(ladder()), options.out, "torque_ladder")
         return
     rows, begin = [], time.perf_counter()
-    random = np.random.default_rng(asked.seed)
-    for closed_form in drives(random, asked.count):
+    random = np.random.default_rng(options.seed)
+    for closed_form in drives(random, options.count):
         speed, fraction = (float(np.exp(random.uniform(*np.log(sorted(ends))))) for ends in (RPM, FRACTION))
         rows.append(prescribed(closed_form, units.rpm(speed), fraction))
-    sheet.show(rows, asked.out, "torque_tolerance")
+    sheet.show(rows, options.out, "torque_tolerance")
     print(*fractions(rows), f"{time.perf_counter() - begin:.0f} s", sep="\n")
 
 

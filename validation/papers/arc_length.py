@@ -75,7 +75,7 @@ class Route(Protocol):
         ...
 
     @property
-    def size(self) -> float:
+    def scale(self) -> float:
         """Characteristic length of the curve, in the unit of its coordinates."""
         ...
 
@@ -128,10 +128,10 @@ def trace(
         0.0,
         y,
         end,
-        first_step=min(1e-3 * route.size, end),
-        max_step=0.25 * route.size if longest is None else longest,
+        first_step=min(1e-3 * route.scale, end),
+        max_step=0.25 * route.scale if longest is None else longest,
         rtol=tolerance,
-        atol=tolerance * route.size,
+        atol=tolerance * route.scale,
     )
     plane = first.mark_rate / (first.mark_rate @ first.mark_rate)
     while str(solver.status) == "running":
@@ -184,7 +184,7 @@ def _corrected_start(route: Route, start: Array, direction: ArrayLike | None) ->
         moved = float(np.linalg.norm(y - start))
     except AssemblyError as error:
         raise InputError(f"{route.name}: no point of the curve is near the start; {error}") from error
-    if not moved <= 1e-6 * route.size:
+    if not moved <= 1e-6 * route.scale:
         raise InputError(
             f"{route.name}: the start is {moved:.3g} off the curve; the nearest point of it is {y.tolist()}"
         )
@@ -223,13 +223,13 @@ def _closed_curve_end(
     """Return the end of a closed curve, its length and the iterations, if the last step passed the start."""
     dense = solver.dense_output()
     q = root(lambda s: float(plane @ route.gap(dense(s), start)), float(solver.t_old or 0.0), float(solver.t))
-    if not np.linalg.norm(route.gap(dense(q), start)) <= 1e-3 * route.size:
+    if not np.linalg.norm(route.gap(dense(q), start)) <= 1e-3 * route.scale:
         return None
     y, first_iterations = route.corrected(dense(q))
     frame = route.frame(y, first.tangent)
     gap, tangent_change = route.gap(y, start), frame.mark_rate - first.mark_rate
     same_direction = np.linalg.norm(tangent_change) <= 1e-3 * np.linalg.norm(first.mark_rate)
-    if not (np.linalg.norm(gap) <= 1e-6 * route.size and same_direction):
+    if not (np.linalg.norm(gap) <= 1e-6 * route.scale and same_direction):
         return None
     excess = float(plane @ gap)
     end, more_iterations = route.corrected(y - excess * frame.tangent)

@@ -21,14 +21,14 @@ class System:
         residual: F, (n,) -> (m,); m >= n - 1, of which n - 1 are independent.
         jacobian: dF/dx, (n,) -> (m, n); None takes central differences over
             6e-6 of the size, accurate to about 1e-10 for functions that vary over the size.
-        size: typical size of the curve, in the unit of the coordinates.
+        scale: typical size of the curve, in the unit of the coordinates.
         periods: of each coordinate, 0 if it has none; whole periods count as zero distance.
         name: for messages.
     """
 
     residual: Callable[[Array], Array]
     jacobian: Callable[[Array], Array] | None = None
-    size: float = 1.0
+    scale: float = 1.0
     periods: tuple[float, ...] = ()
     name: str = "curve"
 
@@ -56,8 +56,8 @@ class System:
             step = vt[:rank].T @ ((u[:, :rank].T @ residual) / inverse)
             y = y - step
             step_length = float(np.linalg.norm(step))
-            converged = step_length <= 1e-9 * self.size and step_length >= 0.25 * before
-            if converged or step_length <= 4.0 * EPS * max(self.size, float(np.abs(y).max())):
+            converged = step_length <= 1e-9 * self.scale and step_length >= 0.25 * before
+            if converged or step_length <= 4.0 * EPS * max(self.scale, float(np.abs(y).max())):
                 return y, count
             before = step_length
         raise AssemblyError(f"{self.name}: Newton's method does not converge near {y.tolist()}")
@@ -87,7 +87,7 @@ class System:
         return residual / gradient_norm, jacobian / gradient_norm[:, None]
 
     def _differences(self, y: Array) -> Array:
-        steps = np.eye(len(y)) * EPS ** (1 / 3) * np.maximum(self.size, np.abs(y))
+        steps = np.eye(len(y)) * EPS ** (1 / 3) * np.maximum(self.scale, np.abs(y))
         forward, backward = (
             [np.atleast_1d(self.residual(y + sign * step)) for step in steps] for sign in (1, -1)
         )

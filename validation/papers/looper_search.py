@@ -71,9 +71,9 @@ def _best_valid(
 ) -> Synthesis | None:
     """Return the best valid result over searches with each margin; None if there is none."""
     valid: list[Synthesis] = []
-    for margin in MARGINS:
+    for clearance in MARGINS:
         try:
-            result = _search_result(length, base, conditions, bounds, margin, seed)
+            result = _search_result(length, base, conditions, bounds, clearance, seed)
         except InputError:
             # the path of the trial turns back just before the end of the line
             continue
@@ -89,14 +89,14 @@ def _search_result(
     base: Looper,
     conditions: Conditions,
     bounds: list[tuple[float, float]],
-    margin: float,
+    clearance: float,
     seed: int,
 ) -> Synthesis | None:
     crank = base.crank
 
     def total_cost(x: Array) -> Array:
         with np.errstate(all="ignore"):
-            return cost(trials_of(x, base), length / crank, base, conditions, margin)
+            return cost(trials_of(x, base), length / crank, base, conditions, clearance)
 
     best: Any = differential_evolution(
         total_cost,

@@ -184,9 +184,9 @@ def main() -> int:
     rows = table()
     print(f"{'quantity':30} {'unit':4} {'printed':>9} {'expected':>9} {'mechsim':>9}")
     for row in rows:
-        mark = "" if row.passed else f"  FAILED, tolerance {row.tolerance}"
+        note = "" if row.passed else f"  FAILED, tolerance {row.tolerance}"
         values = f"{row.printed:>9} {row.expected:9.4f} {row.computed:9.4f}"
-        print(f"{row.quantity:30} {row.unit:4} {values}{mark}")
+        print(f"{row.quantity:30} {row.unit:4} {values}{note}")
     if options.out:
         for path in plot(options.out, Looper()):
             print(path, file=sys.stderr)

@@ -62,9 +62,11 @@ class Trials:
 
 def trials_of(x: Array, base: Looper) -> Trials:
     """Return the trials of the search variables, (3 or 6, m)."""
-    unit, ones = base.crank, np.ones(x.shape[1])
+    unit, unit_row = base.crank, np.ones(x.shape[1])
     coupler_values = (
-        x[3:] if len(x) > 3 else [base.coupler / unit * ones, base.arm / unit * ones, base.arm_angle * ones]
+        x[3:]
+        if len(x) > 3
+        else [base.coupler / unit * unit_row, base.arm / unit * unit_row, base.arm_angle * unit_row]
     )
     return Trials(coupler_values[0], coupler_values[1], coupler_values[2], x[0], x[1] + x[2], x[1])
 

@@ -69,7 +69,7 @@ def torus_sphere(rrsrr: Rrsrr) -> System:
         torus_gradient = _radial_term(rrsrr, s) * s - 2.0 * rrsrr.crank**2 * radial
         return np.array([4.0 * torus_gradient, 2.0 * (s - centre)])
 
-    return System(residual, jacobian, size=min(rrsrr.crank, rrsrr.link), name=rrsrr.name)
+    return System(residual, jacobian, scale=min(rrsrr.crank, rrsrr.link), name=rrsrr.name)
 
 
 def start_points(rrsrr: Rrsrr) -> list[Array]:

@@ -106,7 +106,9 @@ class CouplerCurves:
             crossed = (self.length_error(i[row], curve[row], extremum) < 0.0) != (value[row, column] < 0.0)
             row, column, extremum = row[crossed], column[crossed], extremum[crossed]
             brackets += [(row, t[column] - t[1], extremum), (row, extremum, t[column] + t[1])]
-            row, low, high = (np.concatenate(part) for part in zip(*brackets, strict=True))
+            row, low, high = (
+                np.concatenate(column_of_brackets) for column_of_brackets in zip(*brackets, strict=True)
+            )
             position, rotation = self.pose(i[row], curve[row], self._bisect(i[row], curve[row], low, high))
             position = position - rotation * self.b0[i[row]]
             for j, x, z in zip(i[row], position, rotation, strict=True):
@@ -159,7 +161,7 @@ def exact_count(pivots: Array, platform: Array, legs: Array) -> int:
         return sum(abs(abs(z) - 1) < mp.mpf(10) ** -25 for z in roots)
 
 
-def disagreements(poses: Array, others: list[Array], bound: float = POSE_TOLERANCE) -> NDArray[np.intp]:
+def disagreements(poses: Array, others: list[Array], limit: float = POSE_TOLERANCE) -> NDArray[np.intp]:
     """Return the triads for which the two methods give different poses."""
     different = []
     for j, other in enumerate(others):
@@ -167,7 +169,7 @@ def disagreements(poses: Array, others: list[Array], bound: float = POSE_TOLERAN
         if len(own_poses) == len(other):
             gap = abs(own_poses[:, None, :2] - other[None, :, :2]).max(-1)
             gap = np.maximum(gap, abs(np.exp(1j * own_poses[:, None, 2]) - np.exp(1j * other[None, :, 2])))
-            if len(own_poses) == 0 or (gap.min(0).max() < bound and gap.min(1).max() < bound):
+            if len(own_poses) == 0 or (gap.min(0).max() < limit and gap.min(1).max() < limit):
                 continue
         different.append(j)
     return np.array(different, dtype=np.intp)

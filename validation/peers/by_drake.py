@@ -105,13 +105,13 @@ class Linkage:
             joint.set_angle(context, problem.hinge(link).angle)
             joint.set_angular_rate(context, problem.hinge(link).rate)
         crank, coupler = problem.link("crank"), problem.link("coupler")
-        turn = crank.rotation[0].T @ coupler.rotation[0]
+        rotation_matrix = crank.rotation[0].T @ coupler.rotation[0]
         spin = crank.rotation[0].T @ (coupler.angular_velocity[0] - crank.angular_velocity[0])
         if problem.planar:
-            self.middle.set_angle(context, float(np.arctan2(turn[1, 0], turn[0, 0])))
+            self.middle.set_angle(context, float(np.arctan2(rotation_matrix[1, 0], rotation_matrix[0, 0])))
             self.middle.set_angular_rate(context, float(spin[2]))
         else:
-            self.middle.set_angles(context, RotationMatrix(turn).ToRollPitchYaw().vector())
+            self.middle.set_angles(context, RotationMatrix(rotation_matrix).ToRollPitchYaw().vector())
             self.middle.set_angular_velocity(context, spin)
 
     def angles(self, context: object) -> list[float]:
@@ -161,7 +161,7 @@ class Poses:
         self.crank_address = self.linkage.joints[0].position_start()
         self.rocker_address = self.linkage.joints[1].position_start()
         self.angles = problem.angles(setting.steps)
-        self.programs = [self._kinematics(angle) for angle in self.angles[1:]]
+        self.problems = [self._kinematics(angle) for angle in self.angles[1:]]
 
     def _kinematics(self, angle: float) -> InverseKinematics:
         linkage, zero = self.linkage, np.zeros(3)
@@ -181,7 +181,7 @@ class Poses:
 
     def run(self) -> tuple[float, Positions]:
         q, states, seconds = self.start, [self.start], 0.0
-        for kinematics in self.programs:
+        for kinematics in self.problems:
             begin = time.process_time()
             result = self.solver.Solve(kinematics.prog(), q, self.options)
             q = result.GetSolution(kinematics.q())

@@ -65,7 +65,7 @@ FAMILIES: dict[str, dict[str, Any]] = {
 def settings(problem: Problem) -> list[Implicit]:
     # a planar body has one angle in either representation
     kinds = {name: options for name, options in FAMILIES.items() if not (problem.planar and "Lie" in name)}
-    return [Implicit(family, n, **options) for family, options in kinds.items() for n in STEPS]
+    return [Implicit(series, n, **options) for series, options in kinds.items() for n in STEPS]
 
 
 def build(problem: Problem, setting: Implicit) -> "Solver":

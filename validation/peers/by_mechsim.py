@@ -42,11 +42,11 @@ class Stepped(Setting):
 
 def settings(problem: Problem) -> list[Setting]:
     stiff, default = (
-        [Stepped(family, n, settings=replace(base, steps_per_turn=n)) for n in STEPS]
-        for family, base in (("mechsim, stepped (RK4)", Settings()), ("MuJoCo's defaults (Euler)", MUJOCO))
+        [Stepped(series, n, settings=replace(base, steps_per_turn=n)) for n in STEPS]
+        for series, base in (("mechsim, stepped (RK4)", Settings()), ("MuJoCo's defaults (Euler)", MUJOCO))
     )
-    families = (CLOSED_FORM, LOOPS, COMPILED, "mechsim, configurations in MuJoCo")
-    solved = [Setting(family, n, poses=True) for family in families for n in POSES]
+    series_names = (CLOSED_FORM, LOOPS, COMPILED, "mechsim, configurations in MuJoCo")
+    solved = [Setting(series, n, poses=True) for series in series_names for n in POSES]
     return [*solved, *stiff, *default]
 
 
@@ -54,7 +54,7 @@ def build(problem: Problem, setting: Setting) -> Solver:
     if isinstance(setting, Stepped):
         return StepSolver(problem, setting)
     solvers = {CLOSED_FORM: ClosedFormSolver, LOOPS: LoopSolver, COMPILED: CompiledCode}
-    return solvers.get(setting.family, PoseSolver)(problem, setting)
+    return solvers.get(setting.series, PoseSolver)(problem, setting)
 
 
 # no force acts on the linkage except the drive torque

@@ -32,7 +32,7 @@ SOURCE = Path(__file__).with_name("pinocchio_newton.cpp")
 
 def settings(problem: Problem) -> list[Setting]:
     try:
-        program()
+        executable()
     except InputError as error:
         print(error, file=sys.stderr)
         return []
@@ -40,7 +40,7 @@ def settings(problem: Problem) -> list[Setting]:
 
 
 @cache
-def program() -> Path:
+def executable() -> Path:
     """Return the compiled program.
 
     Raises:
@@ -74,11 +74,11 @@ class Solver:
         for end in python_solver.ends:
             numbers += [*end]
         self.text = " ".join(repr(float(number)) for number in [*numbers, *python_solver.q])
-        program()
+        executable()
 
     def run(self) -> tuple[float, Positions]:
         output = subprocess.run(
-            [program()], input=self.text, capture_output=True, text=True, check=True
+            [executable()], input=self.text, capture_output=True, text=True, check=True
         ).stdout
         seconds, *angles = map(float, output.split())
         pairs = np.array(angles).reshape(-1, 2)

@@ -37,7 +37,7 @@ class Row:
     """One point of the plot.
 
     Attributes:
-        problem, family: name of the problem, and of the curve.
+        problem, series: name of the problem, and of the curve.
         steps: or configurations; 0 if the solver chooses them.
         ms: time of a revolution.
         position: largest position error in units of the crank; inf for an incomplete revolution.
@@ -47,7 +47,7 @@ class Row:
     """
 
     problem: str
-    family: str
+    series: str
     steps: int
     ms: float
     position: float
@@ -78,7 +78,7 @@ class Entry:
         tolerance = getattr(setting, "tolerance", None)
         note = "" if tolerance is None else f"tolerance {tolerance:g}"
         ms = 1e3 * median(self.times)
-        names = self.problem.name, setting.family, setting.steps
+        names = self.problem.name, setting.series, setting.steps
         return Row(*names, ms, errors.position, errors.rocker, self.torque, note)
 
 
@@ -118,15 +118,15 @@ def markdown(rows: Sequence[Row]) -> str:
     """Return a table for a page, the problems side by side, with the `TABLE_STEPS` only."""
     names = list(dict.fromkeys(row.problem for row in rows))
     result = {
-        (row.family, row.note or str(row.steps), row.problem): row for row in rows if row.steps in TABLE_STEPS
+        (row.series, row.note or str(row.steps), row.problem): row for row in rows if row.steps in TABLE_STEPS
     }
     header = ["solver", "steps"]
     for name in names:
         header += [f"{name}: ms a turn", "position", "rocker", "torque"]
     lines = [f"| {' | '.join(header)} |", "|---" * len(header) + "|"]
-    for family, steps in dict.fromkeys(key[:2] for key in result):
-        values = [text for name in names for text in _row_texts(result.get((family, steps, name)))]
-        lines.append(f"| {' | '.join([family, steps, *values])} |")
+    for series, steps in dict.fromkeys(key[:2] for key in result):
+        values = [text for name in names for text in _row_texts(result.get((series, steps, name)))]
+        lines.append(f"| {' | '.join([series, steps, *values])} |")
     return "\n".join(lines)
 
 

@@ -14,7 +14,7 @@ TITLES = {"rssr": "spatial four-bar (rssr)", "four_bar": "planar four-bar (four_
 QUANTITIES = {"position": "largest position error [crank]", "torque": "largest torque error [largest torque]"}
 # errors from here on are no solution and are not drawn
 MAX_ERROR = 1.0
-# families of one library share its colour and differ by marker and line
+# series of one library share its colour and differ by marker and line
 LIBRARIES = ("mechsim", "Exudyn", "Pinocchio", "Drake", "scipy", "pylinkage", "MuJoCo", "scikit-robot")
 GREY, PALETTE = "#8a919b", 48
 MARKERS, LINES = "osDv^P", ("-", "--", ":", "-.")
@@ -24,7 +24,7 @@ MARKERS, LINES = "osDv^P", ("-", "--", ":", "-.")
 def work_precision(rows: Sequence["Row"]) -> bytes:
     """Draw rows as a PNG: errors of position and of torque over ms a turn."""
     names = list(dict.fromkeys(row.problem for row in rows))
-    looks = _looks(list(dict.fromkeys(row.family for row in rows)))
+    looks = _looks(list(dict.fromkeys(row.series for row in rows)))
     figure_size = 4.2 * len(names) + 2.6, 7.2
     figure, axes = blank(len(QUANTITIES), len(names), figure_size, sharex="col", sharey="row")
     handles: dict[str, Any] = {}
@@ -35,36 +35,36 @@ def work_precision(rows: Sequence["Row"]) -> bytes:
     for name, top, bottom in zip(names, axes[0], axes[-1], strict=True):
         top.set_title(TITLES.get(name, name))
         bottom.set_xlabel("processor time of the solver for one turn [ms]")
-    shown = [family for family in looks if family in handles]
+    shown = [series for series in looks if series in handles]
     figure.legend([handles[item] for item in shown], shown, loc="outside right upper", fontsize=7.5)
     return _smaller(drawn(figure, "png"))
 
 
 def _curves(ax: "Axes", rows: Sequence["Row"], quantity: str, looks: dict[str, Any]) -> dict[str, Any]:
-    """Draw the curves of a panel; return the line of each family."""
+    """Draw the curves of a panel; return the line of each series."""
     ax.set_xscale("log")
     ax.set_yscale("log")
     lines: dict[str, Any] = {}
-    for family, look in looks.items():
-        selected = [row for row in rows if row.family == family and 0.0 < getattr(row, quantity) < MAX_ERROR]
+    for series, look in looks.items():
+        selected = [row for row in rows if row.series == series and 0.0 < getattr(row, quantity) < MAX_ERROR]
         if selected:
             errors = [getattr(row, quantity) for row in selected]
-            (lines[family],) = ax.plot([row.ms for row in selected], errors, label=family, **look)
+            (lines[series],) = ax.plot([row.ms for row in selected], errors, label=series, **look)
     decades(ax.yaxis)
     ax.minorticks_off()
     ax.xaxis.set_major_formatter("{x:g}")
     return lines
 
 
-def _looks(families: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return the line style of each family."""
+def _looks(series_names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the line style of each series."""
     looks: dict[str, dict[str, Any]] = {}
     counts: dict[str, int] = {}
-    for family in families:
-        library = next(name for name in LIBRARIES if family.startswith(name))
+    for series in series_names:
+        library = next(name for name in LIBRARIES if series.startswith(name))
         index = counts[library] = counts.get(library, -1) + 1
         number = LIBRARIES.index(library)
-        looks[family] = {
+        looks[series] = {
             "color": COLOURS[number] if number < len(COLOURS) else GREY,
             "marker": MARKERS[index % len(MARKERS)],
             "ls": LINES[index % len(LINES)],

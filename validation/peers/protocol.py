@@ -32,12 +32,12 @@ class Setting:
     """One setting of a solver.
 
     Attributes:
-        family: name of the curve.
+        series: name of the curve.
         steps: steps or configurations of a revolution; 0 if the solver chooses them.
         poses: whether each configuration is solved by itself, so that all of them are compared.
     """
 
-    family: str
+    series: str
     steps: int
     poses: bool = False
 

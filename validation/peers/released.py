@@ -107,7 +107,7 @@ def reference(problem: Released) -> Array:
 
 
 def by_mechsim(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solution]]]:
-    """Yield family, setting and solver of mechsim's two methods."""
+    """Yield series, setting and solver of mechsim's two methods."""
     model = ms.dynamics.dynamic_model(problem.closed_form, WEIGHT)
 
     def analytic(tolerance: float) -> Solution:
@@ -127,7 +127,7 @@ def by_mechsim(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solut
 
 
 def by_pinocchio(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solution]]]:
-    """Yield family, setting and solver of Pinocchio."""
+    """Yield series, setting and solver of Pinocchio."""
     import pinocchio as pin
     from by_pinocchio import Baumgarte, Solver
 
@@ -153,7 +153,7 @@ def by_pinocchio(problem: Released) -> Iterator[tuple[str, str, Callable[[], Sol
 
 
 def by_exudyn(problem: Released) -> Iterator[tuple[str, str, Callable[[], Solution]]]:
-    """Yield family, setting and solver of Exudyn."""
+    """Yield series, setting and solver of Exudyn."""
     from by_exudyn import exudyn, items
 
     def solved(steps: int, index: int) -> Solution:
@@ -228,11 +228,11 @@ def main() -> None:
     print("| solver | setting | error [cranks] | ms |\n| --- | --- | --- | --- |")
     for peer in (by_mechsim, by_pinocchio, by_exudyn):
         try:
-            for family, setting, solve in peer(problem):
+            for series, setting, solve in peer(problem):
                 runs = [solve() for _ in range(ROUNDS)]
                 error = float(np.linalg.norm(runs[0][0] - exact, axis=2).max()) / problem.crank
                 seconds = min(seconds for _, seconds in runs)
-                print(f"| {family} | {setting} | {error:.1e} | {1e3 * seconds:.3g} |", flush=True)
+                print(f"| {series} | {setting} | {error:.1e} | {1e3 * seconds:.3g} |", flush=True)
         except ModuleNotFoundError as error:
             print(f"{error.name} is not installed, so it is skipped", file=sys.stderr)
 

@@ -52,16 +52,16 @@ def stopped(*_):
 def checked(path: str) -> dict:
     """Return what `check` reports of one file, and its seconds."""
     wall, cpu = time.perf_counter(), time.process_time()
-    found, rejected, code = [], None, 0
+    findings, rejected, code = [], None, 0
     try:
-        found = ms.check(path)
+        findings = ms.check(path)
     except MechsimError as error:
         rejected, code = str(error), 2
     except Exception:
         rejected, code = traceback.format_exc(), 70
     # other programs slow the one, threads the other
     seconds = min(time.perf_counter() - wall, time.process_time() - cpu)
-    rows = [[v.rule, v.severity, v.object, v.message] for v in found]
+    rows = [[v.rule, v.severity, v.object, v.message] for v in findings]
     return {"found": rows, "rejected": rejected, "seconds": seconds, "codes": [code]}
 
 
@@ -137,9 +137,9 @@ def main() -> bool:
         print(f"{count:2d} {columns}  {codes}  {name}", flush=True)
         if row["rejected"]:
             print(f"     rejected: {row['rejected']}")
-        for rule, severity, of, message in row["found"] if options.findings else []:
+        for rule, severity, element, message in row["found"] if options.findings else []:
             if severity != "note":
-                print(f"     {rule} {severity} [{of}]: {message}")
+                print(f"     {rule} {severity} [{element}]: {message}")
         for text in row["said"]:
             if options.said or "Traceback" in text or "too long" in text:
                 print(f"     {text}")

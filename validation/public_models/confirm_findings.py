@@ -130,8 +130,8 @@ def determined(model, finding):
     unit, dof = np.eye(model.nv), model.jnt_dofadr[number]
     for _, rows in equality_rows(model):
         scaled = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
-        given = np.vstack([scaled, unit[others]])
-        if rank(np.vstack([given, unit[dof]])) > rank(given):
+        constrained = np.vstack([scaled, unit[others]])
+        if rank(np.vstack([constrained, unit[dof]])) > rank(constrained):
             return False
     return True
 

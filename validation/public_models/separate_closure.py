@@ -43,7 +43,7 @@ def bodies_at(closure, x):
     """Return positions over the size, (nbody - 1, 3), and rotation matrices, (nbody - 1, 3, 3)."""
     own = x[: closure.first_qpos].reshape(-1, 7)
     columns = [rotated(own[:, 3:], np.broadcast_to(axis, own[:, :3].shape)) for axis in np.eye(3)]
-    return own[:, :3] / closure.size, np.stack(columns, -1)
+    return own[:, :3] / closure.length, np.stack(columns, -1)
 
 
 def determined(closure, x):
@@ -56,8 +56,8 @@ def determined(closure, x):
 class FixedClosure(Closure):
     """A closure whose coordinates at some addresses of qpos have prescribed values."""
 
-    def __init__(self, model, size, qpos, addresses):
-        super().__init__(model, size, {})
+    def __init__(self, model, length, qpos, addresses):
+        super().__init__(model, length, {})
         self.addresses, self.values = addresses, qpos[addresses]
 
     def residual(self, x, t):
@@ -140,11 +140,11 @@ def inverse(file, model, path, names, random):
     if chosen is None:
         return np.nan
     body, axes, replaced, start = chosen
-    times, size, reason = np.linspace(0.0, 1.0, 9), path.loops.characteristic_length, ""
+    times, length, reason = np.linspace(0.0, 1.0, 9), path.loops.characteristic_length, ""
     values = zip(names, path.reference[path.addresses], strict=True)
     still = {n: swing(value, 0.0) for i, (n, value) in enumerate(values) if i not in replaced}
     free = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)).any()
-    for reach in (0.02 * size, -0.02 * size):  # one way a limit may stop it
+    for reach in (0.02 * length, -0.02 * length):  # one way a limit may stop it
         laws = {axis: swing(start[axis], reach) for axis in axes}
         drive = {f"{model.body(body).name}.{'xyz'[axis]}": law for axis, law in laws.items()} | still
         try:
@@ -161,17 +161,17 @@ def inverse(file, model, path, names, random):
     for t, qpos in zip(times, states, strict=True):
         closure, x = solved_apart(model, path, qpos, random)
         position = closure.body(x, body)[0]
-        worst = max(worst, *(abs(position[axis] - laws[axis](t)[0]) / size for axis in axes))
+        worst = max(worst, *(abs(position[axis] - laws[axis](t)[0]) / length for axis in axes))
     return worst
 
 
-def differences(model, names, at, steps, addresses):
+def differences(model, names, start_values, steps, addresses):
     """Return derivatives of joints by drivers by differences extrapolated three times, (m, k)."""
     columns = []
     for i, step in enumerate(steps):
         table = []
         for h in step / 2.0 ** np.arange(4):
-            values = np.repeat(at[None], 2, 0)
+            values = np.repeat(start_values[None], 2, 0)
             values[:, i] += [h, -h]
             low_high = ms.closed_qpos(model, dict(zip(names, values.T, strict=True)))[:, addresses]
             table.append((low_high[0] - low_high[1]) / (2.0 * h))
@@ -195,8 +195,8 @@ def worst_jacobian(model, path, names, states):
     ranges = {n: (float(v), float(v + s)) for n, v, s in zip(names, middle, steps, strict=True)}
     table = ms.joint_map(unlimited, ranges, outputs, points=2)
     worst = 0.0
-    for at, jacobian in zip(table.input, table.jacobian, strict=True):
-        expected = differences(unlimited, names, at, steps, addresses)
+    for start_values, jacobian in zip(table.input, table.jacobian, strict=True):
+        expected = differences(unlimited, names, start_values, steps, addresses)
         worst = max(worst, float(np.abs(expected - jacobian).max() / max(1.0, np.abs(jacobian).max())))
     return worst
 

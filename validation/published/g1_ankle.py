@@ -73,7 +73,7 @@ def main() -> int:
             print(f"  formula against exact closure, {check.title}: {check.worst:.1e} {check.unit}")
         for quantity in result.attribution["quantities"].values():
             causes = ", ".join(f"{name} {value:.2e}" for name, value in quantity["largest"].items())
-            total = sum(quantity[name] for name in ("formula", "softness", "time step", "drive"))
+            total = sum(quantity[name] for name in ("formula", "compliance", "time step", "drive"))
             print(f"  run against {quantity['quantity']}: {quantity['whole']:.3e} rad, sum {total:.3e}")
             print(f"    largest: {causes}")
     return 0

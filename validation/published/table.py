@@ -14,14 +14,14 @@ class Row:
 
     quantity: str
     error: float
-    bound: float
+    tolerance: float
     unit: str
     reason: str
 
     @property
     def passed(self) -> bool:
         """Whether the error is within the tolerance; NaN is not."""
-        return self.error <= self.bound
+        return self.error <= self.tolerance
 
 
 def energy_error(run: SteppedRun, work: np.ndarray | float = 0.0) -> float:
@@ -37,6 +37,7 @@ def show(title: str, rows: Iterable[Row]) -> int:
     failed = 0
     for row in rows:
         relation = "<=" if row.passed else "> "
-        print(f"  {row.quantity:<44} {row.error:9.2e} {relation} {row.bound:8.1e} {row.unit:<5} {row.reason}")
+        values = f"{row.error:9.2e} {relation} {row.tolerance:8.1e}"
+        print(f"  {row.quantity:<44} {values} {row.unit:<5} {row.reason}")
         failed += not row.passed
     return int(failed > 0)

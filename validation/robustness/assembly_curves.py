@@ -115,20 +115,20 @@ def trace_row(name: str, solver: KinematicSolver) -> Row:
     return Row(name, len(result.curves), rarest, turning_points, len(result.branch_points), error, seconds)
 
 
-def check_change_points(count: int, near: bool, seed: int = 11) -> tuple[int, list[str]]:
+def check_change_points(count: int, close: bool, seed: int = 11) -> tuple[int, list[str]]:
     """Return how many random linkages are traced correctly, and a message for each other one."""
     failures: list[str] = []
-    for lengths in random_linkages(count, near, seed):
+    for lengths in random_linkages(count, close, seed):
         solver = catalog.make("four_bar", **dict(zip(NAMES, lengths, strict=True)))
         try:
             result = trace(solver, starts=8)
         except MechsimError as error:
             failures.append(f"{lengths}: {error}")
             continue
-        expected = 0 if near else len(solver.change_points())
+        expected = 0 if close else len(solver.change_points())
         largest = max(curve_error(solver, curve) for curve in result.curves)
         signs = [np.sign(solver.assembly_sign(curve.samples(73).points)) for curve in result.curves]
-        sign_changed = near and any(len(set(sign)) > 1 for sign in signs)
+        sign_changed = close and any(len(set(sign)) > 1 for sign in signs)
         if (
             len(result.branch_points) != expected
             or not largest <= ERROR_LIMIT
@@ -159,9 +159,9 @@ def main() -> int:
             f"| {result.branch_points} | {result.error:.0e} | {result.seconds:.1f} |",
             flush=True,
         )
-    for near in (False, True):
-        correct, messages = check_change_points(options.count, near)
-        label = "near change point" if near else "change point"
+    for close in (False, True):
+        correct, messages = check_change_points(options.count, close)
+        label = "near change point" if close else "change point"
         print(f"{label}: {correct} of {options.count} correct", *messages, sep="\n  ")
         failures += len(messages)
     if options.picture:

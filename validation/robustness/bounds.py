@@ -10,7 +10,7 @@ Dynamics is checked for every fourth mechanism, with a free run of one revolutio
 
 import argparse
 import sys
-import time as clock
+import time as timer
 from collections import defaultdict
 from dataclasses import replace
 
@@ -49,10 +49,10 @@ Fractions = dict[tuple[str, str], list[tuple[float, str]]]
 def tolerance_fractions(count: int, seed: int = 1) -> Fractions:
     """Return method and quantity -> the fraction of the tolerance that each mechanism used, and its name."""
     result: Fractions = defaultdict(list)
-    start = clock.perf_counter()
+    start = timer.perf_counter()
     for number, solver in enumerate(random_catalog_mechanisms(np.random.default_rng(seed), count)):
         if number and number % REPORT_EVERY == 0:
-            print(f"{number} of {count} after {clock.perf_counter() - start:.0f} s", file=sys.stderr)
+            print(f"{number} of {count} after {timer.perf_counter() - start:.0f} s", file=sys.stderr)
         checks: list[Check] = []
         for method_checks in (
             validation_checks,

@@ -50,7 +50,7 @@ class Tally:
     worst: float
 
 
-def random_linkages(count: int, near: bool, seed: int = 11) -> list[Lengths]:
+def random_linkages(count: int, close: bool, seed: int = 11) -> list[Lengths]:
     """Return linkages with change points, or nearly so, whose cranks rotate fully."""
     rng = np.random.default_rng(seed)
     result: list[Lengths] = []
@@ -59,7 +59,7 @@ def random_linkages(count: int, near: bool, seed: int = 11) -> list[Lengths]:
         kind = len(result) % 3
         coupler = ground if kind == 2 else coupler
         rocker = (ground + crank - coupler, coupler + abs(ground - crank), crank)[kind]
-        if near:
+        if close:
             deviation = 10.0 ** rng.uniform(-12.0, -3.0) * ground
             rocker += -deviation if kind == 1 else deviation
         lengths = (float(ground), float(crank), float(coupler), float(rocker))
@@ -151,8 +151,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=11)
     options = parser.parse_args()
     print(f"{'linkages':<24}{'method':<18}{'correct':>8}{'rejected':>9}{'wrong':>7}   worst error / size")
-    for kind, near, through in KINDS:
-        linkages = random_linkages(options.count, near, options.seed)
+    for kind, close, through in KINDS:
+        linkages = random_linkages(options.count, close, options.seed)
         for method in METHODS:
             result = tally(method, linkages, through)
             counts = f"{result.correct:>8}{result.rejected:>9}{result.wrong:>7}"

@@ -133,7 +133,7 @@ def quantities(subject: Subject, random) -> list:
     return [subject.reader.read(str(name), width) for name, width in requested]
 
 
-def wrong_dimension(subject: Subject, readers: list, size: float, random) -> Mistake:
+def wrong_dimension(subject: Subject, readers: list, size_factor: float, random) -> Mistake:
     """Change one dimension."""
     dimensions = [
         dimension for name, dimension in subject.parametric.dimensions.items() if ".tilt." not in name
@@ -142,7 +142,7 @@ def wrong_dimension(subject: Subject, readers: list, size: float, random) -> Mis
     length = subject.solver.mechanism.characteristic_length if dimension.unit == "m" else 1.0
     scale = abs(dimension.value) if abs(dimension.value) > 1e-3 * length else length
     changed = subject.parametric.make(
-        {dimension.name: dimension.value + random.choice([-1.0, 1.0]) * size * scale}
+        {dimension.name: dimension.value + random.choice([-1.0, 1.0]) * size_factor * scale}
     )
     kind = "dimension"
     gear = getattr(subject.solver, "gear", "")
@@ -187,22 +187,24 @@ def random_driver(subject: Subject, random) -> str:
     return str(random.choice(list(subject.solver.mechanism.drivers)))
 
 
-def wrong_offset(subject, readers, size, random) -> Mistake:
+def wrong_offset(subject, readers, size_factor, random) -> Mistake:
     driver = random_driver(subject, random)
     scale = (
         subject.solver.mechanism.characteristic_length
         if subject.solver.mechanism.unit(driver) == "m"
         else 1.0
     )
-    return Mistake("offset", (driver,), shifted(subject, {driver: (1.0, size * scale, 0.0)}).all(readers))
+    return Mistake(
+        "offset", (driver,), shifted(subject, {driver: (1.0, size_factor * scale, 0.0)}).all(readers)
+    )
 
 
-def wrong_direction(subject, readers, size, random) -> Mistake:
+def wrong_direction(subject, readers, size_factor, random) -> Mistake:
     driver = random_driver(subject, random)
     return Mistake("sense", (driver,), shifted(subject, {driver: (-1.0, 0.0, 0.0)}).all(readers))
 
 
-def wrong_angle_unit(subject, readers, size, random) -> Mistake:
+def wrong_angle_unit(subject, readers, size_factor, random) -> Mistake:
     angles = [i for i, item in enumerate(readers) if item.unit == "rad"]
     if not angles:
         driver = random_driver(subject, random)
@@ -217,25 +219,25 @@ def wrong_angle_unit(subject, readers, size, random) -> Mistake:
     return Mistake("degrees", (), values)
 
 
-def wrong_phase(subject, readers, size, random) -> Mistake:
+def wrong_phase(subject, readers, size_factor, random) -> Mistake:
     motion_laws = subject.solver.motion_laws
     if len(motion_laws.drivers) < 2:
         raise MechsimError("one driver")
     driver = random_driver(subject, random)
-    delay = size * motion_laws.duration
+    delay = size_factor * motion_laws.duration
     return Mistake("phase", (driver,), shifted(subject, {driver: (1.0, 0.0, delay)}).all(readers))
 
 
-def delayed(subject, readers, size, random) -> Mistake:
-    steps = 1 + SIZES.index(size)
+def delayed(subject, readers, size_factor, random) -> Mistake:
+    steps = 1 + SIZES.index(size_factor)
     values = subject.evaluation.all(readers)
     return Mistake(
         "delay", (), [np.concatenate([item[:1].repeat(steps, 0), item[:-steps]]) for item in values]
     )
 
 
-def wrong_length_unit(subject, readers, size, random) -> Mistake:
-    factor = (1000.0, 0.001, 0.01)[SIZES.index(size)]
+def wrong_length_unit(subject, readers, size_factor, random) -> Mistake:
+    factor = (1000.0, 0.001, 0.01)[SIZES.index(size_factor)]
     values = subject.evaluation.all(readers)
     return Mistake(
         "units",
@@ -244,7 +246,7 @@ def wrong_length_unit(subject, readers, size, random) -> Mistake:
     )
 
 
-def swapped_points(subject, readers, size, random) -> Mistake:
+def swapped_points(subject, readers, size_factor, random) -> Mistake:
     positions = [i for i, item in enumerate(readers) if item.kind == "position"]
     if len(positions) < 2 or any(item.kind == "velocity" for item in readers):
         raise MechsimError("one point")
@@ -262,15 +264,15 @@ def transformed(subject, readers, matrix, shift) -> list:
     ]
 
 
-def mirrored(subject, readers, size, random) -> Mistake:
+def mirrored(subject, readers, size_factor, random) -> Mistake:
     signs = np.ones(3)
     signs[random.integers(3)] = -1.0
     return Mistake("mirror", (), transformed(subject, readers, np.diag(signs), 0.0))
 
 
-def wrong_frame(subject, readers, size, random) -> Mistake:
+def wrong_frame(subject, readers, size_factor, random) -> Mistake:
     vector = random.normal(size=3)
-    vector *= size / np.linalg.norm(vector)
+    vector *= size_factor / np.linalg.norm(vector)
     if random.random() < 0.5:
         return Mistake(
             "frame",
@@ -282,7 +284,7 @@ def wrong_frame(subject, readers, size, random) -> Mistake:
     return Mistake("frame", (), transformed(subject, readers, Rotation.from_rotvec(vector).as_matrix(), 0.0))
 
 
-def other_assembly(subject, readers, size, random) -> Mistake:
+def other_assembly(subject, readers, size_factor, random) -> Mistake:
     solver = subject.solver
     if not isinstance(solver, ClosedForm):
         raise MechsimError("no closed form")
@@ -299,14 +301,14 @@ def other_assembly(subject, readers, size, random) -> Mistake:
     return Mistake("assembly", (), subject.evaluated(other).all(readers))
 
 
-def wrong_loads(subject, readers, size, random) -> Mistake:
+def wrong_loads(subject, readers, size_factor, random) -> Mistake:
     """Change gravity or the mass of a link behind a torque."""
     forces = Forces(gravity=(0.0, -9.81, 0.0))
     model = dynamics.dynamic_model(subject.solver, forces)
     subject.under = model
     if random.random() < 0.5:
         changed, kind, names = (
-            model.with_forces(Forces(gravity=(0.0, -9.81 * (1.0 + size), 0.0))),
+            model.with_forces(Forces(gravity=(0.0, -9.81 * (1.0 + size_factor), 0.0))),
             "gravity",
             (),
         )
@@ -314,9 +316,9 @@ def wrong_loads(subject, readers, size, random) -> Mistake:
         links = list(model.mechanism.links)
         i = random.integers(len(links))
         inertia = links[i].inertia
-        moments = tuple(tuple((1.0 + size) * x for x in row) for row in inertia.moments)
+        moments = tuple(tuple((1.0 + size_factor) * x for x in row) for row in inertia.moments)
         links[i] = replace(
-            links[i], inertia=replace(inertia, mass=(1.0 + size) * inertia.mass, moments=moments)
+            links[i], inertia=replace(inertia, mass=(1.0 + size_factor) * inertia.mass, moments=moments)
         )
         changed = replace(model, mechanism=replace(model.mechanism, links=tuple(links)))
         kind, names = "mass", (links[i].name,)
@@ -363,7 +365,7 @@ def run_case(number: int, subjects: list[Subject]) -> dict:
     random = np.random.default_rng(1000 + number)
     kinds = [kind for kind, (_, times) in KINDS.items() for _ in range(times)]
     for _ in range(60):
-        kind, size = kinds[random.integers(len(kinds))], SIZES[number % 3]
+        kind, size_factor = kinds[random.integers(len(kinds))], SIZES[number % 3]
         subject = subjects[random.integers(len(subjects))]
         loads = kind == "loads"
         try:
@@ -373,7 +375,7 @@ def run_case(number: int, subjects: list[Subject]) -> dict:
             if loads:
                 crank = subject.solver.mechanism.crank.name
                 readers = [subject.reader.read(f"torque:{crank}", None)]
-            mistake = KINDS[kind][0](subject, readers, size, random)
+            mistake = KINDS[kind][0](subject, readers, size_factor, random)
         except (MechsimError, KeyError, ValueError, np.linalg.LinAlgError):
             continue
         start = time.process_time()
@@ -387,7 +389,7 @@ def run_case(number: int, subjects: list[Subject]) -> dict:
             "subject": Path(subject.name).stem,
             "kind": mistake.kind,
             "what": mistake.causes,
-            "size": size,
+            "size": size_factor,
             "first": bool(matches[:1] and matches[0]),
             "named": any(matches),
             "certain_wrong": any(item.certain for item in findings)
@@ -447,9 +449,9 @@ def print_summary(rows: list[dict], rejected: list[str], correct: int, show: boo
     count = len(rows)
     all_named, all_first, all_wrong = (count_true(rows, name) for name in ("named", "first", "certain_wrong"))
     print(f"{'all':<12}{count:>6}{all_named:>7}{all_first:>7}{all_wrong:>14}")
-    for size, group in Counter(row["size"] for row in rows).items():
-        size_named = sum(row["named"] for row in rows if row["size"] == size)
-        print(f"size {size:g}: {size_named} of {group}")
+    for size_factor, group in Counter(row["size"] for row in rows).items():
+        size_named = sum(row["named"] for row in rows if row["size"] == size_factor)
+        print(f"size {size_factor:g}: {size_named} of {group}")
     percentages = [f"{100 * number / count:.1f} %" for number in (all_named, all_first, all_wrong)]
     print(f"named {percentages[0]}, first {percentages[1]}, wrong and certain {percentages[2]}")
     print(f"correct formulas rejected: {len(rejected)} of {correct} {' '.join(sorted(set(rejected)))}")

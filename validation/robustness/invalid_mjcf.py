@@ -17,7 +17,7 @@ from valid_commands import CommandCase
 
 from mechsim import cli
 
-DRIVE = "--drive crank=60rpm --duration 0.1"
+OPTIONS = "--drive crank=60rpm --duration 0.1"
 COMMANDS = (
     "show {0} --json",
     "solve {0} -o out.csv",
@@ -168,7 +168,7 @@ def main() -> int:
             continue
         codes, output, faults = [], "", []
         for line in COMMANDS:
-            words = tuple(line.format("model.xml", DRIVE).split())
+            words = tuple(line.format("model.xml", OPTIONS).split())
             code, last, command_faults, _ = run(CommandCase(label, Case(words, {"model.xml": content})))
             codes.append(str(code))
             output = output or (last if code else "")

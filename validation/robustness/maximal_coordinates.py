@@ -67,7 +67,7 @@ class ConstraintModel:
     """Links 0 (ground) to n, joints, and couplings: functions of all coordinates that vanish."""
 
     links: int
-    size: float
+    length: float
     joints: list[Joint]
     couplings: list[Callable[[np.ndarray], np.ndarray]] = field(default_factory=list)
     laws: dict[int, MotionLaw] = field(default_factory=dict)
@@ -81,7 +81,7 @@ class ConstraintModel:
     def poses(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return positions (..., n+1, 3) and rotations (..., n+1, 3, 3) of all links, ground first."""
         n = self.links
-        position = self.size * x[..., : 3 * n].reshape(*x.shape[:-1], n, 3)
+        position = self.length * x[..., : 3 * n].reshape(*x.shape[:-1], n, 3)
         w, i, j, k = np.moveaxis(x[..., 3 * n : 7 * n].reshape(*x.shape[:-1], n, 4), -1, 0)
         rows = [
             [w * w + i * i - j * j - k * k, 2 * (i * j - w * k), 2 * (i * k + w * j)],
@@ -102,10 +102,10 @@ class ConstraintModel:
             to_a = np.swapaxes(rotation[..., item.a, :, :] @ axes_a, -1, -2)
             offset = position[..., item.b, :] + rotation[..., item.b, :, :] @ point_b
             offset = offset - position[..., item.a, :] - rotation[..., item.a, :, :] @ point_a
-            offset = (to_a @ offset[..., None])[..., 0] / self.size
+            offset = (to_a @ offset[..., None])[..., 0] / self.length
             rel = to_a @ rotation[..., item.b, :, :] @ axes_b
             rows.append(
-                np.stack(joint_equations(item, offset, rel, q[..., list(item.coordinates)], self.size), -1)
+                np.stack(joint_equations(item, offset, rel, q[..., list(item.coordinates)], self.length), -1)
             )
         extra = [coupling(q) for coupling in self.couplings]
         extra += [q[..., i] - law(t) for i, law in self.laws.items()]  # t has the batch shape of x
@@ -155,7 +155,7 @@ class ConstraintModel:
 
 
 def joint_equations(
-    item: Joint, offset: np.ndarray, rel: np.ndarray, q: np.ndarray, size: float
+    item: Joint, offset: np.ndarray, rel: np.ndarray, q: np.ndarray, length: float
 ) -> list[np.ndarray]:
     """Return the constraints of a joint and the equations of its coordinates; `offset` is relative."""
     axial, parallel = offset[..., 2], [rel[..., 0, 2], rel[..., 1, 2]]
@@ -165,8 +165,8 @@ def joint_equations(
 
     if item.kind == "planar":
         return [
-            offset[..., 0] - q[..., 0] / size,
-            offset[..., 1] - q[..., 1] / size,
+            offset[..., 0] - q[..., 0] / length,
+            offset[..., 1] - q[..., 1] / length,
             axial,
             *parallel,
             angle_equation(q[..., 2]),
@@ -186,10 +186,10 @@ def joint_equations(
             rel[..., 1, 2] * np.cos(first) - rel[..., 0, 2] * np.sin(first),
             -rel[..., 2, 1] * np.cos(second) - rel[..., 2, 0] * np.sin(second),
         ]
-    sliding = [*pinned[:2], axial - q[..., 0] / size, *parallel]
+    sliding = [*pinned[:2], axial - q[..., 0] / length, *parallel]
     if item.kind == "prismatic":
         return [*sliding, rel[..., 1, 0]]
-    helical = [(q[..., 0] - item.lead * q[..., 1] / (2 * np.pi)) / size] if item.kind == "screw" else []
+    helical = [(q[..., 0] - item.lead * q[..., 1] / (2 * np.pi)) / length] if item.kind == "screw" else []
     return [*sliding, angle_equation(q[..., 1]), *helical]
 
 

@@ -52,10 +52,10 @@ class Closure:
     """The equations of a compiled model; unknowns are (nbody - 1) positions and quaternions, then qpos."""
 
     def __init__(
-        self, model: mujoco.MjModel, size: float, prescribed: Mapping[str, Callable[[float], float]]
+        self, model: mujoco.MjModel, length: float, prescribed: Mapping[str, Callable[[float], float]]
     ):
         """Store the model, its size in [m], and the values over time of driven and locked joints."""
-        self.model, self.size = model, size
+        self.model, self.length = model, length
         self.first_qpos = 7 * (model.nbody - 1)
         self.prescribed = {
             int(model.jnt_qposadr[model.joint(name).id]): value for name, value in prescribed.items()
@@ -92,7 +92,7 @@ class Closure:
         m, q, rows = self.model, x[..., self.first_qpos :], []
         for b in range(1, m.nbody):
             for (body_value, tree_value), scale in zip(
-                zip(self.body(x, b), self.tree_pose(x, b), strict=True), (self.size, 1.0), strict=True
+                zip(self.body(x, b), self.tree_pose(x, b), strict=True), (self.length, 1.0), strict=True
             ):
                 rows.append((body_value - tree_value) / scale)
         for j in range(m.njnt):
@@ -124,10 +124,10 @@ class Closure:
         (position_a, rotation_a), (position_b, rotation_b) = (self.body(x, b) for b in bodies)
         gap = position_b + rotated(rotation_b, points[1]) - position_a - rotated(rotation_a, points[0])
         if not weld or data[10] == 0.0:
-            return gap / self.size
+            return gap / self.length
         inverse = multiply(rotation_a, rotations[0]) * np.array([1.0, -1, -1, -1])
         return np.concatenate(
-            [gap / self.size, multiply(inverse, multiply(rotation_b, rotations[1]))[..., 1:]], -1
+            [gap / self.length, multiply(inverse, multiply(rotation_b, rotations[1]))[..., 1:]], -1
         )
 
     def coordinate_change(self, x: np.ndarray, number: int, tendon: bool) -> np.ndarray:
@@ -184,7 +184,7 @@ class Closure:
 
 def worst_difference(
     model: mujoco.MjModel,
-    size: float,
+    length: float,
     qpos: np.ndarray,
     prescribed: Mapping[str, Callable[[float], float]],
     instants: np.ndarray,
@@ -194,7 +194,7 @@ def worst_difference(
 
     Args:
         model: compiled, every body named.
-        size: characteristic length in [m].
+        length: characteristic length in [m].
         qpos: initial configuration.
         prescribed: driven or locked joint -> its value over time.
         instants: (n,) in [s].
@@ -204,7 +204,7 @@ def worst_difference(
         The largest distance over all determined links, relative to the size; the largest rotation in [rad];
         and the largest residual of the reference.
     """
-    closure = Closure(model, size, prescribed)
+    closure = Closure(model, length, prescribed)
     poses = closure.solve_path(qpos, instants)
     bodies = [
         name
@@ -218,7 +218,7 @@ def worst_difference(
             [rotated(quaternion, np.broadcast_to(axis, position.shape)) for axis in np.eye(3)], -1
         )
         distance = max(
-            distance, float(np.linalg.norm(position - links[name][0], axis=-1).max()) / closure.size
+            distance, float(np.linalg.norm(position - links[name][0], axis=-1).max()) / closure.length
         )
         rotation = max(rotation, float(np.abs(columns - links[name][1]).max()))
     residual = max(

@@ -24,10 +24,10 @@ def main() -> None:
     """Print a line for each mechanism."""
     print(f"{'':16s}" + "".join(f"{method:>12s}" for method in METHODS))
     for name in sys.argv[1:] or (*CRANKS, *SEVERAL_DRIVERS):
-        form = load(name)
-        mechanism, forces = with_inertia(form.mechanism), every_force(form.mechanism)
+        solver = load(name)
+        mechanism, forces = with_inertia(solver.mechanism), every_force(solver.mechanism)
         errors = [
-            relative_imbalance(mechanism, forces, *motion_and_forces(form, mechanism, forces, method))
+            relative_imbalance(mechanism, forces, *motion_and_forces(solver, mechanism, forces, method))
             for method in METHODS
         ]
         print(f"{name:16s}" + "".join(f"{item:12.1e}" for item in errors), flush=True)

@@ -102,16 +102,16 @@ def table_row(path, options):
     )
     moving = MjcfForm(solver.mechanism, motion_laws=laws, source=solver.source)
     motion = moving.solve(t=np.linspace(0.0, laws.duration, SAMPLES))
-    violation, size = largest_violation(solver, motion), solver.mechanism.characteristic_length
+    violation, length = largest_violation(solver, motion), solver.mechanism.characteristic_length
     distance, rotation, residual = closure_differences(moving, motion)
     shift, tilt = solver.corrected
     text = (
         f"{loops.tree.count - rank:8d} {len(start):7d} {loops.rows:4d} {rank:4d} {solver.source.gap:8.1e} "
-        f"{shift:8.1e} {violation:8.1e} {distance:8.1e} {rotation:8.1e} {residual:8.1e} {size:7.3f}"
+        f"{shift:8.1e} {violation:8.1e} {distance:8.1e} {rotation:8.1e} {residual:8.1e} {length:7.3f}"
     )
     # the residual of the separate closure measures how much the file contradicts itself
-    allowance = CONTRADICTION_FACTOR * (shift / size + tilt + residual)
-    return text, violation <= size * (TOLERANCE + allowance) and max(
+    allowance = CONTRADICTION_FACTOR * (shift / length + tilt + residual)
+    return text, violation <= length * (TOLERANCE + allowance) and max(
         distance, rotation
     ) <= TOLERANCE + allowance
 

@@ -74,7 +74,7 @@ class Sketch:
     def __init__(self, chance: np.random.Generator) -> None:
         self.chance = chance
         self.mode = str(chance.choice(["spatial", "planar", "spherical"], p=[0.5, 0.35, 0.15]))
-        self.size = float(10 ** chance.uniform(-2, 0))
+        self.length = float(10 ** chance.uniform(-2, 0))
         self.frame = self.random_rotation()
         self.positions, self.rotations = [np.zeros(3)], [np.eye(3)]
         self.joints: list[Joint] = []
@@ -84,18 +84,18 @@ class Sketch:
         result = np.linalg.qr(self.chance.normal(size=(3, 3)))[0]
         return result * np.linalg.det(result)
 
-    def chain_kinds(self, freedoms: int) -> list[str]:
+    def chain_kinds(self, dofs: int) -> list[str]:
         """Return random joint kinds with this total number of degrees of freedom."""
         result: list[str] = []
-        while freedoms:
+        while dofs:
             if self.mode == "spatial":
-                allowed = [kind for kind in SPATIAL if DOFS[kind] <= freedoms]
+                allowed = [kind for kind in SPATIAL if DOFS[kind] <= dofs]
             elif self.mode == "planar":
                 allowed = ["revolute", "revolute", "revolute", "prismatic"]
             else:
-                allowed = ["revolute", "revolute", "universal"][: 2 if freedoms == 1 else 3]
+                allowed = ["revolute", "revolute", "universal"][: 2 if dofs == 1 else 3]
             result.append(str(self.chance.choice(allowed)))
-            freedoms -= DOFS[result[-1]]
+            dofs -= DOFS[result[-1]]
         looser = {"planar": ["cylindrical", "spherical"], "spherical": ["spherical"]}.get(self.mode)
         for i, kind in enumerate(result):
             if looser and kind == "revolute" and self.chance.random() < 0.12:
@@ -109,7 +109,7 @@ class Sketch:
         link = first
         for i, kind in enumerate(kinds):
             if i < len(kinds) - 1:
-                self.positions.append(self.size * self.chance.uniform(-1, 1, 3))
+                self.positions.append(self.length * self.chance.uniform(-1, 1, 3))
                 self.rotations.append(self.random_rotation())
                 next_link = len(self.positions) - 1
             else:
@@ -120,17 +120,17 @@ class Sketch:
     def add_joint(self, kind: str, a: int, b: int) -> None:
         """Add a joint between two links at their poses."""
         chance = self.chance
-        point = self.size * chance.uniform(-1, 1, 3) * (self.mode != "spherical")
+        point = self.length * chance.uniform(-1, 1, 3) * (self.mode != "spherical")
         axes = self.random_rotation()
         if self.mode == "planar":
             in_plane = rotation_matrix(np.array([0, 0, 1.0]), chance.uniform(-3, 3))
             axes = self.frame @ in_plane @ (np.eye(3)[[2, 0, 1]] if kind == "prismatic" else np.eye(3))
         new = Joint(f"j{len(self.joints)}", kind, a, b, (point, axes), (point, axes), index=len(self.q))
-        q = [float(chance.uniform(-0.4, 0.4) * (self.size if u == "m" else 6.0)) for u in UNITS[kind]]
+        q = [float(chance.uniform(-0.4, 0.4) * (self.length if u == "m" else 6.0)) for u in UNITS[kind]]
         if kind == "universal" and chance.random() < 0.3:
             new.cross = float(chance.uniform(0.6, 2.5))
         if kind == "screw":
-            new.lead = float(chance.uniform(0.2, 1.0) * self.size)
+            new.lead = float(chance.uniform(0.2, 1.0) * self.length)
             q[0] = new.lead * q[1] / (2 * np.pi)
         shift, rel = (
             relative_pose(new, np.array(q)) if kind != "spherical" else (np.zeros(3), self.random_rotation())
@@ -158,8 +158,8 @@ def random_mechanism(seed: int) -> RandomMechanism | None:
             sketch.chain_kinds(loop_constraints + int(chance.choice([0, 0, 1]))), int(first), int(last)
         )
     n = len(sketch.positions) - 1
-    model = ConstraintModel(n, sketch.size, sketch.joints)
-    positions = np.ravel(sketch.positions[1:]) / sketch.size
+    model = ConstraintModel(n, sketch.length, sketch.joints)
+    positions = np.ravel(sketch.positions[1:]) / sketch.length
     pose = np.concatenate([positions, *map(quaternion_of, sketch.rotations[1:]), sketch.q])
     names, columns, units, drivable = [], [], [], []
     for item in sketch.joints:
@@ -191,7 +191,7 @@ def random_mechanism(seed: int) -> RandomMechanism | None:
         model.laws[i] = constant(sketch.q[i])
     guess = str(chance.choice(["complete", "partial", "none"], p=[0.5, 0.25, 0.25]))
     text = to_toml(chance, sketch, [names[i] for i in drivers], names, units, couplings, guess)
-    amplitudes = [1.0 if units[i] == "r" else 0.4 * sketch.size for i in drivers]
+    amplitudes = [1.0 if units[i] == "r" else 0.4 * sketch.length for i in drivers]
     kinds = "".join(KIND_LETTERS[item.kind] for item in sketch.joints)
     label = f"{sketch.mode} {kinds}{f' {len(couplings)} coupled' if couplings else ''} of {len(drivers)}"
     return RandomMechanism(text, model, pose, names, units, columns, drivers, amplitudes, guess, label)
@@ -223,34 +223,36 @@ def random_coupling(chance, names, units, sketch, count):
     """Return a coupling of two coordinates, or of a sum of two and a third, as text and as an equation."""
     chosen = [int(i) for i in chance.permutation(len(names))[:3]]
     q = [sketch.q[i] for i in chosen]
-    one, two, three = chosen
-    head = f'[couplings.c{count}]\ndriver = "{names[one]}"\n'
-    unit_pair = units[one] + units[two]
+    first, second, third = chosen
+    head = f'[couplings.c{count}]\ndriver = "{names[first]}"\n'
+    unit_pair = units[first] + units[second]
     if unit_pair in ("rm", "mr") and chance.random() < 0.6:
-        radius = float(chance.uniform(0.2, 0.6) * sketch.size * chance.choice([-1, 1]))
+        radius = float(chance.uniform(0.2, 0.6) * sketch.length * chance.choice([-1, 1]))
         gradient = radius if unit_pair == "rm" else 1 / radius
         phase = q[1] - gradient * q[0]
-        text = f'driven = "{names[two]}"\nradius = "{radius!r} m"\nphase = "{phase!r} {SI[units[two]]}"\n'
-        return head + text, lambda x: x[..., two] - gradient * x[..., one] - phase
+        text = (
+            f'driven = "{names[second]}"\nradius = "{radius!r} m"\nphase = "{phase!r} {SI[units[second]]}"\n'
+        )
+        return head + text, lambda x: x[..., second] - gradient * x[..., first] - phase
     if unit_pair == "rr" and chance.random() < 0.6:
         ratio = float(chance.uniform(0.4, 2.0) * chance.choice([-1, 1]))
         phase = q[1] - ratio * q[0]
-        text = f'driven = "{names[two]}"\nratio = {ratio!r}\nphase = "{phase!r} rad"\n'
-        return head + text, lambda x: x[..., two] - ratio * x[..., one] - phase
-    scale = [sketch.size if units[i] == "m" else 1.0 for i in chosen]
+        text = f'driven = "{names[second]}"\nratio = {ratio!r}\nphase = "{phase!r} rad"\n'
+        return head + text, lambda x: x[..., second] - ratio * x[..., first] - phase
+    scale = [sketch.length if units[i] == "m" else 1.0 for i in chosen]
     factors = chance.uniform(-0.6, 0.6, int(chance.integers(1, 4)))
     powers = [float(c * scale[1] / scale[0] ** (i + 1)) for i, c in enumerate(factors)]
     polynomial = sum(c * q[0] ** (i + 1) for i, c in enumerate(powers))
-    extra = units[three] == units[two] and len(names) > 2
+    extra = units[third] == units[second] and len(names) > 2
     constant = q[1] + 0.7 * extra * q[2] - polynomial
     # the constant has the unit of its coordinate; derivatives have the units of the file, here SI
     coefficients = ", ".join(repr(c) for c in [constant, *powers])
-    driven = f'{{ "{names[two]}" = 1, "{names[three]}" = 0.7 }}' if extra else f'"{names[two]}"'
+    driven = f'{{ "{names[second]}" = 1, "{names[third]}" = 0.7 }}' if extra else f'"{names[second]}"'
     text = f"driven = {driven}\ncoefficients = [{coefficients}]\n"
 
     def law(x: np.ndarray) -> np.ndarray:
-        right = sum(c * x[..., one] ** (i + 1) for i, c in enumerate(powers))
-        return x[..., two] + 0.7 * extra * x[..., three] - constant - right
+        right = sum(c * x[..., first] ** (i + 1) for i, c in enumerate(powers))
+        return x[..., second] + 0.7 * extra * x[..., third] - constant - right
 
     return head + text, law
 
@@ -274,12 +276,12 @@ def to_toml(chance, sketch, drivers, names, units, couplings, guess) -> str:
             return f'"{1e3 * value!r}mm"'
         if choice < 0.5:
             name = f"p{len(parameters)}"
-            parameters[name] = float(chance.uniform(0.2, 2) * sketch.size / LENGTHS[length])
+            parameters[name] = float(chance.uniform(0.2, 2) * sketch.length / LENGTHS[length])
             return f'"{plain - parameters[name] / 3!r} + {name}/3"'
         return repr(plain)
 
-    def vector(values: np.ndarray, of=repr) -> str:
-        return f"[{', '.join(of(float(item)) for item in values)}]"
+    def vector(values: np.ndarray, text_of=repr) -> str:
+        return f"[{', '.join(text_of(float(item)) for item in values)}]"
 
     rows = []
     for item in sketch.joints:
@@ -293,10 +295,10 @@ def to_toml(chance, sketch, drivers, names, units, couplings, guess) -> str:
             rows.append(f"cross_angle = {item.cross / ANGLES[angle]!r}")
         if item.kind == "screw":
             rows.append(f"lead = {item.lead / LENGTHS[length]!r}")
-    size = sketch.size / LENGTHS[length]
+    length_in_units = sketch.length / LENGTHS[length]
     n = len(sketch.positions)
     points = [
-        f'{name}{k} = {{ link = "k{k}", at = {vector(size * probe)} }}'
+        f'{name}{k} = {{ link = "k{k}", at = {vector(length_in_units * probe)} }}'
         for k in range(1, n)
         for name, probe in zip("oxy", PROBES, strict=True)
     ]
@@ -305,7 +307,7 @@ def to_toml(chance, sketch, drivers, names, units, couplings, guess) -> str:
     }
     guesses = []
     for k in guessed:
-        position = sketch.positions[k] + 3e-3 * sketch.size * chance.normal(size=3)
+        position = sketch.positions[k] + 3e-3 * sketch.length * chance.normal(size=3)
         matrix = rotation_matrix(chance.normal(size=3), 3e-3) @ sketch.rotations[k]
         matrix_rows = ", ".join(map(vector, matrix))
         guesses.append(f"k{k} = {{ at = {vector(position / LENGTHS[length])}, rotation = [{matrix_rows}] }}")

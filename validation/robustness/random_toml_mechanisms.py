@@ -50,11 +50,11 @@ def main() -> int:
     for name in cli.COMMANDS:
         cli.load_command(name)
     table: defaultdict[str, Counter[str]] = defaultdict(Counter)
-    number, done = 1000 * options.seed if options.case is None else options.case, 0
-    while done < options.count and options.case in (None, number):
+    number, completed = 1000 * options.seed if options.case is None else options.case, 0
+    while completed < options.count and options.case in (None, number):
         case = random_mechanism(number)
         if case is not None and (result := run_commands(case, number, options.keep, options.only.split(","))):
-            done += 1
+            completed += 1
             for command, outcome, detail in result:
                 table[command][outcome] += 1
                 if outcome in OUTCOMES[3:] or options.case is not None:
@@ -63,8 +63,8 @@ def main() -> int:
                         flush=True,
                     )
         number += 1
-        if sys.stderr.isatty() or done % 10 == 0:
-            print(f"{done} of {options.count}", file=sys.stderr)
+        if sys.stderr.isatty() or completed % 10 == 0:
+            print(f"{completed} of {options.count}", file=sys.stderr)
     print("\n| command | " + " | ".join(OUTCOMES) + " |\n|" + "---|" * (len(OUTCOMES) + 1))
     for command, counts in table.items():
         print(f"| {command} | " + " | ".join(str(counts[item]) for item in OUTCOMES) + " |")
@@ -95,7 +95,7 @@ def run_commands(
     run = f"drawn.toml --duration {DURATION}s --samples {SAMPLES} -o"
     lines = {"solve": f"solve {run} solve.csv", "simulate": f"simulate {run} simulate.csv"}
     if number % 4 == 0 and not large:
-        tolerance = STEP_TOLERANCE * case.model.size
+        tolerance = STEP_TOLERANCE * case.model.length
         lines["step"] = f"simulate {run} stepped.csv --method step --tolerance {tolerance:.3g}m"
     if number % 4 == 2 and len(case.drivers) == 1:
         lines["trace"] = "trace drawn.toml -o trace.csv --starts 6 --samples 60"
@@ -126,18 +126,20 @@ def set_motion_laws(case: RandomMechanism, number: int, factor: float) -> list[s
     chance, texts = np.random.default_rng(number), []
     for i, largest in zip(case.drivers, case.amplitudes, strict=True):
         start, unit = float(case.pose[7 * case.model.links + i]), "m" if largest != 1.0 else "rad"
-        size, frequency = (
+        largest_value, frequency = (
             factor * largest * float(chance.uniform(0.4, 1) * chance.choice([-1, 1])),
             float(chance.uniform(2, 6)),
         )
         swinging = chance.random() < 0.7
         case.model.laws[i] = (
-            swing(start, size, frequency) if swinging else constant_rate(start, size / DURATION)
+            swing(start, largest_value, frequency)
+            if swinging
+            else constant_rate(start, largest_value / DURATION)
         )
         text = (
-            f"{start!r}{unit} + {size!r}{unit}*sin({frequency!r}*t)"
+            f"{start!r}{unit} + {largest_value!r}{unit}*sin({frequency!r}*t)"
             if swinging
-            else f"{size / DURATION!r}{unit}/s"
+            else f"{largest_value / DURATION!r}{unit}/s"
         )
         texts.append(f'"{case.names[i]}" = "{text}"')
     return texts
@@ -179,12 +181,12 @@ def outcome_of(
     if code == 0:
         return "correct", ""
     model = case.model
-    points = model.size * PROBES[None]
+    points = model.length * PROBES[None]
     passive = [
         point_motion(model, case.pose, direction, 0 * direction, points)[1]
         for direction in null_space(model, case.pose)
     ]
-    if "underdetermined" in detail and np.abs(passive).max(initial=0.0) > 1e-9 * model.size:
+    if "underdetermined" in detail and np.abs(passive).max(initial=0.0) > 1e-9 * model.length:
         return "valid rejection", detail
     if (exact is None and command != "trace") or "curve of assemblies never closes" in detail:
         return "valid rejection", detail
@@ -218,10 +220,10 @@ def compare(
     difference = np.abs(model.poses(first)[0] - model.poses(case.pose)[0])[1:]
     for direction in null_space(model, case.pose):
         # a passive rotation leaves the origin undetermined
-        moved = point_motion(model, case.pose, direction, 0 * direction, model.size * PROBES[None])[1][:, 0]
-        difference[np.abs(moved).max(-1) > 1e-9 * model.size] = 0.0
+        moved = point_motion(model, case.pose, direction, 0 * direction, model.length * PROBES[None])[1][:, 0]
+        difference[np.abs(moved).max(-1) > 1e-9 * model.length] = 0.0
     largest = exact is not None and difference.max()
-    if exact is None or largest > 1e-3 * model.size:
+    if exact is None or largest > 1e-3 * model.length:
         if case.guess == "complete":
             raise WrongError(
                 "another assembly than that of the guess" if exact is not None else "passed a singular pose"
@@ -231,11 +233,11 @@ def compare(
     tracks, free = reference_tracks(case, exact, times)
     for (kind, order), (columns, values) in tracks.items():
         # the scale of a resting quantity is that of the points
-        point_scale = model.size if order == 0 else np.abs(tracks["point", order][1]).max()
+        point_scale = model.length if order == 0 else np.abs(tracks["point", order][1]).max()
         if order == 2:
             # the acceleration of a straight and steady motion is rounding
-            point_scale = max(point_scale, np.abs(tracks["point", 1][1]).max() ** 2 / model.size)
-        scale = max(point_scale / (model.size if kind == "r" else 1.0), np.abs(values).max(initial=0.0))
+            point_scale = max(point_scale, np.abs(tracks["point", 1][1]).max() ** 2 / model.length)
+        scale = max(point_scale / (model.length if kind == "r" else 1.0), np.abs(values).max(initial=0.0))
         read = np.array(
             [
                 table[name] if name in table.dtype.names else v
@@ -246,17 +248,17 @@ def compare(
             read = read - 2 * np.pi * np.round((read[0] - values[0]) / (2 * np.pi))
         error = np.where(free[kind], 0.0, np.abs(read - values)) / (scale or 1.0)
         worst[f"{kind} {'pva'[order]}"] = float(error.max(initial=0.0))
-    bound = {"p": TOLERANCE, "v": TOLERANCE, "a": TOLERANCE}
+    limit = {"p": TOLERANCE, "v": TOLERANCE, "a": TOLERANCE}
     if command.endswith("step"):
         # the tolerance applies to positions at the actual driver positions, whose lag is reported
         lag = re.search(r"places are up to (\S+) m from where programs", output)
-        bound = {
-            "p": STEP_TOLERANCE + (1.05 * float(lag[1]) / model.size if lag else 0.0),
+        limit = {
+            "p": STEP_TOLERANCE + (1.05 * float(lag[1]) / model.length if lag else 0.0),
             "v": np.inf,
             "a": np.inf,
         }
         worst = {name: error for name, error in worst.items() if name.startswith("point")}
-    exceeded = [name for name, error in worst.items() if not error <= bound[name[-1]]]
+    exceeded = [name for name, error in worst.items() if not error <= limit[name[-1]]]
     text = ", ".join(f"{name} {error:.1e}" for name, error in worst.items())
     if exceeded:
         raise WrongError(text)
@@ -266,7 +268,7 @@ def compare(
 def reference_tracks(case: RandomMechanism, exact: np.ndarray, times: np.ndarray):
     """Return (kind, order) -> columns and exact values, and which of each kind are undetermined."""
     model, n = case.model, case.model.links
-    points = np.broadcast_to(model.size * PROBES, (n, 3, 3))
+    points = np.broadcast_to(model.length * PROBES, (n, 3, 3))
     rows, free_points, free_q = [], np.zeros((n, 3, 3), bool), np.zeros(model.count, bool)
     for x, t in zip(exact, times, strict=True):
         velocity, acceleration = model.rates(x, float(t))
@@ -278,7 +280,7 @@ def reference_tracks(case: RandomMechanism, exact: np.ndarray, times: np.ndarray
         )
         for direction in model.pseudo_inverse(x, float(t))[1]:
             free_points |= (
-                np.abs(point_motion(model, x, direction, 0 * direction, points)[1]) > 1e-9 * model.size
+                np.abs(point_motion(model, x, direction, 0 * direction, points)[1]) > 1e-9 * model.length
             )
             free_q |= np.abs(direction[7 * n :]) > 1e-9
     names = [f"{p}{k}" for k in range(1, n + 1) for p in "oxy"]
@@ -301,8 +303,8 @@ def pose_of(case: RandomMechanism, row: np.void, guess: np.ndarray) -> np.ndarra
     positions, rotations = [], []
     for k in range(1, n + 1):
         o, x, y = (np.array([row[f"{p}{k}.{axis}"] for axis in "xyz"]) for p in "oxy")
-        positions.append(o / model.size)
-        ex, ey = (x - o) / model.size, (y - o) / model.size
+        positions.append(o / model.length)
+        ex, ey = (x - o) / model.length, (y - o) / model.length
         rotations.append(quaternion_of(np.column_stack([ex, ey, np.cross(ex, ey)])))
     columns = row.dtype.names or ()
     q = guess[7 * n :].copy()
@@ -328,8 +330,8 @@ def check_trace(case: RandomMechanism, table: np.ndarray) -> str:
     model.laws = laws
     if not max(residuals) <= TOLERANCE:
         raise WrongError(f"a pose of row {int(np.argmax(residuals))} has a residual of {max(residuals):.1e}")
-    positions = np.array([model.poses(x)[0] for x in poses]) / model.size
-    distances = np.abs(positions - model.poses(case.pose)[0] / model.size).max((-1, -2))
+    positions = np.array([model.poses(x)[0] for x in poses]) / model.length
+    distances = np.abs(positions - model.poses(case.pose)[0] / model.length).max((-1, -2))
     steps = np.abs(np.diff(positions, axis=0)).max((-1, -2))[np.diff(table["component"]) == 0]
     if distances.min() > steps.max():
         raise WrongError(

@@ -57,7 +57,7 @@ def body(spec, name):
     return spec.worldbody if name == "world" else spec.body(name)
 
 
-def duplicate_loop(spec, size):
+def duplicate_loop(spec, length):
     (a, point), (b, _) = connect_ends(spec, connect_constraints(spec)[0])
     spec.add_equality(
         name="seeded",
@@ -69,22 +69,22 @@ def duplicate_loop(spec, size):
     )
 
 
-def shift_loop_end(spec, size):
+def shift_loop_end(spec, length):
     connect = connect_constraints(spec)[-1]
     (a, at_a), (b, at_b) = connect_ends(spec, connect)
     body(spec, a).add_site(name="seeded1", pos=at_a)
-    body(spec, b).add_site(name="seeded2", pos=at_b + np.array([0.0, 0.0, 0.01 * size]))
+    body(spec, b).add_site(name="seeded2", pos=at_b + np.array([0.0, 0.0, 0.01 * length]))
     connect.objtype, connect.name1, connect.name2 = mujoco.mjtObj.mjOBJ_SITE, "seeded1", "seeded2"
 
 
-def add_collision(spec, size):
+def add_collision(spec, length):
     for item in list(spec.excludes):
         spec.delete(item)
     for number, (name, point) in enumerate(connect_ends(spec, connect_constraints(spec)[0])):
         body(spec, name).add_geom(
             name=f"seeded{number}",
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[0.02 * size, 0.0, 0.0],
+            size=[0.02 * length, 0.0, 0.0],
             pos=point,
             mass=0.0,
             contype=1,
@@ -92,7 +92,7 @@ def add_collision(spec, size):
         )
 
 
-def exclude_start(spec, size):
+def exclude_start(spec, length):
     model = spec.copy().compile()
     joint_id = int(np.flatnonzero(np.isin(model.jnt_type, [2, 3]))[0])
     joint, angle = spec.joint(model.joint(joint_id).name), float(model.qpos0[model.jnt_qposadr[joint_id]])
@@ -102,17 +102,17 @@ def exclude_start(spec, size):
     joint.limited, joint.range = mujoco.mjtLimited.mjLIMITED_TRUE, [low, high]
 
 
-def soften_loops(spec, size):
+def soften_loops(spec, length):
     for item in spec.equalities:
         item.solref, item.solimp = [0.2, 1.0], [0.5, 0.5, 0.001, 0.5, 2.0]
 
 
-def shorten_time_constant(spec, size):
+def shorten_time_constant(spec, length):
     for item in spec.equalities:
         item.solref = [0.4 * spec.option.timestep, 1.0]
 
 
-def stiffen_for_timestep(spec, size):
+def stiffen_for_timestep(spec, length):
     for item in spec.equalities:
         rate = 3.0 / spec.option.timestep
         item.solref = [-(rate**2) / 2.0, -rate]
@@ -130,22 +130,22 @@ def heaviest_body(spec):
     return link
 
 
-def violate_triangle(spec, size):
+def violate_triangle(spec, length):
     link = heaviest_body(spec)
     link.inertia = np.array([1.0, 2.0, 4.0]) * link.inertia.max()
 
 
-def inertia_in_mm2(spec, size):
+def inertia_in_mm2(spec, length):
     link = heaviest_body(spec)
     link.inertia = link.inertia * 1e6
 
 
-def mass_in_grams(spec, size):
+def mass_in_grams(spec, length):
     link = heaviest_body(spec)
     link.mass = 1e3 * link.mass
 
 
-def lengths_in_mm(spec, size):
+def lengths_in_mm(spec, length):
     for element in spec.bodies:
         element.pos = 1000.0 * element.pos
         element.ipos = 1000.0 * element.ipos
@@ -155,7 +155,7 @@ def lengths_in_mm(spec, size):
         item.data = [*(1000.0 * item.data[:6]), *item.data[6:]]
 
 
-def remove_loop(spec, size):
+def remove_loop(spec, length):
     # with redundant constraints between the same bodies
     loop_bodies = {name for name, _ in connect_ends(spec, connect_constraints(spec)[0])}
     for item in connect_constraints(spec):
@@ -163,7 +163,7 @@ def remove_loop(spec, size):
             spec.delete(item)
 
 
-def add_servos(spec, size):
+def add_servos(spec, length):
     """Add a servo to every joint: more than there are degrees of freedom."""
     for joint in spec.joints:
         if joint.type in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):

@@ -11,7 +11,7 @@ Each mechanism follows from its number: `--part K N` runs every Nth, and `--case
 
 import argparse
 import sys
-import time as clock
+import time as timer
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -52,10 +52,12 @@ class Results:
 def study(numbers: Sequence[int], seed: int = 1) -> Results:
     """Return the results of the random mechanisms with these numbers."""
     result = Results()
-    start = clock.process_time()
-    for done, result.number in enumerate(numbers):
-        if done and done % REPORT_EVERY == 0:
-            print(f"{done} of {len(numbers)} after {clock.process_time() - start:.0f} s", file=sys.stderr)
+    start = timer.process_time()
+    for completed, result.number in enumerate(numbers):
+        if completed and completed % REPORT_EVERY == 0:
+            print(
+                f"{completed} of {len(numbers)} after {timer.process_time() - start:.0f} s", file=sys.stderr
+            )
         random = np.random.default_rng((seed, result.number))
         solver = random_mechanism(result.number, random)
         check_validation(solver, result)

@@ -51,7 +51,7 @@ class ExactDerivatives:
         description = read(self.path)
         instants = make.instants(description)
         self.drives = [instants[row][1] for row in ROWS]
-        path = [{item: float(state[0]) for item, state in drive.items()} for drive in self.drives]
+        path = [{item: float(state[0]) for item, state in laws.items()} for laws in self.drives]
         self.states = followed(in_doubles(description), path)
         self.times = np.array([float(instants[row][0]) for row in ROWS])
 
@@ -127,12 +127,12 @@ class MechsimDerivatives:
             for axis in make.AXES
         ]
         self.from_catalogue = model == item.name
-        efforts = {} if self.from_catalogue else self._efforts(subject)
+        forces = {} if self.from_catalogue else self._forces(subject)
         names = {parameter: self._named(item, parameter)[0] for parameter in item.parameters}
-        self.table = ms.sensitivity(subject, [*points, *efforts], [*dict.fromkeys(names.values())])
-        self.effort_names, self.exact_model = efforts, item
+        self.table = ms.sensitivity(subject, [*points, *forces], [*dict.fromkeys(names.values())])
+        self.effort_names, self.exact_model = forces, item
 
-    def _efforts(self, subject):
+    def _forces(self, subject):
         """Return the columns of drive efforts, and their names in the reference."""
         solver = subject.solver
         if solver.motion_laws.crank:
@@ -179,7 +179,9 @@ def errors(item, result, exact):
         for column, values in result.derivatives(parameter).items():
             column_kind = kind_of(column)
             scale = largest[parameter, column_kind]
-            threshold = NEGLIGIBLE * max(size for (_, other), size in largest.items() if other == column_kind)
+            threshold = NEGLIGIBLE * max(
+                largest_error for (_, other), largest_error in largest.items() if other == column_kind
+            )
             if scale <= threshold:
                 continue
             deviations = [
@@ -216,12 +218,14 @@ def main(arguments):
         for model in (str(item.path), *((name,) if name in catalog.MECHANISMS else ())):
             result = MechsimDerivatives(item, model)
             largest = errors(item, result, exact)
-            text = ", ".join(f"{label} {size:.1e} ({cause})" for label, (size, cause) in largest.items())
+            text = ", ".join(
+                f"{label} {largest_error:.1e} ({cause})" for label, (largest_error, cause) in largest.items()
+            )
             print(
                 f"{name:22s} {'catalogue' if model == name else 'file':9s} {len(exact):2d}: {text}",
                 flush=True,
             )
-            worst = max(worst, *(size for size, _ in largest.values()))
+            worst = max(worst, *(largest_error for largest_error, _ in largest.values()))
             if write and model != name:
                 lines += table_rows(item, result, exact)
     print(f"largest of all: {worst:.1e}")

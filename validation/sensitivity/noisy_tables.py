@@ -30,8 +30,8 @@ NOISE = {"m": 2e-5, "rad": 3e-4}
 SHORT = 1e-4
 
 
-def evaluation_points(form):
-    return EvaluationPoints(form, ANGLES, np.ones_like(ANGLES), np.zeros_like(ANGLES))
+def evaluation_points(linkage):
+    return EvaluationPoints(linkage, ANGLES, np.ones_like(ANGLES), np.zeros_like(ANGLES))
 
 
 def exact_candidates(solver, columns):

@@ -43,12 +43,12 @@ UPDATE_TIME = """(() => {{
 def settings(window: Browser, random: np.random.Generator) -> list[float]:
     """Return a random value of each slider."""
     values: list[float] = []
-    size = window.run("DATA.live.size")
+    length = window.run("DATA.live.size")
     for driver in window.run("DATA.live.drivers"):
-        scale = 1.0 if driver["unit"] == "rad" else size
+        scale = 1.0 if driver["unit"] == "rad" else length
         values.append(driver["start"] + DRIVEN * scale * random.uniform(-1.0, 1.0))
     for dimension in window.run("DATA.live.dimensions"):
-        scale = 1.0 if dimension["unit"] == "rad" else abs(dimension["value"]) or size
+        scale = 1.0 if dimension["unit"] == "rad" else abs(dimension["value"]) or length
         values.append(dimension["value"] + CHANGE * scale * random.uniform(-1.0, 1.0))
     return values
 
@@ -94,7 +94,7 @@ def table_row(name: str, window: Browser, folder: Path, count: int) -> str:
         main()
     window.open(path, 1280, "light")
     assert window.run("document.documentElement.dataset.ready") == "yes", window.complaints
-    random, size = np.random.default_rng(1), window.run("DATA.live.size")
+    random, scale = np.random.default_rng(1), window.run("DATA.live.size")
     worst, torque, compared = 0.0, 0.0, 0
     for _ in range(count):
         page = set_values(window, settings(window, random))
@@ -106,13 +106,13 @@ def table_row(name: str, window: Browser, folder: Path, count: int) -> str:
             continue
         compared += 1
         errors = [np.abs(points[name] - point["position"]).max() for name, point in page["points"].items()]
-        worst = max(worst, max(errors, default=0.0) / size)
+        worst = max(worst, max(errors, default=0.0) / scale)
         if len(torques) and np.abs(torques).max() > 1e-9:
             torque = max(torque, float(np.abs(torques - page["torques"]).max() / np.abs(torques).max()))
-    driver = window.run(UPDATE_TIME.format(slider=0, step=1e-3 * size))
+    driver = window.run(UPDATE_TIME.format(slider=0, step=1e-3 * scale))
     dimension = float("nan")
     if window.run("DATA.live.dimensions.length"):
-        dimension = window.run(UPDATE_TIME.format(slider="DATA.live.drivers.length", step=1e-4 * size))
+        dimension = window.run(UPDATE_TIME.format(slider="DATA.live.drivers.length", step=1e-4 * scale))
     megabytes = path.stat().st_size / 1e6
     return (
         f"{name:20s} {compared:3d}/{count} {worst:9.1e} {torque:9.1e} {megabytes:6.2f} MB "

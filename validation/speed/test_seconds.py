@@ -46,9 +46,9 @@ class SecondsRecorder:
         return result
 
 
-def seconds_of_path(path: str, marks: str | None, table: str) -> tuple[int, list[tuple[str, float]]]:
+def seconds_of_path(path: str, marker: str | None, table: str) -> tuple[int, list[tuple[str, float]]]:
     """Run the tests of one path in a process and return pytest's exit code and the seconds of each."""
-    command = [sys.executable, __file__, path, "--into", table, *(["-m", marks] if marks else [])]
+    command = [sys.executable, __file__, path, "--into", table, *(["-m", marker] if marker else [])]
     Path(table).write_text("")
     code = subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL).returncode
     with open(table, newline="") as file:

@@ -37,7 +37,7 @@ def ring_error(count):
     nodes = np.linspace(0.0, 2.0 * np.pi, count + 1)
     values = np.stack([np.cos(nodes), np.sin(nodes)], -1)
     middles = nodes[:-1] + np.pi / count
-    result = np.array([interpolated((slider(nodes, ring=True),), values, [at]) for at in middles])
+    result = np.array([interpolated((slider(nodes, ring=True),), values, [node]) for node in middles])
     return np.abs(result - np.stack([np.cos(middles), np.sin(middles)], -1)).max()
 
 
@@ -51,10 +51,10 @@ def test_quaternions_are_interpolated_independent_of_sign():
     turns = Rotation.from_rotvec(nodes[:, None] * [[0.2, -0.9, 1.9]])
     signs = RANDOM.choice([-1.0, 1.0], (12, 1))
     values = signs * turns.as_quat(scalar_first=True)
-    for at in (0.03, 0.77, 1.94):
-        result = interpolated((slider(nodes),), values, [at], turns=True)
-        exact = Rotation.from_rotvec(np.array([0.2, -0.9, 1.9]) * at).as_matrix()
+    for time in (0.03, 0.77, 1.94):
+        result = interpolated((slider(nodes),), values, [time], turns=True)
+        exact = Rotation.from_rotvec(np.array([0.2, -0.9, 1.9]) * time).as_matrix()
         restored = Rotation.from_quat(result, scalar_first=True).as_matrix()
         np.testing.assert_allclose(restored, exact, atol=2e-4)
-        plain = interpolated((slider(nodes),), values, [at])
+        plain = interpolated((slider(nodes),), values, [time])
         assert abs(np.linalg.norm(plain) - 1.0) > 1e-3  # ignoring signs does not give a unit quaternion

@@ -171,8 +171,8 @@ def test_a_live_page_is_below_one_and_a_half_megabytes():
 
 
 def test_a_dimension_with_a_wrong_formula_is_omitted(monkeypatch):
-    family, model = parametric_model("four_bar"), open_model("four_bar")
-    valid = parametric_geometry(model, family).dimensions
+    designs, model = parametric_model("four_bar"), open_model("four_bar")
+    valid = parametric_geometry(model, designs).dimensions
     assert {"ground", "crank", "coupler", "rocker"} == {dimension.name for dimension in valid}
     fitted = geometry.fitted_vectors
 
@@ -183,7 +183,7 @@ def test_a_dimension_with_a_wrong_formula_is_omitted(monkeypatch):
         return vectors
 
     monkeypatch.setattr(geometry, "fitted_vectors", wrong)
-    assert "crank" not in {dimension.name for dimension in parametric_geometry(model, family).dimensions}
+    assert "crank" not in {dimension.name for dimension in parametric_geometry(model, designs).dimensions}
 
 
 def test_dimensions_without_a_product_formula_are_omitted():

@@ -13,12 +13,12 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
 
-DRIVE = ms.catalog.make("four_bar")
+LINKAGE = ms.catalog.make("four_bar")
 
 
 @cache
 def text():
-    return page(mechanism_view(DRIVE, ms.units.rpm(600)))
+    return page(mechanism_view(LINKAGE, ms.units.rpm(600)))
 
 
 @cache
@@ -34,9 +34,9 @@ def window(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def path_of_page(tmp_path_factory):
-    place = tmp_path_factory.mktemp("page") / "view.html"
-    place.write_text(text(), encoding="utf-8")
-    return place
+    path = tmp_path_factory.mktemp("page") / "view.html"
+    path.write_text(text(), encoding="utf-8")
+    return path
 
 
 def open_fresh(window, page, fragment="", width=1280, scheme="light"):
@@ -47,12 +47,12 @@ def open_fresh(window, page, fragment="", width=1280, scheme="light"):
 
 def expected(window, point, degrees):
     """Return the position of a point on the stage by the closed form and the recorded camera."""
-    place = DRIVE.positions([np.deg2rad(degrees)])[point][0]
+    position = LINKAGE.positions([np.deg2rad(degrees)])[point][0]
     view = data()["cameras"][0]
     width, height = window.run("[document.getElementById('stage').clientWidth, stage.clientHeight]")
     scale = 0.82 * min(width / view["width"], height / view["height"])
     back, up = np.array(view["back"]), np.array(view["up"])
-    offset = place - np.array(view["centre"])
+    offset = position - np.array(view["centre"])
     return np.array([width / 2.0 + scale * offset @ np.cross(up, back), height / 2.0 - scale * offset @ up])
 
 
@@ -67,9 +67,14 @@ def shown(window, point):
 def dragged(window, fraction):
     """Drag the slider to a fraction of its length, and return the angle in degrees that it shows."""
     box = "(b => [b.left, b.top + b.height / 2, b.width])(slider0.getBoundingClientRect())"
-    left, y, width = window.run(box)
+    x, y, width = window.run(box)
     now = window.run("(slider0.value - slider0.min) / (slider0.max - slider0.min)")
-    window.drag(*((left + 8 + at * (width - 16), y) for at in (now, (now + fraction) / 2.0, fraction)))
+    window.drag(
+        *(
+            (x + 8 + fraction_of_width * (width - 16), y)
+            for fraction_of_width in (now, (now + fraction) / 2.0, fraction)
+        )
+    )
     return window.run("+slider0.value")
 
 
@@ -95,7 +100,7 @@ def test_points_follow_a_dragged_slider_as_the_closed_form(window, path_of_page)
     for fraction in (0.31, 0.64, 0.997):
         degrees = dragged(window, fraction)
         assert degrees == pytest.approx(360.0 * fraction, abs=2.0)
-        for point in DRIVE.mechanism.points:
+        for point in LINKAGE.mechanism.points:
             assert np.abs(shown(window, point) - expected(window, point, degrees)).max() < 1.0
         # an error of three degrees would be detected
         assert np.abs(shown(window, "A") - expected(window, "A", degrees + 3.0)).max() > 1.0
@@ -268,6 +273,6 @@ def test_a_table_and_a_picture_can_be_saved(window, path_of_page):
     assert rows[0].startswith("crank [°],A.x [mm]")
     assert len(rows) > 120
     angle, x = (float(word) for word in rows[31].split(",")[:2])
-    assert x == pytest.approx(1e3 * DRIVE.positions([np.deg2rad(angle)])["A"][0, 0], abs=1e-3)
+    assert x == pytest.approx(1e3 * LINKAGE.positions([np.deg2rad(angle)])["A"][0, 0], abs=1e-3)
     data_url = window.run("picture().toDataURL('image/png')")
     assert len(data_url) > 20_000

@@ -111,7 +111,9 @@ def test_the_page_agrees_with_python_on_a_platform(window, pages, name):
 def assert_pose(motion, mechanism, link, coordinates, values):
     """Compare the pose that Python finds with the requested coordinates."""
     own = motion.links[link]
-    point = np.array(next(at for name, at in mechanism.points.values() if name == link))
+    point = np.array(
+        next(local_position for name, local_position in mechanism.points.values() if name == link)
+    )
     position = own.position[-1] + own.rotation[-1] @ point  # not compared for a platform that only rotates
     angles = Rotation.from_matrix(own.rotation[-1]).as_euler("XYZ")
     result = dict(zip(("x", "y", "z", "rx", "ry", "rz"), (*position, *angles), strict=True))

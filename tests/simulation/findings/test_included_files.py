@@ -53,6 +53,6 @@ def test_a_finding_in_the_main_file_names_only_the_line(tmp_path):
     )
     (tmp_path / "whole.xml").write_text(whole)
     result = {item.kind: item for item in findings(read_model(str(tmp_path / "whole.xml")))}
-    for kind, mark in (("gap", "<connect"), ("limit", '<joint name="C"')):
+    for kind, element in (("gap", "<connect"), ("limit", '<joint name="C"')):
         assert result[kind].file == ""
-        assert mark in whole.splitlines()[result[kind].line - 1]
+        assert element in whole.splitlines()[result[kind].line - 1]

@@ -11,7 +11,7 @@ from mechsim.simulation.mjcf_reader import read_model
 
 HARD = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
 AGAIN = '    <connect name="again" body1="coupler" body2="rocker" anchor="0.1 0 0"/>\n'
-ROD, FAT_ROD = (f'fromto="0.008 0 0 0.09 0 0" size="{size}"' for size in (0.003, 0.02))
+ROD, FAT_ROD = (f'fromto="0.008 0 0 0.09 0 0" size="{radius}"' for radius in (0.003, 0.02))
 OTHER = '    <position name="other" joint="rocker" kp="5"/>\n'
 
 

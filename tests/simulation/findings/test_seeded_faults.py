@@ -32,7 +32,7 @@ def test_a_range_of_two_turns_in_degrees_is_no_finding(tmp_path):
 AGAIN = '<connect name="again" body1="coupler" body2="rocker" anchor="0.1 0 0"/>'
 FLAP = '<body name="flap"><joint name="flap"/><geom size="0.001" pos="0 0.3 0"/></body>'
 SOFT = 'solref="0.002 1"\n             solimp="0.9999 0.9999 0.001 0.5 2"'
-ROD, FAT_ROD = (f'fromto="0.008 0 0 0.09 0 0" size="{size}"' for size in (0.003, 0.02))
+ROD, FAT_ROD = (f'fromto="0.008 0 0 0.09 0 0" size="{radius}"' for radius in (0.003, 0.02))
 # fault -> change of the text; kind, element, and a fragment of the line to be reported
 FAULTS = {
     "a loop of distant sites": (
@@ -92,12 +92,12 @@ FAULTS = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_seeded_fault_is_reported_with_element_line_and_remedy(fault, tmp_path):
-    change, (kind, what, mark) = FAULTS[fault]
+    change, (kind, what, element) = FAULTS[fault]
     result = seeded(tmp_path, change)
     assert kind in result, {kind: item.message for kind, item in result.items()}
     assert result[kind].what == what
     assert result[kind].remedy
     assert result[kind].by > 0 or fault == "a link without mass"
     lines = changed(change).splitlines()
-    assert (result[kind].line is None) == (mark is None)
-    assert mark is None or mark in lines[result[kind].line - 1]
+    assert (result[kind].line is None) == (element is None)
+    assert element is None or element in lines[result[kind].line - 1]

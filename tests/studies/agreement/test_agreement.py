@@ -14,8 +14,8 @@ def slider(angle):
     return {"A": np.column_stack([x, y, 0 * x]), "B": np.column_stack([b, 0.01 + 0 * b]), "slide": b}
 
 
-def changed(**parts):
-    return lambda angle: slider(angle) | {name: item(slider(angle)) for name, item in parts.items()}
+def changed(**changes):
+    return lambda angle: slider(angle) | {name: item(slider(angle)) for name, item in changes.items()}
 
 
 def test_a_correct_formula_of_points_and_a_joint_agrees():
@@ -42,17 +42,17 @@ def test_a_written_table_agrees_with_its_own_model(tmp_path):
 
 def test_velocities_accelerations_and_forces_are_compared_by_name():
     model = ms.load("four_bar")
-    machine = ms.dynamics.dynamic_model(model)
+    dynamic_model = ms.dynamics.dynamic_model(model)
 
     def own(angle, speed):
         motion = model.solve(angle, speed)
-        efforts = ms.dynamics.prescribed(machine, angle, speed).forces
+        forces = ms.dynamics.prescribed(dynamic_model, angle, speed).forces
         return {
             "B.v": motion.points["B"].velocity,
             "B.a.xy": motion.points["B"].acceleration[:, :2],
             "B.vx": motion.points["B"].velocity[:, 0],
-            "torque:crank": efforts.torque,
-            "force:A": efforts.reactions["A"].force,
+            "torque:crank": forces.torque,
+            "force:A": forces.reactions["A"].force,
             "A.q": motion.joints["A"].value,
             "A.v": motion.joints["A"].rate,
         }
@@ -64,12 +64,12 @@ def test_velocities_accelerations_and_forces_are_compared_by_name():
 
 def test_a_formula_of_several_drivers_gets_them_by_name():
     def tool(drivers):
-        left = -0.03 + 0.06 * np.exp(1j * drivers["left"])
-        right = 0.03 + 0.06 * np.exp(1j * drivers["right"])
-        half = (right - left) / 2
+        left_elbow = -0.03 + 0.06 * np.exp(1j * drivers["left"])
+        right_elbow = 0.03 + 0.06 * np.exp(1j * drivers["right"])
+        half = (right_elbow - left_elbow) / 2
         up = np.sqrt(0.08**2 / abs(half) ** 2 - 1)
-        at = left + half * (1 + 1j * up)
-        return {"P": np.column_stack([at.real, at.imag])}
+        point = left_elbow + half * (1 + 1j * up)
+        return {"P": np.column_stack([point.real, point.imag])}
 
     assert ms.validate("five_bar", against=tool).passed
     wrong = ms.validate("five_bar", against=lambda d: {"P": 1e3 * tool(d)["P"]}, stepped=False)
@@ -101,14 +101,14 @@ def test_an_invalid_formula_is_rejected_in_one_line(function, output):
 
 
 def test_two_components_of_a_spatial_point_need_a_named_plane():
-    drive = ms.catalog.make("rssr")
+    linkage = ms.catalog.make("rssr")
 
     def own(angle):
-        return {"P3.yz": drive.solve(angle).points["P3"].position[:, 1:]}
+        return {"P3.yz": linkage.solve(angle).points["P3"].position[:, 1:]}
 
-    assert ms.validate(drive, against=own).passed
+    assert ms.validate(linkage, against=own).passed
     with pytest.raises(ms.InputError, match=r"name the plane, as in 'P3\.xy'"):
-        ms.validate(drive, against=lambda angle: {"P3": own(angle)["P3.yz"]})
+        ms.validate(linkage, against=lambda angle: {"P3": own(angle)["P3.yz"]})
 
 
 def run_command(monkeypatch, capsys, *arguments):
@@ -146,11 +146,11 @@ def test_the_command_reports_that_it_runs_code_in_eighty_columns(monkeypatch, ca
 
 def test_the_attributed_error_contributions_add_up():
     result = ms.validate("slider_crank", against=lambda angle: {"B": 1.001 * slider(angle)["B"]}).attribution
-    parts = [result[name] for name in ("formula", "compliance", "time step", "drive")]
+    contributions = [result[name] for name in ("formula", "compliance", "time step", "drive")]
     assert result["unit"] == "m"
-    assert sum(parts) == pytest.approx(result["whole"], rel=0.05)
+    assert sum(contributions) == pytest.approx(result["whole"], rel=0.05)
     assert result["formula"] == pytest.approx(2.5e-4, rel=1e-3)
-    assert max(map(abs, parts[1:])) < 1e-8
+    assert max(map(abs, contributions[1:])) < 1e-8
 
 
 def test_a_failed_formula_gets_a_plot_and_a_page_with_the_cause(monkeypatch, capsys, tmp_path):

@@ -23,10 +23,10 @@ def findings_of(function, model="four_bar", **options):
 
 def bar(offset=0.0, scale=1.0, **changed):
     """Return the formula of a four-bar with other dimensions and transformed crank angles."""
-    form = ms.catalog.make("four_bar", **changed)
+    solver = ms.catalog.make("four_bar", **changed)
 
     def function(angle):
-        motion = form.solve(scale * angle + offset)
+        motion = solver.solve(scale * angle + offset)
         points = {name: motion.points[name].position for name in ("B", "C")}
         return points | {"rocker": motion.joints["rocker"].value}
 
@@ -47,7 +47,7 @@ def on(name, change):
 
 
 SHIFT, TINY_SHIFT = np.array([0, 1e-4, 0]), np.array([0, 1.2e-6, 0])
-TURN = np.array([[np.cos(0.01), -np.sin(0.01), 0], [np.sin(0.01), np.cos(0.01), 0], [0, 0, 1]])
+SMALL_ROTATION = np.array([[np.cos(0.01), -np.sin(0.01), 0], [np.sin(0.01), np.cos(0.01), 0], [0, 0, 1]])
 RIGHT = {
     name: getattr(ms.catalog.make("four_bar"), name) for name in ("crank", "coupler", "rocker", "ground")
 }
@@ -65,7 +65,7 @@ CASES = {
     "swapped": (with_changed_values(lambda v: v | {"B": v["C"], "C": v["B"]}), "swapped", "B, C", None),
     "mirror": (points(lambda v: v * [1, -1, 1]), "mirror", "x, -y, z", None),
     "shifted": (points(lambda v: v + SHIFT), "frame", "y", 1e-4),
-    "turned": (points(lambda v: v @ TURN.T), "frame", "turn about z", 0.01),
+    "turned": (points(lambda v: v @ SMALL_ROTATION.T), "frame", "turn about z", 0.01),
     "zero": (on("rocker", lambda v: v + 0.1), "offset", "rocker", 0.1),
     "joint direction": (on("rocker", np.negative), "sense", "rocker", -1.0),
     "late": (
@@ -121,7 +121,7 @@ def test_equally_good_causes_are_all_reported():
 
 
 def test_a_phase_error_of_a_motion_law_is_reported():
-    form = ms.load("five_bar")
+    solver = ms.load("five_bar")
     late = ms.load(
         "five_bar", drive={"left": "120deg + 25deg*sin(2*pi*(t-0.01))", "right": "60deg + 20deg*sin(4*pi*t)"}
     )
@@ -129,7 +129,7 @@ def test_a_phase_error_of_a_motion_law_is_reported():
     def values_of_function(other):
         return lambda drivers, t: {"P": other.solve(t=t).points["P"].position}
 
-    first = findings_of(values_of_function(late), form).findings[0]
+    first = findings_of(values_of_function(late), solver).findings[0]
     assert (first.kind, first.what, first.certain) == ("phase", "left", True)
     assert first.by == pytest.approx(0.01, rel=1e-3)
 
@@ -138,13 +138,13 @@ def test_a_phase_error_of_a_motion_law_is_reported():
     ("model", "slip"), [("warp_knitter", 2.0), ("warp_knitter", -0.5), ("planetary_gear", 0.75)]
 )
 def test_a_wrong_gear_ratio_is_reported(model, slip):
-    form = ms.load(model)
+    solver = ms.load(model)
     if model == "warp_knitter":
-        wrong, ratio = replace(form, gear_ratio=slip), form.gear_ratio
+        wrong, ratio = replace(solver, gear_ratio=slip), solver.gear_ratio
     else:
-        first, second = form.mechanism.gears
+        first, second = solver.mechanism.gears
         gears = (first, replace(second, ratio=slip))
-        wrong, ratio = replace(form, mechanism=replace(form.mechanism, gears=gears)), second.ratio
+        wrong, ratio = replace(solver, mechanism=replace(solver.mechanism, gears=gears)), second.ratio
 
     def function(angle):
         return {name: point.position for name, point in wrong.solve(angle).points.items()}
@@ -156,8 +156,8 @@ def test_a_wrong_gear_ratio_is_reported(model, slip):
 
 
 def test_a_displaced_joint_is_reported_without_parameters():
-    form = ms.load("four_bar")
-    mechanism = form.mechanism
+    solver = ms.load("four_bar")
+    mechanism = solver.mechanism
     joint = mechanism.joints[-1]
     x, y, z = joint.a.point
     moved = replace(joint, a=replace(joint.a, point=(x + 1e-4, y, z)))
@@ -172,20 +172,21 @@ def test_a_displaced_joint_is_reported_without_parameters():
     ("factor", "kind"), [(0.0, "gravity"), pytest.param(None, "mass", marks=pytest.mark.slow)]
 )
 def test_wrong_gravity_or_mass_is_found_from_a_torque(factor, kind):
-    form = ms.catalog.make("four_bar")
-    machine = dynamics.dynamic_model(form, Forces(gravity=(0.0, -9.81, 0.0)))
-    evaluation = replace(evaluation_points(form, SPEED), dynamic_model=machine)
+    solver = ms.catalog.make("four_bar")
+    dynamic_model = dynamics.dynamic_model(solver, Forces(gravity=(0.0, -9.81, 0.0)))
+    evaluation = replace(evaluation_points(solver, SPEED), dynamic_model=dynamic_model)
     if factor is None:
-        item, *rest = machine.mechanism.links
+        item, *rest = dynamic_model.mechanism.links
         heavy = replace(item.inertia, mass=1.1 * item.inertia.mass)
         other = replace(
-            machine, mechanism=replace(machine.mechanism, links=(replace(item, inertia=heavy), *rest))
+            dynamic_model,
+            mechanism=replace(dynamic_model.mechanism, links=(replace(item, inertia=heavy), *rest)),
         )
     else:
-        other = machine.with_forces(Forces(gravity=(0.0, -9.81 * factor, 0.0)))
-    named = quantity("torque:crank", form.mechanism)
+        other = dynamic_model.with_forces(Forces(gravity=(0.0, -9.81 * factor, 0.0)))
+    named = quantity("torque:crank", solver.mechanism)
     candidate = Candidate(named, replace(evaluation, dynamic_model=other).exact(named))
-    result = agreement(evaluation, [candidate], "the test", None, parametric_model(form))
+    result = agreement(evaluation, [candidate], "the test", None, parametric_model(solver))
     assert result.findings[0].kind == kind, result.why
     assert result.findings[0].certain
 

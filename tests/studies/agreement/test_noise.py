@@ -149,9 +149,9 @@ def test_fit_and_validate_read_a_table_equally(tmp_path):
 
 
 def test_correct_tables_fail_at_the_stated_rate():
-    form = ms.catalog.make("four_bar")
-    evaluation = EvaluationPoints(form, ANGLES, np.ones(60), np.zeros(60))
-    named = [quantity(name, form.mechanism) for name in ("B.xy", "C.xy")]
+    solver = ms.catalog.make("four_bar")
+    evaluation = EvaluationPoints(solver, ANGLES, np.ones(60), np.zeros(60))
+    named = [quantity(name, solver.mechanism) for name in ("B.xy", "C.xy")]
     random, failed, sigmas = np.random.default_rng(5), 0, []
     for _ in range(300):
         candidates = [

@@ -85,7 +85,7 @@ def test_ball_arithmetic_equations_agree_with_the_solver(tmp_path):
         residual, jacobian, _ = loops.linearise(q)
         values = q.values.T.copy()
         values[:, loops.tree.ball_indices] = 0.0
-        turns = [ball(np.moveaxis(turn, -1, 0)) for turn in q.turns]
+        turns = [ball(np.moveaxis(rotation, -1, 0)) for rotation in q.turns]
         ball_residual, ball_jacobian = equations.evaluate(ball(values[..., None]), turns)
         kept = equations.kept
         assert np.abs(ball_residual.mid[..., 0].T - residual[kept]).max() < 1e-14
@@ -101,7 +101,7 @@ def test_jacobians_over_a_box_enclose_those_of_its_points():
     values = path.start.values.T.copy()
     values[:, equations.tree.ball_indices] = 0.0
     radius = 0.05
-    turns = [ball(np.moveaxis(turn, -1, 0)) for turn in path.start.turns]
+    turns = [ball(np.moveaxis(rotation, -1, 0)) for rotation in path.start.turns]
     box = equations.evaluate(Ball(values[..., None], np.full((*values.shape, 1), radius)), turns)
     for _ in range(50):
         inside = values + radius * rng.uniform(-1.0, 1.0, values.shape)
@@ -157,7 +157,7 @@ def test_derivatives_of_equations_in_dual_balls_are_the_jacobian():
     equations = loop_equations(path.loops.tree.mechanism, path.loops.turn_offsets, {})
     values = path.start.values.T.copy()
     values[:, equations.tree.ball_indices] = 0.3
-    turns = [ball(np.moveaxis(turn, -1, 0)) for turn in path.start.turns]
+    turns = [ball(np.moveaxis(rotation, -1, 0)) for rotation in path.start.turns]
     seeds = np.diag(equations.tree.units)[:, None, :, None]
     residual, jacobian = equations.evaluate(DualBall(ball(values[..., None]), ball(seeds)), turns)
     derivative = np.moveaxis(residual.derivative.mid[..., 0], 0, -1)
@@ -254,8 +254,8 @@ def test_radii_enclose_the_joint_effect_of_two_dimensions():
     rng = np.random.default_rng(0)
     for _ in range(50):
         moved = {
-            name: designs.dimensions[name].value + bound * rng.uniform(-1.0, 1.0)
-            for name, bound in bounds.items()
+            name: designs.dimensions[name].value + limit * rng.uniform(-1.0, 1.0)
+            for name, limit in bounds.items()
         }
         for joint in designs.describe(moved).joints:
             for side in ("a", "b"):
@@ -294,8 +294,8 @@ def test_joint_intervals_of_a_file_are_tight_enclosures(name, bounds):
     rng, largest = np.random.default_rng(0), dict.fromkeys(radii, 0.0)
     for _ in range(40):
         moved = {
-            key: designs.dimensions[key].value + bound * rng.choice([-1.0, 1.0, rng.uniform(-1.0, 1.0)])
-            for key, bound in bounds.items()
+            key: designs.dimensions[key].value + limit * rng.choice([-1.0, 1.0, rng.uniform(-1.0, 1.0)])
+            for key, limit in bounds.items()
         }
         for joint in designs.describe(moved).joints:
             for side in ("a", "b"):

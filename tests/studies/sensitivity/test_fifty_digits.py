@@ -18,21 +18,21 @@ with Path(__file__).with_name("derivatives.csv").open(encoding="utf-8") as file:
     ROWS = list(csv.DictReader(file))
 REFERENCE = {name: list(rows) for name, rows in groupby(ROWS, key=lambda row: row["mechanism"])}
 # relative to the largest derivative of its kind by the same dimension; measured at most 5e-11
-BOUND = 1e-9
+MAX_ERROR = 1e-9
 
 
 def relative_error(name, rows, spoil=lambda values: values):
     """Largest error of a mechanism's derivatives, relative to the largest of the same kind and dimension."""
-    path, at = str(MECHANISMS / f"{name}.toml"), float(rows[0]["at"])
+    path, instant = str(MECHANISMS / f"{name}.toml"), float(rows[0]["at"])
     laws = not ms.load(path).motion_laws.crank
-    of = ms.moved(path, t=[at]) if laws else ms.moved(path, angles=[at], speed=20.0)
+    moved = ms.moved(path, t=[instant]) if laws else ms.moved(path, angles=[instant], speed=20.0)
     drives = {
         f"{word}:{item}": f"drive {item}"
         for word in ("torque", "force")
-        for item in of.solver.mechanism.drivers
+        for item in moved.solver.mechanism.drivers
     }
-    drives |= {f"torque:{of.solver.mechanism.drivers[0]}": "torque"} if of.offset else {}
-    table = ms.sensitivity(of, [*{drives.get(row["column"], row["column"]) for row in rows}])
+    drives |= {f"torque:{moved.solver.mechanism.drivers[0]}": "torque"} if moved.offset else {}
+    table = ms.sensitivity(moved, [*{drives.get(row["column"], row["column"]) for row in rows}])
     errors, scales = {}, {}
     for row in rows:
         column = drives.get(row["column"], row["column"])
@@ -47,11 +47,11 @@ def relative_error(name, rows, spoil=lambda values: values):
 
 @pytest.mark.parametrize("name", grid(REFERENCE, ("four_bar", "rssr", "bennett", "five_bar")))
 def test_derivatives_agree_with_50_digits(name):
-    assert relative_error(name, REFERENCE[name]) <= BOUND
+    assert relative_error(name, REFERENCE[name]) <= MAX_ERROR
 
 
 def test_derivatives_off_by_a_millionth_are_rejected():
     assert (
         relative_error("slider_crank", REFERENCE["slider_crank"], lambda values: values * (1.0 + 1e-6))
-        > BOUND
+        > MAX_ERROR
     )

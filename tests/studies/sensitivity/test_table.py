@@ -27,8 +27,8 @@ def test_a_table_has_a_column_per_quantity_and_dimension():
 
 
 def test_derivatives_of_a_slider_crank_equal_its_formula():
-    of = moved("slider_crank", set={"offset": 0.0})
-    table = derivative_table(of, ["B.x", "B.vx"], ["crank", "rod", "offset"])
+    mechanism = moved("slider_crank", set={"offset": 0.0})
+    table = derivative_table(mechanism, ["B.x", "B.vx"], ["crank", "rod", "offset"])
     r, rod, c, s = 0.05, 0.2, np.cos(ANGLES), np.sin(ANGLES)
     leg = np.sqrt(rod**2 - (r * s) ** 2)
     exact = {"crank": c - r * s**2 / leg, "rod": rod / leg, "offset": r * s / leg}
@@ -39,34 +39,34 @@ def test_derivatives_of_a_slider_crank_equal_its_formula():
 
 
 def test_a_point_dimension_includes_its_components():
-    of = moved("rssr")
-    assert list(derivative_table(of, ["rocker"], ["pivot"]).by) == ["pivot.x", "pivot.y", "pivot.z"]
-    assert {"crank", "gamma1", "pivot.z"} <= set(derivative_table(of, ["rocker"]).by)
+    mechanism = moved("rssr")
+    assert list(derivative_table(mechanism, ["rocker"], ["pivot"]).by) == ["pivot.x", "pivot.y", "pivot.z"]
+    assert {"crank", "gamma1", "pivot.z"} <= set(derivative_table(mechanism, ["rocker"]).by)
 
 
 def test_dimensions_that_make_loops_inconsistent_are_omitted():
-    of = MovedFamily(parametric_model(LoopForm(catalog.make("four_bar").mechanism)), ANGLES, 1.0)
-    table = derivative_table(of, ["rocker"])
+    mechanism = MovedFamily(parametric_model(LoopForm(catalog.make("four_bar").mechanism)), ANGLES, 1.0)
+    table = derivative_table(mechanism, ["rocker"])
     assert {"A.at.x", "B.at.y"} <= set(table.by)
     inconsistent = [name for name in table.left_out if name.endswith(".z")]
     assert inconsistent == list(table.left_out)
     with pytest.raises(AssemblyError, match="makes redundant loop equations inconsistent"):
-        derivative_table(of, ["rocker"], ["A.a.at.z"])
+        derivative_table(mechanism, ["rocker"], ["A.a.at.z"])
 
 
 def test_derivatives_under_motion_laws_are_tabulated_over_time():
-    of = parametric_model(
+    designs = parametric_model(
         "five_bar", drive={"left": "120deg+20deg*sin(2*pi*t)", "right": "60deg+20deg*sin(4*pi*t)"}
     )
-    form = of.make({})
-    table = derivative_table(MovedFamily(of, spread_instants(form)[::24], 1.0), ["left"], ["arm"])
+    solver = designs.make({})
+    table = derivative_table(MovedFamily(designs, spread_instants(solver)[::24], 1.0), ["left"], ["arm"])
     assert next(table.columns())[0] == "t"
     # a driver follows its motion law, independent of the arms
     assert not table.derivatives("left.q")["arm"].any()
 
 
 @pytest.mark.parametrize(
-    ("of", "to", "output"),
+    ("quantities", "to", "output"),
     [
         (["Q"], "all", "has no quantity 'Q'; choose from points and joints"),
         (["rockr"], "all", "did you mean 'rocker'"),
@@ -75,24 +75,24 @@ def test_derivatives_under_motion_laws_are_tabulated_over_time():
         ([], "all", "no quantity is requested"),
     ],
 )
-def test_an_unknown_quantity_or_dimension_is_rejected_with_a_hint(of, to, output):
+def test_an_unknown_quantity_or_dimension_is_rejected_with_a_hint(quantities, to, output):
     with pytest.raises(InputError, match=output):
-        derivative_table(moved("four_bar"), of, to)
+        derivative_table(moved("four_bar"), quantities, to)
 
 
 def test_instants_of_a_swinging_crank_lie_between_its_dead_centres():
-    form = catalog.make("four_bar", rocker=0.035)
-    at = spread_instants(form)
-    low, high = form.crank_range().arcs[0]
-    assert low < at[0] < at[-1] < high
+    solver = catalog.make("four_bar", rocker=0.035)
+    instants = spread_instants(solver)
+    low, high = solver.crank_range().arcs[0]
+    assert low < instants[0] < instants[-1] < high
 
 
 def test_instants_avoid_change_points():
-    of = parametric_model("elliptic_trammel")
-    at = spread_instants(of.make({}))
-    assert len(at) == 71
-    assert np.abs(np.cos(at)).min() > 1e-3
-    assert derivative_table(MovedFamily(of, at[::10], 1.0), ["pen"]).by
+    designs = parametric_model("elliptic_trammel")
+    instants = spread_instants(designs.make({}))
+    assert len(instants) == 71
+    assert np.abs(np.cos(instants)).min() > 1e-3
+    assert derivative_table(MovedFamily(designs, instants[::10], 1.0), ["pen"]).by
 
 
 def test_drive_torques_are_requested_by_the_driven_joint():

@@ -18,25 +18,25 @@ ANGLES = np.array([0.3, 1.7, 2.9, 4.1])
 
 
 @cache
-def table(model="four_bar", of=("C.x", "C.y", "C.z", "rocker")):
-    return derivative_table(MovedFamily(parametric_model(model), ANGLES, 1.0), of)
+def table(model="four_bar", quantities=("C.x", "C.y", "C.z", "rocker")):
+    return derivative_table(MovedFamily(parametric_model(model), ANGLES, 1.0), quantities)
 
 
 def test_worst_case_adds_and_root_sum_of_squares_combines_contributions():
     result = table()
     study = tolerance_study(result, {"crank": 1e-5, "coupler": "±0.02mm"}, samples=0)
     by = result.derivatives("C.x")
-    parts = np.abs(by["crank"]) * 1e-5, np.abs(by["coupler"]) * 2e-5
-    assert np.allclose(study.worst("C.x"), parts[0] + parts[1], rtol=1e-14)
-    assert np.allclose(study.squares("C.x"), np.hypot(*parts), rtol=1e-14)
+    contributions = np.abs(by["crank"]) * 1e-5, np.abs(by["coupler"]) * 2e-5
+    assert np.allclose(study.worst("C.x"), contributions[0] + contributions[1], rtol=1e-14)
+    assert np.allclose(study.squares("C.x"), np.hypot(*contributions), rtol=1e-14)
     assert study.shares("C.x")["crank"] == pytest.approx(
-        (parts[0] ** 2).sum() / (parts[0] ** 2 + parts[1] ** 2).sum()
+        (contributions[0] ** 2).sum() / (contributions[0] ** 2 + contributions[1] ** 2).sum()
     )
     assert study.sampled is None
 
 
 def test_monte_carlo_errors_stay_below_the_worst_case():
-    result = table(of=("rocker",))
+    result = table(quantities=("rocker",))
     study = tolerance_study(result, {"crank": 1e-6, "coupler": 2e-6}, samples=20_000)
     worst = study.worst("rocker.q")
     assert (study.random("rocker.q")["most"] <= worst).all()
@@ -45,7 +45,7 @@ def test_monte_carlo_errors_stay_below_the_worst_case():
 
 @pytest.mark.parametrize("distribution", ["uniform", "normal"])
 def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
-    result = table("hoeken", of=("rocker",))
+    result = table("hoeken", quantities=("rocker",))
     limits = {"crank": 1e-6, "arm": 2e-6, "A.clearance": 1e-6}
     requested = parsed_tolerances(
         limits, result.moved.designs.dimensions, result.moved.solver.mechanism, distribution
@@ -59,14 +59,14 @@ def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
 
 def test_large_tolerances_use_second_order():
     names = ("crank", "arm", "ground")
-    result = table("hoeken", of=("rocker",))
+    result = table("hoeken", quantities=("rocker",))
     study = tolerance_study(result, dict.fromkeys(names, 2e-3), samples=20_000)
     assert study.sampled.sampling.order == 2
     assert study.sampled.sampling.expansion_error <= 0.02
     values, solved, weights = result.moved.designs.values(), [], []
     # Gauss points, three per dimension, are exact for terms up to the fifth order
     for nodes in product(zip(*np.polynomial.legendre.leggauss(3), strict=True), repeat=len(names)):
-        samples_off = {name: values[name] + 2e-3 * at for name, (at, _) in zip(names, nodes, strict=True)}
+        samples_off = {name: values[name] + 2e-3 * node for name, (node, _) in zip(names, nodes, strict=True)}
         solved.append(result.moved.values(["rocker.q"], samples_off)["rocker.q"])
         weights.append(np.prod([0.5 * weight for _, weight in nodes]))
     mean = np.average(solved, 0, weights)
@@ -90,19 +90,19 @@ def test_samples_are_solved_if_the_expansion_is_inaccurate(monkeypatch):
 
 
 def test_every_sample_is_solved_if_a_closed_form_exists():
-    result = table(of=("C", "rocker", "C.vx"))
+    result = table(quantities=("C", "rocker", "C.vx"))
     moved, bounds = result.moved, {"crank": 1e-2, "ground": 1e-2, "arm_angle": 0.5}
     values = np.concatenate([*result.values.values()])
     angular = np.repeat([result.units[item] == "rad" for item in result.values], len(result))
     solved = DesignSolver(moved, [*result.values], bounds, values, angular)
-    parts = np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3))
+    fractions = np.random.default_rng(3).uniform(-1.0, 1.0, (40, 3))
     # the last sample cannot be assembled: its crank is too long
-    samples, unassembled = formula_samples(solved, np.concatenate([parts, [[30.0, 0.0, 0.0]]]))
+    samples, unassembled = formula_samples(solved, np.concatenate([fractions, [[30.0, 0.0, 0.0]]]))
     assert unassembled.tolist() == [False] * 40 + [True]
     samples_off = np.empty((40, len(values)))
     for which, block in samples.blocks():
         samples_off[:, which] = block
-    exact = np.array([solved.deviations(item) for item in parts])
+    exact = np.array([solved.deviations(item) for item in fractions])
     assert np.abs(samples_off - exact).max() <= 1e-12
     study = tolerance_study(result, bounds, samples=5_000)
     assert (study.sampled.sampling.order, study.sampled.sampling.solved, study.sampled.sampling.failed) == (
@@ -120,7 +120,7 @@ def test_a_dimension_and_its_source_cannot_both_vary():
 
 
 def test_a_radial_clearance_moves_a_point_by_its_radius():
-    result = table("slider_crank", of=("B.x",))
+    result = table("slider_crank", quantities=("B.x",))
     study = tolerance_study(result, {"A.clearance": "0.01mm"}, samples=30_000)
     # the rod transmits the clearance along its line: at most the clearance over the cosine of its angle
     rod_angle = np.arcsin((0.05 * np.sin(ANGLES) - 0.01) / 0.2)
@@ -129,8 +129,8 @@ def test_a_radial_clearance_moves_a_point_by_its_radius():
 
 
 def test_the_band_of_a_path_is_normal_to_it():
-    of = MovedFamily(parametric_model("four_bar"), np.linspace(0.0, 2.0 * np.pi, 73), 1.0)
-    result = derivative_table(of, ["A"])
+    mechanism = MovedFamily(parametric_model("four_bar"), np.linspace(0.0, 2.0 * np.pi, 73), 1.0)
+    result = derivative_table(mechanism, ["A"])
     study = tolerance_study(result, {"crank": 1e-5}, samples=0)
     (band,) = path_bands(result, study)
     # A moves on a circle whose radius is the crank length;
@@ -174,7 +174,7 @@ def test_tolerances_without_an_assembly_are_rejected():
 
 
 def test_a_slide_has_no_radial_clearance():
-    result = table("slider_crank", of=("B.x",))
+    result = table("slider_crank", quantities=("B.x",))
     with pytest.raises(InputError, match="radial clearances exist for revolute or spherical joints only"):
         tolerance_study(result, {"slide.clearance": 1e-5}, samples=0)
 

@@ -57,8 +57,8 @@ def test_derivatives_of_tooth_forces_equal_finite_differences(path, name, value,
     step = 1e-3
 
     def columns(changed):
-        form = ms.load(path, set={name: f"{changed} {unit}"})
-        return dict(ms.dynamics.prescribed(ms.dynamics.dynamic_model(form), ANGLES, 30.0).columns())
+        solver = ms.load(path, set={name: f"{changed} {unit}"})
+        return dict(ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), ANGLES, 30.0).columns())
 
     plus, minus = columns(value + step), columns(value - step)
     in_si = np.deg2rad(step) if unit == "deg" else 1e-3 * step

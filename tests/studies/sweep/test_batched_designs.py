@@ -68,5 +68,5 @@ def test_a_design_without_a_full_turn_swings():
 
 
 def test_a_turn_is_complete_only_if_the_links_return():
-    turn = ms.catalog.make("four_bar").solve(np.array([0.0, 1.0, 2.0 * np.pi, 0.0, 1.0, 6.2]))
-    assert come_back(turn, 2).tolist() == [True, False]
+    motion = ms.catalog.make("four_bar").solve(np.array([0.0, 1.0, 2.0 * np.pi, 0.0, 1.0, 6.2]))
+    assert come_back(motion, 2).tolist() == [True, False]

@@ -87,10 +87,10 @@ def test_a_cluster_with_a_killed_worker_writes_the_same_file(tmp_path):
             client.wait_for_workers(2, timeout=60)
         killed = []
 
-        def kill_worker(_, part):
-            if part > 0.2 and not killed:
+        def kill_worker(_, fraction):
+            if fraction > 0.2 and not killed:
                 workers[0].kill()
-                killed.append(part)
+                killed.append(fraction)
 
         ms.sweep("four_bar", VARY, MEASURES, output=cluster_file, scheduler=address, progress=kill_worker)
         assert killed
@@ -104,8 +104,8 @@ def test_a_cluster_with_a_killed_worker_writes_the_same_file(tmp_path):
 def test_a_killed_sweep_resumes_to_the_same_file(tmp_path):
     interrupted, whole = tmp_path / "cut.nc", tmp_path / "whole.nc"
     with running("-m", "mechsim", "sweep", *WORDS.split(), "-o", str(interrupted)) as item:
-        parts = tmp_path / "cut.nc.parts"
-        wait_until(lambda: len(list(parts.glob("0*.npz"))) >= 1 if parts.exists() else False)
+        folder = tmp_path / "cut.nc.parts"
+        wait_until(lambda: len(list(folder.glob("0*.npz"))) >= 1 if folder.exists() else False)
         item.send_signal(signal.SIGKILL)
         item.wait(10.0)
     assert not interrupted.exists()

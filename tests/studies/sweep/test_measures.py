@@ -16,8 +16,8 @@ def turns():
     """Two turns of one mechanism at different speeds, as if they were two designs."""
     from mechsim.model.motion import join
 
-    form = catalog.make("rssr")
-    motions = [form.solve(ANGLES, speed) for speed in (1.0, 3.0)]
+    solver = catalog.make("rssr")
+    motions = [solver.solve(ANGLES, speed) for speed in (1.0, 3.0)]
     motion = join([type(item)(**{k: getattr(item, k) for k in FIELDS}) for item in motions])
     return Turns(2, len(ANGLES), motion)
 

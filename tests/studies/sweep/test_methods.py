@@ -9,7 +9,7 @@ from mechsim.errors import InputError
 from mechsim.studies.sweep.methods import by_one_formula
 from mechsim.studies.sweep.sweeping import swept_task
 
-TURN = 2.0 * np.pi * np.arange(72) / 72
+ANGLES = 2.0 * np.pi * np.arange(72) / 72
 COUPLERS = np.array([0.03, 0.085, 0.091, 0.1])
 
 
@@ -20,7 +20,7 @@ def test_a_vectorised_formula_has_the_measures_of_single_designs():
     assert result["range:rocker"].dims == ("coupler", "arm_angle")
     assert result["outcome"].values[:, 0].tolist() == ["swings", "passed", "passed", "passed"]
     for coupler in COUPLERS[1:]:
-        motion = ms.catalog.make("four_bar", coupler=coupler, arm_angle=0.5).solve(TURN, 3.0)
+        motion = ms.catalog.make("four_bar", coupler=coupler, arm_angle=0.5).solve(ANGLES, 3.0)
         item = result.sel(coupler=coupler, arm_angle=0.5)
         assert float(item["range:rocker"]) == pytest.approx(np.ptp(motion.joints["rocker"].value), rel=1e-12)
         fastest = np.linalg.norm(motion.points["C"].velocity, axis=1).max()
@@ -32,7 +32,7 @@ def test_a_parallelogram_is_measured_by_its_closed_form():
     result = ms.sweep("four_bar", measure="range:rocker", design=lengths)
     flat = ms.catalog.make("four_bar", **{name: values[0] for name, values in lengths.items()})
     assert result["outcome"].values.tolist() == ["passed", "passed"]
-    expected = np.ptp(np.unwrap(flat.solve(TURN).joints["rocker"].value))
+    expected = np.ptp(np.unwrap(flat.solve(ANGLES).joints["rocker"].value))
     assert float(result["range:rocker"][0]) == pytest.approx(expected)
 
 
@@ -59,22 +59,22 @@ def test_a_gallery_model_is_measured_by_its_loop_equations():
     result = ms.sweep("watt_six_bar", {"crank": [0.02, 0.025, 0.3]}, ["range:output", "at:90deg:D.x"])
     assert result["outcome"].values.tolist() == ["passed", "passed", "cannot assemble"]
     single = ms.load("watt_six_bar", {"crank": 0.02})
-    expected = np.ptp(single.solve(TURN).joints["output"].value)
+    expected = np.ptp(single.solve(ANGLES).joints["output"].value)
     assert float(result["range:output"][0]) == pytest.approx(expected, rel=1e-9)
-    at = single.solve([np.pi / 2]).points["D"].position[0, 0]
-    assert float(result["at:90deg:D.x"][0]) == pytest.approx(at, rel=1e-9)
+    x = single.solve([np.pi / 2]).points["D"].position[0, 0]
+    assert float(result["at:90deg:D.x"][0]) == pytest.approx(x, rel=1e-9)
 
 
 def test_forces_and_transmission_angles_are_measured():
     result = ms.sweep(
         "rssr", {"crank": [0.012, 0.013]}, ["max:torque", "max:force:P3", "min:transmission"], speed=50.0
     )
-    form = ms.catalog.make("rssr", crank=0.012)
-    study = dynamics.prescribed(dynamics.dynamic_model(form), TURN, 50.0)
+    solver = ms.catalog.make("rssr", crank=0.012)
+    study = dynamics.prescribed(dynamics.dynamic_model(solver), ANGLES, 50.0)
     assert float(result["max:torque"][0]) == pytest.approx(study.forces.torque.max())
     force = np.linalg.norm(study.forces.reactions["P3"].force, axis=1).max()
     assert float(result["max:force:P3"][0]) == pytest.approx(force)
-    assert float(result["min:transmission"][0]) == pytest.approx(form.transmission_angle(TURN).min())
+    assert float(result["min:transmission"][0]) == pytest.approx(solver.transmission_angle(ANGLES).min())
     assert result["max:force:P3"].attrs["units"] == "N"
 
 

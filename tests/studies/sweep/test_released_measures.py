@@ -64,9 +64,9 @@ def test_settling_time_and_peaks_of_an_oscillator_are_exact(oscillator):
         value = decay * (np.cos(damped * time) + 10.0 * ratio / damped * np.sin(damped * time))
         rate = -decay * 100.0 / damped * np.sin(damped * time)
         outside = np.abs(value) > 0.02 * np.ptp(value)
-        settled = time[np.flatnonzero(outside)[-1]]
+        settling_time = time[np.flatnonzero(outside)[-1]]
         # within the interval between the instants of the run
-        assert table["settling:P.x"][i] == pytest.approx(settled, abs=4.0 / 500)
+        assert table["settling:P.x"][i] == pytest.approx(settling_time, abs=4.0 / 500)
         assert table["peak:s.v"][i] == pytest.approx(np.abs(rate).max(), rel=1e-3)
         assert table["peak:kinetic"][i] == pytest.approx((rate**2).max(), rel=2e-3)
         assert table["peak:expr:P.x - 0.1"][i] == pytest.approx(0.05, rel=1e-12)

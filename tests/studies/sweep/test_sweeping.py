@@ -33,8 +33,8 @@ def stopped_after(monkeypatch, count):
     """Stop sweeps after this many chunks."""
     run = chunks.run_chunks
 
-    def short(task, parts, keep, scheduler=None):
-        run(task, parts[:count], keep, "synchronous")
+    def short(task, chunk_list, keep, scheduler=None):
+        run(task, chunk_list[:count], keep, "synchronous")
         raise KeyboardInterrupt
 
     monkeypatch.setattr(chunks, "BY_FORMULA", 4)
@@ -55,7 +55,9 @@ def test_an_interrupted_sweep_resumes_to_the_same_file(tmp_path, monkeypatch, en
         ms.sweep("four_bar", VARY, ["crank_range"], output=interrupted, resume=True)
     resumed = []
     monkeypatch.setattr(
-        sweeping, "run_chunks", lambda task, parts, *rest: resumed.append(parts) or run(task, parts, *rest)
+        sweeping,
+        "run_chunks",
+        lambda task, chunk_list, *rest: resumed.append(chunk_list) or run(task, chunk_list, *rest),
     )
     ms.sweep("four_bar", VARY, MEASURES, output=interrupted, resume=True)
     assert [item[0] for item in resumed[0]] == [2, 3, 4]
@@ -68,8 +70,8 @@ def test_a_truncated_chunk_is_recomputed(tmp_path, monkeypatch):
     run = stopped_after(monkeypatch, 3)
     with pytest.raises(KeyboardInterrupt):
         ms.sweep("four_bar", VARY, MEASURES, output=path)
-    part = next(path.with_name("out.nc.parts").glob("*1.npz"))
-    part.write_bytes(part.read_bytes()[:100])
+    chunk_file = next(path.with_name("out.nc.parts").glob("*1.npz"))
+    chunk_file.write_bytes(chunk_file.read_bytes()[:100])
     monkeypatch.setattr(sweeping, "run_chunks", run)
     result = ms.sweep("four_bar", VARY, MEASURES, output=path, resume=True)
     np.testing.assert_array_equal(

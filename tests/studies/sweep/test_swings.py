@@ -37,8 +37,8 @@ def extent(rocker):
     """Return the range of the rocker over the whole reachable range of the crank, in [rad]."""
     end = upper_dead_centre(rocker)
     angles = end * (1.0 - np.geomspace(1e-12, 1.0, 400))
-    drive = ms.catalog.make("four_bar", **LENGTHS, rocker=rocker)
-    return np.ptp(np.unwrap(drive.solve([*-angles, *angles[::-1]]).joints["rocker"].value))
+    linkage = ms.catalog.make("four_bar", **LENGTHS, rocker=rocker)
+    return np.ptp(np.unwrap(linkage.solve([*-angles, *angles[::-1]]).joints["rocker"].value))
 
 
 @pytest.fixture

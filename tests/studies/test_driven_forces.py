@@ -79,22 +79,22 @@ NONLINEAR = {
 CASES = {"five-bar": five_bar, "boom": boom, "rack": locked_rack} | NONLINEAR
 
 
-def study_of(machine, count=41):
-    moves = machine.solver.motion_laws
-    return dynamics.prescribed(machine, t=np.linspace(0.0, moves.duration, count))
+def study_of(model, count=41):
+    moves = model.solver.motion_laws
+    return dynamics.prescribed(model, t=np.linspace(0.0, moves.duration, count))
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_drive_power_balances_energy_rates_and_losses(case):
     """Eighth-order differences of the energy against the drive power and the friction losses."""
-    machine = CASES[case]()
-    moves = machine.solver.motion_laws
+    model = CASES[case]()
+    moves = model.solver.motion_laws
     step, middle = 1e-3 * moves.duration, 0.4 * moves.duration
     times = middle + step * np.arange(-4, 5)
-    result = dynamics.prescribed(machine, t=times).forces
+    result = dynamics.prescribed(model, t=times).forces
     weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / step
     energy_rate = weights @ (result.kinetic + result.potential)
-    motion = machine.solver.solve(t=times)
+    motion = model.solver.solve(t=times)
     power = sum(result.drives[name] * motion.joints[name].rate for name in moves.drivers)[4]
     assert power - result.power_lost[4] == pytest.approx(energy_rate, rel=1e-8)
     assert result.power_in[4] == pytest.approx(power, rel=1e-12)
@@ -126,38 +126,38 @@ def test_the_force_on_a_resting_boom_balances_its_weight():
 @pytest.mark.parametrize("method", ["pose", "step"])
 @pytest.mark.parametrize("case", CASES)
 def test_mujoco_agrees_and_a_heavier_link_is_rejected(case, method):
-    machine = CASES[case]()
+    model = CASES[case]()
     settings = Settings(steps_per_turn=1000) if method == "step" else None
     run = driven(
-        machine.mechanism,
-        machine.forces,
-        motion_laws=machine.solver.motion_laws,
+        model.mechanism,
+        model.forces,
+        motion_laws=model.solver.motion_laws,
         method=method,
         settings=settings,
         samples=20,
     )
-    verdict = crosscheck_driven(run, machine)
+    verdict = crosscheck_driven(run, model)
     assert verdict.passed, verdict
     assert {check.kind for check in verdict.checks} >= {"driver effort"}
-    link = machine.mechanism.links[0]
+    link = model.mechanism.links[0]
     heavier = replace(link, inertia=replace(link.inertia, mass=1.001 * link.inertia.mass))
-    links = (heavier, *machine.mechanism.links[1:])
+    links = (heavier, *model.mechanism.links[1:])
     wrong = dynamics.dynamic_model(
-        machine.solver, machine.forces, mechanism=replace(machine.mechanism, links=links)
+        model.solver, model.forces, mechanism=replace(model.mechanism, links=links)
     )
     assert not crosscheck_driven(run, wrong).passed
 
 
 @pytest.mark.parametrize("case", NONLINEAR)
 def test_forces_without_the_velocity_product_of_a_coupling_are_rejected(case, monkeypatch):
-    machine = NONLINEAR[case]()
+    model = NONLINEAR[case]()
 
     def failed_checks():
-        moves, chosen = machine.solver.motion_laws, Settings(steps_per_turn=250)
+        moves, chosen = model.solver.motion_laws, Settings(steps_per_turn=250)
         stepped = driven(
-            machine.mechanism, machine.forces, motion_laws=moves, method="step", settings=chosen, samples=20
+            model.mechanism, model.forces, motion_laws=moves, method="step", settings=chosen, samples=20
         )
-        checks = crosscheck_driven(stepped, machine).checks
+        checks = crosscheck_driven(stepped, model).checks
         return {item.kind for item in checks if not item.passed}
 
     # at so few steps the positions have errors of 1e-5, but the forces pass
@@ -167,9 +167,9 @@ def test_forces_without_the_velocity_product_of_a_coupling_are_rejected(case, mo
 
 
 def test_drive_inertia_under_motion_laws_is_rejected():
-    machine = locked_rack()
+    model = locked_rack()
     with pytest.raises(InputError, match=r"flywheel.*motion laws"):
-        machine.with_forces(Forces(flywheel=1.0))
+        model.with_forces(Forces(flywheel=1.0))
 
 
 def test_duplicate_couplings_share_the_force_of_one():
