@@ -271,7 +271,7 @@ def test_invalid_input_gives_one_line(words, capsys):
 SLIDER = subject_of(catalog.make("slider_crank"), SPEED)
 
 
-class DynamicModel:
+class SimulatedProcessor:
     """Simulated wall clock and processor time that advance only with work."""
 
     def __init__(self, monkeypatch, share: float, step: float, building: float) -> None:
@@ -282,7 +282,7 @@ class DynamicModel:
         monkeypatch.setattr(Subject, "errors", lambda _, n: dict.fromkeys(COMPARED, n**-4.0))
 
     def budget(self, seconds: float) -> Budget:
-        """Return a budget by this clock and this processor."""
+        """Return a budget measured by these two times."""
         wall, processor = (lambda: self.share * self.processor), (lambda: self.processor)
         return Budget(seconds, start=0.0, now=wall, processor=processor)
 
@@ -310,10 +310,10 @@ class Spent(NamedTuple):
 @pytest.mark.parametrize("share", [1.0, 4.0])
 @pytest.mark.parametrize(("step", "building"), [(2e-5, 0.05), (1e-3, 0.3)])
 def test_the_study_ends_within_a_fifth_of_the_budget(monkeypatch, budget, share, step, building):
-    model = DynamicModel(monkeypatch, share, step, building)
+    simulated = SimulatedProcessor(monkeypatch, share, step, building)
     # time of loading and building
-    model.processor = 0.2
-    tradeoff = measure_tradeoff(SLIDER, budget=model.budget(budget))
+    simulated.processor = 0.2
+    tradeoff = measure_tradeoff(SLIDER, budget=simulated.budget(budget))
     assert 0.8 * budget < tradeoff.seconds < 1.2 * budget
     assert len(tradeoff.points) + tradeoff.left_out + tradeoff.unbuilt == len(STEPS) * len(
         stepping_methods(SLIDER.mechanism, SLIDER.variants)
@@ -327,8 +327,8 @@ def test_a_budget_below_the_loading_time_is_rejected():
 
 
 def test_a_sufficient_budget_omits_no_trial(monkeypatch):
-    model = DynamicModel(monkeypatch, 1.0, 2e-5, 0.05)
-    tradeoff = measure_tradeoff(SLIDER, budget=model.budget(600.0))
+    simulated = SimulatedProcessor(monkeypatch, 1.0, 2e-5, 0.05)
+    tradeoff = measure_tradeoff(SLIDER, budget=simulated.budget(600.0))
     assert (tradeoff.left_out, tradeoff.untried) == (0, ())
     assert tradeoff.seconds < 300.0
 

@@ -106,9 +106,7 @@ class CouplerCurves:
             crossed = (self.length_error(i[row], curve[row], extremum) < 0.0) != (value[row, column] < 0.0)
             row, column, extremum = row[crossed], column[crossed], extremum[crossed]
             brackets += [(row, t[column] - t[1], extremum), (row, extremum, t[column] + t[1])]
-            row, low, high = (
-                np.concatenate(column_of_brackets) for column_of_brackets in zip(*brackets, strict=True)
-            )
+            row, low, high = (np.concatenate(item) for item in zip(*brackets, strict=True))
             position, rotation = self.pose(i[row], curve[row], self._bisect(i[row], curve[row], low, high))
             position = position - rotation * self.b0[i[row]]
             for j, x, z in zip(i[row], position, rotation, strict=True):

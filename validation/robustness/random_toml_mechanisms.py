@@ -251,7 +251,7 @@ def compare(
     limit = {"p": TOLERANCE, "v": TOLERANCE, "a": TOLERANCE}
     if command.endswith("step"):
         # the tolerance applies to positions at the actual driver positions, whose lag is reported
-        lag = re.search(r"places are up to (\S+) m from where programs", output)
+        lag = re.search(r"positions differ by up to (\S+) m from those of the motion laws", output)
         limit = {
             "p": STEP_TOLERANCE + (1.05 * float(lag[1]) / model.length if lag else 0.0),
             "v": np.inf,

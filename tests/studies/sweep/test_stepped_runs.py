@@ -79,8 +79,8 @@ def test_measures_unavailable_in_stepped_motions_are_rejected(measure, printed):
 
 
 def test_the_check_rejects_a_wrong_table():
-    for settings_given in (OPTIONS, {"samples": 12}):
-        task = swept_task("watt_six_bar", {"crank": [0.02, 0.03]}, "range:output", **settings_given)
+    for task_options in (OPTIONS, {"samples": 12}):
+        task = swept_task("watt_six_bar", {"crank": [0.02, 0.03]}, "range:output", **task_options)
         result = run_sweep(task)
         assert check_sweep(task, result, 2).passed == 2
         result["range:output"].values[1] *= 1.0 + 1e-6
@@ -106,8 +106,8 @@ def test_settings_distinguish_stepped_sweeps(tmp_path):
 def test_the_default_compliance_depends_on_the_measure():
     """`mechsim sweep --method step` passes its settings unchanged."""
 
-    def compliance(model, vary, measure, **settings_given):
-        return swept_task(model, vary, measure, settings=Settings(**settings_given)).settings.compliance
+    def compliance(model, vary, measure, **task_options):
+        return swept_task(model, vary, measure, settings=Settings(**task_options)).settings.compliance
 
     forces = ("rack_steering", {"radius": [0.005]}, "max:torque")
     assert compliance(*forces) == 1e-12
