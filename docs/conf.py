@@ -111,7 +111,7 @@ def _join_paragraphs(_app, _what, _name, _object, _options, lines):
 
 def _name_functions(_app, _what, _name, _object, _options, signature, returned):
     """Write a default that is a function by its name."""
-    return re.sub(r"<function ([^>]*)>", r"\1", signature or ""), returned
+    return signature and (re.sub(r"<function ([^>]*)>", r"\1", signature), returned)
 
 
 def setup(app):
