@@ -3,7 +3,7 @@
 Three mechanisms, one turn at 600 rpm, 1,000 steps; links of 1 kg, so that the load is heavy next to the
 crank's own inertia. Drive errors: of the speed, relative; of the angle, in rad, against the requested angle
 at that time. The place error of the driven point is against the closed form at the crank angle really
-reached, in units of the crank: what the drive adds to the error of the loop. inf: blew up.
+reached, in units of the crank: what the drive adds to the error of the loop. inf: diverged.
 
 Run: python validation/choices/crank_actuation.py [--out DIR]
 """

@@ -23,8 +23,8 @@ class Case:
     Attributes:
         file: in the folder; of the catalogue where it is none.
         track: points, as --track has them.
-        ctrl: actuator -> its program.
-        drive: joint -> its program.
+        ctrl: actuator -> its control over time.
+        drive: joint -> its motion law.
         duration: in [s].
         key: keyframe that it starts in.
     """

@@ -25,7 +25,7 @@ SOFT_IMPACT = 1e-7
 REVERSAL = 1e-6
 # relative excess of a friction force over its limit that counts as rounding
 BALANCED = 1e-9
-# friction in a unit combination of redundant constraint forces that is rounding
+# friction of a unit combination of redundant constraint forces, in [N] or [N m], that is rounding
 NO_FRICTION = 1e-9
 
 # n states and times (n,) in [s] -> numbers (n,) that are zero at the event

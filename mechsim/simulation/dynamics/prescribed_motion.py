@@ -117,7 +117,7 @@ def _require_valid(method: str | None, tolerance: float | None, samples: int | N
     if method not in (None, "pose", "step"):
         raise InputError(f"there is no method {method!r}; choose from pose, step")
     if tolerance is not None and not 0.0 < tolerance < np.inf:
-        raise InputError(f"tolerance of torque is {tolerance}; give a part above 0, as in 1e-6")
+        raise InputError(f"tolerance of torque is {tolerance}; give a fraction above 0, as in 1e-6")
     if samples is not None and not samples >= 1:
         raise InputError(f"{samples} samples requested; take at least 1")
 
