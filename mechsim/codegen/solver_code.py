@@ -202,7 +202,7 @@ def _inertias(assembly: SolvedAssembly, links: Sequence[str]) -> Array | None:
         if link.name in assembly.spinning:
             axis = assembly.spinning[link.name]
             across = np.eye(3) - np.outer(axis, axis)
-            largest = float(np.abs(moments).max())
+            largest = float(np.abs(moments).max()) or 1.0
             mean = 0.5 * float(np.trace(across @ moments))
             axial = float(axis @ moments @ axis)
             misfit = np.abs(moments - mean * across - axial * np.outer(axis, axis)).max() / largest

@@ -46,12 +46,13 @@ class Inertia:
     """The inertia of a rigid body.
 
     Attributes:
-        mass: in [kg], above zero.
+        mass: in [kg], zero or above.
         centre: centre of mass in the link's frame, in [m].
         moments: inertia matrix about the centre of mass, along the axes of the link's frame, in [kg m2]:
-            symmetric, positive definite, no principal moment larger than the sum of the others.
+            symmetric, no principal moment below zero or larger than the sum of the others; all zero for a
+            point mass.
         rods: rods from which it was computed; None if it was given.
-        negligible: whether it replaces a mass of zero.
+        negligible: whether its mass replaces a mass of zero, which MuJoCo does not accept.
     """
 
     mass: float
@@ -62,9 +63,9 @@ class Inertia:
 
     def __post_init__(self) -> None:
         mass, centre = float(self.mass), np.asarray(self.centre, dtype=np.float64)
-        if not 1.0 / MAX_MASS < mass < MAX_MASS:
+        if mass != 0.0 and not 1.0 / MAX_MASS < mass < MAX_MASS:
             raise InputError(
-                f"mass of a link is {self.mass} kg; give a finite mass above 0, "
+                f"mass of a link is {self.mass} kg; give a finite mass, 0 or "
                 f"from {1.0 / MAX_MASS:g} to {MAX_MASS:g} kg"
             )
         if centre.shape != (3,) or not (np.abs(centre) < HUGE).all():
@@ -90,7 +91,7 @@ def combine(inertias: Iterable[Inertia]) -> Inertia:
     """Return the inertia of bodies that are rigidly joined, all in the same frame."""
     bodies = list(inertias)
     mass = sum(body.mass for body in bodies)
-    centre = sum((body.mass * np.asarray(body.centre) for body in bodies), np.zeros(3)) / mass
+    centre = sum((body.mass * np.asarray(body.centre) for body in bodies), np.zeros(3)) / (mass or 1.0)
     centre_of_mass = (float(centre[0]), float(centre[1]), float(centre[2]))
     moments = sum((body.about(centre_of_mass) for body in bodies), np.zeros((3, 3)))
     return Inertia(mass, centre_of_mass, _rows(moments))
@@ -122,9 +123,9 @@ def _checked(moments: Array) -> Matrix:
         )
     least, middle, most = (float(value) for value in np.linalg.eigvalsh(moments))
     principal = f"principal moments of inertia of a link are {least:.6g}, {middle:.6g}, {most:.6g} kg m2"
-    if not least > 0.0:
-        raise InputError(f"{principal}; all must be above 0: give a thin body its small thickness")
-    if not most <= (least + middle) * (1.0 + INERTIA_TOLERANCE):
+    if not least >= -INERTIA_TOLERANCE * most:
+        raise InputError(f"{principal}; none can be below 0: correct the matrix")
+    if not most - (least + middle) <= INERTIA_TOLERANCE * most:
         raise InputError(
             f"{principal}; no body has one above the sum of the others, {least + middle:.6g} kg m2: "
             "check units, axes, and that they are about the centre of mass"

@@ -25,8 +25,8 @@ class LinkMass:
         link: name of the link.
         mass: in [kg].
         source: "given" in the file or object; "rod", computed from round rods between its joints, because
-            no inertia is given; "zero" if a file gives this link no mass but others one (a negligible mass
-            replaces the zero).
+            no inertia is given; "zero" if a file gives this link a mass of zero but others more (in MuJoCo a
+            negligible mass replaces the zero).
         length: total length of the rods in [m]; None unless the source is "rod".
         diameter: diameter of the rods in [m]; None unless the source is "rod".
         density: density of the rods in [kg/m3]; None unless the source is "rod".
@@ -103,7 +103,8 @@ def _mass(link: str, inertia: Inertia) -> LinkMass:
             diameter=rods.diameter,
             density=rods.density,
         )
-    return LinkMass(link=link, mass=inertia.mass, source="zero" if inertia.negligible else "given")
+    massless = inertia.negligible or inertia.mass == 0.0
+    return LinkMass(link=link, mass=inertia.mass, source="zero" if massless else "given")
 
 
 # density of steel in [kg/m3]

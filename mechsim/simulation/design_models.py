@@ -12,7 +12,6 @@ from mechsim.model.design_arrays import DesignArrays, StartedDesigns
 from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND, IDENTITY, Pose, Vector
-from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
@@ -22,7 +21,12 @@ from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.loaded_model import loaded_model
 from mechsim.simulation.loop_jacobian import NEWTON
 from mechsim.simulation.mjcf.compiling import BODY, INERTIA, NONE
-from mechsim.simulation.mjcf.force_elements import PLACEHOLDER, placeholder, principal
+from mechsim.simulation.mjcf.force_elements import (
+    PLACEHOLDER,
+    placeholder,
+    principal,
+    with_accepted_inertia,
+)
 from mechsim.simulation.mjcf.generator import DRIVE_INERTIA_RATIO
 from mechsim.simulation.mjcf.joints import (
     CRANK,
@@ -275,7 +279,7 @@ def design_models(
     # in the reference configuration the links have the poses of the closed loops
     seated, rest = assembled_fields(model, tree, arrays, link_poses(tree.mechanism, loops, qpos))
     rest[:, address] += REVOLUTION * np.round((start - rest[:, address]) / REVOLUTION)
-    real = [with_inertia(design) for design in designs]
+    real = [with_accepted_inertia(design) for design in designs]
     weights = inertia_fields(model, real) if shared.gravity is not None else placeholder_fields(model, arrays)
     fields = {**seated, **sites, **weights}
     loops = shared.closed.loops.with_fields({**seated, **sites, "qpos0": rest})

@@ -17,6 +17,7 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.dynamics.forward_run import SteppedRun, stepped_run
 from mechsim.simulation.dynamics.static_state import static_state
+from mechsim.simulation.mjcf.force_elements import with_accepted_inertia
 from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict, check_of, concluded
 from mechsim.verdict.crosscheck import crosscheck_forces
@@ -66,6 +67,8 @@ def crosscheck_driven(
     if run.outcome == "diverged" or motion.broken:
         return Verdict("diverged", (), motion.broken or "MuJoCo's state became invalid")
     instants = (motion.angle, motion.speed, motion.acceleration)
+    # MuJoCo's model has negligible masses and moments where the mechanism has none
+    model = replace(model, mechanism=with_accepted_inertia(model.mechanism))
     study = prescribed(model, *instants, time=motion.time, as_run=motion, progress=progress)
     tolerance = (
         None if run.tolerance_report is None or run.method == "pose" else run.tolerance_report.tolerance

@@ -10,12 +10,13 @@ import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
-from mechsim.model.links import GROUND, Inertia, Link
+from mechsim.model.links import GROUND, ORIGIN, Inertia, Link, combine
 from mechsim.model.mechanism import Mechanism
-from mechsim.subjects.planar_json import in_plane, point
+from mechsim.subjects.planar_json import entries, in_plane, point
 
 SCHEMA = "1."
 KINDS = ("revolute", "prismatic", "fixed")
+NO_MOMENTS = (ORIGIN, ORIGIN, ORIGIN)
 POINTS = ("attachment_points", "coupler_points")
 
 
@@ -42,8 +43,9 @@ def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
         if body != GROUND
         for label, position in own.items()
     }
-    links = tuple(_link(body, entry) for body, entry in bodies.items() if body != GROUND)
-    return Mechanism(name, links, tuple(joints.values()), tuple(dict.fromkeys(drivers)), points, up="y")
+    return Mechanism(
+        name, _links(bodies), tuple(joints.values()), tuple(dict.fromkeys(drivers)), points, up="y"
+    )
 
 
 def _objects(content: Mapping[str, Any], key: str) -> Mapping[str, Mapping[str, Any]]:
@@ -103,11 +105,39 @@ def _between(joints: Mapping[str, Joint], entry: Mapping[str, Any]) -> list[str]
     ]
 
 
-def _link(body: str, entry: Mapping[str, Any]) -> Link:
-    """Return a body with its mass; moments about the axes in the plane are half of that about its normal."""
-    mass, moment = point((entry.get("mass", 0.0), entry.get("Izz_cg", 0.0)), f"mass and Izz_cg of {body!r}")
-    if not (mass > 0.0 and moment > 0.0):
-        return Link(body)
-    centre = in_plane(point(entry.get("cg_local", (0.0, 0.0)), f"cg_local of {body!r}"))
+def _links(bodies: Mapping[str, Mapping[str, Any]]) -> tuple[Link, ...]:
+    """Return the moving bodies with their masses; without one if the file gives no body any."""
+    inertias: dict[str, Inertia | None] = {}
+    for body, entry in bodies.items():
+        if body != GROUND:
+            try:
+                inertias[body] = _inertia(entry)
+            except InputError as error:
+                raise InputError(f"body {body!r}: {error}") from None
+    weighs = any(item and (item.mass or item.matrix.any()) for item in inertias.values())
+    return tuple(Link(body, inertia=item if weighs else None) for body, item in inertias.items())
+
+
+def _inertia(entry: Mapping[str, Any]) -> Inertia | None:
+    """Return the mass of a body with its point masses; None without an entry.
+
+    Moments about axes in the plane, which have no effect, are half of that about its normal.
+    """
+    moment_keys, centre_keys = ("Izz_cg", "izz_cg"), ("cg_local", "ch_local")
+    points = entry.get("point_masses", [])
+    if not points and not {"mass", *moment_keys} & entry.keys():
+        return None
+    mass, moment = point((entry.get("mass", 0.0), _first(entry, moment_keys, 0.0)), "mass and Izz_cg")
+    centre = in_plane(point(_first(entry, centre_keys, (0.0, 0.0)), "cg_local"))
     half = 0.5 * moment
-    return Link(body, inertia=Inertia(mass, centre, ((half, 0.0, 0.0), (0.0, half, 0.0), (0.0, 0.0, moment))))
+    masses = [Inertia(mass, centre, ((half, 0.0, 0.0), (0.0, half, 0.0), (0.0, 0.0, moment)))]
+    for added in entries(entry, "point_masses") if points else ():
+        (mass, _) = point((added.get("mass"), 0.0), "a point mass")
+        position = in_plane(point(added.get("local_pos"), "local_pos of a point mass"))
+        masses.append(Inertia(mass, position, NO_MOMENTS))
+    return combine(masses)
+
+
+def _first(entry: Mapping[str, Any], keys: tuple[str, ...], default: Any) -> Any:
+    """Return the value of the first key that an entry has; files of its GUI write other keys."""
+    return next((entry[key] for key in keys if key in entry), default)

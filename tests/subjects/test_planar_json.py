@@ -10,6 +10,9 @@ import pytest
 
 import mechsim as ms
 from mechsim import cli
+from mechsim.model.forces import Forces
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.dynamics_check import crosscheck_driven
 from mechsim.subjects.model_source import Prescription
 from mechsim.subjects.readers import open_model
 
@@ -200,6 +203,71 @@ def test_masses_of_linkage_sim_are_read(written):
     assert links["coupler"].inertia is None
 
 
+def slider_crank_torque(crank, rod, angles, speed, crank_mass, rod_mass, block_mass):
+    """Return the torque in N m from central differences of the energy: bodies are (mass, moment)."""
+
+    def energy(angle):
+        q = np.array([angle - 1e-4, angle, angle + 1e-4])
+        swing = np.arcsin(crank * np.sin(q) / rod)
+        x, rates = crank * np.cos(q) + rod * np.cos(swing), np.gradient(-swing, q) * speed
+        middle = np.stack([crank * np.cos(q) + rod / 2 * np.cos(swing), crank / 2 * np.sin(q)])
+        travel = np.gradient(middle, q, axis=1) * speed
+        kinetic = 0.5 * (crank_mass[0] * crank**2 / 4 + crank_mass[1]) * speed**2
+        kinetic += 0.5 * rod_mass[0] * (travel[:, 1] ** 2).sum() + 0.5 * rod_mass[1] * rates[1] ** 2
+        kinetic += 0.5 * block_mass * (np.gradient(x, q)[1] * speed) ** 2
+        return kinetic + 9.81 * (crank_mass[0] * crank / 2 * np.sin(angle) + rod_mass[0] * middle[1, 1])
+
+    return np.array([(energy(angle + 1e-4) - energy(angle - 1e-4)) / 2e-4 for angle in angles])
+
+
+def with_masses(keys, block):
+    """Return the slider-crank file with masses and moments under the keys of the Python or GUI version."""
+    moment, centre = keys
+    content = copy.deepcopy(LINKAGE_SIM_SLIDER)
+    content["bodies"]["crank"] |= {"mass": 0.5, moment: 0.01, centre: [CRANK / 2, 0]}
+    content["bodies"]["rod"] |= {"mass": 1.0, moment: 0.08, centre: [ROD / 2, 0]}
+    content["bodies"]["slider"] |= block
+    for body in ("ground", "slider"):
+        content["bodies"][body]["attachment_points"] |= {
+            name: [x, 0] for name, (x, _) in content["bodies"][body]["attachment_points"].items()
+        }
+    return content
+
+
+@pytest.mark.parametrize("keys", [("Izz_cg", "cg_local"), ("izz_cg", "ch_local")])
+@pytest.mark.parametrize(
+    ("block", "mass"),
+    [
+        ({"mass": 2.0}, 2.0),
+        ({"mass": 2.0, "Izz_cg": 0.0}, 2.0),
+        ({"mass": 0.0, "point_masses": [{"mass": 1.5, "local_pos": [0.3, 0.1]}]}, 1.5),
+        ({"mass": 0.0, "izz_cg": 0.0}, 0.0),
+    ],
+)
+def test_point_masses_of_linkage_sim_have_their_torque(written, keys, block, mass):
+    model = ms.dynamics.dynamic_model(
+        ms.load(written(with_masses(keys, block))), Forces(gravity=(0, -9.81, 0))
+    )
+    angles = np.linspace(0.1, 6.2, 9)
+    torque = ms.dynamics.prescribed(model, angles, 30.0).forces.torque
+    expected = slider_crank_torque(CRANK, ROD, angles, 30.0, (0.5, 0.01), (1.0, 0.08), mass)
+    np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    assert {item.source for item in model.masses} <= {"given", "zero"}
+    run = driven(model.mechanism, model.forces, speed=30.0, samples=24)
+    assert crosscheck_driven(run, model).passed
+
+
+def test_point_masses_of_linkage_sim_move_the_centre(written):
+    added = [{"mass": 1.0, "local_pos": [0.3, 0]}, {"mass": 2.0, "local_pos": [0, 0.3]}]
+    content = changed(LINKAGE_SIM, "bodies", "crank", to={**LINKAGE_SIM["bodies"]["crank"]})
+    content["bodies"]["crank"] |= {"mass": 3.0, "cg_local": [0, 0], "Izz_cg": 0.1, "point_masses": added}
+    inertia = ms.load(written(content)).mechanism.links[0].inertia
+    assert inertia.mass == pytest.approx(6.0)
+    assert inertia.centre == pytest.approx((0.05, 0.1, 0.0))
+    # 0.1 + sum of m r2 about the frame, less the whole mass about it
+    assert inertia.moments[2][2] == pytest.approx(0.1 + 3 * 0.09 - 6 * (0.05**2 + 0.1**2))
+
+
 def changed(content, *path, to):
     result = copy.deepcopy(content)
     position = result
@@ -241,7 +309,9 @@ def changed(content, *path, to):
         (changed(LINKAGE_SIM, "joints", "J2", "type", to="cam"), "is of type 'cam'"),
         (changed(LINKAGE_SIM, "joints", "J2", "body_j", to="crank"), "not listed|itself"),
         (changed(LINKAGE_SIM, "bodies", "crank", "attachment_points", to=[1]), "attachment_points of body"),
-        (changed(LINKAGE_SIM, "bodies", "crank", "mass", to="heavy"), "mass and Izz_cg of 'crank'"),
+        (changed(LINKAGE_SIM, "bodies", "crank", "mass", to="heavy"), "body 'crank': mass and Izz_cg is"),
+        (changed(LINKAGE_SIM, "bodies", "crank", "mass", to=-1.0), "body 'crank': mass of a link is -1"),
+        (changed(LINKAGE_SIM, "bodies", "crank", "Izz_cg", to=-1.0), "body 'crank': principal moments"),
     ],
 )
 def test_an_invalid_file_is_rejected(written, content, message, monkeypatch, capsys):

@@ -27,6 +27,7 @@ from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import State
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.rank import null_spaces
 
 # relative error of a step; the error of a pendulum after a hundred periods is then below 4e-12 of its
 # amplitude (validation/published/forward_dynamics.py)
@@ -34,6 +35,8 @@ TOLERANCE = 3e-13
 # smallest singular value of the loop constraints at the start, relative to their norm: at a change point,
 # loops close to 1e-7 only, and accelerations have no significant digits
 SINGULAR_START = 1e-6
+# eigenvalue of the reduced mass matrix relative to the trace of the mass matrix that counts as zero: rounding
+NO_INERTIA = 1e-14
 # distance beyond a stop, in [rad] or characteristic lengths, at which a joint is still in contact: rounding
 # of closed loops
 BEYOND_STOP = 1e-9
@@ -180,6 +183,7 @@ def run(
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0), laws)
     q, rates = initial_state(equations, values)
     require_regular(equations, q, rates)
+    require_inertia(equations, q, rates)
     stops = stops_of(equations, ranges)
     _require_within(equations, q, stops)
     integration = Integration(equations, q, rates, tolerance, stops, restitution, progress)
@@ -286,6 +290,25 @@ def require_regular(equations: EquationsOfMotion, q: Coordinates, rates: Array) 
             f"{equations.model.mechanism.name}: the initial configuration is singular, as a change point is: "
             "assembly modes meet there, and the motion is not determined; start next to it"
         )
+
+
+def require_inertia(equations: EquationsOfMotion, q: Coordinates, rates: Array) -> None:
+    """Raise InputError if the loops allow a motion that moves no mass: its acceleration is undetermined.
+
+    Then the reduced mass matrix N M N' is singular, with the null space N of the constraints.
+    """
+    state = equations.kinematics(q, rates)
+    mass, null = equations.mass(state)[0], null_spaces(state.jacobian[0])[1]
+    values, vectors = np.linalg.eigh(null @ mass @ null.T)
+    if not len(values) or values[0] > NO_INERTIA * np.trace(mass):
+        return
+    moving = int(equations.free[np.argmax(np.abs(vectors[:, 0] @ null))])
+    names = {index: name for name, index in equations.loops.tree.index_of.items()}
+    raise InputError(
+        f"{equations.model.mechanism.name}: {names.get(moving, 'a spherical joint')} can move without moving "
+        "any mass, so that its acceleration is not determined; give the links that it moves a mass or "
+        "moments of inertia, or drive it"
+    )
 
 
 def _require_within(equations: EquationsOfMotion, q: Coordinates, stops: Sequence[Stop]) -> None:

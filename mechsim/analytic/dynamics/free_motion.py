@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.dynamics.applied_forces import applied, loads
 from mechsim.analytic.dynamics.contacts import EventFunction
-from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, DynamicRun, run_at
+from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, DynamicRun, require_inertia, run_at
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, equations_of_motion
 from mechsim.analytic.dynamics.forward_dynamics import Integration, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state
@@ -119,6 +119,7 @@ def free_run(
     _require_determined(model, first)
     equations = equations_of_motion(model, {name: first})
     q, rates = initial_state(equations, InitialValues({name: first}, {name: speed}))
+    require_inertia(equations, q, rates)
     integration = Integration(equations, q, rates, tolerance, progress=progress)
     crank = CrankEnds(equations, first, speed, turns)
     expected = crank.expected_time(integration.kinematics()) if duration is None else duration

@@ -176,6 +176,11 @@ def _even(
     model: DynamicModel, angle: Array, inertia: Array, gained: Array, torque: float, mean: float
 ) -> Fluctuation:
     """Return the fluctuation whose initial energy gives the mean speed."""
+    if not inertia.min() > 0.0:
+        raise InputError(
+            f"{model.mechanism.name}: the crank moves no mass, so that its speed has no steady fluctuation; "
+            "give its links a mass, or add a flywheel"
+        )
 
     def speeds(start: float) -> Array:
         return np.sqrt(2.0 * (start + gained) / inertia)

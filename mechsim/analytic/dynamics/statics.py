@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.dynamics.dynamic_run import initial_values, require_regular
+from mechsim.analytic.dynamics.dynamic_run import initial_values, require_inertia, require_regular
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
 from mechsim.analytic.dynamics.initial_state import initial_state, projected
 from mechsim.analytic.dynamics.linearization import (
@@ -254,7 +254,9 @@ def _prepared(
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model, initial)
     equations = equations_of_motion(model, values.coordinates)
-    return equations, initial_state(equations, values)[0]
+    q, rates = initial_state(equations, values)
+    require_inertia(equations, q, rates)
+    return equations, q
 
 
 def _all_at_rest(equations: EquationsOfMotion, q: Coordinates) -> bool:

@@ -221,15 +221,25 @@ def _require_round(unit: UnitMotion, idle: Array) -> None:
 
 
 def _without_spin(unit: UnitMotion, idle: Array) -> tuple[Array, Array]:
-    """Return twist and bias without momentum along the passive twists, and without its rate."""
+    """Return twist and bias without momentum along the passive twists, and without its rate.
+
+    If a link has no moment of inertia about its line, balls at the centres take the place of the inertias.
+    """
     n, count, _, k = idle.shape
     mass = mass_matrices(unit)
     weighted = (mass @ idle).reshape(n, 6 * count, k)
     flat = idle.reshape(n, 6 * count, k)
-    gram = np.swapaxes(flat, 1, 2) @ weighted
+    angular = np.swapaxes(idle[..., 3:, :].reshape(n, 3 * count, k), 1, 2)
+    gram, balls = np.swapaxes(flat, 1, 2) @ weighted, angular @ np.swapaxes(angular, 1, 2)
+    heaviest = np.abs(unit.moments).max() + np.finfo(np.float64).tiny
+    massless = np.linalg.eigvalsh(np.real(gram)).min() <= SYMMETRY_TOLERANCE * heaviest * np.abs(balls).max()
 
     def off(vector: Array, along: Array) -> Array:
-        share = np.linalg.solve(gram, along[..., None])
+        if massless:
+            turning = angular @ vector[..., 3:].reshape(n, 3 * count, 1)
+            share = np.linalg.solve(balls, turning)
+        else:
+            share = np.linalg.solve(gram, along[..., None])
         return vector - (flat @ share).reshape(n, count, 6)
 
     momentum = (np.swapaxes(weighted, 1, 2) @ unit.twist.reshape(n, -1, 1))[..., 0]

@@ -11,7 +11,6 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.links import GROUND
-from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
 from mechsim.model.motion_laws import State
@@ -25,7 +24,7 @@ from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_o
 from mechsim.simulation.dynamics.friction import dry_frictions
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import compiled, quiet
-from mechsim.simulation.mjcf.force_elements import actuator_slices
+from mechsim.simulation.mjcf.force_elements import MASSLESS_FREE, actuator_slices, with_accepted_inertia
 from mechsim.simulation.mjcf.joints import model_names
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.simulation.model_loops import ModelLoops, read_loops
@@ -141,7 +140,7 @@ def stepped_run(
 
 def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedModel:
     """Return the model of a mechanism and its forces; no loop is cut at the coordinates to keep."""
-    described = with_inertia(mechanism)
+    described = with_accepted_inertia(mechanism, MASSLESS_FREE)
     drivers, cut = tuple(dict.fromkeys((*mechanism.drivers, *sorted(kept)))), None
     if not mechanism.has_crank:
         described = replace(described, driver=drivers)

@@ -19,13 +19,17 @@ from mechsim.model.forces import Forces
 from mechsim.model.joints import Joint
 from mechsim.model.link_poses import virtual_body
 from mechsim.model.links import GROUND
-from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_model import ClosedModel
 from mechsim.simulation.dynamics.friction import DryJoint, dry_frictions
-from mechsim.simulation.mjcf.force_elements import Actuators, actuator_slices, motor_control
+from mechsim.simulation.mjcf.force_elements import (
+    Actuators,
+    actuator_slices,
+    motor_control,
+    with_accepted_inertia,
+)
 from mechsim.simulation.recording import States
 from mechsim.simulation.source import assembled, from_mechanism
 from mechsim.simulation.state import ONE_THREAD
@@ -205,7 +209,7 @@ def loaded_model(
         AssemblyError: if the loops do not close at the mechanism's start.
         InputError: for a link that is too light for MuJoCo.
     """
-    described = with_inertia(mechanism)
+    described = with_accepted_inertia(mechanism)
     _require_heavy(described)
     spec = assembled(described, Scene(level="dynamics", forces=forces, cut=cut))
     points = [name for name, (link, _) in mechanism.points.items() if link != GROUND]

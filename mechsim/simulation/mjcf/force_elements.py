@@ -6,7 +6,7 @@ without a control: its value is an affine function of length and speed.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from typing import Any
 
@@ -17,7 +17,8 @@ from mechsim.model.forces import Forces, Friction, JointSpring, Location, locate
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import plane_normals
-from mechsim.model.links import ORIGIN, Inertia
+from mechsim.model.links import ORIGIN, Inertia, vector
+from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motors import ConstantTorque, DCMotor, Geared, Motor
 from mechsim.numerics.arrays import Array
@@ -25,8 +26,44 @@ from mechsim.simulation.mjcf.joints import part_names
 from mechsim.simulation.mjcf.loop_cuts import Tree, turning_with
 from mechsim.simulation.state import quaternion
 
+# mass of a massless link, as a fraction of the heaviest link's mass. Under a prescribed motion both methods
+# are compared with it, and of a smaller one MuJoCo's accelerations lose digits: 1e-5 rad/s2 at 1e-12 in a
+# four-bar. In a run from an initial state it changes the motion itself, and MuJoCo keeps the digits
+MASSLESS, MASSLESS_FREE = 1e-6, 1e-12
+# principal moment relative to the largest up to which it is zero: rounding of the eigenvalues
+ZERO_MOMENT = 1e-14
 # placeholder mass of a link times size of its mechanism, in [kg m], in models without real inertias
 PLACEHOLDER = 0.1
+
+
+def with_accepted_inertia(mechanism: Mechanism, massless: float = MASSLESS) -> Mechanism:
+    """Return the mechanism with an inertia on every link that MuJoCo accepts: negligible instead of zero.
+
+    Args:
+        mechanism: links without an inertia are rods, as in `masses.with_inertia`.
+        massless: mass that replaces zero, as a fraction of the heaviest link's.
+    """
+    described = with_inertia(mechanism)
+    length = described.characteristic_length
+    inertias = [link.inertia for link in described.links if link.inertia is not None]
+    heaviest = max((max(item.mass, np.trace(item.matrix) / length**2) for item in inertias), default=0.0)
+    least = massless * (heaviest or 1.0)
+    links = [
+        replace(link, inertia=_without_zeros(inertia, least, least * length**2))
+        for link, inertia in zip(described.links, inertias, strict=True)
+    ]
+    return replace(described, links=tuple(links))
+
+
+def _without_zeros(inertia: Inertia, mass: float, moment: float) -> Inertia:
+    """Return an inertia with `mass` in place of a mass of zero, and `moment` added where one is zero."""
+    values = np.linalg.eigvalsh(inertia.matrix)
+    flat = not values[0] > ZERO_MOMENT * values[-1]
+    if inertia.mass and not flat:
+        return inertia
+    a, b, c = (vector(row) for row in inertia.matrix + moment * flat * np.eye(3))
+    massless = inertia.negligible or not inertia.mass
+    return replace(inertia, mass=inertia.mass or mass, moments=(a, b, c), negligible=massless)
 
 
 def set_inertia(body: mujoco.MjsBody, inertia: Inertia) -> None:

@@ -11,7 +11,6 @@ from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
 from mechsim.model.link_poses import initial_coordinates, plane_normals, with_virtual_bodies
 from mechsim.model.links import GROUND, IDENTITY, Pose
-from mechsim.model.masses import with_inertia
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
@@ -21,6 +20,7 @@ from mechsim.simulation.mjcf.force_elements import (
     add_forces,
     set_inertia,
     set_placeholder,
+    with_accepted_inertia,
 )
 from mechsim.simulation.mjcf.joints import (
     CRANK,
@@ -69,7 +69,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
         frozenset(friction.joint for friction in forces.friction if friction.dry) if forces else ()
     )
     if forces is not None:
-        mechanism = with_inertia(mechanism)
+        mechanism = with_accepted_inertia(mechanism)
     tree = cut_loops(mechanism, scene.cut, keep=friction_joints, splits=True)
     mechanism = tree.mechanism
     poses = with_virtual_bodies(tree.mechanism, poses or {})

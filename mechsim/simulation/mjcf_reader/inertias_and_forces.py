@@ -12,8 +12,6 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.kinematic_tree import Carrier
 from mechsim.simulation.state import SCALAR, gravity, rotation_matrix
 
-# mass of a massless link, as a fraction of the heaviest link's mass: negligible, but not zero
-MASSLESS = 1e-12
 # relative rounding of a sum of masses
 ROUNDING = 1e-9
 
@@ -22,7 +20,6 @@ def with_inertias(
     model: mujoco.MjModel,
     links: Sequence[Link],
     carriers: Sequence[Carrier],
-    length: float,
     raised: float = 0.0,
 ) -> tuple[Link, ...]:
     """Return links with the inertias of all their bodies.
@@ -31,7 +28,6 @@ def with_inertias(
         model: the compiled model.
         links: the moving links.
         carriers: carrier of each body, the world first.
-        length: length of the mechanism in [m], for the moments of inertia of massless links.
         raised: mass in [kg] assigned to massless bodies; 0 if there are none.
     """
     bodies = {link.name: list[int]() for link in links}
@@ -39,23 +35,13 @@ def with_inertias(
         if carrier.link in bodies:
             bodies[carrier.link].append(i)
     combined = {name: _combined(model, ids, carriers) for name, ids in bodies.items()}
-    heaviest = max((mass for mass, _, _ in combined.values()), default=0.0)
-    if not heaviest > 0.0:
+    if not any(mass > 0.0 for mass, _, _ in combined.values()):
         return tuple(links)
-    least = MASSLESS * heaviest
 
     def inertia(name: str, mass: float, centre: Array, moments: Array) -> Inertia:
         massless = not mass > raised * len(bodies[name]) * (1.0 + ROUNDING)
-        if mass > 0.0 and np.linalg.eigvalsh(moments)[0] > 0.0:
-            rows = (vector(moments[0]), vector(moments[1]), vector(moments[2]))
-            return Inertia(mass, vector(centre), rows, negligible=massless)
-        small = least * length**2
-        return Inertia(
-            mass or least,
-            vector(centre),
-            ((small, 0.0, 0.0), (0.0, small, 0.0), (0.0, 0.0, small)),
-            negligible=massless,
-        )
+        rows = (vector(moments[0]), vector(moments[1]), vector(moments[2]))
+        return Inertia(mass, vector(centre), rows, negligible=massless)
 
     return tuple(replace(link, inertia=inertia(link.name, *combined[link.name])) for link in links)
 

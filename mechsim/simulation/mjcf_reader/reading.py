@@ -221,7 +221,7 @@ def read_model(
     raised = minimum_mass(compiled_file.remarks)
     mechanism = replace(
         mechanism,
-        links=with_inertias(model, mechanism.links, tree.carriers, mechanism.characteristic_length, raised),
+        links=with_inertias(model, mechanism.links, tree.carriers, raised),
         start=values[driven_names[0]] if mechanism.has_crank else mechanism.start,
     )
     _add_sites(spec, points)
