@@ -100,9 +100,10 @@ def require_revolutions(who: str, revolutions: float, duration: float) -> None:
     """
     if not revolutions <= MAX_REVOLUTIONS:
         raise InputError(
-            f"{who}: the motion laws take the drivers through {revolutions:.4g} revolutions or oscillations "
-            f"in {duration:g} s, and {MAX_REVOLUTIONS:,.0f} are the limit of one motion; give a --duration "
-            f"of {_rounded_down(duration * MAX_REVOLUTIONS / revolutions):g} s or less, or slower laws"
+            f"{who}: at the largest rate of the motion laws a driver makes {revolutions:.4g} revolutions or "
+            f"oscillations in {duration:g} s, and {MAX_REVOLUTIONS:,.0f} are the limit of one motion; give "
+            f"a --duration of {_rounded_down(duration * MAX_REVOLUTIONS / revolutions):g} s or less, or slower "
+            "laws"
         )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from mechsim.model.limits import require_revolutions
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.balls import OUTWARD, Ball, ball
 from mechsim.numerics.collocation import quintic_spline
 from mechsim.numerics.inputs import number, numbers, units_remedy
 
@@ -178,10 +179,28 @@ def within_range(
 # times (n,) in [s] -> value [m] or [rad], rate and acceleration, (n,) each
 State = Callable[[Array], tuple[Array, Array, Array]]
 
+# errors of a law that interval arithmetic cannot enclose
+NOT_ENCLOSED = (TypeError, ValueError, AttributeError)
+
+
+def state_in_balls(state: State, time: Ball) -> tuple[Ball, Ball, Ball]:
+    """Return value, rate and acceleration of a driver over balls of time, (n,) in [s].
+
+    Raises:
+        TypeError, ValueError, AttributeError: if a motion law cannot be enclosed.
+    """
+    law: Callable[[Any], tuple[Any, Any, Any]] = state
+    value, rate, acceleration = (ball(entry) for entry in law(time))
+    return value, rate, acceleration
+
+
 # number of instants at which motion laws are checked for finite values and for their largest rate: evenly
 # spaced, and as many at multiples of the golden ratio, because a law can have the period of the former
 PROBES = 2048
 GOLDEN_RATIO = 0.6180339887498949
+# intervals on which a law is first enclosed; those whose bound exceeds BETWEEN_PROBES times the largest rate
+# at probes are halved, at most HALVINGS times and as many as these at a time
+INTERVALS, HALVINGS, BETWEEN_PROBES = 256, 50, 2.0
 # smallest and largest rate, in [rad/s] or characteristic lengths per second; the limit of accelerations is
 # the square of the largest rate, above which squares overflow
 MIN_RATE, MAX_RATE = 1e-12, 1e9
@@ -372,7 +391,7 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
     chosen = tuple(states[name] for name in mechanism.drivers)
     state = MotionLaws(float(duration), mechanism.drivers, chosen, 1.0)
     with np.errstate(all="ignore"):
-        values = state.state(_probes(duration))
+        values = state.state(np.concatenate([_probes(duration), *(_peaks(law, duration) for law in chosen)]))
     for name, *derivatives in zip(state.drivers, *values, strict=True):
         if not all(np.isfinite(derivative).all() for derivative in derivatives):
             raise InputError(
@@ -401,6 +420,33 @@ def _probes(duration: float) -> Array:
     """Return times from 0 to a duration in [s], (2 * PROBES,)."""
     fractions = np.concatenate([np.linspace(0.0, 1.0, PROBES), GOLDEN_RATIO * np.arange(PROBES) % 1.0])
     return np.asarray(duration * fractions, dtype=np.float64)
+
+
+def _peaks(law: State, duration: float) -> Array:
+    """Return the times in [s] at which a law is faster than at all probes, as in a narrow spike, (n,).
+
+    Bounds of the rate on intervals, halved where they are large, lead to the spikes that no probe hits. A law
+    that interval arithmetic cannot enclose has none.
+    """
+    largest, times = float(np.abs(law(_probes(duration))[1]).max(initial=0.0)), list[float]()
+    half = 0.5 * duration / INTERVALS
+    middle = half * (1.0 + 2.0 * np.arange(INTERVALS))
+    for _ in range(HALVINGS):
+        try:
+            bound = state_in_balls(law, Ball(middle, np.full(len(middle), half * OUTWARD)))[1].magnitude
+        except NOT_ENCLOSED:
+            break
+        rate = np.nan_to_num(np.abs(law(middle)[1]) + 0.0 * middle, nan=np.inf)
+        if rate.max() > largest:
+            largest = float(rate.max())
+            times.append(float(middle[np.argmax(rate)]))
+        wide = np.argsort(-bound)[:INTERVALS]
+        middle = middle[wide[~(bound[wide] <= BETWEEN_PROBES * largest)]]
+        if not len(middle):
+            break
+        half *= 0.5
+        middle = np.concatenate([middle - half, middle + half])
+    return np.array(times)
 
 
 def _max_rate(mechanism: Mechanism, name: str, rate: Array, acceleration: Array) -> float:

@@ -276,9 +276,8 @@ class ContinuationPath(PathStates[E, Q]):
         segment, change_point = upcoming
         if direction * (change_point - current) < MIN_START_DISTANCE:
             raise AssemblyError(
-                f"{self.name}: two assembly modes meet at {self.words.instant(change_point)}, "
-                f"{abs(change_point - current):.3g} rad from the start or from another change point, and "
-                "cannot be distinguished; start elsewhere or change the dimensions"
+                f"{self.name}: two assembly modes meet at {self.words.instant(change_point)}, too near the "
+                "start or another change point to be distinguished; start elsewhere or change the dimensions"
             )
         beyond = branch_segment(self, segment, change_point) if self.policy == "branch" else segment
         if beyond is None:

@@ -10,12 +10,14 @@ from mechsim import units
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import join
+from mechsim.model.motion_laws import MotionLaws
 from mechsim.numerics.arrays import Array
 from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion, laws_not_enclosed
 from mechsim.studies.certify.segments import (
     Bools,
     Segments,
     halves,
+    inside,
     segments_that_join,
     tested_segments,
     with_misses,
@@ -35,8 +37,6 @@ FIRST_PER_UNIT, SHORTEST, MAX_SEGMENTS = 20, 1e-9, 200_000
 MAX_MISSES = 4
 # half-length relative to the range below which failed segments are also tested at a single driver position
 COARSE = 1e-3
-# accuracy of interpolated configurations, in [rad] or characteristic lengths
-COMPUTED = 1e-9
 # maximum number of intervals without proof that are searched for singular points
 MAX_SINGULAR = 20
 
@@ -104,28 +104,28 @@ def certified_motion(
     """
     if between is not None and not between[0] < between[1]:
         raise InputError(f"the range {between[0]:g} to {between[1]:g} rad is empty; give from < to")
-    if not_enclosed := laws_not_enclosed(solver.motion_laws):
+    laws = solver.motion_laws
+    requested = between or (0.0, 0.0 if laws.crank else laws.length)
+    if not_enclosed := laws_not_enclosed(laws):
         reason = (
             f"the motion law of {not_enclosed[0]} cannot be enclosed; give a table, or an expression of "
             "+ - * / **, sin, cos, tan, sqrt and exp"
         )
-        proof = _uncertified(solver.name, (0.0, solver.motion_laws.duration), reason, 0)
-        return replace(proof, unit=solver.motion_laws.unit)
+        return _in_instants(_uncertified(solver.name, requested, reason, 0), laws)
     try:
         motion = computed_motion(solver, between, radii or {})
     except AssemblyError as error:
-        return _uncertified(solver.name, between or (0.0, 0.0), str(error), 0)
+        return _in_instants(_uncertified(solver.name, requested, str(error), 0), laws)
     equations = motion.equations
     solved, unknown = len(equations.kept), len(equations.unknown)
     whole = (motion.low, motion.high)
     if solved < unknown:
-        return _uncertified(
-            solver.name, whole, f"{unknown - solved} coordinates are free at fixed drivers", solved
-        )
+        reason = f"{unknown - solved} coordinates are free at fixed drivers"
+        return _in_instants(_uncertified(solver.name, whole, reason, solved), laws)
     if solved > unknown:
         motion = motion.with_independent_rows()
     proven, rest = proven_segments(motion)
-    proof = _in_time(_certificate(solver.name, motion, between or whole, proven, rest), motion)
+    proof = _in_instants(_certificate(solver.name, motion, between or whole, proven, rest), laws)
     if solved == unknown or not proof.certified:
         return proof
     reason = (
@@ -135,9 +135,8 @@ def certified_motion(
     return replace(proof, certified=False, reason=reason)
 
 
-def _in_time(proof: Certificate, motion: ComputedMotion) -> Certificate:
-    """Return the certificate with its range in [s] if the drivers follow motion laws."""
-    laws = motion.motion_laws
+def _in_instants(proof: Certificate, laws: MotionLaws) -> Certificate:
+    """Return the certificate with its path parameters as crank angles in [rad] or times in [s]."""
     return replace(
         proof,
         unit=laws.unit,
@@ -241,17 +240,21 @@ def _reason(
     singular: tuple[SingularPoint, ...],
 ) -> str:
     """Return the reason why a motion is not certified; empty if it is."""
+
+    def instant(parameter: float) -> str:
+        return f"{parameter / motion.motion_laws.rate:.9g} {motion.motion_laws.unit}"
+
     enclosed = [point for point in singular if np.isfinite(point.width)]
     if singular and len(enclosed) == len(singular):
-        labels = ", ".join(f"{point.parameter:.9g} ({point.kind})" for point in singular)
+        labels = ", ".join(f"{instant(point.parameter)} ({point.kind})" for point in singular)
         return f"the motion is singular at {labels}"
     if motion.end_message:
         return motion.end_message
     if rest:
         low, high = rest[0]
-        return f"no proof on {len(rest)} intervals, the first from {low:.4g} to {high:.4g}"
+        return f"no proof on {len(rest)} intervals, the first from {instant(low)} to {instant(high)}"
     if not joins.all():
-        return f"segments are not proven to join at {segments.high[int(np.argmin(joins))]:.9g}"
+        return f"segments are not proven to join at {instant(segments.high[int(np.argmin(joins))])}"
     if not _about_computed_motion(motion, segments):
         return "the tube leaves the computed motion"
     covered = len(segments) and segments.low[0] == motion.low and segments.high[-1] == motion.high
@@ -259,13 +262,13 @@ def _reason(
 
 
 def _about_computed_motion(motion: ComputedMotion, segments: Segments) -> bool:
-    """Return whether the computed configurations lie in the tubes within `COMPUTED`."""
-    unknown = np.setdiff1d(motion.equations.unknown, motion.equations.tree.ball_indices)
-    computed = motion.configurations(segments.centre).values[:, unknown]
-    gaps = np.abs(computed - segments.values[:, unknown]) / motion.equations.tree.units[unknown]
-    return bool(
-        (gaps <= segments.width[:, np.searchsorted(motion.equations.unknown, unknown)] + COMPUTED).all()
-    )
+    """Return whether the configurations solved from the computed motion are proven to lie in the tubes.
+
+    They are solved at the centres, since near a singularity those interpolated have errors above the width.
+    """
+    centre = segments.centre
+    solved = tested_segments(motion, centre, centre, motion.configurations(centre))
+    return bool((solved.proven & inside(motion.equations, solved, segments)).all())
 
 
 def certify(

@@ -1,9 +1,8 @@
 """The motion to be certified, in coordinates of the loop equations at any path parameter."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from mechsim.analytic.loops.start import locked_values, with_locked
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError
 from mechsim.model.mechanism import starting_at
-from mechsim.model.motion_laws import MotionLaws, State
+from mechsim.model.motion_laws import NOT_ENCLOSED, MotionLaws, state_in_balls
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball
@@ -122,24 +121,13 @@ class ComputedMotion:
         return replace(self, equations=replace(equations, selected=tuple(chosen.tolist())))
 
 
-def state_in_balls(state: State, time: Ball) -> tuple[Ball, Ball, Ball]:
-    """Return value, rate and acceleration of a driver over balls of time, (n,) in [s].
-
-    Raises:
-        TypeError, ValueError: if a motion law cannot be enclosed.
-    """
-    law: Callable[[Any], tuple[Any, Any, Any]] = state
-    value, rate, acceleration = (ball(entry) for entry in law(time))
-    return value, rate, acceleration
-
-
 def laws_not_enclosed(laws: MotionLaws) -> list[str]:
     """Return the drivers whose motion laws interval arithmetic cannot enclose."""
     drivers: list[str] = []
     for name, state in laws.by_name.items():
         try:
             state_in_balls(state, Ball(np.zeros(1), np.ones(1)))
-        except (TypeError, ValueError, AttributeError):
+        except NOT_ENCLOSED:
             drivers.append(name)
     return drivers
 

@@ -21,8 +21,9 @@ from mechsim.studies.certify.loop_equations import ClosureEquations, Number, con
 Bools = NDArray[np.bool_]
 # the half-width of a tube is the sum of: a fraction of the displacement of the coordinates over the segment;
 # a multiple of the effect of residual and tolerances on each coordinate, to which a fraction of the largest
-# effect is added; and a minimum
-WIDTH_BY_RATE, WIDTH_BY_RESIDUAL, OF_LARGEST, MIN_WIDTH = 0.3, 3.0, 0.1, 1e-14
+# effect is added; and a minimum, ten times `CORRECTED`, so that tubes of drivers at rest contain the
+# solutions of their neighbours
+WIDTH_BY_RATE, WIDTH_BY_RESIDUAL, OF_LARGEST, MIN_WIDTH = 0.3, 3.0, 0.1, 1e-12
 # number of times that the test contracts a proven enclosure
 CONTRACTIONS = 20
 # maximum number of Newton iterations for the centre of a segment
@@ -328,11 +329,11 @@ def segments_that_join(motion: ComputedMotion, segments: Segments) -> Bools:
     before, after = segments.select(np.arange(n - 1)), segments.select(np.arange(1, n))
     guess = along_tangents(motion.equations, before, before.high - before.centre)
     common = tested_segments(motion, before.high, before.high, guess)
-    inside = [_inside(motion.equations, common, segment) for segment in (before, after)]
-    return (before.high == after.low) & common.proven & inside[0] & inside[1]
+    in_both = inside(motion.equations, common, before) & inside(motion.equations, common, after)
+    return (before.high == after.low) & common.proven & in_both
 
 
-def _inside(equations: ClosureEquations, first: Segments, second: Segments) -> Bools:
+def inside(equations: ClosureEquations, first: Segments, second: Segments) -> Bools:
     """Return whether the solutions of the first segments at their centres lie in the second tubes, (n,)."""
     unknown, units = equations.unknown, equations.tree.units[equations.unknown]
     y = Ball(np.zeros(first.rate.shape), first.enclosure)

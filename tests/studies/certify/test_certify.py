@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import mpmath
@@ -214,13 +215,93 @@ def test_an_enclosure_excludes_the_other_assembly_mode():
 
 
 def test_a_motion_law_is_enclosed_between_its_samples():
-    # the crank passes a dead centre within a microsecond
-    drive = {"crank": "-1 + 0.1*sin(t) + 2*exp(-((t - 0.512345)/1e-6)**2)"}
+    # the crank passes a dead centre within a millisecond
+    drive = {"crank": "-1 + 0.1*sin(t) + 2*exp(-((t - 0.512345)/1e-3)**2)"}
     proof = ms.certify("four_bar", set={"crank": "90mm"}, drive=drive, duration=1.0)
     assert not proof.certified
     assert proof.unit == "s"
+    # instants in the reason are times, as those of the range
+    reached = [float(text) for text in re.findall(r"([\d.]+) s", proof.reason)]
+    assert reached
+    assert all(0.511 < time < 0.513 for time in reached)
     smooth = {"crank": "-1 + 0.1*sin(t) + 0.1*exp(-((t - 0.512345)/0.2)**2)"}
     assert ms.certify("four_bar", set={"crank": "90mm"}, drive=smooth, duration=1.0).certified
+
+
+NEARLY_SINGULAR = """
+name = "nearly_singular"
+drivers = ["crank"]
+start = 4.073991551864086
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
+[joints.A]
+kind = "spherical"
+a = { link = "crank", at = [0.0235418287353761, 0, 0] }
+b = { link = "rod" }
+[joints.B]
+kind = "spherical"
+a = { link = "rod", at = [0.052125217335690296, 0, 0] }
+b = { link = "rocker", at = [0.05979482061396265, 0, 0] }
+[joints.R]
+kind = "revolute"
+b = { link = "rocker" }
+[joints.R.a]
+link = "ground"
+at = [-0.07108248186474922, -0.034807908538435316, -0.004909487707574503]
+axis = [0.0, -0.8112745382057616, 0.5846653946139007]
+[guess]
+crank = { at = [0, 0, 0], turn = { axis = [0, 0, 1], angle = 4.073991551864086 } }
+[guess.rod]
+at = [-0.0140287937232817, -0.01890530737320586, 0.0]
+rotation = [
+    [-0.19167020409196278, -0.8819555755035168, -0.43060062204043054],
+    [-0.7188082727376494, -0.17258469532782572, 0.6734457587530851],
+    [-0.6682643188942997, 0.43859877539370995, -0.6008776200823888],
+]
+[guess.rocker]
+at = [-0.07108248186474922, -0.034807908538435316, -0.004909487707574503]
+rotation = [
+    [0.7870721345622406, 0.6168609689351713, 0.0],
+    [-0.36065726182439506, 0.4601738401434375, -0.8112745382057617],
+    [-0.5004435977100398, 0.6385315825016048, 0.5846653946139007],
+]
+"""
+
+
+def test_a_turn_near_a_singularity_is_certified_and_one_through_it_is_not(tmp_path):
+    # distances of the crank's end A from the rocker's circle, of radius r about R and with an axis n:
+    # |A - R|^2 + r^2 -+ 2 r |A - R - n n.(A - R)|
+    angles = np.linspace(0.0, 2.0 * np.pi, 100_001)[:, None]
+    arm = 0.0235418287353761 * np.hstack([np.cos(angles), np.sin(angles), 0.0 * angles])
+    arm -= [-0.07108248186474922, -0.034807908538435316, -0.004909487707574503]
+    axis, radius = np.array([0.0, -0.8112745382057616, 0.5846653946139007]), 0.05979482061396265
+    in_plane = arm - (arm @ axis)[:, None] * axis
+    nearest = np.sqrt((arm**2).sum(1) + radius**2 - 2.0 * radius * np.linalg.norm(in_plane, axis=1)).max()
+    for rod in (0.052125217335690296, nearest + 1e-5, nearest - 1e-5, 0.0518):
+        (tmp_path / "rssr.toml").write_text(NEARLY_SINGULAR.replace("0.052125217335690296", f"{rod}"))
+        assert ms.certify(tmp_path / "rssr.toml").certified == (rod > nearest), rod
+
+
+def test_a_driver_at_rest_within_a_motion_is_certified():
+    # change of sign of the rate, and rest before and after the motion to within 1e-170
+    drive = {"crank": "0.6 + 1.1*exp(-((t - 0.3123456789)/0.01)**2)"}
+    assert ms.certify("four_bar", drive=drive, duration=1.0).certified
+
+
+def test_a_spike_that_no_sample_hits_is_a_motion():
+    # its largest rate is amplitude/width * sqrt(2/e)
+    drive = {"crank": "0.6 + 1e-3*exp(-((t - 0.3123456)/1e-6)**2)"}
+    solver = ms.load("four_bar", drive=drive, duration=1.0)
+    assert solver.motion_laws.rate == pytest.approx(1e3 * np.sqrt(2.0 / np.e), rel=0.05)
+    assert ms.certify("four_bar", drive=drive, duration=1.0).certified
+    dead_centre = -float(np.arccos((0.1**2 + 0.09**2 - (0.08 + 0.07) ** 2) / (2 * 0.1 * 0.09)))
+    through = {"crank": f"{dead_centre + 5e-4!r} - 1e-3*exp(-((t - 0.3123456)/1e-6)**2)"}
+    dimensions = {"ground": "100mm", "crank": "90mm", "coupler": "80mm", "rocker": "70mm"}
+    assert not ms.certify("four_bar", set=dimensions, drive=through, duration=1.0).certified
+    with pytest.raises(ms.InputError, match="1,000 are the limit"):
+        ms.load("four_bar", drive={"crank": "0.6 + exp(-((t - 0.3123456)/1e-7)**2)"}, duration=1.0)
+    with pytest.raises(ms.InputError, match="stand still"):
+        ms.load("four_bar", drive={"crank": "0.6 + 0*exp(-((t - 0.3)/1e-6)**2)"}, duration=1.0)
 
 
 def test_only_smooth_motion_laws_are_certified(tmp_path):
