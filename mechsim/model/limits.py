@@ -102,8 +102,8 @@ def require_revolutions(who: str, revolutions: float, duration: float) -> None:
         raise InputError(
             f"{who}: at the largest rate of the motion laws a driver makes {revolutions:.4g} revolutions or "
             f"oscillations in {duration:g} s, and {MAX_REVOLUTIONS:,.0f} are the limit of one motion; give "
-            f"a --duration of {_rounded_down(duration * MAX_REVOLUTIONS / revolutions):g} s or less, or slower "
-            "laws"
+            f"a --duration of {_rounded_down(duration * MAX_REVOLUTIONS / revolutions):g} s or less, or "
+            "slower laws"
         )
 
 

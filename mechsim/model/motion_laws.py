@@ -198,7 +198,7 @@ def state_in_balls(state: State, time: Ball) -> tuple[Ball, Ball, Ball]:
 # spaced, and as many at multiples of the golden ratio, because a law can have the period of the former
 PROBES = 2048
 GOLDEN_RATIO = 0.6180339887498949
-# intervals on which a law is first enclosed; those whose bound exceeds BETWEEN_PROBES times the largest rate
+# intervals on which a law is first enclosed; those whose rate may exceed BETWEEN_PROBES times the largest
 # at probes are halved, at most HALVINGS times and as many as these at a time
 INTERVALS, HALVINGS, BETWEEN_PROBES = 256, 50, 2.0
 # smallest and largest rate, in [rad/s] or characteristic lengths per second; the limit of accelerations is
@@ -425,24 +425,24 @@ def _probes(duration: float) -> Array:
 def _peaks(law: State, duration: float) -> Array:
     """Return the times in [s] at which a law is faster than at all probes, as in a narrow spike, (n,).
 
-    Bounds of the rate on intervals, halved where they are large, lead to the spikes that no probe hits. A law
-    that interval arithmetic cannot enclose has none.
+    Intervals on which the rate may be large, by interval arithmetic, are halved until they lead to the spike.
+    A law that interval arithmetic cannot enclose has none.
     """
     largest, times = float(np.abs(law(_probes(duration))[1]).max(initial=0.0)), list[float]()
     half = 0.5 * duration / INTERVALS
     middle = half * (1.0 + 2.0 * np.arange(INTERVALS))
     for _ in range(HALVINGS):
         try:
-            bound = state_in_balls(law, Ball(middle, np.full(len(middle), half * OUTWARD)))[1].magnitude
+            most = state_in_balls(law, Ball(middle, np.full(len(middle), half * OUTWARD)))[1].magnitude
         except NOT_ENCLOSED:
             break
-        rate = np.nan_to_num(np.abs(law(middle)[1]) + 0.0 * middle, nan=np.inf)
-        if rate.max() > largest:
-            largest = float(rate.max())
+        rate = np.abs(law(middle)[1]) + 0.0 * middle
+        if not (fastest := float(rate.max())) <= largest:
+            largest = fastest
             times.append(float(middle[np.argmax(rate)]))
-        wide = np.argsort(-bound)[:INTERVALS]
-        middle = middle[wide[~(bound[wide] <= BETWEEN_PROBES * largest)]]
-        if not len(middle):
+        wide = np.argsort(-most)[:INTERVALS]
+        middle = middle[wide[~(most[wide] <= BETWEEN_PROBES * largest)]]
+        if not (len(middle) and np.isfinite(largest)):
             break
         half *= 0.5
         middle = np.concatenate([middle - half, middle + half])
