@@ -12,7 +12,7 @@ import stat
 import tempfile
 import zipfile
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -132,6 +132,9 @@ def atomic_path(path: str | Path) -> Generator[Path]:
             with temporary.open("rb") as whole, target.open("wb") as taker:
                 shutil.copyfileobj(whole, taker)
         else:
+            # a full disk may be reported only when the data reach it
+            with temporary.open("rb") as whole:
+                os.fsync(whole.fileno())
             # permissions of a new file; before, only its owner could read it
             temporary.chmod(stat.S_IMODE(target.stat().st_mode) if exists else 0o666 & ~_umask())
             temporary.replace(target)
@@ -141,6 +144,72 @@ def atomic_path(path: str | Path) -> Generator[Path]:
         raise _cannot_write(Path(path), error) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: str | Path) -> Generator[Path]:
+    """Yield an empty folder, and move its files into the folder `path` when the block ends without an error.
+
+    It is `path/.unfinished`. Until the block ends, files of an earlier result stay as they were. A new folder
+    is removed again after an error. A lock rejects a second process that writes into the same folder. What a
+    killed process left is removed.
+
+    Raises:
+        OutputError: if the folder cannot be made or written, or another process writes into it.
+    """
+    folder = Path(path)
+    if os.path.exists(folder) and not os.path.isdir(folder):
+        raise OutputError(f"cannot write into {folder}: it is a file; name a folder")
+    if not os.path.isdir(folder.parent):
+        raise OutputError(
+            f"cannot make the folder {folder}: there is no folder {folder.parent}; create it first"
+        )
+    is_new = not os.path.isdir(folder)
+    unfinished = folder / ".unfinished"
+    try:
+        folder.mkdir(exist_ok=True)
+        with _locked(folder):
+            shutil.rmtree(unfinished, ignore_errors=True)
+            unfinished.mkdir()
+            try:
+                yield unfinished
+                for file in unfinished.iterdir():
+                    file.replace(folder / file.name)
+            finally:
+                shutil.rmtree(unfinished, ignore_errors=True)
+    except OutputError:
+        raise
+    except (OSError, ValueError) as error:
+        raise _cannot_write(folder, error) from error
+    finally:
+        if is_new:
+            # only an empty folder can be removed
+            with suppress(OSError, ValueError):
+                folder.rmdir()
+
+
+@contextmanager
+def _locked(folder: Path) -> Generator[None]:
+    """Hold a lock on a folder that ends with the process; systems without `flock` lock nothing.
+
+    Raises:
+        OutputError: if another process holds it.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError:
+        raise OutputError(
+            f"another process writes into {folder}; wait until it ends, or name another folder"
+        ) from None
+    finally:
+        os.close(lock)
 
 
 def json_names(record: type) -> dict[str, str]:

@@ -83,9 +83,9 @@ def check_files(
     }
     repaired: list[str] = []
     if path is not None:
-        copy, repaired = fixed_copy(sources[0], violations)
+        copy, repaired = fixed_copy(sources[0], path, violations)
         with atomic_path(path) as unfinished:
-            unfinished.write_text(copy)
+            unfinished.write_text(copy, encoding="utf-8", newline="")
         data["fixed"] = fix
     if explain_equalities:
         data["equalities"] = equalities

@@ -17,7 +17,7 @@ from typer.exceptions import TyperException
 
 from mechsim.errors import MechsimError, cut
 
-# invalid input, or interrupted
+# invalid input
 INVALID = 2
 # exit code of the command-line library for Ctrl-C
 INTERRUPTED = 130
@@ -47,8 +47,8 @@ class EndedError(BaseException):
 def exit_code(command: Callable[[], Any]) -> int:
     """Run a command and return its exit code; an error is one line on stderr.
 
-    0 and 1 are the command's own, 2 is invalid input or an interrupt, 70 an internal error, and 128 plus the
-    number of a signal that ended it.
+    0 and 1 are the command's own, 2 is invalid input, 70 an internal error, and 128 plus the number of a
+    signal that ended it, as 130 for Ctrl-C.
     """
     global typed_at
     typed_at = time.perf_counter()
@@ -148,7 +148,7 @@ def _invalid(message: str) -> int:
 
 def _ended_by(number: int) -> int:
     print_stderr("mechsim: stopped")
-    return INVALID if number == signal.SIGINT else 128 + number
+    return 128 + number
 
 
 def _flushed(code: int) -> int:

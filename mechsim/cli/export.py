@@ -14,7 +14,6 @@ from mechsim.cli.options import (
     DriveOptions,
     Sets,
     changed_parameters,
-    folder_for,
     joint_ranges,
     load_model,
     output_file,
@@ -184,13 +183,10 @@ def _result(result: ExportedModel, output: str | None) -> Result[ExportJson]:
 
 def _catalogue(path: str, scene: Scene) -> Result[ExportJson]:
     """Write the models of the catalogue into a folder."""
-    folder = folder_for(path)
-    folder.mkdir(exist_ok=True)
-    with progress("export", len(catalog.MECHANISMS)) as report:
+    with files.atomic_folder(path) as folder, progress("export", len(catalog.MECHANISMS)) as report:
         for name in catalog.MECHANISMS:
             text = mjcf.to_xml(exported(catalog.make(name).mechanism, scene))
-            with files.atomic_path(folder / f"{name}.xml") as unfinished:
-                unfinished.write_text(text)
+            (folder / f"{name}.xml").write_text(text, encoding="utf-8")
             report(name)
     names = list(catalog.MECHANISMS)
     data: ExportJson = {"mechanisms": names, "output": path}

@@ -1,12 +1,13 @@
 """Command `mechsim extremes`: varies every axis until a run fails."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from mechsim.analytic.solvers import closed_form
 from mechsim.cli.command import Result, command
-from mechsim.cli.options import folder_for, load_model
+from mechsim.cli.options import load_model, output_folder
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import write_json
@@ -35,15 +36,13 @@ def extremes(
 
     for name in names or ():
         closed_form(load_model(name), "a stress test")
-    folder = None if report is None else folder_for(report)
-    with progress("extremes", None) as report_progress:
-        result = study(names, quick=quick, progress=report_progress)
-    files: list[str] = []
-    if folder is not None:
-        folder.mkdir(exist_ok=True)
-        plots.write(folder / "extremes.svg", extremes_map(result))
-        write_json(folder / "extremes.json", result)
-        files = [str(folder / "extremes.svg"), str(folder / "extremes.json")]
+    with output_folder(report) as folder:
+        with progress("extremes", None) as report_progress:
+            result = study(names, quick=quick, progress=report_progress)
+        if folder is not None:
+            plots.write(folder / "extremes.svg", extremes_map(result))
+            write_json(folder / "extremes.json", result)
+    files = [] if report is None else [str(Path(report) / f"extremes.{kind}") for kind in ("svg", "json")]
     return Result(result, lambda: _print(result), result.passed, files)
 
 

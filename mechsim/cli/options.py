@@ -3,7 +3,8 @@
 import os
 import sys
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
@@ -354,25 +355,16 @@ def writable(path: str, *extensions: str) -> Path:
     return target
 
 
-def folder_for(path: str) -> Path:
-    """Return an output folder, checked before any computation; a missing folder is created later."""
+@contextmanager
+def output_folder(path: str | None) -> Generator[Path | None]:
+    """Yield a folder for the files of a report, which appear in `path` together; None without a path.
+
+    Raises:
+        OutputError: before any computation, as `files.atomic_folder`.
+    """
+    if path is None:
+        yield None
+        return
     require_extra("pictures", "jinja2", "matplotlib", "mediapy")
-    folder = Path(path)
-    if os.path.exists(folder) and not os.path.isdir(folder):
-        raise OutputError(f"cannot write into {path!r}: it is a file; name a folder")
-    if not os.path.isdir(folder.parent):
-        raise OutputError(
-            f"cannot make the folder {path!r}: there is no folder {str(folder.parent)!r}; create it first"
-        )
-    if not os.path.isdir(folder):
-        try:
-            folder.mkdir()
-            # the first file written to the folder creates it again
-            folder.rmdir()
-        except (OSError, ValueError) as error:
-            raise OutputError(
-                f"cannot make the folder {path!r}: {getattr(error, 'strerror', error)}; choose another path"
-            ) from error
-    elif not os.access(folder, os.W_OK):
-        raise OutputError(f"cannot write into the folder {path!r}; choose another, or change its rights")
-    return folder
+    with files.atomic_folder(path) as unfinished:
+        yield unfinished

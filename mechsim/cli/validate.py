@@ -20,8 +20,8 @@ from mechsim.cli.options import (
     Sets,
     Speed,
     Verbose,
-    folder_for,
     load_parametric,
+    output_folder,
     writable,
 )
 from mechsim.cli.output import print_json, print_text
@@ -164,7 +164,22 @@ def validate(
         if chosen != ValidateOptions(reference=True) or driven_or_changed:
             raise InputError("--reference excludes all options but names and --json; leave them out")
         return _by_reference(models or (), verbose)
-    folder = None if chosen.report is None else folder_for(chosen.report)
+    with output_folder(chosen.report) as folder:
+        return _validate(models, chosen, driven, sets, folder, verbose=verbose, as_json=as_json)
+
+
+def _validate(
+    models: Sequence[str] | None,
+    chosen: ValidateOptions,
+    driven: DriveOptions,
+    sets: list[str] | None,
+    folder: Path | None,
+    *,
+    verbose: bool,
+    as_json: bool,
+) -> Result[ValidateJson]:
+    """Validate models, and write a report into a folder if there is one."""
+    driven_or_changed = driven != DriveOptions() or bool(sets)
     if chosen.against is not None:
         if models is None or len(models) != 1 or chosen.whole_gallery:
             raise InputError("--against compares one model; name exactly one")
@@ -241,21 +256,21 @@ def _validated(
     }
     if folder is not None:
         with progress("draw", len(cases)) as report:
-            for note in write_validation_report(folder, cases, data, report):
+            for note in write_validation_report(folder, cases, data, report, earlier=chosen.report):
                 print_stderr(note)
 
     def text() -> None:
         print_cases(cases, f"{speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)
         for name, proof in proofs.items():
             print_text(f"{name}: {proof.summary}")
-        _print_report(folder)
+        _print_report(chosen.report)
 
     return Result(data, text, passed)
 
 
-def _print_report(folder: Path | None) -> None:
+def _print_report(folder: str | None) -> None:
     if folder is not None:
-        typer.echo(f"report: {folder / 'index.html'}")
+        typer.echo(f"report: {Path(folder) / 'index.html'}")
 
 
 def _against(
@@ -275,13 +290,14 @@ def _against(
     data: Any = {"passed": agreement.passed, "mechanisms": {name: entry}}
     if plot_path is not None:
         plots.write(plot_path, agreement_plot(worst_first(agreement)[0]))
-    for note in () if folder is None else write_agreement_report(folder, agreement, data):
-        print_stderr(note)
+    if folder is not None:
+        for note in write_agreement_report(folder, agreement, data, earlier=chosen.report):
+            print_stderr(note)
 
     def text() -> None:
         print_finding_lines(findings)
         print_agreement(name, agreement, verbose=verbose)
-        _print_report(folder)
+        _print_report(chosen.report)
 
     return Result(data, text, agreement.passed)
 

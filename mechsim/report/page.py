@@ -110,10 +110,11 @@ def write_report(
     command: str | None = None,
     notes: Sequence[str] = (),
     studies: Sequence[StudySection] = (),
+    earlier: str | Path | None = None,
 ) -> Path:
     """Write `index.html` and `validate.json` into a directory and return the page's path.
 
-    A `validate.json` that an earlier report left there is compared with the new results.
+    The `validate.json` of an earlier report is compared with the new results.
 
     Args:
         directory: existing directory, or one with an existing parent.
@@ -122,6 +123,7 @@ def write_report(
         command: command that makes this report again; None takes that of this process.
         notes: sentences on failed parts of the report; shown at the top.
         studies: studies after the mechanisms, as extremes and trade-offs.
+        earlier: folder of the earlier report; None is `directory`.
 
     Raises:
         OutputError: where a file cannot be written.
@@ -137,7 +139,7 @@ def write_report(
         "versions": versions(),
         "machine": computer(),
     }
-    changes = changes_since(directory / NUMBERS, results)
+    changes = changes_since(Path(earlier or directory) / NUMBERS, results)
     page = render(results, sections, about, notes, studies, changes)
     write_json(directory / NUMBERS, {**results, "notes": list(notes), "about": about})
     with atomic_path(directory / "index.html") as temporary:

@@ -47,6 +47,7 @@ def write_validation_report(
     cases: Mapping[str, Validation],
     results: Mapping[str, Any],
     progress: Progress = no_progress,
+    earlier: str | Path | None = None,
 ) -> list[str]:
     """Write a page with its pictures and plots inside, and views and videos in files of their own.
 
@@ -55,6 +56,7 @@ def write_validation_report(
         cases: name -> case.
         results: as `mechsim validate --json` prints them.
         progress: called with the name of each mechanism that is drawn, and the finished fraction.
+        earlier: folder of the earlier report and of studies; None is `folder`.
 
     Returns:
         What could not be done, one sentence each: without OpenGL there are no pictures, and the
@@ -82,7 +84,8 @@ def write_validation_report(
         )
         finished += VIDEO_TIME if sections[-1].video else 1.0
         progress(name, finished / whole)
-    write_report(folder, results, sections, notes=notes, studies=studies_in(folder))
+    studies = studies_in(Path(earlier or folder))
+    write_report(folder, results, sections, notes=notes, studies=studies, earlier=earlier)
     return notes
 
 
@@ -216,13 +219,16 @@ def _settings(case: Validation) -> dict[str, Any]:
     }
 
 
-def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str, Any]) -> list[str]:
+def write_agreement_report(
+    folder: Path, agreement: Agreement, results: dict[str, Any], earlier: str | Path | None = None
+) -> list[str]:
     """Write a page into a folder: the model, the curves, their difference, where it comes from.
 
     Args:
         folder: made if it is not there.
         agreement: result of the comparison.
         results: as `mechsim validate --json` prints them.
+        earlier: folder of the earlier report; None is `folder`.
 
     Returns:
         What could not be done, one sentence each.
@@ -247,7 +253,7 @@ def write_agreement_report(folder: Path, agreement: Agreement, results: dict[str
             name: {**case, "reason": f"disagrees with {agreement.source}"}
             for name, case in mechanisms.items()
         }
-    write_report(folder, {**results, "mechanisms": mechanisms}, [section], notes=notes)
+    write_report(folder, {**results, "mechanisms": mechanisms}, [section], notes=notes, earlier=earlier)
     return notes
 
 

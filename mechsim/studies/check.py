@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from mechsim.errors import InputError
@@ -14,6 +15,7 @@ from mechsim.simulation.findings.rules import (
     fixed_text,
     violations,
 )
+from mechsim.simulation.mjcf.included_files import moved_to, read_text
 from mechsim.simulation.mjcf_reader import MjcfModel, read_model
 from mechsim.studies.robots.joint_map import mujoco_spec
 from mechsim.subjects.mjcf_source import mujoco_input
@@ -67,10 +69,16 @@ def explain(model: Any) -> list[EqualityStiffness]:
     return equality_stiffness(_read(model))
 
 
-def fixed_copy(path: str, violated: Sequence[Violation]) -> tuple[str, list[str]]:
-    """Return the text of a file with repairs, and the codes of the repaired rules."""
-    with open(path, encoding="utf-8-sig") as file:
-        return fixed_text(file.read(), _read(path), violated)
+def fixed_copy(path: str, target: Path, violated: Sequence[Violation]) -> tuple[str, list[str]]:
+    """Return the text of a file with repairs, and the codes of the repaired rules.
+
+    Args:
+        path: of the file.
+        target: path of the copy, from which the files that it includes are found.
+        violated: what to repair.
+    """
+    text, repaired = fixed_text(read_text(path), _read(path), violated)
+    return moved_to(text, Path(path).parent, target.parent), repaired
 
 
 def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:

@@ -103,7 +103,7 @@ def test_a_keyboard_interrupt_is_no_encoder_error(
         time.sleep(0.005)
     os.killpg(process.pid, signal.SIGINT)
     output = process.communicate(timeout=600)[1]
-    assert process.returncode == 2
+    assert process.returncode == 130
     assert output.splitlines()[-1] == "mechsim: stopped"
     assert list(tmp_path.iterdir()) == []
 
@@ -131,7 +131,7 @@ raise SystemExit(code)
 
 
 @pytest.mark.parametrize(
-    ("number", "times", "code"), [(signal.SIGTERM, 1, 128 + signal.SIGTERM), (signal.SIGINT, 2, 2)]
+    ("number", "times", "code"), [(signal.SIGTERM, 1, 128 + signal.SIGTERM), (signal.SIGINT, 2, 130)]
 )
 def test_a_signal_swallowed_by_destructors_ends_the_command_once(
     number: signal.Signals, times: int, code: int

@@ -191,3 +191,42 @@ def test_pipes_and_files_beyond_memory_are_rejected(tmp_path, monkeypatch):
     (tmp_path / "long.csv").write_text("time\n" + "0\n" * 2_000_000)
     with pytest.raises(InputError, match=r"long.csv holds would take 40 MB"):
         files.read(tmp_path / "long.csv")
+
+
+def fill_and_fail(folder: Path, error: BaseException) -> None:
+    """Write files into a folder, and fail before the end."""
+    with files.atomic_folder(folder) as unfinished:
+        for name in ("a.txt", "b.txt"):
+            (unfinished / name).write_text("second")
+        raise error
+
+
+def test_files_of_a_folder_appear_together_and_an_error_keeps_the_earlier_ones(tmp_path):
+    folder = tmp_path / "out"
+    with files.atomic_folder(folder) as unfinished:
+        (unfinished / "a.txt").write_text("first")
+        assert not (folder / "a.txt").exists()
+    for error, match in (
+        (OSError(28, "No space left on device"), "No space left"),
+        (KeyboardInterrupt(), None),
+    ):
+        with pytest.raises((OutputError, KeyboardInterrupt), match=match):
+            fill_and_fail(folder, error)
+    assert {path.name: path.read_text() for path in folder.iterdir()} == {"a.txt": "first"}
+    with pytest.raises(ZeroDivisionError), files.atomic_folder(tmp_path / "new"):
+        _ = 1 / 0
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_second_writer_of_a_folder_is_rejected(tmp_path):
+    with files.atomic_folder(tmp_path) as unfinished:
+        (unfinished / "a.txt").write_text("first")
+        with pytest.raises(OutputError, match="another process"), files.atomic_folder(tmp_path):
+            pass
+        assert (unfinished / "a.txt").exists()
+    # what a killed process left there is not taken for a result
+    (tmp_path / ".unfinished").mkdir()
+    (tmp_path / ".unfinished" / "b.txt").write_text("left")
+    with files.atomic_folder(tmp_path):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]

@@ -438,3 +438,27 @@ def test_a_broken_ffmpeg_is_skipped(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingToolError, match=r"ffmpeg does not run; install"):
         render.find_ffmpeg()
+
+
+@pytest.mark.parametrize("extension", [".mp4", ".webm", ".gif"])
+def test_a_video_cut_short_by_an_encoder_that_reports_success_is_not_written(
+    linkage, motion, tmp_path, monkeypatch, extension
+):
+    # as ffmpeg 5.1 does on a full disk
+    cutting = tmp_path / "ffmpeg"
+    script = """#!{python}
+import os, subprocess, sys
+code = subprocess.run([{ffmpeg!r}, *sys.argv[1:]]).returncode
+if sys.argv[-2] == "-y":
+    os.truncate(sys.argv[-1], os.path.getsize(sys.argv[-1]) * 9 // 10)
+sys.exit(code)
+"""
+    cutting.write_text(script.format(python=sys.executable, ffmpeg=render.find_ffmpeg()))
+    cutting.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    assert render.find_ffmpeg() == str(cutting)
+    path = tmp_path / f"video{extension}"
+    path.write_bytes(b"earlier")
+    with pytest.raises(OutputError, match="of 6 frames"):
+        render.write_video(path, linkage.mechanism, motion, angles=motion.angle[:6], size=(64, 48))
+    assert path.read_bytes() == b"earlier"

@@ -1,6 +1,7 @@
 """Pictures and videos in files."""
 
 import functools
+import re
 import shutil
 import subprocess
 import tempfile
@@ -94,9 +95,42 @@ def write_video(
     _require_extension(path, VIDEOS)
     ffmpeg = find_ffmpeg()
     with atomic_path(path) as temporary:
-        return _encode(
-            temporary, frames(mechanism, motion, look, angles=angles, **options), fps, ffmpeg, progress
-        )
+        pictures = frames(mechanism, motion, look, angles=angles, **options)
+        count = _encode(temporary, pictures, fps, ffmpeg, progress)
+        readable = frames_in(temporary, ffmpeg)
+        if readable != count:
+            raise OutputError(
+                f"cannot write {path}: {readable} of {count} frames of the written video can be read; "
+                "make room on the disk, or choose another path"
+            )
+        return count
+
+
+def frames_in(path: Path, ffmpeg: str) -> int:
+    """Return how many frames of a video file ffmpeg reads; 0 for a file that it rejects.
+
+    Some versions of ffmpeg end with code 0 although the disk was full.
+    """
+    command = [
+        ffmpeg,
+        "-v",
+        "error",
+        "-i",
+        str(path),
+        "-map",
+        "0:v",
+        "-f",
+        "null",
+        "-progress",
+        "pipe:1",
+        "-",
+    ]
+    try:
+        read = subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL, check=False)
+    except OSError:
+        return 0
+    counts = re.findall(rb"^frame=\s*(\d+)", read.stdout, re.MULTILINE)
+    return int(counts[-1]) if counts and read.returncode == 0 and not read.stderr.strip() else 0
 
 
 def turn_angles(mechanism: Mechanism, motion: Motion, per_turn: int = 36) -> np.ndarray:
@@ -174,6 +208,9 @@ def _encode(
                 progress()
             pending.result()
     except (RuntimeError, OSError, subprocess.SubprocessError) as error:
+        # a signal such as Ctrl-C also ends ffmpeg
+        if error.__context__ is not None and not isinstance(error.__context__, Exception):
+            raise error.__context__ from None
         reason = str(error).strip().splitlines()[-1:] or ["no reason given"]
         raise OutputError(f"cannot write {path.suffix[1:]} video: ffmpeg failed: {reason[0]}") from error
     return count

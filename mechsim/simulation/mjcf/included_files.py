@@ -85,7 +85,8 @@ def moved_to(text: str, folder: Path, target: Path) -> str:
     for element in edited.root.every("include"):
         if "file" in element.attributes:
             edited.set(element, "file", rebased(element.attributes["file"]))
-    if not any("file" in element.attributes for element in edited.root.every() if element.tag != "include"):
+    # included files may name assets as well
+    if not any("file" in element.attributes for element in edited.root.every()):
         return edited.result
     folders = ("assetdir", "meshdir", "texturedir")
     compilers = [element for element in edited.root.children if element.tag == "compiler"]

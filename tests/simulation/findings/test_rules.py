@@ -124,6 +124,18 @@ def test_a_compliant_loop_is_repaired_in_a_copy(tmp_path, monkeypatch, capsys):
     assert Path(path).read_text() == SOFT
 
 
+def test_a_repaired_copy_in_another_folder_finds_its_included_files(tmp_path, monkeypatch, capsys):
+    path = written(tmp_path, SOFT.replace("<worldbody>", '<include file="parts/extra.xml"/><worldbody>', 1))
+    (tmp_path / "parts").mkdir()
+    extra = "<mujocoinclude><worldbody><site name='of_the_included_file'/></worldbody></mujocoinclude>"
+    (tmp_path / "parts" / "extra.xml").write_text(extra)
+    (tmp_path / "copies").mkdir()
+    code, _ = run(monkeypatch, capsys, path, "--fix", str(tmp_path / "copies" / "fixed.xml"))
+    assert code == 0
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "copies" / "fixed.xml"))
+    assert model.site("of_the_included_file").id >= 0
+
+
 def test_stiffness_is_the_force_per_gap_in_mujoco(tmp_path):
     (row,) = explain(mujoco.MjSpec.from_string(SOUND))
     assert row.gap_per_newton == pytest.approx(1.0 / row.stiffness)
