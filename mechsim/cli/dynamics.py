@@ -80,7 +80,9 @@ class DynamicsOptions:
         None, "Compute the flywheel that reaches this coefficient of speed fluctuation."
     )
     turns: float = option(1.0, "Turns of the crank.")
-    samples: int = option(360, "Instants in a turn of the crank.")
+    samples: int = option(
+        360, "Instants in a turn of the crank, or in a run from an initial state, after the first."
+    )
     tolerance: float | None = option(
         None,
         "Largest error of MuJoCo's torque and reactions relative to their root mean square; in a free run "

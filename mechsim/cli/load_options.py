@@ -315,7 +315,8 @@ class InitialOptions:
 
     initial: tuple[tuple[str, str], ...] = option(
         (),
-        "Initial coordinate J.q or rate J.v of a joint; joints without --drive move freely.",
+        "Initial coordinate J.q or rate J.v of a joint; other independent ones keep their start at rest. Joints "
+        "without --drive move freely.",
         read=pair_of("--initial crank.q=10deg"),
         many=True,
         metavar="J.q=VALUE",
@@ -326,6 +327,9 @@ class InitialOptions:
         metavar="QUANTITY=VALUE",
     )
     restitution: float = option(0.0, "Coefficient of restitution at joint limits, 0 to 1.")
+
+    def __post_init__(self) -> None:
+        require_distinct("--initial", self.initial)
 
     @property
     def requested(self) -> bool:

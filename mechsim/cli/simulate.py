@@ -44,7 +44,7 @@ from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.settings import plain_settings
 from mechsim.studies.reference import driven_as
 from mechsim.studies.scene.errors import divergence_reason, start_error
-from mechsim.studies.scene.run import SceneRun
+from mechsim.studies.scene.run import SceneRun, sampled_run
 from mechsim.studies.scene.scene import UserScene
 from mechsim.studies.scene.step_sizes import finer
 from mechsim.subjects.driver_positions import Poses, driver_path
@@ -92,6 +92,10 @@ class RunOptions:
         """The tolerance in [m]."""
         return None if self.tolerance is None else parse_length(self.tolerance, "the tolerance")
 
+    def __post_init__(self) -> None:
+        if self.samples is not None and self.samples < 2:
+            raise InputError(f"--samples is {self.samples}; give 2 or more")
+
     def exclude(self, *names: str, because: str) -> None:
         """Raise InputError for options that are set."""
         for name in names:
@@ -110,8 +114,6 @@ class RunOptions:
                     f"records {self.every} apart do not fit the motion; give an angle above 0 within it"
                 )
             return count
-        if self.samples is not None and self.samples < 2:
-            raise InputError(f"--samples is {self.samples}; give 2 or more")
         return None if self.samples is None else self.samples - 1
 
 
@@ -293,7 +295,9 @@ def _controlled(
     tolerance = POSITION_TOLERANCE * scene.characteristic_length if requested is None else requested
     violation = _start_violation(scene, tolerance)
     fixed = requested is None or bool(violation)
-    run, errors, used = finer(scene, plain, tolerance, fixed=fixed, records=options.samples)
+    run, errors, used = finer(scene, plain, tolerance, fixed=fixed)
+    if options.samples is not None:
+        run = sampled_run(run, options.samples)
     outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= tolerance else "failed"
     note = divergence_reason(run) if run.broken else violation
     output = None if path is None else str(path)

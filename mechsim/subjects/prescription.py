@@ -1,6 +1,6 @@
 """Prescription of a motion: drivers and their motion laws, locked coordinates, tracked points."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
@@ -92,7 +92,7 @@ def _with_prescription(
         prescription = replace(
             prescription, lock={name: law for name, law in prescription.lock.items() if name not in fixed}
         )
-    mechanism = _with_drivers_and_locks(mechanism, prescription, loop_form.written)
+    mechanism = _with_drivers_and_locks(mechanism, prescription, file_laws, loop_form.written)
     if (
         mechanism is solver.mechanism
         and not (prescription.drive or file_laws)
@@ -206,22 +206,25 @@ def duration_of(requested: float | None, stated: float | None, states: Mapping[s
 
 
 def _with_drivers_and_locks(
-    mechanism: Mechanism, prescription: Prescription, written: WrittenUnits
+    mechanism: Mechanism, prescription: Prescription, file_laws: Collection[str], written: WrittenUnits
 ) -> Mechanism:
     """Return the mechanism with the requested drivers and locked coordinates.
 
-    Requested drivers replace the mechanism's own drivers. A locked coordinate is not driven.
+    Requested drivers replace the mechanism's own drivers, unless these keep the motion laws of the file, or
+    need one. A locked coordinate is not driven.
     """
     names = [name for joint in mechanism.joints for name in joint.coordinates]
     for name in prescription.drive:
         if name not in names:
             raise InputError(f"{mechanism.name} has no coordinate {name!r} to drive{suggestion(name, names)}")
-    if not prescription.lock and set(prescription.drive) <= set(mechanism.drivers):
+    requested = {*prescription.drive}
+    freed = prescription.still and bool(requested) and not {*mechanism.drivers} <= {*requested, *file_laws}
+    if not prescription.lock and not freed and requested <= {*mechanism.drivers}:
         return mechanism
     poses, starts = start_poses(mechanism)
     locked = _locked_coordinates(mechanism, prescription.lock, starts, written)
     drivers = tuple(name for name in mechanism.drivers if name not in locked)
-    if not set(prescription.drive) <= set(drivers):
+    if freed or not requested <= {*drivers}:
         drivers = tuple(prescription.drive)
         locked = {
             name: value for name, value in locked.items() if name not in drivers or name in prescription.lock

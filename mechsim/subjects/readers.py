@@ -108,7 +108,8 @@ def load(
         key: name of the keyframe to start from, for MuJoCo models.
         track: points to record, as `NAME` or `NAME,LINK@x,y,z`; all by default.
         duration: duration of the motion laws, as text or in [s].
-        still: whether a MuJoCo model may have no driver, because it is only described.
+        still: whether drivers may be missing: a MuJoCo model may have none, and those without a motion law
+            beside `drive` are free in a run from an initial state.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:

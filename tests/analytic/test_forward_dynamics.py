@@ -348,6 +348,39 @@ def test_initial_values_out_of_range_are_rejected():
         ms.dynamics.run(ms.catalog.make("four_bar"), WEIGHT, initial={"B.q": 9.0}, duration=1.0)
 
 
+@pytest.mark.parametrize("right", [60.0, 50.0])
+def test_independent_coordinates_without_initial_values_keep_their_start_at_rest(right):
+    named = {"left.q": "100deg", "left.v": 1.0} | ({} if right == 60.0 else {"right.q": f"{right}deg"})
+    motion = ms.dynamics.run(ms.load("five_bar"), initial=named, duration=0.01, samples=1).motion
+    start = {name: (joint.value[0], joint.rate[0]) for name, joint in motion.joints.items()}
+    assert start["left"] == pytest.approx((np.deg2rad(100.0), 1.0), abs=1e-15)
+    assert start["right"] == pytest.approx((np.deg2rad(right), 0.0), abs=1e-15)
+    # the tool is the upper intersection of circles about the elbows; its velocity v is perpendicular to the
+    # right forearm, and along the left one it is that of the left elbow
+    half, arm, forearm = 0.030, 0.060, 0.080
+    angles = np.deg2rad([100.0, right])
+    left, other = np.array([[-half, 0.0], [half, 0.0]]) + arm * np.stack([np.cos(angles), np.sin(angles)], 1)
+    gap = 0.5 * (other - left)
+    height = np.sqrt(forearm**2 - gap @ gap) / np.linalg.norm(gap)
+    tool = left + gap + height * np.array([-gap[1], gap[0]])
+    rows = np.stack([tool - left, tool - other])
+    elbow_velocity = arm * np.array([-np.sin(angles[0]), np.cos(angles[0])])
+    velocity = np.linalg.solve(rows, [rows[0] @ elbow_velocity, 0.0])
+    (point,) = motion.points.values()
+    assert point.position[0, :2] == pytest.approx(tool, abs=1e-14)
+    assert point.velocity[0, :2] == pytest.approx(velocity, abs=1e-13)
+
+
+def test_a_dependent_initial_value_moves_the_last_driver_or_is_rejected():
+    solver, rates = ms.load("five_bar"), {"elbow_l.v": 1.0}
+    joints = ms.dynamics.run(solver, initial=rates, duration=0.01, samples=1).motion.joints
+    assert [joints[name].rate[0] for name in ("left", "elbow_l")] == pytest.approx([0.0, 1.0], abs=1e-14)
+    assert joints["right"].rate[0] > 1.0
+    # with the left arm at 120 deg the tool must stay within 140 mm of the right pivot
+    with pytest.raises(AssemblyError, match="with left at the start"):
+        ms.dynamics.run(solver, initial={"elbow_l.q": 1.0}, duration=0.01)
+
+
 def test_initial_rates_that_violate_the_loop_equations_are_rejected():
     with pytest.raises(InputError, match="contradict the loops"):
         ms.dynamics.run(ms.catalog.make("four_bar"), initial={"crank.v": 1.0, "A.v": 50.0}, duration=1.0)

@@ -24,6 +24,7 @@ def test_a_controlled_run_equals_plain_mujoco(mechsim, tmp_path):
     assert reported["outcome"] in ("passed", "failed")
     assert answer.code == (0 if reported["outcome"] == "passed" else 1)
     table = files.read(tmp_path / "run.csv")
+    assert table["time"] == pytest.approx(np.linspace(0.0, 0.4, 21), abs=1e-12)
     model = mujoco.MjModel.from_xml_string(FINGER)
     data = mujoco.MjData(model)
     for _ in range(200):

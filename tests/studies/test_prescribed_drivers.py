@@ -48,11 +48,13 @@ def model(path, law, forces=WEIGHT):
     return ms.dynamics.dynamic_model(ms.load(path, drive={"hoop": law}), forces)
 
 
-def test_a_bead_on_a_rotating_hoop_keeps_the_jacobi_integral(
-    path,
-):
-    speed = 2.0 * np.pi
-    run = ms.dynamics.run(model(path, "60rpm"), initial=START, prescribed=["hoop"], duration=2.0)
+@pytest.mark.parametrize("drivers", ['["hoop"]', '["hoop", "bead"]', '["bead", "hoop"]'])
+def test_a_bead_on_a_rotating_hoop_keeps_the_jacobi_integral(drivers, path):
+    file, speed = path.with_name("drivers.toml"), 2.0 * np.pi
+    file.write_text(HOOP.replace('["hoop"]', drivers))
+    solver = ms.load(file, drive={"hoop": "60rpm"}, still=True)
+    hoop = ms.dynamics.dynamic_model(solver, WEIGHT)
+    run = ms.dynamics.run(hoop, initial=START, prescribed=["hoop"], duration=2.0)
     bead = run.motion.joints["bead"]
     sine, cosine = np.sin(bead.value), np.cos(bead.value)
     jacobi = 0.5 * (MASS * LENGTH**2 + INERTIA) * bead.rate**2

@@ -8,7 +8,7 @@ from scene_texts import FINGER, scene
 from mechsim.errors import AssemblyError, InputError
 from mechsim.studies.scene.converged_reference import compute_reference, hardened
 from mechsim.studies.scene.errors import SceneEvaluator, cubic_interpolation
-from mechsim.studies.scene.run import run_scene, step_times
+from mechsim.studies.scene.run import run_scene, sampled_run, step_times
 
 CONTROL, DRIVEN = {"servo": "0.5*sin(2*pi*t)"}, {"knuckle": "0.5*sin(2*pi*t)"}
 
@@ -33,6 +33,24 @@ def test_a_run_equals_a_plain_mujoco_loop(controlled):
     run = run_scene(controlled, records=None)
     assert np.abs(run.qpos[1:] - states).max() < 1e-12
     assert run.time[-1] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("samples", [2, 3, 8, 11, 601])
+def test_any_number_of_samples_is_evenly_spaced(controlled, samples):
+    """Within a step, a state follows its mean acceleration, to the change of the servo force in it."""
+    run = run_scene(controlled, records=None)
+    sampled = sampled_run(run, samples)
+    assert sampled.time == pytest.approx(np.linspace(0.0, 0.5, samples), abs=1e-15)
+    step = float(controlled.model.opt.timestep)
+    number = np.minimum((sampled.time / step + 1e-6).astype(int), len(run.time) - 1)
+    rest = (sampled.time - number * step)[:, None]
+    after = np.minimum(number + 1, len(run.time) - 1)
+    acceleration = (run.qvel[after] - run.qvel[number]) / step
+    velocity = run.qvel[number] + acceleration * rest
+    # a shorter or longer last step would change it by the whole step
+    assert np.abs(sampled.qvel - velocity).max() <= 0.1 * np.abs(acceleration * step).max()
+    expected = run.qpos[number] + velocity * rest
+    assert np.abs(sampled.qpos - expected).max() <= 0.1 * np.abs(acceleration * step**2).max()
 
 
 def test_closure_errors_measure_the_distance_to_the_closed_state(controlled):

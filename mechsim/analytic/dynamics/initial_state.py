@@ -1,6 +1,6 @@
 """States of a mechanism: initial ones from values of joint coordinates, and their packing into vectors."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,11 +12,13 @@ from mechsim.analytic.dynamics.equations_of_motion import (
     with_locked_rows,
 )
 from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.mobility import independent_coordinates
 from mechsim.analytic.loops.start import CLOSED, close_nearest
 from mechsim.analytic.vector_method.rotations import cross, from_quaternion
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import RANK_TOLERANCE
+from mechsim.numerics.rank import RANK_TOLERANCE, null_spaces
 
 # largest step of a coordinate towards its initial value, in [rad] or characteristic lengths: the linear model
 # of the loops is valid for several times that
@@ -37,7 +39,7 @@ def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[
     """Return coordinates and rates in units, (count, 1), that satisfy the loops and the requested values.
 
     The coordinates move to their values in short steps from the assembled configuration, within its assembly
-    mode. Coordinates and rates that neither the values nor the loops determine change as little as possible.
+    mode. Independent coordinates without a value keep theirs; those without a rate are at rest.
 
     Raises:
         AssemblyError: where the loops do not close at the values.
@@ -77,21 +79,46 @@ def projected(
 
 
 def _moved(equations: EquationsOfMotion, coordinates: Mapping[str, float]) -> Coordinates:
-    indices = [_index(equations, name) for name in coordinates]
+    named, q = [_index(equations, name) for name in coordinates], equations.start
+    kept = _independent(equations, q, named)
+    indices = [*named, *kept.values()]
     units = equations.loops.units[indices]
-    target = np.array([*coordinates.values()]) / units
-    q = equations.start
     begin = q.values[indices, 0] / units
+    target = begin.copy()
+    target[: len(named)] = np.array([*coordinates.values()]) / units[: len(named)]
     steps = max(1, int(np.ceil(np.abs(target - begin).max(initial=0.0) / STEP)))
     for k in range(1, steps + 1):
-        q = _closed(equations, q, indices, (begin + (target - begin) * (k / steps))[:, None])
+        q = _closed(equations, q, indices, (begin + (target - begin) * (k / steps))[:, None], kept)
     return q
 
 
+def _independent(equations: EquationsOfMotion, q: Coordinates, named: Sequence[int]) -> dict[str, int]:
+    """Return independent coordinates besides named ones, with their indices: drivers first, then near ground.
+
+    Rows of the null space of [G; E] move only these, with G = dPhi/dq of the loops and E the unit rows of
+    named and locked coordinates (Nikravesh, ch. 3).
+    """
+    loops, mechanism = equations.loops, equations.model.mechanism
+    near = sorted(mechanism.joints, key=lambda joint: GROUND not in (joint.a.link, joint.b.link))
+    names = dict.fromkeys([*mechanism.drivers, *(name for joint in near for name in joint.coordinates)])
+    fixed = np.eye(loops.tree.count)[[*loops.driven, *named]]
+    null_space = null_spaces(np.concatenate([loops.linearise(q)[1][:, :, 0], fixed]))[1]
+    index_of = loops.tree.index_of
+    independent, _ = independent_coordinates(loops, [name for name in names if name in index_of], null_space)
+    return {name: index_of[name] for name in independent}
+
+
 def _closed(
-    equations: EquationsOfMotion, q: Coordinates, indices: Sequence[int] = (), values: Array | float = 0.0
+    equations: EquationsOfMotion,
+    q: Coordinates,
+    indices: Sequence[int] = (),
+    values: Array | float = 0.0,
+    kept: Iterable[str] = (),
 ) -> Coordinates:
-    """Return coordinates with closed loops, some at values (k, n) in units; the others change least."""
+    """Return coordinates with closed loops, some at values (k, n) in units; the others change least.
+
+    `kept` names those among them that keep their start, for the message.
+    """
     loops = equations.loops
     if len(indices):
         q = Coordinates(q.values.copy(), q.turns)
@@ -99,10 +126,12 @@ def _closed(
         loops = replace(loops, driven=(*loops.driven, *indices))
     q, gap = close_nearest(loops, q)
     if not (gap <= CLOSED).all():
-        name = equations.model.mechanism.name
+        start = ", ".join(kept)
+        held, remedy = (f" with {start} at the start", f", or one of {start} too") if start else ("", "")
         raise AssemblyError(
-            f"{name}: the loops do not close at the initial values (a gap of {gap.max():.3g} of the longest "
-            "link is left); give values within the range of motion, of independent coordinates only"
+            f"{equations.model.mechanism.name}: the loops do not close at the initial values{held} (a gap of "
+            f"{gap.max():.3g} of the longest link is left); give values within the range of motion, of "
+            f"independent coordinates only{remedy}"
         )
     return q
 
@@ -111,8 +140,10 @@ def _rates(equations: EquationsOfMotion, q: Coordinates, rates: Mapping[str, flo
     loops, free = equations.loops, equations.free
     indices = [_index(equations, name) for name in rates]
     requested = np.array([*rates.values()]) / loops.units[indices]
-    rows = np.concatenate([loops.linearise(q)[1][:, :, 0], np.eye(loops.tree.count)[indices]])[:, free]
-    right = np.concatenate([np.zeros(loops.rows), requested])
+    kept = [*_independent(equations, q, indices).values()]
+    jacobian = loops.linearise(q)[1][:, :, 0]
+    rows = np.concatenate([jacobian, np.eye(loops.tree.count)[[*indices, *kept]]])[:, free]
+    right = np.concatenate([np.zeros(loops.rows), requested, np.zeros(len(kept))])
     result = np.zeros((loops.tree.count, 1))
     result[free, 0] = np.linalg.pinv(rows, rcond=RANK_TOLERANCE) @ right
     violation = np.abs(rows @ result[free, 0] - right).max(initial=0.0)

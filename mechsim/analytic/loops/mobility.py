@@ -105,9 +105,9 @@ def require_no_redundant_drivers(solver: TreeSolver) -> None:
     mechanism = loops.tree.mechanism
     jacobian = loops.linearise(q)[1][..., 0]
     names = (*mechanism.drivers, *mechanism.locked)
-    independent, redundant = _independent(loops, names, null_spaces(jacobian)[1])
+    independent, redundant = independent_coordinates(loops, names, null_spaces(jacobian)[1])
     nearly_free = null_spaces(jacobian, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[1]
-    locked = [name for name in redundant if name in _independent(loops, names, nearly_free)[0]]
+    locked = [name for name in redundant if name in independent_coordinates(loops, names, nearly_free)[0]]
     if locked:
         raise MobilityError(
             f"{mechanism.name}: overdetermined: {', '.join(locked)} cannot move, for "
@@ -133,7 +133,9 @@ def require_no_redundant_drivers(solver: TreeSolver) -> None:
         )
 
 
-def _independent(loops: TreeLoops, names: Iterable[str], null_space: Array) -> tuple[list[str], list[str]]:
+def independent_coordinates(
+    loops: TreeLoops, names: Iterable[str], null_space: Array
+) -> tuple[list[str], list[str]]:
     """Return which coordinates of a null space, (dofs, count), are independent, and which depend on them.
 
     A coordinate is independent if it can still move with all independent ones before it locked.
@@ -334,7 +336,7 @@ def driver_determinacy(mechanism: Mechanism) -> Determinacy:
     solver, jacobian = _at_generic_pose(mechanism)
     dependent_rows, null_space = null_spaces(jacobian)
     names = (*mechanism.locked, *mechanism.drivers)
-    redundant = _independent(solver.loops, names, null_space)[1]
+    redundant = independent_coordinates(solver.loops, names, null_space)[1]
     return Determinacy(
         dofs=len(null_space) - len([name for name in mechanism.locked if name not in redundant]),
         drivers=mechanism.drivers,

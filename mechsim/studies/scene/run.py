@@ -25,6 +25,8 @@ MAX_REFERENCE_RECORDS = 4000
 # processor time in [s] below which a measurement is repeated, and largest number of repetitions
 MIN_MEASURED_TIME, MAX_REPETITIONS = 0.01, 8
 TIMING_ROUNDS = 5
+# fraction of a step by which rounding moves an instant that is a multiple of the step
+STEP_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,7 @@ def run_scene(
     seconds = duration or scene.duration
     what = f"{scene.path}: a motion of {seconds:g} s with a time step of {timestep:g} s"
     require_steps(what, seconds / timestep, "give a shorter --duration or longer steps", MAX_SCENE_STEPS)
-    total = max(1, int(np.ceil(seconds / timestep - 1e-6)))
+    total = max(1, int(np.ceil(seconds / timestep - STEP_ROUNDING)))
     interval = 1 if records is None else max(1, total // records)
     sims = batch.Batch(model, 1, 1)
     start = mujoco.MjData(model)
@@ -174,6 +176,39 @@ def run_scene(
     )
     broken = f"MuJoCo's state became invalid after {run.time[-1]:.6g} s" if run.diverged else ""
     return SceneRun(scene, model, run.time, run.qpos, run.qvel, run.processor, run.count, broken)
+
+
+@quiet()
+def sampled_run(run: SceneRun, samples: int) -> SceneRun:
+    """Step a run again; record evenly spaced instants, both ends included. A broken run is returned as it is.
+
+    An instant within a step is reached by one shorter step from the state before it.
+    """
+    if run.broken:
+        return run
+    scene, model, within = run.scene, run.model, copy.copy(run.model)
+    data, fork = mujoco.MjData(model), mujoco.MjData(model)
+    if scene.key is not None:
+        mujoco.mj_resetDataKeyframe(model, data, model.key(scene.key).id)
+    data.qpos[:], data.qvel[:] = scene.start
+    step, number = float(model.opt.timestep), 0
+    instants = np.linspace(0.0, scene.duration, samples)
+    records: list[tuple[Array, Array]] = []
+    for instant in instants.tolist():
+        last = int(instant / step + STEP_ROUNDING)
+        *controls, next_control = scene.controls(model, number, last - number + 1)
+        for control in controls:
+            data.ctrl[:], data.qfrc_applied[:] = control[: model.nu], control[model.nu :]
+            mujoco.mj_step(model, data)
+        number, state, rest = last, data, instant - last * step
+        if rest > STEP_ROUNDING * step:
+            state, within.opt.timestep = fork, rest
+            mujoco.mj_copyData(fork, model, data)
+            fork.ctrl[:], fork.qfrc_applied[:] = next_control[: model.nu], next_control[model.nu :]
+            mujoco.mj_step(within, fork)
+        records.append((state.qpos.copy(), state.qvel.copy()))
+    qpos, qvel = (np.array(values) for values in zip(*records, strict=True))
+    return replace(run, time=instants, qpos=qpos, qvel=qvel)
 
 
 def step_times(

@@ -10,7 +10,7 @@ import numpy as np
 from mechsim.model.limits import MAX_SCENE_STEPS
 from mechsim.simulation.plain_settings import ALLOWABLE, LOWEST_COMPLIANCE_SOLIMP, PlainSettings, settings_of
 from mechsim.studies.scene.errors import SceneErrors, SceneEvaluator
-from mechsim.studies.scene.run import RECORDS, SceneRun, run_scene
+from mechsim.studies.scene.run import SceneRun, run_scene
 from mechsim.studies.scene.scene import UserScene
 
 # time steps that `tune` tries, relative to the file's own
@@ -180,14 +180,7 @@ class FinerRun(NamedTuple):
     settings: PlainSettings
 
 
-def finer(
-    scene: UserScene,
-    settings: PlainSettings,
-    tolerance: float,
-    *,
-    fixed: bool = False,
-    records: int | None = None,
-) -> FinerRun:
+def finer(scene: UserScene, settings: PlainSettings, tolerance: float, *, fixed: bool = False) -> FinerRun:
     """Return a run that satisfies a tolerance by closure, or the best run.
 
     The step is refined until the tolerance is satisfied. A diverged run is repeated with an implicit
@@ -198,7 +191,6 @@ def finer(
         settings: requested settings; the first run has only these.
         tolerance: in [m].
         fixed: whether no other settings are tried.
-        records: number of records after the first.
     """
     own = settings.timestep or float(scene.model.opt.timestep)
     options = [settings]
@@ -207,7 +199,7 @@ def finer(
         options += [_with_hard_loops(settings, ratio * own) for ratio in ratios]
 
     def run_with(option: PlainSettings) -> FinerRun:
-        run = run_scene(scene, option.applied(scene.model), records=records or RECORDS)
+        run = run_scene(scene, option.applied(scene.model))
         return FinerRun(run, SceneEvaluator().errors(run), option)
 
     results: list[FinerRun] = []
