@@ -315,8 +315,8 @@ class InitialOptions:
 
     initial: tuple[tuple[str, str], ...] = option(
         (),
-        "Initial coordinate J.q or rate J.v of a joint; other independent ones keep their start at rest. Joints "
-        "without --drive move freely.",
+        "Initial coordinate J.q or rate J.v of a joint; other independent ones keep their start, at rest. "
+        "Joints without --drive move freely.",
         read=pair_of("--initial crank.q=10deg"),
         many=True,
         metavar="J.q=VALUE",

@@ -56,7 +56,7 @@ class Prescription:
         key: name of the keyframe to start from.
         track: points to record, as `NAME` or `NAME,LINK@x,y,z`; empty for all points of the model.
         duration: duration of the motion laws in [s].
-        still: whether drivers may be missing; those without a motion law beside `drive` are then free.
+        still: whether drivers may be missing; if `drive` has laws of some drivers, the others are free.
         loops: path of a sidecar file with the loop closures of a URDF file.
     """
 

@@ -218,13 +218,13 @@ def _with_drivers_and_locks(
         if name not in names:
             raise InputError(f"{mechanism.name} has no coordinate {name!r} to drive{suggestion(name, names)}")
     requested = {*prescription.drive}
-    freed = prescription.still and bool(requested) and not {*mechanism.drivers} <= {*requested, *file_laws}
-    if not prescription.lock and not freed and requested <= {*mechanism.drivers}:
+    released = prescription.still and bool(requested) and not {*mechanism.drivers} <= {*requested, *file_laws}
+    if not prescription.lock and not released and requested <= {*mechanism.drivers}:
         return mechanism
     poses, starts = start_poses(mechanism)
     locked = _locked_coordinates(mechanism, prescription.lock, starts, written)
     drivers = tuple(name for name in mechanism.drivers if name not in locked)
-    if freed or not requested <= {*drivers}:
+    if released or not requested <= {*drivers}:
         drivers = tuple(prescription.drive)
         locked = {
             name: value for name, value in locked.items() if name not in drivers or name in prescription.lock

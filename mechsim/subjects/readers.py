@@ -109,7 +109,7 @@ def load(
         track: points to record, as `NAME` or `NAME,LINK@x,y,z`; all by default.
         duration: duration of the motion laws, as text or in [s].
         still: whether drivers may be missing: a MuJoCo model may have none, and those without a motion law
-            beside `drive` are free in a run from an initial state.
+            are free in a run from an initial state.
         loops: path of a sidecar file with the loop closures of a URDF file.
 
     Raises:

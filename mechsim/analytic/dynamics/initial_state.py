@@ -99,8 +99,8 @@ def _independent(equations: EquationsOfMotion, q: Coordinates, named: Sequence[i
     named and locked coordinates (Nikravesh, ch. 3).
     """
     loops, mechanism = equations.loops, equations.model.mechanism
-    near = sorted(mechanism.joints, key=lambda joint: GROUND not in (joint.a.link, joint.b.link))
-    names = dict.fromkeys([*mechanism.drivers, *(name for joint in near for name in joint.coordinates)])
+    ordered = sorted(mechanism.joints, key=lambda joint: GROUND not in (joint.a.link, joint.b.link))
+    names = dict.fromkeys([*mechanism.drivers, *(name for joint in ordered for name in joint.coordinates)])
     fixed = np.eye(loops.tree.count)[[*loops.driven, *named]]
     null_space = null_spaces(np.concatenate([loops.linearise(q)[1][:, :, 0], fixed]))[1]
     index_of = loops.tree.index_of
@@ -127,11 +127,11 @@ def _closed(
     q, gap = close_nearest(loops, q)
     if not (gap <= CLOSED).all():
         start = ", ".join(kept)
-        held, remedy = (f" with {start} at the start", f", or one of {start} too") if start else ("", "")
+        condition, remedy = (f" with {start} at the start", f", or one of {start} too") if start else ("", "")
         raise AssemblyError(
-            f"{equations.model.mechanism.name}: the loops do not close at the initial values{held} (a gap of "
-            f"{gap.max():.3g} of the longest link is left); give values within the range of motion, of "
-            f"independent coordinates only{remedy}"
+            f"{equations.model.mechanism.name}: the loops do not close at the initial values{condition} (a "
+            f"gap of {gap.max():.3g} of the longest link is left); give values within the range of motion, "
+            f"of independent coordinates only{remedy}"
         )
     return q
 
