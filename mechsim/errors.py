@@ -1,5 +1,7 @@
 """All intended errors of mechsim: one sentence with the object, the value, the limit and the remedy."""
 
+import json
+import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -63,6 +65,21 @@ class MissingToolError(MechsimError, RuntimeError):
     """A tool that this machine lacks (OpenGL, ffmpeg); the message names the package that provides it."""
 
 
+def install_command(extra: str) -> str:
+    """Return the command that installs an extra of mechsim, from the sources if mechsim comes from there."""
+    # local imports, which take longer than all of mechsim.errors
+    from importlib import metadata
+    from urllib.parse import urlsplit
+    from urllib.request import url2pathname
+
+    origin = json.loads(metadata.distribution("mechsim").read_text("direct_url.json") or "{}")
+    if "dir_info" not in origin:
+        return f"pip install 'mechsim[{extra}]'"
+    folder = url2pathname(urlsplit(origin["url"]).path)
+    editable = "-e " if origin["dir_info"].get("editable") else ""
+    return f"pip install {editable}'{'.' if folder == os.getcwd() else folder}[{extra}]'"
+
+
 @contextmanager
 def needs(extra: str) -> Generator[None]:
     """Turn a failed import inside the block into an error that names the extra of mechsim with the library.
@@ -76,9 +93,7 @@ def needs(extra: str) -> Generator[None]:
         library = (error.name or "").partition(".")[0]
         if library in ("", "mechsim"):
             raise
-        raise MissingToolError(
-            f"{library} is not installed; pip install 'mechsim[{extra}]' installs it"
-        ) from None
+        raise MissingToolError(f"{library} is not installed; {install_command(extra)} installs it") from None
 
 
 def require_extra(extra: str, *libraries: str) -> None:

@@ -159,10 +159,10 @@ def atomic_folder(path: str | Path) -> Generator[Path]:
     """
     folder = Path(path)
     if os.path.exists(folder) and not os.path.isdir(folder):
-        raise OutputError(f"cannot write into {folder}: it is a file; name a folder")
+        raise OutputError(f"cannot write into {str(folder)!r}: it is a file; name a folder")
     if not os.path.isdir(folder.parent):
         raise OutputError(
-            f"cannot make the folder {folder}: there is no folder {folder.parent}; create it first"
+            f"cannot make the folder {str(folder)!r}: there is no folder {str(folder.parent)!r}; create it first"
         )
     is_new = not os.path.isdir(folder)
     unfinished = folder / ".unfinished"

@@ -1,12 +1,21 @@
 """Command `mechsim doctor`: installed and missing software on this machine."""
 
 import platform
+from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TypedDict
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.output import print_table, print_text
-from mechsim.errors import MissingToolError
+from mechsim.errors import MissingToolError, install_command
+
+# extra of mechsim -> the libraries that its commands import
+EXTRAS = {
+    "pictures": ("matplotlib", "mediapy", "jinja2", "PIL"),
+    "tables": ("pandas", "xarray"),
+    "sweep": ("dask", "distributed", "xarray", "zarr", "netCDF4", "pyarrow"),
+    "robots": ("yaml",),
+}
 
 
 class BackendJson(TypedDict):
@@ -31,7 +40,7 @@ class DoctorJson(TypedDict):
 
 @command
 def doctor() -> Result[DoctorJson]:
-    """Report versions, OpenGL back ends and ffmpeg, and how to install what is missing.
+    """Report versions, OpenGL back ends, ffmpeg and missing libraries, and how to install what is missing.
 
     Examples:
     mechsim doctor
@@ -51,11 +60,19 @@ def doctor() -> Result[DoctorJson]:
         ]
         print_table("OpenGL without a screen", ("back end", "driver", ""), rows)
         print_text(f"ffmpeg: {data['ffmpeg'] or 'none'}")
+        for extra, libraries in EXTRAS.items():
+            if missing(libraries):
+                print_text(f"not installed: {', '.join(missing(libraries))} ({extra})")
         print_text(
             f"to install what is missing: {data['remedy']}" if data["remedy"] else "nothing is missing"
         )
 
     return Result(data, text)
+
+
+def missing(libraries: Sequence[str]) -> list[str]:
+    """Return the libraries that are not installed."""
+    return [library for library in libraries if find_spec(library) is None]
 
 
 def examine() -> DoctorJson:
@@ -65,8 +82,7 @@ def examine() -> DoctorJson:
 
     backends = describe_backend()
     remedies: list[str] = []
-    if any(find_spec(library) is None for library in ("matplotlib", "mediapy", "jinja2", "PIL")):
-        remedies.append("pip install 'mechsim[pictures]'")
+    remedies += [install_command(extra) for extra, libraries in EXTRAS.items() if missing(libraries)]
     if not any(backend["works"] for backend in backends):
         packages = " ".join(str(backend["package"]) for backend in backends if backend["package"])
         remedies.append(f"apt-get install {packages}")

@@ -1,8 +1,10 @@
 """Models from names, files and objects: `load`, and parametric models of designs."""
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike, fspath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mechsim import units
@@ -16,6 +18,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.subjects import gallery
 from mechsim.subjects.model_source import (
+    READERS,
     ModelDescription,
     ModelSource,
     Prescription,
@@ -68,10 +71,28 @@ def open_model(model: "Model") -> ModelSource:
         return CatalogName(name)
     files = gallery.files()
     if name not in files:
-        raise InputError(
-            f"there is no mechanism {name!r}{catalog.nearest(name, [*catalog.MECHANISMS, *files])}"
-        )
+        raise _unknown_model(name, [*catalog.MECHANISMS, *files])
     return open_model(files[name])
+
+
+# what to do with files of other programs
+CONVERSIONS = {
+    ".xacro": "expand it into URDF (xacro FILE.xacro -o FILE.urdf) and name that file",
+    ".sdf": "convert it to URDF or MJCF and name that file",
+}
+
+
+def _unknown_model(name: str, names: list[str]) -> InputError:
+    """Return the error for a model that is neither a name nor a file with a known suffix."""
+    suffixes = [suffix for reader in READERS for suffix in reader.suffixes]
+    path = Path(name)
+    if found := next((f"{name}{suffix}" for suffix in suffixes if os.path.isfile(f"{name}{suffix}")), None):
+        return InputError(f"there is no mechanism {name!r}; did you mean the file {found!r}?")
+    if os.path.exists(name) or path.suffix.lower() in CONVERSIONS:
+        kind = "a folder" if os.path.isdir(name) else f"a file with suffix {path.suffix!r}"
+        remedy = CONVERSIONS.get(path.suffix.lower(), f"name a file that ends in {', '.join(suffixes)}")
+        return InputError(f"{name!r} is {kind}, which mechsim does not read; {remedy}")
+    return InputError(f"there is no mechanism {name!r}{catalog.nearest(name, names)}")
 
 
 def load(

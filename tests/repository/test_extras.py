@@ -3,8 +3,12 @@
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
+
+from mechsim import cli
+from mechsim.errors import install_command
 
 OPTIONAL = (
     "matplotlib",
@@ -89,7 +93,7 @@ def test_commands_with_a_missing_library_report_how_to_install_it(ended):
         code, output = ends[line]
         assert code == 2, line
         reported = output.strip().splitlines()[-1]
-        assert reported.endswith("pip install 'mechsim[pictures]' installs it"), (line, output)
+        assert reported.endswith(f"{install_command('pictures')} installs it"), (line, output)
         assert f"{library} is not installed" in reported or not library
         assert "Traceback" not in output
     assert {path.name for path in folder.iterdir() if path.is_file()} == {
@@ -108,7 +112,7 @@ def test_tables_with_a_missing_library_report_how_to_install_it(library, tmp_pat
     )
     completed = run_core(code, tmp_path)
     assert completed.returncode == 1
-    assert f"{library} is not installed; pip install 'mechsim[tables]' installs it" in completed.stderr
+    assert f"{library} is not installed; {install_command('tables')} installs it" in completed.stderr
 
 
 def test_a_failed_import_inside_mechsim_is_no_missing_library():
@@ -117,9 +121,34 @@ def test_a_failed_import_inside_mechsim_is_no_missing_library():
     with pytest.raises(ModuleNotFoundError), needs("pictures"):
         import mechsim.nowhere  # noqa: F401
     with (
-        pytest.raises(
-            MissingToolError, match=r"^nowhere is not installed; pip install 'mechsim\[pictures\]'"
-        ),
+        pytest.raises(MissingToolError, match=r"^nowhere is not installed; pip install .*\[pictures\]'"),
         needs("pictures"),
     ):
         import nowhere.at_all  # noqa: F401
+
+
+@pytest.mark.parametrize(
+    ("origin", "command"),
+    [
+        (None, "pip install 'mechsim[sweep]'"),
+        ({"archive_info": {}, "url": "file:///tmp/mechsim.whl"}, "pip install 'mechsim[sweep]'"),
+        ({"dir_info": {}, "url": "file:///some%20where/mechsim"}, "pip install '/some where/mechsim[sweep]'"),
+        ({"dir_info": {"editable": True}, "url": "file:///src"}, "pip install -e '/src[sweep]'"),
+    ],
+)
+def test_extras_are_installed_from_the_sources_of_an_installation_from_sources(origin, command, monkeypatch):
+    text = None if origin is None else json.dumps(origin)
+    monkeypatch.setattr(
+        "importlib.metadata.distribution", lambda name: SimpleNamespace(read_text=lambda _: text)
+    )
+    assert install_command("sweep") == command
+
+
+def test_doctor_reports_a_missing_library_of_every_extra(monkeypatch, capsys):
+    spec = "mechsim.cli.doctor.find_spec"
+    monkeypatch.setattr(spec, lambda name: None if name in ("dask", "yaml") else object())
+    cli.load_command("doctor").callback()
+    output = capsys.readouterr().out
+    assert "dask (sweep)" in output
+    assert "yaml (robots)" in output
+    assert "nothing is missing" not in output

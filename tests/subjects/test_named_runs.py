@@ -41,3 +41,21 @@ def test_catalogue_names_are_suggested_first():
 
 def test_a_name_has_a_dynamic_model():
     assert ms.dynamics.dynamic_model("four_bar").mechanism.name == "four_bar"
+
+
+def test_a_file_that_no_reader_accepts_names_its_conversion(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.toml").touch()
+    (tmp_path / "picture.gif").touch()
+    macros = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="w"/></robot>'
+    (tmp_path / "robot.urdf").write_text(macros)
+    for name, remedy in (
+        ("arm", "'arm.toml'"),
+        ("robot.xacro", "xacro FILE.xacro -o FILE.urdf"),
+        ("robot.urdf", "xacro"),
+        ("robot.sdf", "URDF or MJCF"),
+        ("picture.gif", r"\.toml, \.xml, \.urdf"),
+        (".", "folder"),
+    ):
+        with pytest.raises(ms.InputError, match=remedy):
+            ms.load(name)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim._version import __version__
-from mechsim.errors import MissingToolError, needs
+from mechsim.errors import MissingToolError, install_command, needs
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND, Pose
@@ -78,7 +78,7 @@ def three_js() -> str:
     for folder in folders:
         if (Path(folder) / BUILD).is_file():
             return (Path(folder) / BUILD).read_text(encoding="utf-8")
-    raise MissingToolError("no three.js to draw a page with; pip install 'mechsim[pictures]' brings it")
+    raise MissingToolError(f"no three.js to draw a page with; {install_command('pictures')} installs it")
 
 
 def _data(view: View) -> dict[str, Any]:

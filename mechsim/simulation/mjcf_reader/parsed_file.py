@@ -113,6 +113,10 @@ def _root(path: str) -> str:
         raise InputError(f"{path} is empty; name an MJCF file")
     match = _ROOT.match(_COMMENT.sub("", text))
     root = match[1] if match else None
+    if root == "robot" and "<xacro:" in text:
+        raise InputError(
+            f"{path} contains macros of xacro; expand it into URDF (xacro IN -o OUT.urdf) and name that file"
+        )
     if root == "mujocoinclude":
         raise InputError(f"{path} is a part that other files include; name the file that includes it")
     if text.startswith(_POINTER):
