@@ -13,9 +13,9 @@ from mechsim.cli.options import Loops, writable
 from mechsim.cli.output import in_colour, print_json, print_table, wrapped
 from mechsim.errors import InputError
 from mechsim.files import atomic_path
-from mechsim.simulation.findings.rules import RULES, EqualityStiffness, Violation
-from mechsim.studies.check import check, explain, fixed_copy
-from mechsim.subjects.mjcf_source import with_loops
+from mechsim.simulation.findings.rule_table import RULES
+from mechsim.simulation.findings.rules import EqualityStiffness, Violation
+from mechsim.studies.check import check_each, explain, fixed_copy
 from mechsim.units import option
 
 FORMATS = ("text", "json", "github", "sarif")
@@ -65,16 +65,11 @@ def check_files(
             f"--loops closes the loops of one file, and there are {len(models)}; check them one by one"
         )
     path = None if fix is None else writable(fix, ".xml")
-    sources = [with_loops(model, loops) for model in models]
     codes = [text.split(",") if text else [] for text in (select, ignore)]
-    violations = [
-        v for model in sources for v in check(model, select=codes[0], ignore=codes[1], target=target)
-    ]
-    equalities = (
-        {model: explain(source) for model, source in zip(models, sources, strict=True)}
-        if explain_equalities
-        else {}
-    )
+    violations = check_each(models, select=codes[0], ignore=codes[1], target=target, loops=loops)
+    rejected = [violation.file for violation in violations if violation.rule == "MS100"]
+    read = [model for model in models if model not in rejected]
+    equalities = {model: explain(model, loops) for model in read} if explain_equalities else {}
     errors = sum(violation.severity == "error" for violation in violations)
     data: CheckFilesJson = {
         "files": len(models),
@@ -83,7 +78,7 @@ def check_files(
     }
     repaired: list[str] = []
     if path is not None:
-        copy, repaired = fixed_copy(sources[0], path, violations)
+        copy, repaired = fixed_copy(models[0], path, violations)
         with atomic_path(path) as unfinished:
             unfinished.write_text(copy, encoding="utf-8", newline="")
         data["fixed"] = fix

@@ -12,6 +12,7 @@ class FilePosition(TypedDict):
     line: int | None
 
 
+Severity = Literal["error", "warning", "note"]
 NO_POSITION: FilePosition = {"file": "", "line": None}
 
 
@@ -29,6 +30,7 @@ class Finding:
         line: its line in the file; None if it has no single line.
         file: the included file that contains the line; empty for the main file.
         certain: whether its repair removes the difference.
+        severity: "error" if a run becomes wrong, "warning" if it is distorted, "note" for information.
     """
 
     kind: str
@@ -40,6 +42,7 @@ class Finding:
     line: int | None = None
     file: str = ""
     certain: bool = False
+    severity: Severity = "note"
 
     @property
     def advice(self) -> str:

@@ -1,18 +1,20 @@
 """Check closed-loop models by the linter's rules, from files or objects of MuJoCo."""
 
 from collections.abc import Sequence
-from os import PathLike
+from dataclasses import replace
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, MechsimError
+from mechsim.simulation.findings.rule_table import RULES
 from mechsim.simulation.findings.rules import (
-    RULES,
     EqualityStiffness,
     Target,
     Violation,
     equality_stiffness,
     fixed_text,
+    unreadable,
     violations,
 )
 from mechsim.simulation.mjcf.included_files import moved_to, read_text
@@ -48,6 +50,22 @@ def check(
         >>> [violation.rule for violation in ms.check("gripper.xml") if violation.severity == "error"]
         []
     """
+    return check_each([model], select=select, ignore=ignore, target=target, loops=loops)
+
+
+def check_each(
+    models: Sequence[Any],
+    *,
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    target: str | None = None,
+    loops: str | PathLike[str] | None = None,
+) -> list[Violation]:
+    """Return the violations by several models, as `check`; one that cannot be read is a violation of MS100.
+
+    Raises:
+        InputError: for an unknown rule or target, or a single model that cannot be read.
+    """
     if target not in (None, "urdf"):
         raise InputError(f"there is no target {target!r}; the only target is urdf")
     known_target: Target | None = "urdf" if target else None
@@ -56,17 +74,25 @@ def check(
             raise InputError(
                 f"there is no rule {code!r}; choose from {', '.join(rule.code for rule in RULES)}"
             )
+    result: list[Violation] = []
+    for model in models:
+        try:
+            result += violations(_read(model, loops), known_target)
+        except MechsimError as error:
+            if len(models) == 1:
+                raise
+            result.append(unreadable(str(model), str(error)))
     return [
         violation
-        for violation in violations(_read(model, loops), known_target)
+        for violation in result
         if (not select or violation.rule.startswith(tuple(select)))
         and not (ignore and violation.rule.startswith(tuple(ignore)))
     ]
 
 
-def explain(model: Any) -> list[EqualityStiffness]:
+def explain(model: Any, loops: str | PathLike[str] | None = None) -> list[EqualityStiffness]:
     """Return each equality of a model as a spring and damper at the model's start."""
-    return equality_stiffness(_read(model))
+    return equality_stiffness(_read(model, loops))
 
 
 def fixed_copy(path: str, target: Path, violated: Sequence[Violation]) -> tuple[str, list[str]]:
@@ -74,7 +100,7 @@ def fixed_copy(path: str, target: Path, violated: Sequence[Violation]) -> tuple[
 
     Args:
         path: of the file.
-        target: path of the copy, from which the files that it includes are found.
+        target: path of the copy, from which the files that it includes are result.
         violated: what to repair.
     """
     text, repaired = fixed_text(read_text(path), _read(path), violated)
@@ -83,4 +109,6 @@ def fixed_copy(path: str, target: Path, violated: Sequence[Violation]) -> tuple[
 
 def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     own = mujoco_input(model, loops)
-    return read_model(mujoco_spec(model) if own is None else own, lint=True)
+    read = read_model(mujoco_spec(model) if own is None else own, lint=True)
+    # findings name the URDF file, whose loops were closed in an object
+    return read if loops is None else replace(read, path=fspath(model))

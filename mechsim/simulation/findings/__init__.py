@@ -8,8 +8,9 @@ import numpy as np
 from mechsim.model.finding import Finding
 from mechsim.model.links import VIRTUAL_PREFIX
 from mechsim.model.motion_laws import CRANK, MotionLaws
-from mechsim.simulation.findings.actuation import fighting
+from mechsim.simulation.findings.actuation import controls_beyond_range, fighting
 from mechsim.simulation.findings.compliance import compliant_loops, refsafe, timestep
+from mechsim.simulation.findings.damping import negative_losses, too_stiff_for_step
 from mechsim.simulation.findings.implausible_numbers import impossible, mistaken_units
 from mechsim.simulation.findings.initial_state import collisions, outside_limits_at_start
 from mechsim.simulation.findings.inspected import Inspected
@@ -19,6 +20,7 @@ from mechsim.simulation.findings.loop_closure import (
     redundant_constraints,
     undetermined,
 )
+from mechsim.simulation.findings.rule_table import with_severity
 from mechsim.simulation.mjcf import quiet
 from mechsim.simulation.mjcf_reader import MjcfModel
 
@@ -28,13 +30,16 @@ __all__ = ["findings", "findings_in"]
 # checks in the order of their findings: errors that break a run, effects that distort it, and notes
 CHECKS: tuple[Callable[[Inspected], Iterator[Finding]], ...] = (
     timestep,
+    too_stiff_for_step,
     gaps,
     mistaken_units,
     impossible,
+    negative_losses,
     outside_limits_at_start,
     collisions,
     duplicate_loops,
     fighting,
+    controls_beyond_range,
     refsafe,
     compliant_loops,
     undetermined,
@@ -61,4 +66,4 @@ def findings_in(scene: Inspected) -> tuple[Finding, ...]:
         with suppress(FloatingPointError, np.linalg.LinAlgError):
             result += check(scene)
     # virtual bodies and joints of pose drivers are not in the file
-    return tuple(finding for finding in result if not finding.what.startswith(VIRTUAL_PREFIX))
+    return tuple(with_severity(finding) for finding in result if not finding.what.startswith(VIRTUAL_PREFIX))

@@ -10,12 +10,15 @@ from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected, Swing, driver_swing, loop_rank
 from mechsim.simulation.findings.predicted_gap import moment_arms
 from mechsim.simulation.mjcf_reader.coordinates import ON_JOINT, actuator_names
-from mechsim.simulation.state import is_disabled
+from mechsim.simulation.state import SCALAR, SLIDE, is_disabled
 
 # initial deviation of a servo from its control target that is reported above this value, in [rad] or [m]
 KICK = 1e-2
 # actuator forces below this fraction of the largest one are ignored
 SLIGHT = 1e-3
+# control range beyond a joint range that is not reported, as a fraction of the joint range: files round both
+# to two digits
+EXCESS = 0.01
 
 
 def fighting(scene: Inspected) -> Iterator[Finding]:
@@ -99,6 +102,36 @@ def _against_motion_laws(scene: Inspected) -> Iterator[Finding]:
             message=f"actuator {name} fights the drive: at control 0 it works against the motion laws "
             f"by up to {largest:.3g} N or N m",
             remedy="drive by its own control (--ctrl), or leave it out of the scene",
+            **_lines(scene)[a],
+        )
+
+
+def controls_beyond_range(scene: Inspected) -> Iterator[Finding]:
+    """Yield servos whose control range goes beyond the range of their joint."""
+    model = scene.model
+    if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_LIMIT):
+        return
+    for a in np.flatnonzero(model.actuator_ctrllimited).tolist():
+        kp, joint = _stiffness(scene, a), int(model.actuator_trnid[a, 0])
+        if kp <= 0.0 or int(model.actuator_trntype[a]) not in ON_JOINT or not model.jnt_limited[joint]:
+            continue
+        if int(model.jnt_type[joint]) not in SCALAR or not model.actuator_gear[a, 0]:
+            continue
+        gain, offset = model.actuator_gainprm[a, 0], model.actuator_biasprm[a, 0]
+        controls = np.array([float(model.actuator_ctrlrange[a, end]) for end in (0, 1)])
+        low, high = sorted((gain * controls + offset) / kp / model.actuator_gear[a, 0])
+        least, most = (float(end) for end in model.jnt_range[joint])
+        excess = float(max(least - low, high - most))
+        if not excess > EXCESS * (most - least):
+            continue
+        name, unit = actuator_names(model)[a], "m" if int(model.jnt_type[joint]) == SLIDE else "rad"
+        yield Finding(
+            kind="control-range",
+            what=name,
+            by=excess,
+            message=f"actuator {name} has controls for {low:.4g} to {high:.4g} {unit}, {excess:.3g} {unit} "
+            f"beyond the range of {model.joint(joint).name}, {least:.4g} to {most:.4g}",
+            remedy=f"take ctrlrange for {least:.4g} to {most:.4g} {unit}, or widen the range of the joint",
             **_lines(scene)[a],
         )
 

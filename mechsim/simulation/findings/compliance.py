@@ -14,6 +14,9 @@ from mechsim.simulation.state import data_at, dense_rows, is_disabled, mass_matr
 
 # smallest visible gap, as a fraction of the characteristic length or in [rad]
 VISIBLE_GAP = 1e-4
+# largest gap that is predicted, as a fraction of the characteristic length or in [rad]: the prediction takes
+# geometry and forces of closed loops, and a gap of this size turns links by 0.1 rad
+MAX_PREDICTED = 0.1
 # a gap rings if a time step reverses its sign and leaves more than this fraction of it
 RINGING = 0.25
 # smallest time constant that `refsafe` allows, in time steps
@@ -38,16 +41,18 @@ def compliant_loops(scene: Inspected) -> Iterator[Finding]:
     when = "at rest at the start" if motion is None else f"in {motion.description}"
     for loop in visible:
         by, after = widest[loop.number], remaining.get(loop.number, 0.0)
-        unit = "m" if scene.in_metres(loop) else "rad"
+        unit, limit = ("m", MAX_PREDICTED * scene.length) if scene.in_metres(loop) else ("rad", MAX_PREDICTED)
+        gap = f"gap of {by:.2g} {unit}" if by <= limit else f"large gap, of more than {limit:.2g} {unit},"
         solimp = f'solimp="{MAX_IMPEDANCE:g} {MAX_IMPEDANCE:g} 0.001 0.5 2"'
-        remedy = f"{solref} {solimp} leaves about {after:.1g} {unit}"
+        remainder = f"about {after:.1g}" if after <= limit else f"more than {limit:.2g}"
+        remedy = f"{solref} {solimp} leaves {remainder} {unit}"
         if after > 0.1 * by:
             remedy += ", for dampers that the integrator takes implicitly hold the rest back: a smaller step"
         yield Finding(
             kind="soft",
             what=loop.name,
-            by=by,
-            message=f"{loop.name} is soft: its forces open a gap of {by:.2g} {unit} {when}",
+            by=min(by, limit),
+            message=f"{loop.name} is soft: its forces open a {gap} {when}",
             remedy=f"{remedy}; mechsim tune finds the settings for your tolerance",
             **loop.location,
         )
@@ -130,14 +135,14 @@ def timestep(scene: Inspected) -> Iterator[Finding]:
 
 
 @dataclass(frozen=True, slots=True)
-class _GapDynamics:
+class GapDynamics:
     """Linear dynamics of the gaps r of loops: r'' = -damping r' - stiffness r, with (m, m) matrices."""
 
     damping: Array
     stiffness: Array
 
 
-def _stiffest(scene: Inspected) -> tuple[_GapDynamics, Loop] | None:
+def _stiffest(scene: Inspected) -> tuple[GapDynamics, Loop] | None:
     """Return the gap dynamics at the start, and the stiffest loop; None if no joint changes the loops."""
     model = scene.loops_only
     data = data_at(model, scene.read.qpos if scene.closed is None else scene.closed)
@@ -153,19 +158,19 @@ def _stiffest(scene: Inspected) -> tuple[_GapDynamics, Loop] | None:
     loop = next(loop_ for loop_ in scene.loops if loop_.number == number)
     # redundant rows have the gaps of the rows on which they depend
     range_ = np.linalg.svd(jacobian)[0][:, : loop_rank(jacobian)]
-    return _GapDynamics(
+    return GapDynamics(
         range_.T @ (transmitted * b) @ range_, range_.T @ (transmitted * (k * d)) @ range_
     ), loop
 
 
-def _euler_step(matrix: _GapDynamics, step: float) -> Array:
+def _euler_step(matrix: GapDynamics, step: float) -> Array:
     """Return the amplification matrix of MuJoCo's semi-implicit Euler step: rates first, then gaps."""
     identity = np.eye(len(matrix.damping))
     rate, gap = identity - step * matrix.damping, -step * matrix.stiffness
     return np.block([[rate, gap], [step * rate, identity + step * gap]])
 
 
-def _runge_kutta_step(matrix: _GapDynamics, step: float) -> Array:
+def _runge_kutta_step(matrix: GapDynamics, step: float) -> Array:
     """Return the amplification matrix of a Runge-Kutta step of order 4 for rates and gaps."""
     identity = np.eye(len(matrix.damping))
     whole = step * np.block([[-matrix.damping, -matrix.stiffness], [identity, 0.0 * identity]])
@@ -176,7 +181,7 @@ def _runge_kutta_step(matrix: _GapDynamics, step: float) -> Array:
     return total
 
 
-Amplification = Callable[[_GapDynamics, float], Array]
+Amplification = Callable[[GapDynamics, float], Array]
 # integrators that evaluate loop forces explicitly -> amplification matrix
 AMPLIFICATION: dict[int, Amplification] = {
     int(mujoco.mjtIntegrator.mjINT_EULER): _euler_step,
@@ -186,7 +191,7 @@ AMPLIFICATION: dict[int, Amplification] = {
 }
 
 
-def _stable_step(amplification: Amplification, matrix: _GapDynamics, step: float) -> float:
+def _stable_step(amplification: Amplification, matrix: GapDynamics, step: float) -> float:
     """Return a time step that neither rings nor diverges, by repeated reduction by 10 percent."""
     for _ in range(200):
         values = np.linalg.eigvals(amplification(matrix, step))

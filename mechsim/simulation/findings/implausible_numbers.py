@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 
 from mechsim.model.finding import Finding
+from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.findings.inspected import Inspected
-from mechsim.simulation.state import SCALAR, SLIDE
+from mechsim.simulation.state import SCALAR, SLIDE, gravity
 
 # relative tolerance of the triangle inequality of principal moments
 ROUNDING = 1e-9
@@ -126,33 +127,43 @@ def _implausible_size(
     return None
 
 
-# characteristic length in [m], and ratio of a body's distance from its parent to the median distance, above
+# length of a link in [m], and ratio of a body's distance from its parent to the median distance, above
 # which lengths look like mm
 MAX_LENGTH, MAX_RATIO = 10.0, 100.0
+# largest plausible end of the range of a slide in a loop, in characteristic lengths: no loop reaches so far,
+# and mm taken for m are a thousand times as far
+MAX_STROKE = 50.0
+# density in [kg/m3] of osmium, the densest material, and least radius, in characteristic lengths, of a ball
+# of it that a body must outweigh: point masses and invented inertias of 1 kg in 0.1 m are accepted
+MAX_MATERIAL_DENSITY, LEAST_RADIUS = 22_600.0, 0.25
 # range of a hinge of a loop in [rad] above which it looks like degrees; ranges of all hinges in degrees up to
 # which they look like rad
 WIDE_RANGE, NARROW_RANGE = 10.0, 2.0 * np.pi
+# multiples of pi that are written as ranges in rad, and the relative rounding to three digits
+FRACTIONS_OF_PI, THREE_DIGITS = np.array([1 / 6, 1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 1.0, 3 / 2, 2.0]), 6e-4
 
 
 def mistaken_units(scene: Inspected) -> Iterator[Finding]:
-    """Yield lengths and angles that look like values in another unit."""
+    """Yield lengths, masses and angles that look like values in another unit."""
     yield from _lengths(scene)
+    yield from _strokes(scene)
+    yield from _masses(scene)
     yield from _angles(scene)
 
 
 def _lengths(scene: Inspected) -> Iterator[Finding]:
-    model = scene.model
-    if scene.length > MAX_LENGTH:
+    model, longest = scene.model, _longest_link(scene)
+    if longest > MAX_LENGTH:
         yield Finding(
             kind="units",
             what="lengths",
-            by=scene.length,
-            message=f"the linkage is {scene.length:.3g} m large: its lengths look like mm",
+            by=longest,
+            message=f"links are up to {longest:.3g} m long: their lengths look like mm",
             remedy="MuJoCo takes gravity as 9.81 in the units of lengths: write m",
         )
         return
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-    distances = {b: float(np.linalg.norm(model.body_pos[b])) for b in moving}
+    distances = {b: _distance(scene, b) for b in moving}
     middle = float(np.median([by for by in distances.values() if by > 0.0] or [0.0]))
     bodies = {body.name: body for body in scene.read.spec.bodies}
     for b, by in distances.items():
@@ -162,10 +173,70 @@ def _lengths(scene: Inspected) -> Iterator[Finding]:
                 kind="units",
                 what=name,
                 by=by,
-                message=f"body {name} is {by:.3g} m from its parent, others {middle:.2g} m: it looks like mm",
+                message=f"body {name} is {by:.3g} m from the next, others {middle:.2g} m: it looks like mm",
                 remedy="write m",
                 **scene.location(bodies[name]),
             )
+
+
+def _longest_link(scene: Inspected) -> float:
+    """Return the largest extent of the joints of a moving link in [m]; ground pivots may be far apart."""
+    ends = [end for joint in scene.read.mechanism.joints for end in (joint.a, joint.b) if end.link != GROUND]
+    points = {end.link: [other.point for other in ends if other.link == end.link] for end in ends}
+    return max((float(np.linalg.norm(np.ptp(own, axis=0))) for own in points.values()), default=0.0)
+
+
+def _distance(scene: Inspected, b: int) -> float:
+    """Return the distance in [m] of a body from its parent, or from the next tree if that is the ground."""
+    model = scene.model
+    if model.body_weldid[model.body_parentid[b]] != 0:
+        return float(np.linalg.norm(model.body_pos[b]))
+    others = np.flatnonzero((model.body_weldid != 0) & (model.body_rootid != model.body_rootid[b]))
+    away = np.linalg.norm(scene.started.xpos[others] - scene.started.xpos[b], axis=1)
+    return float(away.min(initial=np.inf)) if len(others) else 0.0
+
+
+def _strokes(scene: Inspected) -> Iterator[Finding]:
+    """Yield slides of loops with ranges far beyond the size of the mechanism."""
+    model = scene.model
+    joints = {joint.name: joint for joint in scene.read.spec.joints}
+    for j in np.flatnonzero(model.jnt_limited & (model.jnt_type == SLIDE)).tolist():
+        low, high = (float(end) for end in model.jnt_range[j])
+        by, name = max(abs(low), abs(high)), str(model.joint(j).name)
+        if by > MAX_STROKE * scene.length and _in_loop(scene, j):
+            yield Finding(
+                kind="units",
+                what=name,
+                by=by,
+                message=f"{name} of a loop has the range {low:g} to {high:g} m in a mechanism of "
+                f"{scene.length:.2g} m: it looks like mm",
+                remedy='write m, or limited="false" if nothing limits it',
+                **scene.location(joints[name]),
+            )
+
+
+def _masses(scene: Inspected) -> Iterator[Finding]:
+    """Yield the bodies that are too heavy, if they hold most of the mass; weightless scenes invent masses."""
+    model = scene.model
+    moving = np.array([b for b in range(1, model.nbody) if model.body_weldid[b] != 0], dtype=np.intp)
+    mass, moment = model.body_mass[moving], model.body_inertia[moving].max(1, initial=0.0)
+    # of all bodies with a mass and a largest moment, a ball of uniform density takes the least space
+    radius = np.maximum(np.sqrt(2.5 * moment / np.maximum(mass, 1e-300)), LEAST_RADIUS * scene.length)
+    most = MAX_MATERIAL_DENSITY * 4.0 / 3.0 * np.pi * radius**3
+    if not any(gravity(model)) or not mass[mass > most].sum() > 0.5 * mass.sum():
+        return
+    names = [str(model.body(b).name) for b in moving[mass > most].tolist()]
+    i = int(np.argmax(mass * (mass > most)))
+    bodies, name = {body.name: body for body in scene.read.spec.bodies}, str(model.body(moving[i]).name)
+    yield Finding(
+        kind="units",
+        what=", ".join(names),
+        by=float(mass[i]),
+        message=f"body {name} weighs {mass[i]:.3g} kg, more than a ball of osmium of its size, "
+        f"{most[i]:.2g} kg: masses look like g",
+        remedy="write kg, and kg m2 for inertias",
+        **scene.location(bodies[name]),
+    )
 
 
 def _angles(scene: Inspected) -> Iterator[Finding]:
@@ -191,17 +262,25 @@ def _angles(scene: Inspected) -> Iterator[Finding]:
             **scene.location(joints[str(model.joint(wide[0]).name)]),
         )
     narrow = [j for j, width in widths.items() if 0.0 < np.rad2deg(width) <= NARROW_RANGE]
-    if scene.read.spec.compiler.degree and len(narrow) == len(hinges) > 1:
-        j = max(narrow, key=lambda j: widths[j])
+    all_narrow = len(narrow) == len(hinges) > 1
+    suspicious = [j for j in narrow if all_narrow or _has_fraction_of_pi(np.rad2deg(model.jnt_range[j]))]
+    if scene.read.spec.compiler.degree and suspicious:
+        j = max(suspicious, key=lambda j: widths[j])
+        what = "no hinge" if all_narrow else f"hinge {model.joint(j).name}"
         yield Finding(
             kind="units",
-            what="angles",
+            what="angles" if all_narrow else ", ".join(str(model.joint(j).name) for j in suspicious),
             by=widths[j],
-            message=f"no hinge may turn by more than {np.rad2deg(widths[j]):.3g} deg: "
-            "the ranges look like rad",
+            message=f"{what} may turn by more than {np.rad2deg(widths[j]):.3g} deg: the ranges look like rad",
             remedy='angles are degrees unless the file says <compiler angle="radian"/>',
             **scene.location(joints[str(model.joint(j).name)]),
         )
+
+
+def _has_fraction_of_pi(values: Array) -> bool:
+    """Return whether one of some numbers is a usual fraction of pi, rounded to three digits or more."""
+    fractions = np.pi * FRACTIONS_OF_PI
+    return bool((np.abs(np.abs(values)[:, None] - fractions) <= THREE_DIGITS * fractions).any())
 
 
 def _in_loop(scene: Inspected, j: int) -> bool:

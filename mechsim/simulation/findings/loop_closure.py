@@ -107,7 +107,7 @@ def redundant_constraints(scene: Inspected) -> Iterator[Finding]:
         if _adds_nothing(scene, loop, [finding for finding in kept if finding is not loop])
     ]
     names = ", ".join(loop.name for loop in redundant)
-    flat = all(loop.kind == CONNECT for loop in kept if loop.closes)
+    flat = all(loop.kind == CONNECT or _joins_points(scene, loop) for loop in kept if loop.closes)
     message = (
         f"{len(jacobian)} constraint equations of the loops have rank {len(jacobian) - extra}: "
         f"{extra} of them repeat others"
@@ -135,9 +135,14 @@ def _constrains(scene: Inspected, loop_of: Array) -> NDArray[np.bool_]:
     """Return a mask of rows that constrain, (m,): with torquescale 0 the last three of a weld do not."""
     result = np.ones(len(loop_of), dtype=np.bool_)
     for loop in scene.loops:
-        if loop.kind == WELD and scene.model.eq_data[loop.number, 10] == 0.0:
+        if _joins_points(scene, loop):
             result[np.flatnonzero(loop_of == loop.number)[3:]] = False
     return result
+
+
+def _joins_points(scene: Inspected, loop: Loop) -> bool:
+    """Return whether a loop is a weld that, with torquescale 0, joins points as a connect does."""
+    return loop.kind == WELD and scene.model.eq_data[loop.number, 10] == 0.0
 
 
 def _adds_nothing(scene: Inspected, loop: Loop, others: list[Loop]) -> bool:

@@ -61,8 +61,12 @@ def gaps_at_rest(scene: Inspected) -> dict[int, float]:
     """
     model = copy(scene.loops_only)
     model.opt.disableflags |= int(OFF.mjDSBL_ACTUATION)
-    data = data_at(model, scene.read.qpos if scene.closed is None else scene.closed)
-    force = data.efc_force[data.efc_type == EQUALITY]
+    stiff, start = copy(model), scene.read.qpos if scene.closed is None else scene.closed
+    # compliant loops carry the forces of rest only after the gaps have opened
+    for solimp in (stiff.eq_solimp, stiff.opt.o_solimp):
+        solimp[..., :2] = MAX_IMPEDANCE
+    data, at_rest = data_at(model, start), data_at(stiff, start)
+    force = at_rest.efc_force[at_rest.efc_type == EQUALITY]
     return _gaps(scene, data, force, np.zeros(len(force)), {})
 
 

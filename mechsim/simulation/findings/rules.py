@@ -1,20 +1,19 @@
-"""The rules of `mechsim check`: identifier, severity, title and explanation of each kind of finding."""
+"""Violations of the rules of `mechsim check` in a file, stiffness of its equalities, and repairs."""
 
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import mujoco
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.model.finding import NO_POSITION, Finding
+from mechsim.model.finding import NO_POSITION, Finding, Severity
 from mechsim.simulation.closed_configurations import StraightPath, driver_ranges, straight_path
 from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, loop_rank
+from mechsim.simulation.findings.rule_table import BY_KIND, HARMLESS, with_severity
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf.edited_text import EditedText, equality_elements, set_options
 from mechsim.simulation.mjcf_reader import MjcfModel
@@ -22,39 +21,11 @@ from mechsim.simulation.mjcf_reader.coordinates import actuator_names
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD, is_readable
 from mechsim.simulation.state import data_at, dense_rows, limited_joints
 
-Severity = Literal["error", "warning", "note"]
 Target = Literal["urdf"]
 # number of random configurations that test the limits of passive joints, and the seed
 DRAWN, SEED = 200, 0
 # fraction of closed configurations that a passive joint's limits may reject without a finding
 REJECTED = 0.01
-HARMLESS = "harmless"
-
-
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """A rule of the linter.
-
-    Attributes:
-        code: identifier, such as MS101.
-        kind: kind of the findings that the rule reports.
-        severity: "error" if a run becomes wrong, "warning" if it is distorted, "note" for information.
-        title: a few words.
-        reason: the cause, in one or two sentences.
-    """
-
-    code: str
-    kind: str
-    severity: Severity
-    title: str
-    reason: str
-
-
-RULES = tuple(
-    Rule(code, **row)
-    for code, row in tomllib.loads(Path(__file__).with_name("rules.toml").read_text(encoding="utf-8")).items()
-)
-BY_KIND = {rule.kind: rule for rule in RULES}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,22 +70,27 @@ def violations(read: MjcfModel, target: Target | None = None) -> list[Violation]
         reported += _unchecked(scene)
         reported += _lost_in_urdf(read) if target == "urdf" else []
     order = {"error": 0, "warning": 1, "note": 2}
-    result = [_violation(read, finding) for finding in reported]
+    result = [_violation(read.path, with_severity(finding)) for finding in reported]
     return sorted(result, key=lambda violation: (order[violation.severity], violation.rule))
 
 
-def _violation(read: MjcfModel, finding: Finding) -> Violation:
-    rule = BY_KIND[finding.kind]
-    harmless = finding.remedy == HARMLESS
+def unreadable(path: str, reason: str) -> Violation:
+    """Return the violation of a file that cannot be read, one of several."""
+    message = reason.removeprefix(f"{path}: ")
+    finding = Finding(kind="unreadable", what=path, by=1.0, message=message, **NO_POSITION)
+    return _violation(path, with_severity(finding))
+
+
+def _violation(path: str, finding: Finding) -> Violation:
     return Violation(
-        rule=rule.code,
-        severity="note" if harmless else rule.severity,
-        file=finding.file or read.path,
+        rule=BY_KIND[finding.kind].code,
+        severity=finding.severity,
+        file=finding.file or path,
         line=finding.line,
         object=finding.what,
         value=float(finding.by),
         message=finding.message,
-        fix="" if harmless else finding.remedy,
+        fix="" if finding.remedy == HARMLESS else finding.remedy,
     )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled
-from mechsim.simulation.state import BALL, FREE, rotation_matrix
+from mechsim.simulation.state import BALL, FREE, is_disabled, rotation_matrix
 
 # kind of joint -> number of coordinates and number of DOFs
 ROTATIONAL = {FREE: (7, 6), BALL: (4, 3)}
@@ -113,6 +113,7 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
     Returns:
         The remaining coordinates of qpos.
     """
+    _keep_contacts_filtered(spec, model, joints)
     poses = _body_poses(model, joints, qpos)
     in_order = sorted(spec.joints, key=lambda joint: joint.id)
     bodies = {body: in_order[j].parent for j, body in _bodies(model, joints)}
@@ -135,6 +136,20 @@ def fix_bodies(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]
             bodies[body], rotation_matrix(frame.quat).T @ (pose[:3] - frame.pos), _product(inverse, pose[3:])
         )
     return qpos[_remaining(model, joints)[0]]
+
+
+def _keep_contacts_filtered(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int]) -> None:
+    """Exclude the contacts of fixed bodies with their children, as MuJoCo does unless the parent is fixed."""
+    if is_disabled(model, mujoco.mjtDisableBit.mjDSBL_FILTERPARENT):
+        return
+    carrier, solid = model.body_weldid, model.body_geomnum > 0
+    parent = carrier[model.body_parentid[carrier]]
+    for _, body in _bodies(model, joints):
+        for own in np.flatnonzero(solid & (carrier == carrier[body])).tolist():
+            for child in np.flatnonzero(solid & (parent == carrier[body])).tolist():
+                names = model.body(own).name, model.body(child).name
+                if all(names):
+                    spec.add_exclude(bodyname1=names[0], bodyname2=names[1])
 
 
 def without_locked_bodies(

@@ -8,7 +8,7 @@ import pytest
 
 import mechsim as ms
 from mechsim import cli
-from mechsim.simulation.findings.rules import RULES
+from mechsim.simulation.findings.rule_table import RULES
 from mechsim.studies.check import explain
 
 ROOT = Path(__file__).parents[3]

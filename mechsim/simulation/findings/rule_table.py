@@ -1,0 +1,42 @@
+"""The rules of `mechsim check`: identifier, severity, title and reason of each kind of finding."""
+
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mechsim.model.finding import Finding, Severity
+
+# remedy of a finding that needs no repair
+HARMLESS = "harmless"
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """A rule of the linter.
+
+    Attributes:
+        code: identifier, such as MS101.
+        kind: kind of the findings that the rule reports.
+        severity: "error" if a run becomes wrong, "warning" if it is distorted, "note" for information.
+        title: a few words.
+        reason: the cause, in one or two sentences.
+    """
+
+    code: str
+    kind: str
+    severity: Severity
+    title: str
+    reason: str
+
+
+RULES = tuple(
+    Rule(code, **row)
+    for code, row in tomllib.loads(Path(__file__).with_name("rules.toml").read_text(encoding="utf-8")).items()
+)
+BY_KIND = {rule.kind: rule for rule in RULES}
+
+
+def with_severity(finding: Finding) -> Finding:
+    """Return a finding with the severity of its rule; a harmless one is a note."""
+    severity = "note" if finding.remedy == HARMLESS else BY_KIND[finding.kind].severity
+    return replace(finding, severity=severity)

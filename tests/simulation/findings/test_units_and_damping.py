@@ -1,0 +1,336 @@
+"""Wrong units, dampers too stiff for the step, controls beyond a range: faults and near misses."""
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim import cli
+from mechsim.simulation.findings import findings
+from mechsim.simulation.mjcf_reader import read_model
+
+# a four-bar of 30, 90, 70 and 100 mm in closed position; angles of the links in deg from the law of cosines
+FOUR_BAR = """<mujoco><compiler angle="{angle}"/><option timestep="0.0005" {option}/><worldbody>
+<body name="crank" axisangle="0 0 1 {crank_angle}"><inertial pos=".015 0 0" mass="{crank}"
+ diaginertia="1e-6 4e-6 4e-6"/>
+ <joint name="crank" axis="0 0 1" {crank_joint}/>
+ <body name="coupler" pos=".03 0 0" axisangle="0 0 1 {coupler_angle}">
+  <inertial pos=".045 0 0" mass="{coupler}" diaginertia="1e-6 {coupler_moment} {coupler_moment}"/>
+  <joint name="A" axis="0 0 1" {a_joint}/></body></body>
+<body name="rocker" pos=".1 0 0" axisangle="0 0 1 {rocker_angle}">
+ <inertial pos=".035 0 0" mass=".06" diaginertia="1e-6 2.5e-5 2.5e-5"/>
+ <joint name="rocker" axis="0 0 1" {rocker_joint}/></body></worldbody>
+<equality><connect name="loop" body1="coupler" body2="rocker" anchor=".09 0 0"
+ solref=".001 1" solimp=".9999 .9999 .001 .5 2"/></equality>
+<actuator>{actuator}</actuator></mujoco>"""
+MOTOR = '<motor name="drive" joint="crank"/>'
+
+
+def four_bar(**changes):
+    """Return the text of the four-bar with changes."""
+    values = {
+        "angle": "radian", "option": "", "crank": 0.05, "coupler": 0.08, "coupler_moment": 5.4e-5,
+        "crank_joint": "", "a_joint": "", "rocker_joint": "", "actuator": MOTOR,
+    } | changes  # fmt: skip
+    crank = 0.9
+    pin = 0.03 * np.exp(1j * crank)
+    along = 0.1 - pin
+    reach = abs(along)
+    coupler = np.angle(along) + np.arccos((0.09**2 + reach**2 - 0.07**2) / (2 * 0.09 * reach))
+    rocker = np.angle(pin + 0.09 * np.exp(1j * coupler) - 0.1)
+    angles = np.array([crank, coupler - crank, rocker])
+    if values["angle"] == "degree":
+        angles = np.rad2deg(angles)
+    names = ("crank_angle", "coupler_angle", "rocker_angle")
+    return FOUR_BAR.format(**values, **{n: repr(float(a)) for n, a in zip(names, angles, strict=True)})
+
+
+SLIDER_CRANK = """<mujoco><compiler angle="radian"/><option timestep="0.0005"/><worldbody>
+<body name="crank"><inertial pos=".015 0 0" mass="{0}" diaginertia="{1} {1} {1}"/><joint name="crank"
+ axis="0 0 1"/>
+ <body name="rod" pos=".03 0 0"><inertial pos=".05 0 0" mass="{0}" diaginertia="{2} {2} {2}"/>
+  <joint name="A" axis="0 0 1"/></body></body>
+<body name="piston" pos=".13 0 0"><inertial pos="0 0 0" mass="{0}" diaginertia="{1} {1} {1}"/>
+ <joint name="slide" type="slide" axis="1 0 0" range="{3}" limited="true"/></body></worldbody>
+<equality><connect name="loop" body1="rod" body2="piston" anchor=".1 0 0" solref=".001 1"
+ solimp=".9999 .9999 .001 .5 2"/></equality>
+<actuator><position joint="crank" kp="3"/></actuator></mujoco>"""
+
+
+def slider_crank(mass=0.05, moments=(4e-6, 4e-5), stroke="-.05 .05"):
+    return SLIDER_CRANK.format(mass, *moments, stroke)
+
+
+def faults(tmp_path, text):
+    """Return the errors and warnings in a text, without those on compliance: rule -> violation."""
+    path = tmp_path / "model.xml"
+    path.write_text(text)
+    return {v.rule: v for v in ms.check(str(path)) if v.severity != "note" and v.rule != "MS110"}
+
+
+WRONG = {
+    "slide in mm": (slider_crank(stroke="-50 50"), "MS103", "slide"),
+    "stroke of 100 mm on one side": (slider_crank(stroke="0 100"), "MS103", "slide"),
+    "masses in g": (slider_crank(mass=50, moments=(4e-3, 4e-2)), "MS103", "crank, rod, piston"),
+    "one mass in g": (four_bar(coupler=80, coupler_moment=5.4e-2), "MS103", "coupler"),
+    "half a turn each way in a file of degrees": (
+        four_bar(angle="degree", rocker_joint='range="-3.1416 3.1416"', crank_joint='range="-170 170"'),
+        "MS103", "rocker",
+    ),
+    "the only range in rad": (four_bar(angle="degree", crank_joint='range="-1.57 1.57"'), "MS103", "crank"),
+    "one end in rad": (four_bar(angle="degree", crank_joint='range="-.5 .785"'), "MS103", "crank"),
+    "negative damping": (four_bar(a_joint='damping="-.5"'), "MS113", "A"),
+    "negative friction": (four_bar(a_joint='frictionloss="-.5"'), "MS113", "A"),
+    "controls beyond the range": (
+        four_bar(crank_joint='range="-.4 .4"',
+                 actuator='<position name="drive" joint="crank" kp="5" ctrlrange="-2 2"/>'),
+        "MS204", "drive",
+    ),
+    "scaled controls beyond the range": (
+        four_bar(crank_joint='range="0 .4"',
+                 actuator='<general name="drive" joint="crank" gainprm=".02" biastype="affine" '
+                          'biasprm="0 -10 -.1" ctrlrange="0 255"/>'),
+        "MS204", "drive",
+    ),
+}  # fmt: skip
+RIGHT = {
+    "closed four-bar": four_bar(),
+    "stroke in m": slider_crank(),
+    "generous stroke": slider_crank(stroke="-1 1"),
+    "masses in kg": slider_crank(mass=0.05),
+    "small inertias of 1 kg": slider_crank(mass=1.0, moments=(4e-6, 4e-5)),
+    "masses of a weightless scene": four_bar(coupler=80, coupler_moment=5.4e-2, option='gravity="0 0 0"'),
+    "narrow range in degrees": four_bar(angle="degree", crank_joint='range="-1.5 1.5"'),
+    "five degrees": four_bar(angle="degree", crank_joint='range="-5 5"', rocker_joint='range="-170 170"'),
+    "half a turn in rad": four_bar(crank_joint='range="-1.57 1.57"'),
+    "no damping": four_bar(a_joint='damping="0" frictionloss="0" armature="0"'),
+    "rounded controls": four_bar(
+        crank_joint='range="-1.5708 1.5708"',
+        actuator='<position name="drive" joint="crank" kp="5" ctrlrange="-1.58 1.58"/>',
+    ),
+    "controls of a motor": four_bar(
+        crank_joint='range="-.4 .4"', actuator='<motor joint="crank" ctrlrange="-2 2"/>'
+    ),
+    "scaled controls": four_bar(
+        crank_joint='range="0 .55"',
+        actuator='<general joint="crank" gainprm=".02" biastype="affine" biasprm="0 -10 -.1" '
+        'ctrlrange="0 255"/>',
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", WRONG)
+def test_a_fault_is_reported_with_its_element(fault, tmp_path):
+    text, rule, element = WRONG[fault]
+    violations = faults(tmp_path, text)
+    assert rule in violations
+    assert violations[rule].object == element
+    assert violations[rule].fix
+
+
+@pytest.mark.parametrize("case", RIGHT)
+def test_a_near_miss_is_accepted(case, tmp_path):
+    assert set(faults(tmp_path, RIGHT[case])) <= {"MS108"}
+
+
+def test_two_mechanisms_ten_metres_apart_are_no_mistake_of_units(tmp_path):
+    text, other = four_bar(), four_bar().replace("<worldbody>", '<worldbody><frame pos="12 0 0">')
+    start, end = other.index("<frame"), other.index("</worldbody>")
+    copy = other[start:end] + "</frame>"
+    for name in ("crank", "coupler", "rocker", "A"):
+        copy = copy.replace(f'name="{name}"', f'name="{name}2"')
+    loop = (
+        '<connect name="loop2" body1="coupler2" body2="rocker2" anchor=".09 0 0" solref=".001 1"/></equality>'
+    )
+    text = text.replace("</worldbody>", copy + "</worldbody>").replace("</equality>", loop)
+    assert "MS103" not in faults(tmp_path, text)
+    misplaced = four_bar(a_joint="").replace('pos=".03 0 0"', 'pos="30 0 0"')
+    assert "MS103" in faults(tmp_path, misplaced)
+
+
+# z = -h d / I at which the growth of a step of RK4 is 1: 1 + z + z^2/2 + z^3/6 + z^4/24 = 1
+RK4_LIMIT = float(
+    -min(root.real for root in np.roots([1 / 24, 1 / 6, 1 / 2, 1, 0]) if abs(root.imag) < 1e-12)
+)
+INERTIA, STEP = 0.02, 0.004
+PENDULUM = """<mujoco><option timestep="{step}" gravity="0 0 0" {option}/><worldbody><body name="arm">
+<inertial pos="0 0 0" mass="1" diaginertia="{inertia} {inertia} {inertia}"/><joint name="hinge"
+ {joint}/></body>
+<body name="other" pos="1 0 0"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><joint name="free"/></body>
+</worldbody>{rest}</mujoco>"""
+EXPLICIT = 'integrator="Euler"><flag eulerdamp="disable"/></option'
+TENDON = '<tendon><fixed name="cable" damping="{}"><joint joint="hinge" coef="1"/></fixed></tendon>'
+SERVO = '<actuator><{} name="servo" joint="hinge" {}="{}"/></actuator>'
+# place of a damper or spring; option, element, limit times the step (or its square) over the inertia
+LIMITS = {
+    "joint damping with RK4": ('integrator="RK4"', "hinge", RK4_LIMIT, 1),
+    "joint damping, Euler without eulerdamp": (EXPLICIT, "hinge", 2.0, 1),
+    "tendon damping with Euler": ("", "cable", 2.0, 1),
+    "velocity servo with Euler": ("", "servo", 2.0, 1),
+    "position servo with Euler": ("", "servo", 4.0, 2),
+    "joint spring with implicitfast": ('integrator="implicitfast"', "hinge", 4.0, 2),
+}
+
+
+def pendulum(case, factor):
+    """Return the text of a link with a damper or spring of `factor` times its limit."""
+    option, _, limit, order = LIMITS[case]
+    value = factor * limit * INERTIA / STEP**order
+    joint = {"joint damping": f'damping="{value}"', "joint spring": f'stiffness="{value}"'}
+    rest = {
+        "tendon damping": TENDON.format(value),
+        "velocity servo": SERVO.format("velocity", "kv", value),
+        "position servo": SERVO.format("position", "kp", value),
+    }
+    kind = " ".join(case.replace(",", "").split()[:2])
+    text = PENDULUM.format(
+        step=STEP, option=option, inertia=INERTIA, joint=joint.get(kind, ""), rest=rest.get(kind, "")
+    )
+    return text.replace("</option/>", "</option>")
+
+
+@pytest.mark.parametrize("case", LIMITS)
+def test_the_limit_of_a_damper_or_spring_is_that_of_the_integrator(case, tmp_path):
+    path = tmp_path / "arm.xml"
+    for factor in (0.95, 1.05):
+        path.write_text(pendulum(case, factor))
+        violations = [v for v in ms.check(str(path)) if v.rule == "MS114"]
+        assert [v.object for v in violations] == ([LIMITS[case][1]] if factor > 1.0 else [])
+        # MuJoCo itself, from a small rate
+        model = mujoco.MjModel.from_xml_path(str(path))
+        data = mujoco.MjData(model)
+        data.qvel[0] = 1e-6
+        for _ in range(60):
+            mujoco.mj_step(model, data)
+        assert (abs(data.qvel[0]) > 1e-5) == (factor > 1.0)
+    # the step of the remedy is stable
+    assert violations[0].value * 0.9 <= 1.05 ** (1 / LIMITS[case][3]) <= violations[0].value
+
+
+def test_implicit_damping_is_stable_at_any_size(tmp_path):
+    for option in ("", 'integrator="implicitfast"'):
+        text = PENDULUM.format(step=STEP, option=option, inertia=INERTIA, joint='damping="1e4"', rest="")
+        assert "MS114" not in faults(tmp_path, text)
+    text = four_bar(option='integrator="RK4"', a_joint='damping="50"')
+    violation = faults(tmp_path, text)["MS114"]
+    assert (violation.object, violation.severity) == ("A", "error")
+    assert "implicitfast" in violation.fix
+    assert "MS114" not in faults(tmp_path, text.replace("RK4", "implicitfast"))
+
+
+def test_a_rejected_file_among_several_is_its_own_finding(tmp_path, monkeypatch, capsys):
+    files = {"negative": four_bar(a_joint='damping="-.5"'), "broken": "<mujoco><nothing/></mujoco>"}
+    files["sound"] = four_bar(crank_joint='range="1 2"')
+    for name, text in files.items():
+        (tmp_path / f"{name}.xml").write_text(text)
+    paths = [str(tmp_path / f"{name}.xml") for name in files]
+
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["mechsim", "check", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return ended.value.code or 0, capsys.readouterr()
+
+    code, out = run(*paths, "--output-format", "json", "--explain")
+    violations = {(finding["rule"], finding["file"]) for finding in json.loads(out.out)["findings"]}
+    assert code == 1
+    assert {("MS113", paths[0]), ("MS100", paths[1]), ("MS105", paths[2])} <= violations
+    assert [file for rule, file in violations if rule == "MS100"] == [paths[1]]
+    assert run(paths[1])[0] == 2
+
+
+WELD = """<mujoco><compiler angle="radian"/><worldbody>
+<body name="left"><joint name="l" axis="0 0 1"/><geom size=".005" pos=".025 0 0"/>
+ <body name="left2" pos=".05 0 0" axisangle="0 0 1 1.2"><joint name="pl" axis="0 0 1"/>
+  <geom size=".005" pos=".045 0 0"/></body></body>
+<body name="right" pos=".15 0 0"><joint name="r" axis="0 0 1"/><geom size=".005"/></body></worldbody>
+<equality><weld name="loop" body1="left2" body2="right" relpose="{} 1 0 0 0"
+ torquescale="{}"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize(("torquescale", "severity"), [(0, "note"), (1, "warning")])
+def test_a_weld_without_torque_is_reported_as_a_connect(torquescale, severity, tmp_path):
+    path = tmp_path / "weld.xml"
+    path.write_text(WELD.format(".09 0 0", torquescale))
+    (violation,) = [v for v in ms.check(str(path)) if v.rule == "MS107"]
+    assert violation.severity == severity
+
+
+HIPS = """<mujoco><compiler angle="radian"/><worldbody><body name="torso" pos="0 0 1"><freejoint/>
+<geom type="box" size=".1 .1 .05"/>
+<body name="hip" pos=".1 0 0"><joint name="hip" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.3"
+ size=".04"/>
+<body name="shin" pos="0 0 -.3"><joint name="knee" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0
+ -.3" size=".03"/>
+</body></body></body></worldbody>
+<equality><joint joint1="knee" joint2="hip" polycoef="0 -2 0 0 0"/></equality>
+<actuator><position name="hip" joint="hip" kp="50"/></actuator></mujoco>"""
+
+
+def test_a_fixed_base_adds_no_contact(tmp_path):
+    path = tmp_path / "hips.xml"
+    path.write_text(HIPS)
+    for fix_base in (False, True):
+        read = read_model(str(path), fix_base=fix_base)
+        assert "collision" not in {finding.kind for finding in findings(read)}
+        model = read.spec.copy().compile()
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        assert data.ncon == 0
+    # links two joints apart collide in the file, too
+    path.write_text(HIPS.replace('pos="0 0 -.3"><joint name="knee"', 'pos="0 0 -.01"><joint name="knee"'))
+    for fix_base in (False, True):
+        kinds = [finding.kind for finding in findings(read_model(str(path), fix_base=fix_base))]
+        assert ("collision" in kinds) == (not fix_base)
+
+
+SAG = """<mujoco><option timestep=".001"/><worldbody><body name="weight"><joint name="slide" type="slide"
+ axis="0 0 1"/>
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body><body name="arm" pos="1 0 0"><joint name="j"
+ axis="0 1 0"/>
+<inertial pos=".2 0 0" mass=".1" diaginertia=".01 .01 .01"/><body name="tip" pos=".4 0 0"><joint name="k"/>
+<inertial pos="0 0 0" mass=".1" diaginertia=".01 .01 .01"/></body></body></worldbody>
+<equality><connect name="hold" body1="weight" anchor="0 0 0" solref="{} 1" solimp=".5 .5 .001 .5
+ 2"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize(("time_constant", "large"), [(0.02, False), (1.0, True)])
+def test_a_gap_beyond_the_linear_range_is_called_large(time_constant, large, tmp_path):
+    path = tmp_path / "sag.xml"
+    path.write_text(SAG.format(time_constant))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    for _ in range(20_000):
+        mujoco.mj_step(model, data)
+    sag, length = abs(float(data.qpos[0])), 1.0
+    (violation,) = [v for v in ms.check(str(path)) if v.rule == "MS110"]
+    assert ("large gap" in violation.message) == large
+    if large:
+        assert violation.value <= 0.1 * length < sag
+    else:
+        assert violation.value == pytest.approx(sag, rel=0.1)
+
+
+URDF = """<robot name="knee"><link name="base"/>{}
+<joint name="crank" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
+<joint name="pin" type="continuous"><parent link="arm"/><child link="rod"/><origin xyz=".03 0 0"/><axis
+ xyz="0 0 1"/></joint>
+<joint name="rocker" type="continuous"><parent link="base"/><child link="lever"/><origin xyz=".1 0
+ 0"/><axis xyz="0 0 1"/></joint>
+<joint name="a" type="fixed"><parent link="rod"/><child link="pin_a"/><origin xyz=".09 0 0"/></joint>
+<joint name="b" type="fixed"><parent link="lever"/><child link="pin_b"/><origin xyz=".03 0
+ 0"/></joint></robot>"""
+
+
+def test_findings_with_loops_of_a_second_file_name_the_file(tmp_path):
+    moments = 'ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"'
+    inertial = f'<inertial><mass value=".1"/><inertia {moments}/></inertial>'
+    links = "".join(f'<link name="{n}">{inertial}</link>' for n in ("arm", "rod", "lever", "pin_a", "pin_b"))
+    model, loops = tmp_path / "knee.urdf", tmp_path / "knee.yaml"
+    model.write_text(URDF.format(links))
+    loops.write_text("closed_loop: [['pin_a','pin_b']]\ntype: ['6d']\nname_mot: ['crank']\n")
+    violations = ms.check(str(model), loops=str(loops))
+    assert violations
+    assert {violation.file for violation in violations} == {str(model)}
