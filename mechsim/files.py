@@ -162,7 +162,7 @@ def atomic_folder(path: str | Path) -> Generator[Path]:
         raise OutputError(f"cannot write into {str(folder)!r}: it is a file; name a folder")
     if not os.path.isdir(folder.parent):
         raise OutputError(
-            f"cannot make the folder {str(folder)!r}: there is no folder {str(folder.parent)!r}; create it first"
+            f"cannot make the folder {str(folder)!r}: there is no folder {str(folder.parent)!r}; make it first"
         )
     is_new = not os.path.isdir(folder)
     unfinished = folder / ".unfinished"
