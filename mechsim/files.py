@@ -157,12 +157,13 @@ def atomic_folder(path: str | Path) -> Generator[Path]:
     Raises:
         OutputError: if the folder cannot be made or written, or another process writes into it.
     """
+    path = os.fspath(path)
     folder = Path(path)
     if os.path.exists(folder) and not os.path.isdir(folder):
-        raise OutputError(f"cannot write into {str(folder)!r}: it is a file; name a folder")
+        raise OutputError(f"cannot write into {path!r}: it is a file; name a folder")
     if not os.path.isdir(folder.parent):
         raise OutputError(
-            f"cannot make the folder {str(folder)!r}: there is no folder {str(folder.parent)!r}; make it first"
+            f"cannot make the folder {path!r}: there is no folder {str(folder.parent)!r}; create it first"
         )
     is_new = not os.path.isdir(folder)
     unfinished = folder / ".unfinished"

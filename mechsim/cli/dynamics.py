@@ -58,7 +58,7 @@ from mechsim.verdict.checks import Verdict
 # numbers stored for an instant in addition to those of its joints, and bytes of memory for each number
 INSTANT_NUMBERS, NUMBER_BYTES = 40.0, 16.0
 # columns of the table for the instant and the motion of the crank -> unit
-INSTANT_UNITS = {"time": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"} | {
+INSTANT_UNITS = {"t": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"} | {
     # columns of free runs
     "motor": "N m",
     "work": "J",

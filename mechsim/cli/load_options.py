@@ -16,7 +16,7 @@ from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
 from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring
-from mechsim.model.load_profile import table
+from mechsim.model.load_profile import Over, table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Controller, Geared, PlainMotor
 from mechsim.studies.release import DURATION, Release
@@ -157,16 +157,17 @@ def _positions(text: str, option: str) -> tuple[Location, Location]:
 
 
 def loads_of(solver: KinematicSolver, path: str) -> dict[str, Any]:
-    """Return loads from a table: angle [rad] or time [s]; P3.fx .. [N], LINK.mx .. [N m], crank [N m]."""
-    columns = files.read(path)
-    over = "angle" if "angle" in columns else "time"
-    if over not in columns:
+    """Return loads from a table: angle [rad] or t [s]; P3.fx .. [N], LINK.mx .. [N m], crank [N m]."""
+    # the column t may also be called time
+    columns = {"t" if name == "time" else name: column for name, column in files.read(path).items()}
+    instants = "angle" if "angle" in columns else "t"
+    if instants not in columns:
         raise InputError(
-            f"{path!r} has no column angle [rad] or time [s] (it has {', '.join(columns)}); add one"
+            f"{path!r} has no column angle [rad] or t [s] (it has {', '.join(columns)}); add one"
         )
     points = dict.fromkeys(name.rsplit(".", 1)[0] for name in columns if ".f" in name)
     links = dict.fromkeys(name.rsplit(".", 1)[0] for name in columns if ".m" in name)
-    names = {over, "crank", *(f"{point}.f{axis}" for point in points for axis in "xyz")}
+    names = {instants, "crank", *(f"{point}.f{axis}" for point in points for axis in "xyz")}
     names |= {f"{link}.m{axis}" for link in links for axis in "xyz"}
     if unknown := sorted(set(columns) - names):
         raise InputError(
@@ -175,19 +176,20 @@ def loads_of(solver: KinematicSolver, path: str) -> dict[str, Any]:
         )
     if not (points or links or "crank" in columns):
         raise InputError(f"{path!r} holds no load; add columns POINT.fx, POINT.fy, POINT.fz or crank")
+    over: Over = "angle" if instants == "angle" else "time"
     periodic = over == "angle" and solver.crank_range().full
 
     def profile(prefix: str) -> Any:
-        zero = np.zeros(len(columns[over]))
+        zero = np.zeros(len(columns[instants]))
         vectors = np.column_stack([columns.get(prefix + axis, zero) for axis in "xyz"])
-        return table(columns[over], vectors, over=over, periodic=periodic)
+        return table(columns[instants], vectors, over=over, periodic=periodic)
 
     loads: dict[str, Any] = {
         "loads": tuple(Load(point, profile(f"{point}.f")) for point in points),
         "couples": tuple(Couple(link, profile(f"{link}.m")) for link in links),
     }
     if "crank" in columns:
-        loads["crank_torque"] = table(columns[over], columns["crank"], over=over, periodic=periodic)
+        loads["crank_torque"] = table(columns[instants], columns["crank"], over=over, periodic=periodic)
     return loads
 
 
@@ -202,7 +204,7 @@ class LoadOptions:
     )
     load: str | None = option(
         None,
-        "Table of loads: columns angle [rad] or time [s], POINT.fx ... [N], LINK.mx ... [N m], crank [N m].",
+        "Table of loads: columns angle [rad] or t [s], POINT.fx ... [N], LINK.mx ... [N m], crank [N m].",
         metavar="FILE",
     )
     motor: PlainMotor | None = option(

@@ -64,7 +64,7 @@ class RunOptions:
     speed: str | None = option(None, f"Crank speed; a bare number is rad/s. [default: {SPEED}]")
     turns: float | None = option(None, "Turns of the crank. [default: 1, or one swing within its range]")
     profile: str | None = option(
-        None, "Table of the crank angle over time: .csv or .npz with columns time, angle.", metavar="FILE"
+        None, "Table of the crank angle over time: .csv or .npz with columns t, angle.", metavar="FILE"
     )
     poses: str | None = option(
         None,
@@ -268,12 +268,14 @@ def _constant_speed(solver: KinematicSolver, speed: float, turns: float) -> Cran
 
 def _profile(path: str) -> CrankProfile:
     table = files.read(path)
-    missing = [column for column in ("time", "angle") if column not in table]
+    # the column t may also be called time
+    time = "time" if "time" in table else "t"
+    missing = [column for column in (time, "angle") if column not in table]
     if missing:
         raise InputError(
             f"{path!r} has no column {', '.join(missing)} (it has {', '.join(table)}); name them so"
         )
-    return simulation.table(table["time"], table["angle"])
+    return simulation.table(table[time], table["angle"])
 
 
 def _controlled(
@@ -346,7 +348,7 @@ def _start_violation(scene: UserScene, tolerance: float) -> str:
 def table_of(run: SceneRun) -> dict[str, Array]:
     """Return the columns of a run: time, points with velocities, joints, actuator forces."""
     scene, model = run.scene, run.model
-    table = {"time": run.time}
+    table = {"t": run.time}
     velocities = run.velocities
     for k, name in enumerate(scene.tracked):
         table |= {f"{name}.{axis}": run.points[:, k, i] for i, axis in enumerate("xyz")}

@@ -173,7 +173,7 @@ class ForceRecord:
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield time, angle, rates, torque or drives, energies and reactions as columns of a table in SI."""
         if self.time is not None:
-            yield "time", self.time
+            yield "t", self.time
         rates = () if self.drives else ("angle", "speed", "acceleration", "torque")
         for name in (*rates, *(f.name for f in fields(self) if "unit" in f.metadata)):
             yield name, getattr(self, name)

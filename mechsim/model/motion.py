@@ -212,7 +212,7 @@ class Motion:
             MissingToolError: if xarray is not installed.
         """
         columns = {name: ("instant", column, {"units": unit}) for name, column, unit in self._columns()}
-        coordinates = {name: columns.pop(name) for name in ("time", "t", "angle") if name in columns}
+        coordinates = {name: columns.pop(name) for name in ("t", "angle") if name in columns}
         return _library("xarray").Dataset(columns, coordinates, {"source": self.source})
 
     def _columns(self) -> Iterator[tuple[str, Array, str]]:
@@ -224,7 +224,7 @@ class Motion:
                 yield name, self.joints[name].value, self.joints[name].unit
         else:
             if self.time is not None:
-                yield "time", self.time, "s"
+                yield "t", self.time, "s"
             yield "angle", self.angle, "rad"
         for name, point in self.points.items():
             rates = ("", "m", point.position), ("v", "m/s", point.velocity), ("a", "m/s2", point.acceleration)

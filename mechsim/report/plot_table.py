@@ -105,7 +105,7 @@ class PlotSource:
     @property
     def title(self) -> str:
         """The mechanism, and its crank speed or the duration of its motion laws."""
-        laws, name = self.solver.motion_laws, self.solver.name.replace("_", "-")
+        laws, name = self.solver.motion_laws, self.solver.name
         if self.release is not None:
             return f"{name}, its drivers free"
         if not laws.crank:

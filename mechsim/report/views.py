@@ -303,7 +303,7 @@ def mechanism_view(
 
 def _view(solver: KinematicSolver, grids: list[PoseGrid], facts: list[str]) -> View:
     lines = [line for line in facts if line]
-    return View(solver.mechanism, grids, solver.name.replace("_", "-"), lines, **drawn_as(solver))
+    return View(solver.mechanism, grids, solver.name, lines, **drawn_as(solver))
 
 
 def case_view(case: Validation) -> View | None:
@@ -322,4 +322,4 @@ def case_view(case: Validation) -> View | None:
         middles, nodes = (0.5 * (along[1:] + along[:-1]) for along in (shown.angle, grid.sliders[0].nodes))
         grid = replace(grid, ghost=ghost, error=between(grid, solver.solve_along(middles), nodes))
     fact = f"The motion that was judged: {motion.source}, {len(shown)} poses, verdict {case.verdict.outcome}."
-    return View(solver.mechanism, [grid], solver.name.replace("_", "-"), [fact], **drawn_as(solver))
+    return View(solver.mechanism, [grid], solver.name, [fact], **drawn_as(solver))

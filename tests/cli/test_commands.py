@@ -206,7 +206,7 @@ def test_simulate_prints_one_json_object_and_writes_time(mechsim: Call, tmp_path
     assert output["seconds"] > 0.0
     assert output["settings"]["integrator"] == "RK4"
     table = files.read(tmp_path / "run.npz")
-    assert next(iter(table)) == "time"
+    assert next(iter(table)) == "t"
     exact = catalog.make("rssr").positions(table["angle"])["P3"]
     gap = np.stack([table[f"P3.{axis}"] for axis in "xyz"], 1) - exact
     assert np.linalg.norm(gap, axis=1).max() <= 1e-6
@@ -274,7 +274,7 @@ def test_a_profile_drives_the_crank_along_it(mechsim: Call, tmp_path: Path) -> N
     np.savez(tmp_path / "crank.npz", time=time, angle=0.5 * np.sin(30.0 * time))
     assert mechsim("simulate", "rssr", "--profile", "crank.npz", "-o", "run.npz").code == 0
     table = files.read(tmp_path / "run.npz")
-    assert np.abs(table["angle"] - 0.5 * np.sin(30.0 * table["time"])).max() < 1e-4
+    assert np.abs(table["angle"] - 0.5 * np.sin(30.0 * table["t"])).max() < 1e-4
 
 
 def test_validate_prints_only_the_documented_json(mechsim: Call) -> None:

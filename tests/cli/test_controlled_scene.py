@@ -24,7 +24,7 @@ def test_a_controlled_run_equals_plain_mujoco(mechsim, tmp_path):
     assert reported["outcome"] in ("passed", "failed")
     assert answer.code == (0 if reported["outcome"] == "passed" else 1)
     table = files.read(tmp_path / "run.csv")
-    assert table["time"] == pytest.approx(np.linspace(0.0, 0.4, 21), abs=1e-12)
+    assert table["t"] == pytest.approx(np.linspace(0.0, 0.4, 21), abs=1e-12)
     model = mujoco.MjModel.from_xml_string(FINGER)
     data = mujoco.MjData(model)
     for _ in range(200):
@@ -32,7 +32,7 @@ def test_a_controlled_run_equals_plain_mujoco(mechsim, tmp_path):
         mujoco.mj_step(model, data)
     assert table["knuckle.q"][-1] == pytest.approx(data.qpos[0], abs=1e-12)
     assert table["pad.x"][-1] == pytest.approx(0.07 - 0.06 * np.sin(data.qpos[2]), abs=1e-9)
-    speed = np.gradient(table["pad.x"], table["time"])[5:-5]
+    speed = np.gradient(table["pad.x"], table["t"])[5:-5]
     assert table["pad.vx"][5:-5] == pytest.approx(speed, abs=0.05 * np.abs(speed).max())
     assert len(table["effort:servo"]) == reported["rows"]
 

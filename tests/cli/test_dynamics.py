@@ -147,7 +147,7 @@ def test_invalid_input_gives_one_line_and_exit_code_2(capsys, monkeypatch, argum
     [
         ("angle,P3.fz\n0,1\n3,2\n6,1\n", "does not span one revolution"),
         ("angle,P3.fz\n0,1\n3,2\n2,1\n", "does not increase"),
-        ("P3.fz\n0\n1\n", "has no column angle [rad] or time [s]"),
+        ("P3.fz\n0\n1\n", "has no column angle [rad] or t [s]"),
         ("angle,P9.fz\n0,1\n6.283185307179586,1\n", "no point 'P9'"),
         ("angle,force\n0,1\n6.283185307179586,1\n", "has columns force"),
         ("angle\n0\n6.283185307179586\n", "holds no load"),

@@ -52,14 +52,14 @@ def test_to_pandas_agrees_with_the_written_file(tmp_path):
         np.testing.assert_array_equal(table[name], column)
     assert list(table.columns) == list(read(tmp_path / "run.csv"))
     units = table.attrs["units"]
-    assert (units["time"], units["angle"], units["P3.x"], units["P3.vx"]) == ("s", "rad", "m", "m/s")
+    assert (units["t"], units["angle"], units["P3.x"], units["P3.vx"]) == ("s", "rad", "m", "m/s")
     assert list(units) == list(table.columns)
 
 
 def test_to_xarray_returns_variables_with_units():
     pytest.importorskip("xarray", reason="xarray is not installed: pip install '.[tables]'")
     dataset = run().motion.to_xarray()
-    assert set(dataset.coords) == {"time", "angle"}
+    assert set(dataset.coords) == {"t", "angle"}
     assert dataset["P3.az"].dims == ("instant",)
     assert dataset["P3.az"].attrs == {"units": "m/s2"}
     np.testing.assert_array_equal(dataset["P3.az"], run().motion.points["P3"].acceleration[:, 2])

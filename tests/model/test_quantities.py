@@ -118,7 +118,7 @@ def energy(solver, angle):
 def test_columns_of_motions_and_forces_are_quantities():
     solver = catalog.make("rssr")
     study = ms.dynamics.prescribed(ms.dynamics.dynamic_model(solver), ANGLES, 2.0)
-    skipped = {"time", "angle", "speed", "acceleration"}
+    skipped = {"t", "angle", "speed", "acceleration"}
     for record in (solver.solve(ANGLES, 2.0), study):
         for name, column in record.columns():
             if name not in skipped:

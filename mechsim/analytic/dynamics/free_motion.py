@@ -58,17 +58,8 @@ class FreeRun(DynamicRun):
 
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Yield the run as columns of a table in SI."""
-        for name in (
-            "time",
-            "angle",
-            "speed",
-            "acceleration",
-            "kinetic",
-            "potential",
-            "work",
-            "lost",
-            "motor",
-        ):
+        yield "t", self.time
+        for name in ("angle", "speed", "acceleration", "kinetic", "potential", "work", "lost", "motor"):
             yield name, getattr(self, name)
 
 

@@ -235,7 +235,7 @@ def _notes(image: "Image.Image", camera: Camera, notes: Notes, instant: str, edg
     """
     width, height = camera.resolution
     pad, long = round(0.8 * edge), _font(edge).getlength
-    name = notes.name.replace("_", "-")
+    name = notes.name
     _text(image, (pad, pad), name, edge, "la")
     occupied = [Rectangle(0.0, 0.0, pad + long(name), pad + 1.3 * edge)]
     if instant:
