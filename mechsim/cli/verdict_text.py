@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from operator import attrgetter
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -222,7 +223,9 @@ def readable(value: float, unit: str) -> str:
 
 def print_agreement(name: str, agreement: "Agreement", *, verbose: bool) -> None:
     """Print the result for one model: PASS or FAIL, the failed checks, and the likely cause."""
-    lines = [headline(f"{name} vs {agreement.source}", agreement.passed)]
+    # of a long path the file's name is enough
+    source = agreement.source if len(agreement.source) < width() // 2 else Path(agreement.source).name
+    lines = [headline(f"{name} vs {source}", agreement.passed)]
     if agreement.passed:
         lines += method_lines(agreement.checks, {"": "compared"})
     else:

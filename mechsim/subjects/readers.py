@@ -86,8 +86,8 @@ def _unknown_model(name: str, names: list[str]) -> InputError:
     """Return the error for a model that is neither a name nor a file with a known suffix."""
     suffixes = [suffix for reader in READERS for suffix in reader.suffixes]
     path = Path(name)
-    if found := next((f"{name}{suffix}" for suffix in suffixes if os.path.isfile(f"{name}{suffix}")), None):
-        return InputError(f"there is no mechanism {name!r}; did you mean the file {found!r}?")
+    if file := next((f"{name}{suffix}" for suffix in suffixes if os.path.isfile(f"{name}{suffix}")), None):
+        return InputError(f"there is no mechanism {name!r}; did you mean the file {file!r}?")
     if os.path.exists(name) or path.suffix.lower() in CONVERSIONS:
         kind = "a folder" if os.path.isdir(name) else f"a file with suffix {path.suffix!r}"
         remedy = CONVERSIONS.get(path.suffix.lower(), f"name a file that ends in {', '.join(suffixes)}")

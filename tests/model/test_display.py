@@ -69,5 +69,5 @@ def test_to_xarray_returns_variables_with_units():
 @pytest.mark.parametrize(("method", "library"), [("to_pandas", "pandas"), ("to_xarray", "xarray")])
 def test_a_missing_library_is_named_with_its_extra(method, library, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(MissingToolError, match=rf"{library} is not installed; .*mechsim\[tables\]"):
+    with pytest.raises(MissingToolError, match=rf"{library} is not installed; .*\[tables\]"):
         getattr(run().motion, method)()

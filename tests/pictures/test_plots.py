@@ -301,7 +301,7 @@ def test_a_rounding_sized_difference_is_drawn_as_zero():
 def test_plots_have_mechanism_and_speed_in_their_titles():
     source = PlotSource(solver=catalog.make("four_bar"), speed=10.0 * 2.0 * np.pi)
     figure = PLOTS["motion"].figure(source)
-    assert figure.get_suptitle() == "four-bar, crank at 600 rpm"
+    assert figure.get_suptitle() == "four_bar, crank at 600 rpm"
     # no curve of z for a planar mechanism
     assert [line.get_label() for line in figure.axes[0].get_lines()] == ["x", "y"]
     assert len({line.get_linestyle() for line in PLOTS["curve"].figure(source).axes[0].get_lines()[::2]}) == 3
