@@ -306,7 +306,7 @@ def test_plots_have_mechanism_and_speed_in_their_titles():
     assert [line.get_label() for line in figure.axes[0].get_lines()] == ["x", "y"]
     assert len({line.get_linestyle() for line in PLOTS["curve"].figure(source).axes[0].get_lines()[::2]}) == 3
     with_motion_laws = PLOTS["motion"].figure(PlotSource(solver=load("five_bar"), speed=1.0))
-    assert with_motion_laws.get_suptitle() == "five-bar, 1 s by its motion laws"
+    assert with_motion_laws.get_suptitle() == "five_bar, 1 s by its motion laws"
 
 
 def test_a_logarithmic_axis_has_a_tick_at_each_decade():
