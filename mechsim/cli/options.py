@@ -15,6 +15,7 @@ from mechsim import files
 from mechsim.analytic import catalog
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, questions
 from mechsim.errors import InputError, OutputError, require_extra
@@ -22,7 +23,6 @@ from mechsim.model.forces import Forces
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects import gallery
-from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.model_source import READERS
 from mechsim.subjects.readers import load, load_by_motors, parametric_model
 from mechsim.units import option, require_written
@@ -320,8 +320,8 @@ def require_distinct(option_name: str, pairs: Sequence[tuple[str, str | None]]) 
 
 
 def _with_notes(solver: KinematicSolver) -> KinematicSolver:
-    """Return a mechanism, and note the changes to its MJCF file."""
-    for fact in solver.facts if isinstance(solver, MjcfForm) else ():
+    """Return a mechanism, and note what was changed to read and assemble it."""
+    for fact in solver.facts if isinstance(solver, LoopForm) else ():
         notes.append(f"{solver.name}: {fact}")
     return solver
 

@@ -212,11 +212,12 @@ def _print_assemblies(data: dict[str, Any], shown: OutputUnits) -> None:
     )
     rows: list[list[Value]] = [
         [
-            ", ".join(f"{name} {value:+d}" for name, value in assembly.items() if isinstance(value, int)),
+            ", ".join(f"{name} {value:+d}" for name, value in assembly.items() if isinstance(value, int))
+            or (str(number_) if len(assemblies) > 1 else ""),
             point,
             *(next(coordinates) for _ in range(3)),
         ]
-        for assembly in assemblies
+        for number_, assembly in enumerate(assemblies, 1)
         for point in assembly["points"]
     ]
     head = ["assembly", "point", *(shown.label(axis, "m") for axis in "xyz")]

@@ -242,7 +242,8 @@ def plane_normals(mechanism: Mechanism) -> dict[str, Array] | None:
     Returns:
         Link ("ground" included) -> unit vector, (3,): along the crank's axis, transferred along the joints.
     """
-    return _normals(mechanism.driven_joints[0].a, mechanism, mechanism.joints)
+    joint = (mechanism.driven_joints or mechanism.joints)[0]
+    return _normals(joint.a, mechanism, mechanism.joints)
 
 
 def hinged_normals(mechanism: Mechanism) -> dict[str, Array] | None:

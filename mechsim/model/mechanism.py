@@ -198,14 +198,24 @@ class Mechanism:
         Raises:
             InputError: if another kind of joint or several coordinates are driven.
         """
-        if not self.drivers:
-            raise InputError(f"{self.name}: nothing is driven; name a driver, as in driver='crank'")
+        self.require_driver()
         if not self.has_crank:
             raise InputError(
                 f"{self.name} has no crank: {', '.join(self.drivers)} "
                 f"{'is' if len(self.drivers) == 1 else 'are'} driven, and this needs one revolute driver"
             )
         return self.driven_joints[0]
+
+    def require_driver(self) -> None:
+        """Raise InputError for a mechanism without drivers."""
+        if not self.drivers:
+            drivable = [name for j in self.joints if KINDS[j.kind].drivable for name in j.coordinates]
+            remedy = (
+                f"name a driver, as in --drive {drivable[0]}=LAW or driver={drivable[0]!r}"
+                if drivable
+                else "no law prescribes the motion of its joints; mechsim show and check describe it"
+            )
+            raise InputError(f"{self.name}: nothing is driven; {remedy}")
 
     @cached_property
     def driven_joints(self) -> tuple[Joint, ...]:

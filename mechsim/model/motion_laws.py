@@ -335,6 +335,7 @@ class CrankLaw(MotionLaws):
     def require_drivers(self, mechanism: Mechanism) -> None:
         """Raise InputError unless a crank is the only driver of a mechanism."""
         if not mechanism.has_crank:
+            mechanism.require_driver()
             first, have = mechanism.drivers[0], "has" if len(mechanism.drivers) == 1 else "have"
             amplitude = "10mm" if mechanism.unit(first) == "m" else "30deg"
             raise InputError(

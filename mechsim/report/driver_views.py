@@ -227,6 +227,7 @@ def motion_law_grid(solver: LoopForm) -> PoseGrid:
 
 def hand_grids(solver: LoopForm, box: Box) -> list[PoseGrid]:
     """Return the poses over all drivers by hand: one grid of up to three, or one grid each of more."""
+    solver.mechanism.require_driver()
     drivers = solver.mechanism.drivers
     if len(drivers) <= max(NODES):
         return [_hand_grid(solver.mechanism, "move drivers", drivers, box, NODES[len(drivers)])]

@@ -178,10 +178,14 @@ def _parameters(solver: KinematicSolver) -> dict[str, dict[str, Any]]:
 
 
 def assemblies(solver: KinematicSolver, angle: float) -> list[dict[str, Any]]:
-    """Return every real assembly at a crank angle: the parameters that select it, and its points in [m]."""
+    """Return every real assembly at a crank angle: the parameters that select it, and its points in [m].
+
+    Loop equations have those that random starts find.
+    """
+    listed = solver.all_assembly_points if isinstance(solver, LoopForm) else solver.assembly_points
     return [
         {**chosen, "points": {name: position.tolist() for name, position in points.items()}}
-        for chosen, points in solver.assembly_points(angle)
+        for chosen, points in listed(angle)
     ]
 
 

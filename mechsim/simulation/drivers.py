@@ -95,7 +95,7 @@ def find_drivers(model: mujoco.MjModel, names: tuple[str, ...]) -> Drivers:
 
 
 def _constant_law(names: tuple[str, ...], values: Array) -> tuple[Law, Callable[[float], str]]:
-    values = np.asarray(values, dtype=np.float64).reshape(len(names), -1)
+    values = np.reshape(values, (len(names), -1)) if names else np.zeros((0, 1))
 
     def law(angle: Array) -> tuple[Array, Array, Array]:
         zeros = np.zeros((len(values), len(angle)))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.rounded_geometry import Corrected, corrected
+from mechsim.analytic.loops.start import closed_start
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.finding import Finding
@@ -19,6 +20,7 @@ from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
+from mechsim.numerics.arrays import Array
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription, file_reader
 from mechsim.units import Unit
 
@@ -32,12 +34,10 @@ class MjcfForm(LoopForm):
 
     Attributes:
         source: the model as read: the specification that MuJoCo runs, limits, actuators, remarks.
-        facts: sentences on omissions, changes, and the initial loop-closure error.
         corrected: largest corrections of joints in [m] and [rad] that let the loops close.
     """
 
     source: "MjcfModel | None" = None
-    facts: tuple[str, ...] = ()
     corrected: tuple[float, float] = (0.0, 0.0)
 
     __repr__ = short_repr
@@ -164,15 +164,32 @@ def read_mjcf(
         raise error if label in str(error) else InputError(f"{label}: {error}") from None
     exact = corrected(model.mechanism)
     # pictures of a scene without gravity have z up, too
-    mechanism = replace(_with_locked_guess(exact.mechanism), up=against(model.forces.gravity) or "z")
+    mechanism, note = exact.mechanism, ""
+    at_start = {name: mechanism.guess_coordinates[name] for name in mechanism.locked}
+    start = closed_start(replace(mechanism, locked=at_start))
+    if start.note:
+        note, mechanism = start.note, replace(start.mechanism, locked=mechanism.locked)
+        model = replace(model, qpos=_state(model, mechanism))
+    mechanism = _with_locked_guess(mechanism)
+    mechanism = replace(mechanism, up=against(model.forces.gravity) or "z")
     return MjcfForm(
         mechanism,
         forces=model.forces,
         source=model,
         ranges=model.limits,
-        facts=(*model.remarks, *_corrections(model.gap, exact)),
+        facts=(*model.remarks, *_corrections(model.gap, exact), *filter(None, [note])),
         corrected=(exact.moved, exact.rotated),
     )
+
+
+def _state(model: "MjcfModel", mechanism: Mechanism) -> Array:
+    """Return the initial state of a model whose mechanism starts in its guess, (nq,)."""
+    from mechsim.simulation.mjcf import compiled
+    from mechsim.simulation.mjcf_reader import states_of
+
+    values = {name: np.array([value]) for name, value in mechanism.guess_coordinates.items()}
+    links = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in mechanism.guess.items()}
+    return states_of(compiled(model.spec.copy()), values, links)[0]
 
 
 def _parser(name: str, text: str) -> Callable[[Unit], float]:

@@ -9,7 +9,7 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import undetermined_joints
-from mechsim.analytic.loops.start import start_poses, with_closed_guess
+from mechsim.analytic.loops.start import closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.joint_kinds import FIXED, KINDS
@@ -52,7 +52,8 @@ def prescribed_solver(
         if not solver.mechanism.has_crank:
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
         if assembled:
-            solver = replace(solver, mechanism=with_closed_guess(solver.mechanism))
+            start = closed_start(solver.mechanism)
+            solver = replace(solver, mechanism=start.mechanism, facts=(start.note,) if start.note else ())
     if prescription == Prescription() and not description.motion_laws:
         return solver
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)

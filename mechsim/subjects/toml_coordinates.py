@@ -75,12 +75,16 @@ def coordinates_of(values: Values, read: Mapping[str, Any]) -> FileCoordinates:
     return FileCoordinates(values, read, kinds, units)
 
 
-def drivers_of(coordinates: FileCoordinates, requested: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the driven coordinates: of the file, else the requested ones, else the default ones."""
+def drivers_of(coordinates: FileCoordinates, requested: tuple[str, ...], *, still: bool) -> tuple[str, ...]:
+    """Return the driven coordinates: of the file, else the requested ones, else the default ones.
+
+    There are none if no joint can be driven, as of a spherical pendulum; with `still` none is required.
+    """
     drivers = coordinates.read.get("drivers") or requested
     if not drivers and "drivers" not in coordinates.read:
         drivers = default_drivers(coordinates)
-    if not drivers:
+    drivable = any(KINDS[kind].drivable for kind in coordinates.kinds.values())
+    if not drivers and drivable and not still:
         raise InputError('no joint is driven; add drivers = ["NAME OF A JOINT"], or --drive JOINT=LAW')
     for name in drivers:
         coordinates.require(name, ("drivers",))
@@ -105,9 +109,10 @@ def default_drivers(coordinates: FileCoordinates) -> tuple[str, ...]:
 
 def start_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> tuple[float, dict[str, float]]:
     """Return the crank angle of the guess in [rad], and the values of other coordinates at the guess."""
-    stated, first = coordinates.read.get("start"), drivers[0]
+    stated = coordinates.read.get("start")
     if stated is None:
         return 0.0, {}
+    first = drivers[0] if drivers else ""
     if isinstance(stated, dict):
         table = coordinates.table("start").items()
         values = {name: coordinates.value(name, written, path) for name, (path, written) in table}
@@ -116,6 +121,8 @@ def start_of(coordinates: FileCoordinates, drivers: tuple[str, ...]) -> tuple[fl
     else:
         reason = f"is one number, but {', '.join(drivers)} are driven; give a table, {{ {first} = ... }}"
         raise coordinates.error(("start",), reason)
+    if not drivers:
+        return 0.0, values
     has_crank = len(drivers) == 1 and KINDS[coordinates.kinds[first]].hinge
     return values.pop(first, 0.0) if has_crank else 0.0, values
 

@@ -63,7 +63,7 @@ class TomlModel(ModelSource):
         require_dimensions(source, {**parameters, **changed})
         coordinates = coordinates_of(values, read)
         with source.error_context(()):
-            drivers = drivers_of(coordinates, tuple(prescription.drive))
+            drivers = drivers_of(coordinates, tuple(prescription.drive), still=prescription.still)
             start, guess_coordinates = start_of(coordinates, drivers)
             gears, couplings = couplings_of(coordinates)
             mechanism = Mechanism(

@@ -8,7 +8,6 @@ import pytest
 
 import mechsim as ms
 from mechsim import loops, simulate
-from mechsim.analytic.loops import oracle
 from mechsim.analytic.loops.start import assembled, start_poses
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
@@ -83,9 +82,7 @@ def test_an_open_loop_reports_a_driver_position_at_which_it_closes():
     value = float(re.search(r"close at drive = ([-\d.e]+) m: start there", str(output.value))[1])
     loops, q = assembled(press(0.35, value))
     assert np.abs(loops.linearise(q)[0]).max() < 1e-12
-    with pytest.raises(
-        AssemblyError, match=r"from the guess \w+ remains open at any driver positions; change"
-    ):
+    with pytest.raises(AssemblyError, match=r"with free drivers Newton's method leaves \w+ open; change"):
         assembled(press(0.2, 0.9))
 
 
@@ -132,23 +129,3 @@ def test_a_universal_joint_starts_with_crossed_axes():
             assert abs(own @ np.asarray(joint.a.axis)) < 1e-12
     reported, expected = start_poses(bare)[1], start_poses(mechanism)[1]
     assert {name: pytest.approx(value, abs=1e-9) for name, value in expected.items()} == reported
-
-
-def test_the_search_for_initial_poses_ends_once_it_stops_improving(monkeypatch):
-    mechanism = ms.load("hoeken").mechanism
-    name, pose = list(mechanism.guess.items())[-1]
-    reported = replace(mechanism, guess={name: pose})
-    steps = []
-    evaluate = oracle.equations
-    monkeypatch.setattr(
-        oracle, "equations", lambda *arguments: steps.append(arguments) or evaluate(*arguments)
-    )
-    drawn = oracle.completed_poses(reported, guessed_poses(reported))
-    # measured 7, the last without improvement
-    assert len(steps) <= 9
-    endless = replace(oracle.COMPLETION, last_step=0.0, rounding=0.0)
-    monkeypatch.setattr(oracle, "COMPLETION", endless)
-    longer = oracle.completed_poses(reported, guessed_poses(reported))
-    assert len(steps) > 30
-    for link in drawn:
-        np.testing.assert_allclose(drawn[link].position, longer[link].position, rtol=0, atol=1e-15)

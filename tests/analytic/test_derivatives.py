@@ -163,7 +163,7 @@ def test_a_perturbed_file_is_described_without_assembly(monkeypatch):
     def rejected(mechanism):
         raise AssemblyError("no assembly is needed")
 
-    monkeypatch.setattr(prescription, "with_closed_guess", rejected)
+    monkeypatch.setattr(prescription, "closed_start", rejected)
     with pytest.raises(AssemblyError):
         designs.make(values)
     assert (numbers_of(designs.describe(values)) == numbers_of(assembled)).all()

@@ -1,4 +1,4 @@
-"""Unassembled starts: the error reports a configuration that assembles, or the loops that lock."""
+"""Unassembled starts: the nearest assembly is found and reported, or the loops that lock."""
 
 import re
 
@@ -9,6 +9,7 @@ import mechsim as ms
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.loops.start import assembled
 from mechsim.errors import AssemblyError, MobilityError
+from mechsim.simulation.mjcf_reader import read_model
 from mechsim.subjects.mjcf_source import read_mjcf
 
 # collinear joints, as in hand-written files: the residual acts along the line and rotates nothing
@@ -33,26 +34,38 @@ def _line(folder, rod, more=""):
     return path
 
 
-def test_an_unassembled_start_reports_joint_values_that_assemble(tmp_path):
-    with pytest.raises(AssemblyError, match="do not close at the start of the other joints") as reported:
-        assembled(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
-    output = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", str(reported.value)))
-    key = f'<keyframe><key name="on" qpos="{output["crank"]} {output["rod"]} {output["rocker"]}"/></keyframe>'
-    loops, q = assembled(read_mjcf(str(_line(tmp_path, 0.07, key)), key="on").mechanism)
-    assert np.abs(loops.linearise(q)[0]).max() < 1e-12
+def test_an_unassembled_start_closes_at_the_nearest_values_and_reports_them(tmp_path):
+    solver = read_mjcf(str(_line(tmp_path, 0.07)))
     # the triangle with the crank on the line, by the law of cosines
     angle = np.arccos((0.04**2 + 0.07**2 - 0.08**2) / (2 * 0.04 * 0.07))
-    assert abs(q.values[loops.tree.index_of["rod"], 0]) == pytest.approx(angle, abs=1e-12)
+    joints = solver.solve([0.0]).joints
+    assert joints["rod"].value[0] == pytest.approx(angle, abs=1e-12)
+    note = solver.facts[-1]
+    reported = dict(re.findall(r"(crank|rod|rocker) = (-?[\d.]+)", note))
+    assert float(reported["rod"]) == pytest.approx(angle, abs=1e-3)
+    assert float(reported["rocker"]) == pytest.approx(joints["rocker"].value[0], abs=1e-3)
 
 
-def test_mobility_analysis_reports_an_unassembled_start(tmp_path):
-    with pytest.raises(AssemblyError, match="do not close at the start of the other joints"):
-        driver_determinacy(read_mjcf(str(_line(tmp_path, 0.07))).mechanism)
+def test_a_description_that_closes_far_from_its_guess_is_rejected_without_a_reader(tmp_path):
+    as_written = read_model(str(_line(tmp_path, 0.07))).mechanism
+    with pytest.raises(AssemblyError, match=r"nearest assembly found is 1\.\d+ away.* rod = 1\.\d+ rad"):
+        assembled(as_written)
+    with pytest.raises(AssemblyError, match="start near these values"):
+        driver_determinacy(as_written)
+
+
+def test_a_driver_moves_if_the_loops_do_not_close_at_its_start(tmp_path):
+    # the crank's end reaches the circles of rod and rocker where it is 0.15 - 0.08 m from the pivot
+    solver = read_mjcf(str(_line(tmp_path, 0.15)))
+    (low, high) = solver.crank_range().arcs[0]
+    limit = np.arccos((0.05**2 + 0.09**2 - 0.07**2) / (2 * 0.05 * 0.09))
+    assert (low, high) == pytest.approx((limit, 2 * np.pi - limit), abs=1e-9)
+    assert "crank = " in solver.facts[-1]
 
 
 def test_loops_that_cannot_close_are_rejected_with_a_remedy(tmp_path):
     with pytest.raises(AssemblyError, match=r"a gap of .* remains.* change the dimensions"):
-        assembled(read_mjcf(str(_line(tmp_path, 0.15))).mechanism)
+        assembled(read_mjcf(str(_line(tmp_path, 0.25))).mechanism)
 
 
 def test_an_out_of_plane_pin_is_reported_with_its_offset(tmp_path):

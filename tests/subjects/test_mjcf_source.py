@@ -62,7 +62,7 @@ def mujoco_residual(solver, motion):
     """Return MuJoCo's largest residual of the equalities of the file at the solved poses."""
     model = solver.source.spec.copy().compile()
     data, worst = mujoco.MjData(model), 0.0
-    for row in states_of(model, motion):
+    for row in states_of(model, {name: joint.value for name, joint in motion.joints.items()}, motion.links):
         data.qpos[:] = row
         mujoco.mj_fwdPosition(model, data)
         worst = max(worst, np.abs(data.efc_pos[data.efc_type == 0]).max(initial=0.0))

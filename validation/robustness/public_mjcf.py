@@ -62,7 +62,7 @@ def largest_violation(solver: MjcfForm, motion):
     """Return the largest violation of MuJoCo's equality constraints at the poses of a motion."""
     model = solver.source.spec.copy().compile()
     data, largest = mujoco.MjData(model), 0.0
-    for row in states_of(model, motion):
+    for row in states_of(model, {name: joint.value for name, joint in motion.joints.items()}, motion.links):
         data.qpos[:] = row
         mujoco.mj_fwdPosition(model, data)
         rows = data.efc_pos[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)]

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mechsim.analytic.loops.assemblies import other_assemblies
 from mechsim.analytic.loops.motion import (
     driven_path,
     solve_along,
@@ -132,6 +133,7 @@ class LoopForm:
         motion_laws: motion laws of the drivers; `CRANK` for a crank at any speed.
         ranges: joint -> lower and upper limit, in [m] or [rad].
         written: units that its file declares.
+        facts: sentences on omissions, changes, and the assembly found.
     """
 
     mechanism: Mechanism
@@ -143,6 +145,7 @@ class LoopForm:
     motion_laws: MotionLaws = CRANK
     ranges: Ranges = field(default_factory=dict[str, tuple[float, float]])
     written: WrittenUnits = WrittenUnits()
+    facts: tuple[str, ...] = ()
 
     __repr__ = short_repr
 
@@ -325,6 +328,12 @@ class LoopForm:
             points = self.solve_along([angle]).points
             return [({}, {name: point.position[0] for name, point in points.items()})]
         return []
+
+    def all_assembly_points(self, angle: float) -> list[tuple[dict[str, int | None], dict[str, Array]]]:
+        """Return every assembly found at a crank angle, its own first: tracked points, (3,) in [m]."""
+        own = self.assembly_points(angle)
+        links = [LoopForm.solve_along(self, [angle]).links] if own else []
+        return own + [({}, points) for points in other_assemblies(self._path, angle, self.ranges, links)]
 
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
         """Return 1 for each pose, (n,): no sign distinguishes its assembly modes."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechsim.analytic.loops.maximal_coordinates import Poses, equations, row_units, scaled
 from mechsim.analytic.loops.record import joint_motions, tracked_points
@@ -27,10 +27,6 @@ from mechsim.numerics.rank import least_norm, significant
 ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
 # largest residual of closed loops, in characteristic lengths and [rad]
 CLOSED = 1e-12
-# Gauss-Newton steps for links without a guess, with which the loops need not close; singular values below
-# this fraction of the largest are zero
-COMPLETION = NewtonSettings(max_iterations=30, max_step=0.5)
-MIN_SINGULAR = 1e-6
 # largest rotation of a link in a Newton step, in [rad]: beyond it the linear model is invalid
 MAX_ROTATION = 0.5
 
@@ -41,24 +37,22 @@ class PoseSystem:
 
     Attributes:
         mechanism: the mechanism.
-        angle: crank angle, (n,) in [rad]; None for free drivers.
-        free: whether each link can move, (links,).
+        angle: crank angle, (n,) in [rad].
     """
 
     mechanism: Mechanism
-    angle: Array | None
-    free: NDArray[np.bool_]
+    angle: Array
 
     def linearise(self, poses: Poses) -> LinearEquations:
         """Return the equations linearised about n sets of poses."""
         rows = equations(self.mechanism, poses, self.angle)
-        matrix = scaled(self.mechanism, rows.jacobian)[..., np.repeat(self.free, 6)]
+        matrix = scaled(self.mechanism, rows.jacobian)
         return LinearEquations(rows.residual * row_units(self.mechanism, rows.residual.shape[1]), matrix)
 
     def retract(self, poses: Poses, step: Array) -> Poses:
-        """Return poses displaced by shifts in characteristic lengths and rotation vectors, (n, 6 free)."""
+        """Return poses displaced by shifts in characteristic lengths and rotation vectors, (n, 6 links)."""
         moved = dict(poses)
-        names = [link.name for link, free in zip(self.mechanism.links, self.free, strict=True) if free]
+        names = [link.name for link in self.mechanism.links]
         for name, twist in zip(names, step.reshape(len(step), -1, 6).swapaxes(0, 1), strict=True):
             pose = poses[name]
             position = pose.position + self.mechanism.characteristic_length * twist[:, :3]
@@ -102,8 +96,7 @@ def assemble(
     settings = NewtonSettings(
         max_iterations=most_steps, tolerance=ROUNDING, rounding=CLOSED, max_step=MAX_ROTATION
     )
-    system = PoseSystem(mechanism, angles, np.ones(len(mechanism.links), dtype=np.bool_))
-    result = newton(system, poses, settings, least_norm)
+    result = newton(PoseSystem(mechanism, angles), poses, settings, least_norm)
     if not result.residual.max() <= CLOSED:
         index = int(np.argmax(result.residual))
         raise AssemblyError(
@@ -113,21 +106,6 @@ def assemble(
         )
     _require_axes_aligned(mechanism, result.q, angles)
     return result.q
-
-
-def completed_poses(mechanism: Mechanism, initial: Poses) -> Poses | None:
-    """Return poses of the links without a guess with the least residual; other links do not move.
-
-    A chain of joints alone can place a leg anywhere, not towards the plate that it carries. None if all links
-    have a guess, or none has. have a guess, or none has.
-    """
-    free = np.array([link.name not in mechanism.guess for link in mechanism.links])
-    if free.all() or not free.any():
-        return None
-    poses = {name: Pose(pose.position[None], pose.rotation[None]) for name, pose in initial.items()}
-    system = PoseSystem(mechanism, None, free)
-    result = newton(system, poses, COMPLETION, lambda matrix, right: least_norm(matrix, right, MIN_SINGULAR))
-    return {name: Pose(pose.position[0], pose.rotation[0]) for name, pose in result.q.items()}
 
 
 def _require_axes_aligned(mechanism: Mechanism, poses: Poses, angles: Array) -> None:

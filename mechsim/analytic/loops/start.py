@@ -1,23 +1,23 @@
 """Assembly in coordinates of the tree, from the guess or random starts, and messages for open loops."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, axes_aligned, axis_cosines, tree_loops
-from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
-from mechsim.analytic.loops.oracle import completed_poses
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.vector_method.rotations import from_quaternion
 from mechsim.errors import AssemblyError
 from mechsim.model.joint_kinds import antiparallel_message
-from mechsim.model.joints import joint_coordinate
+from mechsim.model.joints import End, joint_coordinate
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
-from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.model.links import GROUND, IDENTITY, Pose, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonSettings, newton, square_solution
-from mechsim.numerics.rank import least_norm, significant
+from mechsim.numerics.rank import least_norm, rank, significant
 
 # largest residual of closed loops, in radians and characteristic lengths
 CLOSED = 1e-12
@@ -61,8 +61,8 @@ def assembly_failure(loops: TreeLoops, initial: Coordinates, final: Coordinates,
     if across := _across(undriven, solution):
         return f"{text}, because {across}; move one of its points by that"
     return (
-        f"{text}, and from the guess {_widest(undriven, solution)} remains open at any driver "
-        "positions; change the dimensions, the start of the drivers, or the guess"
+        f"{text}, and with free drivers Newton's method leaves {_widest(undriven, solution)} open; change "
+        "the dimensions, the start of the drivers, or the guess"
     )
 
 
@@ -202,112 +202,214 @@ def _rotations(quaternions: Array) -> Array:
     return from_quaternion(*unit.transpose(1, 0, 2)).transpose(2, 0, 1, 3)
 
 
-# distance of a link from its guess, in characteristic lengths and [rad], above which other configurations are
-# tried
+# distance from the stated values, in characteristic lengths and [rad], above which others are searched
 MAX_DISTANCE = 0.5
-# number of random starts if an incomplete guess fails
-STARTS = 48
+# number of disturbed starts, and their smallest and largest disturbances in [rad] or characteristic lengths
+STARTS, LEAST_DISTURBANCE, LARGEST_DISTURBANCE = 48, 0.05, float(np.pi)
+# digits to which distances of assemblies are compared: mirrored ones differ by rounding
+COMPARED_DIGITS = 6
 # largest number of coordinates in a message
 NAMED = 6
 
 
+# what a failed search tried besides Newton's method
+_TRIED = (
+    f"{STARTS} damped starts with the unknown coordinates disturbed by up to "
+    f"{np.rad2deg(LARGEST_DISTURBANCE):.0f} deg close nowhere"
+)
+
+
+@dataclass(frozen=True)
+class _Assembly:
+    """Closed coordinates of a mechanism.
+
+    Attributes:
+        loops: their loop equations.
+        q: the coordinates, one set.
+        distance: largest distance from the stated values, in characteristic lengths and [rad].
+        searched: whether Newton's method from the stated values found none.
+    """
+
+    loops: TreeLoops
+    q: Coordinates
+    distance: float
+    searched: bool = False
+
+    @cached_property
+    def rank(self) -> int:
+        """Rank of the equations by the unknown coordinates."""
+        return rank(self.loops.linearise(self.q)[1][:, self.loops.unknown, 0], BRANCH_CUTOFF)
+
+    @property
+    def order(self) -> tuple[float | tuple[float, ...], ...]:
+        """What the chosen assembly has least: distance, then largest coordinate; positive ones come first."""
+        values = self.q.values[:, 0] / self.loops.units
+        largest = float(np.abs(values).max(initial=0.0))
+        return (
+            round(self.distance, COMPARED_DIGITS),
+            round(largest, COMPARED_DIGITS),
+            tuple((-values).round(COMPARED_DIGITS).tolist()),
+        )
+
+
 def assembled(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
-    """Return the loops of a mechanism and the coordinates in which they close nearest to its guess.
+    """Return the loops of a mechanism and its assembly nearest to the stated values, as `_nearest`.
 
     Raises:
-        AssemblyError: if they do not close; states the gap, and where they would close.
+        AssemblyError: if the loops do not close near these values; states the gap, or where they close.
     """
-    candidates: list[tuple[float, TreeLoops, Coordinates]] = []
-    first_error: AssemblyError | None = None
+    assembly = _nearest(mechanism)
+    if assembly.searched and assembly.distance > MAX_DISTANCE:
+        raise AssemblyError(
+            f"{mechanism.name}: {_distance_text(mechanism, assembly)}; start near these values"
+        )
+    return assembly.loops, assembly.q
+
+
+def _nearest(mechanism: Mechanism) -> _Assembly:
+    """Return the assembly of a mechanism nearest to the stated values.
+
+    The guess of links, the start and the locked values are stated. Drivers and locked coordinates keep them.
+    Newton's method starts from these values, with unstated coordinates at 0. Where that fails, ends far away,
+    or starts at a singular pose, damped steps (Levenberg-Marquardt) start there and at disturbed values.
+
+    Raises:
+        AssemblyError: if no start leads to closed loops; states the gap, and where they would close.
+    """
+    candidates: list[_Assembly] = []
+    error: AssemblyError | None = None
     for poses in _initial_guesses(mechanism):
+        loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism))
         try:
-            loops, initial = tree_loops(mechanism, poses, initial_coordinates(mechanism))
             q = closed(loops, initial)
-            tree_poses = link_poses(loops.tree, q)
-            for name, column, cosine in axis_cosines(loops, tree_poses):
-                if cosine[0] < 0.0:
-                    raise AssemblyError(f"{mechanism.name}: {antiparallel_message(name, column)}")
-            candidates.append((_distance_from_guess(loops, tree_poses), loops, q))
-        except AssemblyError as error:
-            first_error = first_error or error
-        if candidates and candidates[-1][0] < MAX_DISTANCE:
-            break
-    if not candidates:
-        assert first_error is not None
-        return _from_random_starts(mechanism, first_error)
-    return min(candidates, key=lambda candidate: candidate[0])[1:]
+            _require_axes_aligned(loops, q)
+        except AssemblyError as failure:
+            error = error or failure
+            continue
+        candidates.append(_Assembly(loops, q, _distance(loops, q)))
+        if candidates[-1].distance < MAX_DISTANCE and _regular(loops, initial):
+            return candidates[-1]
+    loops, initial = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
+    searched = all_closed(loops, disturbed(loops, initial))
+    for q in (searched.select(np.array([i])) for i in range(len(searched))):
+        candidates.append(
+            _Assembly(loops, q, _distance(loops, q), searched=not candidates or candidates[-1].searched)
+        )
+    if candidates:
+        # from a singular assembly no motion is determined
+        most = max(assembly.rank for assembly in candidates)
+        nearest = min((each for each in candidates if each.rank == most), key=lambda assembly: assembly.order)
+        return replace(nearest, q=closed(nearest.loops, nearest.q))
+    assert error is not None
+    raise AssemblyError(f"{error} ({_TRIED})")
+
+
+def disturbed(loops: TreeLoops, q: Coordinates) -> Coordinates:
+    """Return a configuration, and others with increasingly disturbed unknown coordinates."""
+    step = np.random.default_rng(1).uniform(-1.0, 1.0, (loops.tree.count, STARTS))
+    step *= np.geomspace(LEAST_DISTURBANCE, LARGEST_DISTURBANCE, STARTS)
+    step[list(loops.driven)] = 0.0
+    step[:, 0] = 0.0
+    return loops.displaced(q.repeated(STARTS), step)
+
+
+def _regular(loops: TreeLoops, initial: Coordinates) -> bool:
+    """Whether a start is closed, or its equations have the rank that they have at a disturbed one.
+
+    From a singular start, such as links in line, rounding decides which assembly Newton's method finds.
+    """
+    if not loops.rows:
+        return True
+    q = disturbed(loops, initial).select(np.array([0, 1]))
+    residual, jacobian, _ = loops.linearise(q)
+    if np.abs(residual[:, 0]).max(initial=0.0) < NEARLY_CLOSED:
+        return True
+    start, nearby = jacobian[:, loops.unknown].transpose(2, 0, 1)
+    return rank(start, BRANCH_CUTOFF) == rank(nearby, BRANCH_CUTOFF)
 
 
 def _initial_guesses(mechanism: Mechanism) -> Iterator[Mapping[str, Pose]]:
-    """Yield initial poses of all links: with joints in their order, completed, and with slides first."""
-    guess = guessed_poses(mechanism)
-    yield guess
-    completed = completed_poses(mechanism, guess)
-    if completed is not None:
-        yield completed
-    if len(mechanism.guess) < len(mechanism.links):
-        yield guessed_poses(mechanism, stiff_first=True)
+    """Yield poses of all links: by joints in their order, about the guessed links, and with slides first."""
+    yield guessed_poses(mechanism)
+    if not len(mechanism.guess) < len(mechanism.links):
+        return
+    if mechanism.guess:
+        yield {**_poses_about_guess(mechanism), **mechanism.guess}
+    yield guessed_poses(mechanism, stiff_first=True)
 
 
-def _from_random_starts(mechanism: Mechanism, first_error: AssemblyError) -> tuple[TreeLoops, Coordinates]:
-    """Return loops closed from random starts: nearest to an incomplete guess, else nearest to zero.
+def _poses_about_guess(mechanism: Mechanism) -> dict[str, Pose]:
+    """Return poses of the links without a guess that close best while guessed links stand still.
 
-    Raises:
-        AssemblyError: if the guess is complete, with other configurations in which they close; `first_error`
-            if they never close, or not near the guess.
+    A chain of joints alone can place a leg anywhere, not towards the plate that it carries.
     """
-    loops, initial = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
-    batches = [batch for _, batch in random_poses(loops, initial, STARTS, seed=1)]
-    if len(mechanism.guess) == len(mechanism.links):
-        raise _closes_elsewhere(loops, initial, batches) or first_error
-    best: tuple[float, float] = (MAX_DISTANCE, np.inf)
-    chosen: Coordinates | None = None
-    for q in (batch.select(np.array([i])) for batch in batches for i in range(len(batch))):
-        rank = (
-            _distance_from_guess(loops, link_poses(loops.tree, q)),
-            float(np.abs(q.values / loops.units[:, None]).max(initial=0.0)),
-        )
-        if rank[0] < MAX_DISTANCE and rank < best:
-            best, chosen = rank, q
-    if chosen is None:
-        raise first_error
-    return loops, closed(loops, chosen)
+    framed = _with_guess_on_frame(mechanism)
+    loops, initial = tree_loops(framed, guessed_poses(framed), initial_coordinates(framed))
+    result = newton(LoopSystem(loops, loops.unknown), disturbed(loops, initial), APPROACH, _damped)
+    # the least disturbed start among those that close as well as any
+    best = int(np.argmax(result.residual < NEARLY_CLOSED + result.residual.min()))
+    poses = link_poses(loops.tree, result.q.select(np.array([best]))).by_link(loops.tree.links)
+    return {name: pose.select(0) for name, pose in poses.items()}
 
 
-def _closes_elsewhere(
-    loops: TreeLoops, initial: Coordinates, batches: Iterable[Coordinates]
-) -> AssemblyError | None:
-    """Return the error of a guess if the loops close at other configurations; else None."""
-    mechanism, index_of = loops.tree.mechanism, loops.tree.index_of
-    displacements = [(batch.values - initial.values) / loops.units[:, None] for batch in batches]
-    all_displacements = np.concatenate([np.zeros((loops.tree.count, 0)), *displacements], 1)
-    if not all_displacements.shape[1]:
-        return None
-    nearest = (
-        initial.values
-        + (loops.units * all_displacements[:, np.abs(all_displacements).max(0).argmin()])[:, None]
+def _with_guess_on_frame(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism in which the guessed links are parts of the frame."""
+
+    def on_frame(end: End) -> End:
+        if end.link not in mechanism.guess:
+            return end
+        pose, frame = mechanism.guess[end.link], mechanism.guess[end.link].rotation @ end.frame
+        return End(GROUND, vector(pose.point(end.point)), vector(frame[:, 2]), vector(frame[:, 0]))
+
+    points = {
+        name: (GROUND, vector(mechanism.guess[link].point(local)))
+        if link in mechanism.guess
+        else (link, local)
+        for name, (link, local) in mechanism.points.items()
+    }
+    frame = {GROUND, *mechanism.guess}
+    moving = [joint for joint in mechanism.joints if not {joint.a.link, joint.b.link} <= frame]
+    joints = [replace(joint, a=on_frame(joint.a), b=on_frame(joint.b)) for joint in moving]
+    kept = {name for joint in joints for name in joint.coordinates}
+    return replace(
+        mechanism,
+        links=tuple(link for link in mechanism.links if link.name not in mechanism.guess),
+        joints=tuple(joints),
+        driver=tuple(name for name in mechanism.drivers if name in kept),
+        points=points,
+        gears=tuple(gear for gear in mechanism.gears if {gear.driver, gear.driven} <= kept),
+        guess={},
+        couplings=tuple(law for law in mechanism.couplings if kept.issuperset(law.coordinates)),
+        locked={name: value for name, value in mechanism.locked.items() if name in kept},
+        guess_coordinates={
+            name: value for name, value in initial_coordinates(mechanism).items() if name in kept
+        },
     )
-    prescribed = (*mechanism.drivers, *mechanism.locked)
-    listed = [name for name in index_of if name not in prescribed][:NAMED]
-
-    def values_text(names: Iterable[str]) -> str:
-        return ", ".join(f"{name} = {nearest[index_of[name], 0]:.4g}" for name in names)
-
-    return AssemblyError(
-        f"{mechanism.name}: {'at ' + values_text(prescribed[:NAMED]) + ' ' if prescribed else ''}the loops "
-        f"do not close at the start of the other joints, but they do with {values_text(listed)}; start near "
-        "these values, by a keyframe, the positions of the bodies, or the guess"
-    )
 
 
-def _distance_from_guess(loops: TreeLoops, poses: LinkPoses) -> float:
-    """Return the largest distance of links from their guess, in characteristic lengths and [rad]."""
-    worst = 0.0
-    for name, pose in loops.tree.mechanism.guess.items():
+def _require_axes_aligned(loops: TreeLoops, q: Coordinates) -> None:
+    """Raise AssemblyError for antiparallel axes or references: the equations only require parallel ones."""
+    for name, column, cosine in axis_cosines(loops, link_poses(loops.tree, q)):
+        if cosine[0] < 0.0:
+            raise AssemblyError(f"{loops.name}: {antiparallel_message(name, column)}")
+
+
+def _distance(loops: TreeLoops, q: Coordinates) -> float:
+    """Return the largest distance of links and coordinates from their stated values.
+
+    It is in characteristic lengths and [rad].
+    """
+    if not loops.rows:
+        return 0.0
+    mechanism, poses, worst = loops.tree.mechanism, link_poses(loops.tree, q), 0.0
+    for name, pose in mechanism.guess.items():
         i = loops.tree.links[name]
         distance = float(np.linalg.norm(poses.position[i, :, 0] - pose.position)) / loops.tree.length
         trace = float(np.trace(pose.rotation.T @ poses.rotation[i, :, :, 0]))
         worst = max(worst, distance, float(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0))))
+    for name, value in mechanism.guess_coordinates.items():
+        if (index := loops.tree.index_of.get(name)) is not None:
+            worst = max(worst, abs(float(q.values[index, 0]) - value) / float(loops.units[index]))
     return worst
 
 
@@ -340,32 +442,90 @@ def closed(loops: TreeLoops, q: Coordinates) -> Coordinates:
 SAME_POSE = 1e-9
 
 
-def with_closed_guess(mechanism: Mechanism) -> Mechanism:
-    """Return a mechanism whose guess is its assembled configuration: every method starts in it.
+@dataclass(frozen=True, slots=True)
+class ClosedStart:
+    """A mechanism whose guess is an assembly: every method starts in it.
 
-    Revolutions of coupled joints, which a pose does not determine, are included. A mechanism whose guess is
-    closed, or whose loops do not close, is returned unchanged.
+    Attributes:
+        mechanism: the mechanism; its guess includes revolutions of coupled joints, which a pose does not
+            determine. It is the given one if its guess is closed, or if its loops do not close.
+        note: distant stated values, as a sentence; empty if the assembly is near them.
     """
+
+    mechanism: Mechanism
+    note: str = ""
+
+
+def with_closed_guess(mechanism: Mechanism) -> Mechanism:
+    """Return the mechanism of `closed_start`."""
+    return closed_start(mechanism).mechanism
+
+
+def closed_start(mechanism: Mechanism) -> ClosedStart:
+    """Return a mechanism in its assembly nearest to the stated values.
+
+    Drivers move only if the loops do not close at their stated values.
+    """
+    stated = mechanism
     try:
-        poses, values = start_poses(mechanism)
+        assembly = _nearest(stated)
     except AssemblyError:
-        return mechanism
+        try:
+            assembly = _nearest(stated := _with_free_drivers(mechanism))
+        except AssemblyError:
+            return ClosedStart(mechanism)
+    poses, values = _poses_and_values(assembly.loops, assembly.q)
+    revolutions = _revolutions_of_couplings(mechanism, values)
+    if assembly.distance > MAX_DISTANCE or stated is not mechanism:
+        coordinates = revolutions | {name: values[name] for name in stated.guess_coordinates}
+        start = values[mechanism.drivers[0]] if mechanism.has_crank else mechanism.start
+        started = replace(mechanism, guess=poses, start=start, guess_coordinates=coordinates)
+        return ClosedStart(started, f"{_distance_text(stated, assembly)}; it starts there")
+    coordinates = {**mechanism.guess_coordinates, **revolutions}
+    if coordinates == mechanism.guess_coordinates and _is_closed_guess(mechanism, poses):
+        return ClosedStart(mechanism)
+    return ClosedStart(replace(mechanism, guess=poses, guess_coordinates=coordinates))
+
+
+def _with_free_drivers(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism whose drivers may leave their stated values."""
+    stated = initial_coordinates(mechanism)
+    drivers = {name: stated.get(name, 0.0) for name in mechanism.drivers}
+    return replace(mechanism, driver=(), guess_coordinates={**mechanism.guess_coordinates, **drivers})
+
+
+def _revolutions_of_couplings(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the coupled angles beyond half a revolution, which poses and prescribed values leave open."""
     counted = {*mechanism.guess_coordinates, *mechanism.drivers, *mechanism.locked}
     uncounted = (name for law in mechanism.laws if not law.turns for name in law.coordinates)
     coupled = [name for name in uncounted if name not in counted and mechanism.unit(name) == "rad"]
-    guess_coordinates = dict(mechanism.guess_coordinates)
-    guess_coordinates |= {name: values[name] for name in coupled if abs(values[name]) > np.pi}
-    if (
-        guess_coordinates == mechanism.guess_coordinates
-        and mechanism.guess.keys() == poses.keys()
-        and all(
-            np.abs(pose.position - poses[name].position).max() < SAME_POSE * mechanism.characteristic_length
-            and np.abs(pose.rotation - poses[name].rotation).max() < SAME_POSE
-            for name, pose in mechanism.guess.items()
-        )
-    ):
-        return mechanism
-    return replace(mechanism, guess=poses, guess_coordinates=guess_coordinates)
+    return {name: values[name] for name in coupled if abs(values[name]) > np.pi}
+
+
+def _is_closed_guess(mechanism: Mechanism, poses: Mapping[str, Pose]) -> bool:
+    """Whether the guess of all links is an assembly already."""
+    return mechanism.guess.keys() == poses.keys() and all(
+        np.abs(pose.position - poses[name].position).max() < SAME_POSE * mechanism.characteristic_length
+        and np.abs(pose.rotation - poses[name].rotation).max() < SAME_POSE
+        for name, pose in mechanism.guess.items()
+    )
+
+
+def _distance_text(stated: Mechanism, assembly: _Assembly) -> str:
+    """Return where the loops close, far from the stated values."""
+    initial, (_, values) = initial_coordinates(stated), _poses_and_values(assembly.loops, assembly.q)
+    change = {name: abs(value - initial.get(name, 0.0)) for name, value in values.items()}
+    first = (
+        [name for name in initial if name in stated.drivers]
+        if stated.drivers
+        else [*stated.guess_coordinates]
+    )
+    names = dict.fromkeys([*first, *sorted(change, key=lambda name: -change[name])])
+    listed = ", ".join(f"{name} = {values[name]:.4g} {stated.unit(name)}" for name in [*names][:NAMED])
+    return (
+        f"the loops do not close at the stated values; the nearest assembly found is {assembly.distance:.3g} "
+        f"away, in rad or lengths of the longest link, at {listed}"
+    )
 
 
 def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]]:
@@ -377,13 +537,17 @@ def start_poses(mechanism: Mechanism) -> tuple[dict[str, Pose], dict[str, float]
     Raises:
         AssemblyError: where the loops do not close.
     """
-    loops, q = assembled(mechanism)
+    return _poses_and_values(*assembled(mechanism))
+
+
+def _poses_and_values(loops: TreeLoops, q: Coordinates) -> tuple[dict[str, Pose], dict[str, float]]:
+    """Return the poses of the moving links, and the values of all coordinates in [m] or [rad]."""
     tree = loops.tree
     tree_poses = link_poses(tree, q)
     poses = {name: pose.select(0) for name, pose in tree_poses.by_link(tree.links).items()}
     everywhere = {GROUND: IDENTITY, **poses}
     values: dict[str, float] = {}
-    for joint in mechanism.joints:
+    for joint in tree.original.joints:
         read = np.atleast_1d(joint_coordinate(joint, everywhere[joint.a.link], everywhere[joint.b.link]))
         for name, value in zip(joint.coordinates, read.tolist(), strict=False):
             index = tree.index_of.get(name)

@@ -151,10 +151,13 @@ def _cuttable(kind: Kind) -> bool:
 
 
 def _distance_from_crank(mechanism: Mechanism) -> dict[str, int]:
-    """Return the number of joints from the driven link to each link on paths without the frame."""
+    """Return the number of joints from the driven link to each link on paths without the frame.
+
+    Without a driver they count from the first joint.
+    """
     import networkx as nx
 
-    driver = mechanism.driven_joints[0]
+    driver = (mechanism.driven_joints or mechanism.joints)[0]
     driven = driver.b.link if driver.a.link == GROUND else driver.a.link
     pairs = [(joint.a.link, joint.b.link) for joint in mechanism.joints]
     graph: nx.Graph[str] = nx.Graph()

@@ -12,7 +12,7 @@ from mechsim.model.forces import Forces
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion import Motion
+from mechsim.model.motion import LinkMotion
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.mjcf_reader.coordinates import (
@@ -356,23 +356,26 @@ def _add_sites(spec: mujoco.MjSpec, points: Mapping[str, BodyPoint]) -> None:
             spec.body(body).add_site(name=name, pos=position)
 
 
-def states_of(model: mujoco.MjModel, motion: Motion) -> Array:
-    """Return the coordinates of a model in a motion of the mechanism read from it, (n, nq).
+def states_of(
+    model: mujoco.MjModel, values: Mapping[str, Array], links: Mapping[str, Pose | LinkMotion]
+) -> Array:
+    """Return the coordinates of a model at n configurations of the mechanism read from it, (n, nq).
 
-    Hinges and slides have the values of the motion. Balls and free joints follow from the poses of links.
+    Balls and free joints follow from the poses of links.
 
     Args:
         model: model compiled from `MjcfModel.spec`.
-        motion: motion of its mechanism.
+        values: hinge or slide -> its values, (n,).
+        links: link -> its n poses.
     """
     tree = kinematic_tree(model)
-    out = np.repeat(model.qpos0[None], len(motion), 0)
+    out = np.repeat(model.qpos0[None], len(next(iter(links.values())).position), 0)
     for j, joint in enumerate(tree.joints):
         address = int(model.jnt_qposadr[j])
         if int(model.jnt_type[j]) in SCALAR:
-            out[:, address] = motion.joints[joint.name].value
+            out[:, address] = values[joint.name]
             continue
-        link = motion.links[link_name(model, int(model.jnt_bodyid[j]))]
+        link = links[link_name(model, int(model.jnt_bodyid[j]))]
         rotations = link.rotation @ joint.b.frame
         if int(model.jnt_type[j]) == FREE:
             out[:, address : address + 3] = link.position
@@ -380,7 +383,7 @@ def states_of(model: mujoco.MjModel, motion: Motion) -> Array:
         elif joint.a.link == GROUND:
             rotations = joint.a.frame.T @ rotations
         else:
-            rotations = np.swapaxes(motion.links[joint.a.link].rotation @ joint.a.frame, -1, -2) @ rotations
+            rotations = np.swapaxes(links[joint.a.link].rotation @ joint.a.frame, -1, -2) @ rotations
         for row, rotation in zip(out, rotations, strict=True):
             row[address : address + 4] = quaternion(rotation)
     return out

@@ -1,0 +1,102 @@
+"""All assemblies of a mechanism at excluded driver positions, from random starts."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mechsim.analytic.loops.constraints import TreeLoops
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
+from mechsim.analytic.loops.motion import spinning_links
+from mechsim.analytic.loops.path import LoopPath
+from mechsim.analytic.loops.start import random_poses
+from mechsim.model.limits import Ranges
+from mechsim.model.links import GROUND, Pose
+from mechsim.model.motion import LinkMotion
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.numerics.arrays import Array
+
+# random starts in a batch; the search ends after two batches without another assembly, or after MAX_BATCHES
+BATCH, MAX_BATCHES = 128, 16
+# distance of points in characteristic lengths below which two assemblies are one: closed loops are accurate
+# to 1e-12 over their conditioning
+SAME_ASSEMBLY = 1e-6
+# rounding of joint limits, in [rad] or [m]
+LIMIT_TOLERANCE = 1e-9
+
+
+def other_assemblies(
+    path: LoopPath, parameter: float, ranges: Ranges, excluded: Sequence[Mapping[str, LinkMotion]]
+) -> list[dict[str, Array]]:
+    """Return the tracked points, (3,) in [m], of the assemblies at a path parameter that are not excluded.
+
+    Assemblies are distinct if a joint or a tracked point differs; the spin of a rod about its own axis does
+    not count.
+
+    Args:
+        path: of one assembly.
+        parameter: crank angle in [rad], or time multiplied by the rate of the motion laws.
+        ranges: joint -> limits in [m] or [rad]; assemblies beyond them are left out.
+        excluded: links of the excluded assemblies at this parameter, one instant each.
+    """
+    loops, values = path.loops, path.start.values.copy()
+    values[list(loops.driven)] = path.prescribed(np.array([parameter]))
+    reference = replace(path.start, values=values)
+    compared = list(_compared_points(path))
+    signatures = [_points(compared, links) for links in excluded]
+    others: list[dict[str, Array]] = []
+    without_new = 0
+    for seed in range(MAX_BATCHES):
+        count = len(others)
+        for _, batch in random_poses(loops, reference, BATCH, seed):
+            for poses in _within(loops, batch, ranges):
+                signature = _points(compared, poses)
+                if all(
+                    np.abs(signature - previous).max() > SAME_ASSEMBLY * loops.tree.length
+                    for previous in signatures
+                ):
+                    signatures.append(signature)
+                    others.append(_tracked(path, poses))
+        without_new = 0 if len(others) > count else without_new + 1
+        if without_new == 2:
+            break
+    return others
+
+
+def _within(loops: TreeLoops, q: Coordinates, ranges: Ranges) -> Iterator[dict[str, Pose]]:
+    """Yield the link poses of the configurations whose joints are in their ranges, in any revolution."""
+    inside = np.ones(len(q), dtype=np.bool_)
+    for name, (low, high) in ranges.items():
+        if (index := loops.tree.index_of.get(name)) is None:
+            continue
+        value = q.values[index]
+        if not loops.tree.slides[index]:
+            value = low + (value - low + LIMIT_TOLERANCE) % REVOLUTION - LIMIT_TOLERANCE
+        inside &= (value > low - LIMIT_TOLERANCE) & (value < high + LIMIT_TOLERANCE)
+    poses = link_poses(loops.tree, q.select(inside)).by_link(loops.tree.links)
+    for i in range(int(inside.sum())):
+        yield {name: pose.select(i) for name, pose in poses.items()}
+
+
+def _compared_points(path: LoopPath) -> Iterator[tuple[str, tuple[float, float, float]]]:
+    """Yield joint points, and tracked points of links that do not spin: link and position in its frame."""
+    mechanism, spinning = path.loops.tree.original, spinning_links(path)
+    for joint in mechanism.joints:
+        yield from ((end.link, end.point) for end in (joint.a, joint.b) if end.link != GROUND)
+    for link, position in mechanism.points.values():
+        if link != GROUND and link not in spinning:
+            yield link, position
+
+
+def _points(
+    compared: Sequence[tuple[str, tuple[float, float, float]]], links: Mapping[str, Pose | LinkMotion]
+) -> Array:
+    """Return the positions of points on links, (k, 3) in [m]."""
+    placed = {name: (link.position.reshape(3), link.rotation.reshape(3, 3)) for name, link in links.items()}
+    return np.array([placed[link][0] + placed[link][1] @ np.array(local) for link, local in compared])
+
+
+def _tracked(path: LoopPath, poses: Mapping[str, Pose]) -> dict[str, Array]:
+    """Return the tracked points of moving links, (3,) in [m]."""
+    points = path.loops.tree.original.points.items()
+    return {name: poses[link].point(local) for name, (link, local) in points if link != GROUND}
