@@ -17,7 +17,6 @@ from mechsim.analytic.dynamics import (
     nearest_equilibrium,
 )
 from mechsim.analytic.dynamics.dynamic_run import initial_values
-from mechsim.analytic.dynamics.statics import STARTS
 from mechsim.cli.command import Result
 from mechsim.cli.load_options import InitialOptions, ModelOptions
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
@@ -71,18 +70,30 @@ class ForwardRunJson(TypedDict):
 
 
 class ModeJson(TypedDict):
-    """A mode of vibration; amplitudes of the joints are numbers, or real and imaginary parts."""
+    """A mode of small motions; amplitudes of the joints are numbers, or real and imaginary parts.
+
+    `eigenvalue` is [real part, imaginary part] of s in [1/s], `error` the bound of its error.
+    """
 
     frequency: float
     damping_ratio: float
+    eigenvalue: list[float]
+    error: float
     shape: dict[str, float | list[float]]
 
 
 class EquilibriumJson(TypedDict):
-    """A configuration at rest, its potential energy in [J], and the modes about it."""
+    """A configuration at rest, its potential energy in [J], and the modes about it.
+
+    `stable` is null if rounding leaves it undecided. `dimension` is 0 for an isolated equilibrium, else the
+    dimension of the family of equilibria that `q` is one of; each family has one entry. At a `singular`
+    configuration, which has more degrees of freedom than its neighbours, there are no modes.
+    """
 
     q: dict[str, float]
-    stable: bool
+    stable: bool | None
+    dimension: int
+    singular: bool
     reached: bool
     everywhere: bool
     potential: float
@@ -141,7 +152,7 @@ class ForwardOptions(InitialOptions):
 
     statics: bool = option(
         False,
-        "List the equilibria; with --initial also the torques that hold that configuration.",
+        "List equilibria and families of them; with --initial also the torques that hold that configuration.",
         name="--statics",
     )
     assemblies: int = option(
@@ -323,7 +334,7 @@ def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output, as
     verdicts = {
         f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
         for index, equilibrium in enumerate(solutions, start=1)
-        if compared
+        if compared and not equilibrium.singular
     }
     torques = holding(model, initial=initial) if initial else {}
 
@@ -355,21 +366,35 @@ def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], as
     rows = [
         (
             _position(mechanism, equilibrium),
-            "yes" if equilibrium.stable else "no",
+            equilibrium.dimension,
+            _stability(equilibrium),
             "yes" if equilibrium.reached else "no",
             number(equilibrium.potential),
-            ", ".join(number(mode.frequency) for mode in equilibrium.modes) if equilibrium.stable else "",
+            ", ".join(_root_text(mode) for mode in equilibrium.modes),
         )
         for equilibrium in solutions
     ]
-    searched = f"found from {STARTS + 1} configurations along the motion"
+    searched = "found along the motion"
     other = f" and {assemblies} random ones of any assembly" if assemblies else ""
     if not rows:
         hint = "" if assemblies else "; --assemblies N also searches from N random ones of any assembly"
         print_text(f"{mechanism.name}: no equilibrium {searched}{other}{hint}")
-    title = f"{mechanism.name}: {len(solutions)} equilibria {searched}{other}"
-    head = ("at", "stable", "reached", "potential [J]", "frequencies [Hz]")
+    families = sum(equilibrium.dimension > 0 for equilibrium in solutions)
+    kinds = f"{len(solutions) - families} isolated equilibria and {families} families" if families else ""
+    title = f"{mechanism.name}: {kinds or f'{len(solutions)} equilibria'} {searched}{other}"
+    head = ("at", "dimension", "stable", "reached", "potential [J]", "modes")
     print_table(title, head, rows)
+
+
+def _stability(equilibrium: Equilibrium) -> str:
+    """Return "yes", "no" or "undecided"."""
+    return {True: "yes", False: "no", None: "undecided"}[equilibrium.stable]
+
+
+def _root_text(mode: Mode) -> str:
+    """Return the frequency of a mode; of a real root, which does not oscillate, the root itself."""
+    real = mode.eigenvalue.real if mode.frequency and not mode.eigenvalue.imag else 0.0
+    return f"{number(real)} 1/s" if real else f"{number(mode.frequency)} Hz"
 
 
 def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
@@ -386,6 +411,8 @@ def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
     return {
         "q": dict(equilibrium.q),
         "stable": equilibrium.stable,
+        "dimension": equilibrium.dimension,
+        "singular": equilibrium.singular,
         "reached": equilibrium.reached,
         "everywhere": equilibrium.everywhere,
         "potential": equilibrium.potential,
@@ -400,7 +427,13 @@ def _mode_facts(mode: Mode) -> ModeJson:
     shape: dict[str, float | list[float]] = {
         name: value.real if real else [value.real, value.imag] for name, value in mode.shape.items()
     }
-    return {"frequency": mode.frequency, "damping_ratio": mode.damping_ratio, "shape": shape}
+    return {
+        "frequency": mode.frequency,
+        "damping_ratio": mode.damping_ratio,
+        "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
+        "error": mode.error,
+        "shape": shape,
+    }
 
 
 def _modes(model: DynamicModel, initial: Mapping[str, str], plot: str | None) -> Result[Any]:
@@ -410,19 +443,27 @@ def _modes(model: DynamicModel, initial: Mapping[str, str], plot: str | None) ->
         plots.write(plot, plots.mode_plot(model.mechanism, _cycles(equilibrium)))
 
     def text() -> None:
-        rows: list[tuple[str, str, str]] = []
+        rows: list[tuple[str, ...]] = []
         for mode in equilibrium.modes:
             shape = sorted(mode.shape.items(), key=lambda item: -abs(item[1]))[:MAX_AMPLITUDES]
             amplitudes = ", ".join(f"{joint} {value.real:+.3g}" for joint, value in shape)
             # a ratio is compared with 1, critical damping
             damping = without_noise([mode.damping_ratio, 1.0])[0]
-            rows.append((number(mode.frequency), number(damping), amplitudes))
-        state = "stable" if equilibrium.stable else "unstable"
+            rows.append((number(mode.frequency), number(damping), _eigenvalue_text(mode), amplitudes))
+        state = {True: "stable", False: "unstable", None: "undecided"}[equilibrium.stable]
+        state += f", of a family of dimension {equilibrium.dimension}," if equilibrium.dimension else ""
         position = _position(model.mechanism, equilibrium)
         title = f"{name}: modes about the {state} equilibrium at {position}"
-        print_table(title, ("frequency [Hz]", "damping ratio", "shape"), rows)
+        print_table(title, ("frequency [Hz]", "damping ratio", "s [1/s]", "shape"), rows)
 
-    return Result(_equilibrium_facts(equilibrium), text, equilibrium.stable)
+    return Result(_equilibrium_facts(equilibrium), text, equilibrium.stable is True)
+
+
+def _eigenvalue_text(mode: Mode) -> str:
+    """Return an eigenvalue and the bound of its error."""
+    real, imaginary = without_noise([mode.eigenvalue.real, mode.eigenvalue.imag, abs(mode.eigenvalue)])[:2]
+    text = f"{number(real)} +- {number(imaginary)}i" if imaginary else number(real)
+    return f"{text} (error {mode.error:.0e})" if mode.error else text
 
 
 def _cycles(equilibrium: Equilibrium) -> dict[str, Motion]:

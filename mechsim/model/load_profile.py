@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from mechsim.errors import InputError
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.inputs import HUGE
 
 Over = Literal["angle", "time"]
@@ -34,6 +35,8 @@ class LoadProfile:
     def evaluate(self, angle: ArrayLike, time: ArrayLike | None = None) -> Array:
         """Return the values at crank angles in [rad] and times in [s], (n,) or (n, 3).
 
+        Complex steps of the angles are propagated.
+
         Raises:
             InputError: outside the range of a table; for a function of time if the time is unknown; if a
                 function returns anything but finite numbers.
@@ -42,7 +45,17 @@ class LoadProfile:
             raise InputError(
                 "a load over time needs times, and only crank angles are known; give the motion its time"
             )
-        positions = np.atleast_1d(np.asarray(time if self.over == "time" else angle, dtype=np.float64))
+        argument: Any = np.atleast_1d(np.asarray(time if self.over == "time" else angle))
+        if np.iscomplexobj(argument):
+            derivatives, _ = extrapolated_derivative(
+                lambda step: (
+                    (self.evaluate(argument.real + step, time) - self.evaluate(argument.real - step, time))
+                    / (2.0 * step)
+                )
+            )
+            derivatives *= argument.imag if self.width == 1 else argument.imag[:, None]
+            return self.evaluate(argument.real, time) + 1j * derivatives
+        positions = np.asarray(argument, dtype=np.float64)
         values = np.asarray(self.value(positions), dtype=np.float64)
         shape = (len(positions),) if self.width == 1 else (len(positions), self.width)
         if values.shape != shape:

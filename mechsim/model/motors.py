@@ -98,7 +98,7 @@ class ConstantTorque:
 
     def torque(self, speed: ArrayLike) -> Array:
         """Return the torque on the crank at crank speeds in [rad/s], (n,) in [N m]."""
-        return np.full_like(np.asarray(speed, dtype=np.float64), self.value)
+        return np.full(np.shape(speed), self.value)
 
     @property
     def derivative(self) -> float:
@@ -133,7 +133,7 @@ class TorqueSpeedLine:
 
     def torque(self, speed: ArrayLike) -> Array:
         """Return the torque on the crank at crank speeds in [rad/s], (n,) in [N m]."""
-        return self.stall + self.derivative * np.asarray(speed, dtype=np.float64)
+        return self.stall + self.derivative * np.asarray(speed)
 
     @property
     def derivative(self) -> float:
@@ -167,7 +167,7 @@ class DCMotor:
 
     def current(self, speed: ArrayLike) -> Array:
         """Return the armature current at crank speeds in [rad/s], (n,) in [A]."""
-        return (self.voltage - self.constant * np.asarray(speed, dtype=np.float64)) / self.resistance
+        return (self.voltage - self.constant * np.asarray(speed)) / self.resistance
 
     @property
     def derivative(self) -> float:
@@ -206,7 +206,7 @@ class Geared:
 
     def torque(self, speed: ArrayLike) -> Array:
         """Return the torque on the crank at crank speeds in [rad/s], (n,) in [N m]."""
-        return self.ratio * self.motor.torque(self.ratio * np.asarray(speed, dtype=np.float64))
+        return self.ratio * self.motor.torque(self.ratio * np.asarray(speed))
 
     @property
     def derivative(self) -> float:

@@ -47,6 +47,13 @@ def size_of(value: Array) -> Array:
     return np.where(np.real(value) < 0.0, -value, value) if np.iscomplexobj(value) else np.abs(value)
 
 
+def stepped_sizes(value: Array) -> Array:
+    """Return absolute values, and as changes those of the changes: sizes of terms that may cancel."""
+    return (
+        _joined(np.abs(np.real(value)), np.abs(np.imag(value))) if np.iscomplexobj(value) else np.abs(value)
+    )
+
+
 def stepped_least_norm(matrix: Array, right: Array, rcond: float) -> Array:
     """Return minimum-norm solutions of consistent equations, (n, m, k) and (n, m) -> (n, k).
 

@@ -40,12 +40,13 @@ COMPLIANT_TOLERANCE = 1e-7
 # order with which the error is extrapolated if the changes by two halvings of the step show at least this
 # order; otherwise the whole change of the last halving counts
 HIGH_ORDER = 3.4
-# largest error of an equilibrium, in [rad] or sizes: finite differences of MuJoCo's accelerations leave 1e-8
+# largest error of an equilibrium, in [rad] or sizes, and of accelerations by MuJoCo's soft loops relative to
+# those without loops; measured 5e-7 in rack_steering
 CONFIGURATION_TOLERANCE = 1e-6
-# relative to the largest eigenvalue: square root of the error of a zero stiffness by finite differences
-EIGENVALUE_TOLERANCE = 1e-3
-# rounding of an acceleration in [1/s2], and of the eigenvalue of a neutral motion in [1/s]
-ACCELERATION_ROUNDING, EIGENVALUE_ROUNDING = 1e-9, 1e-3
+# of an eigenvalue relative to its size, and multiple of the error of MuJoCo's differences, an estimate
+EIGENVALUE_TOLERANCE, EIGENVALUE_SAFETY = 1e-6, 4.0
+# rounding of an acceleration in [1/s2]
+ACCELERATION_ROUNDING = 1e-9
 
 
 def crosscheck_driven(
@@ -308,45 +309,39 @@ def crosscheck_equilibrium(equilibrium: Equilibrium, model: DynamicModel) -> Ver
         state = static_state(model.mechanism, model.forces, coordinates)
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
-    exact = np.linalg.eigvals(linear.matrix)
+    exact = linear.roots.values
     if len(exact) != len(state.eigenvalues):
         reason = f"{len(state.eigenvalues) // 2} degrees of freedom in MuJoCo, {len(exact) // 2} in formulas"
         return Verdict("failed", (), reason)
-    largest = float(np.abs(exact).max(initial=0.0))
-    magnitudes = np.sort(np.abs(exact)) - np.sort(np.abs(state.eigenvalues))
-    growth = exact.real.max(initial=-largest) - state.eigenvalues.real.max(initial=-largest)
-    at_rest = f"effect of {CONFIGURATION_TOLERANCE:.0e} rad or sizes from the equilibrium"
-    of_largest = f"{EIGENVALUE_TOLERANCE:.0e} of the largest eigenvalue, by finite differences"
-    tolerances = (
-        (
-            "acceleration at rest",
-            state.accelerations,
-            CONFIGURATION_TOLERANCE * state.stiffness + ACCELERATION_ROUNDING,
-            "1/s2",
-            at_rest,
-        ),
-        (
-            "natural frequency",
-            magnitudes,
-            EIGENVALUE_TOLERANCE * largest + EIGENVALUE_ROUNDING,
-            "rad/s",
-            of_largest,
-        ),
-        (
-            "largest growth rate",
-            np.array([growth]),
-            EIGENVALUE_TOLERANCE * largest + EIGENVALUE_ROUNDING,
-            "1/s",
-            of_largest,
-        ),
-    )
-    return concluded(
-        replace(
-            check_of(name, "", np.abs(error), np.zeros(len(error)), Tolerance(value, unit, reason)),
-            method="pose",
+    at_rest = CONFIGURATION_TOLERANCE * (state.stiffness + state.unconstrained) + ACCELERATION_ROUNDING
+    reason = f"effect of {CONFIGURATION_TOLERANCE:.0e} rad or sizes from the equilibrium, and soft loops"
+    checks = [_static_check("acceleration at rest", state.accelerations, Tolerance(at_rest, "1/s2", reason))]
+    distances = np.abs(exact[:, None] - state.eigenvalues)
+    for number, k in enumerate(np.argsort(np.abs(exact)).tolist(), start=1):
+        nearest = int(distances[k].argmin())
+        checks.append(
+            _eigenvalue_check(
+                f"eigenvalue {number}", distances[k, nearest], complex(exact[k]), state.errors[nearest]
+            )
         )
-        for name, error, value, unit, reason in tolerances
+    for k, error in enumerate(distances.min(0).tolist()):
+        checks.append(
+            _eigenvalue_check("eigenvalue in MuJoCo", error, complex(state.eigenvalues[k]), state.errors[k])
+        )
+    return concluded(checks)
+
+
+def _eigenvalue_check(name: str, error: float, value: complex, uncertainty: float) -> Check:
+    """Return the check of an eigenvalue in [1/s], with the bound of MuJoCo's differences."""
+    tolerance = EIGENVALUE_TOLERANCE * abs(value) + EIGENVALUE_SAFETY * uncertainty
+    reason = (
+        f"{EIGENVALUE_SAFETY:g} times the error of MuJoCo's differences and {EIGENVALUE_TOLERANCE:.0e} of it"
     )
+    return _static_check(name, np.array([error]), Tolerance(float(tolerance), "1/s", reason))
+
+
+def _static_check(name: str, errors: Array, tolerance: Tolerance) -> Check:
+    return replace(check_of(name, "", np.abs(errors), np.zeros(len(errors)), tolerance), method="pose")
 
 
 def _compared(

@@ -217,6 +217,4 @@ inertia = { mass = 1, centre = [0, 0, 0], moments = [1, 1, 1] }
     )
     code, out, _ = mechsim("dynamics", str(tmp_path / "fall.toml"), "--statics")
     assert code == 0
-    assert "fall: no equilibrium found from 21 configurations along the motion; --assemblies N" in " ".join(
-        out.split()
-    )
+    assert "fall: no equilibrium found along the motion; --assemblies N" in " ".join(out.split())

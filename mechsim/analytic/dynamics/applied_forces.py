@@ -96,7 +96,7 @@ def add_joint_forces(unit: UnitMotion, stack: Array, joint: Joint, forces: Seque
         spin = _spin(unit, joint)
         speed = np.sqrt(dot(spin, spin))
         add_couple(
-            unit, stack, joint, torques[0][:, None] * spin / np.where(speed > 0.0, speed, 1.0)[:, None]
+            unit, stack, joint, torques[0][:, None] * spin / np.where(speed != 0.0, speed, 1.0)[:, None]
         )
     elif kind.crossed:
         axes = unit.axis(joint, "a"), unit.axis(joint, "b")

@@ -35,6 +35,7 @@ from mechsim.errors import InputError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.jets import stepped_sizes
 from mechsim.numerics.rank import significant
 
 # step of the central difference for the rate of a friction direction, in units of the coordinates; the
@@ -239,6 +240,21 @@ class EquationsOfMotion:
             power_lost=-(acting.damping * unit.twist).sum((1, 2)) - (rubbing * rates).sum(1),
         )
 
+    def smooth_forces(self, state: Kinematics) -> tuple[Array, Array]:
+        """Return generalised forces at time zero without Coulomb friction, and sums of their terms' sizes.
+
+        Complex steps of coordinates or rates are propagated, also to the sizes. Both results are (n, free).
+        """
+        unit, jacobians, time = self._unit_motion(state), self._link_jacobians(state), np.zeros(len(state.q))
+        acting, loaded = applied(self.model, unit), loads(self.model, unit, time)
+        wrenches = acting.gravity, acting.springs, acting.damping, loaded.wrenches
+        at_joints = _actuator_forces(self, state, time, loaded.crank)
+        sizes = stepped_sizes(np.stack(wrenches)).sum(0)
+        arms = stepped_sizes(unit.position).sum(-1, keepdims=True)
+        sizes[..., 3:] += arms * sizes[..., :3].sum(-1, keepdims=True)
+        magnitude = np.einsum("nlij,nli->nj", stepped_sizes(jacobians), sizes) + stepped_sizes(at_joints)
+        return generalised_forces(unit, jacobians, np.sum(wrenches, 0)) + at_joints, magnitude
+
     def mass(self, state: Kinematics) -> Array:
         """Return the mass matrix of the free coordinates in units, (n, free, free)."""
         inertia = spatial_inertias(self._unit_motion(state), *self._inertias)
@@ -344,7 +360,8 @@ class EquationsOfMotion:
 def _actuator_forces(equations: EquationsOfMotion, state: Kinematics, time: Array, torque: Array) -> Array:
     """Return the generalised force of motor, controllers and load torque on the crank, (n, free)."""
     forces, tree, units = equations.model.forces, equations.loops.tree, equations.loops.units
-    total = np.zeros((len(units), len(time)))
+    dtype = np.result_type(state.q.values, state.rates)
+    total = np.zeros((len(units), len(time)), dtype)
     if equations.crank is not None:
         total[equations.crank] = torque + forces.motor_torque(state.rates[equations.crank])
     for controller in forces.controllers:

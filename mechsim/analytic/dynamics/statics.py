@@ -1,23 +1,24 @@
 """Statics of any mechanism: equilibria under its loads, and drive forces that hold a configuration."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mechsim.analytic.dynamics.curve_equilibria import EquilibriumCurve, curve_through, equilibria_on
 from mechsim.analytic.dynamics.dynamic_run import initial_values, require_inertia, require_regular
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, equations_of_motion
-from mechsim.analytic.dynamics.initial_state import initial_state, projected
-from mechsim.analytic.dynamics.linearization import (
-    LinearModel,
-    Mode,
-    displaced_states,
-    independent_rates,
-    linear_model,
+from mechsim.analytic.dynamics.equilibrium_search import (
+    RestingState,
+    all_at_rest,
+    distinct,
+    newton_equilibria,
+    same,
 )
+from mechsim.analytic.dynamics.initial_state import initial_state, projected
+from mechsim.analytic.dynamics.linearization import LinearModel, Mode, independent_rates, linear_model
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.state_quantities import (
     change_from,
@@ -28,9 +29,7 @@ from mechsim.analytic.dynamics.state_quantities import (
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
-from mechsim.numerics.angles import REVOLUTION, wrapped
-from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import significant
+from mechsim.numerics.angles import wrapped
 
 # default number of starts, reached by random steps along the motion of the mechanism
 STARTS = 20
@@ -38,22 +37,6 @@ STARTS = 20
 RANDOM_CONFIGURATIONS = 10
 # length of one of these random steps, in [rad] or characteristic lengths
 RANDOM_STEP = 0.7
-# largest number of Newton steps from each start, and largest step
-NEWTON_STEPS, MAX_STEP = 60, 0.3
-# step below which Newton's method has converged
-CONVERGED = 1e-12
-# residual acceleration at an equilibrium, as a fraction of the largest so far, or of the largest change per
-# radian
-BALANCED = 1e-8
-# stiffnesses below this fraction of the largest are zero: passive degrees of freedom, such as the rotation of
-# a rod between two balls; differences have an error of 1e-9
-SINGULAR = 1e-6
-# difference of coordinates in [rad] or characteristic lengths below which equilibria are equal
-SAME_EQUILIBRIUM = 1e-6
-# step of the central difference for Newton's method
-STEP = 1e-5
-# acceleration in [1/s2] below which a configuration is at rest: a motion of 0.1 rad then takes 12 hours
-AT_REST = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,22 +45,28 @@ class Equilibrium:
 
     Attributes:
         q: joint coordinate -> value in [m] or [rad]; angles within (-pi, pi].
-        stable: whether small motions about it do not grow.
+        stable: whether small motions about it do not grow; None if rounding does not let it be decided.
         potential: potential energy of gravity and springs, in [J].
-        modes: modes of small vibrations about it.
+        modes: modes of small motions about it; none at a singular configuration.
         linear: the linear model about it.
-        reached: whether the search along the motion from the initial configuration found it; otherwise it may
-            be in another assembly mode.
+        reached: whether the search along the motion from the initial configuration reaches it; otherwise it
+            may be in another assembly mode.
+        dimension: 0 for an isolated equilibrium; of a family, such as those of a table that turns freely, the
+            number of independent directions along which it continues.
         everywhere: whether every configuration of the search is an equilibrium, as without loads.
+        singular: whether the mechanism has more degrees of freedom there than next to it: small motions about
+            it are not linear, and it is neither stable nor unstable by its linear model.
     """
 
     q: Mapping[str, float]
-    stable: bool
+    stable: bool | None
     potential: float
     modes: tuple[Mode, ...]
     linear: LinearModel
     reached: bool = True
+    dimension: int = 0
     everywhere: bool = False
+    singular: bool = False
 
 
 def equilibria(
@@ -89,12 +78,14 @@ def equilibria(
     assemblies: int = 0,
     seed: int = 0,
 ) -> tuple[Equilibrium, ...]:
-    """Return the equilibria found by a random search, by increasing potential.
+    """Return the equilibria of a mechanism, one of each family, by increasing potential.
 
-    Newton's method starts at the initial configuration, at `starts` others, each a random step along the
-    motion from the one before, and at `assemblies` random configurations that close the loops in any assembly
-    mode; without loops, at ten random configurations. Coulomb friction is ignored; loads over time have their
-    value at time zero. If every configuration of the search is an equilibrium, the initial one is returned.
+    With one degree of freedom, all equilibria on the curve of assemblies through the initial configuration
+    are found, as roots of the generalised force. Otherwise Newton's method starts at the initial
+    configuration, and at `starts` others, each a random step along the motion from the one before; without
+    loops also at ten random configurations. Both also start at `assemblies` random configurations that close
+    the loops in any assembly mode. Coulomb friction is ignored; loads over time have their value at time
+    zero. If every configuration of the search is an equilibrium, the initial one is returned.
 
     Args:
         source: a mechanism, or an object that has one.
@@ -114,24 +105,48 @@ def equilibria(
     for name, count in (("starts", starts), ("assemblies", assemblies)):
         if count < 0:
             raise InputError(f"{name} of the search are {count}; give 0 or more")
-    starting = [*_starts(equations, initial_q, starts, assemblies, np.random.default_rng(seed))]
-    configurations = joined_configurations([q for q, _ in starting])
-    if _all_at_rest(equations, configurations):
+    solutions = _searched(equations, initial_q, starts, assemblies, np.random.default_rng(seed))
+    if solutions is None:
         require_regular(equations, initial_q, np.zeros_like(initial_q.values))
-        return (replace(_described(equations, initial_q), everywhere=True),)
-    solutions: list[Equilibrium] = []
+        dof = independent_rates(equations, initial_q).shape[1]
+        return (_described(equations, RestingState(initial_q, True, dof, False), everywhere=True),)
+    described = [_described(equations, each) for each in distinct(equations, solutions)]
+    return tuple(sorted(described, key=lambda equilibrium: equilibrium.potential))
+
+
+def _searched(
+    equations: EquationsOfMotion, q: Coordinates, starts: int, assemblies: int, random: np.random.Generator
+) -> list[tuple[Coordinates, bool]] | None:
+    """Return equilibria, and whether they are reached along the motion; None if everything is at rest."""
+    starting = [*_starts(equations, q, starts, assemblies, random)]
+    if all_at_rest(equations, joined_configurations([each for each, _ in starting])):
+        return None
+    if starts and independent_rates(equations, q).shape[1] == 1:
+        starting = _on_curves(equations, [starting[0], *starting[starts + 1 :]])
+    if not starting:
+        return []
     downhill = np.repeat([False, True], len(starting))
-    ends = _newton(equations, configurations.repeated(2), downhill)
+    configurations = joined_configurations([each for each, _ in starting]).repeated(2)
+    ends = newton_equilibria(equations, configurations, downhill)
     # those along the motion first
     order = np.arange(len(ends)).reshape(2, -1).T.ravel().tolist()
-    for k in order:
-        q, reached = ends[k], starting[k % len(starting)][1]
-        if q is None:
+    return [(end, starting[k % len(starting)][1]) for k in order if (end := ends[k]) is not None]
+
+
+def _on_curves(
+    equations: EquationsOfMotion, starting: Sequence[tuple[Coordinates, bool]]
+) -> list[tuple[Coordinates, bool]]:
+    """Return the equilibria on the curves of assemblies through configurations."""
+    curves: list[EquilibriumCurve] = []
+    solutions: list[tuple[Coordinates, bool]] = []
+    for q, reached in starting:
+        if any(curve.contains(q) for curve in curves) or independent_rates(equations, q).shape[1] != 1:
             continue
-        values = _coordinates(equations, q)
-        if not any(_same(equations, values, other.q) for other in solutions):
-            solutions.append(replace(_described(equations, q), reached=reached))
-    return tuple(sorted(solutions, key=lambda equilibrium: equilibrium.potential))
+        curves.append(curve_through(equations, q))
+        on_curve = equilibria_on(curves[-1])
+        count = 0 if on_curve is None else len(on_curve)
+        solutions += [(on_curve.select(np.array([k])), reached) for k in range(count) if on_curve is not None]
+    return solutions
 
 
 def _starts(
@@ -171,16 +186,18 @@ def nearest_equilibrium(
 ) -> Equilibrium:
     """Return the equilibrium that Newton's method reaches from the initial configuration.
 
-    If it reaches none and `initial` is empty, return the stable equilibrium of least potential energy that
-    `equilibria` finds.
+    If it reaches none, or another one that is unstable, and `initial` is empty, return the stable equilibrium
+    of least potential energy that `equilibria` finds.
 
     Raises:
         AssemblyError: if there is no such equilibrium.
     """
     equations, q = _prepared(source, forces, initial or {})
-    (solution,) = _newton(equations, q, np.zeros(1, dtype=np.bool_))
+    (solution,) = newton_equilibria(equations, q, np.zeros(1, dtype=np.bool_))
     if solution is not None:
-        return _described(equations, solution)
+        nearest = _described(equations, distinct(equations, [(solution, True)])[0])
+        if initial or nearest.stable is not False or same(equations, q, solution):
+            return nearest
     stable = [each for each in equilibria(source, forces) if each.stable] if not initial else []
     if not stable:
         raise AssemblyError(
@@ -259,99 +276,21 @@ def _prepared(
     return equations, q
 
 
-def _all_at_rest(equations: EquationsOfMotion, q: Coordinates) -> bool:
-    """Return whether nothing accelerates a mechanism from rest in any of n configurations."""
-    at_rest = equations.kinematics(q, np.zeros_like(q.values))
-    none = np.zeros(len(equations.frictions))
-    acceleration = equations.accelerate(at_rest, np.zeros(len(q)), none).acceleration
-    return bool(np.abs(acceleration).max(initial=0.0) <= AT_REST)
-
-
-def _newton(
-    equations: EquationsOfMotion, q: Coordinates, downhill: NDArray[np.bool_]
-) -> list[Coordinates | None]:
-    """Return the equilibria that Newton's method reaches from n configurations; None where it reaches none.
-
-    Downhill steps (n,) reverse unstable directions, so that they lead to stable equilibria.
-    """
-    q = Coordinates(q.values.copy(), q.turns.copy())
-    active, reached = np.ones(len(q), dtype=np.bool_), np.zeros(len(q), dtype=np.bool_)
-    largest = np.zeros(len(q))
-    for _ in range(NEWTON_STEPS):
-        indices = np.flatnonzero(active)
-        if not indices.size:
-            break
-        dofs, right = _null_spaces(equations, q.select(indices))
-        for dof in np.unique(dofs).tolist():
-            which = indices[dofs == dof]
-            basis = np.swapaxes(right[dofs == dof, right.shape[1] - dof :], 1, 2)
-            step, value, scale = _newton_steps(equations, q.select(which), basis, downhill[which])
-            largest[which] = np.fmax(largest[which], scale)
-            length = np.abs(step).max(1, initial=0.0)
-            # an unbounded step ends the search
-            step = np.where(np.isfinite(length)[:, None], step, 0.0)
-            step *= np.minimum(1.0, MAX_STEP / np.fmax(length, MAX_STEP))[:, None]
-            moved, closed = displaced_states(equations, q.select(which), basis, step, np.zeros_like(step))
-            q.values[:, which], q.turns[..., which] = moved.q.values, moved.q.turns
-            converged = closed & (length < CONVERGED)
-            reached[which] = converged & (value <= BALANCED * largest[which])
-            active[which] = closed & np.isfinite(length) & ~converged
-    return [q.select(np.array([i])) if reached[i] else None for i in range(len(q))]
-
-
-def _null_spaces(equations: EquationsOfMotion, q: Coordinates) -> tuple[NDArray[np.intp], Array]:
-    """Return the dof of n configurations, (n,), and right singular vectors of their loops, (n, free, free).
-
-    The last `dof` rows are a basis of the rates that satisfy the loops.
-    """
-    jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
-    free = jacobian.shape[2]
-    if not jacobian.size:
-        return np.full(len(q), free), np.broadcast_to(np.eye(free), (len(q), free, free))
-    _, values, right = np.linalg.svd(jacobian)
-    return free - significant(values).sum(1), right.astype(np.float64)
-
-
-def _newton_steps(
-    equations: EquationsOfMotion, q: Coordinates, basis: Array, downhill: NDArray[np.bool_]
-) -> tuple[Array, Array, Array]:
-    """Return Newton steps (n, dof), and the magnitudes (n,) of accelerations and of these or their changes.
-
-    Steps are NaN if the loops do not close next to a configuration. `basis` is (n, free, dof).
-    """
-    n, _, dof = basis.shape
-    offsets = STEP * np.concatenate([np.zeros((1, dof)), np.eye(dof), -np.eye(dof)])
-    which = np.repeat(np.arange(n), len(offsets))
-    u = np.tile(offsets, (n, 1))
-    state, closed = displaced_states(equations, q.select(which), basis[which], u, np.zeros_like(u))
-    none = np.zeros(len(equations.frictions))
-    acceleration = equations.accelerate(state, np.zeros(len(u)), none).acceleration[equations.free]
-    values = (acceleration.T[:, None] @ basis[which])[:, 0].reshape(n, len(offsets), dof)
-    stiffness = (values[:, 1 : 1 + dof] - values[:, 1 + dof :]).transpose(0, 2, 1) / (2.0 * STEP)
-    step = np.full((n, dof), np.nan)
-    for i in np.flatnonzero(closed.reshape(n, -1).all(1)).tolist():
-        with suppress(np.linalg.LinAlgError):
-            step[i] = _newton_step(stiffness[i], values[i, 0], bool(downhill[i]))
-    value = np.abs(values[:, 0]).max(1, initial=0.0)
-    return step, value, np.fmax(value, np.abs(stiffness).max((1, 2), initial=0.0))
-
-
-def _newton_step(jacobian: Array, value: Array, downhill: bool) -> Array:
-    """Return -jacobian^-1 value; downhill with the real parts of all eigenvalues taken as negative."""
-    if not downhill:
-        return -np.asarray(np.linalg.lstsq(jacobian, value, rcond=SINGULAR)[0], np.float64)
-    values, vectors = np.linalg.eig(jacobian)
-    steep = -np.maximum(np.abs(values), SINGULAR * np.abs(values).max(initial=1e-300))
-    with np.errstate(over="ignore", invalid="ignore"):
-        # an unbounded step ends the search
-        return np.real(-vectors @ (np.linalg.solve(vectors, value.astype(np.complex128)) / steep))
-
-
-def _described(equations: EquationsOfMotion, q: Coordinates) -> Equilibrium:
-    linear = linear_model(equations, q)
+def _described(equations: EquationsOfMotion, state: RestingState, everywhere: bool = False) -> Equilibrium:
+    linear = linear_model(equations, state.q, isolated=not state.dimension)
     at_rest = np.zeros((equations.loops.tree.count, 1))
-    _, potential = equations.energy(equations.kinematics(q, at_rest))
-    return Equilibrium(_coordinates(equations, q), linear.stable, potential, linear.modes(), linear)
+    _, potential = equations.energy(equations.kinematics(state.q, at_rest))
+    return Equilibrium(
+        q=_coordinates(equations, state.q),
+        stable=None if state.singular else linear.stable(in_family=state.dimension > 0),
+        potential=potential,
+        modes=() if state.singular else linear.modes,
+        linear=linear,
+        reached=state.reached,
+        dimension=state.dimension,
+        everywhere=everywhere,
+        singular=state.singular,
+    )
 
 
 def _coordinates(equations: EquationsOfMotion, q: Coordinates) -> dict[str, float]:
@@ -361,19 +300,6 @@ def _coordinates(equations: EquationsOfMotion, q: Coordinates) -> dict[str, floa
         name: float(q.values[i, 0] if tree.slides[i] else wrapped(q.values[i, 0]))
         for name, i in tree.index_of.items()
     }
-
-
-def _same(equations: EquationsOfMotion, q: Mapping[str, float], other: Mapping[str, float]) -> bool:
-    tree = equations.loops.tree
-    units = {name: equations.loops.units[i] for name, i in tree.index_of.items()}
-    slides = {name: tree.slides[i] for name, i in tree.index_of.items()}
-    for name, value in q.items():
-        difference = value - other[name]
-        if not slides[name]:
-            difference -= REVOLUTION * np.round(difference / REVOLUTION)
-        if abs(difference) > SAME_EQUILIBRIUM * units[name]:
-            return False
-    return True
 
 
 def _random_configuration(

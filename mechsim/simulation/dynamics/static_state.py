@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.differences import extrapolated_derivative
 from mechsim.numerics.rank import null_spaces
 from mechsim.simulation import loop_jacobian
 from mechsim.simulation.dynamics.applied_controls import AppliedControls, dofs_of, prepared
@@ -17,8 +18,8 @@ from mechsim.simulation.dynamics.forward_run import FREE, ITERATIONS, closed_nea
 from mechsim.simulation.dynamics.loaded_model import LoadedModel
 from mechsim.simulation.mjcf import quiet
 
-# step of central differences, in [rad] or characteristic lengths
-STEP = 1e-4
+# error of the derivatives by the compliance of MuJoCo's loops, relative to the largest
+LOOPS_ROUNDING = 1e-11
 # time step that scales MuJoCo's constraints, in [s]; the model is not stepped
 TIMESTEP = 1e-3
 NONE_LOCKED = np.zeros(0, dtype=np.int64)
@@ -31,12 +32,16 @@ class StaticState:
     Attributes:
         accelerations: along the independent directions, (dof,) in [rad or characteristic lengths /s2].
         stiffness: largest singular value of their derivative by displacements, in [1/s2].
+        unconstrained: largest acceleration without the loops in these units, 0 without loops.
         eigenvalues: of small motions, (2 dof,) in [1/s].
+        errors: bounds of their errors from the differences, (2 dof,) in [1/s].
     """
 
     accelerations: Array
     stiffness: float
+    unconstrained: float
     eigenvalues: NDArray[np.complex128]
+    errors: Array
 
 
 @quiet()
@@ -63,20 +68,41 @@ def static_state(mechanism: Mechanism, forces: Forces, coordinates: Mapping[str,
     basis = null_spaces(jacobian)[1].T if len(jacobian) else np.eye(model.model.nv)
     accelerations = _Accelerations(model, basis)
     rest, dof = np.zeros(model.model.nv), basis.shape[1]
-    matrix = np.zeros((2 * dof, 2 * dof))
-    matrix[:dof, dof:] = np.eye(dof)
-    for k, direction in enumerate((loops.units[:, None] * basis).T):
-        ahead, behind = (
-            accelerations.along_basis(_displaced(model, qpos, sign * STEP * direction), rest)
-            for sign in (1, -1)
-        )
-        matrix[dof:, k] = (ahead - behind) / (2.0 * STEP)
-        ahead, behind = (accelerations.along_basis(qpos, sign * STEP * direction) for sign in (1, -1))
-        matrix[dof:, dof + k] = (ahead - behind) / (2.0 * STEP)
-    stiffness = float(np.linalg.norm(matrix[dof:, :dof], 2)) if dof else 0.0
-    return StaticState(
-        accelerations.along_basis(qpos, rest), stiffness, np.linalg.eigvals(matrix).astype(np.complex128)
-    )
+    directions = (loops.units[:, None] * basis).T
+
+    def differences(step: float) -> Array:
+        """Return the central differences by displacements, then by rates, (dof, 2 dof)."""
+        moves = [(_displaced(model, qpos, step * d), _displaced(model, qpos, -step * d)) for d in directions]
+        by_displacement = [[accelerations.along_basis(each, rest) for each in pair] for pair in moves]
+        by_rate = [[accelerations.along_basis(qpos, sign * step * d) for sign in (1, -1)] for d in directions]
+        values = np.array([*by_displacement, *by_rate]).reshape(2 * dof, 2, dof)
+        return (values[:, 0] - values[:, 1]).T / (2.0 * step)
+
+    derivatives, error = extrapolated_derivative(differences)
+    rounding = LOOPS_ROUNDING if len(jacobian) else float(np.finfo(np.float64).eps)
+    eigenvalues, errors = _eigenvalues(derivatives, error + rounding * np.abs(derivatives).max(initial=0.0))
+    stiffness = float(np.linalg.norm(derivatives[:, :dof], 2)) if dof else 0.0
+    at_rest = accelerations.along_basis(qpos, rest)
+    without_loops = accelerations.data.qacc_smooth / loops.units if len(jacobian) else rest
+    unconstrained = float(np.abs(without_loops).max(initial=0.0))
+    return StaticState(at_rest, stiffness, unconstrained, eigenvalues, errors)
+
+
+def _eigenvalues(derivatives: Array, error: Array) -> tuple[NDArray[np.complex128], Array]:
+    """Return the eigenvalues of x' = A x and bounds of their errors, (2 dof,), from the lower half of A.
+
+    A simple eigenvalue with left and right vectors y' x = 1 changes by up to |y|' |dA| |x|, a double one by
+    the square root of the change of A.
+    """
+    dof = len(derivatives)
+    matrix = np.concatenate([np.eye(dof, 2 * dof, dof), derivatives])
+    values, right = np.linalg.eig(matrix)
+    change = np.concatenate([np.zeros((dof, 2 * dof)), error])
+    change += np.finfo(np.float64).eps * np.abs(matrix).max(initial=0.0)
+    left = np.abs(np.linalg.pinv(right, rcond=1e-15))
+    simple = np.einsum("ki,ij,jk->k", left, change, np.abs(right))
+    double = np.sqrt(np.linalg.norm(error[:, :dof])) + np.linalg.norm(error[:, dof:])
+    return values.astype(np.complex128), np.fmin(simple, double)
 
 
 def _displaced(model: LoadedModel, qpos: Array, step: Array) -> Array:
