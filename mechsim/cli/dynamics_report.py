@@ -19,6 +19,9 @@ from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict
 from mechsim.verdict.tolerances import EPS
 
+# after the names of forces that rigid links leave undetermined
+UNDETERMINED = " *"
+
 
 class Peak(TypedDict):
     """The largest value of a motion and where it is: a crank angle, or a time under motion laws."""
@@ -36,13 +39,19 @@ class Effort(Peak):
     unit: NotRequired[str]
 
 
+class ReactionPeak(Peak):
+    """The largest force or moment, and whether rigid links determine it; otherwise it is of minimum norm."""
+
+    determined: bool
+
+
 class ReactionJson(TypedDict):
     """Reaction of a joint on a link, and components that rigid links do not determine."""
 
     on: str
     by: str
-    force: Peak
-    moment: Peak
+    force: ReactionPeak
+    moment: ReactionPeak
     not_determined: list[str]
     partly_determined: list[str]
 
@@ -113,6 +122,7 @@ class DynamicsJson(TypedDict):
     actuators: NotRequired[dict[str, Effort]]
     routes: NotRequired[float]
     reactions: NotRequired[dict[str, ReactionJson]]
+    sums: NotRequired[dict[str, ReactionJson]]
     couplings: NotRequired[dict[str, CouplingJson]]
     indeterminacy: NotRequired[int]
     shaking_force: NotRequired[Peak]
@@ -202,10 +212,12 @@ def print_peaks(
     ]
     notes: list[str] = []
     for joint, reaction in facts["reactions"].items():
-        # a joint may have the name of its link
-        on = "the frame" if reaction["on"] == GROUND else f"link {reaction['on']}"
-        peaks.append((f"force of joint {joint} on {on}", reaction["force"], "N"))
-        peaks.append((f"moment of joint {joint} on {on}", reaction["moment"], "N m"))
+        peaks += _reaction_peaks(f"of joint {joint}", reaction)
+    for joints, reaction in facts["sums"].items():
+        peaks += _reaction_peaks(f"sum of {joints}", reaction)
+        undetermined = reaction["not_determined"]
+        without = f"; without {', '.join(undetermined)}, which are undetermined" if undetermined else ""
+        notes.append(f"sum of {joints}: moment about the point of the first{without}")
     for coupling, effort in facts["couplings"].items():
         kind = "torque" if effort["unit"] == "N m" else "force"
         if effort["by"] == "teeth":
@@ -229,8 +241,20 @@ def print_peaks(
     kind, at_unit = ("drivers", "s") if facts["drives"] else ("crank", "rad")
     head = ("quantity", "largest", "unit", shown.label("at", at_unit), "mean", "rms")
     print_table(f"{name}: prescribed {kind}", head, rows)
+    if any(what.endswith(UNDETERMINED) for what, _, _ in peaks):
+        notes.append(f"{UNDETERMINED.strip()} of minimum norm: rigid links leave it undetermined")
     for note in [*_undetermined(facts["reactions"]), *notes]:
         print_text(note)
+
+
+def _reaction_peaks(what: str, reaction: Mapping[str, Any]) -> list[tuple[str, dict[str, Any], str]]:
+    """Return the rows of a force and moment; undetermined ones are marked."""
+    # a joint may have the name of its link
+    on = "the frame" if reaction["on"] == GROUND else f"link {reaction['on']}"
+    return [
+        (f"{kind} {what} on {on}{'' if reaction[kind]['determined'] else UNDETERMINED}", reaction[kind], unit)
+        for kind, unit in (("force", "N"), ("moment", "N m"))
+    ]
 
 
 def _undetermined(reactions: dict[str, Any]) -> list[str]:

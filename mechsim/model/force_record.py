@@ -106,6 +106,8 @@ class ForceRecord:
         torque: drive torque on the driven joint's link b about its axis, (n,) in [N m]. It includes the
             torque on a flywheel, but not on the inertia of the drive itself.
         reactions: joint -> its reaction.
+        sums: names of several joints between the same two links, joined by " + " -> the sum of their
+            reactions, about the point of the first; empty if the method does not report it.
         gears: "driver-driven" of gears and other couplings -> torque on the driven joint's link b about its
             axis, or force along it, (n,) in [N m] or [N]; on the driver it is -slope times as large. The
             opposite acts on the joint's link a, except in screws, whose reaction contains it, and for
@@ -152,6 +154,7 @@ class ForceRecord:
     drive_accelerations: Mapping[str, Array] = field(default_factory=dict[str, Array])
     straight: frozenset[str] = frozenset()
     meshes: Mapping[str, MeshForce] = field(default_factory=dict[str, MeshForce])
+    sums: Mapping[str, Reaction] = field(default_factory=dict[str, Reaction])
     undetermined: frozenset[str] = frozenset()
     at_branch_point: NDArray[np.bool_] | None = None
 

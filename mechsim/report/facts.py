@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError, SingularStartError, several
-from mechsim.model.force_record import Reaction
+from mechsim.model.force_record import ForceRecord, Reaction
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
@@ -201,6 +202,11 @@ def _least_transmission(solver: KinematicSolver) -> dict[str, float] | None:
     return {"least": float(values[worst]), "at_angle": float(angles[worst])}
 
 
+# component of a reaction in undetermined directions, relative to the largest force, that is rounding
+UNDETERMINED = 1e-9
+VECTORS = ("force", "moment")
+
+
 def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None = None) -> dict[str, Any]:
     """Return peaks and means of a prescribed motion, and of the forces of its actuators; all in SI."""
     result, angle = study.forces, study.forces.angle
@@ -218,13 +224,6 @@ def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None 
 
     torque_scale, free = float(np.abs(result.torque).max()) or 1.0, result.unbounded
 
-    def carried(reaction: Reaction) -> dict[str, Any]:
-        force, moment = (
-            np.where(free, 0.0, lengths(vector))
-            for vector in reaction.project(reaction.force, reaction.moment)
-        )
-        return {"force": peak(force), "moment": peak(moment)}
-
     sides = result.power_in + result.power_loads - result.power_lost - study.power_stored
     return {
         "torque": statistics(result.torque),
@@ -232,16 +231,7 @@ def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None 
         "actuators": by_coordinate(actuators or {}),
         "routes": float(np.abs(np.where(free, 0.0, study.second_torque - result.torque)).max())
         / torque_scale,
-        "reactions": {
-            name: {
-                "on": reaction.link,
-                "by": reaction.by,
-                **carried(reaction),
-                "not_determined": list(reaction.undetermined),
-                "partly_determined": list(reaction.partly_undetermined),
-            }
-            for name, reaction in result.reactions.items()
-        },
+        **_reaction_facts(result, peak),
         "couplings": _coupling_facts(study, peak),
         "indeterminacy": study.indeterminacy,
         "shaking_force": peak(lengths(study.shaking_force)),
@@ -252,6 +242,42 @@ def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None 
         },
         "power_balance": float(np.abs(sides).max()),
     }
+
+
+def _reaction_facts(result: ForceRecord, peak: Callable[[Array], dict[str, float]]) -> dict[str, Any]:
+    """Return the peaks of reactions, and of sums of undetermined ones between the same two links."""
+    largest = max(
+        (float(lengths(reaction.force).max()) for reaction in result.reactions.values()), default=0.0
+    )
+    least = UNDETERMINED * np.array([largest, largest * result.characteristic_length])
+    free = result.unbounded
+
+    def carried(reaction: Reaction) -> dict[str, Any]:
+        facts: dict[str, Any] = {"on": reaction.link, "by": reaction.by}
+        vectors = reaction.force, reaction.moment
+        for kind, vector, projected, rounding in zip(
+            VECTORS, vectors, reaction.project(*vectors), least, strict=True
+        ):
+            rest = np.where(free, 0.0, lengths(vector - projected))
+            facts[kind] = peak(np.where(free, 0.0, lengths(vector)))
+            facts[kind]["determined"] = bool((rest <= rounding).all())
+        return facts | {
+            "not_determined": list(reaction.undetermined),
+            "partly_determined": list(reaction.partly_undetermined),
+        }
+
+    reactions = {name: carried(reaction) for name, reaction in result.reactions.items()}
+    undetermined = [
+        {own["on"], own["by"]}
+        for own in reactions.values()
+        if not all(own[kind]["determined"] for kind in VECTORS)
+    ]
+    sums: dict[str, Any] = {}
+    for name, reaction in result.sums.items():
+        if {reaction.link, reaction.by} in undetermined:
+            force, moment = reaction.project(reaction.force, reaction.moment)
+            sums[name] = carried(replace(reaction, force=force, moment=moment))
+    return {"reactions": reactions, "sums": sums}
 
 
 def _coupling_facts(

@@ -218,9 +218,11 @@ def parse_motion_law(
         rate = default_unit * float(text)
         return MotionLaw(f"{rate:.17g}", steady(start(), rate))
     try:
-        return MotionLaw(text, steady(start(), units.parse(text, _RATES[unit])))
+        rate = units.parse(text, _RATES[unit])
     except InputError:
         pass
+    else:
+        return MotionLaw(text, steady(start(), rate))
     try:
         position = units.parse(text, "m" if unit == "m" else "rad")
     except InputError:

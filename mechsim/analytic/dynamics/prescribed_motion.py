@@ -1,6 +1,6 @@
 """Inverse dynamics: drive forces and joint reactions for a prescribed motion."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -237,6 +237,7 @@ def moved_as(
         acceleration=e,
         torque=torque,
         reactions=forces.reactions,
+        sums=forces.sums,
         gears=forces.gears,
         meshes=forces.meshes,
         undetermined=forces.undetermined,
@@ -306,25 +307,23 @@ def _joined(chunks: Sequence[InverseDynamics]) -> InverseDynamics:
         return replace(reaction, determined=None, projector=projector if indeterminacy else None)
 
     indeterminacy = max(chunk.indeterminacy for chunk in chunks)
-    whole = join(
-        [
-            replace(
-                chunk.forces,
-                reactions={name: bare(reaction) for name, reaction in chunk.forces.reactions.items()},
+
+    def joined(select: Callable[[ForceRecord], Mapping[str, Reaction]]) -> dict[str, Reaction]:
+        records = [select(chunk.forces) for chunk in chunks]
+        return {
+            name: replace(
+                join([bare(record[name]) for record in records]),
+                determined=np.all([record[name].is_determined for record in records], 0),
             )
-            for chunk in chunks
-        ]
-    )
-    reactions = {
-        name: replace(
-            reaction, determined=np.all([chunk.forces.reactions[name].is_determined for chunk in chunks], 0)
-        )
-        for name, reaction in whole.reactions.items()
-    }
+            for name in records[0]
+        }
+
+    reactions, sums = joined(lambda record: record.reactions), joined(lambda record: record.sums)
+    whole = join([replace(chunk.forces, reactions={}, sums={}) for chunk in chunks])
     undetermined = frozenset[str]().union(*(chunk.forces.undetermined for chunk in chunks))
     return InverseDynamics(
         model=chunks[0].model,
-        forces=replace(whole, reactions=reactions, undetermined=undetermined),
+        forces=replace(whole, reactions=reactions, sums=sums, undetermined=undetermined),
         load=np.concatenate([chunk.load for chunk in chunks]),
         reduced=join([chunk.reduced for chunk in chunks]),
         second_torque=np.concatenate([chunk.second_torque for chunk in chunks]),

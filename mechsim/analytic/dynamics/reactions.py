@@ -1,6 +1,6 @@
 """Joint reactions by Newton and Euler with the Jacobian of the loop equations, and their indeterminacy."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -36,6 +36,8 @@ class Balance:
             axis, or force along it, (n,) in [N m] or [N]; the driver has this multiplied by minus the
             derivative of the driven by the driving coordinate.
         meshes: gear, bevel and rack pair -> force at its pitch point.
+        sums: names of several joints between the same two links -> the sum of their reactions, about the
+            point of the first. Self-stresses between these joints alone leave it determined.
         undetermined: couplings whose force self-stresses change.
         residual: largest imbalance of any link, relative to the largest wrench, (n,).
         indeterminacy: number of independent self-stresses: joint forces in balance without any load.
@@ -47,6 +49,7 @@ class Balance:
     reactions: Mapping[str, Reaction]
     gears: Mapping[str, Array]
     meshes: Mapping[str, MeshForce]
+    sums: Mapping[str, Reaction]
     undetermined: frozenset[str]
     residual: Array
     indeterminacy: int
@@ -74,15 +77,17 @@ def balance(unit: UnitMotion, needed: Array) -> Balance:
     imbalance = np.abs((scaled @ solution[..., None])[..., 0] - right).max(1)
     scale = np.maximum(np.abs(right).max(1), np.finfo(np.float64).tiny)
     named = _named(mechanism, multipliers)
+    carried = [
+        _carried(unit, joint, span, multipliers, slack * rows[:, None])
+        for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
+    ]
     return Balance(
         {name: named[name] for name in mechanism.drivers},
         {name: named[name] for name in mechanism.locked},
-        {
-            joint.name: _reaction(unit, joint, span, multipliers, slack * rows[:, None], sound)
-            for joint, span in zip(mechanism.joints, _spans(mechanism), strict=True)
-        },
+        {load.joint.name: _reaction(mechanism, load, sound) for load in carried},
         {name: named[name] for name in mechanism.named_laws},
         mesh_forces(unit, named),
+        _sums(mechanism, carried, sound),
         frozenset(
             name
             for name in mechanism.named_laws
@@ -123,17 +128,29 @@ def _spans(mechanism: Mechanism) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
-def _reaction(
-    unit: UnitMotion,
-    joint: Joint,
-    span: slice,
-    multipliers: Array,
-    slack: Array,
-    sound: NDArray[np.bool_],
-) -> Reaction:
+@dataclass(frozen=True, slots=True)
+class JointLoad:
+    """The wrench of a joint on its link b, and those of self-stresses.
+
+    Attributes:
+        joint: the joint.
+        wrench: force and moment about the point, (n, 6).
+        alone: the same of each self-stress, (n, 6, s).
+        apart: the same of separating tooth forces of each self-stress, whose sign is unknown, (n, 6, k).
+        point: the joint's point on link b, (n, 3).
+    """
+
+    joint: Joint
+    wrench: Array
+    alone: Array
+    apart: Array
+    point: Array
+
+
+def _carried(unit: UnitMotion, joint: Joint, span: slice, multipliers: Array, slack: Array) -> JointLoad:
     wrench, point = _wrench(unit, joint, span, multipliers[..., None])
     alone, _ = _wrench(unit, joint, span, slack)
-    apart: list[Array] = []
+    apart = [np.zeros((*alone.shape[:2], 0))]
     for share in shares(unit, joint):
         row = _row(unit.mechanism, share.coupling, multipliers)
         effort, stress = multipliers[:, row, None], slack[:, None, row]
@@ -141,18 +158,49 @@ def _reaction(
         alone = alone + share.linear[..., None] * stress
         apart.append(share.separating[..., None] * stress)
     # the separating tooth force depends on the magnitude of the coupling force, not on its sign
-    alone = np.concatenate([alone, *apart], -1)
-    scale = np.array([unit.mechanism.characteristic_length] * 3 + [1.0] * 3)
-    alone = np.real(alone) * scale[:, None]
+    return JointLoad(joint, wrench[..., 0], alone, np.concatenate(apart, -1), point)
+
+
+def _sums(mechanism: Mechanism, loads: Sequence[JointLoad], sound: NDArray[np.bool_]) -> dict[str, Reaction]:
+    """Return the sum of the reactions of joints between the same two links, about the first one's point."""
+    groups: dict[frozenset[str], list[JointLoad]] = {}
+    for load in loads:
+        groups.setdefault(frozenset({load.joint.a.link, load.joint.b.link}), []).append(load)
+    return {
+        " + ".join(load.joint.name for load in group): _reaction(mechanism, _together(group), sound)
+        for group in groups.values()
+        if len(group) > 1
+    }
+
+
+def _together(loads: Sequence[JointLoad]) -> JointLoad:
+    first = loads[0]
+
+    def moved(load: JointLoad, wrenches: Array) -> Array:
+        """Return wrenches (n, 6, k) about the first point and on its link b."""
+        force, arm = wrenches[:, :3], load.point - first.point
+        sign = 1.0 if load.joint.b.link == first.joint.b.link else -1.0
+        moment = wrenches[:, 3:] + np.swapaxes(cross(arm[:, None], np.swapaxes(force, 1, 2)), 1, 2)
+        return sign * np.concatenate([force, moment], 1)
+
+    wrench = sum((moved(load, load.wrench[..., None]) for load in loads), np.zeros((1, 6, 1)))
+    alone = sum((moved(load, load.alone) for load in loads), np.zeros((1, 6, 1)))
+    apart = np.concatenate([moved(load, load.apart) for load in loads], -1)
+    return JointLoad(first.joint, wrench[..., 0], alone, apart, first.point)
+
+
+def _reaction(mechanism: Mechanism, load: JointLoad, sound: NDArray[np.bool_]) -> Reaction:
+    scale = np.array([mechanism.characteristic_length] * 3 + [1.0] * 3)
+    alone = np.real(np.concatenate([load.alone, load.apart], -1)) * scale[:, None]
     undone = np.abs(alone[sound]).max((0, 2), initial=0.0)
     return Reaction(
-        link=joint.b.link,
-        by=joint.a.link,
-        force=wrench[:, :3, 0],
-        moment=wrench[:, 3:, 0],
-        point=point,
+        link=load.joint.b.link,
+        by=load.joint.a.link,
+        force=load.wrench[:, :3],
+        moment=load.wrench[:, 3:],
+        point=load.point,
         determined=undone <= DETERMINED,
-        projector=_determined_projector(alone) if slack.shape[-1] else None,
+        projector=_determined_projector(alone) if alone.shape[-1] else None,
     )
 
 

@@ -69,7 +69,7 @@ def reaction_plot(study: Prescribed) -> "Figure":
     Components within rounding of others are not drawn; a row contains at most `ACROSS` joints.
     """
     reactions = study.forces.reactions
-    forces = _determined_forces(study)
+    forces = _joint_forces(study)
     largest = max((float(np.nanmax(np.abs(force), initial=0.0)) for force in forces.values()), default=0.0)
     forces = {
         name: np.where(np.abs(force) < ROUNDING * largest, 0.0, force) for name, force in forces.items()
@@ -241,13 +241,10 @@ def _drives(ax: "Axes", result: ForceRecord, simulated: ForceRecord | None) -> N
     ax.legend(**LEGEND_RIGHT)
 
 
-def _determined_forces(study: Prescribed) -> dict[str, Array]:
-    """Return the determined components of each joint's force, (n, 3), NaN where it has no limit."""
+def _joint_forces(study: Prescribed) -> dict[str, Array]:
+    """Return each joint's force, (n, 3), of minimum norm if undetermined, NaN where it has no limit."""
     gaps = study.forces.unbounded[:, None]
-    return {
-        name: np.where(gaps, np.nan, reaction.project(reaction.force, reaction.moment)[0])
-        for name, reaction in study.forces.reactions.items()
-    }
+    return {name: np.where(gaps, np.nan, reaction.force) for name, reaction in study.forces.reactions.items()}
 
 
 def _unit(result: ForceRecord, name: str) -> str:
@@ -256,7 +253,7 @@ def _unit(result: ForceRecord, name: str) -> str:
 
 def _polar(ax: "Axes", study: Prescribed) -> None:
     """Draw all forces in the x-y plane, as vectors from one origin."""
-    forces = _determined_forces(study)
+    forces = _joint_forces(study)
     factor, unit = readable(np.concatenate(list(forces.values())), "N")
     for i, (name, force) in enumerate(forces.items()):
         ax.plot(*(force[:, :2] / factor).T, color=COLOURS[i % 6], ls=STYLES[i // 6 % 3], label=label_of(name))
