@@ -13,7 +13,7 @@ from mechsim.analytic.dynamics import (
     DynamicModel,
     FreeRun,
     InverseDynamics,
-    actuator_forces,
+    actuated,
     fluctuation,
     flywheel_for,
     free_run,
@@ -202,7 +202,8 @@ def _prescribed(
         names = ("formulas",) if method == "none" else ("formulas", "MuJoCo", "check")
         steps = iter(_sections(report, names))
         study = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
-        actuators = actuator_forces(study, weights) if (weights := options.actuator_weights()) else {}
+        if weights := options.actuator_weights():
+            study = actuated(study, weights)
         steady, even = _steady_turns(model, options)
         run, verdict = None, None
         if method != "none":
@@ -220,10 +221,11 @@ def _prescribed(
     _write(options.output, study, model.mechanism, shown if labelled else None)
     if options.plot is not None:
         plots.write(options.plot, plots.dynamics_sheet(study, steady, even, run and run.forces))
-    note, tolerance = "" if run is None else run.note, driven_tolerance(run)
+    alone = "MuJoCo is compared under the drivers alone, without actuators" if weights and run else ""
+    note, tolerance = "; ".join(filter(None, (alone, run and run.note))), driven_tolerance(run)
 
     def text() -> None:
-        print_peaks(model.mechanism.name, study, actuators, shown)
+        print_peaks(model.mechanism.name, study, shown)
         for name, cycle in (("speed fluctuation", steady), ("with the flywheel", even)):
             if cycle is not None:
                 print_text(
@@ -234,7 +236,7 @@ def _prescribed(
         print_comparison(verdict, tolerance, note, verbose=verbose)
 
     data = {
-        **study_facts(study, actuators),
+        **study_facts(study),
         "fluctuation": steady,
         "with_flywheel": even,
     }
@@ -320,8 +322,13 @@ def _write(
 ) -> None:
     if path is not None:
         names = [] if shown is None else [name for name, _ in columns.columns()]
-        units = {name: INSTANT_UNITS.get(name) or quantity(name, mechanism).unit for name in names}
+        units = {name: INSTANT_UNITS.get(name) or _column_unit(name, mechanism) for name in names}
         files.write_table(path, in_units(columns.columns(), units, shown))
+
+
+def _column_unit(name: str, mechanism: Mechanism) -> str:
+    word, _, coordinate = name.partition(" ")
+    return mechanism.effort_unit(coordinate) if word == "actuator" else quantity(name, mechanism).unit
 
 
 def _verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from mechsim.model.finding import Outcome
 from mechsim.model.force_record import Fluctuation
 from mechsim.model.links import GROUND
 from mechsim.model.masses import LinkMass
-from mechsim.numerics.arrays import Array
 from mechsim.report.facts import study_facts
 from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict
@@ -199,13 +198,12 @@ def print_comparison(
         )
 
 
-def print_peaks(
-    name: str, study: InverseDynamics, actuators: Mapping[str, Array], shown: OutputUnits
-) -> None:
+def print_peaks(name: str, study: InverseDynamics, shown: OutputUnits) -> None:
     """Print peaks of torques, reactions, coupling efforts and shaking forces."""
-    facts = study_facts(study, actuators)
-    drives = {f"drive of {joint}": effort for joint, effort in facts["drives"].items()}
-    drives = drives or {"drive torque": facts["torque"] | {"unit": "N m"}}
+    facts = study_facts(study)
+    alone = " alone" if facts["actuators"] else ""
+    drives = {f"drive of {joint}{alone}": effort for joint, effort in facts["drives"].items()}
+    drives = drives or {f"drive torque{alone}": facts["torque"] | {"unit": "N m"}}
     drives |= {f"actuator {joint}": effort for joint, effort in facts["actuators"].items()}
     peaks: list[tuple[str, dict[str, Any], str]] = [
         (what, peak, peak["unit"]) for what, peak in drives.items()

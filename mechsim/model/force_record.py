@@ -118,6 +118,8 @@ class ForceRecord:
         drives: driven or locked coordinate -> torque on the joint's link b about its axis, or force along it,
             (n,) in [N m] or [N]. Empty if a crank is driven. Otherwise angle, speed and acceleration are
             those of the path parameter, and `torque` is the power of the drives divided by its rate.
+        actuators: coordinate -> torque or force of actuators in place of the drives, (n,) in [N m] or [N];
+            then reactions are those under these forces.
         locked: coordinate that is locked while a crank is driven -> torque or force, as in `drives`.
         drive_accelerations: driven coordinate -> its acceleration, (n,) in [rad/s2] or [m/s2].
         straight: names in `gears` and `drives` that are forces in [N].
@@ -150,6 +152,7 @@ class ForceRecord:
     residual: Array
     sliding: Array
     drives: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    actuators: Mapping[str, Array] = field(default_factory=dict[str, Array])
     locked: Mapping[str, Array] = field(default_factory=dict[str, Array])
     drive_accelerations: Mapping[str, Array] = field(default_factory=dict[str, Array])
     straight: frozenset[str] = frozenset()
@@ -182,6 +185,8 @@ class ForceRecord:
             yield name, getattr(self, name)
         for name, effort in {**self.drives, **self.locked}.items():
             yield f"drive {name}", effort
+        for name, effort in self.actuators.items():
+            yield f"actuator {name}", effort
         for name, reaction in self.reactions.items():
             yield from wrench_columns(name, reaction.force, reaction.moment)
         for name, torque in self.gears.items():

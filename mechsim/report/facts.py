@@ -207,8 +207,8 @@ UNDETERMINED = 1e-9
 VECTORS = ("force", "moment")
 
 
-def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None = None) -> dict[str, Any]:
-    """Return peaks and means of a prescribed motion, and of the forces of its actuators; all in SI."""
+def study_facts(study: "InverseDynamics") -> dict[str, Any]:
+    """Return peaks and means of a prescribed motion; all in SI."""
     result, angle = study.forces, study.forces.angle
     timed = result.time if result.drives else None
 
@@ -228,7 +228,7 @@ def study_facts(study: "InverseDynamics", actuators: Mapping[str, Array] | None 
     return {
         "torque": statistics(result.torque),
         "drives": by_coordinate(result.drives),
-        "actuators": by_coordinate(actuators or {}),
+        "actuators": by_coordinate(result.actuators),
         "routes": float(np.abs(np.where(free, 0.0, study.second_torque - result.torque)).max())
         / torque_scale,
         **_reaction_facts(result, peak),

@@ -140,6 +140,16 @@ def test_the_command_states_undetermined_reactions_and_their_sum(mechsim, tmp_pa
     assert reported["reactions"]["hinge1"]["force"]["largest"] > 98.1
 
 
+def test_the_table_has_the_torques_of_actuators(mechsim, tmp_path):
+    table = tmp_path / "table.csv"
+    options = ("--method", "none", "--samples", "8", "-o", str(table))
+    out = mechsim("dynamics", "four_bar", "--actuators", "crank,rocker=2", *options, "--units", "deg").out
+    assert "drive torque alone" in out
+    header = table.read_text().splitlines()[0]
+    assert "actuator crank" in header
+    assert "actuator rocker" in header
+
+
 def test_a_sweep_prints_the_forces_of_dynamics(mechsim, tmp_path):
     path = tmp_path / "door.toml"
     text = (DOOR + HINGE.format(i=0, z=0) + HINGE.format(i=1, z=2)).replace("mass = 20.0", 'mass = "m"')

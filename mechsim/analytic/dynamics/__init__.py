@@ -7,7 +7,7 @@ from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.reactions import Balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, fluctuation, flywheel_for, reduced
-from mechsim.analytic.dynamics.redundant_actuation import actuator_forces
+from mechsim.analytic.dynamics.redundant_actuation import actuated, actuator_forces
 from mechsim.analytic.dynamics.statics import (
     Equilibrium,
     equilibria,
@@ -29,6 +29,7 @@ __all__ = [
     "Mode",
     "Reaction",
     "Reduced",
+    "actuated",
     "actuator_forces",
     "dynamic_model",
     "equilibria",

@@ -6,7 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechsim.analytic.dynamics.applied_forces import STILL, Dry, add_couple, applied, loads
+from mechsim.analytic.dynamics.applied_forces import (
+    STILL,
+    Dry,
+    add_couple,
+    add_joint_forces,
+    applied,
+    loads,
+)
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reactions import balance
 from mechsim.analytic.dynamics.reduced_equation import Reduced, kinetic_energy_of_links, reduced_coefficients
@@ -155,11 +162,13 @@ def prescribed_along(
     time: ArrayLike | None = None,
     progress: Progress = no_progress,
     as_run: Motion | None = None,
+    actuators: Mapping[str, Array] | None = None,
 ) -> InverseDynamics:
     """Return the result of `prescribed` at values of the path parameter, with its rates.
 
     The path parameter is the crank angle in [rad], or under motion laws the time multiplied by
-    `motion_laws.rate`.
+    `motion_laws.rate`. Reactions are those under actuators, joint coordinate -> torque or force (n,),
+    to which the drivers add what is missing.
     """
     angle = np.atleast_1d(np.asarray(parameter, dtype=np.float64))
     if angle.size:
@@ -180,23 +189,12 @@ def prescribed_along(
         rows = slice(first, first + BATCH_SIZE)
         instants = None if times is None else times[rows]
         run = None if as_run is None else select_instants(as_run, rows)
-        chunks.append(_solved(model, angle[rows], w[rows], e[rows], instants, standing[rows], run))
+        unit = model.unit_motion(angle[rows], run, within=True)
+        acting = {name: effort[rows] for name, effort in (actuators or {}).items()}
+        chunks.append(moved_as(model, unit, w[rows], e[rows], instants, standing[rows], acting))
         finished = min(first + BATCH_SIZE, n)
         progress(f"{finished:,} of {n:,} instants", finished / n)
     return chunks[0] if len(chunks) == 1 else _joined(chunks)
-
-
-def _solved(
-    model: DynamicModel,
-    angle: Array,
-    w: Array,
-    e: Array,
-    times: Array | None,
-    standing: NDArray[np.bool_],
-    as_run: Motion | None,
-) -> InverseDynamics:
-    """Return the inverse dynamics of some instants, solved together."""
-    return moved_as(model, model.unit_motion(angle, as_run, within=True), w, e, times, standing)
 
 
 def moved_as(
@@ -206,6 +204,7 @@ def moved_as(
     e: Array,
     times: Array | None,
     standing: NDArray[np.bool_],
+    actuators: Mapping[str, Array] | None = None,
 ) -> InverseDynamics:
     """Return the inverse dynamics of a model for a given motion, all instants together.
 
@@ -216,6 +215,7 @@ def moved_as(
         e: crank acceleration, (n,) in [rad/s2].
         times: times in [s]; None if unknown.
         standing: whether the crank is at rest, (n,).
+        actuators: joint coordinate -> torque or force besides those of the drivers, (n,).
     """
     angle, flywheel = unit.angle, model.forces.flywheel
     acting, outside = applied(model, unit), loads(model, unit, times)
@@ -226,6 +226,11 @@ def moved_as(
         # the flywheel and the crank's own load act in the driven joint
         driver = unit.mechanism.crank
         add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
+    acting_in_joints = actuators or {}
+    for joint in unit.mechanism.joints:
+        if {*joint.coordinates} & {*acting_in_joints}:
+            own = [acting_in_joints.get(name, np.zeros(len(angle))) for name in joint.coordinates]
+            add_joint_forces(unit, shared, joint, own)
     forces = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
     torque = reduced.torque(w, e) - outside.torque
     force, moment = _shaking(model, unit, inertial, acting.gravity + outside.wrenches, e)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics
+from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed_along
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
@@ -53,6 +53,21 @@ def actuator_forces(
         )
     least_norm = np.swapaxes(np.linalg.pinv(scaled), 1, 2) @ drives[..., None]
     return dict(zip(weights, (least_norm[..., 0] / root).T, strict=True))
+
+
+def actuated(result: InverseDynamics, actuators: Sequence[str] | Mapping[str, float]) -> InverseDynamics:
+    """Return a prescribed motion with the forces of actuators in place of the drivers', and its reactions.
+
+    `forces.actuators` has the forces of `actuator_forces`. The drive torque and `forces.drives` remain those
+    of the drivers alone.
+    """
+    forces, before = actuator_forces(result, actuators), result.forces
+    after = prescribed_along(
+        result.model, before.angle, before.speed, before.acceleration, time=before.time, actuators=forces
+    )
+    names = ("reactions", "sums", "gears", "meshes", "undetermined", "residual", "at_branch_point")
+    changed = {name: getattr(after.forces, name) for name in names}
+    return replace(result, forces=replace(before, actuators=forces, **changed))
 
 
 def _drives(result: InverseDynamics) -> Array:
