@@ -71,7 +71,7 @@ def massless_four_bar(forces):
     return ms.dynamics.dynamic_model(FOUR_BAR, forces, mechanism=replace(FOUR_BAR.mechanism, links=links))
 
 
-def test_pins_have_no_force_with_an_actuator_beside_the_couple():
+def test_pins_have_no_force_if_an_actuator_balances_the_couple():
     rocker = FOUR_BAR.mechanism.links[2].name
     model = massless_four_bar(ms.Forces(couples=(Couple(rocker, constant((0.0, 0.0, 10.0))),)))
     study = ms.dynamics.prescribed(model, "30:330:30deg", speed=1.0)

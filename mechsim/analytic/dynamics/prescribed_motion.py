@@ -226,11 +226,7 @@ def moved_as(
         # the flywheel and the crank's own load act in the driven joint
         driver = unit.mechanism.crank
         add_couple(unit, shared, driver, (outside.crank - flywheel * e)[:, None] * unit.axis(driver))
-    acting_in_joints = actuators or {}
-    for joint in unit.mechanism.joints:
-        if {*joint.coordinates} & {*acting_in_joints}:
-            own = [acting_in_joints.get(name, np.zeros(len(angle))) for name in joint.coordinates]
-            add_joint_forces(unit, shared, joint, own)
+    _add_actuators(unit, shared, actuators or {})
     forces = balance(unit, inertial - acting.total(w) - outside.wrenches - shared)
     torque = reduced.torque(w, e) - outside.torque
     force, moment = _shaking(model, unit, inertial, acting.gravity + outside.wrenches, e)
@@ -269,6 +265,14 @@ def moved_as(
         shaking_force=force,
         shaking_moment=moment,
     )
+
+
+def _add_actuators(unit: UnitMotion, stack: Array, actuators: Mapping[str, Array]) -> None:
+    """Add the torques and forces of actuators in joints, (n,) each, to a stack of wrenches."""
+    for joint in unit.mechanism.joints:
+        if {*joint.coordinates} & {*actuators}:
+            own = [actuators.get(name, np.zeros(len(unit))) for name in joint.coordinates]
+            add_joint_forces(unit, stack, joint, own)
 
 
 def _drive_accelerations(unit: UnitMotion, rate: Array) -> dict[str, Array]:
