@@ -108,7 +108,7 @@ def _print(violations: Sequence[Violation], output_format: str, data: CheckFiles
     else:
         for violation in violations:
             position = violation.file if violation.line is None else f"{violation.file}:{violation.line}"
-            head = f"{position}: {violation.rule} {violation.severity}: {violation.message}"
+            head = " ".join(f"{position}: {violation.rule} {violation.severity}: {violation.message}".split())
             # editors and grep read one finding per line
             in_terminal = sys.stdout.isatty()
             lines = wrapped(head, "", "  ") if in_terminal else [head]
@@ -129,8 +129,16 @@ def _github(violation: Violation) -> str:
     kind = {"error": "error", "warning": "warning", "note": "notice"}[violation.severity]
     line = "" if violation.line is None else f",line={violation.line}"
     message = f"{violation.message}; {violation.fix}" if violation.fix else violation.message
-    escaped = message.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-    return f"::{kind} file={violation.file}{line},title={violation.rule}::{escaped}"
+    name = _escaped(violation.file).replace(":", "%3A").replace(",", "%2C")
+    return f"::{kind} file={name}{line},title={violation.rule}::{_escaped(message)}"
+
+
+def _escaped(text: str) -> str:
+    """Return text as GitHub's runner reads it in a workflow command; a line end would start another command.
+
+    Source: actions/toolkit, packages/core/src/command.ts, escapeData; escapeProperty also replaces : and , .
+    """
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
 def _sarif(violations: Sequence[Violation]) -> dict[str, Any]:

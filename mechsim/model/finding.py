@@ -12,6 +12,8 @@ class FilePosition(TypedDict):
     line: int | None
 
 
+# remedy of a finding that needs no repair
+HARMLESS = "harmless"
 Severity = Literal["error", "warning", "note"]
 NO_POSITION: FilePosition = {"file": "", "line": None}
 

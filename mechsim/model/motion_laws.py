@@ -334,6 +334,12 @@ class CrankLaw(MotionLaws):
 
     def require_drivers(self, mechanism: Mechanism) -> None:
         """Raise InputError unless a crank is the only driver of a mechanism."""
+        if not mechanism.drivers:
+            joints = ", ".join(joint.name for joint in mechanism.joints)
+            raise InputError(
+                f"{mechanism.name} has no driver; give the motion law of one of its joints {joints} by "
+                "--drive JOINT=LAW, or in Python by drive"
+            )
         if not mechanism.has_crank:
             mechanism.require_driver()
             first, have = mechanism.drivers[0], "has" if len(mechanism.drivers) == 1 else "have"

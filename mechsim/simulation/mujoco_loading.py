@@ -1,10 +1,14 @@
 """Imports MuJoCo for any MUJOCO_GL: failure of a rendering back end does not affect other functions."""
 
+import ctypes
 import os
 import sys
+from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from mechsim.errors import MissingToolError
 
@@ -25,7 +29,25 @@ def import_mujoco() -> str:
         raise MissingToolError(
             f"MuJoCo {version('mujoco')} is too old; pip install -U '{REQUIRED}' updates it"
         )
+    _import_batch()
     return problem
+
+
+def _import_batch() -> None:
+    """Import mujoco.batch, which loads an XML; MuJoCo then loads again what the user loaded last.
+
+    Its Python function that saves the last XML needs the model, that of its library does not.
+    """
+    mujoco = import_module("mujoco")
+    library = next(Path(str(mujoco.__file__)).parent.glob("*mujoco.*"), None)
+    with TemporaryDirectory() as folder:
+        last = Path(folder, "last.xml")
+        if library is not None and "mujoco.batch" not in sys.modules:
+            ctypes.CDLL(str(library)).mj_saveLastXML(os.fsencode(last), None, None, 0)
+        import_module("mujoco.batch")
+        if last.exists():
+            with suppress(ValueError):  # a file of a mesh that is not in this folder
+                mujoco.MjModel.from_xml_path(str(last))
 
 
 def _import_without_back_end() -> str:

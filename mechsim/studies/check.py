@@ -1,8 +1,7 @@
 """Check closed-loop models by the linter's rules, from files or objects of MuJoCo."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from mechsim.simulation.findings.rules import (
 )
 from mechsim.simulation.mjcf.included_files import moved_to, read_text
 from mechsim.simulation.mjcf_reader import MjcfModel, read_model
+from mechsim.simulation.mjcf_reader.file_text import root_of
 from mechsim.studies.robots.joint_map import mujoco_spec
 from mechsim.subjects.mjcf_source import mujoco_input
 
@@ -100,15 +100,18 @@ def fixed_copy(path: str, target: Path, violated: Sequence[Violation]) -> tuple[
 
     Args:
         path: of the file.
-        target: path of the copy, from which the files that it includes are result.
+        target: path of the copy, from which the files that it includes are read.
         violated: what to repair.
+
+    Raises:
+        InputError: for URDF, which has no equalities or time step to repair.
     """
+    if root_of(path) != "mujoco":
+        raise InputError(f"--fix repairs MJCF, and {path} is URDF; mechsim export writes it as MJCF")
     text, repaired = fixed_text(read_text(path), _read(path), violated)
     return moved_to(text, Path(path).parent, target.parent), repaired
 
 
 def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     own = mujoco_input(model, loops)
-    read = read_model(mujoco_spec(model) if own is None else own, lint=True)
-    # findings name the URDF file, whose loops were closed in an object
-    return read if loops is None else replace(read, path=fspath(model))
+    return read_model(mujoco_spec(model) if own is None else own, lint=True)

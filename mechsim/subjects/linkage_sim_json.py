@@ -17,7 +17,13 @@ from mechsim.subjects.planar_json import entries, in_plane, point
 SCHEMA = "1."
 KINDS = ("revolute", "prismatic", "fixed")
 NO_MOMENTS = (ORIGIN, ORIGIN, ORIGIN)
-POINTS = ("attachment_points", "coupler_points")
+POINTS = ("attachment_points", "mount_points", "coupler_points")
+# keys that are read, and labels
+READ = (
+    "schema_version bodies joints drivers type driven body_i body_j point_i point_j axis_local_i "
+    f"delta_theta_0 mass Izz_cg izz_cg cg_local ch_local point_masses local_pos label note {' '.join(POINTS)}"
+)
+NAMED = ("bodies", "joints", "drivers", *POINTS)
 
 
 def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
@@ -36,7 +42,9 @@ def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
         if entry.get("driven"):
             drivers.append(key)
         elif key not in joints:
-            drivers += _between(joints, entry)
+            drivers.append(_driven(key, entry, joints))
+    driving = _objects({"drivers": {}, **content}, "drivers")
+    drivers += [_driven(key, entry, joints) for key, entry in driving.items()]
     points = {
         f"{body}.{label}" if label in _repeated(local) else label: (body, in_plane(position))
         for body, own in local.items()
@@ -95,14 +103,16 @@ def _joint(
     return Joint(key, kind, ends[0], ends[1])  # type: ignore[arg-type]
 
 
-def _between(joints: Mapping[str, Joint], entry: Mapping[str, Any]) -> list[str]:
+def _driven(driver: str, entry: Mapping[str, Any], joints: Mapping[str, Joint]) -> str:
     """Return the revolute joint between the bodies of a driver."""
-    bodies = {str(entry.get("body_i")), str(entry.get("body_j"))}
-    return [
-        key
-        for key, joint in joints.items()
-        if joint.kind == "revolute" and {joint.a.link, joint.b.link} == bodies
-    ]
+    first, second = (str(entry.get(side)) for side in ("body_i", "body_j"))
+    for key, joint in joints.items():
+        if joint.kind == "revolute" and {joint.a.link, joint.b.link} == {first, second}:
+            return key
+    raise InputError(
+        f"driver {driver!r} is between {first!r} and {second!r}, which no revolute joint joins; correct "
+        "body_i and body_j"
+    )
 
 
 def _links(bodies: Mapping[str, Mapping[str, Any]]) -> tuple[Link, ...]:

@@ -15,7 +15,7 @@ from mechsim.analytic.loops.rounded_geometry import Corrected, corrected
 from mechsim.analytic.loops.start import closed_start
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.finding import Finding
+from mechsim.model.finding import HARMLESS, Finding
 from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion import Motion, short_repr
@@ -104,23 +104,22 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
         # let MuJoCo report what is wrong with a file of unknown suffix
         of_mujoco = closed.lower().endswith((".xml", ".urdf"))
         return closed if of_mujoco or (Path(closed).suffix and file_reader(closed) is None) else None
-    return closed if type(closed).__name__ in ("MjSpec", "MjModel") else None
+    return closed if type(closed).__name__ in ("UrdfFile", "MjSpec", "MjModel") else None
 
 
 def with_loops(model: Any, loops: str | None) -> Any:
-    """Return the specification of a URDF file with the loop closures of a sidecar file; else the model.
+    """Return a URDF file with the loop closures of a sidecar file; without one the model.
 
     Raises:
-        InputError: for another model, or loops that cannot be read.
+        InputError: for a model that is no such file.
     """
     if loops is None:
         return model
-    from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
+    from mechsim.simulation.mjcf_reader.urdf_loops import UrdfFile
 
-    if not isinstance(model, str):
-        raise InputError(f"loops from {loops} need the path of a URDF file; give one")
-    closed = urdf_specification(model, loops)
-    return model if closed is None else closed
+    if not isinstance(model, str) or not model.lower().endswith((".urdf", ".xml")):
+        raise InputError(f"{model} is no URDF file, whose loops {loops} could close; name one")
+    return UrdfFile(model, loops)
 
 
 def read_mjcf(
@@ -177,7 +176,12 @@ def read_mjcf(
         forces=model.forces,
         source=model,
         ranges=model.limits,
-        facts=(*model.remarks, *_corrections(model.gap, exact), *filter(None, [note])),
+        facts=(
+            *model.remarks,
+            *(finding.one_line for finding in model.unread if finding.remedy != HARMLESS),
+            *_corrections(model.gap, exact),
+            *filter(None, [note]),
+        ),
         corrected=(exact.moved, exact.rotated),
     )
 

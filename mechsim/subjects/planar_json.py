@@ -5,7 +5,7 @@ a unit are in [m]. Links have the frame of the ground at the start, except those
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -14,31 +14,53 @@ from typing import Any
 import numpy as np
 
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.errors import InputError
+from mechsim.errors import InputError, cut
 from mechsim.files import read_text
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, Vector
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription
+from mechsim.subjects.toml_values import MAX_DIGITS, MAX_SHOWN, shown
 
 
 @dataclass(frozen=True)
 class Format:
-    """A JSON format: the software, the keys that its files have, and the function that reads them."""
+    """A JSON format.
+
+    Attributes:
+        software: the software that writes it.
+        keys: keys on the first level of its files.
+        module: module with the function `mechanism` that reads it, the keys READ, and the keys NAMED of
+            objects whose keys are names.
+    """
 
     software: str
     keys: frozenset[str]
-    reads: str
+    module: str
 
-    def read(self, name: str, content: Mapping[str, Any]) -> Any:
-        module, _, function = self.reads.partition(":")
-        reader: Callable[[str, Mapping[str, Any]], Any] = getattr(import_module(module), function)
-        return reader(name, content)
+    def read(self, name: str, content: Mapping[str, Any]) -> LoopForm:
+        """Return the mechanism, and sentences on what was not read."""
+        module = import_module(self.module)
+        unread = dict.fromkeys(_unread(content, module.READ.split(), module.NAMED))
+        facts = [f"{key} is not read" for key in unread]
+        return LoopForm(module.mechanism(name, content), facts=tuple(facts))
+
+
+def _unread(content: Mapping[str, Any], read: Collection[str], named: Collection[str]) -> Iterator[str]:
+    """Yield the keys at all depths that are not in `read`, with the keys that contain them."""
+    for key, value in content.items():
+        if key not in read:
+            yield cut(key, MAX_SHOWN)
+            continue
+        objects = value.values() if key in named and isinstance(value, dict) else value
+        for entry in objects if isinstance(objects, list | type({}.values())) else [objects]:
+            if isinstance(entry, dict):
+                yield from (f"{key}.{inner}" for inner in _unread(entry, read, named))
 
 
 FORMATS = (
-    Format("linkage_sim", frozenset({"bodies", "joints"}), "mechsim.subjects.linkage_sim_json:mechanism"),
-    Format("pylinkage", frozenset({"links", "joints"}), "mechsim.subjects.pylinkage_json:mechanism"),
-    Format("PMKS", frozenset({"Joints"}), "mechsim.subjects.pmks_json:mechanism"),
+    Format("linkage_sim", frozenset({"bodies", "joints"}), "mechsim.subjects.linkage_sim_json"),
+    Format("pylinkage", frozenset({"links", "joints"}), "mechsim.subjects.pylinkage_json"),
+    Format("PMKS", frozenset({"Joints"}), "mechsim.subjects.pmks_json"),
 )
 
 
@@ -56,7 +78,7 @@ class PlanarJson(ModelSource):
         for file_format in FORMATS:
             if file_format.keys <= content.keys():
                 try:
-                    return ModelDescription(LoopForm(file_format.read(Path(self.path).stem, content)))
+                    return ModelDescription(file_format.read(Path(self.path).stem, content))
                 except InputError as error:
                     raise InputError(f"{self.path}: {error}") from None
         keys = "; ".join(f"{', '.join(sorted(entry.keys))} ({entry.software})" for entry in FORMATS)
@@ -64,11 +86,14 @@ class PlanarJson(ModelSource):
 
 
 def _content(path: str) -> Mapping[str, Any]:
+    written = read_text(path, "a JSON file with a linkage")
     try:
-        content = json.loads(read_text(path, "a JSON file with a linkage"))
+        content = json.loads(written)
     except (json.JSONDecodeError, RecursionError) as error:
         line = f", line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         raise InputError(f"{path}{line} is no JSON; correct it") from None
+    except ValueError:  # Python reads no integer of more digits
+        raise InputError(f"{path} has a number of over {MAX_DIGITS} digits; shorten it") from None
     return content if isinstance(content, dict) else {}
 
 
@@ -92,10 +117,10 @@ def point(value: Any, what: str) -> tuple[float, float]:
     """Return two finite numbers."""
     try:
         x, y = (float(number) for number in value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         x = y = np.nan
     if not np.isfinite([x, y]).all():
-        raise InputError(f"{what} is {value!r}; give two finite numbers")
+        raise InputError(f"{what} is {shown(value)}; give two finite numbers")
     return x, y
 
 

@@ -14,6 +14,10 @@ from mechsim.model.links import GROUND, IDENTITY, Link
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.planar_json import entries, in_plane, pins, point, slide
 
+# keys that are read
+READ = "Joints X Y Angle TypeOfJoint Links DrivingIndex"
+NAMED = ()
+
 
 def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:
     """Return the mechanism of a PMKS file: R joints, and P and RP joints that slide along the ground."""

@@ -53,7 +53,8 @@ def prescribed_solver(
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
         if assembled:
             start = closed_start(solver.mechanism)
-            solver = replace(solver, mechanism=start.mechanism, facts=(start.note,) if start.note else ())
+            facts = (*solver.facts, *filter(None, [start.note]))
+            solver = replace(solver, mechanism=start.mechanism, facts=facts)
     if prescription == Prescription() and not description.motion_laws:
         return solver
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)

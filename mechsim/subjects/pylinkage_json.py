@@ -17,6 +17,12 @@ from mechsim.subjects.planar_json import entries, in_plane, pins, point, slide, 
 # distance of a slider from its line, over the largest coordinate, up to which it counts as on the line
 ON_LINE = 1e-9
 DRIVERS = ("driver", "arc_driver")
+# keys that are read
+READ = (
+    "name joints links id type position axis line_point ref_joint1_id ref_joint2_id distance angle "
+    "motor_joint"
+)
+NAMED = ()
 
 
 def mechanism(name: str, content: Mapping[str, Any]) -> Mechanism:

@@ -30,6 +30,8 @@ from mechsim.subjects.toml_keys import (
 )
 from mechsim.units import Unit
 
+# largest number of digits of an integer that Python reads by default (sys.set_int_max_str_digits)
+MAX_DIGITS = 4300
 # largest number of characters of a value in an error message
 MAX_SHOWN = 60
 
@@ -114,6 +116,10 @@ def parsed_source(path: str, text: str) -> TomlSource:
         return TomlSource(path, tomllib.loads(text), _lines(text))
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path} is no TOML: {error}; correct that line") from None
+    except ValueError:  # Python reads no integer of more digits
+        number = re.search(rf"[\d_]{{{MAX_DIGITS},}}", text)
+        line = text.count("\n", 0, number.start() if number else 0) + 1
+        raise InputError(f"{path}, line {line}: a number has over {MAX_DIGITS} digits; shorten it") from None
     except RecursionError:
         raise InputError(f"{path} nests too deep; a mechanism needs five levels") from None
 

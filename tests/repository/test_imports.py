@@ -17,7 +17,7 @@ ALLOWED_IMPORTS = {
     "numerics": set(),
     "model": {"numerics"},
     "analytic": {"numerics", "model", "units"},
-    "simulation": {"numerics", "model", "units"},
+    "simulation": {"numerics", "model", "units", "files"},
     "verdict": {"numerics", "model"},
     "shapes": {"numerics", "model"},
     "theory": {"numerics", "model", "analytic", "subjects"},

@@ -86,3 +86,19 @@ def test_a_damaged_mujoco_is_reported_with_the_repair_command(tmp_path, files, c
     assert cause in completed.stderr
     pins = "mujoco==4.0.0 mujoco-core==4.0.0 mujoco-studio==4.0.0"
     assert f"pip install --force-reinstall --no-deps {pins} repairs it" in completed.stderr
+
+
+@pytest.mark.parametrize("function", ["load", "check"])
+def test_the_first_model_of_a_process_is_read(function):
+    """Importing mujoco.batch makes MuJoCo forget the XML that it loaded last."""
+    script = f"""
+import mujoco, mechsim as ms
+BODY = "<body pos='0.123456789 0 0'><joint name='j'/><geom size='1'/></body>"
+ACTUATOR = "<actuator><motor joint='j'/></actuator>"
+model = mujoco.MjModel.from_xml_string("<mujoco><worldbody>" + BODY + "</worldbody>" + ACTUATOR + "</mujoco>")
+ms.{function}(model)
+print(ms.load(model).mechanism.joints[0].a.point[0])
+"""
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == "0.123456789\n"

@@ -354,3 +354,55 @@ def test_entries_of_a_wrong_type_are_accepted_or_rejected(written, content):
         for value in (None, [], {}, [[1]], "x", -1, 1e400, True):
             with suppress(ms.MechsimError):
                 open_model(written(changed(content, *position, to=value))).describe({}, Prescription())
+
+
+def test_a_driver_of_linkage_sim_is_found_between_its_bodies(written):
+    content = copy.deepcopy(LINKAGE_SIM)
+    del content["joints"]["D1"]
+    content["drivers"] = {"D": {"type": "constant_speed", "body_i": "crank", "body_j": "ground", "omega": 10}}
+    content["bodies"]["crank"]["mount_points"] = {
+        "M": content["bodies"]["crank"]["attachment_points"].pop("A")
+    }
+    content["joints"]["J2"]["point_i"] = "M"
+    solver = ms.load(written(content))
+    assert solver.mechanism.drivers == ("J1",)
+    expected = EXPECTED.points["A"].position
+    np.testing.assert_allclose(
+        solver.solve(ANGLES, speed=1.0).points["M"].position, expected, rtol=0, atol=1e-13
+    )
+    assert solver.facts == ("drivers.omega is not read",)
+
+
+@pytest.mark.parametrize("driver", [{"body_i": "crank"}, {"body_i": "crank", "body_j": "rocker"}])
+def test_a_driver_without_a_joint_is_rejected(written, driver):
+    with pytest.raises(ms.InputError, match="which no revolute joint joins"):
+        ms.load(written({**LINKAGE_SIM, "drivers": {"D": driver}}))
+
+
+def test_a_mechanism_without_a_driver_names_the_remedy(written, monkeypatch, capsys):
+    content = copy.deepcopy(LINKAGE_SIM)
+    del content["joints"]["D1"]
+    path = written(content)
+    for command in ("solve", "dynamics", "validate", "simulate"):
+        monkeypatch.setattr("sys.argv", ["mechsim", command, path])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code == 2, command
+        assert "internal error" not in capsys.readouterr().err
+    assert ms.load(path, drive={"J1": "1rad/s"}).mechanism.drivers == ("J1",)
+
+
+def test_keys_that_are_not_read_are_listed_once(written):
+    content = changed(LINKAGE_SIM, "forces", to=[{"type": "Gravity"}, {"type": "Spring"}])
+    for body in ("crank", "rocker"):
+        content["bodies"][body]["geometry"] = {"width": 1}
+    assert ms.load(written(content)).facts == ("bodies.geometry is not read", "forces is not read")
+    assert ms.load(written(LINKAGE_SIM)).facts == ()
+
+
+@pytest.mark.parametrize("digits", [400, 5000])
+def test_an_integer_of_many_digits_is_rejected(written, digits):
+    text = json.dumps(changed(LINKAGE_SIM, "bodies", "crank", "mass", to=777)).replace("777", "7" * digits)
+    with pytest.raises(ms.InputError, match=r"finite numbers|over 4300 digits") as rejected:
+        ms.load(written(text))
+    assert len(str(rejected.value)) < 300

@@ -254,7 +254,7 @@ def test_a_scikit_robot_sidecar_file_closes_a_loop(written):
     ("text", "message"),
     [
         (SCIKIT_ROBOT.format(x="nan", y=0), "3 finite numbers belong"),
-        (SCIKIT_ROBOT.format(x="{a: 1}", y=0), "3 finite numbers belong"),
+        (SCIKIT_ROBOT.format(x="{a: 1}", y=0), "line 2: .* dict where a name or a number belongs"),
         (SCIKIT_ROBOT.format(x=1, y=0).replace("axis: [0, 0, 2]", "axis: [0, 0, 0]"), "axis .* has length 0"),
         (SCIKIT_ROBOT.format(x=1, y=0).replace("link_b: follower, ", ""), "needs link_a, link_b"),
         (SCIKIT_ROBOT.format(x=1, y=0).replace("follower", "folower"), "did you mean 'follower'"),
@@ -271,3 +271,130 @@ def test_a_repeated_joint_name_is_rejected(written):
     path = written(robot(DIALECTS["URDF+"]).replace('name="knee"', 'name="motor"'))
     with pytest.raises(ms.InputError, match="repeated name 'motor'"):
         ms.check(path)
+
+
+@pytest.mark.parametrize(
+    ("element", "what"),
+    [
+        ("<constraint type='ball'/>", "<constraint> in <robot>"),
+        (f"<loops>{DIALECTS['URDF+']}</loops>", "<loops> in <robot>"),
+        (f"<gazebo>{DIALECTS['Isaac Sim']}</gazebo>", "<loop_joint> in <gazebo>"),
+        ("<gazebo><model><joint name='a'/></model></gazebo>", "<model> in <gazebo>"),
+        ("<drake:joint name='a' type='ball'/>", "<drake:joint> in <robot>"),
+        (
+            DIALECTS["two parents"].replace("<axis", "<limit lower='-1' upper='1'/><axis"),
+            "<limit> of loop joint 'closing'",
+        ),
+        (
+            "<gazebo><joint name='a' type='ball'><parent>rod</parent><child>follower</child>"
+            "<pose>0 0 0 0 0 0</pose><axis><xyz>0 0 1</xyz><limit><lower>-1</lower></limit></axis></joint>"
+            "</gazebo>",
+            "<limit> of loop joint 'a'",
+        ),
+    ],
+)
+def test_what_is_not_read_is_a_finding_with_its_line(written, element, what):
+    path = written(robot(element))
+    (finding,) = [violation for violation in ms.check(path) if violation.rule == "MS115"]
+    assert what in finding.message
+    # the tree has 11 lines
+    assert (finding.line, finding.severity) == (12, "warning")
+    assert any(what in fact for fact in ms.load(path, still=True).facts)
+
+
+def test_a_sensor_is_a_note_and_a_complete_file_has_no_finding(written):
+    text = robot(
+        "<gazebo reference='rod'><mu1>1</mu1></gazebo><transmission name='a'/><gz:a/>", DIALECTS["URDF+"]
+    )
+    notes = [violation for violation in ms.check(written(text)) if violation.rule == "MS115"]
+    assert [note.severity for note in notes] == ["note"] * 3
+    for dialect in DIALECTS.values():
+        complete = written(robot(dialect))
+        assert "MS115" not in {violation.rule for violation in ms.check(complete)}
+
+
+MIMIC = '<mimic joint="{}" multiplier="2"/>'
+
+
+@pytest.mark.parametrize(
+    ("target", "count"),
+    [("motor", 0), ("motr", 1), ("rod_end_joint", 1), ("closing", 1)],
+)
+def test_a_mimic_without_a_movable_joint_is_a_finding(written, target, count):
+    text = robot(DIALECTS["two parents"])
+    text = text.replace('<child link="follower"/>', f'<child link="follower"/>{MIMIC.format(target)}')
+    path = written(text)
+    findings = [violation for violation in ms.check(path) if violation.rule == "MS115"]
+    assert [finding.object for finding in findings] == ["hip"] * count
+    couplings = ms.load(path, still=True).mechanism.couplings
+    assert len(couplings) == 1 - count
+
+
+def test_warnings_of_mujoco_are_findings(tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_text(
+        '<mujoco><compiler settotalmass="3"/><worldbody><body><joint name="a"/>'
+        '<geom size="1"/></body></worldbody></mujoco>'
+    )
+    (finding,) = ms.check(str(path), select=["MS115"])
+    assert "settotalmass" in finding.message
+    assert any("settotalmass" in fact for fact in ms.load(str(path), still=True).facts)
+
+
+@pytest.mark.parametrize(
+    ("change", "position"),
+    [
+        (('<link name="base"/>', '<link name="base"/><!-- a -- b -->'), "line 2, column"),
+        (("\n  <joint", "&nbsp;\n  <joint"), "line 2: .* entity &nbsp;"),
+        (("<robot", "<!DOCTYPE robot [<!ENTITY more '<link/>'>]>\n<robot"), "line 3: .* entity &more;"),
+    ],
+)
+def test_a_file_that_only_mujoco_reads_is_rejected_with_its_line(written, change, position):
+    text = (
+        robot(DIALECTS["URDF+"])
+        .replace(*change, 1)
+        .replace("\n  <link", "\n  &more;<link" if "DOCTYPE" in change[1] else "\n  <link")
+    )
+    with pytest.raises(ms.InputError, match=position):
+        ms.load(written(text), still=True)
+
+
+def test_a_declared_prefix_loses_no_loop(written):
+    text = robot(DIALECTS["URDF+"], "<gz:system name='x'/>").replace("<robot", '<robot xmlns:gz="http://a"')
+    assert gap(written(text))[0] <= 1e-14
+
+
+BOMB = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n" + "".join(
+    f"a{i}: &a{i} [{','.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 12)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("closed_loop: 2001-13-45", "line 1: it has no list"),
+        ("# comment\nclosed_loop: !!int ''", "line 2: it has no list"),
+        ("closed_loop: [[rod_end, !!float '']]\ntype: [3d]", "names link ''"),
+        (BOMB + "closed_loop: [[rod_end, follower_end]]\ntype: {k: *a11}", "line 14: type is a dict"),
+        (BOMB + "closed_loop: [[rod_end, *a11]]", "line 13: closed_loop contains a list"),
+        ("? {a: 1}\n: b\n", "is no YAML"),
+        ("- a\n- b", "has no list"),
+        ("", "has no list"),
+    ],
+)
+def test_a_hostile_sidecar_file_is_rejected_with_its_line(written, text, message):
+    with pytest.raises(ms.InputError, match=message) as rejected:
+        ms.load(written(robot(ENDS)), loops=written(text, "robot.yaml"), still=True)
+    assert len(str(rejected.value)) < 500
+
+
+def test_an_unknown_key_of_a_sidecar_file_is_a_finding(written):
+    text = "closed_loop: [[rod_end, follower_end]]\ntype: [3d]\nclosures: []\njoints_type: [FIXED]\n"
+    findings = ms.check(written(robot(ENDS)), loops=written(text, "robot.yaml"), select=["MS115"])
+    assert [(finding.object, finding.line) for finding in findings] == [("closures", 3), ("joints_type", 4)]
+
+
+def test_an_invalid_number_in_a_file_with_a_sidecar_file_is_rejected_with_its_line(written):
+    path = written(robot(ENDS).replace('xyz="0 0 1"', 'xyz="0 0 x"', 1))
+    with pytest.raises(ms.InputError, match="line 4: MuJoCo refuses it: bad format in attribute 'xyz'"):
+        ms.check(path, loops=written("closed_loop: [[rod_end, follower_end]]", "r.yaml"))

@@ -133,7 +133,7 @@ class LoopForm:
         motion_laws: motion laws of the drivers; `CRANK` for a crank at any speed.
         ranges: joint -> lower and upper limit, in [m] or [rad].
         written: units that its file declares.
-        facts: sentences on omissions, changes, and the assembly found.
+        facts: sentences on what of its file is not read, on changes, and on the assembly.
     """
 
     mechanism: Mechanism

@@ -4,10 +4,7 @@ import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mechsim.model.finding import Finding, Severity
-
-# remedy of a finding that needs no repair
-HARMLESS = "harmless"
+from mechsim.model.finding import HARMLESS, Finding, Severity
 
 
 @dataclass(frozen=True, slots=True)

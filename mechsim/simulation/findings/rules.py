@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import MechsimError
-from mechsim.model.finding import NO_POSITION, Finding, Severity
+from mechsim.model.finding import HARMLESS, NO_POSITION, Finding, Severity
 from mechsim.simulation.closed_configurations import StraightPath, driver_ranges, straight_path
 from mechsim.simulation.findings import findings_in
 from mechsim.simulation.findings.compliance import MAX_IMPEDANCE, MIN_STEPS
 from mechsim.simulation.findings.inspected import EQUALITY, Inspected, loop_rank
-from mechsim.simulation.findings.rule_table import BY_KIND, HARMLESS, with_severity
+from mechsim.simulation.findings.rule_table import BY_KIND, with_severity
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
 from mechsim.simulation.mjcf.edited_text import EditedText, equality_elements, set_options
 from mechsim.simulation.mjcf_reader import MjcfModel
@@ -67,7 +67,7 @@ def violations(read: MjcfModel, target: Target | None = None) -> list[Violation]
             fighting = {finding.what for finding in reported if finding.kind == "actuator"}
             passive = [finding for finding in _passive_actuators(scene, path) if finding.what not in fighting]
             reported += [*passive, *_passive_limits(path), *_loop_joints(path)]
-        reported += _unchecked(scene)
+        reported += [*_unchecked(scene), *read.unread]
         reported += _lost_in_urdf(read) if target == "urdf" else []
     order = {"error": 0, "warning": 1, "note": 2}
     result = [_violation(read.path, with_severity(finding)) for finding in reported]
@@ -206,7 +206,7 @@ def _unchecked(scene: Inspected) -> Iterator[Finding]:
                 what=name,
                 by=1.0,
                 message=f"{name} is no connect, weld, joint or fixed-tendon equality and was not checked",
-                remedy="harmless",
+                remedy=HARMLESS,
                 **scene.location(scene.read.spec.equalities[i]),
             )
 

@@ -29,6 +29,20 @@ def quiet() -> Generator[None]:
 
 
 @contextmanager
+def warnings_of_mujoco() -> Generator[list[str]]:
+    """Yield the list to which the warnings of MuJoCo's parser are added."""
+    texts: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(texts.append)
+    try:
+        with warnings.catch_warnings(record=True, action="always") as caught:
+            yield texts
+        texts += [str(warning.message) for warning in caught]
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+@contextmanager
 def without_c_output() -> Generator[None]:
     """Suppress the output of C libraries, such as Qhull's about narrow meshes."""
     try:
@@ -51,18 +65,22 @@ BODY = int(mujoco.mjtSameFrame.mjSAMEFRAME_BODY)
 INERTIA = int(mujoco.mjtSameFrame.mjSAMEFRAME_INERTIA)
 
 
-def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+def compiled(spec: mujoco.MjSpec, warned: list[str] | None = None) -> mujoco.MjModel:
     """Return the compiled model with the exact positions of sites, geoms and centres of mass.
 
     The compiler moves a site, geom or centre of mass that is less than a micrometre from its body's origin
     to the origin. In a linkage of 5 um this moves a joint by a fifth of a link
-    (docs/explanation/extremes.md). Warnings of the compiler are ignored: a run reports their effects.
+    (docs/explanation/extremes.md).
+
+    Args:
+        spec: the specification.
+        warned: the compiler's warnings are added to it.
 
     Raises:
         InputError: for a model that MuJoCo rejects, such as one with a massless body.
     """
     try:
-        model = plainly_compiled(spec)
+        model = plainly_compiled(spec, warned)
     except ValueError as error:
         raise InputError(f"MuJoCo rejects the model: {' '.join(str(error).split())}") from error
     for kind in ("site", "geom"):
@@ -76,10 +94,13 @@ def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return model
 
 
-def plainly_compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Return the model as MuJoCo compiles it, without the output of MuJoCo and Qhull."""
-    with warnings.catch_warnings(action="ignore"), without_c_output():
-        return spec.compile()
+def plainly_compiled(spec: mujoco.MjSpec, warned: list[str] | None = None) -> mujoco.MjModel:
+    """Return the model as MuJoCo compiles it, without the output of MuJoCo and Qhull; `warned` as above."""
+    with warnings.catch_warnings(record=True, action="always") as caught, without_c_output():
+        model = spec.compile()
+    if warned is not None:
+        warned += [str(warning.message) for warning in caught]
+    return model
 
 
 # elements whose numbers MuJoCo's writer rounds to six digits: path, kind, attributes

@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
+import numpy as np
+
 from mechsim.errors import InputError
 
 # a start tag; a `>` in a value does not end it
@@ -72,7 +74,11 @@ def elements_of(text: str, where: str = "the text") -> Element:
     def started(tag: str, attributes: dict[str, str]) -> None:
         start, parent = index_of(parser.CurrentByteIndex), stack[-1] if stack else None
         whole = _TAG.match(text, start)
-        assert whole is not None
+        if whole is None:
+            raise InputError(
+                f"{where}, line {parser.CurrentLineNumber}: MuJoCo does not read the entity that stands for "
+                f"<{tag}>; write its text in its place"
+            )
         element = Element(tag, attributes, start, opened=whole.end(), parent=parent)
         (stack[-1].children if stack else roots).append(element)
         stack.append(element)
@@ -95,8 +101,11 @@ def elements_of(text: str, where: str = "the text") -> Element:
 
 def _indices(text: str, data: bytes) -> Callable[[int], int]:
     """Return a function from the index of a byte to the index of its character."""
-    plain = len(data) == len(text)
-    return lambda byte: byte if plain else len(data[:byte].decode())
+    if len(data) == len(text):
+        return lambda byte: byte
+    # in UTF-8 all bytes but the first of a character are 10xxxxxx
+    starts = np.cumsum((np.frombuffer(data, np.uint8) & 0b11000000) != 0b10000000)
+    return lambda byte: int(starts[byte]) - 1
 
 
 def value_span(text: str, element: Element, name: str) -> tuple[int, int] | None:

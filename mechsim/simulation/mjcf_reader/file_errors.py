@@ -58,11 +58,16 @@ def _ill_formed(path: str) -> InputError | None:
         with open(path, "rb") as file:
             expat.ParserCreate().ParseFile(file)
     except expat.ExpatError as error:
-        return InputError(
-            f"{path}, line {error.lineno}, column {error.offset + 1}: no well-formed XML, "
-            f"{expat.ErrorString(error.code)}; correct the file"
-        )
+        return ill_formed(path, error)
     return None
+
+
+def ill_formed(path: str, error: expat.ExpatError) -> InputError:
+    """Return the error about a file that is no well-formed XML, with its position and cause."""
+    return InputError(
+        f"{path}, line {error.lineno}, column {error.offset + 1}: no well-formed XML, "
+        f"{expat.ErrorString(error.code)}; correct the file"
+    )
 
 
 # largest length, in [m], and largest joint coordinate, in [m] or [rad]

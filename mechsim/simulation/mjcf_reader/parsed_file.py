@@ -1,21 +1,20 @@
 """Parses and compiles files and objects of MuJoCo."""
 
 import os
-import re
-import stat
 import tempfile
-import warnings
 from collections.abc import Iterable
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import mujoco
 
-from mechsim.errors import InputError
+from mechsim.errors import InputError, cut
+from mechsim.model.finding import Finding
 from mechsim.model.links import GROUND
 from mechsim.numerics.arrays import Array
-from mechsim.simulation.mjcf.compiling import compiled, quiet
+from mechsim.simulation.mjcf.compiling import compiled, quiet, warnings_of_mujoco
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
-from mechsim.simulation.mjcf_reader.file_errors import readable_error
+from mechsim.simulation.mjcf_reader.file_errors import MAX_SHOWN, readable_error
+from mechsim.simulation.mjcf_reader.file_text import root_of
 from mechsim.simulation.mjcf_reader.repairs import (
     copy_shapes,
     has_replaceable_meshes,
@@ -24,22 +23,32 @@ from mechsim.simulation.mjcf_reader.repairs import (
     with_possible_inertias,
     without_missing,
 )
-from mechsim.simulation.mjcf_reader.urdf_loops import urdf_specification
+from mechsim.simulation.mjcf_reader.urdf_loops import UrdfFile, urdf_specification
 
-# path of an MJCF or URDF file, or an object of MuJoCo
-MujocoInput: TypeAlias = str | mujoco.MjSpec | mujoco.MjModel
-# maximum size of a file in bytes
-MAX_BYTES = 50_000_000
-_COMMENT = re.compile(r"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>\[]*(?:\[.*?\]\s*)?>", re.DOTALL | re.IGNORECASE)
-_ROOT = re.compile(r"\s*<([A-Za-z_][\w.:-]*)")
-# first line of a pointer file of Git LFS
-_POINTER = "version https://git-lfs"
+# path of an MJCF or URDF file, a URDF file with its loops, or an object of MuJoCo
+MujocoInput: TypeAlias = str | UrdfFile | mujoco.MjSpec | mujoco.MjModel
 SLEEP, IPC = int(mujoco.mjtEnableBit.mjENBL_SLEEP), int(mujoco.mjtEnableBit.mjENBL_IPC)
 
 
+class ParsedFile(NamedTuple):
+    """A file or an object as MuJoCo reads it.
+
+    Attributes:
+        spec: its specification.
+        model: its model; see the function that returns it.
+        remarks: sentences on omissions and repairs.
+        unread: findings on what is not read, and MuJoCo's warnings.
+    """
+
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel | None
+    remarks: list[str]
+    unread: list[Finding]
+
+
 @quiet()
-def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list[str]]:
-    """Return the specification and model of an MJCF or URDF file or an object, and remarks on omissions.
+def parse_file(source: MujocoInput) -> ParsedFile:
+    """Return an MJCF or URDF file or an object with its compiled model.
 
     Meshes, textures and height fields with missing files are omitted, and impossible masses are repaired:
     no joint depends on them.
@@ -47,22 +56,22 @@ def parse_file(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel, list
     Raises:
         InputError: if a file cannot be read or MuJoCo rejects it, with file and line.
     """
-    path, spec = model_label(source), _specification(source)
+    path, (spec, unread) = model_label(source), _specification(source)
     remarks = _disable_sleep(path, spec)
     # compilation extends qpos of keyframes
     coordinate_counts = {key.name: len(key.qpos) for key in spec.keys}
-    model, left_out = compile_repaired(path, spec)
+    model, left_out = compile_repaired(path, spec, unread)
     short = [
         f"keyframe {name!r} has {count} of {model.nq} coordinates: the rest are those of the reference"
         for name, count in coordinate_counts.items()
         if 0 < count < model.nq
     ]
-    return spec, model, remarks + left_out + short
+    return ParsedFile(spec, model, remarks + left_out + short, unread)
 
 
 @quiet()
-def parse_without_meshes(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjModel | None]:
-    """Return the specification of a file or an object with boxes in place of meshes, and the model with them.
+def parse_without_meshes(source: MujocoInput) -> ParsedFile:
+    """Return a file or an object with boxes in place of meshes, and the model with them.
 
     The model is None if the specification is that of the file: if it has no meshes, if their files are
     missing, or if the compiler merges bodies.
@@ -70,80 +79,70 @@ def parse_without_meshes(source: MujocoInput) -> tuple[mujoco.MjSpec, mujoco.MjM
     Raises:
         InputError: as `parse_file`.
     """
-    path, spec = model_label(source), _specification(source)
+    path, (spec, unread) = model_label(source), _specification(source)
     _disable_sleep(path, spec)
     remove_textures(spec)
     if not has_replaceable_meshes(spec):
-        return spec, None
+        return ParsedFile(spec, None, [], unread)
     without_meshes = spec.copy()
     model, _ = compile_repaired(path, spec)
     if not spec.meshes:  # their files are missing
-        return spec, None
+        return ParsedFile(spec, None, [], unread)
     geoms = remove_meshes(without_meshes)
     copy_shapes(without_meshes, model, geoms)
-    return without_meshes, model
+    return ParsedFile(without_meshes, model, [], unread)
 
 
-def _specification(source: MujocoInput) -> mujoco.MjSpec:
-    """Return the specification of a file or an object; the object remains unchanged."""
-    if isinstance(source, str):
-        return _spec_of_file(source, urdf=_root(source) == "robot")
-    return source.copy() if isinstance(source, mujoco.MjSpec) else _spec_of_model(source)
-
-
-def _root(path: str) -> str:
-    """Return the root element of a file; reject files that are not text, or neither MJCF nor URDF."""
-    try:
-        status = os.stat(path)
-        if not stat.S_ISREG(status.st_mode):
-            raise InputError(f"{path} is no regular file; name an MJCF file")
-        if status.st_size > MAX_BYTES:
-            raise InputError(f"{path} has {status.st_size} bytes; an MJCF file has {MAX_BYTES} at most")
-        with open(path, encoding="utf-8-sig") as file:
-            text = file.read()
-    except FileNotFoundError:
-        raise InputError(f"there is no file {path}; name one that can be read") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is no text in UTF-8; name an MJCF file in that encoding") from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
-    if not text.strip():
-        raise InputError(f"{path} is empty; name an MJCF file")
-    match = _ROOT.match(_COMMENT.sub("", text))
-    root = match[1] if match else None
-    if root == "robot" and "<xacro:" in text:
-        raise InputError(
-            f"{path} contains macros of xacro; expand it into URDF (xacro IN -o OUT.urdf) and name that file"
-        )
-    if root == "mujocoinclude":
-        raise InputError(f"{path} is a part that other files include; name the file that includes it")
-    if text.startswith(_POINTER):
-        raise InputError(f"{path} is a pointer of Git LFS, not the file itself; fetch it with git lfs pull")
-    if root not in ("mujoco", "robot"):
-        what = f"begins with <{root}>" if root else "is no XML"
-        raise InputError(f"{path} {what}; an MJCF file begins with <mujoco>, URDF with <robot>")
-    return root
+def _specification(source: MujocoInput) -> tuple[mujoco.MjSpec, list[Finding]]:
+    """Return the specification of a file or an object, which remains unchanged, and what was not read."""
+    if isinstance(source, mujoco.MjSpec):
+        return source.copy(), []
+    if isinstance(source, mujoco.MjModel):
+        return _spec_of_model(source), []
+    file = source if isinstance(source, UrdfFile) else UrdfFile(source)
+    return _spec_of_file(file, urdf=root_of(file.path) == "robot")
 
 
 def model_label(source: MujocoInput) -> str:
     """Return the label of a file or an object in messages."""
     if isinstance(source, str):
         return source
+    if isinstance(source, UrdfFile):
+        return source.path
     if isinstance(source, mujoco.MjSpec):
         return f"MjSpec {source.modelname!r}"
     return f"MjModel {source.names[: source.names.index(0)].decode()!r}" if 0 in source.names else "MjModel"
 
 
-def _spec_of_file(path: str, *, urdf: bool) -> mujoco.MjSpec:
+def _spec_of_file(file: UrdfFile, *, urdf: bool) -> tuple[mujoco.MjSpec, list[Finding]]:
+    if file.loops is not None and not urdf:
+        raise InputError(
+            f"{file.path} is no URDF file, whose loops {file.loops} could close; write them as equalities"
+        )
     try:
-        with warnings.catch_warnings(action="ignore"):
-            return (urdf_specification(path) if urdf else None) or mujoco.MjSpec.from_file(path)
+        with warnings_of_mujoco() as warned:
+            spec, unread = urdf_specification(file) if urdf else (mujoco.MjSpec.from_file(file.path), [])
     except InputError:
         raise
-    except (ValueError, UnicodeError) as error:
-        raise readable_error(path, error) from None
+    except (ValueError, UnicodeError, mujoco.FatalError) as error:
+        raise readable_error(file.path, error) from None
+    return spec, unread + _warnings(warned)
+
+
+def _warnings(texts: Iterable[str]) -> list[Finding]:
+    """Return MuJoCo's warnings as findings, except those on mimics, which are found with their line."""
+    return [
+        Finding(
+            kind="unread",
+            what="MuJoCo",
+            by=1.0,
+            message=f"MuJoCo warns: {cut(' '.join(text.split()), MAX_SHOWN)}",
+            remedy="correct the file",
+            line=None,
+        )
+        for text in dict.fromkeys(texts)
+        if not text.startswith("<mimic>")
+    ]
 
 
 def _spec_of_model(model: mujoco.MjModel) -> mujoco.MjSpec:
@@ -181,12 +180,24 @@ def _disable_sleep(path: str, spec: mujoco.MjSpec) -> list[str]:
 
 
 @quiet()
-def compile_repaired(path: str, spec: mujoco.MjSpec) -> tuple[mujoco.MjModel, list[str]]:
-    """Return the model of a specification, and sentences on omissions and repairs."""
+def compile_repaired(
+    path: str, spec: mujoco.MjSpec, unread: list[Finding] | None = None
+) -> tuple[mujoco.MjModel, list[str]]:
+    """Return the model of a specification, and sentences on omissions and repairs.
+
+    Args:
+        path: path of its file.
+        spec: the specification, which is repaired.
+        unread: findings on the compiler's warnings are added to it.
+    """
     left_out: list[str] = []
     while True:
         try:
-            return compiled(spec), left_out
+            warned: list[str] = []
+            model = compiled(spec, warned)
+            if unread is not None:
+                unread += _warnings(warned)
+            return model, left_out
         except InputError as error:
             repair = without_missing(spec, str(error)) or with_possible_inertias(spec, str(error))
             if not repair:

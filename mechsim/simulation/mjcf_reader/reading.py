@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from mechsim.errors import InputError
+from mechsim.model.finding import Finding
 from mechsim.model.forces import Forces
 from mechsim.model.joints import Joint
 from mechsim.model.links import GROUND, IDENTITY, Link, Pose, Vector
@@ -154,6 +155,7 @@ class MjcfModel:
         fixed: indices of the file's ball and free joints that were removed because they are locked.
         left_out: effects that MuJoCo simulates and the dynamics of this package omit.
         with_meshes: the model with meshes if `spec` has boxes in their place; otherwise None.
+        unread: findings on what of the file was not read, and MuJoCo's warnings.
     """
 
     path: str
@@ -168,6 +170,7 @@ class MjcfModel:
     fixed: tuple[int, ...] = ()
     left_out: tuple[str, ...] = ()
     with_meshes: mujoco.MjModel | None = None
+    unread: tuple[Finding, ...] = ()
 
 
 @quiet()
@@ -239,6 +242,7 @@ def read_model(
         fixed=compiled_file.fixed,
         left_out=tuple(left_out_of_dynamics(model)),
         with_meshes=compiled_file.with_meshes,
+        unread=compiled_file.unread,
     )
 
 
@@ -254,7 +258,7 @@ class _CompiledFile:
         remarks: sentences on changes.
         fixed: indices of the file's ball and free joints that were removed.
         lock: the other locked joints and their values.
-        with_meshes: as in `MjcfModel`.
+        with_meshes, unread: as in `MjcfModel`.
     """
 
     path: str
@@ -265,6 +269,7 @@ class _CompiledFile:
     fixed: tuple[int, ...]
     lock: Mapping[str, LockedAt]
     with_meshes: mujoco.MjModel | None
+    unread: tuple[Finding, ...]
 
 
 def _compiled(
@@ -277,16 +282,13 @@ def _compiled(
     lint: bool,
 ) -> _CompiledFile:
     """Return a file or an object compiled, with names for all elements and bodies fixed as requested."""
-    path, with_meshes, remarks = model_label(source), None, list[str]()
-    if lint:
-        spec, with_meshes = parse_without_meshes(source)
-    else:
-        spec, _, remarks = parse_file(source)
+    path = model_label(source)
+    spec, parsed_model, remarks, unread = parse_without_meshes(source) if lint else parse_file(source)
     try:
         name_elements(spec)
     except ValueError as error:  # MuJoCo reports a repeated name in a URDF file only here
         raise readable_error(path, error) from None
-    model, _ = compile_repaired(path, spec)
+    model, _ = compile_repaired(path, spec, unread if lint else None)
     remarks += ignored_ranges(spec)
     start = model.key_qpos[0].copy() if lint and model.nkey else initial_qpos(path, model, key)
     for key_ in list(spec.keys):  # keyframes do not fit a model with added elements
@@ -300,7 +302,8 @@ def _compiled(
         model, _ = compile_repaired(path, spec)
     model, start = with_pose_chains(spec, model, start, drivers)
     require_numbers(path, spec, model, start)
-    return _CompiledFile(path, spec, model, start, remarks, fixed, lock, with_meshes)
+    with_meshes = parsed_model if lint else None
+    return _CompiledFile(path, spec, model, start, remarks, fixed, lock, with_meshes, tuple(unread))
 
 
 def _link_points(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from mechsim.errors import InputError
+from mechsim.model.finding import Finding
 from mechsim.simulation.mjcf_reader.urdf_sidecar import JointChanges, read_sidecar
 from mechsim.simulation.mjcf_reader.urdf_tree import (
     KINDS,
@@ -30,9 +30,18 @@ from mechsim.simulation.mjcf_reader.urdf_tree import (
     read_urdf,
     rotation_of,
 )
+from mechsim.simulation.mjcf_reader.urdf_unread import unread_elements
 
 # distance in [m] between the two points of a hinge closure along its axis
 HINGE_LENGTH = 0.1
+
+
+@dataclass(frozen=True)
+class UrdfFile:
+    """The path of a URDF file, and that of a sidecar file with loop closures; None without one."""
+
+    path: str
+    loops: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,31 +60,21 @@ class UrdfCoupling:
     b: tuple[str, ...]
 
 
-def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | None:
-    """Return the specification of a URDF file with closed loops; None for MJCF or a file without loops.
-
-    Args:
-        path: path of the file.
-        loops: path of a sidecar file with loop closures.
+def urdf_specification(file: UrdfFile) -> tuple[mujoco.MjSpec, list[Finding]]:
+    """Return the specification of a URDF file with closed loops, and findings on what is not read.
 
     Raises:
-        InputError: if a loop joint cannot be read, with file, joint and remedy.
+        InputError: if the file or a loop joint cannot be read, with file, joint and remedy.
     """
-    tree = read_urdf(path)
-    if tree is None:
-        if loops is not None:
-            raise InputError(
-                f"{path} is no URDF file, whose loops {loops} could close; write them as equalities"
-            )
-        return None
+    tree = read_urdf(file.path)
+    unread = list(unread_elements(tree))
     closures = [closure for reader in DIALECTS for closure in reader(tree)]
     changes = JointChanges()
-    if loops is not None:
-        more, changes = read_sidecar(tree, loops)
+    if file.loops is not None:
+        more, changes, ignored = read_sidecar(tree, file.loops)
         closures += more
+        unread += ignored
     couplings = list(_couplings(tree))
-    if not closures and not couplings:
-        return None
     for joint in tree.second:
         tree.root.remove(joint)
     spec = _specification(tree)
@@ -84,7 +83,7 @@ def urdf_specification(path: str, loops: str | None = None) -> mujoco.MjSpec | N
         _close(spec, tree, closure)
     for coupling in couplings:
         _couple(spec, coupling)
-    return spec
+    return spec, unread
 
 
 def _second_parents(tree: UrdfTree) -> Iterator[LoopClosure]:

@@ -8,7 +8,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mechsim.errors import InputError, needs
+from mechsim.errors import InputError, cut, needs
+from mechsim.files import read_text
+from mechsim.model.finding import Finding
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean
 from mechsim.simulation.mjcf_reader.urdf_tree import (
     KINDS,
@@ -18,6 +20,11 @@ from mechsim.simulation.mjcf_reader.urdf_tree import (
     named_frame,
     numbers_of,
 )
+
+# largest sidecar file in bytes: a robot has a few loops
+MAX_BYTES = 1_000_000
+# largest number of characters of a value in a message
+MAX_SHOWN = 60
 
 
 @dataclass(frozen=True)
@@ -54,85 +61,149 @@ class JointChanges:
                 )
 
 
-def read_sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges]:
-    """Read a sidecar file with the list `closed_loop` of Gepetto or `closures` of scikit-robot."""
+@dataclass(frozen=True)
+class Sidecar:
+    """A sidecar file. Aliases can make its values much longer than its text: none is quoted whole.
+
+    Attributes:
+        path: its path.
+        content: its first level; all scalars are text.
+        lines: key -> its line.
+    """
+
+    path: str
+    content: Mapping[str, Any]
+    lines: Mapping[str, int]
+
+    def error(self, key: str, message: str) -> InputError:
+        """Return the error about a key."""
+        return InputError(f"{self.path}, line {self.lines.get(key, 1)}: {message}")
+
+    def list_of(self, key: str) -> list[Any]:
+        """Return a list; empty if the file has none."""
+        value = self.content.get(key, "")
+        if value in ("", "null", "~"):
+            return []
+        if not isinstance(value, list):
+            raise self.error(key, f"{key} is {_shown(value)}; write a list, as {key}: [NAME]")
+        return value
+
+    def texts(self, key: str) -> list[str]:
+        """Return a list of names or numbers."""
+        return [self.text(key, value) for value in self.list_of(key)]
+
+    def text(self, key: str, value: object) -> str:
+        """Return a name or number of a list."""
+        if not isinstance(value, str):
+            raise self.error(
+                key, f"{key} contains {_shown(value)} where a name or a number belongs; correct it"
+            )
+        return value
+
+
+def _shown(value: object) -> str:
+    return cut(value, MAX_SHOWN) if isinstance(value, str) else f"a {type(value).__name__}"
+
+
+def read_sidecar(tree: UrdfTree, path: str) -> tuple[list[LoopClosure], JointChanges, list[Finding]]:
+    """Read a sidecar file with the list `closed_loop` of Gepetto or `closures` of scikit-robot.
+
+    Returns:
+        The closures, the changes of joints, and findings on keys that are not read.
+    """
+    file = _sidecar(path)
+    for (name, *more), reader in SIDECARS.items():
+        if isinstance(file.content.get(name), list):
+            closures, changes = reader(tree, file)
+            unread = [
+                Finding(
+                    kind="unread",
+                    what=cut(key, MAX_SHOWN),
+                    by=1.0,
+                    message=f"{cut(key, MAX_SHOWN)} is not read",
+                    remedy=f"take it out, or write {', '.join([name, *more])}",
+                    file=path,
+                    line=file.lines.get(key),
+                )
+                for key in file.content
+                if key not in (name, *more)
+            ]
+            return closures, changes, unread
+    first = [names[0] for names in SIDECARS]
+    key = next((name for name in first if name in file.content), "")
+    raise file.error(key, f"it has no list {' or '.join(first)}; write closed_loop: [[FRAME, FRAME]]")
+
+
+def _sidecar(path: str) -> Sidecar:
     with needs("robots"):
         import yaml
+    text = read_text(path, "a file with loop closures", MAX_BYTES)
     try:
-        with open(path, encoding="utf-8") as file:
-            content: Any = yaml.safe_load(file)
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; name a file with loop closures") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        # without constructors of types, which raise errors of their own
+        loader = yaml.BaseLoader(text)
+        root: Any = loader.get_single_node()
+        content: Any = loader.construct_document(root) if isinstance(root, yaml.MappingNode) else {}
+    except (yaml.YAMLError, RecursionError) as error:
         line = getattr(getattr(error, "problem_mark", None), "line", None)
         where = "" if line is None else f", line {line + 1}"
         raise InputError(f"{path}{where} is no YAML; write closed_loop: [[FRAME, FRAME]]") from None
-    lists = content if isinstance(content, dict) else {}
-    for name, reader in SIDECARS.items():
-        if isinstance(lists.get(name), list):
-            return reader(tree, path, lists)
-    raise InputError(f"{path} has no list {' or '.join(SIDECARS)}; write closed_loop: [[FRAME, FRAME]]")
+    return Sidecar(
+        path, content, {key.value: key.start_mark.line + 1 for key, _ in (root.value if content else ())}
+    )
 
 
-def _scikit_robot(
-    tree: UrdfTree, path: str, content: Mapping[str, Any]
-) -> tuple[list[LoopClosure], JointChanges]:
+def _scikit_robot(tree: UrdfTree, file: Sidecar) -> tuple[list[LoopClosure], JointChanges]:
     """Read hinges between two links; their point and axis are in the root frame at zero joint values."""
     closures: list[LoopClosure] = []
-    for number, entry in enumerate(content["closures"], 1):
+    for number, entry in enumerate(file.list_of("closures"), 1):
         name = f"closure{number}"
         if not isinstance(entry, dict) or {"link_a", "link_b", "point", "axis"} - entry.keys():
-            raise InputError(f"{path}: {name} needs link_a, link_b, point and axis; give all four")
+            raise file.error("closures", f"{name} needs link_a, link_b, point and axis; give all four")
         point, axis = (
-            numbers_of(tree, name, re.sub(r"[\[\],]", " ", str(entry[key]))) for key in ("point", "axis")
+            numbers_of(tree, name, " ".join(file.text("closures", number) for number in _items(entry[key])))
+            for key in ("point", "axis")
         )
         length = float(np.linalg.norm(axis))
         if not length > 0.0:
-            raise InputError(f"{path}: the axis of {name} has length 0; give a direction")
+            raise file.error("closures", f"the axis of {name} has length 0; give a direction")
         sides = [
-            tree.fixed_to(tree.require_link(str(entry[key]), name), Frame("", point))
+            tree.fixed_to(tree.require_link(file.text("closures", entry[key]), name), Frame("", point))
             for key in ("link_a", "link_b")
         ]
         # both frames are parallel to the root frame at zero joint values
         closures.append(LoopClosure(name, "hinge", sides[0], sides[1], axis / length))
-    motors = tuple(map(str, _list_of(content, "independent", path)))
-    return closures, JointChanges(motors=motors)
+    return closures, JointChanges(motors=tuple(file.texts("independent")))
 
 
-def _gepetto(tree: UrdfTree, path: str, content: Mapping[str, Any]) -> tuple[list[LoopClosure], JointChanges]:
+def _items(value: object) -> list[Any]:
+    return value if isinstance(value, list) else [value]
+
+
+def _gepetto(tree: UrdfTree, file: Sidecar) -> tuple[list[LoopClosure], JointChanges]:
     """Read pairs of frames in `closed_loop`, each with a `type` of 3d or 6d."""
-    pairs: list[Any] = content["closed_loop"]
-    types = _list_of(content, "type", path) or ["6d"] * len(pairs)
+    pairs = file.list_of("closed_loop")
+    types = file.texts("type") or ["6d"] * len(pairs)
     if len(types) != len(pairs) or not all(isinstance(pair, list) and len(pair) == 2 for pair in pairs):
-        raise InputError(
-            f"{path}: closed_loop needs two frames a loop, and type one entry a loop; correct them"
+        raise file.error(
+            "closed_loop", "closed_loop needs two frames a loop, and type one entry a loop; correct them"
         )
     closures: list[LoopClosure] = []
     for number, (pair, kind) in enumerate(zip(pairs, types, strict=True), 1):
         name = f"closed_loop{number}"
-        if str(kind).lower() not in KINDS:
-            raise InputError(f"{path}: type of loop {number} is {kind!r}; it can be 3d or 6d")
-        a, b = (named_frame(tree, str(frame), name) for frame in pair)
-        closures.append(LoopClosure(name, KINDS[str(kind).lower()], a, b))
-    names, kinds = (_list_of(content, key, path) for key in ("joint_name", "joint_type"))
+        if kind.lower() not in KINDS:
+            raise file.error("type", f"type of loop {number} is {_shown(kind)}; it can be 3d or 6d")
+        a, b = (named_frame(tree, file.text("closed_loop", frame), name) for frame in pair)
+        closures.append(LoopClosure(name, KINDS[kind.lower()], a, b))
+    names, kinds = file.texts("joint_name"), file.texts("joint_type")
     if len(names) != len(kinds):
-        raise InputError(
-            f"{path}: joint_name has {len(names)} entries, joint_type {len(kinds)}; give as many"
+        raise file.error(
+            "joint_name", f"joint_name has {len(names)} entries, joint_type {len(kinds)}; give as many"
         )
-    motors = tuple(map(str, _list_of(content, "name_mot", path)))
-    return closures, JointChanges(dict(zip(map(str, names), map(str, kinds), strict=True)), motors)
+    return closures, JointChanges(dict(zip(names, kinds, strict=True)), tuple(file.texts("name_mot")))
 
 
-def _list_of(content: Mapping[str, Any], key: str, path: str) -> list[Any]:
-    """Return a list of a sidecar file; empty if it has none."""
-    value = content.get(key) or []
-    if not isinstance(value, list):
-        raise InputError(f"{path}: {key} is {value!r}; write a list, as {key}: [NAME]")
-    return value
-
-
-# first list of a sidecar file -> its reader
-SIDECARS: dict[str, Callable[..., tuple[list[LoopClosure], JointChanges]]] = {
-    "closed_loop": _gepetto,
-    "closures": _scikit_robot,
+# first list of a sidecar file and its other keys -> its reader
+SIDECARS: dict[tuple[str, ...], Callable[..., tuple[list[LoopClosure], JointChanges]]] = {
+    ("closed_loop", "type", "joint_name", "joint_type", "name_mot"): _gepetto,
+    ("closures", "independent", "dependent"): _scikit_robot,
 }

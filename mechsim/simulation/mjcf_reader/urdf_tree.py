@@ -1,16 +1,17 @@
 """The links and joints of a URDF file as a tree, frames on its links, and the closures of its loops."""
 
-import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
+from xml.parsers import expat
 
 import numpy as np
 
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean
+from mechsim.simulation.mjcf_reader.file_errors import ill_formed
 
 Element = ElementTree.Element
 Kind = Literal["point", "hinge", "weld"]
@@ -65,13 +66,15 @@ class UrdfTree:
 
     Attributes:
         path: path of the file.
-        root: root element of the file.
+        root: root element of the file, with drake_ for the prefix drake: of tags.
+        lines: element -> its line.
         parents: link -> joint element, parent link and pose in it, for the first joint that names the link.
         second: joints to links that already have a parent.
     """
 
     path: str
     root: Element
+    lines: Mapping[Element, int]
     parents: Mapping[str, tuple[Element, Frame]]
     second: tuple[Element, ...]
 
@@ -119,26 +122,17 @@ class UrdfTree:
         return frame
 
 
-def read_urdf(path: str) -> UrdfTree | None:
-    """Return the tree of a URDF file; None for other files, for which MuJoCo reports errors."""
-    try:
-        with open(path, encoding="utf-8-sig") as file:
-            text = file.read()
-    except (OSError, UnicodeDecodeError):
-        return None
-    if "<robot" not in text:
-        return None
-    # few files declare the prefix of Drake's elements
-    text = re.sub(r"(</?)drake:", r"\1drake_", text)
-    try:
-        root = ElementTree.fromstring(re.sub(r"\bxmlns(:\w+)?=\"[^\"]*\"", "", text))
-    except ElementTree.ParseError:
-        return None
-    if root.tag != "robot":
-        return None
+def read_urdf(path: str) -> UrdfTree:
+    """Return the tree of a URDF file.
+
+    Raises:
+        InputError: for a file that is not well-formed, of which MuJoCo's tolerant parser reads a part.
+    """
+    with open(path, encoding="utf-8-sig") as file:
+        root, lines = _parsed(path, file.read())
     parents: dict[str, tuple[Element, Frame]] = {}
     second: list[Element] = []
-    tree = UrdfTree(path, root, parents, ())
+    tree = UrdfTree(path, root, lines, parents, ())
     for joint in root.findall("joint"):
         child = child_of(joint, "child").get("link", "")
         if child in parents:
@@ -148,7 +142,23 @@ def read_urdf(path: str) -> UrdfTree | None:
                 joint,
                 pose_of(tree, child_of(joint, "parent").get("link", ""), joint.find("origin")),
             )
-    return UrdfTree(path, root, parents, tuple(second))
+    return UrdfTree(path, root, lines, parents, tuple(second))
+
+
+def _parsed(path: str, text: str) -> tuple[Element, dict[Element, int]]:
+    """Return the root of an XML text, whose prefixes need no declaration, and the line of each element."""
+    parser, builder, lines = expat.ParserCreate(), ElementTree.TreeBuilder(), dict[Element, int]()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        lines[builder.start(tag.replace("drake:", "drake_"), attributes)] = parser.CurrentLineNumber
+
+    parser.StartElementHandler, parser.EndElementHandler = start, builder.end
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise ill_formed(path, error) from None
+    return builder.close(), lines
 
 
 def named_frame(tree: UrdfTree, name: str, joint: str) -> Frame:

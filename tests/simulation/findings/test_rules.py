@@ -175,3 +175,24 @@ def test_the_documentation_has_a_section_for_each_rule():
         assert f"({rule.code.lower()})=" in page
         assert f"## {rule.code} {rule.title}" in page
         assert rule.reason in page
+
+
+def test_a_line_end_in_a_name_starts_no_workflow_command(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "a\n::error title=b,c%::d.xml"
+    path.write_text(FAULTS["MS102"])
+    _, out = run(monkeypatch, capsys, str(path), "--output-format", "github")
+    lines = out.out.splitlines()
+    # the file is a property, in which GitHub reads %3A as : and %2C as ,
+    assert f"file={tmp_path}/a%0A%3A%3Aerror title=b%2Cc%25%3A%3Ad.xml,line=7,title=MS102::" in lines[0]
+    assert all(line.startswith(("::error file=", "::warning file=", "::notice file=")) for line in lines)
+    _, out = run(monkeypatch, capsys, str(path))
+    assert not any(line.startswith("::") for line in out.out.splitlines())
+
+
+def test_only_mjcf_is_repaired(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "tree.urdf"
+    path.write_text('<robot name="r"><link name="base"/></robot>')
+    code, out = run(monkeypatch, capsys, str(path), "--fix", str(tmp_path / "out.xml"))
+    assert code == 2
+    assert "tree.urdf is URDF" in out.err
+    assert not (tmp_path / "out.xml").exists()

@@ -1,0 +1,81 @@
+"""Checks the text of an MJCF or URDF file before MuJoCo parses it."""
+
+import os
+import re
+from collections.abc import Iterator
+
+from mechsim.errors import InputError, cut
+from mechsim.files import read_text
+from mechsim.simulation.mjcf_reader.file_errors import MAX_SHOWN
+
+# maximum size of a file in bytes
+MAX_BYTES = 50_000_000
+# what is not closed ends with the text, so that no search is repeated
+_COMMENT = re.compile(
+    r"<!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z)|<!DOCTYPE[^>\[]*(?:\[.*?(?:\]\s*>|\Z)|>|\Z)",
+    re.DOTALL | re.IGNORECASE,
+)
+# reference to an entity that a file declares; its parser would leave it out
+_ENTITY = re.compile(r"&(?!(?:amp|lt|gt|quot|apos);)[A-Za-z_][\w.:-]*;")
+_ROOT = re.compile(r"\s*<([A-Za-z_][\w.:-]*)")
+# first line of a pointer file of Git LFS
+_POINTER = "version https://git-lfs"
+# names of files, and of the folders of meshes and textures
+_FILE = re.compile(r"""\bfile(?:name)?\s*=\s*["']([^"'<>]+)["']""")
+_FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'<>]+)["']""")
+
+
+def root_of(path: str) -> str:
+    """Return the root element of a file; reject files that are not text, or neither MJCF nor URDF."""
+    text = read_text(path, "an MJCF file", MAX_BYTES)
+    if not text.strip():
+        raise InputError(f"{path} is empty; name an MJCF file")
+    bare = _without_comments(text)
+    match = _ROOT.match(bare)
+    root = match[1] if match else None
+    if root == "robot" and "<xacro:" in text:
+        raise InputError(
+            f"{path} contains macros of xacro; expand it into URDF (xacro IN -o OUT.urdf) and name that file"
+        )
+    if root == "mujocoinclude":
+        raise InputError(f"{path} is a part that other files include; name the file that includes it")
+    if text.startswith(_POINTER):
+        raise InputError(f"{path} is a pointer of Git LFS, not the file itself; fetch it with git lfs pull")
+    if root not in ("mujoco", "robot"):
+        what = f"begins with <{root}>" if root else "is no XML"
+        raise InputError(f"{path} {what}; an MJCF file begins with <mujoco>, URDF with <robot>")
+    for source, content in _with_included(path, bare, os.path.dirname(path), {os.path.realpath(path)}):
+        if reference := _ENTITY.search(content):
+            line = content.count("\n", 0, reference.start()) + 1
+            raise InputError(
+                f"{source}, line {line}: MuJoCo does not read the entity {cut(reference[0], MAX_SHOWN)} of "
+                "the file; write its text in its place"
+            )
+    return root
+
+
+def _without_comments(text: str) -> str:
+    """Return XML without comments, declarations and processing instructions, and with their line ends."""
+    return _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text)
+
+
+def _with_included(path: str, bare: str, folder: str, visited: set[str]) -> Iterator[tuple[str, str]]:
+    """Yield a file and those that it includes, with their texts without comments.
+
+    Raises:
+        InputError: if it names a device, a pipe or a directory, for which MuJoCo would wait without end.
+    """
+    yield path, bare
+    folders = [folder, os.path.dirname(path), *(os.path.join(folder, name) for name in _FOLDER.findall(bare))]
+    for name in dict.fromkeys(_FILE.findall(bare)):
+        for inner in dict.fromkeys(os.path.join(directory, name) for directory in folders):
+            if os.path.exists(inner) and not os.path.isfile(inner):
+                raise InputError(f"{path}: it names {inner}, which is no regular file; name another one")
+            if (
+                name.lower().endswith(".xml")
+                and os.path.isfile(inner)
+                and os.path.realpath(inner) not in visited
+            ):
+                visited.add(os.path.realpath(inner))
+                text = _without_comments(read_text(inner, "an MJCF file", MAX_BYTES))
+                yield from _with_included(inner, text, folder, visited)
