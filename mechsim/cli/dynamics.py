@@ -1,6 +1,5 @@
 """Command `mechsim dynamics`: drive torque, joint reactions, energy, speed fluctuation, free motion."""
 
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -40,7 +39,7 @@ from mechsim.cli.output import (
     print_text,
     without_noise,
 )
-from mechsim.cli.progress import Progress, progress
+from mechsim.cli.progress import progress, sections
 from mechsim.errors import InputError
 from mechsim.model.force_record import Fluctuation
 from mechsim.model.mechanism import Mechanism
@@ -199,8 +198,9 @@ def _prescribed(
         _require_memory(model, options.instants)
     time = np.linspace(0.0, profile.duration, options.instants + 1)
     with progress("dynamics", None) as report:
+        # parts of about the same length
         names = ("formulas",) if method == "none" else ("formulas", "MuJoCo", "check")
-        steps = iter(_sections(report, names))
+        steps = iter(sections(report, dict.fromkeys(names, 1.0)))
         study = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
         if weights := options.actuator_weights():
             study = actuated(study, weights)
@@ -274,15 +274,6 @@ def _require_memory(model: DynamicModel, instants: int) -> None:
     numbers = 2.0 * (INSTANT_NUMBERS + 9.0 * joints) + 24.0 * links + 9.0 * points + 20.0 * joints
     name = f"the dynamics of {instants:,} instants by both methods"
     require_memory(name, instants, NUMBER_BYTES * numbers, "take {most} at the most, or --method none")
-
-
-def _sections(report: Progress, names: Sequence[str]) -> list[Any]:
-    """Return a progress callback for each of several tasks of about the same length."""
-
-    def section(i: int, name: str) -> Any:
-        return lambda message, fraction: report(f"{name}, {message}", (i + fraction) / len(names))
-
-    return [section(i, name) for i, name in enumerate(names)]
 
 
 def _free(

@@ -3,7 +3,7 @@
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from typing import Protocol
 
@@ -13,6 +13,8 @@ from mechsim.errors import cut
 
 # remaining time in [s] below which it is not reported
 SHORT = 5.0
+# finished fraction below which the rate says little about the whole
+FIRST_FRACTION = 0.1
 # latest fraction of the elapsed time that determines the rate, so that the estimate follows its changes
 WINDOW = 0.5
 
@@ -44,7 +46,7 @@ class TimeLeft:
         while len(reports) > 2 and reports[1][0] <= oldest:
             reports.popleft()
         (start, before) = reports[0]
-        if not (fraction > before and now > start):
+        if not (fraction > before and now > start and fraction >= FIRST_FRACTION):
             return None
         return (1.0 - fraction) * (now - start) / (fraction - before)
 
@@ -99,6 +101,27 @@ def progress(task: str, total: int | None, *, at_least: bool = False) -> Generat
             show(count, message, fraction, rest)
 
         yield report
+
+
+def sections(report: Progress, shares: Mapping[str, float]) -> list[Callable[[str, float], None]]:
+    """Return a progress callback for each part of a command, which together fill one bar.
+
+    Args:
+        report: callback of the command.
+        shares: name of a part -> its share of the processor time, in any unit.
+    """
+    result: list[Callable[[str, float], None]] = []
+    whole, before = sum(shares.values()), 0.0
+    for name, share in shares.items():
+
+        def section(
+            message: str, fraction: float, name: str = name, before: float = before, share: float = share
+        ) -> None:
+            report(f"{name}, {message}" if message else name, (before + share * fraction) / whole)
+
+        result.append(section)
+        before += share
+    return result
 
 
 @contextmanager

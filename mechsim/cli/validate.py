@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NotRequired, TypedDict
@@ -25,7 +25,7 @@ from mechsim.cli.options import (
     writable,
 )
 from mechsim.cli.output import print_json, print_text
-from mechsim.cli.progress import progress
+from mechsim.cli.progress import progress, sections
 from mechsim.cli.verdict_text import (
     findings_in_json,
     print_agreement,
@@ -45,7 +45,7 @@ from mechsim.studies.agreement.noise import Noise
 from mechsim.studies.certify.certificate import certified_motion
 from mechsim.studies.reference import by_reference
 from mechsim.studies.scene.published_run import PublishedRun
-from mechsim.studies.validate import BUDGET, validate_all
+from mechsim.studies.validate import BUDGET, Validation, validate_all
 from mechsim.subjects import gallery, reference_data
 from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import load
@@ -205,6 +205,40 @@ def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:
     return {names[model] if count[names[model]] == 1 else model: design for model, design in designs.items()}
 
 
+# processor time of drawing the default report, in times of its validation
+DRAWING = 9.0
+
+
+def _cases(
+    designs: Mapping[str, DesignFamily],
+    chosen: ValidateOptions,
+    speed: float,
+    quick: Sequence[str],
+    report: Callable[[str, float], None],
+    as_json: bool,
+) -> dict[str, Validation]:
+    """Return the results of mechanisms by name; print JSON if one of them cannot be assembled."""
+    try:
+        return validate_all(
+            designs,
+            speed=speed,
+            quick=quick,
+            tolerance=chosen.tolerance_in_metres,
+            budget=units.parse_time(chosen.budget, "the budget"),
+            progress=report,
+        )
+    except (AssemblyError, MobilityError) as error:
+        if as_json:
+            outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
+            failed = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
+            entries = {
+                name: failed | findings_in_json(scene_findings(design.make({})))
+                for name, design in designs.items()
+            }
+            print_json({"passed": False, "mechanisms": entries})
+        raise
+
+
 def _validated(
     designs: Mapping[str, DesignFamily],
     chosen: ValidateOptions,
@@ -225,39 +259,23 @@ def _validated(
         as_json: whether the result is printed as JSON.
     """
     speed = crank_speed(chosen.speed)
-    try:
-        with progress("validate", None) as report:
-            cases = validate_all(
-                designs,
-                speed=speed,
-                quick=quick,
-                tolerance=chosen.tolerance_in_metres,
-                budget=units.parse_time(chosen.budget, "the budget"),
-                progress=report,
-            )
-    except (AssemblyError, MobilityError) as error:
-        if as_json:
-            outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
-            failed = {"passed": False, "outcome": outcome, "checks": [], "steps": 0, "seconds": 0.0}
-            entries = {
-                name: failed | findings_in_json(scene_findings(design.make({})))
-                for name, design in designs.items()
-            }
-            print_json({"passed": False, "mechanisms": entries})
-        raise
-    proofs = {name: certified_motion(case.solver) for name, case in cases.items() if chosen.certify}
-    passed = all(case.passed for case in cases.values())
-    data: Any = {
-        "passed": passed,
-        "mechanisms": {
-            name: case.as_dict() | ({"certificate": proofs[name].summary} if proofs else {})
-            for name, case in cases.items()
-        },
-    }
-    if folder is not None:
-        with progress("draw", len(cases)) as report:
-            for note in write_validation_report(folder, cases, data, report, earlier=chosen.report):
-                print_stderr(note)
+    with progress("validate", None) as report:
+        check, draw = sections(report, {"check": 1.0, "draw": 0.0 if folder is None else DRAWING})
+        cases = _cases(designs, chosen, speed, quick, check, as_json)
+        proofs = {name: certified_motion(case.solver) for name, case in cases.items() if chosen.certify}
+        passed = all(case.passed for case in cases.values())
+        data: Any = {
+            "passed": passed,
+            "mechanisms": {
+                name: case.as_dict() | ({"certificate": proofs[name].summary} if proofs else {})
+                for name, case in cases.items()
+            },
+        }
+        report_notes = (
+            () if folder is None else write_validation_report(folder, cases, data, draw, chosen.report)
+        )
+    for note in report_notes:
+        print_stderr(note)
 
     def text() -> None:
         print_cases(cases, f"{speed * 60.0 / REVOLUTION:.4g} rpm", verbose=verbose)

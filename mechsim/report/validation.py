@@ -39,7 +39,7 @@ PLOT_COLOURS, PICTURE_QUALITY = 32, 80
 MAX_PLOTS = 4
 
 # time to draw a mechanism with a video, in times of one without (measured on the default report)
-VIDEO_TIME = 3.0
+VIDEO_TIME = 5.5
 
 
 def write_validation_report(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mechsim.cli.progress import TimeLeft
+from mechsim.cli.progress import TimeLeft, sections
 
 
 def worst_ratio(reports: list[tuple[float, float]], start: float | None = 0.0) -> float:
@@ -52,3 +52,22 @@ def test_no_estimate_exists_before_the_first_progress() -> None:
     estimator = TimeLeft(0.0)
     assert estimator.update(0.0, 5.0) is None
     assert estimator.update(0.5, 5.0) == pytest.approx(5.0)
+
+
+def test_parts_of_a_command_fill_one_bar_in_order() -> None:
+    reported: list[tuple[str, float | None]] = []
+
+    def report(message: str = "", fraction: float | None = None, /) -> None:
+        reported.append((message, fraction))
+
+    check, draw = sections(report, {"check": 1.0, "draw": 9.0})
+    for part, message, fraction in ((check, "", 0.5), (check, "", 1.0), (draw, "rssr", 0.5), (draw, "", 1.0)):
+        part(message, fraction)
+    assert [text for text, _ in reported] == ["check", "check", "draw, rssr", "draw"]
+    assert [fraction for _, fraction in reported] == pytest.approx([0.05, 0.1, 0.55, 1.0])
+
+
+def test_no_estimate_exists_before_a_tenth_of_the_work() -> None:
+    estimator = TimeLeft(0.0)
+    assert estimator.update(0.09, 9.0) is None
+    assert estimator.update(0.1, 10.0) == pytest.approx(90.0)

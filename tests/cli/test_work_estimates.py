@@ -208,24 +208,25 @@ def test_long_work_reports_its_remaining_time(
     def parted(report: progress.Progress) -> None:
         for i in range(1, 4):
             now[0] += 3600.0
-            report(f"{i} steps", i / 10_000)
+            report(f"{i} steps", i / 20)
 
     def short(report: progress.Progress) -> None:
         for i in range(1, 5):
             now[0] += 1.0
             report("", i / 4)
 
-    first, *_, last = lines(counted, 1000)
-    assert first == "work: 1 of 1000, piece, about 67 min left"
-    assert last.endswith("about 65 min left")
+    first, *_, last = lines(counted, 100)
+    # no estimate before a tenth of the work
+    assert first == "work: 3 of 100, piece"
+    assert last.endswith("of 100, piece, about 5 min left")
     # the first report only sets the start
     assert lines(parted) == [
         "work: 1 steps",
-        "work: 2 steps, about 417 days left",
-        "work: 3 steps, about 417 days left",
+        "work: 2 steps, about 18 h left",
+        "work: 3 steps, about 17 h left",
     ]
     assert lines(parted, at_least=True)[1:] == [
-        f"work: {i} steps, about 417 days left at the most" for i in (2, 3)
+        f"work: {i} steps, about {hours} h left at the most" for i, hours in ((2, 18), (3, 17))
     ]
     assert lines(short) == []
     assert [progress.in_words(rest) for rest in (1.0, 100.0, 1e4, 1e6)] == [

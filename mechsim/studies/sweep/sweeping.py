@@ -255,7 +255,7 @@ def run_sweep(
     folder = None if path is None else ChunkFolder(path, sweep_hash, len(chunks))
     finished = {} if folder is None else folder.open(resume=resume)
     table = nothing_measured(task, count)
-    count_finished, lock = len(finished), threading.Lock()
+    count_finished, lock = sum(chunks[i][1] - chunks[i][0] for i in finished), threading.Lock()
 
     def keep(number: int, result: Measured) -> None:
         nonlocal count_finished
@@ -263,8 +263,8 @@ def run_sweep(
             folder.write(number, result)
         _store(table, chunks[number], result.values.values(), result.outcome, result.reason)
         with lock:
-            count_finished += 1
-            progress(f"{chunks[number][1] - chunks[number][0]:,} designs", count_finished / len(chunks))
+            count_finished += chunks[number][1] - chunks[number][0]
+            progress(f"{count_finished:,} of {count:,} designs", count_finished / count)
 
     for number in finished:
         assert folder is not None
