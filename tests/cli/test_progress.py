@@ -61,8 +61,13 @@ def test_parts_of_a_command_fill_one_bar_in_order() -> None:
         reported.append((message, fraction))
 
     check, draw = sections(report, {"check": 1.0, "draw": 9.0})
-    for part, message, fraction in ((check, "", 0.5), (check, "", 1.0), (draw, "rssr", 0.5), (draw, "", 1.0)):
-        part(message, fraction)
+    for section, message, fraction in (
+        (check, "", 0.5),
+        (check, "", 1.0),
+        (draw, "rssr", 0.5),
+        (draw, "", 1.0),
+    ):
+        section(message, fraction)
     assert [text for text, _ in reported] == ["check", "check", "draw, rssr", "draw"]
     assert [fraction for _, fraction in reported] == pytest.approx([0.05, 0.1, 0.55, 1.0])
 
