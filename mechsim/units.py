@@ -52,6 +52,10 @@ Unit = Literal[
     "N m/A",
 ]
 
+# ratio of a number in SI to the number that it replaces, and of a position to the size of the mechanism,
+# above which it was probably given in another unit: a value in mm read as metres is 1,000 times too large
+IMPLAUSIBLE, IMPLAUSIBLE_SIZES = 100.0, 10.0
+
 # largest number of angles in a range; more is an error of the step
 MAX_ANGLES = 10_000_000
 
@@ -198,8 +202,12 @@ def si_angles(value: ArrayLike, name: str = "the angles") -> ArrayLike:
     return parse_angles(value, name) if isinstance(value, str) else value
 
 
-def require_written(text: str, unit: Unit, declared: str, name: str, rest: str = "") -> None:
+def require_written(
+    text: str, unit: Unit, declared: str, name: str, rest: str = "", *, size: float = np.inf
+) -> None:
     """Raise InputError for a number without a unit, other than 0, if its file declares another unit than SI.
+
+    Also for a length that is implausible in SI.
 
     Args:
         text: one or several numbers, separated by commas or colons, or any other text.
@@ -207,17 +215,23 @@ def require_written(text: str, unit: Unit, declared: str, name: str, rest: str =
         declared: unit that the file declares for such quantities.
         name: name of the value in error messages.
         rest: text after the numbers if they are part of a longer one.
-
-    Raises:
-        InputError: if no number of the text has a unit and one is not 0.
+        size: characteristic length of the mechanism in [m], above `IMPLAUSIBLE_SIZES` times which a
+            length is rejected.
     """
     try:
         values = [float(piece) for piece in re.split("[,:]", text)]
     except ValueError:
         return
-    if not any(values) or in_si(1.0, declared, unit) == 1.0:
-        return
     text, own = text.strip(), declared.removesuffix("/s")
+    if in_si(1.0, declared, unit) == 1.0:
+        if unit == "m" and max(map(abs, values)) > IMPLAUSIBLE_SIZES * size:
+            raise InputError(
+                f"{name}: {text}{rest} is in m, and the mechanism has a size of {size:.3g} m; write "
+                f"{text}mm{rest}, or {text}m{rest} if that is meant"
+            )
+        return
+    if not any(values):
+        return
     raise InputError(
         f"{name}: {text}{rest} has no unit; the file is in {own}: write {text}{declared}{rest} "
         f"or {text}{unit}{rest}"

@@ -219,14 +219,13 @@ def forward_dynamics(
         raise InputError("-o writes a run or a response; use --json for --statics and --modes")
     if output.plot is not None and forward.statics:
         raise InputError("--plot draws a run, modes or a response; drop it, or --statics")
-    initial = dict(forward.initial)
-    if forward.statics:
-        return _statics(model, initial, output, forward.assemblies)
-    if forward.modes:
-        return _modes(model, initial, output.plot)
-    if forward.response is not None:
-        return _response(model, forward.response, initial, output)
     release = forward.release(model, source)
+    if forward.statics:
+        return _statics(model, release.initial, output, forward.assemblies)
+    if forward.modes:
+        return _modes(model, release.initial, output.plot)
+    if forward.response is not None:
+        return _response(model, forward.response, release.initial, output)
     # rejects unknown names before the run
     release.quantities(forward.quantities)
     # MuJoCo stops when its steps are short enough
@@ -333,7 +332,9 @@ def _final(result: DynamicRun) -> dict[str, float]:
     return final
 
 
-def _statics(model: DynamicModel, initial: Mapping[str, str], output: Output, assemblies: int) -> Result[Any]:
+def _statics(
+    model: DynamicModel, initial: Mapping[str, float | str], output: Output, assemblies: int
+) -> Result[Any]:
     """Return the equilibria, holding forces of the initial configuration, and the comparison with MuJoCo."""
     mechanism, solutions = model.mechanism, equilibria(model, initial=initial, assemblies=assemblies)
     compared = output.method != "none"
@@ -442,7 +443,7 @@ def _mode_facts(mode: Mode) -> ModeJson:
     }
 
 
-def _modes(model: DynamicModel, initial: Mapping[str, str], plot: str | None) -> Result[Any]:
+def _modes(model: DynamicModel, initial: Mapping[str, float | str], plot: str | None) -> Result[Any]:
     """Return frequencies, damping ratios and shapes of the modes about an equilibrium."""
     equilibrium, name = nearest_equilibrium(model, initial=initial), model.mechanism.name
     if plot is not None:
@@ -476,7 +477,9 @@ def _cycles(equilibrium: Equilibrium) -> dict[str, Motion]:
     return {cycle.title: cycle.motion for cycle in mode_motions(equilibrium)}
 
 
-def _response(model: DynamicModel, requested: str, initial: Mapping[str, str], output: Output) -> Result[Any]:
+def _response(
+    model: DynamicModel, requested: str, initial: Mapping[str, float | str], output: Output
+) -> Result[Any]:
     """Return the frequency response from a load to a quantity."""
     result = frequency_response(model, requested, initial)
     table = result.columns()

@@ -11,7 +11,7 @@ from mechsim.analytic import dynamics
 from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, require_distinct
+from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, require_distinct, warn_about_angle
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
@@ -19,6 +19,7 @@ from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Lo
 from mechsim.model.load_profile import Over, table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Controller, Geared, PlainMotor
+from mechsim.model.quantities import coordinate_units
 from mechsim.studies.release import DURATION, Release
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option
@@ -318,7 +319,8 @@ class InitialOptions:
     initial: tuple[tuple[str, str], ...] = option(
         (),
         "Initial coordinate J.q or rate J.v of a joint; other independent ones keep their start, at rest. "
-        "Joints without --drive move freely.",
+        "Joints without --drive move freely. A bare number is SI, but a length or angle needs its unit "
+        "where the file is in another one.",
         read=pair_of("--initial crank.q=10deg"),
         many=True,
         metavar="J.q=VALUE",
@@ -338,11 +340,20 @@ class InitialOptions:
         """Whether a run is requested."""
         return bool(self.initial or self.until)
 
+    def initial_values(self, model: DynamicModel) -> dict[str, str]:
+        """Return the initial values as text; question angles that are probably in degrees."""
+        kinds = coordinate_units(model.mechanism)
+        for name, text in self.initial:
+            coordinate, _, component = name.rpartition(".")
+            if component == "q" and kinds.get(coordinate) == "rad":
+                warn_about_angle(f"--initial {name}", text, model.solver.written.angle)
+        return dict(self.initial)
+
     def release(self, model: DynamicModel, source: ModelOptions) -> Release:
         """Return the release of a model; the default duration of the run is 1 s."""
         return Release(
             model=model,
-            initial=dict(self.initial),
+            initial=self.initial_values(model),
             prescribed=tuple(name for name, _ in source.drive),
             duration=DURATION if source.duration is None else source.duration,
             until=self.until,

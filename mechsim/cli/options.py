@@ -25,12 +25,10 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.subjects import gallery
 from mechsim.subjects.model_source import READERS
 from mechsim.subjects.readers import load, load_by_motors, parametric_model
-from mechsim.units import option, require_written
+from mechsim.units import IMPLAUSIBLE, option, require_written
 
 # end of a range of angles without a unit, in [rad], above which it is probably in degrees
 LARGEST_RANGE = 10.0 * REVOLUTION
-# ratio of a length without a unit to its default above which it is probably in millimetres
-LENGTH_RATIO = 100.0
 
 
 def warn_about_angle(name: str, text: str, file_unit: str = "rad") -> None:
@@ -68,7 +66,7 @@ def warn_about_parameters(model: str, texts: Mapping[str, str]) -> None:
         unit, default = field.metadata["unit"], field.default
         if unit == "rad" and abs(value) > REVOLUTION:
             questions.append(f"--set {name}={text} is {value:g} rad; was {name}={text}deg meant?")
-        if unit == "m" and isinstance(default, float) and abs(value) > LENGTH_RATIO * abs(default) > 0.0:
+        if unit == "m" and isinstance(default, float) and abs(value) > IMPLAUSIBLE * abs(default) > 0.0:
             questions.append(f"--set {name}={text} is {value:g} m; was {name}={text}mm meant?")
 
 

@@ -212,11 +212,8 @@ def parse_motion_law(
             raise
         raise InputError(f"{subject} {error}, as in {_EXAMPLES[unit]}") from None
     if quantity[1] is None:
-        if declared:
-            rate_unit: Unit = _RATES[unit]
-            units.require_written(text, rate_unit, f"{declared}/s", f"the motion law of {name}")
-        rate = default_unit * float(text)
-        return MotionLaw(f"{rate:.17g}", steady(start(), rate))
+        speed, position = (f"{text.strip()}{declared or unit}{end}" for end in ("/s", ""))
+        raise InputError(f"{subject} has no unit; write {speed} for a speed or {position} for a position")
     try:
         rate = units.parse(text, _RATES[unit])
     except InputError:

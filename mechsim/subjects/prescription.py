@@ -282,8 +282,9 @@ def _locked_coordinates(
             raise InputError(f"joint {name!r} has coordinates {listed}; lock each by its own name")
         elif isinstance(value, str):
             unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
-            units.require_written(value, unit, written.declared(unit), f"the locked position of {name}")
-            locked[first] = units.parse(value, unit, f"the locked position of {name}")
+            what, size = f"the locked position of {name}", mechanism.characteristic_length
+            units.require_written(value, unit, written.declared(unit), what, size=size)
+            locked[first] = units.parse(value, unit, what)
         else:
             locked[first] = number(value)
     return locked

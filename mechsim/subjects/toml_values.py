@@ -142,9 +142,6 @@ def _key_names(name: str) -> tuple[str, ...]:
     return tuple(name_.strip().strip("\"'") for name_ in re.findall(_NAME, name))
 
 
-# ratio of an SI number to the value in the file above which it was probably given in the file's unit: a value
-# in mm read as metres is 1,000 times too large
-IMPLAUSIBLE = 100.0
 # a number followed by letters is a quantity; other text is an expression
 _QUANTITY = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*[^\W\d_eE°%]|.*[°%]")
 
@@ -310,7 +307,7 @@ class Values:
         if units.in_si(1.0, declared, unit) == 1.0 or not math.isfinite(value):
             return
         file_value = abs(self.parameter(before, ("parameters", name)) * self.in_si(1.0, unit))
-        limit = 2.0 * math.pi if unit == "rad" else IMPLAUSIBLE * file_value
+        limit = 2.0 * math.pi if unit == "rad" else units.IMPLAUSIBLE * file_value
         if limit > 0.0 and abs(value) > limit:
             raise InputError(
                 f"{name}: {value:g} is {value:g} {unit}, and the file has {file_value:.6g} {unit}; numbers "

@@ -104,6 +104,10 @@ def test_a_frequency_response_is_tabulated(facts):
     [
         (["--initial", "foo.q=1"], "initial value 'foo.q' is not J.q or J.v"),
         (["--initial", "crank.q=1kg"], "kg"),
+        (["--initial", "crank.q=1", "--initial", "crank.q=2"], "--initial names crank.q twice"),
+        # a four-bar of 0.1 m
+        (["--until", "B.x=90"], "write 90mm, or 90m if that is meant"),
+        (["--drive", "crank=0.3", "--initial", "A.q=0"], "write 0.3rad/s for a speed or 0.3rad for a"),
         (["--until", "B.x"], "event 'B.x' is not QUANTITY=VALUE"),
         (["--until", "distance:A,B=1kg"], "kg"),
         (["--until", "force:A=1"], "needs accelerations or forces"),

@@ -59,7 +59,7 @@ def press(tmp_path):
         ("sensitivity --of B --angles 0,30", "--angles: 0,30 has no unit; the file is in deg"),
         (
             "solve --drive crank=30",
-            "the motion law of crank: 30 has no unit; the file is in deg: write 30deg/s",
+            "'30', has no unit; write 30deg/s for a speed or 30deg for a position",
         ),
         ("solve --drive crank=30*sin(t)", "'30*sin(t)', has no unit, and the file is in deg"),
         (
@@ -71,6 +71,12 @@ def press(tmp_path):
             "the position of P: 60,0,0 has no unit; the file is in mm",
         ),
         ("render --angle 30 -o p.png", "--angle: 30 has no unit"),
+        ("dynamics --initial crank.q=30", "crank.q: 30 has no unit; the file is in deg: write 30deg or"),
+        (
+            "dynamics --statics --initial slide.q=40",
+            "slide.q: 40 has no unit; the file is in mm: write 40mm or",
+        ),
+        ("dynamics --until slide.q=40", "slide.q: 40 has no unit; the file is in mm: write 40mm or"),
     ],
 )
 def test_a_number_without_a_unit_is_rejected_for_a_file_in_mm(mechsim, press, options, sentence):

@@ -22,7 +22,7 @@ def made(text, unit="rad", start=0.3):
     [
         ("600rpm", "rad", 0.3 + 20 * np.pi * TIMES),
         ("-30 deg/s", "rad", 0.3 - np.pi / 6 * TIMES),
-        ("2.5", "rad", 0.3 + 2.5 * TIMES),
+        ("2.5rad/s", "rad", 0.3 + 2.5 * TIMES),
         ("20mm/s", "m", 0.3 + 0.02 * TIMES),
         ("30deg", "rad", np.full_like(TIMES, np.pi / 6)),
         ("12 mm", "m", np.full_like(TIMES, 0.012)),

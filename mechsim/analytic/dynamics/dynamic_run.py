@@ -177,7 +177,7 @@ def run(
     laws = _prescribed_laws(model, prescribed)
     ranges = getattr(model.solver, "ranges", {})
     names = {*values.coordinates, *values.rates, *ranges}
-    event = None if until is None else parse_event(model.mechanism, until)
+    event = None if until is None else parse_event(model.mechanism, until, model.solver.written)
     if event is not None:
         names.update(event.quantity.subjects("joint"))
     equations = equations_of_motion(model, dict.fromkeys(names, 0.0), laws)
@@ -263,7 +263,10 @@ def initial_values(model: DynamicModel, initial: Mapping[str, float | str]) -> I
                 f"{', '.join(names)}"
             )
         unit: Any = mechanism.unit(name) + ("/s" if component == "v" else "")
-        number = units.si(value, unit, f"initial value {quantity}")
+        what, size = f"initial value {quantity}", mechanism.characteristic_length
+        if isinstance(value, str):
+            units.require_written(value, unit, model.solver.written.declared(unit), what, size=size)
+        number = units.si(value, unit, what)
         if not abs(number) < np.inf:
             raise InputError(f"initial value {quantity} is {number}; give a finite number")
         (coordinates if component == "q" else rates)[name] = float(number)

@@ -95,16 +95,24 @@ class Event:
         return np.where(np.abs(difference) < 0.5 * np.pi, difference, np.nan)
 
 
-def parse_event(mechanism: Mechanism, text: str) -> Event:
+def parse_event(mechanism: Mechanism, text: str, written: units.WrittenUnits = units.SI_UNITS) -> Event:
     """Return the event in a text such as "P.y=0", "J.q=90deg" or "distance:P,Q=10mm".
 
+    Args:
+        mechanism: the mechanism.
+        text: quantity and value.
+        written: units that its file declares.
+
     Raises:
-        InputError: for other text, or an unknown name.
+        InputError: for other text, an unknown name, or an ambiguous value without a unit.
     """
     name, sign, value = text.rpartition("=")
     if not sign:
         raise InputError(f"event {text!r} is not QUANTITY=VALUE; write it as P.y=0 or J.q=90deg")
     quantity = state_quantity(name.strip(), mechanism)
+    unit, size = quantity.unit, mechanism.characteristic_length
+    if unit in ("m", "rad"):
+        units.require_written(value, unit, written.declared(unit), f"event {name}", size=size)
     return Event(quantity, _event_value(value.strip(), quantity))
 
 
