@@ -203,7 +203,7 @@ def si_angles(value: ArrayLike, name: str = "the angles") -> ArrayLike:
 
 
 def require_written(
-    text: str, unit: Unit, declared: str, name: str, rest: str = "", *, size: float = np.inf
+    text: str, unit: Unit, declared: str, name: str, rest: str = "", *, length: float = np.inf
 ) -> None:
     """Raise InputError for a number without a unit, other than 0, if its file declares another unit than SI.
 
@@ -215,7 +215,7 @@ def require_written(
         declared: unit that the file declares for such quantities.
         name: name of the value in error messages.
         rest: text after the numbers if they are part of a longer one.
-        size: characteristic length of the mechanism in [m], above `IMPLAUSIBLE_SIZES` times which a
+        length: characteristic length of the mechanism in [m], above `IMPLAUSIBLE_SIZES` times which a
             length is rejected.
     """
     try:
@@ -224,9 +224,9 @@ def require_written(
         return
     text, own = text.strip(), declared.removesuffix("/s")
     if in_si(1.0, declared, unit) == 1.0:
-        if unit == "m" and max(map(abs, values)) > IMPLAUSIBLE_SIZES * size:
+        if unit == "m" and max(map(abs, values)) > IMPLAUSIBLE_SIZES * length:
             raise InputError(
-                f"{name}: {text}{rest} is in m, and the mechanism has a size of {size:.3g} m; write "
+                f"{name}: {text}{rest} is in m, and the mechanism has a size of {length:.3g} m; write "
                 f"{text}mm{rest}, or {text}m{rest} if that is meant"
             )
         return

@@ -282,8 +282,8 @@ def _locked_coordinates(
             raise InputError(f"joint {name!r} has coordinates {listed}; lock each by its own name")
         elif isinstance(value, str):
             unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
-            what, size = f"the locked position of {name}", mechanism.characteristic_length
-            units.require_written(value, unit, written.declared(unit), what, size=size)
+            what, length = f"the locked position of {name}", mechanism.characteristic_length
+            units.require_written(value, unit, written.declared(unit), what, length=length)
             locked[first] = units.parse(value, unit, what)
         else:
             locked[first] = number(value)

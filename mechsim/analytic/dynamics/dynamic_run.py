@@ -263,9 +263,9 @@ def initial_values(model: DynamicModel, initial: Mapping[str, float | str]) -> I
                 f"{', '.join(names)}"
             )
         unit: Any = mechanism.unit(name) + ("/s" if component == "v" else "")
-        what, size = f"initial value {quantity}", mechanism.characteristic_length
+        what, length = f"initial value {quantity}", mechanism.characteristic_length
         if isinstance(value, str):
-            units.require_written(value, unit, model.solver.written.declared(unit), what, size=size)
+            units.require_written(value, unit, model.solver.written.declared(unit), what, length=length)
         number = units.si(value, unit, what)
         if not abs(number) < np.inf:
             raise InputError(f"initial value {quantity} is {number}; give a finite number")

@@ -110,9 +110,9 @@ def parse_event(mechanism: Mechanism, text: str, written: units.WrittenUnits = u
     if not sign:
         raise InputError(f"event {text!r} is not QUANTITY=VALUE; write it as P.y=0 or J.q=90deg")
     quantity = state_quantity(name.strip(), mechanism)
-    unit, size = quantity.unit, mechanism.characteristic_length
+    unit, length = quantity.unit, mechanism.characteristic_length
     if unit in ("m", "rad"):
-        units.require_written(value, unit, written.declared(unit), f"event {name}", size=size)
+        units.require_written(value, unit, written.declared(unit), f"event {name}", length=length)
     return Event(quantity, _event_value(value.strip(), quantity))
 
 
