@@ -37,6 +37,8 @@ REST = 1e-12
 RELATIVE_TOLERANCE, FRICTION_TOLERANCE = 1e-9, 1e-4
 # the same for redundant loops, whose constraints are compliant: rates of Bennett's linkage vibrate by 3e-8
 COMPLIANT_TOLERANCE = 1e-7
+# units of coordinates, and their relative change that is rounding
+COORDINATE_UNITS, ROUNDING = ("m", "rad"), 1e-12
 # order with which the error is extrapolated if the changes by two halvings of the step show at least this
 # order; otherwise the whole change of the last halving counts
 HIGH_ORDER = 3.4
@@ -149,7 +151,7 @@ def crosscheck_forward(
         dynamic_model: the model of the run.
         initial: its initial values.
         tolerance: requested tolerance of joint angles in MuJoCo, in [rad]; other quantities have the same
-            tolerance relative to their largest values. None requests rounding.
+            tolerance relative to their largest values, times `_gains`. None requests rounding.
         progress: called with a text and the finished fraction of a run in MuJoCo.
 
     Raises:
@@ -206,7 +208,7 @@ def _compared_with_mujoco(
     intervals = len(run.time) - 1
     most = min(MAX_STEPS, 2 * STEPS_PER_STEP * run.steps) // intervals
     substeps = max(1, min(most, MIN_STEPS_PER_STEP * run.steps // intervals))
-    coarse, before = stepped(substeps), dict[str, float]()
+    coarse, before, gains = stepped(substeps), dict[str, float](), dict[str, float]()
     floor = _floor(run, dynamic_model, coarse, tolerance)
     while True:
         fine, substeps = stepped(2 * substeps), 2 * substeps
@@ -218,10 +220,13 @@ def _compared_with_mujoco(
             largest = _largest_values(run, compared)
             changes = {name: _change(coarse, fine) for name, _, _, coarse, fine in compared}
             errors = {name: _remaining(change, before.get(name, 0.0)) for name, change in changes.items()}
-            converged = all(errors[name] <= floor * largest[unit] for name, unit, *_ in compared)
+            relative = [(unit, changes[name] / largest[unit]) for name, unit, *_ in compared if largest[unit]]
+            gains |= _gains(relative)
+            floors = {unit: floor * gains.get(unit, 1.0) * largest[unit] for unit in largest}
+            converged = all(errors[name] <= floors[unit] for name, unit, *_ in compared)
             if converged or (finest and tolerance is None):
                 return [
-                    _forward_check(row, times, fine.timestep, errors[row[0]], floor * largest[row[1]])
+                    _forward_check(row, times, fine.timestep, errors[row[0]], floors[row[1]])
                     for row in compared
                 ]
             before = changes
@@ -240,6 +245,29 @@ def _floor(
     if any(friction.dry for friction in dynamic_model.forces.friction):
         return FRICTION_TOLERANCE
     return COMPLIANT_TOLERANCE if stepped.compliant else RELATIVE_TOLERANCE
+
+
+def _gains(changes: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Return the relative change of rates, accelerations and forces over that of coordinates, at least 1.
+
+    A shorter step changes the motion by dq, and its accelerations by da = (da/dq) dq + (da/dv) dv, which is
+    large for stiff springs and dampers. The tolerance of coordinates, times this gain, is that of the others.
+
+    Args:
+        changes: unit of each quantity, and its change by a shorter step relative to the largest value.
+
+    Returns:
+        Unit -> gain; empty if coordinates change by rounding.
+    """
+    largest: dict[str, float] = {}
+    for unit, change in changes:
+        largest[unit] = max(largest.get(unit, 0.0), change)
+    motion = max(largest.get(unit, 0.0) for unit in COORDINATE_UNITS)
+    if not motion > ROUNDING:
+        return {}
+    return {
+        unit: max(1.0, change / motion) for unit, change in largest.items() if unit not in COORDINATE_UNITS
+    }
 
 
 def _remaining(change: float, before: float) -> float:
@@ -372,7 +400,7 @@ def _forward_check(
     exact, _, fine = (value.reshape(len(times), -1) for value in values)
     reason = (
         f"{error:.1e} {unit} by halving MuJoCo's step to {timestep:.3g} s, and {floor:.1e} {unit} of "
-        "compliance and rounding"
+        f"compliance and rounding{'' if unit in COORDINATE_UNITS else ', as in the coordinates'}"
     )
     check = check_of(
         name,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mechsim as ms
+from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.initial_state import InitialValues
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia
@@ -158,3 +159,49 @@ def test_dry_friction_does_not_hide_a_wrong_equilibrium():
     assert crosscheck_equilibrium(stable, model).passed
     tilted_gravity = ms.dynamics.dynamic_model(model.mechanism, replace(forces, gravity=(0.1, -9.81, 0.0)))
     assert crosscheck_equilibrium(stable, tilted_gravity).outcome == "failed"
+
+
+SPRING_ARM = """
+name = "spring arm"
+drivers = ["pivot", "s"]
+[joints.pivot]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "arm" }
+[joints.s]
+kind = "prismatic"
+a = { link = "arm", axis = [1, 0, 0] }
+b = { link = "bob", axis = [1, 0, 0] }
+[links.arm]
+outline = [[0, 0, 0], [1, 0, 0]]
+inertia = { mass = 20, centre = [0.5, 0, 0], moments = [0.1, 1, 1] }
+[links.bob]
+inertia = { mass = 0.05, centre = [0, 0, 0], moments = [1e-5, 1e-5, 1e-5] }
+[points]
+P = { link = "bob" }
+"""
+
+
+def test_accelerations_of_a_stiff_spring_have_the_tolerance_of_the_motion_times_its_stiffness(tmp_path):
+    """A tolerated error of the coordinate changes the acceleration by about k / m times as much."""
+    path, stiffness, mass = tmp_path / "arm.toml", 6e4, 0.05
+    path.write_text(SPRING_ARM)
+    start = {"pivot.q": "20deg", "s.q": "0.5m"}
+
+    def verdict(simulated):
+        exact, other = (
+            ms.dynamics.dynamic_model(
+                ms.load(path),
+                Forces(gravity=(0.0, -9.81, 0.0), joint_springs=(JointSpring("s", k, 0.5),)),
+            )
+            for k in (stiffness, simulated)
+        )
+        run = ms.dynamics.run(exact, initial=start, duration=0.2, samples=30)
+        return crosscheck_forward(run, other, initial_values(other, start))
+
+    result = verdict(stiffness)
+    assert result.passed
+    tolerances = {check.quantity: check.tolerance for check in result.checks}
+    ratio = tolerances["acceleration of s"] / tolerances["coordinate of s"]
+    assert 0.1 * stiffness / mass < ratio < 10.0 * stiffness / mass
+    assert not verdict(stiffness * (1.0 + 1e-4)).passed
