@@ -124,7 +124,7 @@ def test_columns_are_labelled_and_written_in_other_units(mechsim, press, units, 
     assert mechsim(*arguments, "--units", units).out.splitlines()[0].split(",") == list(table)
     run = ("simulate", press, "--speed", "60rpm", "--samples", "5", "-o", "run.csv", "--units", units)
     assert mechsim(*run).code == 0
-    assert {"time [s]", f"angle [{angle}]", f"B.vx [{length}/s]"} <= set(files.read(tmp_path / "run.csv"))
+    assert {"t [s]", f"angle [{angle}]", f"B.vx [{length}/s]"} <= set(files.read(tmp_path / "run.csv"))
 
 
 def test_a_table_in_other_units_reads_back_as_a_reference(mechsim, press):
