@@ -379,7 +379,7 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
 
     Raises:
         InputError: for a driver without a motion law, a law of another coordinate, a law that is not finite
-            or too fast, drivers that all stand still or almost so, or a motion with too many revolutions.
+            or too fast, drivers that all almost stand still, or a motion with too many revolutions.
     """
     if not 0.0 < number(duration) < np.inf:
         raise InputError(f"the duration is {duration} s; give a finite time above 0")
@@ -409,16 +409,13 @@ def make_motion_laws(mechanism: Mechanism, states: Mapping[str, State], duration
         _max_rate(mechanism, name, *derivatives[1:])
         for name, *derivatives in zip(state.drivers, *values, strict=True)
     ]
-    if not max(rates) > 0.0:
-        raise InputError(
-            f"{mechanism.name}: all drivers stand still; give one of them a motion law that moves"
-        )
-    if not max(rates) >= MIN_RATE:
+    if 0.0 < max(rates) < MIN_RATE:
         raise InputError(
             f"{mechanism.name}: the fastest driver moves at {max(rates):.3g} rad/s or characteristic "
             f"lengths per second; give a motion law of at least {MIN_RATE:g}"
         )
-    state = replace(state, rate=max(rates))
+    # of drivers at rest the path parameter is the time
+    state = replace(state, rate=max(rates) or 1.0)
     require_revolutions(mechanism.name, state.revolutions, duration)
     return state
 

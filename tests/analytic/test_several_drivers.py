@@ -97,7 +97,6 @@ def huge_acceleration(time):
     ("states", "output"),
     [
         ({"left": steady(0.0, 1.0)}, "right has no motion law"),
-        ({"left": steady(0.0, 0.0), "right": steady(0.0, 0.0)}, "all drivers stand still"),
         (
             {"left": steady(0.0, 1e299), "right": steady(0.0, 1.0)},
             "rate in the motion law of left is up to 1e.299 rad/s; give",

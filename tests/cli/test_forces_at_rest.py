@@ -1,0 +1,108 @@
+"""Force analysis at rest, under constant motion laws: closed forms of levers, arms and a slider-crank."""
+
+import json
+
+import numpy as np
+import pytest
+
+BELL = """
+name = "bell_crank"
+drivers = ["pivot"]
+motion_laws = { pivot = "0deg" }
+[links.bell]
+inertia = { mass = 0.0, centre = [0, 0, 0], moments = [0, 0, 0] }
+[joints.pivot]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "bell" }
+[points]
+P = { link = "bell", at = [0.2, 0, 0] }
+Q = { link = "bell", at = [0, 0.1, 0] }
+[forces]
+gravity = [0, 0, 0]
+loads.p = { at = "P", force = [0, -100, 0] }
+loads.q = { at = "Q", force = [-200, 0, 0] }
+"""
+# links of 2 kg and 1 kg, 0.5 m and 0.4 m long, with a spring of 3 N m/rad in the elbow
+ARM = """
+name = "arm"
+drivers = ["shoulder", "elbow"]
+motion_laws = { shoulder = "30deg", elbow = "20deg" }
+[links.upper]
+inertia = { mass = 2.0, centre = [0.25, 0, 0], moments = [0.01, 0.01, 0.01] }
+[links.lower]
+inertia = { mass = 1.0, centre = [0.2, 0, 0], moments = [0.01, 0.01, 0.01] }
+[joints.shoulder]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "upper" }
+[joints.elbow]
+kind = "revolute"
+a = { link = "upper", at = [0.5, 0, 0] }
+b = { link = "lower" }
+[points]
+tip = { link = "lower", at = [0.4, 0, 0] }
+[forces]
+gravity = [0, -9.81, 0]
+joint_springs.elbow = { stiffness = "3 N*m/rad" }
+"""
+SHOULDER, ELBOW = np.deg2rad(30.0), np.deg2rad(20.0)
+
+
+@pytest.fixture
+def peaks(mechsim, tmp_path):
+    def run(source, *options):
+        if "\n" in source:
+            path = tmp_path / "file.toml"
+            path.write_text(source)
+            source = str(path)
+        output = mechsim("dynamics", source, "--json", "--samples", "6", *options)
+        data = json.loads(output.out)
+        assert data["passed"]
+        return data
+
+    return run
+
+
+def test_a_bell_crank_at_rest_has_the_force_of_its_loads(peaks):
+    data = peaks(BELL)
+    assert data["reactions"]["pivot"]["force"]["largest"] == pytest.approx(np.hypot(100.0, 200.0))
+    # 200 N at 0.1 m balances 100 N at 0.2 m
+    assert data["drives"]["pivot"]["largest"] == pytest.approx(0.0, abs=1e-12)
+    data = peaks(BELL.replace("-200", "-150"))
+    assert data["drives"]["pivot"]["largest"] == pytest.approx(100.0 * 0.2 - 150.0 * 0.1)
+
+
+def test_a_serial_arm_at_rest_holds_weight_and_spring(peaks):
+    data = peaks(ARM)
+    reach = 0.5 * np.cos(SHOULDER) + 0.2 * np.cos(SHOULDER + ELBOW)
+    shoulder = 9.81 * (2.0 * 0.25 * np.cos(SHOULDER) + reach)
+    elbow = 9.81 * 0.2 * np.cos(SHOULDER + ELBOW) + 3.0 * ELBOW
+    assert data["drives"]["shoulder"]["largest"] == pytest.approx(shoulder)
+    assert data["drives"]["elbow"]["largest"] == pytest.approx(elbow)
+    assert data["reactions"]["shoulder"]["force"]["largest"] == pytest.approx(3.0 * 9.81)
+
+
+def test_a_driver_at_rest_holds_its_link_while_another_moves(peaks):
+    data = peaks(ARM, "--drive", "shoulder=30deg", "--drive", "elbow=1e-3deg*t", "--duration", "1s")
+    torque = 9.81 * np.cos(SHOULDER) * (2.0 * 0.25 + 0.5 + 0.2)
+    assert data["drives"]["shoulder"]["largest"] == pytest.approx(torque, rel=1e-4)
+
+
+def test_a_slider_crank_at_rest_holds_a_force_on_the_slider(peaks, tmp_path):
+    crank, rod, angle, force = 0.04, 0.15, np.deg2rad(50.0), 80.0
+    loads = tmp_path / "loads.csv"
+    loads.write_text("time,B.fx\n0,-80\n1,-80\n")
+    options = ("--drive", "crank=50deg", "--load", str(loads), "--gravity", "0,0,0")
+    data = peaks("slider_crank", *options, "--set", "crank=40mm", "--set", "rod=150mm", "--set", "offset=0mm")
+    swing = np.arcsin(crank * np.sin(angle) / rod)
+    assert data["reactions"]["A"]["force"]["largest"] == pytest.approx(force / np.cos(swing))
+    # F dx/dq of the slider at crank cos q + rod cos swing
+    rate = crank * np.sin(angle) + crank * np.cos(angle) * np.tan(swing)
+    assert abs(data["drives"]["crank"]["largest"]) == pytest.approx(force * rate)
+
+
+@pytest.mark.parametrize("command", ["solve", "simulate", "validate", "show", "certify", "dynamics"])
+def test_other_commands_take_constant_laws(mechsim, command):
+    result = mechsim(command, "four_bar", "--drive", "crank=30deg")
+    assert result.code == 0
