@@ -202,8 +202,7 @@ def _prescribed(
         names = ("formulas",) if method == "none" else ("formulas", "MuJoCo", "check")
         steps = iter(sections(report, dict.fromkeys(names, 1.0)))
         study = prescribed_along(model, *profile.state(time), time=time, progress=next(steps))
-        if weights := options.actuator_weights():
-            study = actuated(study, weights)
+        study = actuated(study, weights) if (weights := options.actuator_weights()) else study
         steady, even = _steady_turns(model, options)
         run, verdict = None, None
         if method != "none":
