@@ -437,7 +437,9 @@ def _peaks(law: State, duration: float) -> Array:
     middle = half * (1.0 + 2.0 * np.arange(INTERVALS))
     for _ in range(HALVINGS):
         try:
-            most = state_in_balls(law, Ball(middle, np.full(len(middle), half * OUTWARD)))[1].magnitude
+            rates = state_in_balls(law, Ball(middle, np.full(len(middle), half * OUTWARD)))[1]
+            # that of a constant rate is one number
+            most = rates.magnitude + 0.0 * middle
         except NOT_ENCLOSED:
             break
         rate = np.abs(law(middle)[1]) + 0.0 * middle

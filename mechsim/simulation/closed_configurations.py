@@ -316,9 +316,9 @@ def _closed_reference(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64],
     starts = starts[np.argsort(outside_limits(model, starts).any(1), kind="stable")]
     closed = close(starts)
     if outside_limits(model, closed).any(1).all():
-        closed = np.concatenate([closed, close(_within_limits(model, starts))])
+        closed = np.concatenate([closed, close(within_limits(model, starts))])
     if outside_limits(model, closed).any(1).all():
-        closed = np.concatenate([closed, close(_random_starts(loops, starts[0]))])
+        closed = np.concatenate([closed, close(random_starts(loops, starts[0]))])
     if not len(closed):
         raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
     return closed[np.argmin(outside_limits(model, closed).any(1))]
@@ -361,7 +361,7 @@ def _require_regular(loops: ModelLoops, reference: Array) -> None:
         )
 
 
-def _within_limits(model: mujoco.MjModel, qpos: Array) -> Array:
+def within_limits(model: mujoco.MjModel, qpos: Array) -> Array:
     """Return configurations, (n, nq), with limited joints moved to the nearest end of their limits."""
     moved, limited = qpos.copy(), limited_joints(model)
     low, high = model.jnt_range[limited].T
@@ -370,12 +370,12 @@ def _within_limits(model: mujoco.MjModel, qpos: Array) -> Array:
     return moved
 
 
-def _random_starts(loops: ModelLoops, start: Array) -> Array:
+def random_starts(loops: ModelLoops, start: Array) -> Array:
     """Return configurations with the limited joints of loops at random within their limits, (n, nq)."""
     model, random = loops.model, np.random.default_rng(0)
     in_loops = model.dof_jntid[np.abs(loops.linearise(start[None])[1][0]).max(0) > 0.0]
     joints = np.intersect1d(in_loops, limited_joints(model))
-    starts = np.repeat(_within_limits(model, start[None]), SEARCHED, 0)
+    starts = np.repeat(within_limits(model, start[None]), SEARCHED, 0)
     low, high = model.jnt_range[joints].T
     starts[:, model.jnt_qposadr[joints]] = random.uniform(low, high, (SEARCHED, len(joints)))
     return starts

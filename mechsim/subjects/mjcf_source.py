@@ -1,6 +1,7 @@
 """A mechanism from an MJCF file, solved by mechsim's loop equations; MuJoCo can run the file itself."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -12,10 +13,11 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.rounded_geometry import Corrected, corrected
-from mechsim.analytic.loops.start import closed_start
+from mechsim.analytic.loops.start import ClosedStart, closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import InputError, MechsimError
+from mechsim.errors import AssemblyError, InputError, MechsimError
 from mechsim.model.finding import HARMLESS, Finding
+from mechsim.model.limits import Ranges
 from mechsim.model.links import VIRTUAL_PREFIX, Pose
 from mechsim.model.mechanism import Mechanism, against
 from mechsim.model.motion import Motion, short_repr
@@ -163,14 +165,10 @@ def read_mjcf(
         raise error if label in str(error) else InputError(f"{label}: {error}") from None
     exact = corrected(model.mechanism)
     # pictures of a scene without gravity have z up, too
-    mechanism, note = exact.mechanism, ""
-    at_start = {name: mechanism.guess_coordinates[name] for name in mechanism.locked}
-    start = closed_start(replace(mechanism, locked=at_start))
+    start = _started(model, exact.mechanism)
     if start.note:
-        note, mechanism = start.note, replace(start.mechanism, locked=mechanism.locked)
-        model = replace(model, qpos=_state(model, mechanism))
-    mechanism = _with_locked_guess(mechanism)
-    mechanism = replace(mechanism, up=against(model.forces.gravity) or "z")
+        model = replace(model, qpos=_state(model, start.mechanism))
+    mechanism = replace(_with_locked_guess(start.mechanism), up=against(model.forces.gravity) or "z")
     return MjcfForm(
         mechanism,
         forces=model.forces,
@@ -180,10 +178,44 @@ def read_mjcf(
             *model.remarks,
             *(finding.one_line for finding in model.unread if finding.remedy != HARMLESS),
             *_corrections(model.gap, exact),
-            *filter(None, [note]),
+            *filter(None, [start.note]),
         ),
         corrected=(exact.moved, exact.rotated),
     )
+
+
+def _started(model: "MjcfModel", mechanism: Mechanism) -> ClosedStart:
+    """Return a mechanism in its assembly nearest to the file's start, within the ranges of its joints.
+
+    A start within them with nearly closed loops stays that of the file.
+    """
+    values, locked = mechanism.guess_coordinates, mechanism.locked
+    started = replace(mechanism, locked={name: values[name] for name in locked})
+    inside = _within_ranges(values, model.limits)
+    has_loops = len(mechanism.joints) > len(mechanism.links)
+    # poses of balls and free joints follow from no coordinate
+    if inside != values and has_loops and len(values) == len(model.qpos):
+        crank = inside[mechanism.drivers[0]] if mechanism.has_crank else 0.0
+        moved = closed_start(replace(started, guess={}, guess_coordinates=inside, start=crank)).mechanism
+        with suppress(AssemblyError):
+            reached = start_poses(moved)[1]
+            outside = [name for name in values if inside[name] != values[name]]
+            listed = ", ".join(f"{name} = {reached[name]:.4g} {mechanism.unit(name)}" for name in outside)
+            note = f"{', '.join(outside)} start outside their ranges in the file; mechsim starts at {listed}"
+            coordinates = {name: reached[name] for name in values}
+            return ClosedStart(replace(moved, locked=locked, guess_coordinates=coordinates), note)
+    start = closed_start(started)
+    return (
+        ClosedStart(replace(start.mechanism, locked=locked), start.note)
+        if start.note
+        else ClosedStart(mechanism)
+    )
+
+
+def _within_ranges(values: Mapping[str, float], limits: Ranges) -> dict[str, float]:
+    """Return joint values moved to the nearest end of their ranges."""
+    unlimited = (-np.inf, np.inf)
+    return {name: float(np.clip(value, *limits.get(name, unlimited))) for name, value in values.items()}
 
 
 def _state(model: "MjcfModel", mechanism: Mechanism) -> Array:

@@ -11,7 +11,7 @@ from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import undetermined_joints
 from mechsim.analytic.loops.start import closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import InputError
+from mechsim.errors import InputError, MechsimError
 from mechsim.model.joint_kinds import FIXED, KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector, vector
@@ -32,13 +32,26 @@ DriverLaw = str | State | FileMotionLaw
 
 
 def prescribed_solver(
-    source: ModelSource, changed: Mapping[str, str | float], prescription: Prescription, *, assembled: bool
+    source: ModelSource,
+    changed: Mapping[str, str | float],
+    prescription: Prescription,
+    *,
+    assembled: bool,
+    guess: Mapping[str, Pose] | None = None,
 ) -> KinematicSolver:
-    """Return the solver of a source; without `assembled`, it keeps the guess of the file, which is faster."""
+    """Return the solver of a source; without `assembled`, it keeps the guess of the file, which is faster.
+
+    Args:
+        source: the model.
+        changed: parameter -> its value as text or in SI.
+        prescription: the requests of the user.
+        assembled: whether its loops are closed.
+        guess: from `written_guess`, if known: it selects the assembly of designs with changed parameters.
+    """
     if prescription.lock_others:
         # the path to a locked value can need the other locks
         at_start = replace(prescription, lock_others=False, lock=dict.fromkeys(prescription.lock))
-        solver = prescribed_solver(source, changed, at_start, assembled=assembled)
+        solver = prescribed_solver(source, changed, at_start, assembled=assembled, guess=guess)
         lock = {**prescription.lock, **dict.fromkeys(undetermined_joints(solver.mechanism))}
         prescription = replace(prescription, lock_others=False, lock=lock)
     description = source.describe(changed, prescription)
@@ -52,12 +65,34 @@ def prescribed_solver(
         if not solver.mechanism.has_crank:
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
         if assembled:
+            if changed:
+                solver = with_written_guess(solver, written_guess(source) if guess is None else guess)
             start = closed_start(solver.mechanism)
             facts = (*solver.facts, *filter(None, [start.note]))
             solver = replace(solver, mechanism=start.mechanism, facts=facts)
     if prescription == Prescription() and not description.motion_laws:
         return solver
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)
+
+
+def written_guess(source: ModelSource) -> Mapping[str, Pose]:
+    """Return the assembly of a model as it is written, without changed parameters; empty if it has none."""
+    with suppress(MechsimError):
+        written = source.describe({}, Prescription(still=True)).solver
+        if isinstance(written, LoopForm) and len(written.mechanism.guess) < len(written.mechanism.links):
+            return start_poses(written.mechanism)[0]
+    return {}
+
+
+def with_written_guess(solver: LoopForm, guess: Mapping[str, Pose]) -> LoopForm:
+    """Return a design in which links without a guess start as in the written one.
+
+    All commands then choose the same assembly of a design.
+    """
+    mechanism, links = solver.mechanism, {link.name for link in solver.mechanism.links}
+    if len(mechanism.guess) == len(links) or set(guess) != links:
+        return solver
+    return replace(solver, mechanism=replace(mechanism, guess={**guess, **mechanism.guess}))
 
 
 def _with_prescription(

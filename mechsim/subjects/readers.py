@@ -26,7 +26,7 @@ from mechsim.subjects.model_source import (
     object_reader,
 )
 from mechsim.subjects.pose_drivers import is_pose_driven, motor_laws
-from mechsim.subjects.prescription import prescribed_solver
+from mechsim.subjects.prescription import prescribed_solver, written_guess
 from mechsim.subjects.python_object import GivenObject
 
 if TYPE_CHECKING:
@@ -211,7 +211,9 @@ def parametric_model(
     changed, prescription = dict(set or {}), _prescription(**options)
     source = open_model(model)
     # an object keeps its own guess
-    solver = prescribed_solver(source, changed, prescription, assembled=not isinstance(source, GivenObject))
+    own = isinstance(source, GivenObject)
+    guess = {} if own else written_guess(source)
+    solver = prescribed_solver(source, changed, prescription, assembled=not own, guess=guess)
     parameters = source.parameters(changed)
     dimensions = parameters.dimensions
     if not dimensions:
@@ -221,7 +223,7 @@ def parametric_model(
         if not values:
             return solver
         texts = {name: as_text(value, dimensions[name].unit) for name, value in values.items()}
-        return prescribed_solver(source, changed | texts, prescription, assembled=assembled)
+        return prescribed_solver(source, changed | texts, prescription, assembled=assembled, guess=guess)
 
     def forces(values: Mapping[str, float]) -> Forces | None:
         return design(values, assembled=False).forces

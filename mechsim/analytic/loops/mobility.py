@@ -8,7 +8,7 @@ import numpy as np
 
 from mechsim.analytic.loops.constraints import LoopSystem, TreeLoops, TreeSolver, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates, LinkPoses, link_poses
-from mechsim.analytic.loops.start import assembled, closed
+from mechsim.analytic.loops.start import all_closed, assembled, closed, disturbed
 from mechsim.errors import STEPPED, AssemblyError, MobilityError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
@@ -100,6 +100,8 @@ def require_no_redundant_drivers(solver: TreeSolver) -> None:
         return
     # at a dead centre a single crank cannot move either: use another pose
     (q,) = generic_poses(loops, start, 1, RANK_TOLERANCE)
+    if _redundant(loops, q):
+        q = _least_redundant(loops, q, start)
     if not np.abs(loops.linearise(q)[0]).max(initial=0.0) < CLOSED:
         return
     mechanism = loops.tree.mechanism
@@ -131,6 +133,29 @@ def require_no_redundant_drivers(solver: TreeSolver) -> None:
             f"--drive {independent[0]}=LAW",
             "overdetermined",
         )
+
+
+def _redundant(loops: TreeLoops, q: Coordinates) -> list[str]:
+    """Return the drivers and locked coordinates that others determine already at a configuration."""
+    mechanism, null_space = loops.tree.mechanism, null_spaces(loops.linearise(q)[1][..., 0])[1]
+    return independent_coordinates(loops, (*mechanism.locked, *mechanism.drivers), null_space)[1]
+
+
+def _least_redundant(loops: TreeLoops, q: Coordinates, start: Coordinates) -> Coordinates:
+    """Return a configuration at which as few drivers as possible are redundant; `q` if none is better.
+
+    At a folded start a driver can stand still although it moves the mechanism elsewhere. It is not redundant
+    if the loops close with it and the independent drivers at other values.
+    """
+    names, redundant = (*loops.tree.mechanism.locked, *loops.tree.mechanism.drivers), _redundant(loops, q)
+    starts = disturbed(replace(loops, driven=()), start)
+    for name in redundant:
+        independent = [each for each in names if each not in redundant]
+        driven = tuple(loops.tree.index_of[each] for each in (*independent, name))
+        moved = all_closed(replace(loops, driven=driven), starts.select(np.arange(1, len(starts))))
+        if len(moved) and len(_redundant(loops, best := moved.select(np.array([0])))) < len(redundant):
+            return _least_redundant(loops, best, start)
+    return q
 
 
 def independent_coordinates(
@@ -404,6 +429,8 @@ def _at_generic_pose(mechanism: Mechanism) -> tuple[TreeSolver, Array]:
     poses = [start, *generic_poses(loops, start, PROBES, RANK_TOLERANCE)]
     poses = [q for q in poses if np.abs(loops.linearise(q)[0]).max(initial=0.0) < CLOSED]
     best = max(poses, key=lambda q: rank(loops.linearise(q)[1][..., 0]))
+    if _redundant(loops, best):
+        best = _least_redundant(loops, best, start)
     return loop_solver(loops, best), loops.linearise(best)[1][..., 0]
 
 

@@ -1,6 +1,7 @@
 """Loops that are open at the start of a scene, and redundant loop constraints."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -209,7 +210,8 @@ def _has_undetermined(scene: Inspected) -> bool:
 
     Loops that close only as well as their rounded dimensions allow are judged by their rank.
     """
+    start = scene.read if scene.closed is None else replace(scene.read, qpos=scene.closed)
     try:
-        return residual_mobility(from_source(scene.read, drivers=scene.drivers)).undetermined != ()
+        return residual_mobility(from_source(start, drivers=scene.drivers)).undetermined != ()
     except (MechsimError, np.linalg.LinAlgError):
         return scene.closed is not None and _representative_joints(scene, _free_directions(scene))[0] > 0

@@ -31,7 +31,12 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
 from mechsim.studies.sweep.measures import FACTS, Turns
-from mechsim.studies.sweep.stepped_runs import released_alone, stepped_alone, stepped_together
+from mechsim.studies.sweep.stepped_runs import (
+    released_alone,
+    stepped_alone,
+    stepped_together,
+    with_closed_start,
+)
 from mechsim.studies.sweep.task import (
     CrankRows,
     Measured,
@@ -253,7 +258,8 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
     for i in index:
         row = np.array([i])
         try:
-            solver = task.subject.make({name: float(values[i]) for name, values in rows.items()})
+            made = task.subject.make({name: float(values[i]) for name, values in rows.items()})
+            solver = with_closed_start(made)
             facts = facts_alone(task, solver) | released_alone(task, solver)
             for name, value in facts.items():
                 result.values[name][i] = value

@@ -166,7 +166,6 @@ def stepped_alone(task: SweepTask, solver: KinematicSolver) -> tuple[dict[str, f
     Raises:
         AssemblyError: if it cannot be assembled along the whole motion.
     """
-    solver = with_closed_start(solver)
     prescribed = prescribed_motion(solver, task.path_speed)
     options: dict[str, Any] = {"method": "step", "settings": task.settings, "samples": task.intervals}
     options |= prescribed

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -13,6 +13,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.subjects.model_source import Prescription
+from mechsim.subjects.prescription import with_written_guess, written_guess
 from mechsim.subjects.python_object import PythonObject
 from mechsim.subjects.readers import as_text, open_model, parametric_model
 from mechsim.subjects.toml_reader import TomlModel
@@ -27,8 +28,7 @@ class OfToml:
     Attributes:
         model: the file.
         fixed: parameter -> text or number in SI, for parameters that are set and do not vary.
-        guess: link -> assembled nominal pose; it selects the assembly of designs if the file has no guess
-            for a link.
+        guess: as from `written_guess`.
         units: parameter -> SI unit.
     """
 
@@ -41,10 +41,7 @@ class OfToml:
         """Return a design."""
         changed = {name: as_text(value, self.units.get(name, "1")) for name, value in values.items()}
         solver = self.model.describe({**self.fixed, **changed}, Prescription()).solver
-        mechanism = solver.mechanism
-        if not isinstance(solver, LoopForm) or len(mechanism.guess) == len(mechanism.links):
-            return solver
-        return replace(solver, mechanism=replace(mechanism, guess={**self.guess, **mechanism.guess}))
+        return with_written_guess(solver, self.guess) if isinstance(solver, LoopForm) else solver
 
 
 @dataclass(frozen=True)
@@ -114,6 +111,6 @@ def swept_subject(
         return SweptSubject(name, solver, result, result.make, closed=solver)
     if isinstance(source, TomlModel) and plain and solver.motion_laws.crank:
         unit_of = {dimension.name: dimension.unit for dimension in result.dimensions.values()}
-        make = OfToml(source, current, solver.mechanism.guess, unit_of)
+        make = OfToml(source, current, written_guess(source), unit_of)
         return SweptSubject(name, solver, result, make)
     return SweptSubject(name, solver, result, result.make)

@@ -355,7 +355,8 @@ def check_sweep(task: SweepTask, result: "Dataset", count: int) -> CheckedDesign
     for i in np.sort(selected):
         row = task.designs.rows(int(i), int(i) + 1)
         try:
-            solver = task.subject.make({name: float(values[0]) for name, values in row.items()})
+            made = task.subject.make({name: float(values[0]) for name, values in row.items()})
+            solver = with_closed_start(made)
             distance, reason = _compared(task, solver)
             worst, reason = (
                 max(worst, distance),
@@ -376,7 +377,6 @@ def _other_method(task: SweepTask) -> str:
 
 def _compared(task: SweepTask, solver: KinematicSolver) -> tuple[float, str]:
     """Return the largest position error between both methods in [m], and the reason if they differ."""
-    solver = with_closed_start(solver)
     prescribed = prescribed_motion(solver, task.path_speed)
     if task.settings is None:
         run = simulate(solver, samples=task.samples, method="pose", **prescribed)

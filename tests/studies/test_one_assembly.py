@@ -1,0 +1,97 @@
+"""One design has one assembly, whatever command makes it, and it is the one nearest to the stated values."""
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.loops.start import start_poses
+from mechsim.model.joints import End, Joint
+from mechsim.model.links import Link, Pose
+from mechsim.model.mechanism import Mechanism
+
+FOUR_BAR = """name = "four_bar"
+units = {{ length = "cm", angle = "deg" }}
+drivers = ["crank"]
+{start}
+[parameters]
+base = 5
+rod = 4
+[joints]
+crank = {{ kind = "revolute", a = {{ link = "ground" }}, b = {{ link = "crank" }} }}
+A = {{ kind = "revolute", a = {{ link = "crank", at = [1, 0, 0] }}, b = {{ link = "rod" }} }}
+B = {{ kind = "revolute", a = {{ link = "rod", at = ["rod",0,0] }}, b = {{ link = "rocker", at = [3,0,0] }} }}
+pivot = {{ kind = "revolute", a = {{ link = "ground", at = ["base", 0, 0] }}, b = {{ link = "rocker" }} }}
+[points]
+B = {{ link = "rocker", at = [3, 0, 0] }}
+"""
+
+
+@pytest.mark.parametrize("start", ["", "start = 135"])
+def test_a_changed_design_has_the_same_assembly_in_solve_and_sweep(tmp_path, start):
+    path = tmp_path / "four_bar.toml"
+    path.write_text(FOUR_BAR.format(start=start))
+    table = ms.sweep(str(path), vary={"base": np.array([0.052, 0.058, 0.062])}, measure=["at:30deg:B.y"])
+    for base, swept in zip((0.052, 0.058, 0.062), table["at:30deg:B.y"].values.ravel(), strict=True):
+        solved = ms.load(path, {"base": base}).positions([np.pi / 6])["B"][0]
+        assert solved[1] == pytest.approx(float(swept), abs=1e-12)
+        # both circles about the crank's end and the pivot pass through B
+        crank_end = 0.01 * np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
+        assert np.linalg.norm(solved - crank_end) == pytest.approx(0.04, abs=1e-12)
+        assert np.linalg.norm(solved - [base, 0.0, 0.0]) == pytest.approx(0.03, abs=1e-12)
+
+
+def platform(height: float) -> Mechanism:
+    """Return a plate on six rods from fixed arms, whose height alone is stated."""
+    base = [np.array([np.cos(a), np.sin(a), 0.0]) * 0.3 for a in np.deg2rad([5, 115, 125, 235, 245, 355])]
+    top = [np.array([np.cos(a), np.sin(a), 0.0]) * 0.2 for a in np.deg2rad([50, 70, 170, 190, 290, 310])]
+    rod = float(np.hypot(0.25, np.linalg.norm(base[0] - top[0])))
+    up = (0.0, 0.0, 1.0)
+    joints: list[Joint] = []
+    for i, (foot, head) in enumerate(zip(base, top, strict=True)):
+        joints += [
+            Joint(f"m{i}", "revolute", End("ground", tuple(foot), up), End(f"arm{i}", axis=up)),
+            Joint(f"a{i}", "spherical", End(f"arm{i}"), End(f"rod{i}")),
+            Joint(f"p{i}", "spherical", End(f"rod{i}", (rod, 0.0, 0.0)), End("plate", tuple(head))),
+        ]
+    links = [Link("plate"), *(Link(f"{kind}{i}") for kind in ("arm", "rod") for i in range(6))]
+    guess = {"plate": Pose(np.array([0.0, 0.0, height]), np.eye(3))}
+    drivers = tuple(f"m{i}" for i in range(6))
+    return Mechanism("platform", tuple(links), tuple(joints), drivers, {"C": ("plate", up)}, guess=guess)
+
+
+@pytest.mark.parametrize("height", [0.25, -0.25])
+def test_a_stated_pose_is_kept_if_the_other_links_can_follow(height):
+    pose = start_poses(platform(height))[0]["plate"]
+    np.testing.assert_allclose(pose.position, [0.0, 0.0, height], atol=1e-12)
+    np.testing.assert_allclose(pose.rotation, np.eye(3), atol=1e-12)
+
+
+def test_all_assemblies_of_two_dyads_are_listed(tmp_path):
+    path = tmp_path / "six_bar.toml"
+    more = (
+        'C = { kind = "revolute", a = { link = "rocker", at = [3, 0, 0] }, b = { link = "tie" } }\n'
+        'D = { kind = "revolute", a = { link = "tie", at = [4,0,0] }, b = { link = "arm", at = [3,0,0] } }\n'
+        'O = { kind = "revolute", a = { link = "ground", at = [9, 0, 0] }, b = { link = "arm" } }\n[points]\n'
+        'D = { link = "tie", at = [4, 0, 0] }\n'
+    )
+    path.write_text(FOUR_BAR.format(start="").replace("[points]\n", more))
+    listed = [points for _, points in ms.load(path).all_assembly_points(np.pi / 6)]
+    assert len(listed) == 4
+
+    def intersections(first, radius, second, other):
+        """Return the two points at distances from two centres."""
+        between = second - first
+        distance = float(np.linalg.norm(between))
+        along = (radius**2 - other**2 + distance**2) / (2.0 * distance)
+        across = np.array([-between[1], between[0], 0.0]) / distance * np.sqrt(radius**2 - along**2)
+        return [first + along * between / distance + sign * across for sign in (1.0, -1.0)]
+
+    crank_end = 0.01 * np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0])
+    expected = [
+        np.concatenate([b, d])
+        for b in intersections(crank_end, 0.04, np.array([0.05, 0.0, 0.0]), 0.03)
+        for d in intersections(b, 0.04, np.array([0.09, 0.0, 0.0]), 0.03)
+    ]
+    for points in listed:
+        both = np.concatenate([points["B"], points["D"]])
+        assert min(np.abs(both - each).max() for each in expected) < 1e-10
