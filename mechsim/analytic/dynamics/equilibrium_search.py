@@ -32,7 +32,7 @@ SAME_EQUILIBRIUM = 1e-6
 FAMILY_STEP, KEPT = 0.1, 0.5
 # distance at which a path along a family has reached another of its equilibria, most steps of the path, and
 # the fraction of the distance to go that a step must cover
-ARRIVED, PATH_STEPS, PROGRESS = 1e-3, 60, 1e-2
+ARRIVED, PATH_STEPS, PROGRESS = 1e-3, 100, 1e-2
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +219,11 @@ def _reached(
     equations: EquationsOfMotion, start: Coordinates, targets: Sequence[Coordinates], dimension: int
 ) -> list[bool]:
     """Return which equilibria a path along a family reaches from one of its equilibria."""
-    reached = [start] * len(targets)
+    nodes = _family_curve(equations, start) if dimension == 1 else [start]
+    reached = [
+        min(nodes, key=lambda q, target=target: float(np.linalg.norm(difference(equations, q, target))))
+        for target in targets
+    ]
     arrived, active = [False] * len(targets), [*range(len(targets))]
     for _ in range(PATH_STEPS):
         steps: list[Coordinates] = []
@@ -241,6 +245,27 @@ def _reached(
             else:
                 reached[k] = end
     return arrived
+
+
+def _family_curve(equations: EquationsOfMotion, start: Coordinates) -> list[Coordinates]:
+    """Return equilibria along a family of dimension one, in both directions until it closes or ends."""
+    nodes, still = [start], np.zeros(1, dtype=np.bool_)
+    for sign in (1.0, -1.0):
+        q, along = start, np.zeros(len(equations.free))
+        for count in range(PATH_STEPS):
+            basis = independent_rates(equations, q)
+            forces = reduced_forces(equations, q, basis[None])
+            right = np.linalg.svd(forces.stiffness[0])[2][-1]
+            tangent = basis @ right
+            forward = sign if not count else 1.0 if tangent @ along > 0.0 else -1.0
+            step = MAX_STEP * forward * right[None]
+            moved, closed = displaced_states(equations, q, basis[None], step, 0.0 * step)
+            (end,) = newton_equilibria(equations, moved.q, still) if closed.all() else (None,)
+            if end is None or (count and np.linalg.norm(difference(equations, end, start)) < MAX_STEP):
+                break
+            q, along = end, forward * tangent
+            nodes.append(end)
+    return nodes
 
 
 def _step_along(
