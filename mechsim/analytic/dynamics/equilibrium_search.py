@@ -261,8 +261,10 @@ def _family_curve(equations: EquationsOfMotion, start: Coordinates) -> list[Coor
             step = MAX_STEP * forward * right[None]
             moved, closed = displaced_states(equations, q, basis[None], step, 0.0 * step)
             (end,) = newton_equilibria(equations, moved.q, still) if closed.all() else (None,)
-            if end is None or (count and np.linalg.norm(difference(equations, end, start)) < MAX_STEP):
+            if end is None:
                 break
+            if count and np.linalg.norm(difference(equations, end, start)) < MAX_STEP:
+                return nodes
             q, along = end, forward * tangent
             nodes.append(end)
     return nodes
