@@ -16,6 +16,7 @@ from mechsim import units
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.files import plain
+from mechsim.model.finding import counted_findings
 from mechsim.numerics.arrays import Array
 
 Units = Annotated[
@@ -129,9 +130,11 @@ def in_colour(text: str, colour: str | None = None) -> str:
     return typer.style(text, fg=colour, bold=True) if coloured else text
 
 
-def pass_or_fail(passed: bool) -> str:
-    """Return the word PASS or FAIL, green or red in a terminal."""
-    return in_colour("PASS", "green") if passed else in_colour("FAIL", "red")
+def pass_or_fail(passed: bool, findings: int = 0) -> str:
+    """Return the word PASS or FAIL, green or red in a terminal, or "PASS, n findings", yellow."""
+    if not passed:
+        return in_colour("FAIL", "red")
+    return in_colour(f"PASS{counted_findings(findings)}", "yellow" if findings else "green")
 
 
 def wrapped(text: str, indent: str = "  ", hanging: str = "    ") -> list[str]:

@@ -11,6 +11,7 @@ import typer
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, command
+from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.load_options import (
     LoadOptions,
     ReleaseOptions,
@@ -32,6 +33,8 @@ from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
 from mechsim.studies.reference import MAX_SAMPLES, drawn_motion, joint_loads, profile_of, weighing
 from mechsim.studies.release import Release
+from mechsim.studies.scene.published_run import runs_as_published
+from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import crank_speed, option, parse_angle
 
 # duration of the animation of one cycle of a mode in [s]
@@ -139,6 +142,10 @@ def render(
     samples = animation.samples(profile.duration, picture, look.overlay, timed=timed)
     both = animation.method == "both"
     motion = drawn_motion(solver, "simulated" if both else animation.method, profile, samples)
+    if animation.method != "closed" and isinstance(solver, MjcfForm) and not runs_as_published(solver):
+        print_stderr(
+            "mechsim: stepped with mechsim's settings: MuJoCo alone runs a file whose drivers are joints"
+        )
     extra: dict[str, Any] = {}
     captions = [] if animation.slow is None else [animation.caption]
     masses: Sequence[LinkMass] = ()

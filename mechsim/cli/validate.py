@@ -78,8 +78,8 @@ class ValidateOptions:
     tolerance: str | None = option(
         None,
         "Tolerance on positions. Default: with --against 1e-8 of the workspace, else rounding for the file's "
-        "formula and 1e-8 of the stroke or the size for stepped runs; if given, an .xml must satisfy it with "
-        "its own settings, too.",
+        "formula, 1e-8 of the stroke or the size for stepped runs, and 1e-3 of the size for an .xml with its "
+        "own settings.",
     )
     plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
 
@@ -314,7 +314,8 @@ def _against(
 
     def text() -> None:
         print_finding_lines(findings)
-        print_agreement(name, agreement, verbose=verbose)
+        warnings = sum(finding.severity != "note" for finding in findings)
+        print_agreement(name, agreement, verbose=verbose, findings=warnings)
         _print_report(chosen.report)
 
     return Result(data, text, agreement.passed)

@@ -11,7 +11,7 @@ import typer
 
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.output import labelled, pass_or_fail, print_table, print_text, width, wrapped
-from mechsim.model.finding import Finding
+from mechsim.model.finding import Finding, counted_findings
 from mechsim.model.masses import summary
 from mechsim.model.motion_laws import CrankProfile, MotionLaws, make_motion_laws
 from mechsim.pictures.number_text import prefixed
@@ -95,23 +95,23 @@ def _echo(lines: Sequence[str]) -> None:
         typer.echo(line)
 
 
-def summary_lines(verdicts: "Mapping[str, Verdict]") -> list[str]:
+def summary_lines(verdicts: "Mapping[str, Verdict]", findings: Mapping[str, int] | None = None) -> list[str]:
     """Return a line for each verdict: the number of checks, PASS or FAIL, and the largest error."""
-    longest = max(map(len, verdicts), default=0)
+    longest, findings = max(map(len, verdicts), default=0), findings or {}
     return [
-        f"  {name:<{longest}}  {len(verdict.checks):>4} checks   {pass_or_fail(verdict.passed)}  "
-        f"{percentage(verdict.checks):>7}"
+        f"  {name:<{longest}}  {len(verdict.checks):>4} checks   "
+        f"{pass_or_fail(verdict.passed, findings.get(name, 0))}  {percentage(verdict.checks):>7}"
         for name, verdict in verdicts.items()
     ]
 
 
-def headline(title: str, passed: bool, seconds: float | None = None) -> str:
-    """Return a title with PASS or FAIL and the duration at the right edge."""
+def headline(title: str, passed: bool, seconds: float | None = None, findings: int = 0) -> str:
+    """Return a title with PASS, with the number of findings, or FAIL, and the duration at the right edge."""
     duration = "" if seconds is None else f"{seconds:.1f} s"
-    columns = width() - len("PASS") - DURATION_WIDTH - 4
+    columns = width() - len(f"PASS{counted_findings(findings)}") - DURATION_WIDTH - 4
     if len(title) > columns:
         title = f"{title[: columns - 4].rsplit(' ', 1)[0]} ..."
-    return f"{title:<{columns}}  {pass_or_fail(passed)}  {duration}".rstrip()
+    return f"{title:<{columns}}  {pass_or_fail(passed, findings)}  {duration}".rstrip()
 
 
 def method_lines(checks: "Sequence[Check]", labels: Mapping[str, str]) -> list[str]:
@@ -221,11 +221,11 @@ def readable(value: float, unit: str) -> str:
     return prefixed(value, unit)
 
 
-def print_agreement(name: str, agreement: "Agreement", *, verbose: bool) -> None:
-    """Print the result for one model: PASS or FAIL, the failed checks, and the likely cause."""
+def print_agreement(name: str, agreement: "Agreement", *, verbose: bool, findings: int = 0) -> None:
+    """Print the result for one model: PASS, with findings in its file, or FAIL with the likely cause."""
     # of a long path the file's name is enough
     source = agreement.source if len(agreement.source) < width() // 2 else Path(agreement.source).name
-    lines = [headline(f"{name} vs {source}", agreement.passed)]
+    lines = [headline(f"{name} vs {source}", agreement.passed, findings=findings)]
     if agreement.passed:
         lines += method_lines(agreement.checks, {"": "compared"})
     else:
@@ -264,7 +264,11 @@ def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool)
         ((_, case),) = cases.items()
         failed = sum(not check.passed for check in case.verdict.checks)
         count = len(case.verdict.checks)
-        result = f"{count} checks passed" if case.passed else f"{failed} of {count} checks failed"
+        result = (
+            f"{count} checks passed{counted_findings(case.warnings)}"
+            if case.passed
+            else f"{failed} of {count} checks failed"
+        )
         hints = "" if verbose else "; -v lists all, --report DIR writes HTML"
         typer.echo(f"{result} (% = error/tolerance{hints})")
     else:
@@ -276,8 +280,11 @@ def print_cases(cases: Mapping[str, "Validation"], speed: str, *, verbose: bool)
 
 def _print_block(name: str, case: "Validation", speed: str, verbose: bool) -> None:
     """Print the comparisons of a mechanism, and the failures."""
-    lines = [headline(f"{name}  {kind(case.solver)}", case.passed, case.seconds)]
+    lines = [headline(f"{name}  {kind(case.solver)}", case.passed, case.seconds, case.warnings)]
     if not case.passed:
+        for finding in case.file_findings or ():
+            if finding.kind == "published" and finding.severity == "error":
+                lines += labelled("remedy", finding.remedy, len("remedy"))
         findings = () if case.formula is None else case.formula.findings
         lines += failure_lines(case.verdict.checks, findings, case.verdict.reason)
     lines += method_lines(case.verdict.checks, METHODS | {"step": _stepped(case, speed)})
@@ -291,7 +298,8 @@ def _print_block(name: str, case: "Validation", speed: str, verbose: bool) -> No
 
 def _print_summary(cases: Mapping[str, "Validation"]) -> None:
     """Print a line for each mechanism, and the number that passed."""
-    _echo(summary_lines({name: case.verdict for name, case in cases.items()}))
+    findings = {name: case.warnings for name, case in cases.items()}
+    _echo(summary_lines({name: case.verdict for name, case in cases.items()}, findings))
     passed = sum(case.passed for case in cases.values())
     seconds = sum(case.seconds for case in cases.values())
     typer.echo(f"  {passed} passed, {len(cases) - passed} failed in {seconds:.1f} s   (% = error/tolerance)")

@@ -63,6 +63,16 @@ class Finding:
         return ", ".join(filter(None, [self.file, line]))
 
 
+def by_severity(*findings: Finding) -> tuple[Finding, ...]:
+    """Return findings, errors first, then warnings."""
+    return tuple(sorted(findings, key=lambda finding: ("error", "warning", "note").index(finding.severity)))
+
+
+def counted_findings(count: int) -> str:
+    """Return ", n findings" for a passed verdict; empty for none."""
+    return f", {count} finding{'s' * (count != 1)}" if count else ""
+
+
 Outcome = Literal[
     # of a comparison, or of a run with a tolerance
     "passed",

@@ -41,8 +41,9 @@ from mechsim.pictures.view.pose_grid import (
     motion_grid,
     quaternions,
 )
-from mechsim.studies.reference import simulated
+from mechsim.studies.reference import stepped
 from mechsim.studies.release import Release
+from mechsim.studies.scene.published_run import runs_as_published
 
 # of a motion with twice the samples: what the page holds, and some between to measure its error at
 SHOWN, MIDDLES = slice(None, None, 2), slice(1, None, 12)
@@ -89,7 +90,8 @@ def halved_grid(name: str, mechanism: Mechanism, motion: Motion, nodes: Array, *
 
 def stepped_ghost(solver: KinematicSolver, run: Motion) -> GhostTrack | None:
     """Return where a stepped run of MuJoCo puts the links; None for a run that broke down."""
-    return None if run.broken else ghost_of("MuJoCo, stepped", solver.mechanism, solver.solve_as(run), run)
+    name = "MuJoCo, the file's own settings" if runs_as_published(solver) else "MuJoCo, stepped"
+    return None if run.broken else ghost_of(name, solver.mechanism, solver.solve_as(run), run)
 
 
 # smallest singular value, relative to the largest, of coordinates that count as independent: rotations are
@@ -220,7 +222,7 @@ def motion_law_grid(solver: LoopForm) -> PoseGrid:
     exact = solver.solve(t=middles)
     grid = replace(grid, error=between(grid, exact, middles))
     with suppress(MechsimError):
-        run = simulated(solver, laws.path_profile, samples=SAMPLES // 2, method="step").motion
+        run = stepped(solver, laws.path_profile, SAMPLES // 2)
         grid = replace(grid, ghost=stepped_ghost(solver, run))
     return grid
 

@@ -17,6 +17,7 @@ from typing import Any
 from mechsim._version import __version__
 from mechsim.errors import OutputError, needs
 from mechsim.files import atomic_path, plain, write_json
+from mechsim.model.finding import counted_findings
 from mechsim.pictures.number_text import number
 from mechsim.verdict.checks import Check
 
@@ -31,6 +32,8 @@ GROWTH = 2.0
 MAX_CHANGES = 20
 # the sparkline of a section shows error / tolerance from this value to 1 on a logarithmic scale
 SPARK_FLOOR = 1e-6
+# what a finding says without a place or a remedy
+NO_FINDING: Mapping[str, Any] = {"severity": "note", "file": "", "line": None, "remedy": ""}
 # outcomes of a case in words
 OUTCOMES = {
     "passed": "all checks passed",
@@ -171,6 +174,7 @@ def render(
     shown = sorted((_shown(section, results) for section in sections), key=lambda case: case["passed"])
     return environment.get_template("report.html").render(
         passed=bool(results["passed"]),
+        warnings=counted_findings(sum(case["warnings"] for case in shown)),
         outcomes=OUTCOMES,
         mechanisms=shown,
         check_count=sum(len(case["checks"]) for case in shown),
@@ -320,15 +324,21 @@ def _shown(section: Section, results: Mapping[str, Any]) -> dict[str, Any]:
     result = results["mechanisms"].get(section.name, {})
     seconds = result.get("seconds")
     costs = {"steps": result.get("steps"), "whole case": None if seconds is None else f"{seconds:.3g} s"}
-    cause = section.cause or next((finding["message"] for finding in result.get("findings") or ()), "")
+    findings = [NO_FINDING | finding for finding in result.get("findings") or ()]
+    cause = section.cause or next((finding["message"] for finding in findings), "")
+    passed = bool(result.get("passed", False))
+    warnings = sum(finding["severity"] != "note" for finding in findings) if passed else 0
     return {
         "section": section,
         "name": section.name,
         "title": section.title or section.name,
-        "passed": bool(result.get("passed", False)),
-        "outcome": result.get("outcome", "failed"),
+        "passed": passed,
+        "warnings": warnings,
+        "outcome": result.get("outcome", "failed") + counted_findings(warnings),
+        "findings": findings,
         "reason": result.get("reason", ""),
-        "cause": cause,
+        # the reason of a failure of the file's own settings contains the finding
+        "cause": "" if cause in result.get("reason", "") else cause,
         "checks": section.checks,
         "methods": [METHODS.get(m, (m, m))[1] for m in dict.fromkeys(c.method for c in section.checks)],
         "rows": list(enumerate(section.checks)),

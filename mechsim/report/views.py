@@ -38,7 +38,7 @@ from mechsim.report.driver_views import (
     platform_of,
     stepped_ghost,
 )
-from mechsim.studies.reference import simulated
+from mechsim.studies.reference import stepped
 from mechsim.studies.validate import Validation
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.model_source import ModelSource
@@ -164,7 +164,7 @@ def _ghost(solver: KinematicSolver, speed: float) -> GhostTrack | None:
     try:
         arcs = solver.crank_range()
         profile = constant(speed, 1.0) if arcs.full else within_range(solver.mechanism, arcs, speed)
-        run = simulated(solver, profile, samples=SAMPLES // 2, method="step").motion
+        run = stepped(solver, profile, SAMPLES // 2)
     except MechsimError:
         return None
     return None if len(run) < SAMPLES // 2 else stepped_ghost(solver, run)

@@ -19,6 +19,8 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array, rms
 from mechsim.simulation import Run, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.scene.published_run import published_motion, runs_as_published
+from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
 from mechsim.verdict.quantities import (
     MOTION,
@@ -67,7 +69,8 @@ def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, sa
 
     Args:
         solver: the mechanism's solver.
-        method: "closed", "simulated" (stepped by MuJoCo) or "posed" (solved by it pose by pose).
+        method: "closed", "simulated" (stepped by MuJoCo) or "posed" (solved by it pose by pose). A file that
+            MuJoCo can run is stepped with its own settings, so that its drift is shown.
         profile: of the crank.
         samples: number of samples; rounded.
     """
@@ -78,8 +81,19 @@ def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, sa
         raise InputError(f"{samples:g} frames or samples requested; give 1 to {MAX_SAMPLES}")
     if method == "closed":
         return solver.solve_along(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
-    method = "step" if method == "simulated" else "pose"
-    return simulated(solver, profile, samples=count, method=method).motion
+    return (
+        stepped(solver, profile, count)
+        if method == "simulated"
+        else simulated(solver, profile, samples=count, method="pose").motion
+    )
+
+
+def stepped(solver: KinematicSolver, profile: CrankProfile, samples: int) -> Motion:
+    """Return a motion stepped by MuJoCo, of a file that MuJoCo can run with its own settings."""
+    if runs_as_published(solver):
+        assert isinstance(solver, MjcfForm)
+        return published_motion(solver, profile, samples)
+    return simulated(solver, profile, samples=samples, method="step").motion
 
 
 def weighing(solver: KinematicSolver) -> dynamics.DynamicModel:

@@ -15,7 +15,7 @@ from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, BudgetError
 from mechsim.files import plain
-from mechsim.model.finding import Finding, Outcome, most_severe
+from mechsim.model.finding import Finding, Outcome, by_severity, counted_findings, most_severe
 from mechsim.model.links import Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, select_instants
@@ -52,6 +52,8 @@ RELATIVE_TOLERANCE = 1e-8
 # It is at most 1e-4 of the stroke, a tenth of the effect of a link 0.1 % long on displacements.
 MAX_SIZE_TO_STROKE = 1e4
 STEPS = 1000
+# Tolerance on a file's own settings, relative to the mechanism's size: the effect of a link 0.1 % long.
+OWN_TOLERANCE = 1e-3
 # processor time in [s] for the stepped runs of one mechanism
 BUDGET = 120.0
 
@@ -106,10 +108,15 @@ class Validation:
         return (*(self.file_findings or ()), *causes)
 
     @property
+    def warnings(self) -> int:
+        """Number of findings in the file that are errors or warnings."""
+        return sum(finding.severity != "note" for finding in self.file_findings or ())
+
+    @property
     def why(self) -> str:
         """What was compared, or the largest error and its likely cause."""
         if self.passed:
-            return f"{self.solver.name} passes {len(self.checks)} checks"
+            return f"{self.solver.name} passes {len(self.checks)} checks{counted_findings(self.warnings)}"
         causes = [] if self.formula is None else [finding.message for finding in self.formula.findings[:1]]
         return "; ".join([self.verdict.reason, *causes])
 
@@ -162,8 +169,8 @@ def case_of(
         speed: crank speed in [rad/s]; for a crank that cannot turn fully the largest speed of its swing.
         quick: leave out the stepped run.
         tolerance: on positions of stepped runs in [m]; an MJCF file's own settings must satisfy it too. None
-            takes 1e-8 of the stroke or the size, and rounding for the formula of the file, and only reports
-            the error of the file's own settings.
+            takes 1e-8 of the stroke or the size, rounding for the formula of the file, and 1e-3 of the size
+            for the file's own settings.
         budget: processor time in [s] for stepped runs. If they do not converge within it, the verdict is
             "failed", and its reason states the budget and the error reached.
         progress: called with a text and the finished fraction, 0 until the end.
@@ -224,10 +231,10 @@ def _validated(solver: KinematicSolver, designs: DesignFamily, speed: float, wor
         except BudgetError as error:
             verdicts["step"] = Verdict("failed", (), str(error))
         if isinstance(solver, MjcfForm) and solver.source is not None:
-            published = published_run(solver, profile)
-            findings = (*(findings or ()), published.finding())
-            if tolerance is not None:
-                verdicts["as published"] = _of_published(published, position)
+            published, own = published_run(solver, profile), own_tolerance(solver.mechanism, tolerance)
+            findings = by_severity(*(findings or ()), published.finding(own.value))
+            if published.run or tolerance is not None:
+                verdicts["as published"] = _of_published(published, own)
     return Validation(
         solver=solver,
         verdict=combined(verdicts),
@@ -255,18 +262,31 @@ def position_tolerance(exact: Motion, mechanism: Mechanism, tolerance: float | N
     return Tolerance(relative * length, "m", f"{relative:.0e} of the {what} of {length:.4g} m")
 
 
-def _of_published(published: PublishedRun, position: Tolerance) -> Verdict:
-    """Return the verdict on a file's own settings."""
+def own_tolerance(mechanism: Mechanism, tolerance: float | None = None) -> Tolerance:
+    """Return the tolerance on a file's own settings: the requested one, or 1e-3 of the mechanism's size."""
+    if tolerance is not None:
+        return Tolerance(tolerance, "m", "requested")
+    length = mechanism.characteristic_length
+    return Tolerance(
+        OWN_TOLERANCE * length, "m", f"{OWN_TOLERANCE:.0e} of the mechanism's size of {length:.4g} m"
+    )
+
+
+def _of_published(published: PublishedRun, allowed: Tolerance) -> Verdict:
+    """Return the verdict on a file's own settings; the reason of a failure begins with the remedy."""
+    finding = published.finding(allowed.value)
+    remedied = ": ".join(filter(None, [finding.remedy, finding.message]))
     if not published.run:
         return Verdict("failed", (), f"not run: {published.note}")
     if published.note:
-        return Verdict("diverged", (), published.note)
-    allowed = replace(position, reason=f"{position.reason}; the file's own settings: {published.label}")
+        return Verdict("diverged", (), remedied)
+    allowed = replace(allowed, reason=f"{allowed.reason}; the file's own settings: {published.label}")
     compared = {("loop residual", ""): published.gaps, ("position", "all points"): published.errors}
-    return concluded(
+    verdict = concluded(
         check_of(kind, subject, error, RecordInstants(published.instants, published.instants_unit), allowed)
         for (kind, subject), error in compared.items()
     )
+    return verdict if verdict.passed else replace(verdict, reason=remedied)
 
 
 def _stepped(

@@ -137,6 +137,24 @@ def test_failed_mechanisms_come_first_with_their_cause(section, tmp_path):
     assert page.index(cause, page.index('<section id="other"')) < page.index("<h3>Verdict")
 
 
+def test_a_passed_file_with_findings_is_marked_and_lists_all(section, tmp_path):
+    listed = [
+        {"message": "loop is soft", "severity": "warning", "line": 7, "file": "", "remedy": "solref 0.002"},
+        {"message": "hip collides", "severity": "warning", "line": 9, "file": "leg.xml", "remedy": "exclude"},
+        {"message": "repeated rows", "severity": "note", "line": None, "file": "", "remedy": ""},
+    ]
+    for findings, verdict in ((listed, "passed, 2 findings"), (listed[2:], "passed")):
+        result = {**passed_result(), "findings": findings}
+        page = report.write_report(tmp_path, results(rssr=result), [section]).read_text(encoding="utf-8")
+        assert f"<h1>Validation {verdict}</h1>" in page
+        assert ('class="verdict some"' in page) == (len(findings) > 1)
+        text = " ".join(Reader(page).text.split())
+        for finding in findings:
+            position = "" if finding["line"] is None else f"line {finding['line']}: "
+            assert f"{position}{finding['message']}" in text
+            assert finding["remedy"] in text
+
+
 def test_the_first_screen_lists_the_methods_that_were_run(section, tmp_path):
     posed = replace(section, name="posed", checks=(check(method="pose"), check(1e-12, method="closed form")))
     steps = {"rssr": passed_result(), "posed": {**passed_result(), "steps": 0}}

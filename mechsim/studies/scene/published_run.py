@@ -1,14 +1,18 @@
 """An MJCF file run in plain MuJoCo with its own settings, and its loop-closure errors."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import mujoco
 import numpy as np
 
-from mechsim.errors import MechsimError
-from mechsim.model.finding import Finding
+from mechsim.analytic.loops.kinematics import link_poses
+from mechsim.analytic.solvers import KinematicSolver
+from mechsim.errors import InputError, MechsimError
+from mechsim.model.finding import Finding, Severity
+from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion, select_instants
 from mechsim.model.motion_laws import CrankProfile, State, steady
 from mechsim.numerics.arrays import Array, worst
 from mechsim.simulation.mjcf.compiling import plainly_compiled
@@ -22,6 +26,8 @@ from mechsim.subjects.mjcf_source import MjcfForm
 MAX_STEPS = 2_000_000
 # approximate number of compared instants
 RECORDS = 4000
+# records per sample of a drawn motion, whose rates are differences between records
+RECORDS_PER_SAMPLE = 10
 SHOWN = ("integrator", "solver", "iterations", "tolerance", "solref")
 
 
@@ -76,21 +82,27 @@ class PublishedRun:
         step = 1e3 * float(self.settings["timestep"])
         return f"timestep {step:g} ms, {self.settings['integrator']}, {self.settings['solver']}{compliance}"
 
-    def finding(self) -> Finding:
-        """Return the result of the run as a finding."""
+    def finding(self, tolerance: float) -> Finding:
+        """Return the result of the run as a finding: an error beyond a tolerance in [m], else a note."""
+        message, remedy = f"with the file's own settings ({self.label}) {self.note}", ""
+        severity: Severity = "error" if self.run else "warning"
         if not self.run:
             message = f"the file's own settings ({self.label}) are not checked: {self.note}"
-            return Finding(kind="published", what=self.path, by=0.0, explains=0.0, message=message)
-        if self.note:
-            message, remedy = f"with the file's own settings ({self.label}) {self.note}", ""
-        else:
+        elif not self.note:
             message = (
                 f"with the file's own settings ({self.label}) loops open by up to {self.gap:.2g} m, and "
                 f"points are up to {self.error:.2g} m from the exact closure"
             )
-            remedy = "`mechsim tune` finds settings for a tolerance; --tolerance LENGTH makes this count"
+            severity = "note" if max(self.gap, self.error) <= tolerance else "error"
+        if severity == "error":
+            remedy = f"`mechsim tune {self.path} --tolerance {tolerance:.2g}m -o tuned.xml` finds settings"
         return Finding(
-            kind="published", what=self.path, by=self.gap, explains=0.0, message=message, remedy=remedy
+            kind="published",
+            what=self.path,
+            by=self.gap if self.run else 0.0,
+            message=message,
+            remedy=remedy,
+            severity=severity,
         )
 
 
@@ -156,6 +168,70 @@ def published_scene(source: MjcfForm, profile: CrankProfile | None = None) -> tu
         qpos=source.source.qpos,
     )
     return scene, f"{', '.join(ctrl)} fed" if ctrl else "its drivers carried by virtual drive inertia"
+
+
+def runs_as_published(solver: KinematicSolver) -> bool:
+    """Return whether a mechanism is that of a file which plain MuJoCo can run: its drivers are joints."""
+    if not isinstance(solver, MjcfForm) or solver.source is None or not Path(solver.source.path).is_file():
+        return False
+    return set(solver.mechanism.drivers) <= {joint.name for joint in solver.source.spec.joints}
+
+
+def published_motion(source: MjcfForm, profile: CrankProfile, samples: int) -> Motion:
+    """Return the motion of a file with its own settings, with gaps in its loops.
+
+    Links have the poses of MuJoCo's bodies. Rates are differences between records.
+
+    Args:
+        source: mechanism for which `runs_as_published` is true.
+        profile: motion of the crank, used without motion laws.
+        samples: number of evenly spread samples after the first; each is the nearest record.
+
+    Raises:
+        MechsimError: if the scene cannot start, or its run diverges at once.
+    """
+    scene, _ = published_scene(source, profile)
+    run = run_scene(scene, records=RECORDS_PER_SAMPLE * samples)
+    if len(run.time) < 3:
+        raise InputError(f"{scene.path}: with the file's own settings {run.broken or 'it takes two steps'}")
+    tree, state = scene.closure.loops.tree, scene.closure.coordinates_of(run.qpos)
+
+    def rates(values: Array) -> tuple[Array, Array, Array]:
+        rate = np.gradient(values, run.time, axis=0)
+        return values, rate, np.gradient(rate, run.time, axis=0)
+
+    poses, joints = link_poses(tree, state), dict[str, JointMotion]()
+    for branch in tree.branches:
+        if branch.kind.dof == 1:
+            values = rates(state.values[branch.first])
+            joints[branch.joint.name] = JointMotion(*values, unit="m" if branch.kind.slides else "rad")
+    links = {
+        name: _link_motion(
+            rates, np.moveaxis(poses.position[i], -1, 0), np.moveaxis(poses.rotation[i], -1, 0)
+        )
+        for name, i in tree.links.items()
+    }
+    points = {name: PointMotion(*rates(run.points[:, k])) for k, name in enumerate(scene.tracked)}
+    crank = joints[source.mechanism.crank.name] if source.motion_laws.crank else None
+    path = crank or JointMotion(*source.motion_laws.path_profile.state(run.time))
+    drivers = () if crank else source.motion_laws.drivers
+    motion = Motion(
+        "step", path.value, path.rate, path.acceleration, points, links, joints, run.time, loop_gaps(run),
+        broken=run.broken, drivers=drivers,
+    )  # fmt: skip
+    instants = np.linspace(0.0, scene.duration, samples + 1)
+    rows = np.abs(run.time - instants[instants <= run.time[-1] * (1.0 + 1e-9)][:, None]).argmin(1)
+    return select_instants(motion, np.unique(rows))
+
+
+def _link_motion(
+    rates: Callable[[Array], tuple[Array, Array, Array]], position: Array, rotation: Array
+) -> LinkMotion:
+    """Return the motion of a link from its positions (n, 3) and rotations (n, 3, 3)."""
+    _, velocity, acceleration = rates(position)
+    spin = rates(rotation)[1] @ np.swapaxes(rotation, 1, 2)  # cross-product matrix of the angular velocity
+    angular = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], 1)
+    return LinkMotion(position, rotation, velocity, angular, acceleration, rates(angular)[1])
 
 
 def loop_gaps(run: SceneRun) -> Array:
