@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,12 +62,21 @@ class Controller:
         return {self.coordinate, *(name for name, _ in self.inputs)}
 
     def effort(self, values: Mapping[str, Array], rates: Mapping[str, Array], time: Array) -> Array:
-        """Return the torque [N m] or force [N] at coordinates and rates in SI and times in [s], (n,) each."""
+        """Return the torque [N m] or force [N] at coordinates and rates in SI and times in [s], (n,) each.
+
+        Complex steps of coordinates and rates are propagated.
+        """
         variables = {
             f"state_{k}_": (values if letter == "q" else rates)[name]
             for k, (name, letter) in enumerate(self.inputs)
         }
-        return np.broadcast_to(self._expression({**variables, "t": time}), time.shape)
+        real = {name: np.real(value) for name, value in variables.items()} | {"t": time}
+        if not any(np.iscomplexobj(value) for value in variables.values()):
+            return np.broadcast_to(self._expression(real), time.shape)
+        result, derivatives = self._expression.derivatives(real)
+        change = sum(derivatives[name] * np.imag(value) for name, value in variables.items())
+        with_change: Any = result + 1j * change
+        return with_change
 
     def check(self, mechanism: Mechanism) -> None:
         """Raise InputError if the mechanism lacks one of the coordinates."""

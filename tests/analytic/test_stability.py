@@ -184,3 +184,29 @@ def test_a_derivative_has_an_error_estimate_that_holds():
         exact = 1.0 / np.cosh(0.3) ** 2 / width
         assert abs(value - exact) <= max(4.0 * error, 1e-13 * exact)
         assert error <= 1e-6 * exact
+
+
+def test_the_derivatives_of_a_controller_count(equilibria):
+    # an upright arm under a controller of stiffness 20 N m and damping -3 N m s, unstable by its damping only
+    forces = WEIGHT + 'controllers.h = "-20*(h.q - pi/2) + 3*h.v"\n'
+    _, states = equilibria(forces, start=1.5)
+    (upright,) = [state for state in states if abs(state.q["h"] - np.pi / 2.0) < 1e-9]
+    exact = np.roots([J, -3.0, 20.0 - MOMENT])
+    assert upright.stable is False
+    assert upright.modes[0].eigenvalue == pytest.approx(exact[exact.imag > 0.0][0], rel=1e-12)
+
+
+def test_a_load_over_the_crank_angle_changes_the_stiffness(equilibria):
+    profile = ms.load_profile.harmonics([0.0], [3.0])
+    model, _ = equilibria(WEIGHT)
+    states = ms.dynamics.equilibria(
+        model.mechanism, ms.Forces(gravity=(0.0, -9.81, 0.0), crank_torque=profile)
+    )
+    # 3 sin q - m g c cos q = 0, K = -(3 cos q + m g c sin q)
+    angle = np.arctan2(MOMENT, 3.0)
+    for state in states:
+        assert np.sin(state.q["h"] - angle) == pytest.approx(0.0, abs=1e-10)
+        stiffness = -(3.0 * np.cos(state.q["h"]) + MOMENT * np.sin(state.q["h"]))
+        assert state.linear.stiffness[0, 0] == pytest.approx(stiffness, rel=1e-9)
+        assert state.stable is bool(stiffness > 0.0)
+    assert len(states) == 2
