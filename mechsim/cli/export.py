@@ -107,7 +107,8 @@ def export(
         str | None,
         typer.Argument(
             metavar="[MODEL]",
-            help="A name from `mechsim list`, FILE.toml, FILE.xml, FILE.urdf or FILE.py:OBJECT.",
+            help="A name from `mechsim list`, FILE.toml, FILE.xml, FILE.urdf or FILE.py:OBJECT, which is "
+            "code and is run.",
         ),
     ] = None,
     *,

@@ -132,7 +132,7 @@ Model = Annotated[
     typer.Argument(
         metavar="MODEL",
         help="A name from `mechsim list`, FILE.toml, FILE.xml (MJCF), FILE.urdf, FILE.json, FILE.pmks or "
-        "FILE.py:OBJECT.",
+        "FILE.py:OBJECT, which is code and is run.",
         autocompletion=complete_models,
     ),
 ]

@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NotRequired, TypedDict
 
@@ -12,6 +12,7 @@ import typer
 from mechsim import units
 from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import JSON_OPTION, Result, command
 from mechsim.cli.exit_codes import print_stderr
@@ -81,6 +82,7 @@ class ValidateOptions:
         "formula, 1e-8 of the stroke or the size for stepped runs, and 1e-3 of the size for an .xml with its "
         "own settings.",
     )
+    formula: bool = option(True, "Whether to run the formulas that files name, which are Python code.")
     plot: str | None = option(None, "Draw the quantity farthest off with --against.", metavar="FILE")
 
     @property
@@ -140,8 +142,8 @@ def validate(
         list[str] | None,
         typer.Argument(
             metavar="[MODEL]...",
-            help="Names, FILE.toml, .xml, .urdf or FILE.py:OBJECT. Default: the catalogue, and the gallery "
-            "without stepping.",
+            help="Names, FILE.toml, .xml, .urdf or FILE.py:OBJECT, which is code and is run. Default: the "
+            "catalogue, and the gallery without stepping.",
         ),
     ] = None,
     *,
@@ -193,9 +195,21 @@ def _validate(
         options = "--set changes" if sets else "--drive, --lock, --key and --track change"
         raise InputError(f"{options} one mechanism; name it")
     designs = _by_name({model: load_parametric(model, sets, driven) for model in names})
+    if not chosen.formula:
+        designs = {name: _without_formula(design) for name, design in designs.items()}
     report_code([design.make({}) for design in designs.values()])
     quick = () if models or chosen.whole_gallery else list(gallery.files())
     return _validated(designs, chosen, quick, folder, verbose=verbose, as_json=as_json)
+
+
+def _without_formula(design: DesignFamily) -> DesignFamily:
+    """Return a parametric model without the formula of its file."""
+
+    def make(values: Mapping[str, float]) -> KinematicSolver:
+        solver = design.make(values)
+        return replace(solver, formula="") if isinstance(solver, LoopForm) else solver
+
+    return replace(design, make=make)
 
 
 def _by_name(designs: Mapping[str, DesignFamily]) -> dict[str, DesignFamily]:

@@ -188,7 +188,8 @@ def _newton_solve(integrals: Array, jacobian: Array) -> Callable[[Array], Array]
     if not np.isfinite(coupled).all():
         return lambda residual: np.full_like(residual, np.nan)
     factors = lu_factor(np.eye(count) - coupled)
-    return lambda residual: lu_solve(factors, residual.ravel()).reshape(residual.shape)
+    # a residual that is not finite rejects the step
+    return lambda residual: lu_solve(factors, residual.ravel(), check_finite=False).reshape(residual.shape)
 
 
 class GaussCollocation:

@@ -117,7 +117,7 @@ def export(
         result = _exported(solver, format, style, contents, progress)
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
-            unfinished.write_text(result.text)
+            unfinished.write_text(result.text, encoding="utf-8")
     return result
 
 

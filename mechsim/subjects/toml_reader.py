@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from mechsim.analytic.derivatives.dimensions import Dimension
@@ -24,7 +25,7 @@ from mechsim.subjects.toml_coordinates import (
 from mechsim.subjects.toml_forces import GRAVITY, forces_of, require_pitch_points
 from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_links import joint_of, links_of, pose_of
-from mechsim.subjects.toml_values import TomlSource, Values, parsed_source, values_of
+from mechsim.subjects.toml_values import TomlSource, Values, parsed_source, shown, values_of
 from mechsim.units import WrittenUnits
 
 # largest file in bytes: mechanisms need far less
@@ -84,12 +85,10 @@ class TomlModel(ModelSource):
                 up=_up(read),
             )
         require_pitch_points(source, mechanism, read)
-        formula = read.get("formula", {}).get("python", "")
         solver = LoopForm(
             mechanism,
             parameters=values.parameters,
-            # FILE.py:FUNCTION with the folder of the mechanism
-            formula=os.path.join(os.path.dirname(source.path), formula) if formula else "",
+            formula=_formula(source, read.get("formula", {}).get("python", "")),
             forces=forces_of(values, mechanism, read),
             initial=initial_of(coordinates),
             written=WrittenUnits(values.length, values.angle),
@@ -119,6 +118,17 @@ class TomlModel(ModelSource):
                 else Dimension(name, values.in_si(value, unit), unit, values.declared_unit(texts[name], unit))
             )
         return Parameters(dimensions, parameter_dependencies(document))
+
+
+def _formula(source: TomlSource, formula: str) -> str:
+    """Return FILE.py:FUNCTION with the folder of the mechanism; a file elsewhere is not run."""
+    folder, (file, _, _) = Path(source.path).parent, formula.rpartition(":")
+    if not (folder / file).resolve().is_relative_to(folder.resolve()):
+        raise source.error(
+            ("formula", "python"),
+            f"is {shown(formula)}, outside the folder of the mechanism; put it there or in a folder below",
+        )
+    return os.path.join(os.path.dirname(source.path), formula) if formula else ""
 
 
 def _up(read: Mapping[str, Any]) -> Up | None:

@@ -9,7 +9,7 @@ from mechsim.analytic.dynamics.contacts import ContactMode, Contacts
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, conditionings
 from mechsim.analytic.dynamics.initial_state import StateLayout, projected
 from mechsim.analytic.dynamics.linearization import independent_rates
-from mechsim.errors import AssemblyError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.gauss_collocation import StepSolution, collocated, node_times
 
@@ -93,8 +93,13 @@ class RightHandSide:
         basis = independent_rates(self.equations, self.layout.unpack(state)[0])
         rates = slice(self.layout.positions, self.layout.positions + self.layout.count)
         free = self.equations.free
-        jacobian = self.jacobians(np.array([time]), state[None], rate)[0]
-        reduced = basis.T @ jacobian[rates, rates][np.ix_(free, free)] @ basis
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            jacobian = self.jacobians(np.array([time]), state[None], rate)[0]
+            reduced = basis.T @ jacobian[rates, rates][np.ix_(free, free)] @ basis
+        if not np.isfinite(reduced).all():
+            names = ", ".join(controller.coordinate for controller in self.equations.model.forces.controllers)
+            blamed = f"; the controllers of {names} are not finite there" if names else ""
+            raise InputError(f"the forces at {time:.6g} s are too large or not finite{blamed}; correct them")
         return float(np.abs(np.linalg.eigvals(reduced)).max(initial=0.0))
 
 

@@ -107,7 +107,7 @@ def reduce(
         text = with_comment(result, Path(path).name, limit, UNITS[by])
     if output is not None:
         with files.atomic_path(Path(fspath(output))) as unfinished:
-            unfinished.write_text(text)
+            unfinished.write_text(text, encoding="utf-8")
     return ReducedModel(result, limit, text, notes)
 
 

@@ -118,11 +118,11 @@ def exported_model(
     """
     with TemporaryDirectory() as folder:
         path = Path(folder, f"{stem_of(mechanism.name)}.xml")
-        path.write_text(to_xml(turning(spec, mechanism, speed)))
+        path.write_text(to_xml(turning(spec, mechanism, speed)), encoding="utf-8")
         scene = turning_scene(str(path), mechanism, speed)
         result = tuned(scene, tolerance, "closure", budget=budget, progress=progress)
         text = tuned_text(scene, result.best.settings, [], path.parent).after
-        path.write_text(text)
+        path.write_text(text, encoding="utf-8")
         written_scene = replace(scene, model=plain_model(str(path)))
         error = SceneEvaluator().errors(run_scene(written_scene, records=None)).closure
         edited = EditedText(text)

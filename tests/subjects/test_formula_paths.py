@@ -1,0 +1,81 @@
+"""Formulas in files are code: they are run from the folder of the file or below, or not at all."""
+
+import pytest
+
+import mechsim as ms
+from mechsim import cli
+
+PENDULUM = """
+name = "arm"
+drivers = ["crank"]
+[links.arm]
+[joints.crank]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "arm" }
+[points.P]
+link = "arm"
+at = [1.0, 0, 0]
+[formula]
+python = "FORMULA"
+"""
+# right: the point turns about the origin at distance 1
+CODE = """
+import numpy as np
+from pathlib import Path
+Path(__file__).with_name("was_run").touch()
+def position(crank):
+    return {"P": np.stack([np.cos(crank), np.sin(crank), 0.0 * crank], -1)}
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    for folder in ("models", "models/below", "other"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "code.py").write_text(CODE, encoding="utf-8")
+    (tmp_path / "models" / "link.py").symlink_to(tmp_path / "other" / "code.py")
+
+    def write(formula):
+        path = tmp_path / "models" / "arm.toml"
+        path.write_text(PENDULUM.replace("FORMULA", formula), encoding="utf-8")
+        return str(path)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "formula", ["code.py:position", "below/code.py:position", "below/../code.py:position"]
+)
+def test_a_formula_in_the_folder_or_below_is_read(written, formula):
+    assert ms.load(written(formula)).formula.endswith("code.py:position")
+
+
+@pytest.mark.parametrize(
+    "formula", ["../other/code.py:position", "link.py:position", "{tmp}/other/code.py:position"]
+)
+def test_a_formula_elsewhere_is_rejected_with_its_line(written, formula, tmp_path):
+    path = written(formula.format(tmp=tmp_path))
+    with pytest.raises(ms.InputError, match=r"line 13: .*outside the folder of the mechanism"):
+        ms.load(path)
+    assert not (tmp_path / "other" / "was_run").exists()
+
+
+def test_no_formula_runs_no_code(written, monkeypatch, tmp_path):
+    path, was_run = written("code.py:position"), tmp_path / "models" / "was_run"
+    for option, runs in (("--no-formula", False), ("--formula", True)):
+        monkeypatch.setattr("sys.argv", ["mechsim", "validate", path, option])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code in (0, None)
+        assert was_run.exists() is runs
+
+
+@pytest.mark.parametrize(
+    "command", ["show", "solve", "validate", "export", "sweep", "dynamics", "view", "render"]
+)
+def test_help_says_that_a_python_file_is_code(command, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["mechsim", command, "--help"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert "which is code and is run" in " ".join(capsys.readouterr().out.split())
