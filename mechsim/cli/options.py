@@ -223,6 +223,11 @@ class DriveOptions:
         "drivers of the file if it names another coordinate.",
         "COORDINATE=LAW",
     )
+    start: tuple[tuple[str, str], ...] = pairs(
+        "--start knee=-30deg",
+        "Start in the assembly nearest to this value of a joint.",
+        "JOINT=VALUE",
+    )
     key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
     loops: str | None = option(None, "Loop closures of a URDF file, in YAML.", metavar="FILE")
     track: tuple[str, ...] = option(
@@ -236,8 +241,9 @@ class DriveOptions:
         """Return the options as arguments of `load`."""
         require_distinct("--drive", self.drive)
         require_distinct("--lock", self.lock)
+        require_distinct("--start", self.start)
         options = {field.name: getattr(self, field.name) for field in fields(DriveOptions)}
-        return options | {"drive": dict(self.drive), "lock": dict(self.lock)}
+        return options | {name: dict(getattr(self, name)) for name in ("drive", "lock", "start")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

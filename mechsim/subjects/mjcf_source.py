@@ -24,6 +24,7 @@ from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
 from mechsim.numerics.arrays import Array
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Prescription, file_reader
+from mechsim.subjects.requested_start import started_near
 from mechsim.units import Unit
 
 if TYPE_CHECKING:
@@ -84,6 +85,7 @@ class MujocoSource(ModelSource):
             key=prescription.key,
             track=prescription.track,
             still=prescription.still,
+            start=prescription.start,
         )
         return ModelDescription(solver, prescribed=True)
 
@@ -133,6 +135,7 @@ def read_mjcf(
     key: str | None = None,
     track: Sequence[str] = (),
     still: bool = False,
+    start: Mapping[str, str | float] | None = None,
 ) -> MjcfForm:
     """Return the mechanism of a model that MuJoCo compiles.
 
@@ -145,6 +148,7 @@ def read_mjcf(
         track: NAME of a site or body, or NAME,BODY@x,y,z in [m]; empty selects the named sites, or the
             origins of bodies if there are none.
         still: whether the model may have no driver, because it is only described.
+        start: joint -> value as text or in SI; the nearest assembly is the initial one.
 
     Raises:
         InputError: for models that MuJoCo rejects, or an unknown joint, keyframe or point; one line.
@@ -165,10 +169,10 @@ def read_mjcf(
         raise error if label in str(error) else InputError(f"{label}: {error}") from None
     exact = corrected(model.mechanism)
     # pictures of a scene without gravity have z up, too
-    start = _started(model, exact.mechanism)
-    if start.note:
-        model = replace(model, qpos=_state(model, start.mechanism))
-    mechanism = replace(_with_locked_guess(start.mechanism), up=against(model.forces.gravity) or "z")
+    initial = _started(model, started_near(exact.mechanism, start or {}))
+    if initial.note or start:
+        model = replace(model, qpos=_state(model, initial.mechanism))
+    mechanism = replace(_with_locked_guess(initial.mechanism), up=against(model.forces.gravity) or "z")
     return MjcfForm(
         mechanism,
         forces=model.forces,
@@ -178,7 +182,7 @@ def read_mjcf(
             *model.remarks,
             *(finding.one_line for finding in model.unread if finding.remedy != HARMLESS),
             *_corrections(model.gap, exact),
-            *filter(None, [start.note]),
+            *filter(None, [initial.note]),
         ),
         corrected=(exact.moved, exact.rotated),
     )

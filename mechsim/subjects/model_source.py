@@ -51,6 +51,7 @@ class Prescription:
         drive: coordinate -> its motion law, as text (see `parse_motion_law`) or a function of time.
         lock: joint or coordinate -> its constant value, as text or in SI; None is the initial value, the only
             choice for a spherical joint.
+        start: joint -> value as text or in SI; the nearest assembly is the initial one.
         fix_base: whether floating bases are fixed at their initial pose.
         lock_others: whether coordinates that the drivers do not determine are locked at their initial values.
         key: name of the keyframe to start from.
@@ -62,6 +63,7 @@ class Prescription:
 
     drive: Mapping[str, "str | State"] = field(default_factory=dict[str, "str | State"])
     lock: Mapping[str, str | float | None] = field(default_factory=dict[str, "str | float | None"])
+    start: Mapping[str, str | float] = field(default_factory=dict[str, "str | float"])
     fix_base: bool = False
     lock_others: bool = False
     key: str | None = None

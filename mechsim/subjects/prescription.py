@@ -21,6 +21,7 @@ from mechsim.numerics.inputs import number
 from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
 from mechsim.subjects.model_source import ModelSource, Prescription
 from mechsim.subjects.pose_drivers import with_pose_drivers
+from mechsim.subjects.requested_start import started_near
 from mechsim.subjects.toml_coordinates import FileMotionLaw
 from mechsim.subjects.toml_values import suggestion
 from mechsim.units import Unit, WrittenUnits
@@ -59,11 +60,16 @@ def prescribed_solver(
         name = description.solver.name
         raise InputError(f"{name}: loops from {prescription.loops} need the path of a URDF file; give one")
     solver = description.solver
+    if prescription.start and not isinstance(solver, LoopForm):
+        raise InputError(
+            f"{solver.name}: its parameters select the assembly, as --set branch=-1; leave out --start"
+        )
     if description.prescribed:
         prescription = Prescription(drive=prescription.drive, duration=prescription.duration)
     elif isinstance(solver, LoopForm):
         if not solver.mechanism.has_crank:
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
+        solver = replace(solver, mechanism=started_near(solver.mechanism, prescription.start))
         if assembled:
             if changed:
                 solver = with_written_guess(solver, written_guess(source) if guess is None else guess)

@@ -101,6 +101,7 @@ def load(
     *,
     drive: Mapping[str, str | State] | None = None,
     lock: Mapping[str, str | float | None] | Iterable[str] = (),
+    start: Mapping[str, str | float] | None = None,
     fix_base: bool = False,
     lock_others: bool = False,
     key: str | None = None,
@@ -123,6 +124,7 @@ def load(
             that returns value, rate and acceleration, (n,) each in SI.
         lock: joint or coordinate -> its constant value, as text or in SI; None, or a name alone, is the
             initial value.
+        start: joint -> value as text or in SI; the initial assembly is the nearest one.
         fix_base: whether floating bases are fixed at their initial pose.
         lock_others: whether joint coordinates that the drivers do not determine are locked at their initial
             values: all outside loops, and in loops as many as there are undetermined degrees of freedom.
@@ -139,7 +141,7 @@ def load(
     return prescribed_solver(
         open_model(model),
         set or {},
-        _prescription(drive, lock, fix_base, key, track, duration, still, lock_others, loops),
+        _prescription(drive, lock, fix_base, key, track, duration, still, lock_others, loops, start),
         assembled=True,
     )
 
@@ -177,6 +179,7 @@ def _prescription(
     still: bool = False,
     lock_others: bool = False,
     loops: str | None = None,
+    start: Mapping[str, str | float] | None = None,
 ) -> Prescription:
     return Prescription(
         drive=drive or {},
@@ -187,6 +190,7 @@ def _prescription(
         duration=units.parse_time(duration, "the duration") if isinstance(duration, str) else duration,
         still=still,
         lock_others=lock_others,
+        start=start or {},
         loops=None if loops is None else fspath(loops),
     )
 

@@ -5,6 +5,7 @@ import pytest
 
 import mechsim as ms
 from mechsim.analytic.loops.start import start_poses
+from mechsim.errors import InputError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import Link, Pose
 from mechsim.model.mechanism import Mechanism
@@ -95,3 +96,23 @@ def test_all_assemblies_of_two_dyads_are_listed(tmp_path):
     for points in listed:
         both = np.concatenate([points["B"], points["D"]])
         assert min(np.abs(both - each).max() for each in expected) < 1e-10
+
+
+def test_a_requested_start_selects_the_assembly(tmp_path):
+    path = tmp_path / "four_bar.toml"
+    path.write_text(FOUR_BAR.format(start="start = 30"))
+    heights = [
+        ms.load(path, start={"A": angle}).positions([np.pi / 6])["B"][0, 1] for angle in ("40deg", "-80deg")
+    ]
+    # intersections of the circles about the crank's end and the pivot
+    end, pivot = 0.01 * np.array([np.cos(np.pi / 6), np.sin(np.pi / 6)]), np.array([0.05, 0.0])
+    between = pivot - end
+    distance = float(np.linalg.norm(between))
+    along = (0.04**2 - 0.03**2 + distance**2) / (2.0 * distance)
+    across = np.sqrt(0.04**2 - along**2) * between[0] / distance
+    middle = end[1] + along * between[1] / distance
+    assert heights == pytest.approx([middle + across, middle - across], abs=1e-12)
+    with pytest.raises(InputError, match="no coordinate 'C' to start at"):
+        ms.load(path, start={"C": 0.0})
+    with pytest.raises(InputError, match="leave out --start"):
+        ms.load("four_bar", start={"crank": 0.0})

@@ -487,6 +487,24 @@ def closed_start(mechanism: Mechanism) -> ClosedStart:
     return ClosedStart(replace(mechanism, guess=poses, guess_coordinates=coordinates))
 
 
+def with_requested_start(mechanism: Mechanism, requested: Mapping[str, float]) -> Mechanism:
+    """Return a mechanism in the assembly nearest to requested coordinates; other drivers keep their values.
+
+    Raises:
+        AssemblyError: if the loops do not close.
+    """
+    initial = initial_coordinates(mechanism)
+    stated = {name: initial.get(name, 0.0) for name in mechanism.drivers} | dict(requested)
+    start = stated[mechanism.drivers[0]] if mechanism.has_crank else 0.0
+    # joints without coordinates, such as of floating bases, keep the guess of their links
+    loose = {joint.b.link for joint in mechanism.joints if not joint.coordinates}
+    guess = {link: pose for link, pose in mechanism.guess.items() if link in loose}
+    started = closed_start(replace(mechanism, guess=guess, guess_coordinates=stated, start=start)).mechanism
+    poses, values = start_poses(started)
+    coordinates = {name: values[name] for name in {**mechanism.guess_coordinates, **stated}}
+    return replace(started, guess=poses, guess_coordinates=coordinates)
+
+
 def _with_free_drivers(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism whose drivers may leave their stated values."""
     stated = initial_coordinates(mechanism)
