@@ -434,7 +434,7 @@ def _peaks(law: State, duration: float) -> Array:
     """
     largest, times = float(np.abs(law(_probes(duration))[1]).max(initial=0.0)), list[float]()
     half = 0.5 * duration / INTERVALS
-    middle = half * (1.0 + 2.0 * np.arange(INTERVALS))
+    middle: Array = half * (1.0 + 2.0 * np.arange(INTERVALS, dtype=np.float64))
     for _ in range(HALVINGS):
         try:
             rates = state_in_balls(law, Ball(middle, np.full(len(middle), half * OUTWARD)))[1]

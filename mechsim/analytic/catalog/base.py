@@ -74,6 +74,10 @@ class ClosedForm(Formulas):
         require_closed(self, angles, points)
         return points
 
+    def transmission_angle(self, angles: ArrayLike) -> Array:
+        """Return the angle of `transmission_at` at crank angles, (n,) in [rad]."""
+        return self.transmission_at(crank_angles(self.name, angles), self.positions(angles))
+
     def solve(
         self,
         angles: ArrayLike | None = None,

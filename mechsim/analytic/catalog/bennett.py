@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.formulas import Declaration, angle, length
@@ -74,8 +73,7 @@ class Bennett(ClosedForm):
     def ratio(self) -> float:
         """tan(rocker / 2) / tan(crank / 2) = sin((twist1 + twist0)/2) / sin((twist1 - twist0)/2)."""
         with np.errstate(divide="ignore"):
-            over = np.sin(0.5 * (self.twist1 + self.twist0)) / np.sin(0.5 * (self.twist1 - self.twist0))
-        return float(over)
+            return np.sin(0.5 * (self.twist1 + self.twist0)) / np.sin(0.5 * (self.twist1 - self.twist0))
 
     @property
     def description(self) -> Mechanism:
@@ -111,14 +109,14 @@ class Bennett(ClosedForm):
         side = ((points["B"] - pivot) * normal).sum(-1)
         return -float(np.cos(self.twist1)) * side * points["A"][:, 1]
 
-    def transmission_angle(self, angles: ArrayLike) -> Array:
+    def transmission_at(self, angles: Array, points: Mapping[str, Array]) -> Array:
         """Return the angle whose sine is the ratio of the lower to the higher speed of crank and rocker.
 
         The hinges of the coupler transmit moments, too, so that the angle of the coupler alone is not
             sufficient: a
         Bennett linkage moves on if A, B and both pivots lie in a line.
         """
-        half = 0.5 * np.asarray(angles, dtype=np.float64)
+        half = 0.5 * angles
         speed = np.abs(self.ratio) / (np.cos(half) ** 2 + (self.ratio * np.sin(half)) ** 2)
         return np.arcsin(np.minimum(speed, 1.0 / speed))
 

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.vector_method import link_frames
@@ -216,10 +215,14 @@ class Formulas(ABC):
         """
 
     @abstractmethod
-    def transmission_angle(self, angles: ArrayLike) -> Array:
+    def transmission_at(self, angles: Array, points: Mapping[str, Array]) -> Array:
         """Return the angle between the coupler force and the output's motion, (n,) in [rad], 0 to pi/2.
 
         90 degrees is best; at zero the output locks.
+
+        Args:
+            angles: crank angles, (n,) in [rad].
+            points: tracked point -> (n, 3) in [m], at these angles.
         """
 
     @abstractmethod

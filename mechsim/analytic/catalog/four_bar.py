@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from mechsim.analytic.catalog.formulas import Declaration, Geometry, angle, choice, length
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.vector_method.link_frames import LinkFrame
-from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, dot, spun
+from mechsim.analytic.vector_method.vectors import Sign, circle_sphere, column, cross, dot, spun
 from mechsim.errors import AssemblyError
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import EX, EY, EZ, GROUND, ORIGIN, Link, vector
@@ -84,11 +84,10 @@ class FourBar(TwoBranchForm):
         normal = np.cross(points["A"] - pivot, np.asarray(EZ))
         return self.branch * ((points["B"] - pivot) * normal).sum(-1)
 
-    def transmission_angle(self, angles: ArrayLike) -> Array:
-        points = self.positions(angles)
-        rod = (points["B"] - points["A"]) / self.coupler
-        arm = (points["B"] - np.array([self.ground, 0.0, 0.0])) / self.rocker
-        return np.arcsin(np.minimum(np.abs(np.cross(rod, arm)[:, 2]), 1.0))
+    def transmission_at(self, angles: Array, points: Mapping[str, Array]) -> Array:
+        a, b = points["A"].T, points["B"].T
+        arm = (b - column((self.ground, 0.0, 0.0))) / self.rocker
+        return np.arcsin(np.minimum(np.abs(cross((b - a) / self.coupler, arm)[2]), 1.0))
 
     def frames(self, angle: Values) -> Iterator[tuple[str, LinkFrame]]:
         """B lies on the rocker's circle about O4 and on the sphere about A."""

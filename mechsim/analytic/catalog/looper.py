@@ -169,7 +169,7 @@ class Looper(ClosedForm):
     @cached_property
     def pivot(self) -> Array:
         """The rocker's pivot O2, (3, 1) in [m]."""
-        return self.frame * column(_direction(self.frame_angle))
+        return self.frame * column((np.cos(self.frame_angle), np.sin(self.frame_angle), 0.0))
 
     @cached_property
     def plane(self) -> PlanarLoop:
@@ -271,18 +271,16 @@ class Looper(ClosedForm):
         spatial = ((points["C"] - points["D"]) * np.cross(ab, ac)).sum(-1) / swept
         return np.minimum(self.branch * planar, np.sign(self.side) * spatial)
 
-    def transmission_angle(self, angles: ArrayLike) -> Array:
+    def transmission_at(self, angles: Array, points: Mapping[str, Array]) -> Array:
         """Return the smaller of two angles, (n,) in [rad]: coupler AB to rocker, and circle of C to cylinder.
 
         The first is that of the four-bar. The second is zero if C, rotating about AB, moves along the
         cylinder, so that the follower no longer constrains the coupler.
         """
-        points = self.positions(angles)
-        ab, ac = points["B"] - points["A"], points["C"] - points["A"]
-        arm = (points["B"] - self.pivot[:, 0]) / self.rocker
-        planar = np.abs(np.cross(ab, arm)[:, 2]) / self.coupler
-        turning = np.cross(ab, ac) / abs(self.coupler * self.arm * np.sin(self.arm_angle))
-        spatial = np.abs((turning * (points["C"] - points["D"])).sum(-1)) / self.follower
+        a, b, c, d = (points[name].T for name in "ABCD")
+        planar = np.abs(cross(b - a, (b - self.pivot) / self.rocker)[2]) / self.coupler
+        turning = cross(b - a, c - a) / abs(self.coupler * self.arm * np.sin(self.arm_angle))
+        spatial = np.abs(dot(turning, c - d)) / self.follower
         return np.arcsin(np.minimum(np.minimum(planar, spatial), 1.0))
 
     @cached_property

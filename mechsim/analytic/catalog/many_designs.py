@@ -160,6 +160,7 @@ def solved(
     *,
     rates: bool,
     joints: bool,
+    links: bool = False,
 ) -> Motion:
     """Return the motions of designs, one design after another.
 
@@ -171,17 +172,25 @@ def solved(
         acceleration: crank acceleration, of the same shapes, in [rad/s2].
         rates: False sets velocities and accelerations to 0.
         joints: whether to include joints.
+        links: whether to include links.
 
     Returns:
-        Points and joints with one coordinate at n p instants; NaN where a loop does not close.
+        Points, links and joints with one coordinate at n p instants; NaN where a loop does not close.
     """
     designs = len(next(iter(varied.values())))
     wide_rows = (np.broadcast_to(row, angles.shape) for row in (angles, speed, acceleration))
     crank, rate, second = (np.tile(row, designs) if row.ndim == 1 else row.ravel() for row in wide_rows)
     wide = many(solver, varied, angles.shape[-1])
     angle = Jet(crank, rate, second) if rates else crank
-    motion = motion_at(wide, angle, links=False, joints=joints)
+    motion = motion_at(wide, angle, links=links, joints=joints)
     return replace(motion, speed=rate, acceleration=second)
+
+
+def transmissions(solver: ClosedForm, varied: Mapping[str, Array], motion: Motion) -> Array:
+    """Return the transmission angles of designs in a motion of `solved`, (n p,) in [rad]."""
+    designs = len(next(iter(varied.values())))
+    points = {name: point.position for name, point in motion.points.items()}
+    return many(solver, varied, len(motion.angle) // designs).transmission_at(motion.angle, points)
 
 
 def closed_form_starts(solver: ClosedForm, varied: Mapping[str, Array]) -> StartedDesigns:

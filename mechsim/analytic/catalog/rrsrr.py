@@ -120,21 +120,25 @@ class Rrsrr(TwoBranchForm):
         a, along = (to_c * radial).sum(-1), (rod * radial).sum(-1)
         return self.branch * (a * rod[:, 0] - to_c[:, 0] * along)
 
-    def transmission_angle(self, angles: ArrayLike) -> Array:
+    def transmission_at(self, angles: Array, points: Mapping[str, Array]) -> Array:
         """Return the angle between the force at S and the link's own direction, (n,) in [rad], 0 to pi/2.
 
         Hinges transmit no moment about their axes, so that the force at S is perpendicular to both free
         motions of S, with the coupler about C and with the link about its hinge. It lies in the plane of the
         link's direction, which does not move the rocker, and the direction in which the rocker moves S.
         """
-        points = self.positions(angles)
         c, s = points["C"].T, points["S"].T
         tangent = cross(cross(c, column(EX)), s - c) / (self.crank * self.coupler)
         arm = (s - column(self.pivot)) / self.link
         push = cross(column(self.rocker_frame[:, 2]), arm)
         lever = norm(push)
-        self._require_off_pole(np.atleast_1d(np.asarray(angles)), lever >= POLE)
-        return np.arctan2(np.abs(dot(arm, tangent)), np.abs(dot(push / lever, tangent)))
+        angle = np.arctan2(np.abs(dot(arm, tangent)), np.abs(dot(push, tangent)) / lever)
+        return np.where(lever >= POLE, angle, np.nan)
+
+    def transmission_angle(self, angles: ArrayLike) -> Array:
+        angle = super().transmission_angle(angles)
+        self._require_off_pole(np.atleast_1d(np.asarray(angles)), np.isfinite(angle))
+        return angle
 
     def guess(self) -> tuple[dict[str, Pose], float]:
         poses, start = super().guess()

@@ -131,11 +131,10 @@ class Rssr(TwoBranchForm):
         normal = np.cross(points["P2"] - pivot, self.rocker_frame[:, 2])
         return self.branch * ((points["P3"] - pivot) * normal).sum(-1)
 
-    def transmission_angle(self, angles: ArrayLike) -> Array:
-        points = self.positions(angles)
-        arm = (points["P3"] - np.asarray(self.pivot)) / self.rocker
-        rod = (points["P3"] - points["P2"]) / self.coupler
-        along = (rod * np.cross(self.rocker_frame[:, 2], arm)).sum(-1)
+    def transmission_at(self, angles: Array, points: Mapping[str, Array]) -> Array:
+        p2, p3 = points["P2"].T, points["P3"].T
+        arm = (p3 - column(self.pivot)) / self.rocker
+        along = dot((p3 - p2) / self.coupler, cross(column(self.rocker_frame[:, 2]), arm))
         return np.arcsin(np.minimum(np.abs(along), 1.0))
 
     @property

@@ -70,8 +70,7 @@ class SliderCrank(TwoBranchForm):
     def assembly_sign(self, points: Mapping[str, Array]) -> Array:
         return self.branch * (points["B"] - points["A"])[:, 0]
 
-    def transmission_angle(self, angles: ArrayLike) -> Array:
-        points = self.positions(angles)
+    def transmission_at(self, angles: Array, points: Mapping[str, Array]) -> Array:
         along = np.abs((points["B"] - points["A"])[:, 0]) / self.rod
         return np.arcsin(np.minimum(along, 1.0))
 

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.catalog.formulas import Declaration, angle, dimensionless, length, position
@@ -231,16 +230,15 @@ class WarpKnitter(ClosedForm):
         value = determinant(legs, [0.0, cross(c - b, legs[1]), cross(k - b, legs[2])])
         return value / self._nominal_determinant
 
-    def transmission_angle(self, angles: ArrayLike) -> Array:
+    def transmission_at(self, angles: Array, points: Mapping[str, Array]) -> Array:
         """Return the angle between the rocker and the force on it, (n,) in [rad], 0 to pi/2.
 
         Rods 3 and 5 transmit only axial forces, so that the force of the base link on K points along the line
         from K to the intersection of the lines of both rods. At zero the triad locks.
         """
-        points = self.positions(angles)
         a, b, c, d, k = (flat(points[name]) for name in "ABCDK")
         e3, e5 = (b - a) / self.rod3, (c - d) / self.rod5
-        e6 = (k - complex(*self.pivot_rocker)) / self.rocker
+        e6 = (k - (self.pivot_rocker[0] + 1j * self.pivot_rocker[1])) / self.rocker
         force = cross(c - k, e5) * e3 - cross(b - k, e3) * e5
         magnitude = np.maximum(abs(force), np.finfo(np.float64).tiny)
         return np.arcsin(np.minimum(abs(cross(force, e6)) / magnitude, 1.0))

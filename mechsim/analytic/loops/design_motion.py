@@ -293,8 +293,8 @@ def many_motion(
         joints: names of the requested joints.
 
     Returns:
-        Points and joints at d p instants, one design after another. A design that was not solved must be
-        solved separately, with its own segments or an error that states the reason.
+        Points, links and joints at d p instants, one design after another. A design that was not solved must
+        be solved separately, with its own segments or an error that states the reason.
 
     Accuracy: as `loops.solve`, with the same assembly mode: each step is certified for each design.
     """
@@ -383,7 +383,7 @@ def design_record(
         else:
             value, rate, second = (table[:, index] for table in (motion.values, motion.rates, motion.second))
             coordinates[name] = JointMotion(value, rate, second, "m" if tree.slides[index] else "rad")
-    return Motion("loop equations", angle, speed, acceleration, points, joints=coordinates)
+    return Motion("loop equations", angle, speed, acceleration, points, links, coordinates)
 
 
 def _hinge(arrays: DesignArrays, links: dict[str, LinkMotion], joint: Joint, repeat: int) -> JointMotion:

@@ -14,6 +14,7 @@ from mechsim.analytic.catalog.many_designs import (
     ranges,
     solved,
     swing_arcs,
+    transmissions,
 )
 from mechsim.analytic.catalog.two_branch import TwoBranchForm
 from mechsim.analytic.dynamics import dynamic_model
@@ -141,9 +142,21 @@ def _block(
             crank.acceleration,
             rates=task.measures.rated,
             joints=task.measures.jointed,
+            links=task.measures.uses("link"),
         )
-        turns = Turns(len(block), crank.angle.shape[-1], motion, facts=facts)
-        return task.values(turns)
+        return task.values(_turns(task, _subset(rows, block), motion, facts))
+
+
+def _turns(
+    task: SweepTask, rows: Mapping[str, Array], motion: Motion, facts: Mapping[str, Array] | None = None
+) -> Turns:
+    """Return the motions of designs, one design after another, with their transmission angles if measured."""
+    designs = len(next(iter(rows.values())))
+    poses, more = len(motion.angle) // designs, dict[str, Array]()
+    if task.measures.includes(TRANSMISSION):
+        solver = closed_form(task.subject.solver, "a transmission angle")
+        more[TRANSMISSION] = transmissions(solver, rows, motion).reshape(designs, poses)
+    return Turns(designs, poses, motion, more, facts or {})
 
 
 def _stepped(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows:
@@ -209,15 +222,20 @@ def _loops(task: SweepTask, rows: Mapping[str, Array], result: Measured) -> Rows
         valid &= come_back(motion, len(index))
         motion = select_instants(motion, np.tile(np.arange(len(angles)) < len(task.angles), len(index)))
     with np.errstate(all="ignore"):
-        values = task.values(Turns(len(index), len(task.angles), motion))
+        values = task.values(_turns(task, _subset(rows, index), motion))
     stored = result.store_finite(index, values, valid)
     others = np.flatnonzero(~np.isin(index, stored))
-    swinging = _loop_swings(task, started, index, others, result)
+    swinging = _loop_swings(task, rows, started, index, others, result)
     return np.setdiff1d(every, np.union1d(stored, swinging))
 
 
 def _loop_swings(
-    task: SweepTask, started: StartedDesigns, index: Rows, others: Rows, result: Measured
+    task: SweepTask,
+    rows: Mapping[str, Array],
+    started: StartedDesigns,
+    index: Rows,
+    others: Rows,
+    result: Measured,
 ) -> Rows:
     """Measure designs whose cranks swing by loop equations together; return their indices."""
     assert task.loops is not None
@@ -234,10 +252,10 @@ def _loop_swings(
         )
     except (MechsimError, ArithmeticError, np.linalg.LinAlgError):
         return others[:0]
+    own = index[others[swings.rows]]
     with np.errstate(all="ignore"):
-        turns = Turns(len(crank.angle), crank.angle.shape[1], motion)
-        values = task.values(turns)
-    return result.store_finite(index[others[swings.rows]], values, valid, (swings.low, swings.high))
+        values = task.values(_turns(task, _subset(rows, own), motion))
+    return result.store_finite(own, values, valid, (swings.low, swings.high))
 
 
 def come_back(motion: Motion, designs: int) -> NDArray[np.bool_]:

@@ -17,7 +17,6 @@ from mechsim.model.design_arrays import StartedDesigns, similar_designs
 from mechsim.model.forces import Forces
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import SWING_FRACTION
-from mechsim.model.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.design_models import SharedModel, shared_model
@@ -132,10 +131,8 @@ class SweepTask:
 
     @property
     def single_only(self) -> bool:
-        """Whether designs are solved one at a time, as for forces and orientations of links."""
-        measures = self.measures
-        special = measures.includes("function") or measures.includes(TRANSMISSION) or measures.uses("link")
-        return measures.loaded or measures.released or special
+        """Whether designs are solved one at a time, as for forces: each has its own equations of motion."""
+        return self.measures.loaded or self.measures.released or self.measures.includes("function")
 
     @property
     def revolution(self) -> CrankRows:

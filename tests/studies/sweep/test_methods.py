@@ -1,5 +1,7 @@
 """A sweep has the measures of single designs, and an invalid design does not end it."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -103,3 +105,36 @@ def test_measures_unavailable_for_the_model_are_rejected():
     undriven = type(five_bar)(five_bar.mechanism)
     with pytest.raises(InputError, match="have no motion law; give each driver one"):
         ms.sweep(undriven, {"left.at.x": [0.01]}, "range:left")
+
+
+@pytest.mark.parametrize(
+    ("name", "vary", "sine"),
+    [
+        # sine of the angle between rod and rocker, and between rod and slide, from the solved points
+        ("four_bar", {"crank": [0.029, 0.035], "ground": [0.1, 0.1]}, lambda p, d: _between(p, d["ground"])),
+        ("slider_crank", {"crank": [0.03, 0.04]}, lambda p, d: abs((p["B"] - p["A"])[:, 0]) / d["rod"]),
+    ],
+)
+def test_transmission_angles_of_many_designs_follow_from_their_points(name, vary, sine):
+    count = len(next(iter(vary.values())))
+    result = ms.sweep(name, design=vary, measure=["min:transmission"])
+    for i in range(count):
+        own = ms.catalog.make(name, **{key: values[i] for key, values in vary.items()})
+        dimensions = {parameter.name: getattr(own, parameter.name) for parameter in fields(own)}
+        expected = np.arcsin(sine(own.positions(ANGLES), dimensions)).min()
+        assert float(result["min:transmission"][i]) == pytest.approx(expected, abs=1e-12)
+
+
+def _between(points, ground):
+    rod, rocker = points["B"] - points["A"], points["B"] - [ground, 0.0, 0.0]
+    return abs(np.cross(rod, rocker)[:, 2]) / np.linalg.norm(rod, axis=1) / np.linalg.norm(rocker, axis=1)
+
+
+@pytest.mark.parametrize(("name", "parameter"), [("looper", "frame_angle"), ("bennett", "twist0")])
+def test_measures_of_loop_equations_for_many_designs_include_transmission_angles(name, parameter):
+    nominal = getattr(ms.catalog.make(name), parameter)
+    vary = {parameter: [nominal, nominal + 1e-3]}
+    result = ms.sweep(name, vary, ["min:transmission"])
+    for i, value in enumerate(vary[parameter]):
+        expected = ms.catalog.make(name, **{parameter: value}).transmission_angle(ANGLES).min()
+        assert float(result["min:transmission"][i]) == pytest.approx(expected, abs=1e-11)
