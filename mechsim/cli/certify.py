@@ -5,6 +5,7 @@ import typer
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import DriveOptions, Model, Sets, changed_parameters
 from mechsim.cli.output import number, print_table, wrapped
+from mechsim.cli.progress import progress
 from mechsim.cli.verdict_text import headline
 from mechsim.studies.certify import Certificate
 from mechsim.studies.certify import certify as certificate_of
@@ -35,7 +36,10 @@ def certify(
     """
     bounds = written_tolerances(within, "--within") if within else None
     arguments = driven.as_arguments()
-    proof = certificate_of(model, angles, within=bounds, set=changed_parameters(sets), **arguments)
+    with progress("certify", None) as report:
+        proof = certificate_of(
+            model, angles, within=bounds, set=changed_parameters(sets), progress=report, **arguments
+        )
     return Result(proof, lambda: _print(proof), proof.certified)
 
 

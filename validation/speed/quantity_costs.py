@@ -65,9 +65,9 @@ def row(title: str, name: str, cost: float, first: float, count: int) -> bool:
     return bool(reason) or cost <= LIMIT * first
 
 
-def evaluated(motion: Motion, asked: Quantity) -> object:
+def evaluated(motion: Motion, quantity: Quantity) -> object:
     """Return a quantity of a motion."""
-    return asked.number(record_columns(motion, [asked]))
+    return quantity.number(record_columns(motion, [quantity]))
 
 
 def main() -> int:

@@ -11,11 +11,13 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.motion import join
 from mechsim.model.motion_laws import MotionLaws
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.studies.certify.computed_motion import ComputedMotion, computed_motion, laws_not_enclosed
 from mechsim.studies.certify.segments import (
     Bools,
     Segments,
+    batches,
     halves,
     inside,
     segments_that_join,
@@ -94,6 +96,7 @@ def certified_motion(
     solver: KinematicSolver,
     between: tuple[float, float] | None = None,
     radii: Mapping[str, Array] | None = None,
+    progress: Progress = no_progress,
 ) -> Certificate:
     """Return the certificate of a motion.
 
@@ -101,6 +104,7 @@ def certified_motion(
         solver: solver of the mechanism.
         between: range of the path parameter; None for the whole range.
         radii: half-widths of the mechanism's dimensions, as in `ClosureEquations`; None for exact dimensions.
+        progress: called with a text and the finished fraction.
     """
     if between is not None and not between[0] < between[1]:
         raise InputError(f"the range {between[0]:g} to {between[1]:g} rad is empty; give from < to")
@@ -124,7 +128,7 @@ def certified_motion(
         return _in_instants(_uncertified(solver.name, whole, reason, solved), laws)
     if solved > unknown:
         motion = motion.with_independent_rows()
-    proven, rest = proven_segments(motion)
+    proven, rest = proven_segments(motion, progress)
     proof = _in_instants(_certificate(solver.name, motion, between or whole, proven, rest), laws)
     if solved == unknown or not proof.certified:
         return proof
@@ -152,18 +156,27 @@ def _uncertified(name: str, between: tuple[float, float], reason: str, equations
     return Certificate(name, False, reason, between, 0, 0.0, (), 0.0, np.inf, equations)
 
 
-def proven_segments(motion: ComputedMotion) -> tuple[Segments, list[tuple[float, float]]]:
+def proven_segments(
+    motion: ComputedMotion, progress: Progress = no_progress
+) -> tuple[Segments, list[tuple[float, float]]]:
     """Return the proven segments, and the intervals without a proof, in ascending order."""
     count = max(2, int(np.ceil(FIRST_PER_UNIT * (motion.high - motion.low))))
     edges = np.linspace(motion.low, motion.high, count + 1)
     guess = motion.configurations(0.5 * (edges[:-1] + edges[1:]))
-    waiting = [tested_segments(motion, edges[:-1], edges[1:], guess)]
-    shortest = SHORTEST * (motion.high - motion.low)
+    untested = batches(count)[::-1]
+    waiting: list[Segments] = []
+    shortest, finished = SHORTEST * (motion.high - motion.low), 0.0
     proven: list[Segments] = []
     rest: list[tuple[float, float]] = []
-    while waiting:
-        segments = waiting.pop()
+    while waiting or untested:
+        if waiting:
+            segments = waiting.pop()
+        else:
+            batch = untested.pop()
+            segments = tested_segments(motion, edges[batch], edges[batch + 1], guess.select(batch))
         proven.append(segments.select(segments.proven))
+        finished += float((proven[-1].high - proven[-1].low).sum())
+        progress(f"{len(proven)} tests", finished / (motion.high - motion.low))
         failed = segments.select(~segments.proven)
         if failed.half.max(initial=0.0) < COARSE * (motion.high - motion.low):
             failed = with_misses(motion, failed)
@@ -277,6 +290,7 @@ def certify(
     *,
     within: Mapping[str, str | float] | None = None,
     set: Mapping[str, str | float] | None = None,
+    progress: Progress = no_progress,
     **options: Any,
 ) -> Certificate:
     """Prove by interval arithmetic that a motion has one regular configuration at each driver position.
@@ -290,6 +304,7 @@ def certify(
             reachable range. Under motion laws the range is their whole duration.
         within: dimension -> tolerance, as "0.02mm" or in SI; the proof then covers all mechanisms within.
         set: parameter -> its value, as `load` takes it.
+        progress: called with a text and the finished fraction.
         options: further arguments of `load`.
 
     Returns:
@@ -322,7 +337,7 @@ def certify(
         raise InputError(
             f"{solver.name} is driven by motion laws, and angles apply to a crank; give a duration"
         )
-    return certified_motion(solver, _range_of(angles), radii)
+    return certified_motion(solver, _range_of(angles), radii, progress)
 
 
 def _range_of(angles: str | tuple[float | str, float | str] | None) -> tuple[float, float] | None:

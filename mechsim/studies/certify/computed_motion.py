@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics.initial_state import rotation_matrices, rotation_quaternions
 from mechsim.analytic.loops.constraints import TreeLoops, cuts_of
@@ -38,7 +39,7 @@ class CentreConfigurations:
     values: Array
     quaternions: Array
 
-    def select(self, which: list[int]) -> "CentreConfigurations":
+    def select(self, which: "list[int] | NDArray[np.intp]") -> "CentreConfigurations":
         """Return some of the configurations."""
         return CentreConfigurations(self.values[which], self.quaternions[which])
 

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.model.motion import select_instants
+from mechsim.model.motion import join, select_instants
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.balls import OUTWARD, Ball, ball
 from mechsim.studies.certify.computed_motion import CentreConfigurations, ComputedMotion
@@ -24,6 +24,8 @@ Bools = NDArray[np.bool_]
 # effect is added; and a minimum, ten times `CORRECTED`, so that tubes of drivers at rest contain the
 # solutions of their neighbours
 WIDTH_BY_RATE, WIDTH_BY_RESIDUAL, OF_LARGEST, MIN_WIDTH = 0.3, 3.0, 0.1, 1e-12
+# largest number of segments tested at once: their arrays take some 40 MB
+BATCH = 4096
 # number of times that the test contracts a proven enclosure
 CONTRACTIONS = 20
 # maximum number of Newton iterations for the centre of a segment
@@ -197,6 +199,11 @@ def _krawczyk(equations: ClosureEquations, tubes: Tubes) -> tuple[Array, Array]:
     return offset.magnitude, (np.eye(len(unknown)) - inverse @ by_unknown).magnitude
 
 
+def batches(count: int) -> list[NDArray[np.intp]]:
+    """Return the indices of segments that are tested at once."""
+    return np.array_split(np.arange(count), max(1, -(-count // BATCH)))
+
+
 def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: CentreConfigurations) -> Segments:
     """Return segments between parameters (n,) with the results of their tests.
 
@@ -205,6 +212,9 @@ def tested_segments(motion: ComputedMotion, low: Array, high: Array, guess: Cent
         low, high: ends of the segments; equal for a test at one parameter.
         guess: approximate configurations at the middles.
     """
+    pieces = batches(len(low))
+    if len(pieces) > 1:
+        return join([tested_segments(motion, low[i], high[i], guess.select(i)) for i in pieces])
     centre = 0.5 * (low + high)
     half = np.maximum(high - centre, centre - low) * OUTWARD
     with np.errstate(all="ignore"):
