@@ -10,6 +10,7 @@ import typer
 
 from mechsim import units
 from mechsim.cli.output import print_json
+from mechsim.cli.progress import reported
 from mechsim.errors import InputError
 
 Data = TypeVar("Data")
@@ -94,7 +95,8 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
                 }
             )
         values |= {name: _value(name, field, values[name]) for name, field in own.items()}
-        result = function(**values)
+        with reported(function.__name__):
+            result = function(**values)
         if result is not None:
             result.print(as_json)
 

@@ -8,6 +8,7 @@ import numpy as np
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Loops, Model, Sets, changed_parameters, joint_ranges, output_file, writable
 from mechsim.cli.output import Value, print_table, print_text
+from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
 from mechsim.studies.robots.joint_map import TOLERANCE, MapComparison, compare_with_loop_equations, joint_map
@@ -69,7 +70,10 @@ def map_joints(
     path = writable(output, ".npz")
     changed, source = changed_parameters(sets), with_loops(model, loops)
     ranges = joint_ranges("--from", inputs)
-    table = joint_map(source, ranges, outputs.split(","), points=points, degree=degree, set=changed)
+    with progress("map", None) as report:
+        table = joint_map(
+            source, ranges, outputs.split(","), points=points, degree=degree, set=changed, progress=report
+        )
     comparison = compare_with_loop_equations(table, source, changed)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **table.arrays())  # type: ignore[arg-type]

@@ -1,10 +1,12 @@
 """Progress of long work, with the remaining time from the rate of its latest half."""
 
+import math
 import sys
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
+from threading import Event, Thread
 from typing import Protocol
 
 from mechsim.cli.exit_codes import print_stderr
@@ -67,6 +69,9 @@ FIRST, INTERVAL = 3.0, 10.0
 # columns reserved for the bar, the elapsed time and "about 59 min left"; longer text is truncated
 RESERVED = 34
 
+# silence in [s] after which a command reports that it runs
+SILENCE = 20.0
+
 Show = Callable[[int, str, float | None, float | None], None]
 
 
@@ -76,6 +81,32 @@ class Progress(Protocol):
     def __call__(self, message: str = "", fraction: float | None = None, /) -> None:
         """Report a message and the finished fraction, 0 to 1; without a fraction, one more finished piece."""
         ...
+
+
+class _Shown:
+    """Time in [s] of the latest sign of progress; infinite while a bar is shown."""
+
+    latest = 0.0
+
+
+@contextmanager
+def reported(command: str) -> Generator[None]:
+    """Print the elapsed time of a command after each `SILENCE` without other progress."""
+    start, ended = time.monotonic(), Event()
+    _Shown.latest = start
+
+    def report() -> None:
+        while not ended.wait(0.25 * SILENCE):
+            now = time.monotonic()
+            if now >= _Shown.latest + SILENCE:
+                print_stderr(f"{command}: {now - start:.0f} s so far")
+                _Shown.latest = now
+
+    Thread(target=report, daemon=True).start()
+    try:
+        yield
+    finally:
+        ended.set()
 
 
 @contextmanager
@@ -139,6 +170,7 @@ def _lines(task: str, total: int | None, at_least: bool) -> Generator[Show]:
         pieces = f"{count} of {total}" if fraction is None and total else ""
         limit = " at the most" if remaining and at_least else ""
         print_stderr(f"{task}: {', '.join(filter(None, [pieces, message, remaining + limit]))}")
+        _Shown.latest = now
         due, silent = now + INTERVAL, False
 
     yield show
@@ -158,6 +190,7 @@ def _bar(task: str, total: int | None, at_least: bool) -> Generator[Show]:
         TimeElapsedColumn(),
         TextColumn("{task.fields[rest]}"),
     )
+    _Shown.latest = math.inf
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         row = bar.add_task(task, total=total, rest="")
 
@@ -168,3 +201,4 @@ def _bar(task: str, total: int | None, at_least: bool) -> Generator[Show]:
             bar.update(row, total=whole, completed=finished, description=text, rest=remaining)
 
         yield show
+    _Shown.latest = time.monotonic()

@@ -8,6 +8,7 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.options import Loops, Model, Sets, changed_parameters, output_file, writable
+from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
 from mechsim.subjects.mjcf_source import with_loops
@@ -39,7 +40,9 @@ def sample(
     mechsim sample gripper.urdf -n 100 --seed 7 -o states.npz --json
     """
     path = writable(output, ".npz")
-    states = closed_configurations.sample(with_loops(model, loops), n, seed, set=changed_parameters(sets))
+    source, changed = with_loops(model, loops), changed_parameters(sets)
+    with progress("sample", None) as report:
+        states = closed_configurations.sample(source, n, seed, set=changed, progress=report)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)
     data: SampleJson = {"n": n, "accepted": states.accepted, "worst_residual": float(states.residual.max())}

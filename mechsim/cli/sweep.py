@@ -17,6 +17,7 @@ from mechsim.cli.progress import progress
 from mechsim.cli.schema import WithMasses
 from mechsim.errors import InputError, OutputError
 from mechsim.files import resolved_path
+from mechsim.model.limits import require_count
 from mechsim.model.masses import masses_of, with_inertia
 from mechsim.simulation.settings import Settings
 from mechsim.studies.sweep.designs import declared_units, parsed_range
@@ -137,6 +138,7 @@ def sweep(
         until=release.until,
         **({"duration": duration} if released else {}),
     )
+    require_count("the designs of --check", options.check, task.designs.count, "check fewer", least=0)
     with progress("sweep", None) as report:
         result = run_sweep(task, output, resume=options.resume, scheduler=options.scheduler, progress=report)
     seconds = time.perf_counter() - start

@@ -131,6 +131,20 @@ def require_travel(who: str, start: str, end: str, travel: float) -> None:
         )
 
 
+def require_count(what: str, count: int, most: int, remedy: str, least: int = 1) -> None:
+    """Raise InputError before work on too few or too many items starts.
+
+    Args:
+        what: the items, for the message.
+        count: their number.
+        most: largest number.
+        remedy: what to do.
+        least: smallest number.
+    """
+    if not least <= count <= most:
+        raise InputError(f"{what} are {count:,}, and {least:,} to {most:,} are allowed; {remedy}")
+
+
 def require_steps(what: str, steps: float, remedy: str, limit: int = MAX_STEPS) -> None:
     """Raise InputError if a run takes too many time steps.
 

@@ -284,7 +284,11 @@ class Mechanism:
 
     @cached_property
     def characteristic_length(self) -> float:
-        """Characteristic length: longest distance between two joints of a link, in [m]."""
+        """Characteristic length: longest distance between two joints of a link, in [m].
+
+        Without one it is that between any points of a link, else that from these to its centre of mass; 1 m
+        for bodies whose points all coincide, as a mass on a slide.
+        """
         if not self.links:
             return 1.0  # no link, no length
         points_of = {name: list[Vector]() for name in (GROUND, *(link.name for link in self.links))}
@@ -300,12 +304,17 @@ class Mechanism:
         if joints > COINCIDENT * whole:
             return joints
         # coincident joints on each link, as in pendulums and spherical linkages: use all points
-        if not whole > 0.0:
+        if whole > 0.0:
+            return whole
+        centres = [
+            _extent([*points_of[link.name], link.inertia.centre]) for link in self.links if link.inertia
+        ]
+        if not centres:
             raise InputError(
                 f"{self.name} has no extent: all joints, outlines and points of each link coincide; "
-                "move one of them"
+                "move one of them, or give a link its inertia"
             )
-        return whole
+        return max(centres) or 1.0
 
     def with_guess(self, guess: Mapping[str, Pose], start: float) -> "Mechanism":
         """Return the same mechanism with another guess at another crank angle in [rad]."""

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.limits import require_count
 from mechsim.model.motion import short_repr
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE, least_norm, pivot_columns
@@ -44,8 +46,10 @@ SEARCHED = 64
 PROBES = 3
 # rounding of joint limits, in [rad] or [m]
 LIMIT_TOLERANCE = 1e-9
-# largest number of draws for each requested configuration
-MAX_DRAWS = 50
+# largest number of draws for each requested configuration, and of configurations followed at once
+MAX_DRAWS, BATCH = 50, 4096
+# largest number of states, all in memory with their Jacobians: some 1 to 10 kB each
+MAX_STATES = 1_000_000
 # weight of actuated and free joints, so small that the loops determine the other joints
 ACTUATED_WEIGHT = 1e-3
 
@@ -207,7 +211,7 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
     return qpos
 
 
-def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
+def sample(model: "MujocoInput", n: int, seed: int = 0, progress: Progress = no_progress) -> Sample:
     """Return n closed states of a model, drawn at random within joint limits in one assembly.
 
     Drivers are drawn uniformly within their limits, or within a revolution or a characteristic length if they
@@ -221,13 +225,13 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
         model: as in `closed_qpos`.
         n: number of states.
         seed: seed of the random numbers; the same seed gives the same states.
+        progress: called with a text and the finished fraction.
 
     Raises:
-        InputError: if n is below 1 or the model has no loops.
+        InputError: if n is below 1 or too large, or the model has no loops.
         AssemblyError: if the reference does not close, or too few draws are accepted.
     """
-    if n < 1:
-        raise InputError(f"the number of states is {n}; give 1 or more")
+    require_count("the states", n, MAX_STATES, "draw them in parts with other seeds")
     if seed < 0:
         raise InputError(f"the seed is {seed}; give 0 or more")
     path, random = straight_path(compiled_model(model), None), np.random.default_rng(seed)
@@ -236,9 +240,10 @@ def sample(model: "MujocoInput", n: int, seed: int = 0) -> Sample:
     while count < n:
         if drawn >= MAX_DRAWS * max(n, 100):
             raise AssemblyError(f"{count} of {drawn} drawn configurations close within the joint limits")
+        progress(f"{count:,} of {n:,} states", count / n)
         # estimated from the fraction accepted so far
         expected = (n - count) * (min(drawn / max(count, 1), MAX_DRAWS) if drawn else 1.0)
-        batch = int(np.clip(expected, 64, 4096))
+        batch = int(np.clip(expected, 64, BATCH))
         qpos, valid = path.reach(random.uniform(low, high, (batch, len(low))))
         accepted.append(qpos[valid])
         count, drawn = count + int(valid.sum()), drawn + batch

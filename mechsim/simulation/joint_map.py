@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
+from math import comb
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -10,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.errors import AssemblyError, InputError
+from mechsim.model.limits import require_count
 from mechsim.model.motion import short_repr
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.closed_configurations import (
+    BATCH,
     StraightPath,
     compiled_model,
     driver_ranges,
@@ -29,8 +33,8 @@ if TYPE_CHECKING:
 # largest step h of a joint in central differences of fourth order, in [rad] or characteristic lengths:
 # truncation h^4/30 and rounding 1e-15/h are both about 1e-12
 STEP = 1e-3
-# maximum number of grid points, and of terms of a polynomial
-MAX_POINTS, MAX_TERMS = 1_000_000, 1000
+# maximum number of grid points, some 10 kB each, and of terms of a polynomial
+MAX_POINTS, MAX_TERMS = 200_000, 1000
 # required number of reached grid points per term of a polynomial
 POINTS_PER_TERM = 2
 # number of random points between the grid points that measure the error of a polynomial
@@ -233,6 +237,7 @@ def map_over_grid(
     *,
     points: int = 21,
     degree: int | None = None,
+    progress: Progress = no_progress,
 ) -> JointMap:
     """Return the outputs of a closed-loop model over a grid of its inputs, in the assembly of the file.
 
@@ -244,6 +249,7 @@ def map_over_grid(
             NAME.rx, NAME.ry, NAME.rz, the rotation vector from the reference in [rad].
         points: grid points along each input.
         degree: total degree of polynomials that approximate the outputs; None for none.
+        progress: called with a text and the finished fraction.
 
     Returns:
         The map at the grid points that are reached on straight paths from the reference. Configurations
@@ -263,18 +269,23 @@ def map_over_grid(
     names = tuple(inputs)
     if not names or not outputs:
         raise InputError("a map needs one input and one output or more; name them")
+    along = f"the points of the grid, {points:,} along each of {len(names)} inputs,"
+    require_count(along, points ** len(names), MAX_POINTS, "give fewer --points", least=2)
+    if degree is not None:
+        require_count("the degrees of the polynomials", degree, MAX_TERMS, "give a lower --degree")
+        terms = comb(degree + len(names), degree)
+        require_count(f"the terms of degree {degree}", terms, MAX_TERMS, "give a lower --degree")
     path = straight_path(compiled, [scalar_dof(compiled, name) for name in names])
     ranges = inputs if isinstance(inputs, Mapping) else dict.fromkeys(names)
     low, high = np.array([_range(path, i, name, ranges[name]) for i, name in enumerate(names)]).T
-    if points < 2 or points ** len(names) > MAX_POINTS:
-        raise InputError(
-            f"the grid has {points} points along each of {len(names)} inputs; give 2 or more, and "
-            f"{MAX_POINTS:,} in all at most"
-        )
     axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(names))
     evaluator = _Outputs(path, tuple(outputs))
-    qpos, valid = path.reach(grid)
+    pieces: list[tuple[Array, NDArray[np.bool_]]] = []
+    for first in range(0, len(grid), BATCH):
+        progress(f"{first:,} of {len(grid):,} points", first / len(grid))
+        pieces.append(path.reach(grid[first : first + BATCH]))
+    qpos, valid = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
     if not valid.any():
         raise AssemblyError("no point of the grid is reached from the reference; give a smaller range")
     qpos, reached = qpos[valid], grid[valid]
@@ -376,8 +387,6 @@ def _with_polynomials(table: JointMap, evaluator: _Outputs, degree: int, low: Ar
         for total in range(degree + 1)
         for chosen in combinations_with_replacement(range(count), total)
     ]
-    if degree < 1 or len(terms) > MAX_TERMS:
-        raise InputError(f"the degree of the polynomials is {degree}; give 1 or more, in {MAX_TERMS} terms")
     if len(table.input) < POINTS_PER_TERM * len(terms):
         raise AssemblyError(
             f"{len(table.input)} grid points are reached, too few for {len(terms)} terms; give more points "

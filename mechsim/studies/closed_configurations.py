@@ -6,6 +6,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_configurations
 from mechsim.simulation.closed_configurations import Sample
@@ -52,6 +53,7 @@ def sample(
     *,
     set: Mapping[str, str | float] | None = None,
     loops: str | PathLike[str] | None = None,
+    progress: Progress = no_progress,
 ) -> Sample:
     """Return closed states drawn at random within the joint limits, in the assembly of the file.
 
@@ -61,13 +63,15 @@ def sample(
         seed: of the random numbers; the same seed gives the same states.
         set: parameter of a mechanism -> its value, as for `load`.
         loops: path of a sidecar file with the loop closures of a URDF file.
+        progress: called with a text and the finished fraction.
 
     Raises:
-        InputError: for a model without loops, or joint limits that few configurations satisfy.
+        InputError: for a model without loops, too many states, or joint limits that few configurations
+            satisfy.
         AssemblyError: for loops that do not close.
 
     Example:
         >>> ms.sample("four_bar", 100).qpos.shape
         (100, 3)
     """
-    return closed_configurations.sample(mujoco_model(model, set, loops), n, seed)
+    return closed_configurations.sample(mujoco_model(model, set, loops), n, seed, progress)

@@ -278,3 +278,33 @@ def test_a_motor_much_too_strong_for_its_model_drives_it(motor: motors.PlainMoto
     if motor.derivative:
         # it keeps its speed after the start
         assert np.ptp(run.speed[1:]) < 0.02 * abs(motor.no_load)
+
+
+# counts beyond their limits: arguments, and fragments of the message
+TOO_MANY = {
+    "sweep four_bar --vary crank=3cm:4cm:1000000000 --measure crank_range -o a.csv": [
+        "1,000,000,000",
+        "--vary",
+    ],
+    "sweep four_bar --vary crank=3cm:4cm:20000 --vary coupler=8cm:9cm:20000 --measure assemblies -o a.csv": [
+        "400,000,000",
+        "fewer values",
+    ],
+    "sweep four_bar --vary crank=3cm:4cm:2 --check 1000000000 --measure range:rocker -o a.csv": ["0 to 2"],
+    "sample four_bar -n 1000000000 -o a.npz": ["1,000,000,000", "1 to 1,000,000"],
+    "map four_bar --from crank=0:1 --to rocker --points 1000000 -o a.npz": ["1,000,000", "--points"],
+    "map four_bar --from crank=0:1 --to rocker --degree 1000000 -o a.npz": ["1,000,000", "--degree"],
+    "dynamics four_bar --statics --assemblies 1000000000": ["1,000,000,000", "0 to 100,000"],
+    "trace four_bar --starts 1000000000": ["1000000000", "0 to 100000"],
+}
+
+
+@pytest.mark.parametrize("arguments", TOO_MANY)
+def test_a_count_beyond_its_limit_is_rejected_before_work(
+    arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(resources, "available_memory", lambda: 1e15)
+    monkeypatch.chdir(tmp_path)
+    output = rejection_line(arguments, monkeypatch, capsys)
+    assert all(word in output for word in TOO_MANY[arguments])
+    assert not list(tmp_path.glob("a.*"))

@@ -27,12 +27,15 @@ from mechsim.analytic.dynamics.state_quantities import (
     load_displacement,
 )
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.model.forces import Forces
+from mechsim.model.limits import require_count
 from mechsim.numerics.angles import wrapped
 
 # default number of starts, reached by random steps along the motion of the mechanism
 STARTS = 20
+# largest number of starts: a four-bar takes some 5 ms for each
+MAX_STARTS = 100_000
 # number of additional random configurations for mechanisms without loops
 RANDOM_CONFIGURATIONS = 10
 # length of one of these random steps, in [rad] or characteristic lengths
@@ -103,8 +106,7 @@ def equilibria(
     """
     equations, initial_q = _prepared(source, forces, initial or {})
     for name, count in (("starts", starts), ("assemblies", assemblies)):
-        if count < 0:
-            raise InputError(f"{name} of the search are {count}; give 0 or more")
+        require_count(f"{name} of the search", count, MAX_STARTS, "give fewer", least=0)
     solutions = _searched(equations, initial_q, starts, assemblies, np.random.default_rng(seed))
     if solutions is None:
         require_regular(equations, initial_q, np.zeros_like(initial_q.values))

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.joint_map import JointMap, map_over_grid
@@ -61,6 +62,7 @@ def joint_map(
     degree: int | None = None,
     set: Mapping[str, str | float] | None = None,
     loops: str | PathLike[str] | None = None,
+    progress: Progress = no_progress,
 ) -> JointMap:
     """Return the outputs of a closed-loop model over a grid of its inputs.
 
@@ -72,6 +74,7 @@ def joint_map(
         degree: total degree of polynomials that approximate the outputs; None for none.
         set: parameter -> value.
         loops: path of a sidecar file with the loop closures of a URDF file.
+        progress: called with a text and the finished fraction.
 
     Raises:
         InputError: if a name is unknown, an input has no range or limits, or the grid is too large.
@@ -84,7 +87,7 @@ def joint_map(
     """
     own_model = mujoco_model(model, set, loops)
     ranges = ranges_in_si(own_model, inputs if isinstance(inputs, Mapping) else dict.fromkeys(inputs))
-    return map_over_grid(own_model, ranges, outputs, points=points, degree=degree)
+    return map_over_grid(own_model, ranges, outputs, points=points, degree=degree, progress=progress)
 
 
 def mujoco_model(

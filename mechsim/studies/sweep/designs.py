@@ -13,6 +13,7 @@ from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.errors import InputError
 from mechsim.files import read_rows
+from mechsim.model.limits import require_count
 from mechsim.model.quantity import AXES
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import numbers
@@ -22,7 +23,7 @@ from mechsim.units import Unit
 
 # seed of random samples
 SEED = 20240607
-# largest number of designs in a list, which is in memory
+# largest number of designs of a sweep: a four-bar takes 25 us, so that they take 1.4 h
 MAX_LISTED = 200_000_000
 # bytes of a design in addition to its parameters while a table of one measure is built
 BYTES_PER_DESIGN = 88.0
@@ -162,6 +163,7 @@ def _count(text: str, source: str) -> int:
         count = 0
     if count < 1:
         raise InputError(f"--vary {source!r} has {text.strip()!r} values; give a whole number, as in {RANGE}")
+    require_count(f"the values of --vary {source!r}", count, MAX_LISTED, f"reduce the number, as in {RANGE}")
     require_memory(f"{count:,} values", count, 16.0, "{most} fit: reduce the number")
     return count
 
@@ -176,6 +178,8 @@ def grid_designs(values: Mapping[str, object], model: str, parameters: Mapping[s
     if not kept:
         raise InputError(f"no parameter of {model} varies; give --vary {RANGE}")
     description = " x ".join(f"{len(values)} {name}" for name, values in kept.items())
+    count = math.prod(len(values) for values in kept.values())
+    require_count(f"the designs of the grid, {description},", count, MAX_LISTED, "give fewer values")
     return Designs(kept, {name: parameters[name] for name in kept}, "grid", f"grid of {description}")
 
 

@@ -1,0 +1,62 @@
+"""A body whose joints and points all coincide has a size: its centre of mass, or 1 m."""
+
+import json
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim import cli
+
+# two springs of 50 N/m, at rest length 0.2 m and 0.3 m long, hold 2 kg: omega^2 = 2 * 50 / 2
+OSCILLATOR = """
+name = "oscillator"
+drivers = ["x"]
+[joints.x]
+kind = "prismatic"
+a = { link = "ground", axis = [1, 0, 0] }
+b = { link = "mass", axis = [1, 0, 0] }
+[links.mass]
+inertia = { mass = 2, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }
+[points]
+P = { link = "mass", at = [0, 0, 0] }
+[forces.springs]
+left = { a = { link = "ground", at = [-0.3, 0, 0] }, b = { link = "mass" }, stiffness = 50, rest = 0.2 }
+right = { a = { link = "ground", at = [0.3, 0, 0] }, b = { link = "mass" }, stiffness = 50, rest = 0.2 }
+[guess]
+mass = { at = [0, 0, 0] }
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "oscillator.toml").write_text(OSCILLATOR)
+    return tmp_path / "oscillator.toml"
+
+
+def printed(capsys, monkeypatch, *arguments):
+    monkeypatch.setattr("sys.argv", ["mechsim", *map(str, arguments), "--json"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    output = capsys.readouterr()
+    assert ended.value.code == 0, output
+    return json.loads(output.out)
+
+
+def test_its_frequency_and_free_motion_are_those_of_the_oscillator(path, capsys, monkeypatch):
+    omega = np.sqrt(50.0)
+    (mode,) = printed(capsys, monkeypatch, "dynamics", path, "--modes")["modes"]
+    assert mode["frequency"] == pytest.approx(omega / (2.0 * np.pi), rel=1e-9)
+    run = ms.dynamics.run(path, initial={"x.q": 0.05}, duration=0.5)
+    assert run.motion.joints["x"].value[-1] == pytest.approx(0.05 * np.cos(0.5 * omega), abs=1e-9)
+
+
+@pytest.mark.parametrize("command", ["show", "check", "solve", "simulate", "validate"])
+def test_every_command_accepts_it(path, capsys, monkeypatch, command):
+    law = () if command in ("show", "check") else ("--drive", "x=0.1m*sin(t)", "--duration", "1s")
+    printed(capsys, monkeypatch, command, path, *law)
+
+
+def test_the_centre_of_mass_gives_the_size(path):
+    path.write_text(OSCILLATOR.replace("centre = [0, 0, 0]", "centre = [0, 0.07, 0]"))
+    assert ms.load(path).mechanism.characteristic_length == pytest.approx(0.07)
