@@ -438,11 +438,10 @@ def _peaks(law: State, duration: float) -> Array:
     for _ in range(HALVINGS):
         try:
             rates = state_in_balls(law, Ball(middle, np.full(len(middle), half * OUTWARD)))[1]
-            # that of a constant rate is one number
-            most = rates.magnitude + 0.0 * middle
         except NOT_ENCLOSED:
             break
-        rate = np.abs(law(middle)[1]) + 0.0 * middle
+        # the rate of a law may be one number
+        most, rate = rates.magnitude + 0.0 * middle, np.abs(law(middle)[1]) + 0.0 * middle
         if not (fastest := float(rate.max())) <= largest:
             largest = fastest
             times.append(float(middle[np.argmax(rate)]))

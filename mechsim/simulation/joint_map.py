@@ -269,8 +269,8 @@ def map_over_grid(
     names = tuple(inputs)
     if not names or not outputs:
         raise InputError("a map needs one input and one output or more; name them")
-    along = f"the points of the grid, {points:,} along each of {len(names)} inputs,"
-    require_count(along, points ** len(names), MAX_POINTS, "give fewer --points", least=2)
+    along = f"the points of the grid with {points:,} along each of {len(names)} inputs"
+    require_count(along, points ** len(names), MAX_POINTS, "change --points", least=2)
     if degree is not None:
         require_count("the degrees of the polynomials", degree, MAX_TERMS, "give a lower --degree")
         terms = comb(degree + len(names), degree)

@@ -163,7 +163,10 @@ def test_jacobian_derivatives_near_a_limit_equal_the_closed_form():
         (["--from", "crank=0:1", "--to", "wheel"], "wheel"),
         (["--from", "crank=1:0", "--to", "rocker"], "range of crank"),
         (["--from", "crank=0", "--to", "rocker"], "write the range"),
-        (["--from", "crank=0:1", "--to", "rocker", "--points", "1"], "grid has 1 points"),
+        (
+            ["--from", "crank=0:1", "--to", "rocker", "--points", "1"],
+            "each of 1 inputs are 1, and 2 to",
+        ),
         (["--from", "crank=0:1", "--to", "rocker", "--points", "4", "--degree", "4"], "too few"),
     ],
 )

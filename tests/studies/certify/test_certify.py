@@ -9,6 +9,7 @@ import mechsim as ms
 from mechsim.analytic.derivatives.dimensions import catalog_designs
 from mechsim.analytic.loops.constraints import cuts_of
 from mechsim.analytic.loops.motion import driven_path
+from mechsim.model.motion_laws import make_motion_laws
 from mechsim.numerics.balls import Ball, DualBall, ball
 from mechsim.studies.certify.certificate import proven_segments
 from mechsim.studies.certify.computed_motion import computed_motion
@@ -302,6 +303,12 @@ def test_a_spike_that_no_sample_hits_is_a_motion():
         ms.load("four_bar", drive={"crank": "0.6 + exp(-((t - 0.3123456)/1e-7)**2)"}, duration=1.0)
     rest = {"crank": "0.6 + 0*exp(-((t - 0.3)/1e-6)**2)"}
     assert ms.certify("four_bar", drive=rest, duration=1.0).certified
+
+
+def test_a_law_whose_rate_is_one_number_is_accepted():
+    mechanism = ms.load("four_bar").mechanism
+    laws = make_motion_laws(mechanism, {"crank": lambda t: (0.5 * t, 0.5, 0.0)}, 1.0)
+    assert laws.rate == 0.5
 
 
 def test_only_smooth_motion_laws_are_certified(tmp_path):
