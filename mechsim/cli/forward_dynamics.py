@@ -63,6 +63,7 @@ class ForwardRunJson(TypedDict):
     work: float
     lost: float
     events: list[float]
+    singular: list[float]
     steps: int
     final: dict[str, float]
     quantities: dict[str, QuantityJson]
@@ -272,6 +273,7 @@ def _run(
         "work": float(result.work[-1]),
         "lost": float(result.lost[-1]),
         "events": list(result.events),
+        "singular": list(result.singular),
         "steps": result.steps,
         "final": _final(result),
         "quantities": dict(quantities),
@@ -286,6 +288,11 @@ def _run(
             f"energy error {result.energy_error:.1e} (relative), work {number(result.work[-1])} J, lost "
             f"{number(result.lost[-1])} J, {result.steps} steps"
         )
+        if result.singular:
+            instants = ", ".join(number(instant) for instant in result.singular)
+            print_text(
+                f"passes singular configurations at {instants} s: there drivers do not determine the motion"
+            )
         extents = {
             name: QuantityJson(**_extent(joint.value), unit=joint.unit)
             for name, joint in result.motion.joints.items()

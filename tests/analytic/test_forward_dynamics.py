@@ -371,6 +371,19 @@ def test_independent_coordinates_without_initial_values_keep_their_start_at_rest
     assert point.velocity[0, :2] == pytest.approx(velocity, abs=1e-13)
 
 
+def test_singular_configurations_in_a_run_are_those_with_both_forearms_in_line():
+    run = ms.dynamics.run(ms.load("five_bar"), WEIGHT, initial={"left.v": 1.0}, duration=0.3, samples=6000)
+    left, right = (run.motion.joints[name].value for name in ("left", "right"))
+    gap = np.hypot(0.06 + 0.06 * (np.cos(right) - np.cos(left)), 0.06 * (np.sin(right) - np.sin(left)))
+    # stretched to 2 x 80 mm, or folded onto each other
+    distance = np.minimum(0.16 - gap, gap)
+    at = [int(np.argmin(np.abs(run.time - instant))) for instant in run.singular]
+    assert len(at) == 2
+    assert distance[at].max() < 1e-4 < np.median(distance)
+    quiet = ms.dynamics.run(ms.load("five_bar"), WEIGHT, initial={"left.v": 1.0}, duration=0.05)
+    assert quiet.singular == ()
+
+
 def test_a_dependent_initial_value_moves_the_last_driver_or_is_rejected():
     solver, rates = ms.load("five_bar"), {"elbow_l.v": 1.0}
     joints = ms.dynamics.run(solver, initial=rates, duration=0.01, samples=1).motion.joints

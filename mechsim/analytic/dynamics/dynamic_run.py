@@ -6,6 +6,7 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechsim import units
 from mechsim.analytic.dynamics.contacts import Stop, stops_of
@@ -18,6 +19,7 @@ from mechsim.analytic.dynamics.equations_of_motion import (
 from mechsim.analytic.dynamics.forward_dynamics import UNTIL, Integration, Piece, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
+from mechsim.analytic.dynamics.singular_passages import singular_passages
 from mechsim.analytic.dynamics.state_quantities import Event, motion_of, parse_event
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.errors import InputError
@@ -78,6 +80,7 @@ class DynamicRun:
         segments: the motion between them, in order.
         steps: number of integration steps.
         drift: largest magnitude of the summed energy corrections, in [J].
+        singular: instants at which the drivers do not determine the motion, in [s].
     """
 
     motion: Motion
@@ -92,6 +95,7 @@ class DynamicRun:
     segments: tuple[RunSegment, ...]
     steps: int
     drift: float
+    singular: tuple[float, ...] = ()
 
     __repr__ = short_repr
 
@@ -188,7 +192,14 @@ def run(
     _require_within(equations, q, stops)
     integration = Integration(equations, q, rates, tolerance, stops, restitution, progress)
     trajectory = integration.run(end) if event is None else _run_until(integration, end, event, until)
-    return run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
+    layout = StateLayout(equations)
+
+    def state_at(times: Array) -> Kinematics:
+        return equations.kinematics(*layout.unpack_states(_states_at(trajectory.pieces, times)[1]))
+
+    singular = singular_passages(equations, state_at, trajectory.end) if trajectory.pieces else ()
+    result = run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
+    return replace(result, singular=singular)
 
 
 def _run_until(integration: Integration, end: float, event: Event, text: str | None) -> Trajectory:
@@ -204,10 +215,7 @@ def _run_until(integration: Integration, end: float, event: Event, text: str | N
 def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -> DynamicRun:
     """Return a trajectory evaluated at instants (n,) in [s], each state projected onto the loops."""
     layout, pieces = StateLayout(equations), trajectory.pieces
-    # at an instant of an impact: the state after it
-    numbers = np.searchsorted([piece.last for piece in pieces], times, side="right")
-    numbers = np.minimum(numbers, len(pieces) - 1)
-    states = np.concatenate([pieces[k].solution(times[numbers == k]) for k in np.unique(numbers)])
+    numbers, states = _states_at(pieces, times)
     q, rates = projected(equations, *layout.unpack_states(states), times)
     whole = equations.kinematics(q, rates)
     accelerations, driving = np.empty_like(rates), np.empty((len(equations.prescribed), len(times)))
@@ -234,6 +242,14 @@ def run_at(equations: EquationsOfMotion, trajectory: Trajectory, times: Array) -
         steps=trajectory.steps,
         drift=trajectory.drift,
     )
+
+
+def _states_at(pieces: Sequence[Piece], times: Array) -> tuple[NDArray[np.intp], Array]:
+    """Return the piece of each instant of an ascending sequence, (n,), and its state, (n, size)."""
+    # at an instant of an impact: the state after it
+    numbers = np.searchsorted([piece.last for piece in pieces], times, side="right")
+    numbers = np.minimum(numbers, len(pieces) - 1)
+    return numbers, np.concatenate([pieces[k].solution(times[numbers == k]) for k in np.unique(numbers)])
 
 
 def _segments(pieces: Sequence[Piece]) -> tuple[RunSegment, ...]:

@@ -1,0 +1,57 @@
+"""Singular configurations through which a run passes: there its drivers do not determine the motion."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
+from mechsim.numerics.arrays import Array
+
+# number of instants at which singular configurations are searched, and number of operations that limits it
+INSTANTS, OPERATIONS = 1000, 2e8
+# participation of the drivers, relative to the largest in the run, below which a minimum is refined, and
+# below which the configuration is nearly singular
+REFINED, SINGULAR = 0.2, 1e-2
+
+
+def singular_passages(
+    equations: EquationsOfMotion, state_at: Callable[[Array], Kinematics], end: float
+) -> tuple[float, ...]:
+    """Return the instants of (nearly) singular configurations inside a run, in [s].
+
+    The drivers' rows of the null space of the constraint Jacobian G = dPhi/dq lose rank there: the mechanism
+    can move while its drivers rest, as at a dead centre or where a leg is stretched (Gosselin and Angeles,
+    1990). The smallest singular value of these rows is their participation; its minima are refined.
+
+    Args:
+        equations: equations of motion.
+        state_at: times (n,) in [s] -> kinematics.
+        end: end of the run in [s].
+    """
+    from scipy.optimize import minimize_scalar
+
+    tree = equations.loops.tree
+    rows = [tree.index_of[name] for name in equations.model.mechanism.drivers]
+    if not (equations.rank and rows):
+        return ()
+
+    def participation(times: Array) -> Array:
+        null_space = np.linalg.svd(state_at(times).jacobian)[2][:, equations.rank :]
+        whole = np.zeros((len(times), null_space.shape[1], tree.count))
+        whole[:, :, equations.free] = null_space
+        return np.linalg.svd(whole[:, :, rows], compute_uv=False)[:, -1]
+
+    count = max(20, min(INSTANTS, int(OPERATIONS / tree.count**3)))
+    times = np.linspace(0.0, end, count + 1)
+    values = participation(times)
+    inner, limit = values[1:-1], float(values.max())
+    lowest = (inner < values[:-2]) & (inner <= values[2:]) & (inner < REFINED * limit)
+    instants: list[float] = []
+    for i in (np.flatnonzero(lowest) + 1).tolist():
+        bounds = times[i - 1], times[i + 1]
+        minimum = minimize_scalar(
+            lambda time: float(participation(np.array([time]))[0]), bounds=bounds, method="bounded"
+        )
+        if minimum.fun < SINGULAR * limit:
+            instants.append(float(minimum.x))
+    return tuple(instants)
