@@ -288,11 +288,7 @@ def _run(
             f"energy error {result.energy_error:.1e} (relative), work {number(result.work[-1])} J, lost "
             f"{number(result.lost[-1])} J, {result.steps} steps"
         )
-        if result.singular:
-            instants = ", ".join(number(instant) for instant in result.singular)
-            print_text(
-                f"passes singular configurations at {instants} s: there drivers do not determine the motion"
-            )
+        print_text(_passages(result))
         extents = {
             name: QuantityJson(**_extent(joint.value), unit=joint.unit)
             for name, joint in result.motion.joints.items()
@@ -316,6 +312,14 @@ def _run(
 
     passed = result.outcome in ("done", "stopped") and (verdict is None or verdict.passed)
     return Result(data, text, passed)
+
+
+def _passages(result: DynamicRun) -> str:
+    """Return the instants of singular configurations in words; empty for none."""
+    instants = ", ".join(number(instant) for instant in result.singular)
+    return instants and (
+        f"passes singular configurations at {instants} s: there drivers do not determine the motion"
+    )
 
 
 def _comparison(result: DynamicRun, compared: bool) -> str:

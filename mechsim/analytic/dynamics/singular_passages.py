@@ -1,6 +1,7 @@
 """Singular configurations through which a run passes: there its drivers do not determine the motion."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def singular_passages(
         null_space = np.linalg.svd(state_at(times).jacobian)[2][:, equations.rank :]
         whole = np.zeros((len(times), null_space.shape[1], tree.count))
         whole[:, :, equations.free] = null_space
-        return np.linalg.svd(whole[:, :, rows], compute_uv=False)[:, -1]
+        return np.asarray(np.linalg.svd(whole[:, :, rows], compute_uv=False)[:, -1], np.float64)
 
     count = max(20, min(INSTANTS, int(OPERATIONS / tree.count**3)))
     times = np.linspace(0.0, end, count + 1)
@@ -49,7 +50,7 @@ def singular_passages(
     instants: list[float] = []
     for i in (np.flatnonzero(lowest) + 1).tolist():
         bounds = times[i - 1], times[i + 1]
-        minimum = minimize_scalar(
+        minimum: Any = minimize_scalar(
             lambda time: float(participation(np.array([time]))[0]), bounds=bounds, method="bounded"
         )
         if minimum.fun < SINGULAR * limit:
