@@ -377,9 +377,9 @@ def test_singular_configurations_in_a_run_are_those_with_both_forearms_in_line()
     gap = np.hypot(0.06 + 0.06 * (np.cos(right) - np.cos(left)), 0.06 * (np.sin(right) - np.sin(left)))
     # stretched to 2 x 80 mm, or folded onto each other
     distance = np.minimum(0.16 - gap, gap)
-    at = [int(np.argmin(np.abs(run.time - instant))) for instant in run.singular]
-    assert len(at) == 2
-    assert distance[at].max() < 1e-4 < np.median(distance)
+    rows = [int(np.argmin(np.abs(run.time - instant))) for instant in run.singular]
+    assert len(rows) == 2
+    assert distance[rows].max() < 1e-4 < np.median(distance)
     quiet = ms.dynamics.run(ms.load("five_bar"), WEIGHT, initial={"left.v": 1.0}, duration=0.05)
     assert quiet.singular == ()
 
