@@ -38,7 +38,7 @@ def leg(tmp_path):
 
 def test_a_ram_of_a_folded_leg_drives_it(leg):
     lengths = np.array([0.15, 0.3, 0.45])
-    solver = ms.load(leg, drive={"length": "0.15+0.3*t", "yaw": "0"})
+    solver = ms.load(leg, drive={"length": "0.15+0.3*t", "yaw": "0rad"})
     knee = solver.solve(t=[0.0, 0.5, 1.0]).joints["knee"].value
     # isosceles triangle of the links, whose base is the ram
     np.testing.assert_allclose(knee, 2.0 * np.arcsin(lengths / 0.6), atol=1e-12)
