@@ -23,7 +23,7 @@ FIRST_STEPS = ("mechsim validate four_bar", "mechsim show gripper.xml", "mechsim
 PANELS = {
     "Model": "set lock lock-others fix-base key track gravity load motor gear friction spring damper "
     "flywheel density diameter scene cut",
-    "Initial state": "initial until restitution controller",
+    "Initial state": "initial until restitution budget controller",
     "Motion": "drive ctrl speed turns angles angle profile at every samples duration change-point free",
     "Solver": "method tolerance timestep integrator steps-per-turn constant-steps solref solimp compliance "
     "refsafe diagexact jacobian solver iterations ls-iterations residual eulerdamp island drive-inertia "

@@ -9,6 +9,7 @@ import numpy as np
 from mechsim import files, units
 from mechsim.analytic import dynamics
 from mechsim.analytic.dynamics import DynamicModel
+from mechsim.analytic.dynamics.forward_dynamics import BUDGET
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, require_distinct, warn_about_angle
@@ -331,6 +332,9 @@ class InitialOptions:
         metavar="QUANTITY=VALUE",
     )
     restitution: float = option(0.0, "Coefficient of restitution at joint limits, 0 to 1.")
+    budget: int = option(
+        BUDGET, "Work budget: largest number of states that a run evaluates before it ends.", metavar="N"
+    )
 
     def __post_init__(self) -> None:
         require_distinct("--initial", self.initial)
@@ -349,6 +353,11 @@ class InitialOptions:
                 warn_about_angle(f"--initial {name}", text, model.solver.written.angle)
         return dict(self.initial)
 
+    @property
+    def limited(self) -> bool:
+        """Whether options are given that need a run."""
+        return bool(self.restitution or self.budget != BUDGET)
+
     def release(self, model: DynamicModel, source: ModelOptions) -> Release:
         """Return the release of a model; the default duration of the run is 1 s."""
         return Release(
@@ -358,6 +367,7 @@ class InitialOptions:
             duration=DURATION if source.duration is None else source.duration,
             until=self.until,
             restitution=self.restitution,
+            budget=self.budget,
         )
 
 
@@ -388,8 +398,10 @@ def require_release(loads: LoadOptions, options: InitialOptions, usage: str) -> 
         options: options of the run.
         usage: the options that would apply them, for the message.
     """
-    if loads != LoadOptions() or options.restitution:
-        raise InputError(f"loads, masses and --restitution act in a run from an initial state; {usage}")
+    if loads != LoadOptions() or options.limited:
+        raise InputError(
+            f"loads, masses, --restitution and --budget act in a run from an initial state; {usage}"
+        )
 
 
 def states_initial(source: ModelOptions) -> bool:

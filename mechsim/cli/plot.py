@@ -104,7 +104,7 @@ def _driven(
     kind: str,
 ) -> PlotSource:
     """Return what is drawn of a driven motion."""
-    if initial.requested or initial.restitution:
+    if initial.requested or initial.limited:
         kinds = ", ".join(name for name, row in PLOTS.items() if row.released != "never")
         raise InputError(
             f"plot {kind!r} shows a driven motion; a run from an initial state is shown by {kinds}"

@@ -90,6 +90,7 @@ Outcome = Literal[
     "turned back",
     "stopped",
     "dead centre",
+    "work budget spent",
 ]
 
 # default tolerance of positions, relative to the stroke: a twentieth of the effect of a link 0.1 % too long

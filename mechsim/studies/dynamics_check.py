@@ -202,6 +202,7 @@ def _compared_with_mujoco(
             substeps,
             kept=kept,
             prescribed={name: dynamic_model.solver.motion_laws.by_name[name] for name in run.driving},
+            ranges=dynamic_model.solver.ranges,
             progress=progress,
         )
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.dynamics import DynamicModel, DynamicRun, nearest_equilibrium, response, run
+from mechsim.analytic.dynamics.forward_dynamics import BUDGET
 from mechsim.analytic.dynamics.linearization import LinearModel, Mode, states_about
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.state_quantities import motion_of
@@ -204,6 +205,7 @@ class Release:
         duration: longest time in [s].
         until: event that ends the run; None for no event.
         restitution: at the limits of joints.
+        budget: largest number of states that a run evaluates.
     """
 
     model: DynamicModel
@@ -212,6 +214,7 @@ class Release:
     duration: float = DURATION
     until: str | None = None
     restitution: float = 0.0
+    budget: int = BUDGET
 
     def run(self, samples: int, progress: Progress = no_progress) -> DynamicRun:
         """Return the run at instants after the first."""
@@ -223,6 +226,7 @@ class Release:
             until=self.until,
             samples=samples,
             restitution=self.restitution,
+            budget=self.budget,
             progress=progress,
         )
 

@@ -51,6 +51,16 @@ def test_a_run_ends_at_an_event_and_writes_its_columns(tmp_path, command):
     assert data["crank"][-1] == pytest.approx(np.deg2rad(30.0), abs=1e-10)
 
 
+def test_a_spent_work_budget_is_an_outcome(facts):
+    code, run = facts(
+        "--initial", "crank.q=30deg", "--duration", "9s", "--budget", "1500", "--method", "none"
+    )
+    assert code == 1
+    assert run["outcome"] == "work budget spent"
+    assert "1,500 states" in run["reason"]
+    assert 0.0 < run["duration"] < 9.0
+
+
 def test_an_unreached_event_is_reported(facts):
     code, run = facts("--until", "crank.q=900deg", "--duration", "0.01s", "--method", "none")
     assert code == 1

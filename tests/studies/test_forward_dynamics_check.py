@@ -10,6 +10,7 @@ import pytest
 import mechsim as ms
 from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.initial_state import InitialValues
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.forces import Forces, Friction, JointSpring
 from mechsim.model.links import Inertia
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_equilibrium, crosscheck_forward
@@ -205,3 +206,14 @@ def test_accelerations_of_a_stiff_spring_have_the_tolerance_of_the_motion_times_
     ratio = tolerances["acceleration of s"] / tolerances["coordinate of s"]
     assert 0.1 * stiffness / mass < ratio < 10.0 * stiffness / mass
     assert not verdict(stiffness * (1.0 + 1e-4)).passed
+
+
+def test_a_run_that_ignores_a_stop_disagrees_with_mujoco():
+    """MuJoCo keeps the limit of 0.15 m, which the run without stops passes."""
+    forces = Forces(gravity=(2.0, 0.0, 0.0))
+    without = ms.dynamics.run(slider(), forces, initial={"s.v": 0.0}, duration=0.6, samples=30)
+    assert without.motion.joints["s"].value.max() > 0.3
+    values = InitialValues({}, {"s": 0.0})
+    for limit, agrees in ((0.5, True), (0.15, False)):
+        model = ms.dynamics.dynamic_model(LoopForm(slider(), ranges={"s": (-1.0, limit)}), forces)
+        assert crosscheck_forward(without, model, values).passed == agrees

@@ -1,26 +1,55 @@
 """Contacts: Coulomb friction that sticks or slides, and impacts and contacts at joint limits.
 
-Source: F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts (1996), section 5.4 (Newton's
-law of impact).
+The gaps g of the stops that are closed satisfy one complementarity problem, with their Jacobian W and the
+inverse mass matrix P on the loops. Impacts: v+ = v- + P W' L, 0 <= L, W v+ + e W v- >= 0, L' (W v+ + e W v-)
+= 0. Contacts at rest: the same with forces, and accelerations of the gaps instead of W v+ + e W v-. The
+energy of an impact changes by -(1 - e) / (1 + e) L' W P W' L / 2: one coefficient e for all stops never adds
+energy. Friction is finite and has no impulse.
+
+Source: C. Glocker, Set-Valued Force Laws (2001); F. Pfeiffer and C. Glocker, Multibody Dynamics with
+Unilateral Contacts (1996), section 5.4 (Newton's law of impact).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mechsim.analytic.dynamics.equations_of_motion import Dynamics, EquationsOfMotion, Kinematics
+from mechsim.analytic.dynamics.equations_of_motion import (
+    Dynamics,
+    EquationsOfMotion,
+    Kinematics,
+    with_locked_rows,
+)
 from mechsim.analytic.dynamics.link_forces import constrained_acceleration
+from mechsim.errors import MechsimError
 from mechsim.model.joint_kinds import KINDS
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.complementarity import complementary
+from mechsim.numerics.newton import root
 from mechsim.numerics.rank import null_spaces
 
 # largest number of changes of sticking, sliding and contact at one instant
 MAX_CHANGES = 50
 # rate of a coordinate with friction, relative to the fastest rate so far, below which it is at rest
 REST = 1e-9
-# approach rate to a stop, relative to the fastest rate, below which there is contact without an impact
+# approach rate to a stop, relative to the fastest rate, below which there is contact without an impact: the
+# impacts that would follow have 1e-14 of the energy
 SOFT_IMPACT = 1e-7
+# rate of a closed gap, relative to the fastest rate, that is rounding
+NO_APPROACH = 1e-12
+# gap, in [rad] or characteristic lengths, that is closed, and the negative one that rounding of closed loops
+# leaves
+CLOSED_GAP = 1e-9
+# gap in the same units that a stop must exceed to count as open: the rounding of a step is 1e-15
+OPEN_GAP = 1e-13
+# height of a rebound relative to this gap, below which there is none
+REBOUND = 4.0
+# largest number of successive impacts at one instant; the last has no restitution
+MAX_IMPACTS = 100
+# acceleration of a coordinate by a unit force, relative to that of the total mass, below which it cannot
+# move: the square of its share in the motion
+IMMOBILE = 1e-9
 # acceleration of a sticking friction's rate, relative to the square of the fastest rate, that is no rounding
 REVERSAL = 1e-6
 # relative excess of a friction force over its limit that counts as rounding
@@ -41,13 +70,25 @@ class Stop:
     side: float
 
 
+class JammedError(MechsimError):
+    """A joint that prescribed motion drives beyond its stop."""
+
+
 @dataclass(frozen=True, slots=True)
 class ContactMode:
-    """The frictions that slide (with direction) or stick, and the stops in contact."""
+    """The frictions that slide (with direction) or stick, and the stops in contact.
+
+    Attributes:
+        sliding: direction of each friction's rate, (frictions,) of -1, 0, 1.
+        stuck: indices of the sticking frictions.
+        contacts: indices of the stops in contact.
+        adhesion: tensile force of each contact that is rounding, in [N m] or [N] times the coordinate's unit.
+    """
 
     sliding: Array
     stuck: list[int] = field(default_factory=list[int])
     contacts: list[int] = field(default_factory=list[int])
+    adhesion: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +127,10 @@ class Contacts:
             functions.append(
                 lambda state, times: 1.0 + BALANCED - self._friction_load(dynamics(state, times), mode)
             )
-        for i, stop in enumerate(self.stops):
-            if i in mode.contacts:
-                functions.append(lambda state, times, i=i: self._pressing(dynamics(state, times), mode, i))
-            else:
-                functions.append(lambda state, _, stop=stop: self._clearance(state, stop))
+        for k in range(len(mode.contacts)):
+            functions.append(
+                lambda state, times, k=k: self._pressing(dynamics(state, times), mode)[k] + mode.adhesion[k]
+            )
         return functions
 
     def _friction_load(self, dynamics: Dynamics, mode: ContactMode) -> Array:
@@ -110,64 +150,128 @@ class Contacts:
                 loads[k] = _least_largest(holding[:, k], unloaded[:, redundant] / limits)
         return loads
 
-    def _pressing(self, dynamics: Dynamics, mode: ContactMode, index: int) -> Array:
-        """Return the contact force of a stop; negative for a tensile force."""
-        return -self.stops[index].side * dynamics.contact[mode.contacts.index(index)]
+    def _pressing(self, dynamics: Dynamics, mode: ContactMode) -> Array:
+        """Return the forces of the stops in contact, (contacts, n); negative for a tensile force."""
+        return -self._sides(mode.contacts)[:, None] * dynamics.contact
 
-    def _clearance(self, state: Kinematics, stop: Stop) -> Array:
-        value = state.q.values[stop.index] / self.equations.loops.units[stop.index]
-        return stop.side * (stop.limit - value)
+    def _sides(self, stops: Sequence[int]) -> Array:
+        return np.array([self.stops[i].side for i in stops])
 
-    def rates_after_impact(self, state: Kinematics, mode: ContactMode, fastest: float) -> Array:
-        """Return the rates (count, 1) after impacts at all joint stops, by impulses on all coordinates.
+    def gaps(self, values: Array) -> Array:
+        """Return the gaps of the stops, (stops, n), at coordinates in units, (count, n)."""
+        return np.array([stop.side * (stop.limit - values[stop.index]) for stop in self.stops])
 
-        A joint that only touches its stop comes to rest there.
+    def gap_rates(self, rates: Array) -> Array:
+        """Return the rates of the gaps, (stops, n), at rates of the coordinates in units, (count, n)."""
+        return np.array([-stop.side * rates[stop.index] for stop in self.stops])
+
+    def _closed(self, state: Kinematics) -> list[int]:
+        """Return the stops with a closed gap in one state."""
+        gaps = self.gaps(state.q.values / self.equations.loops.units[:, None])
+        return [int(i) for i in np.flatnonzero(gaps[:, 0] <= CLOSED_GAP)] if len(gaps) else []
+
+    def rates_after_impact(self, state: Kinematics, time: float, mode: ContactMode, fastest: float) -> Array:
+        """Return the rates (count, 1) after impacts at all closed gaps, by impulses on all coordinates.
+
+        Impacts follow one another until no closed gap approaches. A gap that opens takes no part in an
+        impact. A joint that only touches its stop comes to rest there.
 
         Args:
             state: state before the impact.
-            mode: contact mode before the impact; stops in contact have no impact.
+            time: in [s].
+            mode: contact mode before the impact.
             fastest: largest rate of the run so far.
+
+        Raises:
+            JammedError: if prescribed motion closes a gap further.
         """
-        slow = SOFT_IMPACT * fastest
-        hit = [
-            stop.index
-            for i, stop in enumerate(self.stops)
-            if i not in mode.contacts
-            and abs(float(self._clearance(state, stop)[0])) < 1e-9
-            and stop.side * state.rates[stop.index, 0] > -slow
-        ]
-        equations, before = self.equations, state.rates[self.equations.free].T
-        if not hit:
-            return state.rates
-        mass = equations.mass(state)
-        kept = np.concatenate([np.zeros_like(state.gamma), state.rates[equations.prescribed_indices].T], 1)
-        none = np.zeros((len(equations.frictions), 1, len(equations.free)))
-        rows, _ = equations.constraint_rows(state, kept, none, (), hit)
-        rebound = -self.restitution * state.rates[hit]
-        target = np.concatenate([kept, np.where(np.abs(rebound) > slow, rebound, 0.0).T], 1)
-        after = np.zeros_like(state.rates)
-        momentum = (mass @ before[..., None])[..., 0]
-        after[equations.free] = constrained_acceleration(mass, momentum, rows, -target)[0].T
+        closed, rates, still = self._closed(state), state.rates, NO_APPROACH * fastest
+        if not (self.gap_rates(rates)[closed] < -still).any():
+            return rates
+        mass = self.equations.mass(state)
+        falling = self.equations.accelerate(state, np.array([time]), mode.sliding).acceleration
+        slowest = max(SOFT_IMPACT * fastest, float(np.sqrt(2.0 * np.abs(falling).max() * REBOUND * OPEN_GAP)))
+        for number in range(MAX_IMPACTS):
+            before = self.gap_rates(rates)[closed, 0]
+            if not (before < -still).any():
+                break
+            rebound = np.maximum(-self.restitution * before, 0.0)
+            rebound[rebound <= slowest] = 0.0
+            last = number == MAX_IMPACTS - 1
+            taking_part = np.flatnonzero((before <= still) | last)
+            stops, target = [closed[i] for i in taking_part], rebound[taking_part] * (not last)
+            pressed = self._pressed(mass, state.jacobian, stops, before[taking_part] - target, still)
+            hit = np.array([k for k, i in enumerate(stops) if i in pressed], dtype=np.intp)
+            rates = self._impact(state, mass, rates, [stops[k] for k in hit], target[hit])
+        return rates
+
+    def _impact(self, state: Kinematics, mass: Array, rates: Array, hit: list[int], target: Array) -> Array:
+        """Return the rates (count, 1) after an impact that gives some gaps their target rates."""
+        equations, indices = self.equations, [self.stops[i].index for i in hit]
+        free = rates[equations.free].T
+        rows = with_locked_rows(equations, state.jacobian, indices)
+        # impulses change no rate that the loops and prescribed motion determine
+        loops = (state.jacobian @ free[..., None])[..., 0]
+        kept = np.concatenate([loops, -(self._sides(hit) * target)[None]], 1)
+        after = np.zeros_like(rates)
+        momentum = (mass @ free[..., None])[..., 0]
+        after[equations.free] = constrained_acceleration(mass, momentum, rows, -kept)[0].T
         return after
 
+    def _pressed(
+        self, mass: Array, rows: Array, stops: Sequence[int], opening: Array, tolerance: float
+    ) -> list[int]:
+        """Return the stops that must press so that no gap closes further.
+
+        Args:
+            mass: mass matrix, (1, free, free).
+            rows: constraint Jacobian without contacts, (1, rows, free).
+            stops: stops with a closed gap.
+            opening: rate or acceleration of each gap without the stops, less the smallest one admitted.
+            tolerance: rounding of it. A gap that opens less remains in contact.
+
+        Raises:
+            JammedError: if no forces of the stops prevent it.
+        """
+        indices = [self.stops[i].index for i in stops]
+        sides = self._sides(stops)
+        units = with_locked_rows(self.equations, np.zeros((1, 0, mass.shape[1])), indices)[0]
+        count = len(stops)
+        repeated, loops = np.repeat(mass, count, 0), np.repeat(rows, count, 0)
+        moved, _ = constrained_acceleration(repeated, units, loops, np.zeros((count, rows.shape[1])))
+        effects, least = units @ moved.T, 1.0 / float(np.trace(mass[0]))
+        mobile = np.diag(effects) > IMMOBILE * least
+        sizes = np.sqrt(np.where(mobile, np.diag(effects), least))
+        matrix = effects * np.outer(mobile * sides / sizes, mobile * sides / sizes)
+        for slack in (np.where(mobile, -tolerance, tolerance), tolerance):
+            forces = complementary(matrix, (opening + slack) / sizes)
+            if forces is not None:
+                return [i for i, force in zip(stops, forces, strict=True) if force > 0.0]
+        names = {index: name for name, index in self.equations.loops.tree.index_of.items()}
+        raise JammedError(
+            f"{self.equations.model.mechanism.name}: prescribed motion drives "
+            f"{', '.join(names[i] for i in indices)} beyond a stop"
+        )
+
     def choose(self, state: Kinematics, time: float, fastest: float) -> ContactMode:
-        """Return the contact mode with admissible friction and contact forces."""
+        """Return the contact mode with admissible friction and contact forces.
+
+        Raises:
+            JammedError: if prescribed motion drives a joint beyond its stop.
+        """
         rates, fastest = self.equations.friction_rates(state)[:, 0], max(fastest, 1e-9)
         at_rest = np.abs(rates) <= REST * fastest
-        contacts = [
-            i
-            for i, stop in enumerate(self.stops)
-            if float(self._clearance(state, stop)[0]) <= 1e-9
-            and abs(float(state.rates[stop.index, 0])) <= SOFT_IMPACT * fastest
-        ]
+        slow = np.abs(self.gap_rates(state.rates)) <= SOFT_IMPACT * fastest
+        resting = [i for i in self._closed(state) if slow[i, 0]]
         stuck = [int(i) for i in np.flatnonzero(at_rest)]
-        mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck, contacts)
-        together = None if contacts or not stuck else self._moving_together(state, time, mode, fastest)
+        mode = ContactMode(np.where(at_rest, 0.0, np.sign(rates)), stuck)
+        together = None if resting or not stuck else self._moving_together(state, time, mode, fastest)
         if together is not None:
             return together
         least_slip = REVERSAL * fastest**2
         sizes = [friction.magnitude for friction in self.equations.frictions]
         for _ in range(MAX_CHANGES):
+            mode = self._touching(state, time, mode, resting)
             dynamics = self.accelerate(state, np.array([time]), mode)
             # at a dead centre the joint reverses whatever the friction
             reversing = max(mode.stuck, key=lambda i: abs(float(dynamics.slip[i, 0])), default=None)
@@ -176,15 +280,25 @@ class Contacts:
                 continue
             loads = {i: abs(float(dynamics.holding[i, 0])) / sizes[i] for i in mode.stuck}
             slipping = max(loads, key=lambda i: loads[i], default=None)
-            pulled = [i for i in mode.contacts if float(self._pressing(dynamics, mode, i)[0]) < 0.0]
             # smaller than the excess that ends sticking: the friction slides at that instant
-            if slipping is not None and self._friction_load(dynamics, mode)[0] > 1.0 + 0.5 * BALANCED:
-                mode = self._sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
-            elif pulled:
-                mode = replace(mode, contacts=[i for i in mode.contacts if i not in pulled])
-            else:
+            if slipping is None or self._friction_load(dynamics, mode)[0] <= 1.0 + 0.5 * BALANCED:
                 break
+            mode = self._sliding(mode, slipping, -float(dynamics.holding[slipping, 0]))
         return mode
+
+    def _touching(self, state: Kinematics, time: float, mode: ContactMode, resting: list[int]) -> ContactMode:
+        """Return a mode with those stops in contact that must press, of those with a closed gap at rest."""
+        mode = replace(mode, contacts=[], adhesion=np.zeros(0))
+        if not resting:
+            return mode
+        times, mass = np.array([time]), self.equations.mass(state)
+        apart = self.accelerate(state, times, mode)
+        rounding = BALANCED * float(np.abs(apart.acceleration).max())
+        opening = self.gap_rates(apart.acceleration)[resting, 0]
+        touching = replace(mode, contacts=self._pressed(mass, apart.rows, resting, opening, 0.5 * rounding))
+        forces = self._pressing(self.accelerate(state, times, touching), touching)[:, 0]
+        adhesion = rounding * float(np.trace(mass[0])) + 2.0 * np.maximum(-forces, 0.0)
+        return replace(touching, adhesion=adhesion)
 
     def _moving_together(
         self, state: Kinematics, time: float, mode: ContactMode, fastest: float
@@ -222,6 +336,37 @@ class Contacts:
         return replace(mode, sliding=sliding, stuck=[i for i in mode.stuck if i != index])
 
 
+def closing_instant(
+    gap: Callable[[Array], Array], rate: Callable[[Array], Array], times: Array
+) -> float | None:
+    """Return the first instant in [s] at which a gap closes, also between the instants; None if it does not.
+
+    A gap that is closed at the first instant closes again where it falls by `OPEN_GAP`, or once it was open.
+
+    Args:
+        gap: instants (n,) in [s] -> gap, (n,).
+        rate: the same for its rate.
+        times: instants, (n,) in [s], one a fraction of the gap's variations from the next.
+    """
+    values, rates = gap(times), rate(times)
+    # a minimum between two instants
+    turns = (rates[:-1] < 0.0) & (rates[1:] > 0.0) & (values[:-1] > 0.0) & (values[1:] > 0.0)
+    lowest = [_root_of(rate, times[k], times[k + 1]) for k in np.flatnonzero(turns)]
+    times = np.sort(np.append(times, lowest))
+    values = gap(times)
+    opened = np.maximum.accumulate(values) > OPEN_GAP
+    offsets = np.where(opened, 0.0, OPEN_GAP + max(0.0, -float(values[0])))
+    crosses = (values[:-1] + offsets[:-1] > 0.0) & (values[1:] + offsets[:-1] <= 0.0)
+    if not crosses.any():
+        return None
+    k = int(np.argmax(crosses))
+    return _root_of(lambda instants: gap(instants) + offsets[k], times[k], times[k + 1])
+
+
+def _root_of(function: Callable[[Array], Array], low: float, high: float) -> float:
+    return root(lambda time: float(function(np.array([time]))[0]), float(low), float(high))
+
+
 def _least_largest(values: Array, directions: Array) -> float:
     """Return the least largest magnitude of values (m,) plus a combination of the columns (m, k)."""
     if not directions.size:
@@ -243,7 +388,7 @@ def stops_of(equations: EquationsOfMotion, ranges: Mapping[str, tuple[float, flo
     stops: list[Stop] = []
     for name, limits in ranges.items():
         index = equations.loops.tree.index_of.get(name)
-        if index is None:
+        if index is None or index not in equations.free:
             continue
         for limit, side in zip(limits, (-1.0, 1.0), strict=True):
             if abs(limit) < np.inf:

@@ -9,22 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim import units
-from mechsim.analytic.dynamics.contacts import Stop, stops_of
+from mechsim.analytic.dynamics.contacts import CLOSED_GAP, Stop, stops_of
 from mechsim.analytic.dynamics.equations_of_motion import (
     EquationsOfMotion,
     Kinematics,
     conditionings,
     equations_of_motion,
 )
-from mechsim.analytic.dynamics.forward_dynamics import UNTIL, Integration, Piece, Trajectory
+from mechsim.analytic.dynamics.forward_dynamics import BUDGET, UNTIL, Integration, Piece, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, StateLayout, initial_state, projected
 from mechsim.analytic.dynamics.model import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.singular_passages import singular_passages
 from mechsim.analytic.dynamics.state_quantities import Event, motion_of, parse_event
 from mechsim.analytic.loops.kinematics import Coordinates
-from mechsim.errors import InputError
+from mechsim.errors import AssemblyError, InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.forces import Forces
+from mechsim.model.limits import Ranges, require_within
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion, short_repr
 from mechsim.model.motion_laws import State
 from mechsim.model.progress import Progress, no_progress
@@ -39,9 +41,6 @@ TOLERANCE = 3e-13
 SINGULAR_START = 1e-6
 # eigenvalue of the reduced mass matrix relative to the trace of the mass matrix that counts as zero: rounding
 NO_INERTIA = 1e-14
-# distance beyond a stop, in [rad] or characteristic lengths, at which a joint is still in contact: rounding
-# of closed loops
-BEYOND_STOP = 1e-9
 # difference from the value of an event, in SI, at which it holds: rounding of closed loops
 EVENT_ROUNDING = 1e-12
 
@@ -74,7 +73,8 @@ class DynamicRun:
         work: work of motor and loads since the start, (n,) in [J].
         lost: energy lost in friction, dampers and impacts since the start, (n,) in [J].
         driving: prescribed coordinate -> its drive force or torque, (n,) in [N] or [N m].
-        outcome: "done", "stopped", "diverged", "dead centre" or "failed".
+        outcome: "done", "stopped", "time over", "diverged", "dead centre", "failed" (a joint beyond its
+            range) or "work budget spent".
         reason: one sentence if the outcome is not "done".
         events: instants of impacts and of changes between sticking and sliding, in [s].
         segments: the motion between them, in order.
@@ -137,6 +137,7 @@ def run(
     samples: int = 500,
     tolerance: float = TOLERANCE,
     restitution: float = 0.0,
+    budget: int = BUDGET,
     progress: Progress = no_progress,
 ) -> DynamicRun:
     """Integrate the motion of a mechanism from an initial state under forces.
@@ -158,6 +159,7 @@ def run(
         tolerance: relative error of an integration step.
         restitution: coefficient of restitution of joint stops: rate after an impact divided by that before
             it, 0 to 1.
+        budget: largest number of states that the run evaluates; then it ends.
         progress: called after each integration step with a text and the finished fraction.
 
     Returns:
@@ -177,7 +179,7 @@ def run(
     model: DynamicModel = source if isinstance(source, DynamicModel) else dynamic_model(source, forces)
     values = initial_values(model, initial or {})
     end = _positive(units.si(duration, "s", "the duration"), "duration", "s")
-    _require_settings(samples, tolerance, restitution)
+    _require_settings(samples, tolerance, restitution, budget)
     laws = _prescribed_laws(model, prescribed)
     ranges = getattr(model.solver, "ranges", {})
     names = {*values.coordinates, *values.rates, *ranges}
@@ -190,7 +192,7 @@ def run(
     require_inertia(equations, q, rates)
     stops = stops_of(equations, ranges)
     _require_within(equations, q, stops)
-    integration = Integration(equations, q, rates, tolerance, stops, restitution, progress)
+    integration = Integration(equations, q, rates, tolerance, stops, restitution, progress, budget)
     trajectory = integration.run(end) if event is None else _run_until(integration, end, event, until)
     layout = StateLayout(equations)
 
@@ -199,7 +201,27 @@ def run(
 
     singular = singular_passages(equations, state_at, trajectory.end) if trajectory.pieces else ()
     result = run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
-    return replace(result, singular=singular)
+    result = replace(result, singular=singular)
+    return result if result.outcome == "failed" else _with_ranges_checked(result, model.mechanism, ranges)
+
+
+def _with_ranges_checked(result: DynamicRun, mechanism: Mechanism, ranges: Ranges) -> DynamicRun:
+    """Return a run, with the outcome "failed" if a joint leaves its range.
+
+    Joints at which a loop is cut have no stop in the equations of motion.
+    """
+    try:
+        require_within(
+            mechanism.name,
+            ranges,
+            {name: joint.value for name, joint in result.motion.joints.items()},
+            {name: mechanism.unit(name) for name in ranges},
+            lambda i: f"{result.time[i]:.6g} s",
+            "end the run before, since a loop is cut at this joint, which leaves it without a stop",
+        )
+    except AssemblyError as error:
+        return replace(result, outcome="failed", reason=str(error))
+    return result
 
 
 def _run_until(integration: Integration, end: float, event: Event, text: str | None) -> Trajectory:
@@ -336,7 +358,7 @@ def _require_within(equations: EquationsOfMotion, q: Coordinates, stops: Sequenc
     for stop in stops:
         unit = equations.loops.units[stop.index]
         value, limit = float(q.values[stop.index, 0]), stop.limit * unit
-        if stop.side * (value - limit) > BEYOND_STOP * unit:
+        if stop.side * (value - limit) > CLOSED_GAP * unit:
             raise InputError(
                 f"{equations.model.mechanism.name}: {names[stop.index]} starts at {value:.6g}, beyond its "
                 f"stop at {limit:.6g}; start within its range"
@@ -352,8 +374,10 @@ def _require_later(event: Event, text: str | None, equations: EquationsOfMotion,
         )
 
 
-def _require_settings(samples: int, tolerance: float, restitution: float) -> None:
+def _require_settings(samples: int, tolerance: float, restitution: float, budget: int) -> None:
     """Raise InputError for invalid settings of a run."""
+    if not budget >= 1:
+        raise InputError(f"budget of a run is {budget} states; give at least 1")
     if not samples >= 1:
         raise InputError(f"samples of a run are {samples}; give at least 1")
     if not 0.0 <= restitution <= 1.0:

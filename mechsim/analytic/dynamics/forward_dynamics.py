@@ -15,7 +15,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechsim.analytic.dynamics.contacts import REST, ContactMode, Contacts, EventFunction, Stop
+from mechsim.analytic.dynamics.contacts import (
+    CLOSED_GAP,
+    REST,
+    ContactMode,
+    Contacts,
+    EventFunction,
+    JammedError,
+    Stop,
+    closing_instant,
+)
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics
 from mechsim.analytic.dynamics.initial_state import StateLayout
 from mechsim.analytic.dynamics.link_forces import kinetic_energy
@@ -63,13 +72,12 @@ class EnergyBalance:
 
 # names of events: end of a contact mode, and an end of the run at which both directions of crossing count
 MODE, UNTIL = "mode", "until"
-# largest number of integration steps in a run: about ten minutes
-MAX_STEPS = 50_000
+# work budget: largest number of states that a run evaluates. A step or an impact takes 170 to 300, all of
+# them about a minute with few links
+BUDGET = 500_000
 # smallest number of steps of a run under forces over time: their 24 nodes resolve forces that last 1/300 of
 # the run
 LEAST_STEPS = 20
-# largest number of events in a run; more count as chattering
-MAX_EVENTS = 10_000
 # instants within a step at which events are searched, relative to its duration: evenly spaced, and denser
 # towards the start, where a stop may be hit again right after an impact
 INSTANTS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 10), np.linspace(0.0, 1.0, 33)[1:]])
@@ -108,7 +116,8 @@ class Trajectory:
     Attributes:
         pieces: integration steps with dense output, in order.
         end: time of the end in [s].
-        outcome: "done", "stopped" (permanently at rest), "diverged" or "dead centre".
+        outcome: "done", "stopped" (permanently at rest), "diverged", "dead centre", "failed" (a joint beyond
+            its stop) or "work budget spent".
         reason: one sentence if the outcome is not "done".
         steps: number of integration steps.
         events: instants of impacts and of changes between sticking and sliding, in [s].
@@ -137,6 +146,7 @@ class Integration:
         stops: limits of joints.
         restitution: rate after an impact divided by the rate before it, 0 to 1.
         progress: called after each step with a text and the finished fraction.
+        budget: largest number of evaluated states.
     """
 
     def __init__(
@@ -148,8 +158,10 @@ class Integration:
         stops: tuple[Stop, ...] = (),
         restitution: float = 0.0,
         progress: Progress = no_progress,
+        budget: int = BUDGET,
     ) -> None:
         self.equations, self.tolerance, self.progress = equations, tolerance, progress
+        self.budget = budget
         self.contacts = Contacts(equations, stops, restitution)
         self.layout = StateLayout(equations)
         self.time, self.state = 0.0, self.layout.pack(q, rates, 0.0, 0.0)
@@ -182,6 +194,8 @@ class Integration:
         reason = ""
         self.ends, self.duration = dict(ends or {}), expected or duration
         try:
+            if self._impact():
+                self.events.append(self.time)
             self._choose_mode()
             rest = self._at_rest()
             decay = self.right.fastest_decay(0.0, self.state, max(self.fastest, 1.0))
@@ -195,6 +209,11 @@ class Integration:
                 outcome, reason = rest or (outcome, reason)
         except AssemblyError as error:
             outcome, reason = "dead centre", str(error)
+        except JammedError as error:
+            outcome, reason = "failed", f"{error} at {self.time:.6g} s"
+        if not self.pieces:
+            constant = StepSolution.constant(self.time, self.state)
+            self.pieces.append(Piece(self.time, self.time, constant, self.right.mode, []))
         pieces, events = tuple(self.pieces), tuple(self.events)
         drift = self.balance.drift
         return Trajectory(pieces, self.time, outcome, reason, self.steps, events, self.event, drift)
@@ -228,16 +247,12 @@ class Integration:
                 return self._cross(solver.t_bound)
             if solver.status == "failed" or not np.isfinite(solver.y).all():
                 return "diverged", f"the integrator found no step at {self.time:.6g} s ({message})"
-            if self.steps > MAX_STEPS:
-                return (
-                    "failed",
-                    f"{MAX_STEPS:,} steps reach {self.time:.6g} s only; give a shorter duration",
-                )
-            after = float(solver.t)
-            kind = self._accept(solver.dense_output(), after, solver.y)
+            kind = self._accept(solver.dense_output(), float(solver.t), solver.y)
+            self.progress(f"{self.time:.4g} s", min(1.0, self.time / self.duration))
+            if ended := self._beyond_stop() or self._budget_spent():
+                return ended
             if kind is not None:
                 return self._after_event(kind)
-            self.progress(f"{self.time:.4g} s", min(1.0, self.time / self.duration))
             if self.nearest < self.regular and self.right.conditioning(self.state) > CLOSE * self.regular:
                 self.nearest = self.regular
             solver.y = self.state.copy()
@@ -267,14 +282,34 @@ class Integration:
             self.event = kind
             return "done", ""
         self.events.append(self.time)
-        if len(self.events) > MAX_EVENTS:
-            return "stopped", f"{MAX_EVENTS:,} impacts and changes of friction by {self.time:.6g} s"
         self._impact()
         self._choose_mode()
         return self._at_rest()
 
     def _choose_mode(self) -> None:
         self.right.mode = self.contacts.choose(self.kinematics(), self.time, self.fastest)
+        if self.right.mode.contacts:
+            # a contact may be slow instead of at rest
+            self.state = self.right.nearest_on_loops(np.array([self.time]), self.state[None])[0]
+
+    def _budget_spent(self) -> tuple[Outcome, str] | None:
+        """Return the outcome if the run has evaluated too many states."""
+        if self.right.evaluations <= self.budget:
+            return None
+        return "work budget spent", (
+            f"{self.steps:,} steps with {len(self.events):,} impacts and changes of friction evaluate "
+            f"{self.budget:,} states by {self.time:.6g} s; give a shorter duration or a larger budget"
+        )
+
+    def _beyond_stop(self) -> tuple[Outcome, str] | None:
+        """Return the outcome if a joint is beyond a stop by more than rounding."""
+        gaps = self.contacts.gaps(self.state[: self.layout.count, None])
+        if not len(gaps) or gaps.min() >= -CLOSED_GAP:
+            return None
+        stop = self.contacts.stops[int(gaps.argmin())]
+        (name,) = (name for name, i in self.equations.loops.tree.index_of.items() if i == stop.index)
+        beyond = -gaps.min() * self.equations.loops.units[stop.index]
+        return "failed", f"{name} is {beyond:.3g} beyond its stop at {self.time:.6g} s"
 
     def kinematics(self) -> Kinematics:
         """Return constraints and links at the present state."""
@@ -330,17 +365,37 @@ class Integration:
         def states_at(times: Array) -> Kinematics:
             return self.right.kinematics(dense(times))
 
-        return first_event(functions, states_at, before, after)
+        event, hit = first_event(functions, states_at, before, after), self._first_hit(dense, before, after)
+        if hit is None or (event is not None and event[0] <= hit + SIMULTANEOUS * (after - before)):
+            return event
+        return hit, MODE
 
-    def _impact(self) -> None:
-        """Reverse the rate of every joint that hits its stop, by impulses on all coordinates."""
+    def _first_hit(self, dense: StepSolution, before: float, after: float) -> float | None:
+        """Return the first instant within a step at which a joint hits a stop."""
+        times, rates = before + (after - before) * INSTANTS, slice(self.layout.positions, None)
+        hits = [
+            closing_instant(
+                lambda instants, i=i: self.contacts.gaps(dense(instants).T)[i],
+                lambda instants, i=i: self.contacts.gap_rates(dense(instants)[:, rates].T)[i],
+                times,
+            )
+            for i in range(len(self.contacts.stops))
+            if i not in self.right.mode.contacts
+        ]
+        return min((hit for hit in hits if hit is not None), default=None)
+
+    def _impact(self) -> bool:
+        """Apply the impacts of the joints that hit their stops; return whether there are any."""
         q, rates, work, lost = self.layout.unpack(self.state)
         state = self.equations.kinematics(q, rates)
-        after = self.contacts.rates_after_impact(state, self.right.mode, self.fastest)
+        after = self.contacts.rates_after_impact(state, self.time, self.right.mode, self.fastest)
+        if after is rates:
+            return False
         mass = self.equations.mass(state)
         free = self.equations.free
         before, new = (kinetic_energy(mass, value[free].T)[0] for value in (rates, after))
         self.state = self.layout.pack(q, after, work, lost + float(before - new))
+        return True
 
     def _at_rest(self) -> tuple[Outcome, str] | None:
         """Return the outcome if friction and stops hold the mechanism permanently at rest; else None."""

@@ -12,7 +12,7 @@ from mechsim.analytic.dynamics.applied_forces import applied, loads
 from mechsim.analytic.dynamics.contacts import EventFunction
 from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, DynamicRun, require_inertia, run_at
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, equations_of_motion
-from mechsim.analytic.dynamics.forward_dynamics import Integration, Trajectory
+from mechsim.analytic.dynamics.forward_dynamics import BUDGET, Integration, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.analytic.dynamics.reduced_equation import reduced_coefficients
@@ -24,6 +24,8 @@ from mechsim.numerics.arrays import Array
 
 # time limit of a run that has a number of revolutions but no duration, relative to its expected time
 PATIENCE = 100.0
+# work budget: many revolutions of one crank are asked for by their number
+FREE_BUDGET = 20 * BUDGET
 # rounding: angle in [rad] of a crank that has not moved, and speed of a crank at rest relative to the mean
 MOVED, SLOW = 1e-9, 1e-9
 
@@ -36,7 +38,8 @@ class FreeRun(DynamicRun):
         motor: torque of the motor on the crank, (n,) in [N m].
         outcome: "done" (made the requested turns or time), "time over" (fewer turns in the time), "cannot
             start" (did not move, or swung back before a full turn), "turned back" (ran, but did not
-            make the turns), "stopped" (friction locks it), "dead centre", "diverged" or "failed".
+            make the turns), "stopped" (friction locks it), "dead centre", "diverged",
+            "failed" or "work budget spent".
     """
 
     motor: Array
@@ -73,6 +76,7 @@ def free_run(
     times: ArrayLike | None = None,
     samples: int = 721,
     tolerance: float = TOLERANCE,
+    budget: int = FREE_BUDGET,
     progress: Progress = no_progress,
 ) -> FreeRun:
     """Integrate the free motion of a crank from an angle and speed, in SI or as text, such as "600rpm".
@@ -89,6 +93,7 @@ def free_run(
         times: instants to record in [s], increasing from 0; None records `samples` evenly spaced instants.
         samples: number of recorded instants if no times are given.
         tolerance: relative error of an integration step.
+        budget: largest number of states that the run evaluates; then it ends.
         progress: called after each integration step with a text and the finished fraction.
 
     Raises:
@@ -111,7 +116,7 @@ def free_run(
     equations = equations_of_motion(model, {name: first})
     q, rates = initial_state(equations, InitialValues({name: first}, {name: speed}))
     require_inertia(equations, q, rates)
-    integration = Integration(equations, q, rates, tolerance, progress=progress)
+    integration = Integration(equations, q, rates, tolerance, progress=progress, budget=budget)
     crank = CrankEnds(equations, first, speed, turns)
     expected = crank.expected_time(integration.kinematics()) if duration is None else duration
     latest = PATIENCE * expected if duration is None else duration

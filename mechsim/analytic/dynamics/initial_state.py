@@ -60,9 +60,11 @@ def initial_state(equations: EquationsOfMotion, values: InitialValues) -> tuple[
 
 
 def projected(
-    equations: EquationsOfMotion, q: Coordinates, rates: Array, times: Array
+    equations: EquationsOfMotion, q: Coordinates, rates: Array, times: Array, resting: Sequence[int] = ()
 ) -> tuple[Coordinates, Array]:
     """Return the n closed configurations and consistent rates nearest to given ones, at times (n,) in [s].
+
+    `resting` are indices of coordinates with rate zero.
 
     Raises:
         AssemblyError: if Newton's method does not close the loops.
@@ -70,10 +72,11 @@ def projected(
     value, rate, _ = equations.prescribed_motion(times)
     q = _closed(equations, q, equations.prescribed_indices, value)
     loop_jacobian = equations.loops.linearise(q)[1][:, equations.free].transpose(2, 0, 1)
-    jacobian = with_locked_rows(equations, loop_jacobian, equations.prescribed_indices)
+    jacobian = with_locked_rows(equations, loop_jacobian, [*equations.prescribed_indices, *resting])
     rates = rates.copy()
     violation = jacobian @ rates[equations.free].T[..., None]
-    violation[:, loop_jacobian.shape[1] :, 0] -= rate.T
+    first = loop_jacobian.shape[1]
+    violation[:, first : first + len(rate), 0] -= rate.T
     rates[equations.free] -= (np.linalg.pinv(jacobian, rcond=RANK_TOLERANCE) @ violation)[..., 0].T
     return q, rates
 

@@ -28,6 +28,7 @@ class RightHandSide:
         mode: frictions that slide or stick, and stops in contact.
         nearest: smallest singular value of the loop constraints below which derivatives are NaN.
         blocked: whether a state had a smaller singular value.
+        evaluations: number of states evaluated.
     """
 
     equations: EquationsOfMotion
@@ -36,9 +37,11 @@ class RightHandSide:
     mode: ContactMode
     nearest: float = 0.0
     blocked: bool = field(default=False, init=False)
+    evaluations: int = field(default=0, init=False)
 
     def kinematics(self, states: Array) -> Kinematics:
         """Return constraints and links at states (n, size)."""
+        self.evaluations += len(states)
         return self.equations.kinematics(*self.layout.unpack_states(states))
 
     def conditioning(self, state: Array) -> float:
@@ -65,13 +68,14 @@ class RightHandSide:
             return np.full_like(states, np.nan)
 
     def nearest_on_loops(self, times: Array, states: Array) -> Array:
-        """Return the nearest states that satisfy the loops, (n, size).
+        """Return the nearest states that satisfy the loops, with contacts at rest, (n, size).
 
         Raises:
             AssemblyError: if Newton's method does not close the loops.
         """
+        resting = self.contacts.indices(self.mode)
         return self.layout.replaced(
-            states, *projected(self.equations, *self.layout.unpack_states(states), times)
+            states, *projected(self.equations, *self.layout.unpack_states(states), times, resting)
         )
 
     def jacobians(self, times: Array, states: Array, rate: float) -> Array:

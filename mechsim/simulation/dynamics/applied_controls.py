@@ -1,7 +1,7 @@
 """Forces applied to a freely moving model at every stage of a MuJoCo step, and its preparation."""
 
 import copy
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -157,7 +157,7 @@ class Drives:
         return accelerations
 
 
-def dofs_of(model: LoadedModel, names: Mapping[str, float]) -> tuple[list[int], list[int]]:
+def dofs_of(model: LoadedModel, names: Iterable[str]) -> tuple[list[int], list[int]]:
     """Return addresses in qpos and degrees of freedom of joint coordinates.
 
     Raises:

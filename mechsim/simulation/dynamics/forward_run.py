@@ -10,6 +10,7 @@ import numpy as np
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.forces import Forces
 from mechsim.model.joint_kinds import KINDS
+from mechsim.model.limits import NO_RANGES, Ranges
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import JointMotion, LinkMotion, Motion, PointMotion
@@ -86,6 +87,7 @@ def stepped_run(
     *,
     kept: set[str] | None = None,
     prescribed: Mapping[str, State] | None = None,
+    ranges: Ranges = NO_RANGES,
     progress: Progress = no_progress,
 ) -> SteppedRun:
     """Step a mechanism from an initial state.
@@ -102,6 +104,7 @@ def stepped_run(
         kept: coordinates at which no loop is cut. Values of other coordinates are ignored if a loop is cut
             there. None keeps all coordinates that have a value.
         prescribed: coordinate -> its motion law; a force gives the prescribed acceleration.
+        ranges: joint -> lower and upper limit in [m] or [rad], which are soft in MuJoCo.
         progress: called with a text and the finished fraction, 0 to 1.
 
     Raises:
@@ -109,6 +112,7 @@ def stepped_run(
         AssemblyError: if the loops do not close at the initial values.
     """
     model = free_model(mechanism, forces, {*coordinates, *rates} if kept is None else kept)
+    _limit(model, ranges)
     if kept is not None:
         coordinates, rates = (without_cuts(model, values) for values in (coordinates, rates))
     independent = {*mechanism.drivers, *(coordinates if kept is None else kept)}
@@ -173,6 +177,14 @@ def free_model(mechanism: Mechanism, forces: Forces, kept: set[str]) -> LoadedMo
         actuators=actuator_slices(described, forces, compiled_model.nu),
         dry=dry_frictions(compiled_model, forces.friction),
     )
+
+
+def _limit(model: LoadedModel, ranges: Ranges) -> None:
+    """Give the joints of a model their ranges, except those at which a loop is cut."""
+    names = without_cuts(model, {name: low for name, (low, _) in ranges.items()})
+    joints = model.model.dof_jntid[dofs_of(model, names)[1]]
+    model.model.jnt_limited[joints] = True
+    model.model.jnt_range[joints] = np.reshape([ranges[name] for name in names], (-1, 2))
 
 
 def _cuts_elsewhere(mechanism: Mechanism, forces: Forces, kept: set[str]) -> tuple[str, ...] | None:

@@ -45,7 +45,8 @@ def identity(task: SweepTask) -> str:
 
 
 def _release(release: Release) -> list[Any]:
-    return [sorted(release.initial.items()), release.duration, release.until, release.restitution]
+    end = release.duration, release.until, release.restitution, release.budget
+    return [sorted(release.initial.items()), *end]
 
 
 def _subject(task: SweepTask) -> str:
