@@ -33,7 +33,8 @@ def singular_passages(
 
     tree = equations.loops.tree
     rows = [tree.index_of[name] for name in equations.model.mechanism.drivers]
-    if not (equations.rank and rows):
+    # without a degree of freedom, motion laws determine all of it
+    if not (0 < equations.rank < len(equations.free) and rows):
         return ()
 
     def participation(times: Array) -> Array:
