@@ -9,6 +9,7 @@ from mechsim.cli.progress import progress
 from mechsim.cli.verdict_text import headline
 from mechsim.studies.certify import Certificate
 from mechsim.studies.certify import certify as certificate_of
+from mechsim.studies.certify.certificate import instant_text
 from mechsim.studies.sensitivity.tolerances import written_tolerances
 from mechsim.units import option
 
@@ -48,8 +49,15 @@ def _print(proof: Certificate) -> None:
     typer.echo(headline(proof.name, proof.certified))
     for line in wrapped(proof.summary):
         typer.echo(line)
-    rows = [(point.kind, f"{point.parameter:.10g}", f"{point.width:.1e}") for point in proof.singular]
-    print_table("", ("singular point", f"at [{proof.unit}]", "±"), rows)
+    rows = [
+        (
+            point.kind,
+            instant_text(point.parameter, proof.unit, 10),
+            instant_text(point.width, proof.unit, 2),
+        )
+        for point in proof.singular
+    ]
+    print_table("", ("singular point", "at", "±"), rows)
     if proof.segments and not proof.certified:
         remaining = number(1.0 - proof.proven, 2)
         typer.echo(f"  proven on {proof.segments} segments: all but {remaining} of the range")

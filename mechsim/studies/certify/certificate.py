@@ -1,5 +1,6 @@
 """Certificate of a motion: proven segments, their joins, and intervals without a proof, with the reason."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -43,6 +44,13 @@ COARSE = 1e-3
 MAX_SINGULAR = 20
 
 
+def instant_text(value: float, unit: str, digits: int) -> str:
+    """Return a crank angle in degrees, or a time or coordinate in its unit."""
+    if unit == "rad":
+        return f"{math.degrees(value):.{digits}g} deg"
+    return f"{value:.{digits}g} {unit}"
+
+
 @dataclass(frozen=True)
 class Certificate:
     """Result of an interval proof of a motion.
@@ -81,11 +89,11 @@ class Certificate:
     @property
     def summary(self) -> str:
         """The proven statement, or the reason for a failure, in one sentence."""
-        low, high = self.range
+        low, high = (instant_text(end, self.unit, 4) for end in self.range)
         if not self.certified:
-            return f"not certified from {low:.4g} to {high:.4g} {self.unit}: {self.reason}"
+            return f"not certified from {low} to {high}: {self.reason}"
         return (
-            f"certified from {low:.4g} to {high:.4g} {self.unit}: at each driver position exactly one "
+            f"certified from {low} to {high}: at each driver position exactly one "
             f"configuration in a tube of half-width {self.tube:.2g} about the computed motion, and no "
             f"singularity (smallest singular value at least {self.min_singular_value:.2g}, "
             f"{self.segments} segments)"
@@ -255,7 +263,7 @@ def _reason(
     """Return the reason why a motion is not certified; empty if it is."""
 
     def instant(parameter: float) -> str:
-        return f"{parameter / motion.motion_laws.rate:.9g} {motion.motion_laws.unit}"
+        return instant_text(parameter / motion.motion_laws.rate, motion.motion_laws.unit, 9)
 
     enclosed = [point for point in singular if np.isfinite(point.width)]
     if singular and len(enclosed) == len(singular):
