@@ -138,10 +138,11 @@ def require_count(what: str, count: int, most: int, remedy: str, least: int = 1)
         what: the items, for the message.
         count: their number.
         most: largest number.
-        remedy: what to do.
+        remedy: what to do about too many.
         least: smallest number.
     """
     if not least <= count <= most:
+        remedy = f"give {least} or more" if count < least else remedy
         raise InputError(f"{what} are {count:,}, and {least:,} to {most:,} are allowed; {remedy}")
 
 

@@ -140,7 +140,7 @@ def test_dynamics_trace_and_show_accept_units(mechsim, press, tmp_path):
     assert "at [deg]" in reported
     columns = files.read(tmp_path / "d.csv")
     np.testing.assert_allclose(columns["angle [deg]"], [0, 90, 180, 270, 360], atol=1e-9)
-    assert {"time [s]", "torque [N m]", "A.fx [N]", "A.mz [N m]", "kinetic [J]", "inertia [kg m^2]"} <= set(
+    assert {"t [s]", "torque [N m]", "A.fx [N]", "A.mz [N m]", "kinetic [J]", "inertia [kg m^2]"} <= set(
         columns
     )
     assert "at [rad]" in mechsim(*arguments).out
