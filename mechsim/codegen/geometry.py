@@ -6,6 +6,7 @@ designs in Python; dimensions with wrong formulas are omitted.
 """
 
 import ast
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -47,6 +48,17 @@ class Formula:
 
     javascript: str
     value: Callable[[Mapping[str, float]], float]
+
+    @property
+    def toml(self) -> str:
+        """A formula from `fitted_vectors` as an expression of a TOML file; parameters as `parameter_name`."""
+        text = re.sub(r"d\['([^']*)'\]", lambda found: parameter_name(found[1]), self.javascript)
+        return re.sub(r"(?<![\d.])1\.0 \* ", "", text.replace("Math.", "")).replace("+ -", "- ")
+
+
+def parameter_name(dimension: str) -> str:
+    """Return the name of a dimension as that of a parameter, which has no dots."""
+    return dimension.replace(".", "_")
 
 
 Vectors = Mapping[tuple[str, str], tuple[Formula, Formula, Formula]]
@@ -344,7 +356,7 @@ def _sum_of_products(
     terms = [
         (float(coefficients[index]), [texts[i][k] for i, k in enumerate(index) if texts[i][k]], index)
         for index in product(*(range(count) for count in coefficients.shape))
-        if not abs(coefficients[index]) < 1e-15 * max(largest, 1.0)
+        if abs(coefficients[index]) >= 1e-15 * max(largest, 1.0) and _clean(float(coefficients[index]))
     ]
     text = " + ".join(" * ".join([repr(_clean(factor)), *factors]) for factor, factors, _ in terms) or "0"
     units = [designs.dimensions[name].unit for name in names]

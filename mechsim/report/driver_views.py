@@ -67,7 +67,7 @@ def release_view(release: Release, mode: int | None) -> View:
         cycle = release.cycle(mode, 2 * SAMPLES)
         motion, name = cycle.motion, f"mode {mode}"
         fact = f"One cycle of {cycle.title}, its amplitude large enough to be seen."
-    title = f"{model.mechanism.name.replace('_', '-')}, {name}"
+    title = f"{model.mechanism.name}, {name}"
     facts = [fact, f"{summary(model.masses).capitalize()}."]
     assert motion.time is not None
     grid = halved_grid(name, model.mechanism, motion, nodes=motion.time, driver="time", unit="s")

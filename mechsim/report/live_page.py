@@ -1,22 +1,24 @@
 """A mechanism for an interactive page: its generated JavaScript solver, with dimensions that vary."""
 
 import json
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily, Dimension
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.codegen.assembly import SolvedAssembly, assembly
-from mechsim.codegen.geometry import ParametricGeometry, parametric_geometry
+from mechsim.codegen.geometry import ParametricGeometry, parameter_name, parametric_geometry
 from mechsim.codegen.kinematics import VaryingNumbers
 from mechsim.codegen.printing import javascript
 from mechsim.codegen.solver_code import solver_code
+from mechsim.files import read_text
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND
@@ -25,6 +27,7 @@ from mechsim.model.mechanism import COINCIDENT, Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import LivePage
+from mechsim.shapes.body import edges, stations
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.toml_reader import TomlModel
 from mechsim.subjects.toml_values import values_of
@@ -74,6 +77,8 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
             {"name": name, "link": link, "at": list(local), "index": varying.points.get(name, -1)}
             for name, (link, local) in solver.mechanism.points.items()
         ],
+        "outlines": {link.name: link.outline for link in solved.mechanism.links},
+        "edges": {link.name: _edges(solved.mechanism, link.name) for link in solved.mechanism.links},
         "rods": [*_rods(solved)] if code.inertias is not None else [],
         "masses": {
             "density": STEEL,
@@ -215,11 +220,14 @@ def _rods(solved: SolvedAssembly) -> Iterator[dict[str, Any]]:
     for link in solved.source.mechanism.links:
         if link.inertia is None:
             spin = solved.spinning.get(link.name)
-            yield {
-                "link": links.index(link.name),
-                "outline": [list(point) for point in link.outline],
-                "spin": None if spin is None else spin.tolist(),
-            }
+            yield {"link": links.index(link.name), "spin": None if spin is None else spin.tolist()}
+
+
+def _edges(mechanism: Mechanism, link: str) -> dict[str, Any]:
+    """Return which of the points of a link are connected in the picture, and how many points there are."""
+    points = stations(mechanism, link)
+    index = {id(point): i for i, point in enumerate(points)}
+    return {"count": len(points), "pairs": [(index[id(a)], index[id(b)]) for a, b in edges(points)]}
 
 
 def _transmissions(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
@@ -248,17 +256,82 @@ def _transmissions(mechanism: Mechanism) -> Iterator[dict[str, Any]]:
 def _toml(model: Any, solver: KinematicSolver, geometry: ParametricGeometry) -> dict[str, Any]:
     """Return a TOML file in pieces: fixed lines, and values that the page inserts."""
     if isinstance(model, TomlModel) and geometry.statements:
-        values, lines = values_of(model.source), Path(model.path).read_text(encoding="utf-8").splitlines()
-        pieces: list[Any] = [*lines]
-        for dimension in geometry.dimensions:
-            line = model.source.lines.get(("parameters", dimension.name))
-            scale = values.in_si(1.0, dimension.unit) if dimension.unit in ("m", "rad") else 1.0  # type: ignore[arg-type]
-            if line is not None:
-                pieces[line - 1] = {"dimension": dimension.name, "scale": scale}
-        return {"pieces": pieces}
+        return {"pieces": _file_pieces(model, geometry)}
     mechanism = with_closed_guess(solver.mechanism)
-    source = replace(solver, mechanism=mechanism) if isinstance(solver, LoopForm) else mechanism
-    return {"pieces": [*_pieces(to_toml(source).splitlines())]}
+    # a formula is read beside its file only
+    source = replace(solver, mechanism=mechanism, formula="") if isinstance(solver, LoopForm) else mechanism
+    pieces = [*_pieces(to_toml(source).splitlines())]
+    # the dimensions of a catalogue's form have names; those of other mechanisms are coordinates
+    if isinstance(solver, ClosedForm) and geometry.dimensions:
+        pieces = [*_with_parameters(pieces, mechanism, geometry)]
+    return {"pieces": pieces}
+
+
+def _file_pieces(model: TomlModel, geometry: ParametricGeometry) -> list[Any]:
+    """Return the lines of a file with parameters; of a varying one the line with its value left open."""
+    values, pieces = (
+        values_of(model.source),
+        [[line] for line in read_text(model.path, "a TOML file").splitlines()],
+    )
+    for dimension in geometry.dimensions:
+        line = model.source.line(("parameters", dimension.name)) - 1
+        scale = values.in_si(1.0, dimension.unit) if dimension.unit in ("m", "rad") else 1.0  # type: ignore[arg-type]
+        *before, last = pieces[line]
+        key = rf"""(?<![\w-])(["']?){re.escape(dimension.name)}\1\s*=\s*"""
+        found = re.search(rf"""{key}("[^"]*"|'[^']*'|[^,}}#\s]+)""", last)
+        if found:
+            open_value = {"dimension": dimension.name, "scale": scale}
+            pieces[line] = [*before, last[: found.start(2)], open_value, last[found.end(2) :]]
+    if ("formula", "python") in model.source.lines:
+        number = model.source.lines["formula", "python"] - 1
+        pieces[number] = [f"# {pieces[number][0]}  # works beside its Python file"]
+    return [{"parts": parts} if len(parts) > 1 else parts[0] for parts in pieces]
+
+
+def _with_parameters(pieces: list[Any], mechanism: Mechanism, geometry: ParametricGeometry) -> Iterator[Any]:
+    """Yield the pieces of a written mechanism with its dimensions as parameters and expressions of them."""
+    header = False
+    for piece in pieces:
+        if not header and isinstance(piece, str) and piece.startswith("["):
+            header = True
+            yield "[parameters]"
+            for dimension in geometry.dimensions:
+                yield {
+                    "parts": [
+                        f"{parameter_name(dimension.name)} = ",
+                        {"dimension": dimension.name, "scale": 1.0},
+                    ]
+                }
+            yield ""
+        if isinstance(piece, dict) and "joint" in piece:
+            joint = mechanism.joint(piece["joint"])
+            yield _written_end(joint.a if piece["side"] == "a" else joint.b, piece, geometry)
+        elif isinstance(piece, dict) and "points" in piece:
+            link, local = mechanism.points[piece["points"]]
+            at = _written(piece["points"], "at", local, geometry)
+            yield f"{json.dumps(piece['points'])} = {{ link = {json.dumps(link)}, at = {at} }}"
+        else:
+            yield piece
+
+
+def _written_end(end: End, piece: Mapping[str, str], geometry: ParametricGeometry) -> str:
+    """Return a side of a joint in TOML; a reference that follows from a varying axis is left out."""
+    key = f"{piece['joint']}.{piece['side']}"
+    entries = {"at": end.point, "axis": end.axis, "reference": end.reference}
+    if (
+        (key, "axis") in geometry.vectors
+        and (key, "reference") not in geometry.vectors
+        and not end.has_reference
+    ):
+        del entries["reference"]
+    written = [f"{quantity} = {_written(key, quantity, own, geometry)}" for quantity, own in entries.items()]
+    return f"{piece['side']} = {{ link = {json.dumps(end.link)}, {', '.join(written)} }}"
+
+
+def _written(key: str, quantity: str, own: Sequence[float], geometry: ParametricGeometry) -> str:
+    """Return a vector in TOML: its expressions, or its numbers."""
+    formulas = geometry.vectors.get((key, quantity))
+    return json.dumps([*own] if formulas is None else [formula.toml for formula in formulas])
 
 
 def _pieces(lines: list[str]) -> Iterator[Any]:

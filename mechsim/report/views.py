@@ -100,7 +100,11 @@ def crank_grid(
         extra=extra,
     )
     error = between(grid, solver.solve_along(middles, speed), middles)
-    return replace(grid, ghost=_ghost(solver, speed), error=error)
+    start = float(solver.mechanism.start)
+    if not angles[0] <= start <= angles[-1]:
+        start = angles[0] + (start - angles[0]) % REVOLUTION
+    slider = replace(grid.sliders[0], start=float(np.clip(start, angles[0], angles[-1])))
+    return replace(grid, sliders=(slider,), ghost=_ghost(solver, speed), error=error)
 
 
 def _others(solver: ClosedForm) -> list[ClosedForm]:

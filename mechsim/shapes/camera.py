@@ -1,8 +1,7 @@
 """The camera: viewing direction, framing, and the pixel of a point.
 
 The projection is parallel: the scale is the same everywhere, so that a scale bar is valid everywhere and
-    framing
-is exact.
+framing is exact.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,6 +18,8 @@ from mechsim.shapes.body import extent
 from mechsim.shapes.shape import HOUSING, Shape, vector
 
 PRESETS = ("iso", "shaft", "top", "side")
+# azimuth and elevation of a file's camera in [deg], as MuJoCo's free camera counts them
+Angles = tuple[float, float]
 # fraction of the picture that is free on each side for labels, scale bar and read-out
 BORDER = 0.09
 # cosine of the angle to an axis above which a shaft counts as parallel to it
@@ -77,12 +78,22 @@ def _other_axis(vertical: Array) -> Array:
     return unit_vector("y" if abs(float(vertical[1])) < PARALLEL else "z")
 
 
-def directions(mechanism: Mechanism, preset: str, up: Up | None = None) -> tuple[Array, Array]:
+def free_camera(angles: Angles) -> tuple[Array, Array]:
+    """Return (back, up) of MuJoCo's free camera at an azimuth and an elevation in [deg]; z is vertical."""
+    (sin_a, sin_e), (cos_a, cos_e) = np.sin(np.deg2rad(angles)), np.cos(np.deg2rad(angles))
+    back = np.array([-cos_e * cos_a, -cos_e * sin_a, -sin_e])
+    return back, np.array([-sin_e * cos_a, -sin_e * sin_a, cos_e])
+
+
+def directions(
+    mechanism: Mechanism, preset: str, up: Up | None = None, angles: Angles | None = None
+) -> tuple[Array, Array]:
     """Return (back, up) of a preset: unit vectors from scene to camera and to the top of the picture.
 
     `up` is the axis that points up, see `upright`. "shaft" looks along the crank shaft, with the crank
     rotating anticlockwise at positive speed; "top" and "side" look across it; "iso" looks from a corner, or,
-    for a planar mechanism, perpendicular to its plane.
+    for a planar mechanism, perpendicular to its plane. With the `angles` of a file's camera "iso" is that
+    camera; for a planar mechanism it looks from its side of the plane.
     """
     if preset not in PRESETS:
         raise InputError(f"there is no camera {preset!r}; choose from {', '.join(PRESETS)}")
@@ -96,6 +107,10 @@ def directions(mechanism: Mechanism, preset: str, up: Up | None = None) -> tuple
     vertical = vertical - shaft * float(shaft @ vertical)
     vertical /= np.linalg.norm(vertical)
     flat = hinged_normals(mechanism) is not None
+    if preset == "iso" and angles is not None and up is None:
+        if not flat:
+            return free_camera(angles)
+        shaft = shaft * (1.0 if float(shaft @ free_camera(angles)[0]) >= 0.0 else -1.0)
     side = np.cross(vertical, shaft) if flat else np.cross(shaft, vertical)
     back: Array = {
         "shaft": shaft,

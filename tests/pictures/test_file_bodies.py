@@ -1,5 +1,7 @@
 """Bodies of a user's file are drawn with the positions and colours of the file and few triangles."""
 
+import json
+import re
 from dataclasses import replace
 
 import mujoco
@@ -7,12 +9,13 @@ import numpy as np
 import pytest
 
 import mechsim as ms
-from mechsim.pictures.render.drawing import Shadow, Source, named
+from mechsim.pictures.render.drawing import Shadow, Source, named, still
 from mechsim.pictures.render.drawn_model import drawn_as, file_bodies
 from mechsim.pictures.render.look import Look
 from mechsim.pictures.render.scenery import PAPER
 from mechsim.pictures.view.offline_page import page
 from mechsim.report.views import mechanism_view
+from mechsim.shapes.body import link_colours
 from mechsim.shapes.shape import TriangleMesh
 
 SCENE = """
@@ -141,3 +144,117 @@ def test_a_body_as_light_as_the_background_is_drawn_darker(tmp_path):
     assert rgb @ [0.2126, 0.7152, 0.0722] < 0.9 * min(PAPER)
     assert box.rgba[3] == 0.5
     assert bodies["arm"][1].rgba[:3] == pytest.approx((0.7, 0.7, 0.7))
+
+
+# a crank-rocker in the plane XZ that starts upright; its loop closes at (0.2, 0, 0.1)
+LOOP = """
+<mujoco model="loop">
+  {visual}
+  <default><geom type="capsule" size="0.006" contype="0" conaffinity="0" {colour}/></default>
+  <worldbody>
+    <body name="crank">
+      <joint name="crank" axis="{axis}" {range}/>
+      <geom fromto="0 0 0  0 0 0.06"/>
+      <body name="coupler" pos="0 0 0.06">
+        <joint name="A" axis="{axis}"/>
+        <geom fromto="0 0 0  0.2 0 0.04"/>
+      </body>
+    </body>
+    <body name="rocker" pos="0.2 0 0"><joint name="D" axis="{axis}"/><geom fromto="0 0 0  0 0 0.1"/></body>
+  </worldbody>
+  <equality><connect name="pin" body1="coupler" body2="rocker" anchor="0.2 0 0.04"/></equality>
+</mujoco>
+"""
+
+
+def loop(tmp_path, visual="", colour="", axis="0 1 0", reach=""):
+    path = tmp_path / "loop.xml"
+    path.write_text(LOOP.format(visual=visual, colour=colour, axis=axis, range=reach))
+    return ms.load(str(path))
+
+
+def mujoco_camera(spec):
+    """Return the directions (back, up) of MuJoCo's free camera on a file, from MuJoCo's own scene."""
+    model = spec.compile()
+    data, free, scene = mujoco.MjData(model), mujoco.MjvCamera(), mujoco.MjvScene(model, maxgeom=100)
+    mujoco.mj_forward(model, data)
+    mujoco.mjv_defaultFreeCamera(model, free)
+    mujoco.mjv_updateScene(
+        model, data, mujoco.MjvOption(), None, free, int(mujoco.mjtCatBit.mjCAT_ALL), scene
+    )
+    return -np.array(scene.camera[0].forward), np.array(scene.camera[0].up)
+
+
+@pytest.mark.parametrize("angles", ["", 'azimuth="120" elevation="-20"', 'azimuth="-35" elevation="15"'])
+def test_a_spatial_file_is_seen_through_its_own_camera(tmp_path, angles):
+    path = tmp_path / "arm.xml"
+    visual = f"<visual><global {angles}/></visual>" if angles else ""
+    # a second joint makes it spatial
+    text = SCENE.replace("<asset>", f"{visual}<asset>", 1)
+    text = text.replace('pos="0.2 0 0">', 'pos="0.2 0 0"><joint name="wrist" axis="1 0 0"/>')
+    path.write_text(text)
+    solver = ms.load(str(path), drive={"crank": "0.5*t", "wrist": "0.3*t"})
+    camera = (
+        Source(solver.mechanism, solver.solve(t=np.array([0.0, 1.0]))).drawn(Look(**drawn_as(solver))).camera
+    )
+    back, up = mujoco_camera(solver.source.spec.copy())
+    np.testing.assert_allclose([camera.back, camera.up], [back, up], atol=1e-6)
+    cameras = page_data(solver)["cameras"]
+    np.testing.assert_allclose([cameras[0]["back"], cameras[0]["up"]], [back, up], atol=1e-6)
+
+
+def page_data(solver):
+    """Return the data of the page of a file."""
+    text = page(mechanism_view(solver, 10.0, {}), library="three.js")
+    return json.loads(re.search(r'id="data"[^>]*>(.*?)</script>', text, re.S)[1])
+
+
+@pytest.mark.parametrize("axis", ["0 1 0", "0 -1 0"])
+@pytest.mark.parametrize("azimuth", [90, -70])
+def test_a_planar_file_is_not_mirrored_against_mujoco(tmp_path, axis, azimuth):
+    solver = loop(tmp_path, f'<visual><global azimuth="{azimuth}"/></visual>', axis=axis)
+    camera = Source(solver.mechanism, solver.solve([0.0, 1.0])).drawn(Look(**drawn_as(solver))).camera
+    back, up = mujoco_camera(solver.source.spec.copy())
+    # straight on, from MuJoCo's side of the plane: x points to the same side of both pictures
+    assert abs(camera.back[1]) == pytest.approx(1.0)
+    assert camera.right[0] * np.cross(up, back)[0] > 0.3
+
+
+def test_links_of_a_file_without_colours_differ(tmp_path):
+    solver = loop(tmp_path)
+    bodies, colours = file_bodies(solver.source), link_colours(solver.mechanism)
+    assert {link: shapes[0].rgba for link, shapes in bodies.items()} == colours
+    assert len(set(colours.values())) == 3
+    stated = file_bodies(loop(tmp_path, colour='rgba="0.1 0.2 0.3 1"').source)
+    assert {shape.rgba[:3] for shapes in stated.values() for shape in shapes} == {
+        tuple(np.float32([0.1, 0.2, 0.3]).tolist())
+    }
+
+
+def test_loop_closures_are_marked(tmp_path):
+    solver = loop(tmp_path, colour='rgba="0.2 0.2 0.2 1"')
+    look = Look(**drawn_as(solver))
+    assert look.closures == ("pin",)
+    motion = solver.solve([0.0, 0.4])
+    drawn = Source(solver.mechanism, motion).drawn(look)
+    (marked, unmarked) = (
+        still(solver.mechanism, motion, shown, angle=0.0).astype(int)
+        for shown in (look, replace(look, closures=()))
+    )
+    column, row = drawn.camera.pixel(np.array([0.2, 0.0, 0.1])).round().astype(int)
+    red, green, blue = marked[row, column]
+    assert red > green + 80
+    assert blue > green + 80
+    # nothing else changes: all differences lie within the mark
+    changed = np.argwhere(np.abs(marked - unmarked).max(-1) > 3)
+    reach = 0.6 * drawn.radius * drawn.camera.scale
+    assert np.linalg.norm(changed - [row, column], axis=1).max() < reach + 2.0
+    (closure,) = page_data(solver)["closures"]
+    assert closure["link"] == "coupler"
+    assert closure["at"] == pytest.approx([0.2, 0.0, 0.04])
+
+
+@pytest.mark.parametrize(("reach", "start"), [("", 0.0), ('range="-40 50"', 0.0)])
+def test_a_page_opens_at_the_pose_of_the_file(tmp_path, reach, start):
+    solver = loop(tmp_path, reach=reach)
+    assert page_data(solver)["grids"][0]["sliders"][0]["start"] == pytest.approx(start, abs=1e-12)

@@ -35,6 +35,9 @@ from mechsim.shapes.body import point_colours
 from mechsim.shapes.camera import clearest_pose
 
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+# colour of the mark of a loop closure
+CLOSURE = np.array([0.85, 0.11, 0.60, 1.0], dtype=np.float32)
 MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
 # distance of arrows in front of the solid links, in rod radii; see `drawn_model.BEHIND`
@@ -126,6 +129,8 @@ class Trace:
             self.shadow.put(scene)
         for fixed in self.fixed:
             fixed.put(scene)
+        for name in now.starts.keys() & {*self.drawn.look.closures}:
+            self._mark(scene, now.starts[name][frame])
         nearer = BEFORE * self.drawn.radius * self.drawn.camera.back
         for arrows in self.drawn.arrows:
             starts = {name: path[frame] + nearer for name, path in now.starts.items()}
@@ -144,6 +149,15 @@ class Trace:
             reached, current = now.paths[name][passed - 1], now.points[name][frame]
             if not np.array_equal(reached, current):
                 chain(np.array([reached, current]), self.width, path.rgba).put(scene)
+
+    def _mark(self, scene: mujoco.MjvScene, at: Array) -> None:
+        """Add the mark of a loop closure, in front of all links."""
+        if scene.ngeom < scene.maxgeom:
+            at = at + 0.5 * self.drawn.camera.height * self.drawn.camera.back
+            geom, size = scene.geoms[scene.ngeom], np.full(3, 0.6 * self.drawn.radius)
+            mujoco.mjv_initGeom(geom, SPHERE, size, at, np.eye(3).ravel(), CLOSURE)
+            geom.emission, geom.category = 0.6, DECOR
+            scene.ngeom += 1
 
     def _rotation_arrow(self) -> list[Chain]:
         """Add an arrow around the crank shaft, in its direction of rotation, on the camera's side."""

@@ -19,10 +19,10 @@ from mechsim.pictures.render import scenery
 from mechsim.pictures.render.frame_poses import FramePoses, Ghost, far_paths
 from mechsim.pictures.render.labels import foot
 from mechsim.pictures.render.look import Look
-from mechsim.pictures.render.scenery import Arrows, arrows
+from mechsim.pictures.render.scenery import GREY, Arrows, arrows
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.body import extent, free_sides, rod_radius, travels
-from mechsim.shapes.camera import Wall, add_stands, backdrop, corner, lowered
+from mechsim.shapes.body import extent, free_sides, link_colours, rod_radius, travels
+from mechsim.shapes.camera import Angles, Wall, add_stands, backdrop, corner, lowered
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Kind, Rgba, Shape, TriangleMesh, vector
 from mechsim.simulation.mjcf.compiling import plainly_compiled, quiet
@@ -54,12 +54,19 @@ class Drawn(TypedDict):
     """Fields of a look or a view that a user's MJCF file determines."""
 
     bodies: dict[str, list[Shape]] | None
+    closures: tuple[str, ...]
+    angles: Angles | None
 
 
 def drawn_as(solver: object) -> Drawn:
-    """Return the look of a file's model: with the file's bodies; other models use the default."""
+    """Return the look of a file's model: its bodies, closures and camera; other models use the default."""
     read = getattr(solver, "source", None)
-    return {"bodies": file_bodies(read) if isinstance(read, MjcfModel) else None}
+    bodies = file_bodies(read) if isinstance(read, MjcfModel) else None
+    if bodies is None or not isinstance(read, MjcfModel):
+        return {"bodies": None, "closures": (), "angles": None}
+    tree, view = {joint.name for joint in read.spec.joints}, read.spec.visual.global_
+    closures = tuple(joint.name for joint in read.mechanism.joints if joint.name not in tree)
+    return {"bodies": bodies, "closures": closures, "angles": (float(view.azimuth), float(view.elevation))}
 
 
 @quiet()
@@ -77,8 +84,12 @@ def file_bodies(read: MjcfModel) -> dict[str, list[Shape]] | None:
         shape = _shape(model, i, shifted(carrier.pose, model.geom_pos[i], model.geom_quat[i]))
         if shape is not None:
             bodies.setdefault(carrier.link, []).append(shape)
-    moving = {link.name for link in read.mechanism.links}
-    return _few(bodies) if moving & bodies.keys() else None
+    moving = bodies.keys() & {link.name for link in read.mechanism.links}
+    if all(shape.rgba == GREY for link in moving for shape in bodies[link]):
+        # a file without colours: links differ as those without a file do
+        for link, colour in link_colours(read.mechanism).items():
+            bodies[link] = [replace(shape, rgba=colour) for shape in bodies.get(link, ())]
+    return _few(bodies) if moving else None
 
 
 def _shape(model: mujoco.MjModel, i: int, pose: Pose) -> Shape | None:
@@ -217,7 +228,7 @@ class DrawnModel:
         for arrow_set in self.arrows:
             tips = arrow_set.tips(frames.starts)
             balls, radii = np.vstack([balls, tips]), np.append(radii, np.zeros(len(tips)))
-        back, up = cameras.directions(mechanism, look.camera, look.up)
+        back, up = cameras.directions(mechanism, look.camera, look.up, look.angles)
         self._clear_walls()
         if look.projections:
             corners = np.array(np.meshgrid(*zip(self.low, self.high, strict=True))).reshape(3, -1).T
@@ -360,7 +371,7 @@ class DrawnModel:
             return False
         if self.normals:
             return abs(float(self.normals[GROUND] @ self.walls[0].normal)) > 0.9
-        return self.look.camera == "iso"
+        return self.look.camera == "iso" and abs(float(self.up @ self.walls[0].normal)) > 0.9
 
 
 def _body(link: str, copy: int) -> str:

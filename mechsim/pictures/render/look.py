@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 
 from mechsim.errors import InputError
 from mechsim.model.mechanism import Mechanism, Up, require_axis
-from mechsim.shapes.camera import PRESETS
+from mechsim.shapes.camera import PRESETS, Angles
 from mechsim.shapes.shape import Shape
 from mechsim.units import option, parse_names
 
@@ -47,6 +47,8 @@ class Look:
             power of ten that makes it plain to see.
         caption: a line at the bottom of the picture.
         bodies: link -> its body from a user's file; None draws bodies from the joints.
+        closures: joints that close the loops of a user's file, which are marked.
+        angles: azimuth and elevation of a file's camera in [deg]; None without one.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
     """
 
@@ -73,6 +75,8 @@ class Look:
     magnify: float | None = option(None, "Factor on the error shown by --from both. Default: a power of ten.")
     caption: str = ""
     bodies: Mapping[str, Sequence[Shape]] | None = None
+    closures: tuple[str, ...] = ()
+    angles: Angles | None = None
     up: Up | None = option(
         None,
         "Axis that points up: x, y, z, -x, ... Default: opposite to gravity, else y.",

@@ -16,7 +16,7 @@ from mechsim.errors import MissingToolError, install_command, needs
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND, Pose
-from mechsim.model.mechanism import Mechanism, Up
+from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, platform_data, quaternions
@@ -91,7 +91,7 @@ def _data(view: View) -> dict[str, Any]:
     radius, planar = rod_radius(mechanism), hinged_normals(mechanism) is not None
     balls, radii = extent((poses[link], shapes[link]) for link in shapes)
     up = cameras.upright(mechanism, view.up)
-    normal = cameras.directions(mechanism, "iso", view.up)[0] if planar else up
+    normal = cameras.directions(mechanism, "iso", view.up, view.angles)[0] if planar else up
     floor = float((balls @ normal - radii).min())
     if not (planar or view.bodies):
         floor -= 2.0 * radius
@@ -102,9 +102,13 @@ def _data(view: View) -> dict[str, Any]:
         "bodies": {link: [_solid(shape) for shape in shapes[link]] for link in shapes},
         "joints": _joints(mechanism),
         "points": _points(mechanism),
+        "closures": [
+            {"link": mechanism.joint(name).a.link, "at": mechanism.joint(name).a.point}
+            for name in view.closures
+        ],
         "anchors": {link.name: mechanism.ends(link.name)[0].point for link in mechanism.links},
         "vertical": _short(up),
-        "cameras": _cameras(mechanism, balls, radii, view.up),
+        "cameras": _cameras(view, balls, radii),
         "floor": {"normal": _short(normal), "at": floor},
         "own_bodies": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
@@ -172,15 +176,16 @@ def _points(mechanism: Mechanism) -> list[dict[str, Any]]:
     ]
 
 
-def _cameras(mechanism: Mechanism, balls: Array, radii: Array, vertical: Up | None) -> list[dict[str, Any]]:
+def _cameras(view: View, balls: Array, radii: Array) -> list[dict[str, Any]]:
     """Return the view directions; the first is the default."""
+    mechanism = view.mechanism
     presets: list[dict[str, Any]] = []
     flat = hinged_normals(mechanism) is not None
     usual = {"iso": "straight on" if flat else "corner", "top": "top", "side": "side"}
     if not flat:
         usual["shaft"] = "along shaft"
     for preset, name in usual.items():
-        back, up = cameras.directions(mechanism, preset, vertical)
+        back, up = cameras.directions(mechanism, preset, view.up, view.angles)
         framed = cameras.framed(back, up, balls, radii, (1, 1), border=0.0)
         axes = np.cross(up, back), up, back
         across, over, depth = (cameras.span(balls @ axis, radii)[1] for axis in axes)

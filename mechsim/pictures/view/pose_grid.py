@@ -14,6 +14,7 @@ from mechsim.model.mechanism import Mechanism, Up
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.render.frame_poses import comes_round, errors, factor
+from mechsim.shapes.camera import Angles
 from mechsim.shapes.shape import Shape
 
 # coordinates of a platform, named as drivers are: of its reference point in [m], and Cardan angles in [rad]
@@ -227,6 +228,8 @@ class View:
         title: heading.
         facts: lines of description.
         bodies: link -> its body from a user's file; None draws bodies from the joints.
+        closures: joints that close the loops of a user's file, which are marked.
+        angles: azimuth and elevation of a file's camera in [deg]; None without one.
         up: coordinate axis that points up, as "z" or "-y"; None takes that of the mechanism, else y.
         platform: link with a prescribed pose; None without one.
         live: data with which the page solves the mechanism, with variable dimensions; None shows solved poses
@@ -238,6 +241,8 @@ class View:
     title: str
     facts: Sequence[str] = ()
     bodies: Mapping[str, Sequence[Shape]] | None = None
+    closures: tuple[str, ...] = ()
+    angles: Angles | None = None
     up: Up | None = None
     platform: PlatformDrive | None = None
     live: LivePage | None = None

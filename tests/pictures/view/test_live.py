@@ -25,6 +25,23 @@ CHANGED = {
 }
 
 
+OWN_BAR = """name = "own_bar"
+parameters = { short = 40, long_bar = "120 mm", rocker_ = 80, base = "3*short" }  # of my bench
+units = { length = "mm" }
+drivers = ["crank"]
+[links.crank]
+[links.coupler]
+[links.rocker]
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
+A = { kind = "revolute", a = { link = "crank", at = ["short", 0, 0] }, b = { link = "coupler" } }
+B = { kind = "revolute", a = { link = "coupler", at = ["long_bar", 0, 0] }, b = { link = "rocker" } }
+D = { kind = "revolute", a = { link = "ground", at = ["base", 0, 0] }, b = { link = "rocker", at = [0, "rocker_", 0] } }
+[points]
+P_1 = { link = "coupler", at = ["long_bar/2", 30, 0] }
+"""  # noqa: E501
+
+
 @pytest.fixture(scope="module")
 def window(tmp_path_factory):
     with Browser(tmp_path_factory.mktemp("profile")) as browser:
@@ -110,16 +127,64 @@ def test_the_page_agrees_with_python_at_changed_dimensions(window, pages, name):
 
 @in_browser
 def test_a_saved_file_gives_the_mechanism_of_the_page(window, pages, tmp_path):
-    for name in ("rssr", "jansen"):
+    for name in ("rssr", "jansen", "four_bar"):
         open_live(window, pages(name))
         state = change(window, name)
         text = window.run("state.grid.live.toml(state.values)")
         tomllib.loads(text)
         path = tmp_path / f"{name}.toml"
-        path.write_text(text.replace('python = "dyads.py:jansen"', "").replace("[formula]", ""))
+        path.write_text(text)
         motion = ms.load(path).solve([CHANGED[name][1][0]])
         for point, position in state["points"].items():
             np.testing.assert_allclose(motion.points[point].position[0], position, rtol=0.0, atol=1e-12)
+        # the file has the dimensions of the page as parameters, with their changed values
+        shown = parametric_model(name, set=CHANGED[name][0])
+        saved = parametric_model(str(path))
+        named = {dimension.name.replace(".", "_"): dimension.value for dimension in shown.dimensions.values()}
+        assert CHANGED[name][0].keys() <= saved.values().keys() <= named.keys()
+        assert saved.values() == pytest.approx({key: named[key] for key in saved.values()}, rel=1e-12)
+        units = {key.replace(".", "_"): dimension.unit for key, dimension in shown.dimensions.items()}
+        assert {key: dimension.unit for key, dimension in saved.dimensions.items()}.items() <= units.items()
+
+
+@in_browser
+def test_a_saved_line_keeps_its_other_values_and_its_comment(window, tmp_path):
+    own = tmp_path / "own_bar.toml"
+    own.write_text(OWN_BAR)
+    shown = tmp_path / "own_bar.html"
+    shown.write_text(page(live_view(str(own))))
+    open_live(window, shown)
+    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.long_bar')")
+    window.run(f"setSlider({i}, 0.125)")
+    lines = window.run("state.grid.live.toml(state.values)").splitlines()
+    changed = [(a, b) for a, b in zip(OWN_BAR.splitlines(), lines, strict=True) if a != b]
+    assert len(changed) == 1
+    assert tomllib.loads(changed[0][1])["parameters"] == {
+        "short": 40.0, "long_bar": 125.0, "rocker_": 80.0, "base": "3*short"
+    }  # fmt: skip
+    assert changed[0][1].endswith("# of my bench")
+    # names appear as typed
+    assert "long_bar [mm]" in window.run("document.getElementById('dimensions').textContent")
+
+
+@in_browser
+def test_links_keep_their_sides_and_paths_stay_over_the_crank(window, pages):
+    open_live(window, pages("four_bar"))
+    i = window.run("state.grid.sliders.findIndex(slider => slider.name === 'dimension.crank')")
+    window.run(f"setSlider({i}, 0.033)")
+    sides = window.run(
+        "Object.fromEntries(Object.entries(rods).map(([link, group]) => [link, group ? group.children.filter("
+        "part => part.geometry.type === 'CylinderGeometry').length : 0]))"
+    )
+    # the coupler is a triangle of A, B and C
+    assert {name: sides[name] for name in ("crank", "coupler", "rocker")} == {
+        "crank": 1, "coupler": 3, "rocker": 1
+    }  # fmt: skip
+    start = window.run("Array.from(pathLines[0].geometry.attributes.instanceStart.array)")
+    radius = np.hypot(*np.reshape(start, (-1, 3))[:, :2].T)
+    # the line of A is the whole circle of the crank of 33 mm, in floats of 32 bits
+    np.testing.assert_allclose(radius, 0.033, rtol=1e-6)
+    assert np.ptp(np.reshape(start, (-1, 3))[:, 0]) == pytest.approx(0.066, rel=1e-3)
 
 
 @in_browser

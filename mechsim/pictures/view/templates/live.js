@@ -103,7 +103,7 @@ class LiveMechanism {
   setInertias() {
     const diameter = this.masses.thickness * this.longest(), { density, pin } = this.masses;
     for (const rod of this.rods) {
-      const name = this.links[rod.link], points = this.pointsOf(name, rod.outline), ends = this.endsOf(name);
+      const name = this.links[rod.link], points = this.pointsOf(name, this.outlines[name]), ends = this.endsOf(name);
       let pairs = joined(points);
       if (points.length === 1) {
         const arm = times(ends.length ? this.axis(ends[0]) : [0, 0, 1], 0.5 * pin * diameter);
@@ -131,9 +131,18 @@ class LiveMechanism {
       const points = [...this.endsOf(link).map((end) => this.point(end)), ...more(link)];
       return Math.max(0, ...points.flatMap((a) => points.map((b) => Math.hypot(...minus(a, b)))));
     }));
-    const joints = widest(() => []), outlines = Object.fromEntries(this.rods.map((rod) => [this.links[rod.link], rod.outline]));
-    const whole = widest((link) => [...(outlines[link] || []), ...this.points.filter((point) => point.link === link).map((point) => this.local(point))]);
+    const joints = widest(() => []), whole = widest((link) => this.morePoints(link));
     return joints > this.masses.one_place * whole ? joints : whole;
+  }
+
+  /* points of a link besides its joints: its outline and its tracked points */
+  morePoints(link) { return [...(this.outlines[link] || []), ...this.points.filter((point) => point.link === link).map((point) => this.local(point))]; }
+
+  /* pairs of points between which a link is drawn: those of its picture, else the shortest rods */
+  sides(link) {
+    const points = this.pointsOf(link, this.morePoints(link)), { count, pairs } = this.edges[link];
+    if (points.length === 1) return [[points[0], points[0]]];
+    return points.length === count ? pairs.map(([i, j]) => [points[i], points[j]]) : joined(points);
   }
 
   local(point) { return point.index < 0 ? point.at : Array.from(this.code.GEOMETRY.slice(point.index, point.index + 3)); }
@@ -142,11 +151,7 @@ class LiveMechanism {
   shapeAt(solution) {
     this.setDimensions(Array.from(solution.values.slice(this.count)));
     if (this.shape) return this.shape;
-    const outlines = Object.fromEntries(this.rods.map((rod) => [this.links[rod.link], rod.outline]));
-    const rods = Object.fromEntries(this.links.map((link) => {
-      const points = this.pointsOf(link, [...(outlines[link] || []), ...this.points.filter((point) => point.link === link).map((point) => this.local(point))]);
-      return [link, points.length === 1 ? [[points[0], points[0]]] : joined(points)];
-    }));
+    const rods = Object.fromEntries(this.links.map((link) => [link, this.sides(link)]));
     rods.ground = this.endsOf("ground").map((end) => [this.point(end), this.point(end)]);
     this.shape = {
       original: this.dimensionValues.every((value, i) => value === this.original[i]), rods,
@@ -253,7 +258,7 @@ class LiveMechanism {
     const list = (numbers) => `[${Array.from(numbers, decimal).join(", ")}]`, quoted = (name) => JSON.stringify(name), bare = (name) => (/^[\w-]+$/.test(name) ? name : quoted(name));
     return this.toml_pieces.map((piece) => {
       if (typeof piece === "string") return piece;
-      if (piece.dimension) return `${bare(piece.dimension)} = ${decimal(this.dimensionValues[this.dimensions.findIndex((dimension) => dimension.name === piece.dimension)] / piece.scale)}`;
+      if (piece.parts) return piece.parts.map((part) => (part.dimension ? decimal(this.dimensionValues[this.dimensions.findIndex((dimension) => dimension.name === part.dimension)] / part.scale) : part)).join("");
       if (piece.start) return `start = ${decimal(values[0])}`;
       if (piece.points) return `${bare(piece.points)} = { link = ${quoted(this.points.find((point) => point.name === piece.points).link)}, at = ${list(shape.points[piece.points])} }`;
       if (piece.guess) {

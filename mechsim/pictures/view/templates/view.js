@@ -6,6 +6,7 @@ const SVG = "http://www.w3.org/2000/svg";
 const DEGREE = Math.PI / 180;
 const GRAB = 16;              // distance in pixels within which a point is selected
 const MOST_OPEN = 6;          // dimensions that a page shows at once; more are collapsed
+const CLOSURE = 0xd81b9a;     // colour of a mark at a loop closure
 const PALETTE = ["#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"];
 
 /* ---- records ---- */
@@ -106,7 +107,7 @@ function readAt(grid, readout, values) {
 
 /* ---- settings ---- */
 
-const state = { grid: DATA.grids[0], values: [], active: 0, playing: new Set(), direction: [], speed: 1, camera: 0,
+const state = { grid: DATA.grids[0], values: [], active: 0, driver: 0, playing: new Set(), direction: [], speed: 1, camera: 0,
   show: { names: true, axes: false, paths: true, ghost: false, joints: !DATA.own_bodies }, magnified: true, poses: null, chosen: [] };
 
 const shownUnit = (unit) => ({ rad: ["°", 1 / DEGREE], m: LENGTH, s: ["s", 1], "m/s": SPEED }[unit] || [unit, 1]);
@@ -200,6 +201,13 @@ function build() {
     line.frustumCulled = false;
     scene.add(line);
     pathLines.push(line);
+  }
+  // loop closures of a file
+  for (const closure of DATA.closures) {
+    const mark = new THREE.Mesh(new THREE.SphereGeometry(0.6 * DATA.radius, 20, 14), new THREE.MeshBasicMaterial({ color: CLOSURE, depthTest: false, transparent: true }));
+    mark.position.fromArray(closure.at);
+    mark.renderOrder = 3;
+    bodies[closure.link].add(mark);
   }
   addFloor();
 }
@@ -525,7 +533,8 @@ function trouble(label) { $("trouble").hidden = !label; $("trouble").textContent
 
 let pathsOf = "";
 function paths() {
-  const grid = state.grid, k = state.active, others = state.values.filter((_, i) => i !== k);
+  // of a dimension that moves, the path is that of the driver that moved last
+  const grid = state.grid, k = grid.sliders[state.active].dimension ? state.driver : state.active, others = state.values.filter((_, i) => i !== k);
   const key = [DATA.grids.indexOf(grid), k, state.show.paths, ...others].join();
   if (key === pathsOf) return;
   pathsOf = key;
@@ -578,6 +587,7 @@ function placeSlider(i, value) {
 function setSlider(i, value) {
   placeSlider(i, value);
   state.active = i;
+  if (!state.grid.sliders[i].dimension) state.driver = i;
   update();
 }
 
@@ -615,7 +625,7 @@ let sliderRows = [];
 function sliderRow(slider, i) {
   const row = node("div", { class: "slider" }), head = node("div", { class: "row" }), [unit, by] = shownUnit(slider.unit);
   const low = slider.nodes[0], high = slider.nodes[slider.nodes.length - 1];
-  head.append(node("label", { for: `slider${i}` }, `${(slider.label || slider.name).replace(/_/g, " ")}${unit && ` [${unit}]`}`));
+  head.append(node("label", { for: `slider${i}` }, `${slider.label || slider.name}${unit && ` [${unit}]`}`));
   const box = node("input", { type: "number", step: "any", "aria-label": `${slider.name} in ${unit}` });
   box.addEventListener("change", () => { if (box.value !== "") setSlider(i, box.valueAsNumber / by); });
   const button = node("button", { class: "play", type: "button", "aria-pressed": false }, "▶ play");
@@ -670,7 +680,7 @@ function choose(which) {
   tools();
   curves();
   state.grid.sliders.forEach((_, i) => placeSlider(i, state.values[i]));
-  state.active = state.grid.live ? 0 : state.grid.sliders.length - 1;
+  state.active = state.driver = state.grid.live ? 0 : state.grid.sliders.length - 1;
   update();
 }
 
@@ -741,7 +751,7 @@ const allReadouts = () => state.grid.readouts;
 function writeReadouts(unsolved) {
   const rows = allReadouts().map((readout) => {
     const row = node("tr"), values = readAt(state.grid, readout, state.values);
-    row.append(node("th", { scope: "row" }, readout.name.replace(/_/g, " ")));
+    row.append(node("th", { scope: "row" }, readout.name));
     const cell = node("td", {}, unsolved ? "–" : "");
     if (!unsolved) cell.append(...values.map((value, i) => node("span", {}, (readout.parts[i] ? `${readout.parts[i]} ` : "") + text(value, readout.unit))));
     row.append(cell);
@@ -776,7 +786,7 @@ class CurveBox {
   constructor(which) {
     this.box = node("div", { class: "curve" });
     this.pick = node("select", { "aria-label": "Quantity of the curve" });
-    allReadouts().forEach((readout, i) => this.pick.append(node("option", { value: i }, readout.name.replace(/_/g, " "))));
+    allReadouts().forEach((readout, i) => this.pick.append(node("option", { value: i }, readout.name)));
     this.pick.value = which;
     this.pick.addEventListener("change", () => { this.key = ""; this.point(); });
     this.svg = make("svg", { role: "img" });
@@ -810,7 +820,7 @@ class CurveBox {
     for (const t of yTicks) { pieces.push(make("line", { class: "grid", x1: this.left, x2: this.left + this.width, y1: this.y(t), y2: this.y(t) })); write(this.left - 5, this.y(t) + 4, t, "end"); }
     for (const t of ticks(a, b, 5, slider.unit === "rad")) { const x = this.x(t / by); pieces.push(make("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom })); write(x, bottom + 13, t, "middle"); }
     write(this.left - 5, 9, unit, "end");
-    write(this.left + this.width, H - 1, `${(slider.label || slider.name).replace(/_/g, " ")}${name && ` [${name}]`}`, "end");
+    write(this.left + this.width, H - 1, `${slider.label || slider.name}${name && ` [${name}]`}`, "end");
     for (const mark of slider.marks) pieces.push(make("line", { class: `mark ${mark.kind}`, x1: this.x(mark.value), x2: this.x(mark.value), y1: top, y2: bottom }));
     this.readout.parts.forEach((_, p) => {
       let path = "";
