@@ -30,7 +30,7 @@ from mechsim.model.motion import Motion
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.drawn_model import drawn_as
-from mechsim.pictures.render.frame_poses import VISIBLE_DIFFERENCE, comes_round
+from mechsim.pictures.render.frame_poses import PATH_POINTS, VISIBLE_DIFFERENCE, comes_round, frame_indices
 from mechsim.studies.reference import MAX_SAMPLES, drawn_motion, joint_loads, profile_of, weighing
 from mechsim.studies.release import Release
 from mechsim.studies.scene.published_run import runs_as_published
@@ -75,9 +75,9 @@ class AnimationOptions:
                     "--turns and --frames-per-turn apply to a crank without a motion law; leave them out"
                 )
             return max(1.0, self._slowed(duration, 1.0))
-        # samples of a picture only define the paths; with several positions, each sample is a position
+        # samples of a picture only define the paths; some of them are its positions
         if positions > 1:
-            return abs(self.turns) * positions
+            return abs(self.turns) * positions * between(positions)
         usual = 360 if picture else 72
         return abs(self.turns) * (usual if self.frames_per_turn is None else self.frames_per_turn)
 
@@ -141,7 +141,8 @@ def render(
     profile = profile_of(solver, animation.speed, animation.turns, angle)
     samples = animation.samples(profile.duration, picture, look.overlay, timed=timed)
     both = animation.method == "both"
-    motion = drawn_motion(solver, "simulated" if both else animation.method, profile, samples)
+    every = 1 if picture else between(samples)
+    motion = drawn_motion(solver, "simulated" if both else animation.method, profile, round(samples) * every)
     if animation.method != "closed" and isinstance(solver, MjcfForm) and not runs_as_published(solver):
         print_stderr(
             "mechsim: stepped with mechsim's settings: MuJoCo alone runs a file whose drivers are joints"
@@ -165,8 +166,10 @@ def render(
     periodic = comes_round(solver.mechanism, motion, VISIBLE_DIFFERENCE, VISIBLE_DIFFERENCE)
     tail = periodic and not timed and solver.crank_range().full
     look = replace(look, paths="tail" if look.paths and tail else look.paths)
-    count = _write_animation(path, solver, motion, periodic, look, {"fps": animation.fps, **extra})
-    return _written(solver.name, output, count, masses)
+    extra |= {"fps": animation.fps, "every": every}
+    return _written(
+        solver.name, output, _write_animation(path, solver, motion, periodic, look, extra), masses
+    )
 
 
 def _released(
@@ -183,14 +186,16 @@ def _released(
     model = released_model(source, loads)
     release = options.release(model, source)
     if options.mode is None:
-        motion, caption = released_motion(release, animation.fps, animation.slow), ""
+        (motion, every), caption = released_motion(release, animation.fps, animation.slow), ""
         if animation.slow is not None:
             caption = animation.caption
     else:
         slow = animation.slow
         cycle = release.cycle(options.mode, 2)
         seconds = CYCLE if slow is None else cycle.period * slow
-        motion = release.cycle(options.mode, frame_count(seconds, animation.fps)).motion
+        count = frame_count(seconds, animation.fps)
+        every = between(count)
+        motion = release.cycle(options.mode, count * every).motion
         caption = f"{cycle.title}; 1/{number(seconds / cycle.period, 3)} of true speed"
     look = replace(look, **drawn_as(model.solver), caption=caption)
     mechanism, path = model.mechanism, Path(output)
@@ -199,19 +204,27 @@ def _released(
         write_picture(path, mechanism, motion, look)
         return _written(mechanism.name, output, None, model.masses)
     periodic = options.mode is not None
-    count = _write_animation(path, model.solver, motion, periodic, look, {"fps": animation.fps})
+    extra = {"fps": animation.fps, "every": every}
+    count = _write_animation(path, model.solver, motion, periodic, look, extra)
     return _written(mechanism.name, output, count, model.masses)
 
 
-def released_motion(release: Release, fps: float, slow: float | None) -> Motion:
-    """Return the motion of a run at the instants of its frames."""
+def released_motion(release: Release, fps: float, slow: float | None) -> tuple[Motion, int]:
+    """Return the motion of a run, and how many of its samples lead from one frame to the next."""
     slow = 1.0 if slow is None else slow
-    run = release.shown_run(frame_count(release.duration * slow, fps))
+    count = frame_count(release.duration * slow, fps)
+    run = release.shown_run(count * between(count))
     duration = float(run.time[-1])
     if duration < release.duration:
         # the run ended at an event or at rest: repeat it with the frames for its actual duration
-        run = release.shown_run(frame_count(duration * slow, fps))
-    return run.motion
+        count = frame_count(duration * slow, fps)
+        run = release.shown_run(count * between(count))
+    return run.motion, between(count)
+
+
+def between(frames: float) -> int:
+    """Return how many samples lead from one frame to the next, so that paths look smooth."""
+    return int(np.ceil(PATH_POINTS / frames)) if 1 <= frames < PATH_POINTS else 1
 
 
 def frame_count(seconds: float, fps: float) -> int:
@@ -266,12 +279,13 @@ def _assembly_curve(
     count = round(per_turn * max(1.0, crank_path_length(curve) / REVOLUTION))
     if not 1 <= count <= MAX_SAMPLES:
         raise InputError(f"{count} frames; give --frames-per-turn 1 to {MAX_SAMPLES}")
-    motion = even_motion(curve, count, 1.0)
+    every = 1 if picture else between(count)
+    motion = even_motion(curve, count * every, 1.0)
     look = replace(look, paths="whole" if look.paths else False)
     if picture:
         write_picture(path, solver.mechanism, motion, look)
         return None
-    return _write_animation(path, solver, motion, True, look, {"fps": animation.fps})
+    return _write_animation(path, solver, motion, True, look, {"fps": animation.fps, "every": every})
 
 
 def _check(output: str, animation: AnimationOptions, look: Look) -> None:
@@ -308,6 +322,7 @@ def _write_animation(
     path: Path, solver: KinematicSolver, motion: Motion, periodic: bool, look: Look, extra: dict[str, Any]
 ) -> int:
     """Write an animation, with progress on stderr; a periodic one omits its last frame, a repeated first."""
-    shown = motion.angle[:-1] if periodic else motion.angle
+    indices = frame_indices(motion, None, extra["every"]).astype(np.intp)
+    shown = motion.angle[indices[:-1] if periodic else indices]
     with progress("draw", len(shown)) as report:
         return write_video(path, solver.mechanism, motion, look, angles=shown, progress=report, **extra)

@@ -269,10 +269,9 @@ def _toml(model: Any, solver: KinematicSolver, geometry: ParametricGeometry) -> 
 
 def _file_pieces(model: TomlModel, geometry: ParametricGeometry) -> list[Any]:
     """Return the lines of a file with parameters; of a varying one the line with its value left open."""
-    values, pieces = (
-        values_of(model.source),
-        [[line] for line in read_text(model.path, "a TOML file").splitlines()],
-    )
+    values = values_of(model.source)
+    lines = read_text(model.path, "a TOML file").splitlines()
+    pieces: list[list[Any]] = [[line] for line in lines]
     for dimension in geometry.dimensions:
         line = model.source.line(("parameters", dimension.name)) - 1
         scale = values.in_si(1.0, dimension.unit) if dimension.unit in ("m", "rad") else 1.0  # type: ignore[arg-type]
@@ -284,7 +283,7 @@ def _file_pieces(model: TomlModel, geometry: ParametricGeometry) -> list[Any]:
             pieces[line] = [*before, last[: found.start(2)], open_value, last[found.end(2) :]]
     if ("formula", "python") in model.source.lines:
         number = model.source.lines["formula", "python"] - 1
-        pieces[number] = [f"# {pieces[number][0]}  # works beside its Python file"]
+        pieces[number] = [f"# {lines[number]}  # works beside its Python file"]
     return [{"parts": parts} if len(parts) > 1 else parts[0] for parts in pieces]
 
 
@@ -317,13 +316,10 @@ def _with_parameters(pieces: list[Any], mechanism: Mechanism, geometry: Parametr
 def _written_end(end: End, piece: Mapping[str, str], geometry: ParametricGeometry) -> str:
     """Return a side of a joint in TOML; a reference that follows from a varying axis is left out."""
     key = f"{piece['joint']}.{piece['side']}"
-    entries = {"at": end.point, "axis": end.axis, "reference": end.reference}
-    if (
-        (key, "axis") in geometry.vectors
-        and (key, "reference") not in geometry.vectors
-        and not end.has_reference
-    ):
-        del entries["reference"]
+    entries = {"at": end.point, "axis": end.axis}
+    follows = not end.has_reference and (key, "axis") in geometry.vectors
+    if end.reference is not None and (not follows or (key, "reference") in geometry.vectors):
+        entries["reference"] = end.reference
     written = [f"{quantity} = {_written(key, quantity, own, geometry)}" for quantity, own in entries.items()]
     return f"{piece['side']} = {{ link = {json.dumps(end.link)}, {', '.join(written)} }}"
 

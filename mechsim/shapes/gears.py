@@ -1,6 +1,6 @@
 """Gears: pairs of meshing toothed wheels, on the frame or on an arm, and racks."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -349,12 +349,18 @@ MAX_RACK_TEETH = 400
 
 def draw_racks(canvas: Canvas, teeth: int) -> None:
     """Draw pinions with a number of teeth, and racks that are as long as their travel."""
-    for coupling in canvas.mechanism.couplings:
+    for coupling, rack, pinion in racks_of(canvas.mechanism):
+        _draw(canvas, coupling, rack, pinion, teeth)
+
+
+def racks_of(mechanism: Mechanism) -> Iterator[tuple[Coupling, Joint, Joint]]:
+    """Yield the couplings of a rack with a pinion, and the joints of both; the pitch radius is the ratio."""
+    joints = {joint.name: joint for joint in mechanism.joints}
+    for coupling in mechanism.couplings:
         if isinstance(coupling.left, str) and isinstance(coupling.right, str):
-            joints = {joint.name: joint for joint in canvas.mechanism.joints}
             rack, pinion = joints.get(coupling.left), joints.get(coupling.right)
             if rack and pinion and _meshes(coupling, rack, pinion):
-                _draw(canvas, coupling, rack, pinion, teeth)
+                yield coupling, rack, pinion
 
 
 def _meshes(coupling: Coupling, rack: Joint, pinion: Joint) -> bool:

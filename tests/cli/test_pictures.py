@@ -244,7 +244,7 @@ def test_released_runs_and_modes_are_rendered_and_viewed(mechsim, tmp_path):
     assert (code, out.splitlines()[0]) == (0, "wrote 10 frames to mode.gif")
     for options in (INITIAL, (*INITIAL, "--mode", "1")):
         assert mechsim("view", "four_bar", *options, "-o", "page.html")[0] == 0
-        assert ("four-bar, mode 1" if "--mode" in options else "four-bar, released") in (
+        assert ("four_bar, mode 1" if "--mode" in options else "four_bar, released") in (
             tmp_path / "page.html"
         ).read_text()
 
@@ -274,3 +274,26 @@ def test_frames_of_a_swinging_run_have_their_time():
     )
     frames = frame_poses(ms.catalog.make("four_bar").mechanism, run.motion, run.motion.angle[:-1])
     np.testing.assert_array_equal(frames.time, run.time[:-1])
+
+
+@pytest.mark.parametrize(
+    ("options", "frames", "least"),
+    [
+        (("four_bar", "-o", "a.png", "--positions", "6"), None, 360),
+        (("four_bar", "-o", "a.gif", "--frames-per-turn", "12"), 12, 360),
+        (("four_bar", "-o", "a.gif", *INITIAL, "--duration", "0.2"), 7, 360),
+    ],
+)
+def test_paths_are_finer_than_frames(mechsim, monkeypatch, options, frames, least):
+    drawn = []
+
+    def write(path, mechanism, motion, look, **options):
+        every = options.get("every", 1)
+        drawn.append(frame_poses(mechanism, motion, options.get("angles"), every=every))
+        return len(drawn[0])
+
+    monkeypatch.setattr("mechsim.cli.render.write_picture", write)
+    monkeypatch.setattr("mechsim.cli.render.write_video", write)
+    assert mechsim("render", *options)[0] == 0
+    assert frames is None or len(drawn[0]) == frames
+    assert all(len(path) > least for path in drawn[0].paths.values())

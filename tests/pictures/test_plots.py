@@ -328,3 +328,65 @@ def test_a_schematic_has_a_symbol_and_a_name_per_joint():
         if text.get_text() in ("A", "B", "crank", "rocker"):
             assert min(np.hypot(*np.subtract(circle.center, text.xy)) for circle in circles) < 1e-12
     assert plots.drawn(figure, "pdf").startswith(b"%PDF")
+
+
+def lines_of(figure):
+    """Return the points of every line of a figure's first axes, (n, 2) each."""
+    return [np.column_stack(line.get_data()) for line in figure.axes[0].get_lines()]
+
+
+def test_a_schematic_shows_the_pitch_circles_of_gears():
+    solver = load("planetary_gear")
+    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(0.0, 6.0, 20)))
+    rings = [line for line in lines_of(figure) if len(line) > 60]
+    assert len(rings) == 3
+    centres = [0.5 * (ring.min(0) + ring.max(0)) for ring in rings]
+    radii = [0.5 * float(np.ptp(ring[:, 0])) for ring in rings]
+    for centre, radius, ring in zip(centres, radii, rings, strict=True):
+        np.testing.assert_allclose(np.linalg.norm(ring - centre, axis=1), radius, rtol=2e-3)
+    planet, sun, ring = np.argsort(radii)
+    # the planet touches the sun from outside and the ring from inside
+    arm = float(np.linalg.norm(centres[planet] - centres[sun]))
+    assert arm == pytest.approx(radii[sun] + radii[planet], rel=2e-3)
+    assert radii[ring] == pytest.approx(radii[sun] + 2.0 * radii[planet], rel=2e-3)
+
+
+def test_a_schematic_shows_the_pitch_circle_and_the_pitch_line_of_a_rack():
+    solver = load("rack_steering")
+    figure = plots.schematic_plot(solver.mechanism, solver.solve(np.linspace(-0.2, 0.2, 9)))
+    (circle,) = (line for line in lines_of(figure) if len(line) > 60)
+    (pitch_line,) = (line for line in lines_of(figure) if len(line) == 3)
+    centre, radius = 0.5 * (circle.min(0) + circle.max(0)), 0.5 * float(np.ptp(circle[:, 0]))
+    along = (pitch_line[-1] - pitch_line[0]) / np.linalg.norm(pitch_line[-1] - pitch_line[0])
+    off = pitch_line[0] - centre
+    # the line touches the circle
+    assert abs(off[0] * along[1] - off[1] * along[0]) == pytest.approx(radius, rel=1e-9)
+
+
+def test_a_schematic_shows_the_legs_of_a_platform():
+    solver = load("stewart_gough")
+    figure = plots.schematic_plot(solver.mechanism, solver.solve(t=np.linspace(0.0, 0.2, 9)))
+    symbols = [patch.center for patch in figure.axes[0].patches if hasattr(patch, "radius")]
+    (ax,) = figure.axes
+    feet = [text.xy for text in ax.texts if text.get_text() in {f"u{i}" for i in range(1, 7)}]
+    assert len(feet) == 6
+    for foot in feet:
+        legs = [line for line in lines_of(figure) if len(line) == 2 and np.hypot(*(line[0] - foot)) < 1e-12]
+        assert len(legs) == 1
+        # it ends at a joint of the plate, farther than a symbol is wide
+        assert min(np.hypot(*(legs[0][1] - symbol)) for symbol in symbols) < 1e-12
+        assert np.hypot(*(legs[0][1] - foot)) > 0.05
+
+
+def test_a_schematic_is_not_mirrored():
+    linkage = catalog.make("four_bar")
+    mechanism, turned = linkage.mechanism, (0.0, 0.0, -1.0)
+    joints = tuple(
+        replace(joint, a=replace(joint.a, axis=turned), b=replace(joint.b, axis=turned))
+        for joint in mechanism.joints
+    )
+    backwards = replace(mechanism, joints=joints)
+    figure = plots.schematic_plot(backwards, linkage.solve(np.linspace(0.0, 6.0, 20)))
+    names = {text.get_text(): text.xy for text in figure.axes[0].texts}
+    # the rocker's pivot is at positive x
+    assert names["rocker"][0] - names["crank"][0] == pytest.approx(linkage.ground)

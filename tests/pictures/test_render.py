@@ -19,6 +19,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import LinkMotion, Motion
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend, scenery, video
+from mechsim.pictures.render.drawing import Source
 from mechsim.pictures.render.drawn_model import DrawnModel
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look
@@ -462,3 +463,35 @@ sys.exit(code)
     with pytest.raises(OutputError, match="of 6 frames"):
         render.write_video(path, linkage.mechanism, motion, angles=motion.angle[:6], size=(64, 48))
     assert path.read_bytes() == b"earlier"
+
+
+def test_paths_pass_through_the_exact_curve_between_frames():
+    linkage = catalog.make("four_bar")
+    angles = np.linspace(0.0, 2.0 * np.pi, 6 * 60 + 1)
+    motion = linkage.solve(angles, 60.0)
+    frames = frame_poses(linkage.mechanism, motion, every=60)
+    np.testing.assert_array_equal(frames.angle, angles[::60])
+    np.testing.assert_array_equal(frames.passed, np.arange(7) * 60 + 1)
+    path = frames.paths["B"]
+    assert len(path) == 361
+    # B, with the crank's pivot at 0: intersection of circles about A and about the rocker's pivot
+    a = linkage.crank * np.exp(1j * angles)
+    across = linkage.ground - a
+    gap = np.abs(across)
+    along = (linkage.coupler**2 - linkage.rocker**2 + gap**2) / (2.0 * gap)
+    height = np.sqrt(linkage.coupler**2 - along**2)
+    sides = [a + across / gap * (along + sign * 1j * height) for sign in (1.0, -1.0)]
+    off = [np.abs(path[:, 0] + 1j * path[:, 1] - side).max() for side in sides]
+    assert min(off) < 1e-12
+    # the frames alone make a hexagon
+    assert np.abs(np.diff(path[::60], axis=0)).max() > 0.01 > np.abs(np.diff(path, axis=0)).max()
+
+
+def test_the_last_state_of_a_run_is_a_frame():
+    linkage = catalog.make("four_bar")
+    motion = linkage.solve(np.linspace(0.0, 1.0, 12), 60.0)
+    frames = frame_poses(linkage.mechanism, motion, every=4)
+    np.testing.assert_array_equal(frames.angle, motion.angle[[0, 4, 8, 11]])
+    with_ghost = Source(linkage.mechanism, motion, exact=motion, every=4).drawn(Look(size=SIZE))
+    assert with_ghost.ghost is not None
+    assert len(with_ghost.ghost.poses["rocker"].position) == 4

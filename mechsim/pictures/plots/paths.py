@@ -1,6 +1,6 @@
 """Plots in space: paths of points, assemblies, velocity plans and kinematic diagrams."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -9,7 +9,7 @@ import numpy as np
 from mechsim.errors import InputError, needs
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import Joint
-from mechsim.model.link_poses import moved_links
+from mechsim.model.link_poses import hinged_normals, moved_links
 from mechsim.model.links import GROUND, IDENTITY, Pose
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
@@ -31,6 +31,7 @@ from mechsim.pictures.plots.figure import (
 )
 from mechsim.shapes.body import edges, point_colours, span, stations, travels
 from mechsim.shapes.camera import clearest_pose, directions, nice, upright
+from mechsim.shapes.gears import racks_of, wheels_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,10 +48,13 @@ def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
     """Draw a mechanism as a kinematic diagram in a clear pose, with a scale bar.
 
     Revolute joints are circles, on the ground with a hatched foot; sliding joints are blocks on a line;
-    spherical and universal joints are filled circles. Points and joints on the ground bear their names.
+    spherical and universal joints are filled circles; gears are pitch circles, racks pitch lines. Points and
+    joints on the ground bear their names.
     """
     poses = {GROUND: IDENTITY, **moved_links(mechanism, motion)}
     back, up = directions(mechanism, "iso")
+    if hinged_normals(mechanism) and float(np.cross(up, back).sum()) < 0.0:
+        back = -back  # the other side would mirror the coordinates
     view = np.column_stack([np.cross(up, back), up])
     frame = clearest_pose(mechanism, poses, (view[:, 0], view[:, 1]))
     shown = {link: pose if pose.position.ndim == 1 else pose.select(frame) for link, pose in poses.items()}
@@ -59,6 +63,8 @@ def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
     for link in mechanism.links:
         _draw_link(ax, [shown[link.name].point(tuple(p)) @ view for p in stations(mechanism, link.name)])
     sliding = travels(mechanism, poses)
+    for line in [*_pitch_lines(mechanism, shown), *_legs(mechanism, shown)]:
+        ax.plot(*(line @ view).T, color=INK, lw=0.9 if len(line) > 2 else 1.8, zorder=2)
     for joint in mechanism.joints:
         _draw_joint(ax, joint, shown, view, sliding, length_scale)
     names = {name: shown[link].point(local) @ view for name, (link, local) in mechanism.points.items()}
@@ -85,6 +91,37 @@ def schematic_plot(mechanism: Mechanism, motion: Motion) -> "Figure":
 
 def _ground_pivots(mechanism: Mechanism) -> dict[str, Joint]:
     return {j.name: j for j in mechanism.joints if j.a.link == GROUND and KINDS[j.kind].pivot}
+
+
+def _pitch_lines(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Iterator[Array]:
+    """Yield the pitch circles of gears and pinions, and the pitch lines of racks, (n, 3)."""
+    wheels = {wheel.key: wheel for gear in mechanism.gears for wheel in wheels_of(mechanism, gear)}
+    circles = [
+        (wheel.end, wheel.radius, wheel.cone.apex + wheel.cone.height if wheel.cone else 0.0)
+        for wheel in wheels.values()
+    ]
+    for coupling, rack, pinion in racks_of(mechanism):
+        radius, along = abs(coupling.ratio), np.asarray(rack.a.axis)
+        out = np.cross(along, pinion.a.axis) * np.sign(coupling.ratio)
+        meet = np.asarray(pinion.a.point) + radius * out
+        yield _placed(poses[pinion.a.link], meet + np.linspace(-3.0, 3.0, 3)[:, None] * radius * along)
+        circles.append((pinion.b, radius, 0.0))
+    angle = np.linspace(0.0, REVOLUTION, 73)
+    for end, radius, height in circles:
+        ring = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, height)])
+        yield _placed(poses[end.link], np.asarray(end.point) + ring @ end.frame.T)
+
+
+def _placed(pose: Pose, points: Array) -> Array:
+    """Return points of a link, (n, 3), at its pose."""
+    return pose.position + points @ pose.rotation.T
+
+
+def _legs(mechanism: Mechanism, poses: Mapping[str, Pose]) -> Iterator[Array]:
+    """Yield the lines of sliding joints between moving links, from point to point, (2, 3)."""
+    for joint in mechanism.joints:
+        if KINDS[joint.kind].slides and GROUND not in (joint.a.link, joint.b.link):
+            yield np.array([poses[end.link].point(end.point) for end in (joint.a, joint.b)])
 
 
 def _draw_link(ax: "Axes", points: list[Array]) -> None:

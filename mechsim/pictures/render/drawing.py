@@ -23,10 +23,10 @@ from mechsim.pictures.render.frame_poses import (
     Ghost,
     errors,
     factor,
+    frame_indices,
     frame_poses,
     magnified,
     mixed,
-    sample_indices,
 )
 from mechsim.pictures.render.labels import INK, Ink, Notes, Picture, Placement, written
 from mechsim.pictures.render.look import Look, changed
@@ -184,6 +184,7 @@ def frames(
     exact: Motion | None = None,
     forces: Mapping[str, ArrayLike] | None = None,
     moments: Mapping[str, ArrayLike] | None = None,
+    every: int = 1,
     **options: Any,
 ) -> Iterator[Picture]:
     """Yield the frames of a motion, (height, width, 3) each.
@@ -192,19 +193,21 @@ def frames(
         mechanism: the mechanism.
         motion: its motion, analytic or simulated; a frame for each sample.
         look: contents of the pictures; None is the default.
-        angles: crank angles of the frames in [rad], inside the motion; None draws every sample.
+        angles: crank angles of the frames in [rad], inside the motion; None draws every sample, or each
+            `every`-th.
         exact: the same motion by the closed form, sample by sample; drawn as a ghost over `motion`,
             their difference magnified (see `Look.magnify`) and the factor written on the picture.
         forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for `arrows`;
             `dynamics.prescribed(...).forces.reactions[joint].force` are those in the joints.
         moments: likewise moments, in [N m].
+        every: number of samples from one frame to the next; paths pass through all of them.
         options: fields of `Look`, in place of the look's own.
 
     Raises:
         InputError: for an unknown option, camera, point or back end, or a motion without links.
         MissingToolError: where this machine has no OpenGL.
     """
-    drawn = Source(mechanism, motion, exact, forces, moments).drawn(changed(look, options), angles)
+    drawn = Source(mechanism, motion, exact, forces, moments, every).drawn(changed(look, options), angles)
     return draw(drawn, backends.choose(drawn.look.backend))
 
 
@@ -246,6 +249,7 @@ class Source:
     exact: Motion | None = None
     forces: Mapping[str, ArrayLike] | None = None
     moments: Mapping[str, ArrayLike] | None = None
+    every: int = 1
 
     def drawn(self, look: Look, angles: ArrayLike | None = None) -> DrawnModel:
         """Return the drawn model of all samples, or of given crank angles."""
@@ -260,7 +264,7 @@ class Source:
 
     def frames(self, angles: ArrayLike | None) -> FramePoses:
         """Return the poses at all samples, or at given crank angles."""
-        return frame_poses(self.mechanism, self.motion, angles, self.forces, self.moments)
+        return frame_poses(self.mechanism, self.motion, angles, self.forces, self.moments, self.every)
 
     def ghost(self, angles: ArrayLike | None, by: float | None) -> Ghost | None:
         """Return the ghost with its error magnified by a factor, or by an automatic one."""
@@ -272,14 +276,14 @@ class Source:
         # is not magnified
         spinning = self.exact.spinning | self.motion.spinning
         exact = frame_poses(self.mechanism, self.exact).poses
-        deviations = errors(self.mechanism, self.frames(None).poses, exact, spinning)
+        run = frame_poses(self.mechanism, self.motion).poses
+        deviations = errors(self.mechanism, run, exact, spinning)
         by = factor(self.mechanism, deviations) if by is None else by
-        if angles is not None:
-            indices = sample_indices(self.motion.angle, np.asarray(angles, dtype=np.float64))
-            deviations = {
-                name: (mixed(shift, indices), mixed(rotation, indices))
-                for name, (shift, rotation) in deviations.items()
-            }
+        indices = frame_indices(self.motion, angles, self.every)
+        deviations = {
+            name: (mixed(shift, indices), mixed(rotation, indices))
+            for name, (shift, rotation) in deviations.items()
+        }
         return Ghost(magnified(self.mechanism, self.frames(angles).poses, deviations, by), by)
 
 

@@ -109,7 +109,7 @@ def rotation_vectors(rotation: Array) -> Array:
     return 0.5 * twice * np.where(sine > 0.0, angle / np.where(sine > 0.0, sine, 1.0), 1.0)[:, None]
 
 
-# largest number of path points of a motion: a picture cannot show more
+# number of points of a path for which it looks smooth, and from twice of which samples are left out
 PATH_POINTS = 360
 # differences, relative to the size and in [rad], below which two frames look the same
 VISIBLE_DIFFERENCE = 1e-3
@@ -180,15 +180,19 @@ def frame_poses(
     angles: ArrayLike | None = None,
     forces: Mapping[str, ArrayLike] | None = None,
     moments: Mapping[str, ArrayLike] | None = None,
+    every: int = 1,
 ) -> FramePoses:
     """Return the frames of a motion, or of the poses it passes at given crank angles.
+
+    Paths pass through all samples of the motion, also between its frames.
 
     Args:
         mechanism: the mechanism.
         motion: its motion.
-        angles: crank angles of the frames in [rad]; None takes every sample.
+        angles: crank angles of the frames in [rad]; None takes every sample, or each `every`-th.
         forces: tracked point or joint -> force at each sample, (len(motion), 3) in [N], for arrows.
         moments: likewise moments, in [N m].
+        every: number of samples from one frame to the next.
 
     Raises:
         InputError: where the motion lacks a link, holds a NaN, or does not reach an angle.
@@ -200,36 +204,37 @@ def frame_poses(
     step = max(1, len(motion) // PATH_POINTS)
     fine = np.unique(np.append(np.arange(0, len(motion), step), len(motion) - 1))
     paths = {name: poses[link].select(fine).point(local) for name, (link, local) in _moving(mechanism)}
-    passed = np.searchsorted(fine, np.arange(len(motion)), side="right")
-    requested = motion.angle if angles is None else np.atleast_1d(np.asarray(angles, dtype=np.float64))
-    vectors = _vectors(mechanism, motion, {"force": forces or {}, "moment": moments or {}})
-    # the samples themselves need no search, which a crank that swings would not allow
-    samples = np.array_equal(requested, motion.angle[: len(requested)])
-    if samples:
-        first = slice(0, len(requested))
-        poses = {
-            name: pose if pose.position.ndim == 1 else pose.select(first) for name, pose in poses.items()
-        }
-        passed = passed[first]
-        vectors = {kind: {name: v[first] for name, v in by_name.items()} for kind, by_name in vectors.items()}
-    else:
-        indices = sample_indices(motion.angle, requested)
-        poses = {name: _between(pose, indices) for name, pose in poses.items()}
-        passed = np.searchsorted(fine, indices + 1e-9, side="right")
-        vectors = {
-            kind: {name: mixed(values, indices) for name, values in by_name.items()}
-            for kind, by_name in vectors.items()
-        }
+    indices = frame_indices(motion, angles, every)
+    passed = np.searchsorted(fine, indices + 1e-9, side="right")
+    vectors = {
+        kind: {name: mixed(values, indices) for name, values in by_name.items()}
+        for kind, by_name in _vectors(
+            mechanism, motion, {"force": forces or {}, "moment": moments or {}}
+        ).items()
+    }
+    poses = {name: _between(pose, indices) for name, pose in poses.items()}
     joints = {joint.name: (joint.b.link, joint.b.point) for joint in mechanism.joints}
     starts = {
-        name: np.broadcast_to(poses[link].point(local), (len(requested), 3))
+        name: np.broadcast_to(poses[link].point(local), (len(indices), 3))
         for name, (link, local) in {**joints, **mechanism.points}.items()
     }
     points = {name: starts[name] for name in mechanism.points}
-    time = None
-    if motion.drivers and motion.time is not None:
-        time = motion.time[: len(requested)] if samples else np.interp(requested, motion.angle, motion.time)
+    requested = mixed(motion.angle, indices)
+    time = mixed(motion.time, indices) if motion.drivers and motion.time is not None else None
     return FramePoses(requested, poses, points, paths, passed, vectors, starts, time)
+
+
+def frame_indices(motion: Motion, angles: ArrayLike | None, every: int) -> Array:
+    """Return the positions of frames among the samples of a motion, as fractional indices."""
+    last = len(motion) - 1
+    usual = np.unique(np.append(np.arange(0, last + 1, every), last))
+    if angles is not None:
+        requested = np.atleast_1d(np.asarray(angles, dtype=np.float64))
+        # the samples themselves need no search, which a crank that swings would not allow
+        if not np.array_equal(requested, motion.angle[usual[: len(requested)]]):
+            return sample_indices(motion.angle, requested)
+        usual = usual[: len(requested)]
+    return usual.astype(np.float64)
 
 
 def _vectors(
@@ -292,6 +297,9 @@ def _between(pose: Pose, indices: Array) -> Pose:
     """Return poses at fractional indices, accurate enough for pictures only."""
     if pose.position.ndim == 1:
         return pose
+    whole = indices.astype(np.intp)
+    if np.array_equal(whole, indices):
+        return pose.select(whole)
     u, _, v = np.linalg.svd(mixed(pose.rotation, indices))  # the rotation nearest to the mixture
     return Pose(mixed(pose.position, indices), u @ v)
 
