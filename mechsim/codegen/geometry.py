@@ -52,7 +52,7 @@ class Formula:
     @property
     def toml(self) -> str:
         """A formula from `fitted_vectors` as an expression of a TOML file; parameters as `parameter_name`."""
-        text = re.sub(r"d\['([^']*)'\]", lambda found: parameter_name(found[1]), self.javascript)
+        text = re.sub(r"d\['([^']*)'\]", lambda match: parameter_name(match[1]), self.javascript)
         return re.sub(r"(?<![\d.])1\.0 \* ", "", text.replace("Math.", "")).replace("+ -", "- ")
 
 

@@ -258,7 +258,7 @@ def _toml(model: Any, solver: KinematicSolver, geometry: ParametricGeometry) -> 
     if isinstance(model, TomlModel) and geometry.statements:
         return {"pieces": _file_pieces(model, geometry)}
     mechanism = with_closed_guess(solver.mechanism)
-    # a formula is read beside its file only
+    # a formula is read from the folder of its file only
     source = replace(solver, mechanism=mechanism, formula="") if isinstance(solver, LoopForm) else mechanism
     pieces = [*_pieces(to_toml(source).splitlines())]
     # the dimensions of a catalogue's form have names; those of other mechanisms are coordinates
@@ -277,14 +277,14 @@ def _file_pieces(model: TomlModel, geometry: ParametricGeometry) -> list[Any]:
         scale = values.in_si(1.0, dimension.unit) if dimension.unit in ("m", "rad") else 1.0  # type: ignore[arg-type]
         *before, last = pieces[line]
         key = rf"""(?<![\w-])(["']?){re.escape(dimension.name)}\1\s*=\s*"""
-        found = re.search(rf"""{key}("[^"]*"|'[^']*'|[^,}}#\s]+)""", last)
-        if found:
+        match = re.search(rf"""{key}("[^"]*"|'[^']*'|[^,}}#\s]+)""", last)
+        if match:
             open_value = {"dimension": dimension.name, "scale": scale}
-            pieces[line] = [*before, last[: found.start(2)], open_value, last[found.end(2) :]]
+            pieces[line] = [*before, last[: match.start(2)], open_value, last[match.end(2) :]]
     if ("formula", "python") in model.source.lines:
         number = model.source.lines["formula", "python"] - 1
-        pieces[number] = [f"# {lines[number]}  # works beside its Python file"]
-    return [{"parts": parts} if len(parts) > 1 else parts[0] for parts in pieces]
+        pieces[number] = [f"# {lines[number]}  # needs its Python file in the same folder"]
+    return [{"parts": line} if len(line) > 1 else line[0] for line in pieces]
 
 
 def _with_parameters(pieces: list[Any], mechanism: Mechanism, geometry: ParametricGeometry) -> Iterator[Any]:
@@ -307,8 +307,8 @@ def _with_parameters(pieces: list[Any], mechanism: Mechanism, geometry: Parametr
             yield _written_end(joint.a if piece["side"] == "a" else joint.b, piece, geometry)
         elif isinstance(piece, dict) and "points" in piece:
             link, local = mechanism.points[piece["points"]]
-            at = _written(piece["points"], "at", local, geometry)
-            yield f"{json.dumps(piece['points'])} = {{ link = {json.dumps(link)}, at = {at} }}"
+            position = _written(piece["points"], "at", local, geometry)
+            yield f"{json.dumps(piece['points'])} = {{ link = {json.dumps(link)}, at = {position} }}"
         else:
             yield piece
 

@@ -61,7 +61,7 @@ def mode_motion(equilibrium: Equilibrium, number: int, samples: int = 72) -> Mod
     mode, linear = equilibrium.modes[number - 1], equilibrium.linear
     period = 1.0 / mode.frequency if mode.frequency > 0.0 else STILL_PERIOD
     motion = _largest_cycle(linear, mode, period, samples)
-    # beside 1, critical damping, less than 1e-12 is rounding
+    # relative to 1, critical damping, less than 1e-12 is rounding
     damping = f"{round(mode.damping_ratio, 12) + 0.0:.3g}"
     return ModeMotion(f"mode {number}: {mode.frequency:.4g} Hz, damping ratio {damping}", period, motion)
 

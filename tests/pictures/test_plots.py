@@ -380,9 +380,9 @@ def test_a_schematic_shows_the_legs_of_a_platform():
 
 def test_a_schematic_is_not_mirrored():
     linkage = catalog.make("four_bar")
-    mechanism, turned = linkage.mechanism, (0.0, 0.0, -1.0)
+    mechanism, axis = linkage.mechanism, (0.0, 0.0, -1.0)
     joints = tuple(
-        replace(joint, a=replace(joint.a, axis=turned), b=replace(joint.b, axis=turned))
+        replace(joint, a=replace(joint.a, axis=axis), b=replace(joint.b, axis=axis))
         for joint in mechanism.joints
     )
     backwards = replace(mechanism, joints=joints)

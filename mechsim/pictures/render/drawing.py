@@ -130,7 +130,7 @@ class Trace:
         for fixed in self.fixed:
             fixed.put(scene)
         for name in now.starts.keys() & {*self.drawn.look.closures}:
-            self._mark(scene, now.starts[name][frame])
+            self._put_mark(scene, now.starts[name][frame])
         nearer = BEFORE * self.drawn.radius * self.drawn.camera.back
         for arrows in self.drawn.arrows:
             starts = {name: path[frame] + nearer for name, path in now.starts.items()}
@@ -150,12 +150,12 @@ class Trace:
             if not np.array_equal(reached, current):
                 chain(np.array([reached, current]), self.width, path.rgba).put(scene)
 
-    def _mark(self, scene: mujoco.MjvScene, at: Array) -> None:
+    def _put_mark(self, scene: mujoco.MjvScene, position: Array) -> None:
         """Add the mark of a loop closure, in front of all links."""
         if scene.ngeom < scene.maxgeom:
-            at = at + 0.5 * self.drawn.camera.height * self.drawn.camera.back
-            geom, size = scene.geoms[scene.ngeom], np.full(3, 0.6 * self.drawn.radius)
-            mujoco.mjv_initGeom(geom, SPHERE, size, at, np.eye(3).ravel(), CLOSURE)
+            position = position + 0.5 * self.drawn.camera.height * self.drawn.camera.back
+            geom, radii = scene.geoms[scene.ngeom], np.full(3, 0.6 * self.drawn.radius)
+            mujoco.mjv_initGeom(geom, SPHERE, radii, position, np.eye(3).ravel(), CLOSURE)
             geom.emission, geom.category = 0.6, DECOR
             scene.ngeom += 1
 
