@@ -27,7 +27,6 @@ from mechsim.model.mechanism import COINCIDENT, Mechanism
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.view.pose_grid import LivePage
-from mechsim.shapes.body import edges, stations
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.toml_reader import TomlModel
 from mechsim.subjects.toml_values import values_of
@@ -78,7 +77,6 @@ def live_page(model: Any, solver: KinematicSolver, designs: DesignFamily, speed:
             for name, (link, local) in solver.mechanism.points.items()
         ],
         "outlines": {link.name: link.outline for link in solved.mechanism.links},
-        "edges": {link.name: _edges(solved.mechanism, link.name) for link in solved.mechanism.links},
         "rods": [*_rods(solved)] if code.inertias is not None else [],
         "masses": {
             "density": STEEL,
@@ -221,13 +219,6 @@ def _rods(solved: SolvedAssembly) -> Iterator[dict[str, Any]]:
         if link.inertia is None:
             spin = solved.spinning.get(link.name)
             yield {"link": links.index(link.name), "spin": None if spin is None else spin.tolist()}
-
-
-def _edges(mechanism: Mechanism, link: str) -> dict[str, Any]:
-    """Return which of the points of a link are connected in the picture, and how many points there are."""
-    points = stations(mechanism, link)
-    index = {id(point): i for i, point in enumerate(points)}
-    return {"count": len(points), "pairs": [(index[id(a)], index[id(b)]) for a, b in edges(points)]}
 
 
 def _transmissions(mechanism: Mechanism) -> Iterator[dict[str, Any]]:

@@ -21,7 +21,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.pictures.view.pose_grid import GhostTrack, PoseGrid, Slider, View, platform_data, quaternions
 from mechsim.shapes import camera as cameras
-from mechsim.shapes.body import extent, free_sides, point_colours, rod_radius, travels
+from mechsim.shapes.body import edges, extent, free_sides, point_colours, rod_radius, stations, travels
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Shape
 
@@ -113,8 +113,19 @@ def _data(view: View) -> dict[str, Any]:
         "own_bodies": bool(view.bodies),
         "grids": [_grid(grid) for grid in view.grids],
         "platform": platform_data(mechanism, view.platform) if view.platform else None,
-        "live": view.live.data if view.live else None,
+        "live": {**view.live.data, "edges": _edges(mechanism)} if view.live else None,
     }
+
+
+def _edges(mechanism: Mechanism) -> dict[str, Any]:
+    """Return link -> which of its points are connected in the picture, and how many points it has."""
+    connected: dict[str, Any] = {}
+    for link in mechanism.links:
+        points = stations(mechanism, link.name)
+        index = {id(point): i for i, point in enumerate(points)}
+        pairs = [(index[id(a)], index[id(b)]) for a, b in edges(points)]
+        connected[link.name] = {"count": len(points), "pairs": pairs}
+    return connected
 
 
 def _some_poses(mechanism: Mechanism, grids: Sequence[PoseGrid]) -> dict[str, Pose]:
