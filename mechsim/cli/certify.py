@@ -35,7 +35,7 @@ def certify(
     mechsim certify four_bar
     mechsim certify rssr --angles 10:350deg --within crank=±0.02mm,coupler=0.02mm
     """
-    bounds = written_tolerances(within, "--within") if within else None
+    bounds = None if within is None else written_tolerances(within, "--within")
     arguments = driven.as_arguments()
     with progress("certify", None) as report:
         proof = certificate_of(

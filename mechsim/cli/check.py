@@ -8,7 +8,7 @@ from typing import Annotated, Any, NotRequired, TypedDict
 import typer
 
 from mechsim._version import __version__
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.options import Loops, writable
 from mechsim.cli.output import in_colour, print_json, print_table, wrapped
 from mechsim.errors import InputError
@@ -38,6 +38,7 @@ class CheckFilesJson(TypedDict):
 def check_files(
     models: Annotated[list[str], typer.Argument(metavar="FILE...", help="MJCF or URDF files.")],
     *,
+    stated: Stated,
     select: str | None = option(
         None, "Apply only these rules; MS1 selects all that begin with it.", metavar="RULE,..."
     ),
@@ -56,6 +57,8 @@ def check_files(
     mechsim check gripper.xml ankle.xml --ignore MS111
     mechsim check gripper.xml --fix repaired.xml --explain
     """
+    if "as_json" in stated.options:
+        stated.exclude(["output_format"], "with --json")
     if output_format not in FORMATS:
         raise InputError(f"there is no output format {output_format!r}; choose from {', '.join(FORMATS)}")
     if fix is not None and len(models) != 1:

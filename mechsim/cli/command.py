@@ -1,7 +1,7 @@
 """Commands are functions: dataclasses declare options, a `Result` gives text, JSON and the exit code."""
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from functools import wraps
 from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin, get_type_hints
@@ -45,6 +45,29 @@ class Result(Generic[Data]):
             raise typer.Exit(1)
 
 
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """The options that the command line states: parameter -> option, as --samples."""
+
+    options: Mapping[str, str]
+
+    def exclude(self, parameters: Collection[str], where: str) -> None:
+        """Raise InputError for a stated option that has no effect where the text says, as in a free run."""
+        for parameter, name in self.options.items():
+            if parameter in parameters:
+                raise InputError(f"{name} has no effect {where}; leave it out")
+
+
+def _stated(context: typer.Context) -> Stated:
+    """Return the options that are given on the command line, and not by default."""
+    given = [
+        parameter
+        for parameter in context.command.params
+        if getattr(context.get_parameter_source(parameter.name or ""), "name", "") == "COMMANDLINE"
+    ]
+    return Stated({parameter.name or "": max(parameter.opts, key=len) for parameter in given})
+
+
 def data_type(function: Callable[..., Any]) -> Any:
     """Return the type of a command's --json output; None for a command without --json."""
     returned = inspect.signature(inspect.unwrap(function), eval_str=True).return_annotation
@@ -60,13 +83,20 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
     A parameter whose default `units.option` declares is an option. A parameter whose type is a dataclass
     becomes an option for each field that `units.option` declares or whose type is `Annotated` with a typer
     option; other fields keep their defaults. A parameter of type `Annotated[Mapping[str, Any], cls]` receives
-    only the fields that are set. A function that returns a `Result` gets the option --json.
+    only the fields that are set. A parameter of type `Stated` receives the options on the command line. A
+    function that returns a `Result` gets the option --json.
     """
     parameters: list[inspect.Parameter] = []
     own: dict[str, Field[Any]] = {}
+    stated: str | None = None
     groups: dict[str, tuple[Callable[..., Any], list[Field[Any]], bool]] = {}
     for parameter in inspect.signature(function, eval_str=True).parameters.values():
         cls, only_set = _option_class(parameter.annotation)
+        if cls is Stated:
+            stated = parameter.name
+            keyword = inspect.Parameter.KEYWORD_ONLY
+            parameters.append(parameter.replace(kind=keyword, annotation=typer.Context))
+            continue
         if isinstance(parameter.default, Field):
             own[parameter.name] = parameter.default
             parameters.append(_parameter(parameter.name, parameter.default, parameter.annotation))
@@ -95,6 +125,8 @@ def command(function: Callable[..., Any]) -> Callable[..., None]:
                 }
             )
         values |= {name: _value(name, field, values[name]) for name, field in own.items()}
+        if stated is not None:
+            values[stated] = _stated(values[stated])
         with reported(function.__name__):
             result = function(**values)
         if result is not None:

@@ -18,7 +18,7 @@ from mechsim.analytic.dynamics import (
     free_run,
 )
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.dynamics_report import (
     DynamicsJson,
     driven_tolerance,
@@ -26,7 +26,16 @@ from mechsim.cli.dynamics_report import (
     print_comparison,
     print_peaks,
 )
-from mechsim.cli.forward_dynamics import ForwardJson, ForwardOptions, Output, forward_dynamics
+from mechsim.cli.forward_dynamics import (
+    MODES,
+    RESPONSE,
+    RUN,
+    STATICS,
+    ForwardJson,
+    ForwardOptions,
+    Output,
+    forward_dynamics,
+)
 from mechsim.cli.load_options import LoadOptions, print_masses, released_model, states_initial
 from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import (
@@ -62,6 +71,23 @@ INSTANT_UNITS = {"t": "s", "angle": "rad", "speed": "rad/s", "acceleration": "ra
     "motor": "N m",
     "work": "J",
     "lost": "J",
+}
+
+# motions of a crank, as parts of messages
+DRIVEN, UNDER_LAWS, FREE = "in a prescribed motion", "under motion laws", "in a free run"
+# options of a run from an initial state, and of the motion of a crank
+INITIAL_ONLY = ("controller", "restitution", "quantities")
+CRANK_ONLY = ("speed", "free", "coefficient", "turns", "tolerance", "actuators", "units")
+RUN_ONLY = ("samples", "duration", "drive", "until", "restitution", "quantities")
+# motion or analysis -> the options that have no effect there
+WITHOUT_EFFECT = {
+    DRIVEN: INITIAL_ONLY,
+    UNDER_LAWS: (*INITIAL_ONLY, "speed", "turns", "coefficient"),
+    FREE: (*INITIAL_ONLY, "coefficient", "actuators"),
+    RUN: (*CRANK_ONLY, "assemblies"),
+    STATICS: (*CRANK_ONLY, *RUN_ONLY, "track", "output", "plot", "modes", "response"),
+    MODES: (*CRANK_ONLY, *RUN_ONLY, "track", "output", "assemblies", "response"),
+    RESPONSE: (*CRANK_ONLY, *RUN_ONLY, "assemblies"),
 }
 
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks and all masses.")]
@@ -145,6 +171,7 @@ def dynamics(
     loads: LoadOptions,
     options: DynamicsOptions,
     forward: ForwardOptions,
+    stated: Stated,
     verbose: Verbose = False,
     units: Units = None,
 ) -> Result[DynamicsJson | ForwardJson]:
@@ -157,11 +184,10 @@ def dynamics(
     """
     options.check()
     if forward.requested or states_initial(source):
-        if options.free or options.tolerance is not None or options.coefficient is not None:
-            raise InputError(
-                "--free, --tolerance and --coefficient are for a crank; drop them, or --initial, --until, "
-                "--statics, --modes and --response"
-            )
+        analysis = forward.analysis
+        stated.exclude(WITHOUT_EFFECT[analysis], analysis)
+        if options.method == "pose" or (options.method == "step" and analysis != RUN):
+            raise InputError(f"--method {options.method} has no effect {analysis}; leave it out")
         model = released_model(source, loads)
         output = Output(options.samples, options.method, options.output, options.plot, verbose)
         result = forward_dynamics(model, forward, source, output)
@@ -171,6 +197,10 @@ def dynamics(
     if not model.solver.motion_laws.crank and options.free:
         raise InputError("--free releases a crank, and motion laws drive the joints; drop one of them")
     free = model.forces.motor is not None or options.free
+    motion = FREE if free else DRIVEN if model.solver.motion_laws.crank else UNDER_LAWS
+    stated.exclude(WITHOUT_EFFECT[motion], motion)
+    if free and options.method == "pose":
+        raise InputError("a free run is stepped; leave out --method pose")
     data, text, passed = (_free if free else _prescribed)(model, options, shown, units is not None, verbose)
 
     return _with_masses(model, Result(data, text, passed), verbose)

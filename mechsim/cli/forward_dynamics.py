@@ -22,7 +22,6 @@ from mechsim.cli.load_options import InitialOptions, ModelOptions
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import progress, sections
 from mechsim.cli.verdict_text import print_verdicts
-from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.masses import LinkMass
 from mechsim.model.mechanism import Mechanism
@@ -142,6 +141,9 @@ class ResponseJson(TypedDict):
 ForwardJson = ForwardRunJson | StaticsJson | ModesJson | ResponseJson
 
 
+# analyses from an initial state, as parts of messages
+RUN, STATICS, MODES = "in a run from an initial state", "with --statics", "with --modes"
+RESPONSE = "with --response"
 # imaginary parts of a mode shape below this fraction of its largest amplitude are rounding errors
 REAL = 1e-6
 # maximum number of printed amplitudes of a mode shape, the largest first
@@ -185,6 +187,13 @@ class ForwardOptions(InitialOptions):
         named = self.initial or self.until or self.statics or self.assemblies or self.modes or self.response
         return bool(named)
 
+    @property
+    def analysis(self) -> str:
+        """The requested analysis, as a part of a message."""
+        if self.statics or self.modes:
+            return STATICS if self.statics else MODES
+        return RUN if self.response is None else RESPONSE
+
 
 @dataclass(frozen=True, slots=True)
 class Output:
@@ -205,21 +214,6 @@ def forward_dynamics(
     model: DynamicModel, forward: ForwardOptions, source: ModelOptions, output: Output
 ) -> Result[Any]:
     """Return a run from an initial state, equilibria, modes or a frequency response."""
-    analysis = forward.statics or forward.modes or forward.response
-    if sum(map(bool, (forward.statics, forward.modes, forward.response))) > 1:
-        raise InputError("--statics, --modes and --response exclude one another; give one of them")
-    if source.drive and analysis:
-        raise InputError("--drive prescribes a run; drop it, or --statics, --modes, --response")
-    if forward.quantities and analysis:
-        raise InputError(
-            "--of lists quantities of a run from an initial state; drop it, or --statics, --modes, --response"
-        )
-    if forward.assemblies and not forward.statics:
-        raise InputError("--assemblies widens the search for equilibria; add --statics")
-    if output.csv is not None and (forward.statics or forward.modes):
-        raise InputError("-o writes a run or a response; use --json for --statics and --modes")
-    if output.plot is not None and forward.statics:
-        raise InputError("--plot draws a run, modes or a response; drop it, or --statics")
     release = forward.release(model, source)
     if forward.statics:
         return _statics(model, release.initial, output, forward.assemblies)
@@ -352,7 +346,8 @@ def _statics(
     verdicts = {
         f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
         for index, equilibrium in enumerate(solutions, start=1)
-        if compared and not equilibrium.singular
+        # a structure without degrees of freedom has nothing to compare
+        if compared and not equilibrium.singular and len(equilibrium.linear.roots.values)
     }
     torques = holding(model, initial=initial) if initial else {}
 

@@ -1,7 +1,7 @@
 """Options for loads, motors, springs, friction, link masses, controls and initial states."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -11,6 +11,7 @@ from mechsim.analytic import dynamics
 from mechsim.analytic.dynamics import DynamicModel
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET
 from mechsim.analytic.solvers import KinematicSolver
+from mechsim.cli.command import Stated
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, require_distinct, warn_about_angle
 from mechsim.cli.output import print_table, print_text
@@ -402,6 +403,19 @@ def require_release(loads: LoadOptions, options: InitialOptions, usage: str) -> 
         raise InputError(
             f"loads, masses, --restitution and --budget act in a run from an initial state; {usage}"
         )
+
+
+def option_names(options: type) -> list[str]:
+    """Return the parameters of a dataclass of options."""
+    return [field.name for field in fields(options)]
+
+
+def exclude_without_effect(stated: Stated, release: ReleaseOptions) -> None:
+    """Raise InputError for options that do not change what is drawn of a run or a mode."""
+    if release.mode is None:
+        stated.exclude(["speed"], "in a run from an initial state")
+    else:
+        stated.exclude(["speed", "until", "duration", "restitution", "drive"], "on a mode of vibration")
 
 
 def states_initial(source: ModelOptions) -> bool:

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated, Any
 
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import InitialOptions, LoadOptions, masses_in_json, print_masses, released_model
 from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed, output_file, writable
 from mechsim.cli.progress import progress
@@ -27,6 +27,8 @@ TIMED = (
     "power",
     "quantities",
 )
+# kinds of plots of vibrations, which need no run
+VIBRATIONS = ("bode", "modes")
 
 
 class PlotJson(Written):
@@ -42,6 +44,7 @@ def plot(
     options: PlotOptions,
     loads: LoadOptions,
     initial: InitialOptions,
+    stated: Stated,
     kind: str = option("motion", f"Kind of plot: {', '.join(PLOTS)}; of a sweep: map, parallel, pareto."),
     speed: Speed = SPEED,
 ) -> Result[PlotJson]:
@@ -74,6 +77,8 @@ def plot(
         row = PLOTS[kind]
         require_taken(kind, row.takes, options)
         if row.released == "always" or (row.released == "either" and initial.requested):
+            if kind in VIBRATIONS:
+                stated.exclude(["until", "duration", "restitution", "drive"], f"on plot {kind!r}")
             plotted = _released(source, loads, initial, options, speed)
         else:
             plotted = _driven(source, loads, initial, options, speed, kind)

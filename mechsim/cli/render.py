@@ -10,11 +10,12 @@ import typer
 
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.load_options import (
     LoadOptions,
     ReleaseOptions,
+    exclude_without_effect,
     masses_in_json,
     print_masses,
     released_model,
@@ -110,6 +111,7 @@ def render(
     look: Look,
     loads: LoadOptions,
     release: ReleaseOptions,
+    stated: Stated,
 ) -> Result[RenderJson]:
     """Draw a mechanism without a screen: .png, .mp4, .webm, .gif, or a new folder of .png files.
 
@@ -125,6 +127,7 @@ def render(
     path = writable(output, ".png", ".mp4", ".webm", ".gif", "")
     _check(output, animation, look)
     if release.requested:
+        exclude_without_effect(stated, release)
         return _released(source, output, animation, look, loads, release)
     require_release(loads, release, "add --initial, --until or --mode")
     angle = None if animation.angle is None else parse_angle(animation.angle, "the crank angle")
@@ -138,6 +141,10 @@ def render(
         raise InputError(
             f"--speed applies to a crank without a motion law; {solver.name} has one: leave it out"
         )
+    if not timed and animation.slow is None:
+        drawn_alike = animation.method == "closed" and not look.arrows
+        folder = [] if path.suffix else ["fps"]
+        stated.exclude(["speed", *folder] if drawn_alike else folder, "without --slow")
     profile = profile_of(solver, animation.speed, animation.turns, angle)
     samples = animation.samples(profile.duration, picture, look.overlay, timed=timed)
     both = animation.method == "both"

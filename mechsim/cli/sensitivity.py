@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 import numpy as np
 
 from mechsim import files, units
-from mechsim.cli.command import Result, command
-from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
+from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.load_options import LoadOptions, masses_in_json, option_names, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, output_file, warn_about_angles, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import progress
@@ -86,8 +86,6 @@ class SensitivityOptions:
                 f"--samples is {self.samples} and --seed {self.seed}; "
                 f"give 0 to {MAX_SAMPLES} samples and a seed from 0"
             )
-        if self.tolerances is None and self.distribution != "uniform":
-            raise InputError("--distribution applies to tolerances; add --tolerances")
 
 
 class DimensionJson(TypedDict):
@@ -127,6 +125,7 @@ def sensitivity(
     source: ModelOptions,
     options: SensitivityOptions,
     loads: LoadOptions,
+    stated: Stated,
     output: Annotated[str | None, output_file("Table of derivatives to write: .csv or .npz.")] = None,
 ) -> Result[SensitivityJson]:
     """Differentiate quantities by dimensions, exactly; propagate tolerances and rank their contributions.
@@ -139,6 +138,8 @@ def sensitivity(
     mechsim sensitivity slider_crank --of B.x --tolerances crank=0.02mm,rod=0.05mm
     """
     options.check()
+    if options.tolerances is None:
+        stated.exclude(["distribution", "samples", "seed"], "without --tolerances")
     path = None if output is None else writable(output, ".csv", ".npz")
     plot_path = None if options.plot is None else writable(options.plot, ".svg", ".pdf", ".png")
     parametric = source.load_parametric()
@@ -162,6 +163,8 @@ def sensitivity(
     with progress("sensitivity", None) as report:
         to = list(tolerances.bounds) if tolerances is not None and options.to == ("all",) else options.to
         table = derivative_table(moved, options.quantities, to)
+        if not table.moved.loaded(table.values):
+            stated.exclude(option_names(LoadOptions), "on quantities that are no forces")
         study = None
         if tolerances is not None:
             study = tolerance_study(

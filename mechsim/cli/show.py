@@ -9,7 +9,7 @@ import typer
 from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.loops.mobility import Determinacy
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.options import ModelOptions, warn_about_angle
 from mechsim.cli.output import (
     SI_UNITS,
@@ -116,6 +116,7 @@ def list_mechanisms() -> Result[ListJson]:
 @command
 def show(
     source: ModelOptions,
+    stated: Stated,
     angle: str | None = option(None, "List the assemblies at this crank angle; a bare number is rad."),
     driver: str | None = option(
         None, "Driving link for the Assur groups of a planar mechanism.", metavar="LINK"
@@ -133,6 +134,8 @@ def show(
     radians = None if angle is None else parse_angle(angle, "the crank angle")
     warn_about_angle("--angle", angle or "", solver.written.angle)
     data = facts(solver, radians, driver)
+    if "crank_range" not in data:
+        stated.exclude(["angle", "driver", "units"], "without a crank that alone determines the motion")
     findings = scene_findings(solver)
 
     def text() -> None:

@@ -11,8 +11,8 @@ import typer
 from mechsim import files, simulation
 from mechsim.analytic.loops.record import with_all_joints
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, command
-from mechsim.cli.load_options import ControlOptions, user_scene
+from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.load_options import ControlOptions, option_names, user_scene
 from mechsim.cli.motion_warnings import few_digits, limited_swing
 from mechsim.cli.options import (
     SPEED,
@@ -52,6 +52,8 @@ from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.units import crank_speed, option, parse_angle, parse_length, parse_time
 
 RunSettings = Annotated[Mapping[str, Any], Settings]
+# options without an effect on a file that is stepped under controls
+WITHOUT_CONTROLS = ("units", "change_point", "scene", "cut", "sets", "poses", "method", "drive_inertia")
 # options that apply to a crank only and are invalid with motion laws
 CRANK_OPTIONS = ("speed", "turns", "profile", "every")
 HAS_LAW = "applies to a crank without a motion law; leave it out, and give --duration"
@@ -122,6 +124,7 @@ def simulate(
     source: ModelOptions,
     options: RunOptions,
     *,
+    stated: Stated,
     settings: RunSettings,
     controls: ControlOptions,
     scene: str = option("motion", "Detail of the MuJoCo model: pose, motion, dynamics or picture."),
@@ -138,11 +141,10 @@ def simulate(
     """
     path = None if output is None else writable(output, ".csv", ".npz")
     if controls.ctrl:
-        if units is not None:
-            raise InputError("--units applies to the table of a motion; leave it out with --ctrl")
-        if change_point is not None:
-            raise InputError(f"--change-point {HAS_LAW}")
+        stated.exclude(WITHOUT_CONTROLS, "with --ctrl, which runs the file as it is")
         return _controlled(source, controls, options, settings, path)
+    if options.method == "pose":
+        stated.exclude(("timestep", *option_names(Settings)), "with --method pose, which takes no steps")
     solver = with_policy(source.load(), change_point)
     model_scene, shown = scene_of(scene, cut, solver.forces), output_units(units, solver)
     motion = None if options.poses is not None else _motion(require_motion(solver), options)
@@ -286,11 +288,7 @@ def _controlled(
     path: Path | None,
 ) -> Result[RunJson]:
     """Step a user's MJCF scene unchanged under its controls, and compare it with its exact closure."""
-    options.exclude(*CRANK_OPTIONS, "method", because=HAS_LAW)
-    if options.poses is not None:
-        raise InputError("--at prescribes joints; leave it out with --ctrl")
-    if "drive_inertia" in settings:
-        raise InputError("--drive-inertia applies to a driven run; leave it out with --ctrl")
+    options.exclude(*CRANK_OPTIONS, because=HAS_LAW)
     scene = user_scene(source.model, source, controls)
     plain = plain_settings(settings, options.timestep, float(scene.model.opt.timestep))
     requested = options.tolerance_in_metres

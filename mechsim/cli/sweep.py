@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NotRequired
 import numpy as np
 import typer
 
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import InitialOptions, masses_in_json, print_masses
 from mechsim.cli.options import ModelOptions, Speed, changed_parameters, output_file
 from mechsim.cli.output import Value, number, print_table, print_text
@@ -32,7 +32,7 @@ from mechsim.studies.sweep.sweeping import (
     swept_task,
 )
 from mechsim.studies.sweep.table import design_columns, require_libraries, suffix_of
-from mechsim.studies.sweep.task import BUILT
+from mechsim.studies.sweep.task import BUILT, SweepTask
 from mechsim.units import crank_speed, option
 
 if TYPE_CHECKING:
@@ -104,6 +104,7 @@ def sweep(
     output: Annotated[str, output_file("Table to write: .nc, .zarr, .parquet or .csv.")],
     options: SweepOptions,
     *,
+    stated: Stated,
     settings: Annotated[Mapping[str, Any], Settings],
     release: InitialOptions,
 ) -> Result[SweepJson]:
@@ -138,6 +139,7 @@ def sweep(
         until=release.until,
         **({"duration": duration} if released else {}),
     )
+    _exclude_without_effect(stated, task)
     require_count("the designs of --check", options.check, task.designs.count, "check fewer", least=0)
     with progress("sweep", None) as report:
         result = run_sweep(task, output, resume=options.resume, scheduler=options.scheduler, progress=report)
@@ -156,7 +158,19 @@ def sweep(
             _print_checked(checked)
         print_masses(masses, design="of the original design")
 
-    return Result(data, text, checked is None or checked.passed == checked.count)
+    agreed = checked is None or checked.passed == checked.count
+    return Result(data, text, agreed and built(result) > 0)
+
+
+def _exclude_without_effect(stated: Stated, task: SweepTask) -> None:
+    """Raise InputError for options that do not change the measures of a sweep."""
+    stated.exclude(["restitution"], "in a sweep")
+    measures = task.measures
+    if not any(measure.turns for measure in measures):
+        stated.exclude(["speed", "samples"], "on these measures, which need no driven motion")
+    moving = measures.rated or measures.loaded or measures.includes("function") or measures.facts
+    if not moving and task.settings is None:
+        stated.exclude(["speed"], "on measures of positions")
 
 
 def _ranges(options: SweepOptions, subject: SweptSubject, dimensions: Mapping[str, str]) -> dict[str, Any]:
@@ -209,7 +223,7 @@ def _print(result: "Dataset", title: str) -> None:
                 f"{parameter} = {number(float(table[parameter][i]))}" for parameter in parameters
             )
             rows.append((name, which, float(values[i]), unit, design))
-    typer.echo(title)
+    typer.echo(title if valid.any() else f"FAILED: no design can be measured; {title}")
     print_table("", ("measure", "", "value", "unit", "at"), rows)
     if swings := int(np.count_nonzero(table["outcome"].astype(str) == "swings")):
         typer.echo(f"{swings:,} of them swing: they are measured over their reachable ranges")

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Annotated, Any, TypedDict
 
 from mechsim import files
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.options import ModelOptions, output_file, writable
 from mechsim.cli.output import (
     Units,
@@ -68,6 +68,7 @@ class TraceJson(TypedDict):
 @command
 def trace(
     source: ModelOptions,
+    stated: Stated,
     output: Annotated[str | None, output_file("Table of the curves to write: .csv or .npz.")] = None,
     plot: str | None = option(None, "Plot the curves: .svg, .pdf or .png.", metavar="FILE"),
     coordinates: str | None = option(
@@ -95,6 +96,8 @@ def trace(
         plots.format_of(plot)
     elif coordinates is not None:
         raise InputError(f"--of {coordinates} selects what is plotted; add --plot FILE")
+    if path is None:
+        stated.exclude(["units"] if plot else ["units", "samples"], "without -o")
     if not 1 <= samples <= MAX_SAMPLES:
         raise InputError(f"{samples} samples of a curve; give 1 to {MAX_SAMPLES}")
     solver = source.load()

@@ -9,7 +9,7 @@ import typer
 
 from mechsim import units
 from mechsim.cli import exit_codes
-from mechsim.cli.command import Result, command
+from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions, ModelOptions, Speed, load_model, output_file, writable
 from mechsim.cli.output import Value, number, print_table, print_text, width
@@ -97,6 +97,7 @@ def tradeoff(
     source: ModelOptions,
     controls: ControlOptions,
     *,
+    stated: Stated,
     costs: bool = option(False, "Measure what each element of an MJCF scene costs instead.", name="--costs"),
     speed: Speed = "600rpm",
     budget: str = option("60s", "Wall-clock time of the whole study; a bare number is in s."),
@@ -116,8 +117,7 @@ def tradeoff(
     path = None if output is None else writable(output, ".csv")
     plot_path = None if plot is None else writable(plot, ".svg", ".png", ".pdf")
     if costs:
-        if source.sets or output or plot:
-            raise InputError("--costs measures an MJCF file as it is; leave out --set, --plot and -o")
+        stated.exclude(("sets", "output", "plot", "speed", "budget", "seed", "by"), "with --costs")
         return _costs(source, controls)
     if controls.ctrl or source.as_arguments() != DriveOptions().as_arguments():
         raise InputError(

@@ -14,7 +14,7 @@ from mechsim.analytic import catalog
 from mechsim.analytic.derivatives.dimensions import DesignFamily
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import JSON_OPTION, Result, command
+from mechsim.cli.command import JSON_OPTION, Result, Stated, command
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.options import (
     DriveOptions,
@@ -149,6 +149,7 @@ def validate(
     *,
     chosen: ValidateOptions,
     driven: DriveOptions,
+    stated: Stated,
     sets: Sets = None,
     verbose: Verbose = False,
     as_json: JSON_OPTION = False,
@@ -162,6 +163,8 @@ def validate(
     mechsim validate slider_crank --against my_kinematics.py:position
     """
     driven_or_changed = driven != DriveOptions() or bool(sets)
+    if chosen.against is not None:
+        stated.exclude(("certify", "budget", "formula", "reference"), "with --against")
     if chosen.reference:
         if chosen != ValidateOptions(reference=True) or driven_or_changed:
             raise InputError("--reference excludes all options but names and --json; leave them out")

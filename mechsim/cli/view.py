@@ -11,8 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mechsim.cli.command import Result, command
-from mechsim.cli.load_options import LoadOptions, ReleaseOptions, released_model, require_release
+from mechsim.cli.command import Result, Stated, command
+from mechsim.cli.load_options import (
+    LoadOptions,
+    ReleaseOptions,
+    exclude_without_effect,
+    released_model,
+    require_release,
+)
 from mechsim.cli.options import SPEED, ModelOptions, Speed, load_parametric, output_file, writable
 from mechsim.cli.schema import Written
 from mechsim.errors import InputError
@@ -35,6 +41,7 @@ def view(
     source: ModelOptions,
     loads: LoadOptions,
     release: ReleaseOptions,
+    stated: Stated,
     output: Annotated[
         str | None, output_file("Page to write: .html. Default: a temporary page, opened in the browser.")
     ] = None,
@@ -62,7 +69,7 @@ def view(
 
     require_axis("--up", up)
     path = None if output is None else writable(output, ".html")
-    contents = replace(_contents(source, loads, release, speed), up=up)
+    contents = replace(_contents(source, loads, release, stated, speed), up=up)
     if live:
         contents = _live(contents, source, release, speed)
     if certify:
@@ -82,16 +89,22 @@ def view(
     return Result(data, lambda: typer.echo(text))
 
 
-def _contents(source: ModelOptions, loads: LoadOptions, release: ReleaseOptions, speed: str) -> "View":
+def _contents(
+    source: ModelOptions, loads: LoadOptions, release: ReleaseOptions, stated: Stated, speed: str
+) -> "View":
     """Return the contents of the page: poses of a mechanism, a run from an initial state, or a mode."""
     from mechsim.report.driver_views import release_view
     from mechsim.report.views import model_view
 
     if release.requested:
+        exclude_without_effect(stated, release)
         model = released_model(source, loads)
         return release_view(release.release(model, source), release.mode)
     require_release(loads, release, "add --initial, --until or --mode")
-    return model_view(source.load(), crank_speed(speed))
+    solver = source.load()
+    if not solver.motion_laws.crank:
+        stated.exclude(["speed"], "under motion laws")
+    return model_view(solver, crank_speed(speed))
 
 
 def _live(contents: "View", source: ModelOptions, release: ReleaseOptions, speed: str) -> "View":

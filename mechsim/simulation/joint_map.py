@@ -50,6 +50,8 @@ ARRAYS = (
     "holding_torque",
     "qpos",
 )
+# narrowest range of an input, in [rad] or characteristic lengths: the loops close to 1e-12
+NARROWEST = 1e-9
 AXES = "xyz"
 ROTATION_SUFFIXES = ("rx", "ry", "rz")
 
@@ -324,6 +326,8 @@ def _range(
         raise InputError(
             f"the range of {name} is {low:g} to {high:g}; give a lower and a higher finite value"
         )
+    if high - low < NARROWEST * path.loops.units[path.drivers[index]]:
+        raise InputError(f"the range of {name}, {low:g} to {high:g}, is as narrow as rounding; widen it")
     return low, high
 
 

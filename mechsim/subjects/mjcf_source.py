@@ -30,6 +30,9 @@ from mechsim.units import Unit
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MjcfModel, MujocoInput
 
+# displacement of a locked joint that is rounding, in [rad] or [m]: the first Newton step removes it
+ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
 class MjcfForm(LoopForm):
@@ -255,9 +258,11 @@ def _corrections(gap: float, exact: Corrected) -> list[str]:
 def _with_locked_guess(mechanism: Mechanism) -> Mechanism:
     """Return a mechanism whose guess has its joints at their locked values, at constant driver positions."""
     guess_coordinates, locked = dict(mechanism.guess_coordinates), dict(mechanism.locked)
-    displaced = {name: value for name, value in locked.items() if value != guess_coordinates[name]}
+    displaced = {
+        name: value for name, value in locked.items() if abs(value - guess_coordinates[name]) > ROUNDING
+    }
     if not displaced:
-        return mechanism
+        return replace(mechanism, guess_coordinates=guess_coordinates | locked)
     drivers = (*mechanism.drivers, *locked)
     unlocked = replace(mechanism, driver=drivers, locked={})
     states = {

@@ -133,7 +133,7 @@ def test_a_frequency_response_is_tabulated(facts):
             ["--of", "transmission", "--initial", "crank.v=0", "--duration", "1ms"],
             "has no quantity transmission",
         ),
-        (["--of", "crank", "--modes"], "--of lists quantities of a run"),
+        (["--of", "crank", "--modes"], "--of has no effect with --modes"),
         (["--response", "crank.v:B.x", "--initial", "crank.q=-95deg"], "is no displacement"),
         (["--response", "crank:speed:B", "--initial", "crank.q=-95deg"], "has no linear response"),
         (["--response", "crank"], "response is 'crank'; give LOAD:QUANTITY"),

@@ -65,7 +65,7 @@ def test_the_text_output_lists_quantities_and_the_plot(sensitivity):
         (["four_bar", "--of", "C", "--tolerances", "none.csv"], "there is no file none.csv"),
         (
             ["four_bar", "--of", "C", "--distribution", "normal"],
-            "--distribution applies to tolerances; add --tolerances",
+            "--distribution has no effect without --tolerances",
         ),
         (["four_bar", "--of", "C", "--samples", "-1"], "give 0 to"),
         (["five_bar", "--of", "P", "--speed", "5"], "--speed applies to a crank without a motion law"),

@@ -69,7 +69,7 @@ REJECTED = {
     ),
     "one coordinate": (("--plot", "a.svg", "--of", "angle"), "--of names 1 coordinates (angle); name two or"),
     "no plot": (("--of", "angle,rocker"), "add --plot FILE"),
-    "no samples": (("--samples", "0"), "0 samples of a curve; give 1 to"),
+    "no samples": (("--samples", "0", "-o", "a.csv"), "0 samples of a curve; give 1 to"),
     "starts below none": (("--starts", "-1"), "starts of a trace: -1; give a whole number"),
     "unknown table": (("-o", "a.txt"), "'a.txt' ends in .txt; choose from .csv, .npz"),
     "unknown plot": (("--plot", "a.txt"), "its extension is not one of"),

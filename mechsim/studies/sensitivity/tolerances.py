@@ -120,6 +120,8 @@ def written_tolerances(text: str, option: str = "--tolerances") -> dict[str, str
             raise InputError(
                 f"{option} has {name.strip()!r}, which is not NAME=BOUND; write crank=±0.02mm, or FILE.csv"
             )
+    if not pairs:
+        raise InputError(f"{option} names no tolerance; write crank=±0.02mm, or FILE.csv")
     return _unique((name.strip(), tolerance.strip()) for name, _, tolerance in pairs)
 
 
@@ -130,6 +132,8 @@ def _table(path: str) -> dict[str, str]:
     for number, row in enumerate(rows[1:], 2):
         if len(row) < 2 or not row[0] or not row[1]:
             raise InputError(f"{path}, line {number}: {','.join(row)!r} is not dimension,tolerance")
+    if len(rows) == 1:
+        raise InputError(f"{path} holds no tolerance; add lines as crank,±0.02mm")
     return _unique((row[0], row[1]) for row in rows[1:])
 
 

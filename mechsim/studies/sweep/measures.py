@@ -238,13 +238,24 @@ def _stroke(turns: Turns, point: str) -> Array:
     return np.sqrt(largest)
 
 
+class MeasureError(InputError):
+    """A user's function that is wrong for every design."""
+
+
 def _function_values(where: str, turns: Turns) -> Array:
     """Return a user's function of each motion, (designs,)."""
     function = run_object(where)
     out = np.empty(turns.designs)
     for i in range(turns.designs):
         motion: Motion = select_instants(turns.motion, slice(i * turns.poses, (i + 1) * turns.poses))
-        out[i] = _number(where, run_user_code(where, lambda motion=motion: function(motion)))
+        try:
+            value = run_user_code(where, lambda motion=motion: function(motion))
+        except InputError as error:
+            # a design may have no number, as a root or a logarithm; any other error is one of the function
+            if isinstance(error.__cause__, ArithmeticError | ValueError):
+                raise
+            raise MeasureError(str(error)) from error
+        out[i] = _number(where, value)
     return out
 
 
@@ -252,7 +263,7 @@ def _number(where: str, value: object) -> float:
     try:
         return float(value)  # pyright: ignore[reportArgumentType]
     except (TypeError, ValueError):
-        raise InputError(f"{where} returns {type(value).__name__}; return one number") from None
+        raise MeasureError(f"{where} returns {type(value).__name__}; return one number") from None
 
 
 def measures(

@@ -31,7 +31,7 @@ from mechsim.model.quantity import TRANSMISSION
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.loop_cuts import cut_loops
-from mechsim.studies.sweep.measures import FACTS, Turns
+from mechsim.studies.sweep.measures import FACTS, MeasureError, Turns
 from mechsim.studies.sweep.stepped_runs import (
     released_alone,
     stepped_alone,
@@ -282,6 +282,8 @@ def one_by_one(task: SweepTask, rows: Mapping[str, Array], index: Rows, result: 
             for name, value in facts.items():
                 result.values[name][i] = value
             values, outcome, reason = measured_alone(task, solver, facts)
+        except MeasureError:
+            raise
         except MechsimError as error:
             outcome = error.outcome if isinstance(error, MobilityError) else "cannot assemble"
             result.reject(row, outcome, cut(str(error), MAX_REASON))
