@@ -60,12 +60,12 @@ class Stated:
 
 def _stated(context: typer.Context) -> Stated:
     """Return the options that are given on the command line, and not by default."""
-    given = [
+    parameters = [
         parameter
         for parameter in context.command.params
         if getattr(context.get_parameter_source(parameter.name or ""), "name", "") == "COMMANDLINE"
     ]
-    return Stated({parameter.name or "": max(parameter.opts, key=len) for parameter in given})
+    return Stated({parameter.name or "": max(parameter.opts, key=len) for parameter in parameters})
 
 
 def data_type(function: Callable[..., Any]) -> Any:

@@ -142,9 +142,8 @@ def render(
             f"--speed applies to a crank without a motion law; {solver.name} has one: leave it out"
         )
     if not timed and animation.slow is None:
-        drawn_alike = animation.method == "closed" and not look.arrows
-        folder = [] if path.suffix else ["fps"]
-        stated.exclude(["speed", *folder] if drawn_alike else folder, "without --slow")
+        timed_only = ["speed"] if animation.method == "closed" and not look.arrows else []
+        stated.exclude(timed_only + ([] if path.suffix else ["fps"]), "without --slow")
     profile = profile_of(solver, animation.speed, animation.turns, angle)
     samples = animation.samples(profile.duration, picture, look.overlay, timed=timed)
     both = animation.method == "both"

@@ -234,8 +234,9 @@ def test_a_periodic_video_omits_its_repeated_last_frame(mechsim, name, options, 
 
 @draws
 def test_released_runs_and_modes_are_rendered_and_viewed(mechsim, tmp_path):
-    small = ("--size", "96x64", "--duration", "0.1s")
-    code, out, _ = mechsim("render", "four_bar", *INITIAL, *small, "-o", "run.gif", "--slow", "2")
+    small = ("--size", "96x64")
+    run = (*INITIAL, *small, "--duration", "0.1s")
+    code, out, _ = mechsim("render", "four_bar", *run, "-o", "run.gif", "--slow", "2")
     assert (code, out.splitlines()[0]) == (0, "wrote 7 frames to run.gif")
     code, out, _ = mechsim(
         "render", "four_bar", *INITIAL, *small, "--mode", "1", "--fps", "5", "-o", "mode.gif"

@@ -11,7 +11,7 @@ import pytest
 import mechsim as ms
 from mechsim import cli
 from mechsim.simulation.joint_map import rotation_vector_rates
-from mechsim.studies.robots.joint_map import compare_with_loop_equations
+from mechsim.studies.robots.joint_map import MapComparison, compare_with_loop_equations, joint_map
 
 RANGE = {"crank": ("20deg", "80deg")}
 
@@ -57,6 +57,41 @@ def test_loop_equations_accept_a_map_and_reject_a_wrong_one(four_bar):
         assert not compare_with_loop_equations(wrong, "four_bar").passed
     longer = compare_with_loop_equations(four_bar, "four_bar", {"crank": "31mm"})
     assert not longer.passed
+
+
+@pytest.mark.parametrize("column", [1, 2], ids=["position", "rotation"])
+def test_loop_equations_reject_a_wrong_point_or_rotation(four_bar, column):
+    wrong = four_bar.output.copy()
+    wrong[:, column] += 1e-8
+    assert not compare_with_loop_equations(replace(four_bar, output=wrong), "four_bar").passed
+
+
+def test_differences_that_are_no_numbers_are_no_agreement():
+    assert MapComparison(9, 0.0, 0.0, 0.0).passed
+    for values in ((np.nan, 0.0, 0.0), (0.0, np.nan, 0.0), (0.0, 0.0, np.nan)):
+        assert not MapComparison(9, *values).passed
+
+
+# a four-bar on a turntable whose angle no input determines; the numbers of its pin are rounded
+TURNTABLE = """<mujoco><compiler angle="radian"/><worldbody>
+<body name="table"><joint name="yaw" axis="0 0 1"/>
+<geom size="0.01"/>
+<body name="crank" euler="1.5707963 0 0"><joint name="crank" axis="0 0 1"/><geom size="0.003"/>
+<body name="coupler" pos="0.03 0.02 0"><joint name="knuckle" axis="0 0 1"/><geom size="0.003"/>
+<site name="pin_c" pos="0.0633333 0.0566667 0"/></body></body>
+<body name="rocker" pos="0.1 0 0" euler="1.5707963 0 0"><joint name="rocker" axis="0 0 1"/>
+<geom size="0.003"/><site name="pin_r" pos="-0.0066666 0.0766668 0"/></body></body></worldbody>
+<equality><connect site1="pin_c" site2="pin_r"/></equality>
+<actuator><motor joint="yaw"/><motor joint="crank"/></actuator></mujoco>"""
+
+
+def test_a_motor_left_out_stays_where_it_is():
+    spec = mujoco.MjSpec.from_string(TURNTABLE)
+    table = joint_map(spec, {"crank": (-0.2, 0.2)}, ["rocker", "coupler.ry"], points=5)
+    # least squares on MuJoCo's own constraint residuals, from the crank at -0.2 to 0.2 rad
+    exact = [0.034564, 0.012727, 0.000002, -0.004013, 0.000054]
+    np.testing.assert_allclose(table.output[:, 0], exact, atol=1e-6)
+    assert compare_with_loop_equations(table, spec).passed
 
 
 def test_jacobian_derivatives_are_exact_near_a_dead_centre():
@@ -194,3 +229,17 @@ def test_the_command_writes_arrays_and_reports_their_errors(tmp_path, monkeypatc
     arrays = np.load(output)
     assert arrays["jacobian"].shape == (21, 1, 1)
     assert arrays["polynomial_coefficients"].shape == (1, 5)
+
+
+def test_a_floating_base_stays_where_it_is():
+    arm = '<joint name="{0}" axis="0 0 1"/><geom size="0.01"/>'
+    spec = mujoco.MjSpec.from_string(
+        f"""<mujoco><worldbody><body name="chassis" pos="0 0 0.2"><freejoint/><geom size="0.1"/>
+        <body pos="0.3 0.25 0">{arm.format("left")}<body name="tie" pos="-0.1 -0.04 0">{arm.format("tie")}
+        </body></body><body name="right_arm" pos="0.3 -0.25 0">{arm.format("right")}</body></body></worldbody>
+        <equality><connect body1="tie" body2="right_arm" anchor="0 -0.42 0"/></equality></mujoco>"""
+    )
+    table = joint_map(spec, {"left": ("-24.5deg", "35deg")}, ["right"], points=3)
+    # law of cosines of the four-bar 0.107703, 0.42, 0.107703, 0.5 m
+    assert np.rad2deg(table.output[[0, -1], 0]) == pytest.approx([-32.494, 25.696], abs=5e-4)
+    assert compare_with_loop_equations(table, spec).passed

@@ -207,12 +207,12 @@ def _rotation_vectors(motion: "Motion", still: "Motion", link: str) -> Array:
         return np.zeros((3, len(motion.angle), 3))
     moved, start = motion.links[link], still.links[link].rotation[0]
     vector = Rotation.from_matrix(moved.rotation @ start.T).as_rotvec()
-    angular, at = moved.angular_velocity[..., None], rotation_vector_rates
-    rate = (at(vector) @ angular)[..., 0]
+    angular, matrix = moved.angular_velocity[..., None], rotation_vector_rates
+    rate = (matrix(vector) @ angular)[..., 0]
     step = STEP / max(1.0, float(np.abs(rate).max()))
-    change = [at(vector + k * step * rate) - at(vector - k * step * rate) for k in (1, 2)]
+    change = [matrix(vector + k * step * rate) - matrix(vector - k * step * rate) for k in (1, 2)]
     matrix_rate = (8.0 * change[0] - change[1]) / (12.0 * step)
-    second = at(vector) @ moved.angular_acceleration[..., None] + matrix_rate @ angular
+    second = matrix(vector) @ moved.angular_acceleration[..., None] + matrix_rate @ angular
     return np.stack([vector, rate, second[..., 0]])
 
 
