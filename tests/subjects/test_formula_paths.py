@@ -74,7 +74,7 @@ def test_no_formula_runs_no_code(written, monkeypatch, tmp_path):
 @pytest.mark.parametrize(
     "command", ["show", "solve", "validate", "export", "sweep", "dynamics", "view", "render"]
 )
-def test_help_says_that_a_python_file_is_code(command, monkeypatch, capsys):
+def test_help_states_that_a_python_file_is_code(command, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["mechsim", command, "--help"])
     with pytest.raises(SystemExit):
         cli.main()
