@@ -70,7 +70,7 @@ def generate(mechanism: Mechanism, scene: Scene, poses: Mapping[str, Pose] | Non
     )
     if forces is not None:
         mechanism = with_accepted_inertia(mechanism)
-    tree = cut_loops(mechanism, scene.cut, keep=friction_joints, splits=True)
+    tree = cut_loops(mechanism, scene.cut, keep=friction_joints, splits=True, welds=forces is not None)
     mechanism = tree.mechanism
     poses = with_virtual_bodies(tree.mechanism, poses or {})
     spec = mujoco.MjSpec()

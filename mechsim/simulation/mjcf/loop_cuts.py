@@ -39,6 +39,7 @@ def cut_loops(
     *,
     keep: Collection[str] = (),
     splits: bool = False,
+    welds: bool = False,
 ) -> Tree:
     """Return a spanning tree of the mechanism's links, rooted in the frame.
 
@@ -48,6 +49,8 @@ def cut_loops(
             among equal joints those farthest from the crank.
         keep: names of joints to cut only if no other joint can be cut.
         splits: whether joints that no point closes may be split and welded, if no other joint can be cut.
+        welds: whether hinges of a spatial mechanism are split and welded too. Rows of two points on an axis
+            depend on each other; they close the loops, but MuJoCo's residual forces brake free motion.
 
     Raises:
         InputError: if cuts leave a loop or divide the chain, or a loop has no joint that can be cut.
@@ -64,11 +67,13 @@ def cut_loops(
         )
     kept = {key for _, _, key in nx.maximum_spanning_edges(graph, keys=True, data=False)}
     cuts = tuple(joint for joint in mechanism.joints if joint.name not in kept)
+    welded = welds and plane_normals(mechanism) is None
     rejected = [
         joint
         for joint in cuts
         if joint.name in needed
         or not (_cuttable(KINDS[joint.kind]) or (splits and not KINDS[joint.kind].dof))
+        or (welded and KINDS[joint.kind].hinge)
     ]
     if rejected and splits:
         names = {joint.name for joint in rejected}
