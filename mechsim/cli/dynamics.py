@@ -65,6 +65,8 @@ from mechsim.verdict.checks import Verdict
 
 # numbers stored for an instant in addition to those of its joints, and bytes of memory for each number
 INSTANT_NUMBERS, NUMBER_BYTES = 40.0, 16.0
+# default intervals in a turn or a run, and limits of rows and turns
+TURN_INTERVALS, MAX_ROWS, MAX_TURNS = 360, 10_000_000, 1e4
 # columns of the table for the instant and the motion of the crank -> unit
 INSTANT_UNITS = {"t": "s", "angle": "rad", "speed": "rad/s", "acceleration": "rad/s2"} | {
     # columns of free runs
@@ -105,8 +107,8 @@ class DynamicsOptions:
         None, "Compute the flywheel that reaches this coefficient of speed fluctuation."
     )
     turns: float = option(1.0, "Turns of the crank.")
-    samples: int = option(
-        360, "Instants in a turn of the crank, or in a run from an initial state, after the first."
+    samples: int | None = option(
+        None, f"Rows, both ends included. Default: {TURN_INTERVALS} intervals in a turn or a run."
     )
     tolerance: float | None = option(
         None,
@@ -137,11 +139,10 @@ class DynamicsOptions:
             raise InputError(
                 "--tolerance applies to MuJoCo's runs, which --method none omits; drop one of them"
             )
-        if not (MIN_TURNS <= abs(self.turns) < 1e4 and 1 <= self.samples <= 100_000):
-            raise InputError(
-                f"{self.turns:g} turns of {self.samples} instants; "
-                f"give turns other than 0, {MIN_TURNS:g} at least, and 1 to 100000 instants"
-            )
+        if self.samples is not None and not 2 <= self.samples <= MAX_ROWS:
+            raise InputError(f"--samples is {self.samples}; give 2 to {MAX_ROWS}")
+        if not MIN_TURNS <= abs(self.turns) < MAX_TURNS:
+            raise InputError(f"--turns is {self.turns:g}; give {MIN_TURNS:g} to {MAX_TURNS:g} either way")
         if self.output is not None:
             writable(self.output, ".csv", ".npz")
         if self.plot is not None:
@@ -159,10 +160,9 @@ class DynamicsOptions:
         """MuJoCo's method: "pose", "step" or "none"."""
         return self.method or ("pose" if self.tolerance is None else "step")
 
-    @property
-    def instants(self) -> int:
-        """Number of recorded instants after the first."""
-        return max(1, round(self.samples * abs(self.turns)))
+    def rows(self, turns: float) -> int:
+        """Return the number of recorded instants."""
+        return self.samples or max(1, round(TURN_INTERVALS * abs(turns))) + 1
 
 
 @command
@@ -189,7 +189,7 @@ def dynamics(
         if options.method == "pose" or (options.method == "step" and analysis != RUN):
             raise InputError(f"--method {options.method} has no effect {analysis}; leave it out")
         model = released_model(source, loads)
-        output = Output(options.samples, options.method, options.output, options.plot, verbose)
+        output = Output(options.rows(1.0), options.method, options.output, options.plot, verbose)
         result = forward_dynamics(model, forward, source, output)
         return _with_masses(model, result, verbose)
     model = loads.dynamic_model(source.load_moving(by_motors=True))
@@ -223,10 +223,10 @@ def _prescribed(
     """Return data, text and success of a prescribed motion."""
     method = options.mujoco_method
     profile = profile_of(model.solver, options.speed, options.turns)
-    model = model.starting_at(profile.angles)
+    model, rows = model.starting_at(profile.angles), options.rows(options.turns)
     if method != "none":
-        _require_memory(model, options.instants)
-    time = np.linspace(0.0, profile.duration, options.instants + 1)
+        _require_memory(model, rows)
+    time = np.linspace(0.0, profile.duration, rows)
     with progress("dynamics", None) as report:
         # parts of about the same length
         names = ("formulas",) if method == "none" else ("formulas", "MuJoCo", "check")
@@ -243,7 +243,7 @@ def _prescribed(
                 method=method,
                 tolerance=options.tolerance,
                 # with a tolerance, the smallest sufficient number of steps determines the instants
-                samples=options.instants if options.tolerance is None else None,
+                samples=rows - 1 if options.tolerance is None else None,
                 progress=next(steps),
             )
             verdict = crosscheck_driven(run, model, progress=next(steps))
@@ -310,7 +310,7 @@ def _free(
 ) -> Any:
     """Return data, text and success of a free motion."""
     speed = options.speed if options.free else 0.0
-    run = free_run(model, speed=speed, turns=options.turns, samples=options.instants + 1)
+    run = free_run(model, speed=speed, turns=options.turns, samples=options.rows(options.turns))
     verdict = None
     if options.mujoco_method != "none" and run.outcome == "done" and compared_segments(run):
         with progress("check in MuJoCo", None) as report:

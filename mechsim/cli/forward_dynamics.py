@@ -197,9 +197,9 @@ class ForwardOptions(InitialOptions):
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Instants of a run, MuJoCo's method, files to write, and whether all checks are listed."""
+    """Rows of a run, MuJoCo's method, files to write, and whether all checks are listed."""
 
-    samples: int
+    rows: int
     method: str | None
     csv: str | None
     plot: str | None
@@ -226,7 +226,7 @@ def forward_dynamics(
     # MuJoCo stops when its steps are short enough
     with progress("dynamics", None, at_least=True) as report:
         formulas, check = sections(report, SHARES)
-        result = release.run(output.samples, formulas)
+        result = release.run(output.rows - 1, formulas)
         verdict = _verdict(release, result, output.method, check)
     values = release.values(result, forward.quantities)
     if output.csv is not None:

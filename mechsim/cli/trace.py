@@ -74,7 +74,7 @@ def trace(
     coordinates: str | None = option(
         None, "Two or three coordinates of the plot: angle, rocker, P3.x.", name="--of", metavar="A,B[,C]"
     ),
-    samples: int = option(SAMPLES, "Steps of equal arc length in the table of each curve."),
+    samples: int = option(SAMPLES, "Rows of each curve at equal arc lengths, both ends included."),
     starts: int = option(STARTS, "Random starts of the search for assemblies."),
     seed: int = option(SEED, "Seed of the random starts."),
     units: Units = None,
@@ -98,8 +98,8 @@ def trace(
         raise InputError(f"--of {coordinates} selects what is plotted; add --plot FILE")
     if path is None:
         stated.exclude(["units"] if plot else ["units", "samples"], "without -o")
-    if not 1 <= samples <= MAX_SAMPLES:
-        raise InputError(f"{samples} samples of a curve; give 1 to {MAX_SAMPLES}")
+    if not 2 <= samples <= MAX_SAMPLES:
+        raise InputError(f"{samples} samples of a curve; give 2 to {MAX_SAMPLES}")
     solver = source.load()
     shown = output_units(units, solver)
     over = None if coordinates is None else requested_columns(solver.mechanism, parse_names(coordinates))

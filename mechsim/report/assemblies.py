@@ -14,15 +14,15 @@ from mechsim.pictures.plots import AssemblyTable
 from mechsim.theory.continuation.assembly_curve import joint_columns
 from mechsim.theory.continuation.mechanism_trace import AssemblyTrace
 
-# number of intervals of a curve in tables and plots
-SAMPLES = 360
+# number of rows of a curve in tables and plots
+SAMPLES = 361
 # motion of a coordinate, in radians or metres, below which it gets no axis
 STILL = 1e-9
 
 
 def curve_tables(trace: AssemblyTrace, samples: int = SAMPLES) -> list[dict[str, Array]]:
-    """Return the columns of each curve at evenly spaced arc lengths, both ends included."""
-    return [dict(curve.samples(samples + 1).columns()) for curve in trace.curves]
+    """Return the columns of each curve at `samples` evenly spaced arc lengths, both ends included."""
+    return [dict(curve.samples(samples).columns()) for curve in trace.curves]
 
 
 def joined(tables: Sequence[dict[str, Array]]) -> dict[str, Array]:

@@ -220,7 +220,7 @@ def _assemblies(source: PlotSource) -> "Figure":
         else requested_columns(source.solver.mechanism, source.options.coordinates)
     )
     traced = trace(source.solver)
-    table = assembly_table(traced, curve_tables(traced, SAMPLES))
+    table = assembly_table(traced, curve_tables(traced))
     return plots.assembly_plot(table, columns or usual_columns(traced, table))
 
 

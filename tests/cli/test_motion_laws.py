@@ -49,6 +49,28 @@ def test_both_methods_follow_the_motion_laws(mechsim, command):
     np.testing.assert_allclose(table["turn.a"], -4.5 * np.sin(3 * time), atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "solve four_bar",
+        "solve arm.toml --drive lift=20mm/s --drive turn=1rad/s",
+        "simulate four_bar",
+        "dynamics four_bar --method none",
+        "dynamics four_bar --method none --turns 2.5",
+        "dynamics four_bar --method none --motor constant:0.5 --turns 0.2",
+        "dynamics four_bar --method none --drive crank=1rad/s",
+        "dynamics four_bar --method none --initial crank.q=30deg --duration 0.1s",
+        "trace four_bar --set crank=90mm",
+    ],
+)
+def test_a_table_has_the_requested_number_of_rows(mechsim, command):
+    code, _, output = mechsim(*command.split(), "--samples", "9", "-o", "out.csv")
+    assert code == 0, output
+    table = files.read("out.csv")
+    curves = len(np.unique(table["component"])) if "component" in table else 1
+    assert len(next(iter(table.values()))) == 9 * curves
+
+
 def test_poses_of_a_table_are_solved_row_by_row(mechsim, tmp_path):
     (tmp_path / "rows.csv").write_text("turn,lift\n0.5,0.1\n-0.2,0.3\n")
     code, out, _ = mechsim("solve", "arm.toml", "--at", "rows.csv")

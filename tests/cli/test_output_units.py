@@ -135,7 +135,7 @@ def test_a_table_in_other_units_reads_back_as_a_reference(mechsim, press):
 
 
 def test_dynamics_trace_and_show_accept_units(mechsim, press, tmp_path):
-    arguments = ("dynamics", press, "--method", "none", "--samples", "4", "-o", "d.csv")
+    arguments = ("dynamics", press, "--method", "none", "--samples", "5", "-o", "d.csv")
     reported = mechsim(*arguments, "--units", "file").out
     assert "at [deg]" in reported
     columns = files.read(tmp_path / "d.csv")

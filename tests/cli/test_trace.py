@@ -30,7 +30,7 @@ def test_a_trace_is_reported_and_written_as_table_and_plot(trace, tmp_path):
     assert list(table)[-3:] == ["C.x", "C.y", "C.z"]
     assert np.unique(table["component"]).tolist() == [1.0, 2.0]
     first = {name: column[table["component"] == 1.0] for name, column in table.items()}
-    assert len(first["arc"]) == 51
+    assert len(first["arc"]) == 50
     assert np.ptp(np.diff(first["arc"])) <= 1e-12
     # the crank length is constant over the curve
     assert np.abs(np.hypot(first["A.x"], first["A.y"]) - 0.09).max() <= 1e-16
@@ -69,7 +69,7 @@ REJECTED = {
     ),
     "one coordinate": (("--plot", "a.svg", "--of", "angle"), "--of names 1 coordinates (angle); name two or"),
     "no plot": (("--of", "angle,rocker"), "add --plot FILE"),
-    "no samples": (("--samples", "0", "-o", "a.csv"), "0 samples of a curve; give 1 to"),
+    "no samples": (("--samples", "0", "-o", "a.csv"), "0 samples of a curve; give 2 to"),
     "starts below none": (("--starts", "-1"), "starts of a trace: -1; give a whole number"),
     "unknown table": (("-o", "a.txt"), "'a.txt' ends in .txt; choose from .csv, .npz"),
     "unknown plot": (("--plot", "a.txt"), "its extension is not one of"),

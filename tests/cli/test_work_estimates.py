@@ -22,7 +22,7 @@ TOO_LARGE = {
     "simulate rssr --every 1e-5deg": ["3.6e+07 instants", "records farther apart"],
     "solve rssr --angles 0:360:1e-4deg -o a.npz": ["3,600,001 crank angles", "write .csv"],
     "solve rssr --angles 0:360:1e-4deg --json": ["3,600,001 crank angles", "write .csv"],
-    "dynamics rssr --samples 100000 --turns 100": ["10,000,000 instants", "both methods", "at the most"],
+    "dynamics rssr --samples 10000000": ["10,000,000 instants", "both methods", "at the most"],
     "dynamics rssr --turns 9999 --method none": ["3,599,641 instants", "instants at the most"],
     "solve rssr --set crank=13m**9**9**9": ["crank", "not known"],
 }

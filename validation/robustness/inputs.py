@@ -94,7 +94,7 @@ CASES = [
     ShellCase("signal", LONG_COMMAND, 129, signal.SIGHUP),
     ShellCase("size", "simulate rssr --turns 1e7", 2),
     ShellCase("size", "solve rssr --angles 0:3600:4e-4deg --json", 2),
-    ShellCase("size", "dynamics rssr --samples 100000 --turns 100", 2),
+    ShellCase("size", "dynamics rssr --samples 10000000", 2),
     ShellCase("size", "dynamics four_bar --turns 50", 0),
     ShellCase("graphics", "simulate rssr", 0, graphics="osmesa"),
     ShellCase("graphics", "validate four_bar", 0, graphics="nonsense"),
