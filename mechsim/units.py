@@ -426,3 +426,14 @@ class WrittenUnits:
 
 
 SI_UNITS = WrittenUnits()
+
+
+def parse_coordinate(
+    text: str, unit: Unit, name: str, written: WrittenUnits = SI_UNITS, *, length: float = np.inf
+) -> float:
+    """Return a joint's value in SI; reject numbers without a unit as `require_written`, and above a turn."""
+    require_written(text, unit, written.declared(unit), name, length=length)
+    value, text = parse(text, unit, name), text.strip()
+    if unit == "rad" and not unit_in(text) and abs(value) > 2.0 * np.pi:
+        raise InputError(f"{name}: {text} rad is more than a turn; write {text}deg, or {text}rad if meant")
+    return value

@@ -13,7 +13,7 @@ from mechsim.analytic.dynamics.forward_dynamics import BUDGET
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Stated
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, require_distinct, warn_about_angle
+from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, require_distinct
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
@@ -21,7 +21,6 @@ from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Lo
 from mechsim.model.load_profile import Over, table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Controller, Geared, PlainMotor
-from mechsim.model.quantities import coordinate_units
 from mechsim.studies.release import DURATION, Release
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option
@@ -345,15 +344,6 @@ class InitialOptions:
         """Whether a run is requested."""
         return bool(self.initial or self.until)
 
-    def initial_values(self, model: DynamicModel) -> dict[str, str]:
-        """Return the initial values as text; question angles that are probably in degrees."""
-        kinds = coordinate_units(model.mechanism)
-        for name, text in self.initial:
-            coordinate, _, component = name.rpartition(".")
-            if component == "q" and kinds.get(coordinate) == "rad":
-                warn_about_angle(f"--initial {name}", text, model.solver.written.angle)
-        return dict(self.initial)
-
     @property
     def limited(self) -> bool:
         """Whether options are given that need a run."""
@@ -363,7 +353,7 @@ class InitialOptions:
         """Return the release of a model; the default duration of the run is 1 s."""
         return Release(
             model=model,
-            initial=self.initial_values(model),
+            initial=dict(self.initial),
             prescribed=tuple(name for name, _ in source.drive),
             duration=DURATION if source.duration is None else source.duration,
             until=self.until,

@@ -236,7 +236,7 @@ def _state(model: "MjcfModel", mechanism: Mechanism) -> Array:
 
 
 def _parser(name: str, text: str) -> Callable[[Unit], float]:
-    return lambda unit: units.parse(text, unit, f"the locked position of {name}")
+    return lambda unit: units.parse_coordinate(text, unit, f"the locked position of {name}")
 
 
 def _corrections(gap: float, exact: Corrected) -> list[str]:

@@ -69,7 +69,7 @@ def prescribed_solver(
     elif isinstance(solver, LoopForm):
         if not solver.mechanism.has_crank:
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
-        solver = replace(solver, mechanism=started_near(solver.mechanism, prescription.start))
+        solver = replace(solver, mechanism=started_near(solver.mechanism, prescription.start, solver.written))
         if assembled:
             if changed:
                 solver = with_written_guess(solver, written_guess(source) if guess is None else guess)
@@ -324,8 +324,7 @@ def _locked_coordinates(
         elif isinstance(value, str):
             unit: Unit = "m" if mechanism.unit(first) == "m" else "rad"
             what, length = f"the locked position of {name}", mechanism.characteristic_length
-            units.require_written(value, unit, written.declared(unit), what, length=length)
-            locked[first] = units.parse(value, unit, what)
+            locked[first] = units.parse_coordinate(value, unit, what, written, length=length)
         else:
             locked[first] = number(value)
     return locked

@@ -10,7 +10,9 @@ from mechsim.numerics.inputs import number
 from mechsim.subjects.toml_values import suggestion
 
 
-def started_near(mechanism: Mechanism, requested: Mapping[str, str | float]) -> Mechanism:
+def started_near(
+    mechanism: Mechanism, requested: Mapping[str, str | float], written: units.WrittenUnits = units.SI_UNITS
+) -> Mechanism:
     """Return a mechanism in the assembly nearest to requested values of joints, as text or in SI.
 
     Raises:
@@ -27,6 +29,8 @@ def started_near(mechanism: Mechanism, requested: Mapping[str, str | float]) -> 
                 f"{mechanism.name} has no coordinate {name!r} to start at{suggestion(name, names)}"
             )
         unit = "m" if mechanism.unit(name) == "m" else "rad"
-        is_text = isinstance(value, str)
-        values[name] = units.parse(value, unit, f"the start of {name}") if is_text else number(value)
+        if isinstance(value, str):
+            what, length = f"the start of {name}", mechanism.characteristic_length
+            value = units.parse_coordinate(value, unit, what, written, length=length)
+        values[name] = number(value)
     return with_requested_start(mechanism, values)

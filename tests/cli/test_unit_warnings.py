@@ -46,3 +46,44 @@ def test_unit_warnings_accompany_results_and_rejections(mechsim):
     assert rejected.err.count("\n") == 1
     assert "was crank=40mm meant?" in rejected.err
     assert "change the dimensions" in rejected.err
+
+
+IN_DEGREES = """
+<mujoco>
+  <worldbody>
+    <body name="a">
+      <joint name="j1" axis="0 1 0" range="-170 170"/>
+      <geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.3"/>
+      <body name="b" pos="0 0 -0.3">
+        <joint name="j2" axis="0 1 0"/>
+        <geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.3"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+RUN = "dynamics arm.xml --initial j2.q=0.1 --duration 0.01s --samples 2 --json --method none"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        f"{RUN} --initial j1.q=",
+        f"{RUN} --start j1=",
+        "solve arm.xml --drive j2=1rad/s --samples 2 --json --lock j1=",
+    ],
+)
+def test_an_angle_above_a_turn_needs_its_unit(mechsim, tmp_path, command):
+    (tmp_path / "arm.xml").write_text(IN_DEGREES)
+
+    def answer(value):
+        return mechsim(*f"{command}{value}".split())
+
+    rejected = answer("30")
+    assert rejected.code == 2
+    assert "write 30deg, or 30rad" in rejected.err
+    degrees, radians = answer("30deg"), answer("0.5235987755982988")
+    assert (degrees.code, radians.code) == (0, 0)
+    assert degrees.out == radians.out

@@ -303,11 +303,11 @@ def initial_values(model: DynamicModel, initial: Mapping[str, float | str]) -> I
         unit: Any = mechanism.unit(name) + ("/s" if component == "v" else "")
         what, length = f"initial value {quantity}", mechanism.characteristic_length
         if isinstance(value, str):
-            units.require_written(value, unit, model.solver.written.declared(unit), what, length=length)
-        number = units.si(value, unit, what)
+            value = units.parse_coordinate(value, unit, what, model.solver.written, length=length)
+        number = float(value)
         if not abs(number) < np.inf:
             raise InputError(f"initial value {quantity} is {number}; give a finite number")
-        (coordinates if component == "q" else rates)[name] = float(number)
+        (coordinates if component == "q" else rates)[name] = number
     return InitialValues(coordinates, rates)
 
 
