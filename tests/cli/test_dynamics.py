@@ -119,7 +119,7 @@ def test_motor_parameters_accept_units(capsys, monkeypatch, motor):
         (("--damper", "rocker=1,2"), "--damper is 'rocker=1,2'; write A:B=DAMPING"),
         (("--gear", "2"), "--gear needs a motor"),
         (("--gear", "0", "--motor", "constant:1"), "gear ratio of the motor is 0.0"),
-        (("--turns", "0"), "0 turns of 360 instants"),
+        (("--turns", "0"), "--turns is 0; give 1e-09"),
         (("--tolerance", "0"), "tolerance of torque is 0.0"),
         (("--tolerance", "1", "--method", "none"), "which --method none omits"),
         (("--density", "-1"), "density of the rods is -1.0"),

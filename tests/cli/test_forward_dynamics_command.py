@@ -137,7 +137,7 @@ def test_a_frequency_response_is_tabulated(facts):
         (["--response", "crank.v:B.x", "--initial", "crank.q=-95deg"], "is no displacement"),
         (["--response", "crank:speed:B", "--initial", "crank.q=-95deg"], "has no linear response"),
         (["--response", "crank"], "response is 'crank'; give LOAD:QUANTITY"),
-        (["--modes", "--initial", "rocker.q=9"], "do not close at the initial values"),
+        (["--modes", "--initial", "rocker.q=9rad"], "do not close at the initial values"),
     ],
 )
 def test_invalid_input_gives_one_line(arguments, message, command):
