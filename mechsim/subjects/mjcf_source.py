@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
-from mechsim.analytic.loops.rounded_geometry import Corrected, corrected
+from mechsim.analytic.loops.rounded_geometry import MAX_ANGLE, Corrected, corrected
 from mechsim.analytic.loops.start import ClosedStart, closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError, MechsimError
@@ -94,7 +94,9 @@ class MujocoSource(ModelSource):
 
 
 def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "MujocoInput | None":
-    """Return the path or object of a model that MuJoCo compiles unchanged; None for any other model.
+    """Return the path or object of a model that MuJoCo compiles; None for any other model.
+
+    Rounded angles that lock its loops are exact in it.
 
     Args:
         model: as in `load`; for a solver that was read from MJCF, the specification that it runs.
@@ -109,9 +111,32 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
     closed = with_loops(named, None if loops is None else fspath(loops))
     if isinstance(closed, str):
         # let MuJoCo report what is wrong with a file of unknown suffix
-        of_mujoco = closed.lower().endswith((".xml", ".urdf"))
-        return closed if of_mujoco or (Path(closed).suffix and file_reader(closed) is None) else None
-    return closed if type(closed).__name__ in ("UrdfFile", "MjSpec", "MjModel") else None
+        if not closed.lower().endswith((".xml", ".urdf")) and (
+            not Path(closed).suffix or file_reader(closed) is not None
+        ):
+            return None
+    elif type(closed).__name__ not in ("UrdfFile", "MjSpec", "MjModel"):
+        return None
+    from mechsim.simulation.mjcf_reader import read_model
+
+    with suppress(MechsimError):
+        exact = corrected(read_model(closed, lint=True).mechanism)
+        return _with_exact_angles(closed, exact) if exact.rotations else closed
+    return closed
+
+
+def _with_exact_angles(source: "MujocoInput", exact: Corrected) -> "MujocoInput":
+    """Return a file or an object in which the rounded angles are exact that lock its loops."""
+    from mechsim.simulation.mjcf_reader.parsed_file import ExactAngles
+
+    finding = Finding(
+        kind="redundant",
+        what="loops",
+        by=1.0,
+        message=f"as written the loops lock, for {exact.locked_by}; mechsim moves them with the exact angle",
+        remedy="write angles with 8 digits, such as 1.5707963 for pi/2",
+    )
+    return ExactAngles(source, exact.rotations, finding)
 
 
 def with_loops(model: Any, loops: str | None) -> Any:
@@ -163,14 +188,21 @@ def read_mjcf(
         name: _parser(name, value) if isinstance(value, str) else value
         for name, value in (lock or {}).items()
     }
-    try:
-        model = read_model(
-            source, drivers=drivers, lock=values, fix_base=fix_base, key=key, track=track, describe_only=still
+
+    def read(given: "MujocoInput") -> "MjcfModel":
+        return read_model(
+            given, drivers=drivers, lock=values, fix_base=fix_base, key=key, track=track, describe_only=still
         )
+
+    try:
+        model = read(source)
     except InputError as error:
         label = model_label(source)
         raise error if label in str(error) else InputError(f"{label}: {error}") from None
     exact = corrected(model.mechanism)
+    if exact.rotations:
+        model = read(_with_exact_angles(source, exact))
+        exact = corrected(model.mechanism, MAX_ANGLE)
     # pictures of a scene without gravity have z up, too
     initial = _started(model, started_near(exact.mechanism, start or {}))
     if initial.note or start:

@@ -45,6 +45,7 @@ def generic_poses(
         tolerance: singular values below this fraction of the largest are zero.
         floor: singular values below it are zero.
     """
+    loops = replace(loops, driven=())
     random, q = np.random.default_rng(7), nearest_consistent(loops, start, tolerance, floor)
     poses: list[Coordinates] = []
     for _ in range(count):
@@ -62,8 +63,11 @@ def generic_poses(
 def nearest_consistent(
     loops: TreeLoops, q: Coordinates, tolerance: float, floor: float = FLOOR
 ) -> Coordinates:
-    """Return the nearest configuration with the least residual of the independent equations."""
-    system = LoopSystem(loops, np.arange(loops.tree.count))
+    """Return the nearest configuration with the least residual of the independent equations.
+
+    Prescribed coordinates do not change.
+    """
+    system = LoopSystem(loops, loops.unknown)
     return newton(system, q, CONSISTENT, lambda matrix, right: least_norm(matrix, right, tolerance, floor)).q
 
 

@@ -3,18 +3,22 @@
 Redundant loops, as in planar and spherical linkages or of a hinge with two bearings, close only if their
 dimensions agree exactly. With the rounded numbers of a file they cannot close, or lock. The positions at
 which they would close with exact dimensions are solved; points and axes then get the smallest change with
-which the loops close in several poses at once.
+which the loops close in several poses at once. Digits that are cut off (1e-6) are corrected always; angles
+of three digits, such as 1.57 for pi/2, only if joints are locked without their correction.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations, product
 
 import numpy as np
 
 from mechsim.analytic.loops.constraints import TreeLoops, tree_loops
 from mechsim.analytic.loops.kinematics import Coordinates
 from mechsim.analytic.loops.mobility import (
+    CLOSED,
     DIMENSION_TOLERANCE,
+    SPACING,
     generic_poses,
     nearest_consistent,
 )
@@ -23,13 +27,23 @@ from mechsim.analytic.vector_method.rotations import turned_by
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
-from mechsim.model.links import vector
+from mechsim.model.links import VIRTUAL_PREFIX, Vector, vector
 from mechsim.model.mechanism import Mechanism
 from mechsim.numerics.arrays import Array
-from mechsim.numerics.rank import null_spaces, significant
+from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_spaces, significant
 
 # largest correction of a point relative to the characteristic length, and of an axis in [rad]
 MAX_CORRECTION = 1e-4
+# largest error of an angle of three digits: 0.1 deg, above the 0.091 deg of 3.14 for pi; the angles between
+# axes that are corrected are multiples of the second. Loops with such errors have singular values below the
+# third; the factor is for links with two rounded angles
+MAX_ANGLE, USUAL_ANGLE = float(np.deg2rad(0.1)), float(np.deg2rad(15.0))
+ANGLE_TOLERANCE = 2.0 * MAX_ANGLE
+# sweeps over the pairs of axes of a link: each changes the angles corrected before by their product, 1e-6
+SWEEPS = 4
+# displacements in [rad] or characteristic lengths: at which a gap is stated, the smaller ones if a loop does
+# not reach the larger; of a moving joint; and largest fraction of it that is the play of a locked joint
+STATED_AT, MOVING, PLAY = (0.5, 0.25, 0.1), 0.02, 0.1
 # number of poses at which inconsistency is tested, and at which the corrected loops must close
 PROBES, POSES = 2, 8
 # residual that counts as rounding, and step of differences by dimensions
@@ -48,31 +62,65 @@ class Corrected:
         mechanism: the mechanism with corrected points and axes.
         moved: largest displacement of a joint point, in [m].
         rotated: largest rotation of a joint axis, in [rad].
+        rotations: name of a joint, its side a or b, and the rotation of its axis in the frame of the side's
+            link, in [rad], that makes a rounded angle exact.
+        locked_by: the rounded angle that locks the loops as written, and their gap; empty for none.
     """
 
     mechanism: Mechanism
     moved: float = 0.0
     rotated: float = 0.0
+    rotations: tuple[tuple[str, str, Vector], ...] = ()
+    locked_by: str = ""
 
 
-def corrected(mechanism: Mechanism) -> Corrected:
+def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     """Return a mechanism with consistent dimensions; unchanged if they are consistent already.
 
-    Corrections above `MAX_CORRECTION` are not made.
+    If joints are locked for angles between axes that are less than `MAX_ANGLE` off a usual one, these angles
+    are corrected, too.
+
+    Args:
+        mechanism: the mechanism.
+        most: largest correction of a point, relative to the characteristic length; axes are corrected by
+            `MAX_CORRECTION`.
     """
-    loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
-    if not loops.rows or not _inconsistent(
-        loops, poses := generic_poses(loops, guess, PROBES, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
-    ):
+    loops, guess = _loops_and_guess(mechanism)
+    nearly = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE) if loops.rows else []
+    if not _inconsistent(loops, nearly, ANGLE_TOLERANCE):
         return Corrected(mechanism)
-    poses += generic_poses(loops, poses[-1], POSES - PROBES, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)
-    change = np.zeros((len(mechanism.joints), 2, 6))
-    jacobians = _jacobians(mechanism, loops, poses, _affected_joints(loops, poses))
+    change, cause = _rotations_to_usual_angles(mechanism)
+    exact = with_moved_sides(mechanism, change)
+    moving = _consistent(exact, MAX_ANGLE, ANGLE_TOLERANCE) or Corrected(exact)
+    if not (cause and _is_locked(mechanism)) or _is_locked(moving.mechanism):
+        return _consistent(mechanism, most, DIMENSION_TOLERANCE) or Corrected(mechanism)
+    rotations = tuple(
+        (joint.name, "ab"[side], vector(change[i, side, 3:]))
+        for i, joint in enumerate(mechanism.joints)
+        for side in range(2)
+        if change[i, side].any()
+    )
+    return replace(moving, rotations=rotations, locked_by=cause + _least_gap(mechanism))
+
+
+def _consistent(mechanism: Mechanism, most: float, tolerance: float) -> Corrected | None:
+    """Return a mechanism whose loops close at several poses; None if there is none, or for consistent ones.
+
+    Args:
+        mechanism: the mechanism.
+        most: largest correction of a point, relative to the characteristic length.
+        tolerance: fraction of the largest singular value below which another is rounding.
+    """
+    loops, guess = _loops_and_guess(mechanism)
+    if not loops.rows or not _inconsistent(
+        loops, poses := generic_poses(loops, guess, PROBES, tolerance, tolerance), tolerance
+    ):
+        return None
+    poses += generic_poses(loops, poses[-1], POSES - PROBES, tolerance, tolerance)
+    limits, change = np.repeat([most, MAX_CORRECTION], 3), np.zeros((len(mechanism.joints), 2, 6))
+    jacobians = _jacobians(mechanism, loops, poses, _affected_joints(loops, poses, tolerance)) * limits
     for cutoff in CUTOFFS:
-        dependent = [
-            null_spaces(loops.linearise(q)[1][..., 0], DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)[0]
-            for q in poses
-        ]
+        dependent = [null_spaces(loops.linearise(q)[1][..., 0], tolerance, tolerance)[0] for q in poses]
         violations = [
             combination.T @ loops.linearise(q)[0][:, 0]
             for combination, q in zip(dependent, poses, strict=True)
@@ -80,32 +128,113 @@ def corrected(mechanism: Mechanism) -> Corrected:
         blocks = [np.tensordot(combination.T, jacobians[:, k], 1) for k, combination in enumerate(dependent)]
         matrix = np.concatenate(blocks).reshape(-1, change.size)
         correction = np.linalg.lstsq(matrix, -np.concatenate(violations), rcond=cutoff)[0]
-        change = change + correction.reshape(change.shape)
-        if not np.abs(change).max() < MAX_CORRECTION:
-            break
+        change = change + correction.reshape(change.shape) * limits
+        if not (np.abs(change) < limits).all():
+            return None
         trial = with_moved_sides(mechanism, change)
-        loops = _loops(trial)
-        poses = [nearest_consistent(loops, q, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE) for q in poses]
-        if not _inconsistent(loops, poses):
+        loops = _loops_and_guess(trial)[0]
+        poses = [nearest_consistent(loops, q, tolerance, tolerance) for q in poses]
+        if not _inconsistent(loops, poses, tolerance):
             return Corrected(trial, *_sizes(mechanism, change))
-    return Corrected(mechanism)
+    return None
 
 
-def _inconsistent(loops: TreeLoops, poses: Sequence[Coordinates]) -> bool:
+def _is_locked(mechanism: Mechanism) -> bool:
+    """Whether a joint moves by no more than a play, although the loops nearly close where it moves."""
+    loops, guess = _loops_and_guess(mechanism)
+    if not loops.rows:
+        return False
+    nearly = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE)
+    exactly = [
+        q
+        for q in generic_poses(loops, guess, PROBES, RANK_TOLERANCE)
+        if np.abs(loops.linearise(q)[0]).max() < CLOSED
+    ]
+    free = _participation(loops, nearly[-1:], ANGLE_TOLERANCE, ANGLE_TOLERANCE)
+    possible = _participation(loops, exactly[-1:], RANK_TOLERANCE, FLOOR)
+    displaced = [np.abs(q.values - guess.values)[:, 0] / loops.units for q in exactly]
+    locked = (possible < PLAY) | (np.max([np.zeros(loops.count), *displaced], 0) < PLAY * SPACING)
+    return bool((locked & (free > MOVING)).any())
+
+
+def _participation(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: float, floor: float) -> Array:
+    """Return how much each coordinate moves in the degrees of freedom of a pose, (count,); 0 without one."""
+    null_space = [null_spaces(loops.linearise(q)[1][..., 0], tolerance, floor)[1] for q in poses]
+    return np.linalg.norm(np.concatenate([np.zeros((1, loops.count)), *null_space]), axis=0)
+
+
+def _rotations_to_usual_angles(mechanism: Mechanism) -> tuple[Array, str]:
+    """Return the changes of sides that make rounded angles between axes exact, and the largest error.
+
+    The second axis of each pair is rotated; that of a side a, whose link is the parent, if there is one.
+    """
+    loops, guess = _loops_and_guess(mechanism)
+    poses = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE)
+    affected, tree_joints = _affected_joints(loops, poses, ANGLE_TOLERANCE), len(mechanism.links)
+    sides = [
+        (i, side, end)
+        for i, joint in enumerate(mechanism.joints)
+        for side, end in enumerate((joint.a, joint.b))
+        if joint.name in affected and not end.link.startswith(VIRTUAL_PREFIX)
+        if KINDS[joint.kind].aligned and KINDS[joint.kind].dof
+    ]
+    sides.sort(key=lambda each: (each[0] < tree_joints, each[1] == 0))
+    pairs = [
+        (one, other)
+        for one, other in combinations(sides, 2)
+        if one[2].link == other[2].link and other[0] < tree_joints
+    ]
+    change, largest, cause = np.zeros((len(mechanism.joints), 2, 6)), 0.0, ""
+    for one, other in pairs * SWEEPS:
+        first, second = (
+            turned_by(end.frame[None], change[i, side, 3:][None])[0, :, 2] for i, side, end in (one, other)
+        )
+        normal = np.cross(first, second)
+        angle = float(np.arctan2(np.linalg.norm(normal), first @ second))
+        usual = USUAL_ANGLE * round(angle / USUAL_ANGLE)
+        off = usual - angle
+        if normal.any() and abs(off) < MAX_ANGLE:
+            change[other[0], other[1], 3:] += off * normal / np.linalg.norm(normal)
+        if max(largest, DIMENSION_TOLERANCE) < abs(off) < MAX_ANGLE:
+            right = "parallel" if usual in (0.0, np.pi) else f"{np.rad2deg(usual):.0f} deg"
+            names, largest = sorted(mechanism.joints[i].name for i in (one[0], other[0])), abs(off)
+            axes = f"the axes of {' and '.join(names)} on {one[2].link}"
+            cause = f"{axes} are {np.rad2deg(largest):.3g} deg off {right}"
+    return change, cause
+
+
+def _least_gap(mechanism: Mechanism) -> str:
+    """Return the least gap of the loops as written at a displaced driver, as a clause; empty if unknown."""
+    loops, guess = _loops_and_guess(mechanism)
+    for name, by in product([*mechanism.drivers, *loops.tree.index_of], STATED_AT):
+        index = loops.tree.index_of[name]
+        driven, step = replace(loops, driven=(index,)), np.zeros((loops.count, 1))
+        step[index] = by
+        q = nearest_consistent(driven, loops.displaced(guess, step), ANGLE_TOLERANCE, ANGLE_TOLERANCE)
+        residual = loops.linearise(q)[0][:, 0]
+        if not np.abs(residual).max() < MAX_ANGLE:
+            continue
+        first, gap = 0, 0.0
+        for cut in loops.cuts:
+            rows = residual[first : first + len(cut.lengths)]
+            first, gap = first + cut.rows, max(gap, cut.length * float(np.linalg.norm(rows)))
+        unit = mechanism.unit(name)
+        return f"; least gap {gap:.2g} m at {name} = {q.values[index, 0]:.3g} {unit}"
+    return ""
+
+
+def _inconsistent(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: float) -> bool:
     """Whether rounding decides: equations are nearly redundant, or violated where others are satisfied."""
     for q in poses:
         residual, jacobian, _ = loops.linearise(q)
         values = np.linalg.svd(jacobian[..., 0], compute_uv=False)
         violation = float(np.abs(residual).max(initial=0.0))
-        if (
-            violation > ROUNDING
-            or (significant(values) & ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE)).any()
-        ):
+        if violation > ROUNDING or (significant(values) & ~significant(values, tolerance, tolerance)).any():
             return True
     return False
 
 
-def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates]) -> set[str]:
+def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: float) -> set[str]:
     """Return the joints of inconsistent loops, and of all loops that share a joint with them."""
     tree = loops.tree
     around = [
@@ -122,7 +251,7 @@ def _affected_joints(loops: TreeLoops, poses: Sequence[Coordinates]) -> set[str]
         u, values, _ = np.linalg.svd(jacobian[..., 0])
         values = np.pad(values, (0, loops.rows - len(values)))
         violation = np.abs(u.T @ residual[:, 0])
-        inconsistent = ~significant(values, DIMENSION_TOLERANCE, DIMENSION_TOLERANCE) & (
+        inconsistent = ~significant(values, tolerance, tolerance) & (
             significant(values) | (violation > ROUNDING)
         )
         share = np.abs(u[:, inconsistent]).max(1, initial=0.0)[: len(loop_of)] > MIN_SHARE
@@ -151,13 +280,15 @@ def _jacobians(
         if joint.name in concerned and _enters_equations(joint, index[2]):
             step = np.zeros(jacobian.shape[2:])
             step[index] = STEP
-            perturbed = _loops(with_moved_sides(mechanism, step)).linearise(q)[0]
+            perturbed = _loops_and_guess(with_moved_sides(mechanism, step))[0].linearise(q)[0]
             jacobian[(slice(None), slice(None), *index)] = (perturbed - residual) / STEP
     return jacobian
 
 
-def _loops(mechanism: Mechanism) -> TreeLoops:
-    return tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))[0]
+def _loops_and_guess(mechanism: Mechanism) -> tuple[TreeLoops, Coordinates]:
+    """Return the loop equations with all coordinates free, and the stated configuration."""
+    loops, guess = tree_loops(mechanism, guessed_poses(mechanism), initial_coordinates(mechanism))
+    return replace(loops, driven=()), guess
 
 
 def _enters_equations(joint: Joint, component: int) -> bool:

@@ -2,14 +2,16 @@
 
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import mujoco
+import numpy as np
 
 from mechsim.errors import InputError, cut
 from mechsim.model.finding import Finding
-from mechsim.model.links import GROUND
+from mechsim.model.links import GROUND, Vector
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled, quiet, warnings_of_mujoco
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
@@ -25,8 +27,25 @@ from mechsim.simulation.mjcf_reader.repairs import (
 )
 from mechsim.simulation.mjcf_reader.urdf_loops import UrdfFile, urdf_specification
 
-# path of an MJCF or URDF file, a URDF file with its loops, or an object of MuJoCo
-MujocoInput: TypeAlias = str | UrdfFile | mujoco.MjSpec | mujoco.MjModel
+
+@dataclass(frozen=True, eq=False)
+class ExactAngles:
+    """A file or an object in which rounded angles between axes of joints are made exact.
+
+    Attributes:
+        source: the file or object, which remains unchanged.
+        rotations: name of a hinge or slide; side "a" for its body relative to the parent, "b" for its axis in
+            the body; and the rotation in the frame of the parent's or the body's link, in [rad].
+        finding: what is corrected.
+    """
+
+    source: "MujocoInput"
+    rotations: Sequence[tuple[str, str, Vector]]
+    finding: Finding
+
+
+# path of an MJCF or URDF file, a URDF file with its loops, an object of MuJoCo, or one of these corrected
+MujocoInput: TypeAlias = str | UrdfFile | mujoco.MjSpec | mujoco.MjModel | ExactAngles
 SLEEP, IPC = int(mujoco.mjtEnableBit.mjENBL_SLEEP), int(mujoco.mjtEnableBit.mjENBL_IPC)
 
 
@@ -95,6 +114,10 @@ def parse_without_meshes(source: MujocoInput) -> ParsedFile:
 
 def _specification(source: MujocoInput) -> tuple[mujoco.MjSpec, list[Finding]]:
     """Return the specification of a file or an object, which remains unchanged, and what was not read."""
+    if isinstance(source, ExactAngles):
+        spec, unread = _specification(source.source)
+        _rotate_axes(spec, source.rotations)
+        return spec, [*unread, source.finding]
     if isinstance(source, mujoco.MjSpec):
         return source.copy(), []
     if isinstance(source, mujoco.MjModel):
@@ -103,8 +126,36 @@ def _specification(source: MujocoInput) -> tuple[mujoco.MjSpec, list[Finding]]:
     return _spec_of_file(file, urdf=root_of(file.path) == "robot")
 
 
+def _rotate_axes(spec: mujoco.MjSpec, rotations: Sequence[tuple[str, str, Vector]]) -> None:
+    """Rotate bodies and axes of joints in a specification, as in `ExactAngles`."""
+    named = spec.copy()
+    name_elements(named)
+    model, _ = compile_repaired(spec.modelname, named)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    joints = dict(zip((joint.name for joint in named.joints), spec.joints, strict=True))
+    for name, side, rotation in rotations:
+        joint, angle, quaternion = joints[name], float(np.linalg.norm(rotation)), np.zeros(4)
+        body = int(model.joint(name).bodyid[0])
+        if side == "b":
+            mujoco.mju_axisAngle2Quat(quaternion, np.array(rotation) / angle, angle)
+            axis = np.zeros(3)
+            mujoco.mju_rotVecQuat(axis, model.jnt_axis[model.joint(name).id], quaternion)
+            joint.axis = axis
+            continue
+        # the frame of a link is that of the ancestor with joints; the body's quaternion is in its parent's
+        parent = int(model.body_parentid[body])
+        frames = (data.xmat[i].reshape(3, 3) for i in (int(model.body_weldid[parent]), parent))
+        link, frame = frames
+        mujoco.mju_axisAngle2Quat(quaternion, frame.T @ link @ np.array(rotation) / angle, angle)
+        mujoco.mju_mulQuat(exact := np.zeros(4), quaternion, model.body_quat[body])
+        joint.parent.quat, joint.parent.alt.type = exact, mujoco.mjtOrientation.mjORIENTATION_QUAT
+
+
 def model_label(source: MujocoInput) -> str:
     """Return the label of a file or an object in messages."""
+    if isinstance(source, ExactAngles):
+        return model_label(source.source)
     if isinstance(source, str):
         return source
     if isinstance(source, UrdfFile):

@@ -56,7 +56,6 @@ from mechsim.simulation.mjcf_reader.parsed_file import (
 )
 from mechsim.simulation.mjcf_reader.pose_chains import with_pose_chains
 from mechsim.simulation.mjcf_reader.repairs import minimum_mass
-from mechsim.simulation.mjcf_reader.urdf_loops import UrdfFile
 from mechsim.simulation.state import (
     BALL,
     FREE,
@@ -155,7 +154,7 @@ class MjcfModel:
         forces: gravity, and springs, dampers and Coulomb friction of hinges and slides.
         fixed: indices of the file's ball and free joints that were removed because they are locked.
         left_out: effects that MuJoCo simulates and the dynamics of this package omit.
-        loops: path of a second file with the loop closures of a URDF file; None without one.
+        source: the file or object that was read.
         with_meshes: the model with meshes if `spec` has boxes in their place; otherwise None.
         unread: findings on what of the file was not read, and MuJoCo's warnings.
     """
@@ -171,7 +170,7 @@ class MjcfModel:
     forces: Forces = Forces()
     fixed: tuple[int, ...] = ()
     left_out: tuple[str, ...] = ()
-    loops: str | None = None
+    source: MujocoInput = ""
     with_meshes: mujoco.MjModel | None = None
     unread: tuple[Finding, ...] = ()
 
@@ -233,7 +232,7 @@ def read_model(
     _add_sites(spec, points)
     return MjcfModel(
         path=compiled_file.path,
-        loops=source.loops if isinstance(source, UrdfFile) else None,
+        source=source,
         mechanism=mechanism,
         spec=spec,
         qpos=start,

@@ -20,7 +20,6 @@ from mechsim.simulation.mjcf_reader.coordinates import actuator_names, did_you_m
 from mechsim.simulation.mjcf_reader.fixed_bodies import FixedBodies, fix_bodies_in_scene
 from mechsim.simulation.mjcf_reader.kinematic_tree import carriers, link_name
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
-from mechsim.simulation.mjcf_reader.urdf_loops import UrdfFile
 from mechsim.studies.scene.exact_closure import ASSEMBLED, ExactClosure, exact_closure
 
 RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -188,7 +187,7 @@ def scene_of(
     joint_laws, ctrl = joint_laws or {}, ctrl or {}
     if not 0.0 < duration < np.inf:
         raise InputError(f"the duration is {duration} s; give a finite time above 0")
-    spec, fixed = parse_file(UrdfFile(read.path, read.loops) if read.loops else read.path)[0], None
+    spec, fixed = parse_file(read.source)[0], None
     if read.fixed:
         fixed = fix_bodies_in_scene(spec, plainly_compiled(spec), read.fixed, key)
     plain = plainly_compiled(spec)

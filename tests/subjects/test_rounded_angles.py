@@ -1,0 +1,88 @@
+"""Rounded angles between axes, such as 1.57 for pi/2, do not lock loops that move with exact ones."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import mechsim as ms
+from mechsim.subjects.mjcf_source import mujoco_input, read_mjcf
+
+# a parallelogram of 0.2 m x 0.1 m whose second link is turned about x
+LEG = """<mujoco model="leg"><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+<body name="hip"><geom size="0.01"/><body name="calf"><joint name="calf" axis="0 0 1"/>
+<geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.005" contype="0"/>
+<body name="foot" pos="0.2 0 0" {turn}><joint name="ankle" axis="{axis}"/>
+<geom type="capsule" fromto="0 0 0 {foot}" size="0.005" contype="0"/>
+<body name="shin" pos="{foot}"><joint name="shin" axis="{axis}"/>
+<geom type="capsule" fromto="0 0 0 -0.2 0 0" size="0.005" contype="0"/></body></body></body></body>
+</worldbody>
+<equality><connect name="knee" body1="shin" body2="hip" anchor="-0.2 0 0"/></equality>
+<actuator><position name="servo" joint="calf" kp="20"/></actuator></mujoco>"""
+# text of the turn and the axis in the turned frame, the lower end of the foot, and the error in [rad]
+ROUNDED = {
+    "pi/2": ('euler="1.57 0 0"', "0 1 0", "0 0 -0.1", np.pi / 2 - 1.57),
+    "pi": ('euler="3.14 0 0"', "0 0 -1", "0 -0.1 0", np.pi - 3.14),
+    "pi/4": ('euler="0.785 0 0"', "0 1 1", "0 0.0707 -0.0707", np.pi / 4 - 0.785),
+    "quaternion": (
+        'quat="0.924 0.383 0 0"',
+        "0 1 1",
+        "0 0.0707 -0.0707",
+        2.0 * np.arctan2(0.383, 0.924) - np.pi / 4,
+    ),
+    "axis": ("", "0 0.0008 1", "0 0.1 0", 0.0008),
+}
+
+
+def leg(turn: str, axis: str, foot: str) -> mujoco.MjSpec:
+    return mujoco.MjSpec.from_string(LEG.format(turn=turn, axis=axis, foot=foot))
+
+
+def least_gap(spec: mujoco.MjSpec, calf: float) -> float:
+    """Return MuJoCo's least gap of the loop at an angle of the calf, in [m]."""
+    model = spec.compile()
+    data = mujoco.MjData(model)
+
+    def gap(passive):
+        data.qpos[:] = (calf, *passive)
+        mujoco.mj_fwdPosition(model, data)
+        return data.efc_pos[:3].copy()
+
+    return float(np.linalg.norm(least_squares(gap, [-calf, calf], xtol=1e-14, gtol=1e-14).fun))
+
+
+@pytest.mark.parametrize("name", ROUNDED)
+def test_loops_with_a_rounded_angle_move(name):
+    turn, axis, foot, error = ROUNDED[name]
+    spec = leg(turn, axis, foot)
+    solver = read_mjcf(spec)
+    (note,) = (fact for fact in solver.facts if "deg off" in fact)
+    assert float(note.split(" deg off")[0].split()[-1]) == pytest.approx(np.rad2deg(abs(error)), rel=6e-3)
+    stated = float(note.split("least gap ")[1].split()[0])
+    assert stated == pytest.approx(least_gap(spec, 0.5), rel=0.06)
+    angles = np.linspace(-0.5, 0.5, 5)
+    motion = solver.solve(angles)
+    # the sides of a parallelogram stay parallel
+    np.testing.assert_allclose(motion.joints["shin"].value, angles, atol=1e-4)
+    np.testing.assert_allclose(motion.joints["ankle"].value, -angles, atol=1e-4)
+
+
+def test_studies_in_mujoco_move_the_same_loops():
+    turn, axis, foot, _ = ROUNDED["pi/2"]
+    spec = leg(turn, axis, foot)
+    assert ms.sample(spec, 20).residual.max() < 1e-12
+    shin = ms.joint_map(spec, {"calf": (-0.5, 0.5)}, ["shin"], points=5)
+    np.testing.assert_allclose(shin.output[:, 0], shin.input[:, 0], atol=1e-9)
+    (rounded,) = (found for found in ms.check(spec) if found.severity == "warning" and found.rule == "MS107")
+    assert "0.0456 deg" in rounded.message
+    assert spec.compile().body("foot").quat == pytest.approx(
+        [np.cos(0.785), np.sin(0.785), 0.0, 0.0], abs=1e-15
+    )
+
+
+@pytest.mark.parametrize("angle", [1.5673, 1.5743, np.pi / 2])
+def test_other_angles_remain_as_written(angle):
+    """An error of 0.2 deg is no rounding, and exact angles need no correction."""
+    spec = leg(f'euler="{angle!r} 0 0"', "0 1 0", "0 0 -0.1")
+    assert mujoco_input(spec) is spec
+    assert not any("deg off" in fact for fact in read_mjcf(spec).facts)
