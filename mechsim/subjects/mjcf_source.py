@@ -189,9 +189,15 @@ def read_mjcf(
         for name, value in (lock or {}).items()
     }
 
-    def read(given: "MujocoInput") -> "MjcfModel":
+    def read(described: "MujocoInput") -> "MjcfModel":
         return read_model(
-            given, drivers=drivers, lock=values, fix_base=fix_base, key=key, track=track, describe_only=still
+            described,
+            drivers=drivers,
+            lock=values,
+            fix_base=fix_base,
+            key=key,
+            track=track,
+            describe_only=still,
         )
 
     try:

@@ -12,14 +12,14 @@ from mechsim.subjects.mjcf_source import mujoco_input, read_mjcf
 LEG = """<mujoco model="leg"><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
 <body name="hip"><geom size="0.01"/><body name="calf"><joint name="calf" axis="0 0 1"/>
 <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.005" contype="0"/>
-<body name="foot" pos="0.2 0 0" {turn}><joint name="ankle" axis="{axis}"/>
+<body name="foot" pos="0.2 0 0" {rotation}><joint name="ankle" axis="{axis}"/>
 <geom type="capsule" fromto="0 0 0 {foot}" size="0.005" contype="0"/>
 <body name="shin" pos="{foot}"><joint name="shin" axis="{axis}"/>
 <geom type="capsule" fromto="0 0 0 -0.2 0 0" size="0.005" contype="0"/></body></body></body></body>
 </worldbody>
 <equality><connect name="knee" body1="shin" body2="hip" anchor="-0.2 0 0"/></equality>
 <actuator><position name="servo" joint="calf" kp="20"/></actuator></mujoco>"""
-# text of the turn and the axis in the turned frame, the lower end of the foot, and the error in [rad]
+# text of the rotation and the axis in the turned frame, the lower end of the foot, and the error in [rad]
 ROUNDED = {
     "pi/2": ('euler="1.57 0 0"', "0 1 0", "0 0 -0.1", np.pi / 2 - 1.57),
     "pi": ('euler="3.14 0 0"', "0 0 -1", "0 -0.1 0", np.pi - 3.14),
@@ -34,8 +34,8 @@ ROUNDED = {
 }
 
 
-def leg(turn: str, axis: str, foot: str) -> mujoco.MjSpec:
-    return mujoco.MjSpec.from_string(LEG.format(turn=turn, axis=axis, foot=foot))
+def leg(rotation: str, axis: str, foot: str) -> mujoco.MjSpec:
+    return mujoco.MjSpec.from_string(LEG.format(rotation=rotation, axis=axis, foot=foot))
 
 
 def least_gap(spec: mujoco.MjSpec, calf: float) -> float:
@@ -53,8 +53,8 @@ def least_gap(spec: mujoco.MjSpec, calf: float) -> float:
 
 @pytest.mark.parametrize("name", ROUNDED)
 def test_loops_with_a_rounded_angle_move(name):
-    turn, axis, foot, error = ROUNDED[name]
-    spec = leg(turn, axis, foot)
+    rotation, axis, foot, error = ROUNDED[name]
+    spec = leg(rotation, axis, foot)
     solver = read_mjcf(spec)
     (note,) = (fact for fact in solver.facts if "deg off" in fact)
     assert float(note.split(" deg off")[0].split()[-1]) == pytest.approx(np.rad2deg(abs(error)), rel=6e-3)
@@ -68,12 +68,14 @@ def test_loops_with_a_rounded_angle_move(name):
 
 
 def test_studies_in_mujoco_move_the_same_loops():
-    turn, axis, foot, _ = ROUNDED["pi/2"]
-    spec = leg(turn, axis, foot)
+    rotation, axis, foot, _ = ROUNDED["pi/2"]
+    spec = leg(rotation, axis, foot)
     assert ms.sample(spec, 20).residual.max() < 1e-12
     shin = ms.joint_map(spec, {"calf": (-0.5, 0.5)}, ["shin"], points=5)
     np.testing.assert_allclose(shin.output[:, 0], shin.input[:, 0], atol=1e-9)
-    (rounded,) = (found for found in ms.check(spec) if found.severity == "warning" and found.rule == "MS107")
+    (rounded,) = (
+        finding for finding in ms.check(spec) if finding.severity == "warning" and finding.rule == "MS107"
+    )
     assert "0.0456 deg" in rounded.message
     assert spec.compile().body("foot").quat == pytest.approx(
         [np.cos(0.785), np.sin(0.785), 0.0, 0.0], abs=1e-15

@@ -180,25 +180,26 @@ def _rotations_to_usual_angles(mechanism: Mechanism) -> tuple[Array, str]:
     ]
     sides.sort(key=lambda each: (each[0] < tree_joints, each[1] == 0))
     pairs = [
-        (one, other)
-        for one, other in combinations(sides, 2)
-        if one[2].link == other[2].link and other[0] < tree_joints
+        (reference, rotated)
+        for reference, rotated in combinations(sides, 2)
+        if reference[2].link == rotated[2].link and rotated[0] < tree_joints
     ]
     change, largest, cause = np.zeros((len(mechanism.joints), 2, 6)), 0.0, ""
-    for one, other in pairs * SWEEPS:
+    for reference, rotated in pairs * SWEEPS:
         first, second = (
-            turned_by(end.frame[None], change[i, side, 3:][None])[0, :, 2] for i, side, end in (one, other)
+            turned_by(end.frame[None], change[i, side, 3:][None])[0, :, 2]
+            for i, side, end in (reference, rotated)
         )
         normal = np.cross(first, second)
         angle = float(np.arctan2(np.linalg.norm(normal), first @ second))
         usual = USUAL_ANGLE * round(angle / USUAL_ANGLE)
         off = usual - angle
         if normal.any() and abs(off) < MAX_ANGLE:
-            change[other[0], other[1], 3:] += off * normal / np.linalg.norm(normal)
+            change[rotated[0], rotated[1], 3:] += off * normal / np.linalg.norm(normal)
         if max(largest, DIMENSION_TOLERANCE) < abs(off) < MAX_ANGLE:
             right = "parallel" if usual in (0.0, np.pi) else f"{np.rad2deg(usual):.0f} deg"
-            names, largest = sorted(mechanism.joints[i].name for i in (one[0], other[0])), abs(off)
-            axes = f"the axes of {' and '.join(names)} on {one[2].link}"
+            names, largest = sorted(mechanism.joints[i].name for i in (reference[0], rotated[0])), abs(off)
+            axes = f"the axes of {' and '.join(names)} on {reference[2].link}"
             cause = f"{axes} are {np.rad2deg(largest):.3g} deg off {right}"
     return change, cause
 
