@@ -288,6 +288,12 @@ def straight_path(
     weights = np.where(kinds == FREE, ACTUATED_WEIGHT, 1.0)
     actuated = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
     weights[model.jnt_dofadr[model.actuator_trnid[actuated, 0]]] = ACTUATED_WEIGHT
+    if drivers is None:
+        # of coupled joints the one whose whole range the others can follow is the driver
+        for dof in {int(dof) for row in loops.couplings for dof in (*row.left.dofs, *row.right.dofs)}:
+            joint = int(model.dof_jntid[dof])
+            if joint in limited_joints(model):
+                weights[dof] *= np.ptp(model.jnt_range[joint]) / loops.units[dof]
     others = np.setdiff1d(np.arange(model.nv), drivers or []).astype(np.int64)
     starts = start[None] if start is not None else np.concatenate([model.qpos0[None], model.key_qpos])
     closed = _closed_reference(loops, starts, others, loops.units[others] * weights[others])

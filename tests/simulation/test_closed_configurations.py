@@ -178,3 +178,21 @@ def test_a_start_at_a_change_point_is_rejected() -> None:
     model = mujoco.MjModel.from_xml_string(flat.replace('pos=".02 .06 0"', 'pos=".02 0 0"'))
     with pytest.raises(ms.errors.InputError, match="singular configuration, where assemblies meet"):
         ms.sample(model, 5)
+
+
+def test_the_coupled_joint_with_the_narrower_travel_is_drawn() -> None:
+    finger = (
+        '<body><joint name="p{0}" range="0 0.6"/><geom size="0.01"/><body pos="0.04 0 0">'
+        '<joint name="d{0}" range="0 3.14"/><geom size="0.01"/></body></body>'
+    )
+    rows = '<joint joint1="d{0}" joint2="p{0}" polycoef="0 1.08 0 0 0"/>'
+    fingers, couplings = ("".join(text.format(i) for i in range(6)) for text in (finger, rows))
+    xml = (
+        f'<mujoco><compiler angle="radian" autolimits="true"/><worldbody>{fingers}</worldbody>'
+        f"<equality>{couplings}</equality></mujoco>"
+    )
+    states = ms.sample(mujoco.MjModel.from_xml_string(xml), 20)
+    # 1.08 times 0.6 rad is within 3.14 rad: every drawn position is admissible
+    assert states.accepted == 1.0
+    assert np.ptp(states.qpos[:, ::2], axis=0).min() > 0.3
+    np.testing.assert_allclose(states.qpos[:, 1::2], 1.08 * states.qpos[:, ::2], atol=1e-12)
