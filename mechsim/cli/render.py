@@ -137,13 +137,7 @@ def render(
     if animation.trace:
         return _written(solver.name, output, _assembly_curve(path, solver, animation, look, picture))
     timed = not solver.motion_laws.crank
-    if timed and animation.speed != AnimationOptions().speed:
-        raise InputError(
-            f"--speed applies to a crank without a motion law; {solver.name} has one: leave it out"
-        )
-    if not timed and animation.slow is None:
-        timed_only = ["speed"] if animation.method == "closed" and not look.arrows else []
-        stated.exclude(timed_only + ([] if path.suffix else ["fps"]), "without --slow")
+    _require_effect(stated, animation, look, path, solver.name, timed=timed)
     profile = profile_of(solver, animation.speed, animation.turns, angle)
     samples = animation.samples(profile.duration, picture, look.overlay, timed=timed)
     both = animation.method == "both"
@@ -176,6 +170,17 @@ def render(
     return _written(
         solver.name, output, _write_animation(path, solver, motion, periodic, look, extra), masses
     )
+
+
+def _require_effect(
+    stated: Stated, animation: AnimationOptions, look: Look, path: Path, name: str, *, timed: bool
+) -> None:
+    """Raise InputError for an option without an effect on a driven motion; a timed one has motion laws."""
+    if timed and animation.speed != AnimationOptions().speed:
+        raise InputError(f"--speed applies to a crank without a motion law; {name} has one: leave it out")
+    if not timed and animation.slow is None:
+        timed_only = ["speed"] if animation.method == "closed" and not look.arrows else []
+        stated.exclude(timed_only + ([] if path.suffix else ["fps"]), "without --slow")
 
 
 def _released(
