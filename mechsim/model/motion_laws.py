@@ -335,7 +335,12 @@ class CrankLaw(MotionLaws):
     def require_drivers(self, mechanism: Mechanism) -> None:
         """Raise InputError unless a crank is the only driver of a mechanism."""
         if not mechanism.drivers:
-            joints = ", ".join(joint.name for joint in mechanism.joints)
+            joints = ", ".join(name for joint in mechanism.joints for name in joint.coordinates)
+            if not joints:
+                raise InputError(
+                    f"{mechanism.name} has no driver, and no joint with a coordinate that a motion law could "
+                    "prescribe: its balls and free joints have none; mechsim show, check and export accept it"
+                )
             raise InputError(
                 f"{mechanism.name} has no driver; give the motion law of one of its joints {joints} by "
                 "--drive JOINT=LAW, or in Python by drive"
