@@ -14,11 +14,13 @@ from mechsim.model.motors import ConstantTorque, Controller, DCMotor, Geared, Mo
 from mechsim.subjects.law_text import LoadComponent, combine_components, is_table, parse_component
 from mechsim.subjects.toml_coordinates import leaves
 from mechsim.subjects.toml_keys import MOTOR_PARAMETERS
-from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, shown, suggestion
+from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, dotted, shown, suggestion
 from mechsim.units import Unit
 
 # default gravity in [m/s2]: MuJoCo's default value, along -Y
 GRAVITY = (0.0, -9.81, 0.0)
+# smallest and largest plausible rest length of a spring, in sizes of the mechanism
+PLAUSIBLE = (0.01, 10.0)
 # unit of the coordinate -> unit of viscous friction, Coulomb friction and stiffness
 _VISCOUS: dict[str, Unit] = {"m": "N s/m", "rad": "N m s/rad"}
 _COULOMB: dict[str, Unit] = {"m": "N", "rad": "N m"}
@@ -102,6 +104,24 @@ def _springs(values: Values, mechanism: Mechanism, tables: Mapping[str, Any]) ->
                 yield Spring(
                     a, b, entry.get("stiffness", 0.0), entry.get("rest", 0.0), entry.get("damping", 0.0)
                 )
+
+
+def implausible_lengths(values: Values, mechanism: Mechanism) -> tuple[str, ...]:
+    """Return questions about rest lengths without a unit that fit the mechanism in metres only."""
+    scale, size = values.in_si(1.0, "m"), mechanism.characteristic_length
+    straight = {joint.name for joint in mechanism.joints if "m" in KINDS[joint.kind].units}
+    facts: list[str] = []
+    for table, names in (("springs", None), ("joint_springs", straight)):
+        for name, entry in values.source.document.get("forces", {}).get(table, {}).items():
+            rest, path = entry.get("rest", 0.0), ("forces", table, name, "rest")
+            if not isinstance(rest, int | float) or (names is not None and name not in names):
+                continue
+            if scale * abs(rest) < PLAUSIBLE[0] * size <= abs(rest) <= PLAUSIBLE[1] * size:
+                facts.append(
+                    f"line {values.source.line(path)}: {dotted(path)} is {rest:g} {values.length} in a "
+                    f"mechanism of {size:.2g} m; was '{rest:g} m' meant?"
+                )
+    return tuple(facts)
 
 
 def _controllers(values: Values, table: Mapping[str, Any]) -> Iterator[Controller]:

@@ -108,7 +108,7 @@ POINT = AnyOf(
     ),
     "name of a point, or a link and a point in its frame",
 )
-_VISCOUS, _COULOMB = "viscous friction, per unit of the joint's rate", "Coulomb friction, a force or a moment"
+_VISCOUS, _COULOMB = "viscous friction [N s/m or N m s/rad]", "Coulomb friction [N or N m]"
 _FRICTION = Table(
     {
         "viscous": JointNumber(_VISCOUS),
@@ -123,7 +123,7 @@ _SPRING = Table(
     _ENDS
     | {
         "stiffness": Number("N/m", "force per elongation"),
-        "rest": Number("m", "length without force; default 0"),
+        "rest": Number("m", "length without force, a number in the unit of the file; default 0"),
         "damping": Number("N s/m", "force per rate of elongation; default 0"),
     },
     "a spring, and damper, on the line between two points",
@@ -136,8 +136,8 @@ _DAMPER = Table(
 )
 _JOINT_SPRING = Table(
     {
-        "stiffness": JointNumber("force or moment per unit of the joint's coordinate"),
-        "rest": JointNumber("the coordinate without force; default 0"),
+        "stiffness": JointNumber("stiffness [N/m or N m/rad]"),
+        "rest": JointNumber("coordinate without force, a number in the unit of the file; default 0"),
     },
     "a spring in a revolute or prismatic joint",
     ("stiffness",),

@@ -22,7 +22,7 @@ from mechsim.subjects.toml_coordinates import (
     motion_laws_of,
     start_of,
 )
-from mechsim.subjects.toml_forces import GRAVITY, forces_of, require_pitch_points
+from mechsim.subjects.toml_forces import GRAVITY, forces_of, implausible_lengths, require_pitch_points
 from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_links import joint_of, links_of, pose_of
 from mechsim.subjects.toml_values import TomlSource, Values, parsed_source, shown, values_of
@@ -92,6 +92,7 @@ class TomlModel(ModelSource):
             forces=forces_of(values, mechanism, read),
             initial=initial_of(coordinates),
             written=WrittenUnits(values.length, values.angle),
+            facts=implausible_lengths(values, mechanism),
         )
         duration = read.get("duration")
         if duration is not None and not duration > 0.0:

@@ -98,3 +98,25 @@ def test_forces_of_a_file_act_in_sensitivities_sweeps_and_validation(press):
         solver, lambda angle: {"torque:crank": torque_by_virtual_power(angle)}, speed=SPEED, tolerance=1e-4
     )
     assert agrees.passed, agrees
+
+
+@pytest.mark.parametrize(
+    ("rest", "is_questioned"), [("0.36", True), ("360", False), ("'0.36 mm'", False), ("0", False)]
+)
+def test_a_rest_length_that_fits_in_metres_only_is_questioned(rest, is_questioned, tmp_path):
+    # a block on a slide has the size 1 m
+    path = tmp_path / "block.toml"
+    path.write_text(f"""name = "block"
+units = {{ length = "mm", angle = "deg" }}
+drivers = ["slide"]
+[links.block]
+inertia = {{ mass = 1, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }}
+[joints.slide]
+kind = "prismatic"
+a = {{ link = "ground", axis = [1, 0, 0] }}
+b = {{ link = "block", axis = [1, 0, 0] }}
+[forces]
+joint_springs.slide = {{ stiffness = 1000, rest = {rest} }}
+""")
+    facts = ms.load(str(path), still=True).facts
+    assert any("'0.36 m'" in fact for fact in facts) == is_questioned

@@ -157,7 +157,7 @@ def test_a_table_of_tolerances_is_read(tmp_path):
         ("crank=-1mm", "give a number above 0"),
         ("crank=1deg", "is the wrong kind of unit"),
         ("Z.clearance=1mm", "has no joint 'Z'"),
-        ("", "no tolerance is given"),
+        ("", "names no tolerance"),
     ],
 )
 def test_an_invalid_tolerance_is_rejected(written, output):
