@@ -6,12 +6,19 @@ from typing import Annotated, NotRequired, TypedDict
 import numpy as np
 
 from mechsim.cli.command import Result, command
+from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import Loops, Model, Sets, changed_parameters, joint_ranges, output_file, writable
 from mechsim.cli.output import Value, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.simulation.joint_map import JointMap
-from mechsim.studies.robots.joint_map import TOLERANCE, MapComparison, compare_with_loop_equations, joint_map
+from mechsim.studies.robots.joint_map import (
+    TOLERANCE,
+    MapComparison,
+    compare_with_loop_equations,
+    joint_map,
+    unread_parts,
+)
 from mechsim.subjects.mjcf_source import with_loops
 from mechsim.units import option
 
@@ -70,6 +77,7 @@ def map_joints(
     path = writable(output, ".npz")
     changed, source = changed_parameters(sets), with_loops(model, loops)
     ranges = joint_ranges("--from", inputs)
+    notes.extend(unread_parts(source))
     with progress("map", None) as report:
         table = joint_map(
             source, ranges, outputs.split(","), points=points, degree=degree, set=changed, progress=report

@@ -7,10 +7,12 @@ import numpy as np
 import typer
 
 from mechsim.cli.command import Result, command
+from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import Loops, Model, Sets, changed_parameters, output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
+from mechsim.studies.robots.joint_map import unread_parts
 from mechsim.subjects.mjcf_source import with_loops
 from mechsim.units import option
 
@@ -41,6 +43,7 @@ def sample(
     """
     path = writable(output, ".npz")
     source, changed = with_loops(model, loops), changed_parameters(sets)
+    notes.extend(unread_parts(source))
     with progress("sample", None) as report:
         states = closed_configurations.sample(source, n, seed, set=changed, progress=report)
     with atomic_path(path) as temporary, temporary.open("wb") as file:

@@ -120,7 +120,10 @@ class Reader:
 READERS: list[Reader] = [
     Reader("mechsim.subjects.toml_reader:TomlModel", suffixes=(".toml",)),
     Reader("mechsim.subjects.mjcf_source:MujocoSource", suffixes=(".xml", ".urdf")),
-    Reader("mechsim.subjects.mjcf_source:MujocoSource", types=("mujoco.MjSpec", "mujoco.MjModel")),
+    Reader(
+        "mechsim.subjects.mjcf_source:MujocoSource",
+        types=("mujoco.MjSpec", "mujoco.MjModel", "mechsim.UrdfFile"),
+    ),
     Reader("mechsim.subjects.python_object:PythonObject", suffixes=(".py",)),
     Reader("mechsim.subjects.planar_json:PlanarJson", suffixes=(".json", ".pmks")),
     Reader(

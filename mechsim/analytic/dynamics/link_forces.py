@@ -125,8 +125,10 @@ def constrained_acceleration(mass: Array, force: Array, rows: Array, gamma: Arra
     projector = np.eye(mass.shape[1]) - np.swapaxes(basis, 1, 2) @ basis
     scale = np.trace(mass, axis1=1, axis2=2)[:, None, None] / mass.shape[1]
     reduced = projector @ mass @ projector + scale * (np.eye(mass.shape[1]) - projector)
-    free = np.linalg.solve(reduced, projector @ (force[..., None] - mass @ particular))
-    acceleration = projector @ free + particular
-    multipliers = u @ (inverse[..., None] * (vh @ (mass @ acceleration - force[..., None])))
+    # forces that are not finite give such accelerations, which the integrator rejects
+    with np.errstate(invalid="ignore", over="ignore"):
+        free = np.linalg.solve(reduced, projector @ (force[..., None] - mass @ particular))
+        acceleration = projector @ free + particular
+        multipliers = u @ (inverse[..., None] * (vh @ (mass @ acceleration - force[..., None])))
     result: Array = np.asarray(acceleration[..., 0])
     return result, multipliers[..., 0]

@@ -15,7 +15,7 @@ from mechsim.model.links import GROUND, Vector
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.mjcf.compiling import compiled, quiet, warnings_of_mujoco
 from mechsim.simulation.mjcf_reader.coordinates import did_you_mean, listed
-from mechsim.simulation.mjcf_reader.file_errors import MAX_SHOWN, readable_error
+from mechsim.simulation.mjcf_reader.file_errors import MAX_SHOWN, readable_error, require_numbers
 from mechsim.simulation.mjcf_reader.file_text import root_of
 from mechsim.simulation.mjcf_reader.repairs import (
     copy_shapes,
@@ -73,13 +73,14 @@ def parse_file(source: MujocoInput) -> ParsedFile:
     no joint depends on them.
 
     Raises:
-        InputError: if a file cannot be read or MuJoCo rejects it, with file and line.
+        InputError: if a file cannot be read, MuJoCo rejects it, or a number is not finite or too large.
     """
     path, (spec, unread) = model_label(source), _specification(source)
     remarks = _disable_sleep(path, spec)
     # compilation extends qpos of keyframes
     coordinate_counts = {key.name: len(key.qpos) for key in spec.keys}
     model, left_out = compile_repaired(path, spec, unread)
+    require_numbers(path, spec, model, model.qpos0)
     short = [
         f"keyframe {name!r} has {count} of {model.nq} coordinates: the rest are those of the reference"
         for name, count in coordinate_counts.items()

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.model.finding import HARMLESS
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Scene
@@ -113,6 +114,13 @@ def mujoco_spec(
     from mechsim.pictures.render.scenery import exported
 
     return exported(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
+
+
+def unread_parts(model: Any) -> list[str]:
+    """Return a line for each part of a MuJoCo or URDF file that was not read; none for other models."""
+    own = mujoco_input(model)
+    unread = [] if own is None else parse_file(own).unread
+    return [finding.one_line for finding in unread if finding.remedy != HARMLESS]
 
 
 def ranges_in_si(
