@@ -108,7 +108,7 @@ def _springs(values: Values, mechanism: Mechanism, tables: Mapping[str, Any]) ->
 
 def implausible_lengths(values: Values, mechanism: Mechanism) -> tuple[str, ...]:
     """Return questions about rest lengths without a unit that fit the mechanism in metres only."""
-    scale, size = values.in_si(1.0, "m"), mechanism.characteristic_length
+    scale, extent = values.in_si(1.0, "m"), mechanism.characteristic_length
     straight = {joint.name for joint in mechanism.joints if "m" in KINDS[joint.kind].units}
     facts: list[str] = []
     for table, names in (("springs", None), ("joint_springs", straight)):
@@ -116,10 +116,10 @@ def implausible_lengths(values: Values, mechanism: Mechanism) -> tuple[str, ...]
             rest, path = entry.get("rest", 0.0), ("forces", table, name, "rest")
             if not isinstance(rest, int | float) or (names is not None and name not in names):
                 continue
-            if scale * abs(rest) < PLAUSIBLE[0] * size <= abs(rest) <= PLAUSIBLE[1] * size:
+            if scale * abs(rest) < PLAUSIBLE[0] * extent <= abs(rest) <= PLAUSIBLE[1] * extent:
                 facts.append(
                     f"line {values.source.line(path)}: {dotted(path)} is {rest:g} {values.length} in a "
-                    f"mechanism of {size:.2g} m; was '{rest:g} m' meant?"
+                    f"mechanism of {extent:.2g} m; was '{rest:g} m' meant?"
                 )
     return tuple(facts)
 

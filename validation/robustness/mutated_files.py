@@ -123,8 +123,8 @@ def changed_number(content: bytes, chance: random.Random) -> bytes:
     if not tokens:
         return content
     token = chance.choice(tokens)
-    near = repr(float(token[0]) * chance.choice((1 + 1e-6, 1.01, 1.5, -1.0, 10.0))).encode()
-    new = chance.choice((chance.choice(tokens)[0], near, near, chance.choice(NUMBERS)))
+    about = repr(float(token[0]) * chance.choice((1 + 1e-6, 1.01, 1.5, -1.0, 10.0))).encode()
+    new = chance.choice((chance.choice(tokens)[0], about, about, chance.choice(NUMBERS)))
     return content[: token.start()] + new + content[token.end() :]
 
 
