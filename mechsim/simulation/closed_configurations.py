@@ -290,7 +290,8 @@ def straight_path(
     weights[model.jnt_dofadr[model.actuator_trnid[actuated, 0]]] = ACTUATED_WEIGHT
     if drivers is None:
         # of coupled joints the one whose whole range the others can follow is the driver
-        for dof in {int(dof) for row in loops.couplings for dof in (*row.left.dofs, *row.right.dofs)}:
+        sides = [side for row in loops.couplings for side in (row.left, row.right) if side is not None]
+        for dof in {int(dof) for side in sides for dof in side.dofs}:
             joint = int(model.dof_jntid[dof])
             if joint in limited_joints(model):
                 weights[dof] *= np.ptp(model.jnt_range[joint]) / loops.units[dof]

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.finding import HARMLESS
@@ -214,6 +213,9 @@ def _rotation_vectors(motion: "Motion", still: "Motion", link: str) -> Array:
         # the ground does not rotate
         return np.zeros((3, len(motion.angle), 3))
     moved, start = motion.links[link], still.links[link].rotation[0]
+    # a local import, since the help of a command needs no solver
+    from scipy.spatial.transform import Rotation
+
     vector = Rotation.from_matrix(moved.rotation @ start.T).as_rotvec()
     angular, matrix = moved.angular_velocity[..., None], rotation_vector_rates
     rate = (matrix(vector) @ angular)[..., 0]
