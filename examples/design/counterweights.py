@@ -23,7 +23,7 @@ SHAKING = Goal(
 
 
 def search() -> Optimum:
-    start = ms.moved(MODEL, angles=CRANK_ANGLES, speed=ms.units.rpm(600))
+    start = ms.moved(MODEL, angles=CRANK_ANGLES, speed=ms.units.rpm(600), forces=ms.Forces())
     return ms.optimise(start, VARY, SHAKING)
 
 

@@ -207,13 +207,15 @@ def dynamics(
 
 
 def _with_masses(model: DynamicModel, result: Result[Any], verbose: bool) -> Result[Any]:
-    """Return a result with name and masses of its mechanism."""
+    """Return a result with name, masses and gravity of its mechanism."""
+    gravity = model.forces.gravity
 
     def text() -> None:
         result.text()
         print_masses(model.masses, verbose)
+        print_text(f"gravity: {', '.join(map(number, gravity))} m/s2" if any(gravity) else "gravity: none")
 
-    data = {"mechanism": model.mechanism.name, "masses": model.masses, **result.data}
+    data = {"mechanism": model.mechanism.name, "masses": model.masses, "gravity": gravity, **result.data}
     return Result(data, text, result.passed)
 
 

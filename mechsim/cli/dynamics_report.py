@@ -111,6 +111,7 @@ class DynamicsJson(TypedDict):
 
     mechanism: str
     masses: list[LinkMass]
+    gravity: list[float]
     tolerance_report: ToleranceJson | None
     passed: bool | None
     outcome: Outcome | None

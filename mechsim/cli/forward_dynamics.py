@@ -55,6 +55,7 @@ class ForwardRunJson(TypedDict):
 
     mechanism: str
     masses: list[LinkMass]
+    gravity: list[float]
     outcome: Outcome
     reason: str
     duration: float
@@ -106,6 +107,7 @@ class StaticsJson(TypedDict):
 
     mechanism: str
     masses: list[LinkMass]
+    gravity: list[float]
     equilibria: list[EquilibriumJson]
     holding: dict[str, float]
     passed: bool | None
@@ -117,6 +119,7 @@ class ModesJson(EquilibriumJson):
 
     mechanism: str
     masses: list[LinkMass]
+    gravity: list[float]
 
 
 class ResponseColumns(TypedDict):
@@ -132,6 +135,7 @@ class ResponseJson(TypedDict):
 
     mechanism: str
     masses: list[LinkMass]
+    gravity: list[float]
     load: str
     quantity: str
     unit: str

@@ -17,7 +17,7 @@ from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, requ
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring
+from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, forces_of
 from mechsim.model.load_profile import Over, table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Controller, Geared, PlainMotor
@@ -64,8 +64,6 @@ def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> "Us
 
 
 Element = TypeVar("Element")
-# default gravity in [m/s2]
-GRAVITY = (0.0, -9.81, 0.0)
 # kind -> its form, class, and the units of its numbers
 MOTORS: dict[str, tuple[str, type[PlainMotor], tuple[units.Unit, ...]]] = {
     "constant": ("constant:TORQUE in N m", motors.ConstantTorque, ("N m",)),
@@ -264,7 +262,7 @@ class LoadOptions:
         if motor is not None and self.gear is not None:
             motor = Geared(motor, self.gear)
         elements = (*self.spring, *self.damper)
-        own = solver.forces or Forces(gravity=GRAVITY)
+        own = forces_of(solver)
         return replace(
             own,
             gravity=own.gravity if self.gravity is None else self.gravity,

@@ -8,6 +8,7 @@ from typing import Annotated, Any, cast
 import numpy as np
 import typer
 
+from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
@@ -32,7 +33,7 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.render.frame_poses import PATH_POINTS, VISIBLE_DIFFERENCE, comes_round, frame_indices
-from mechsim.studies.reference import MAX_SAMPLES, drawn_motion, joint_loads, profile_of, weighing
+from mechsim.studies.reference import MAX_SAMPLES, drawn_motion, joint_loads, profile_of
 from mechsim.studies.release import Release
 from mechsim.studies.scene.published_run import runs_as_published
 from mechsim.subjects.mjcf_source import MjcfForm
@@ -152,7 +153,7 @@ def render(
     masses: Sequence[LinkMass] = ()
     if {"force", "moment"} & set(look.arrows):
         extra |= joint_loads(solver, animation.method, profile, motion)
-        masses = weighing(solver).masses
+        masses = dynamic_model(solver).masses
         captions.append("joint loads as they act on the driven link")
     if both and isinstance(solver, LoopForm):
         extra["exact"] = solver.solve_as(motion)

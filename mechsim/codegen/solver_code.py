@@ -20,7 +20,7 @@ from mechsim.codegen.kinematics import (
     identifiers,
 )
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces
+from mechsim.model.forces import forces_of
 from mechsim.model.masses import with_inertia
 from mechsim.numerics.arrays import Array
 
@@ -111,7 +111,7 @@ def solver_code(
         raise InputError(f"{assembly.mechanism.name}: nothing is driven; name a driver, as by drive=")
     formulas = SolverFormulas(assembly, varying)
     inertias = _inertias(assembly, formulas.links)
-    gravity = np.array((assembly.source.forces or Forces()).gravity)
+    gravity = np.array(forces_of(assembly.source).gravity)
     integers, reals = _integers(assembly), _reals(assembly)
     reals["GRAVITY"] = gravity, "of the model, m/s2"
     if geometry is not None:

@@ -249,10 +249,10 @@ class Forces:
         return replace(self, motor=None)
 
 
-def forces_of(source: object, forces: Forces | None) -> Forces:
-    """Return `forces`; if None, those of the source, such as the `[forces]` of a file, or no forces."""
+def forces_of(source: object, forces: Forces | None = None) -> Forces:
+    """Return `forces`; if None, those of the source, such as the `[forces]` of a file, or else weight."""
     own = getattr(source, "forces", None) if forces is None else forces
-    return Forces() if own is None else require("forces", own, Forces)
+    return WEIGHT if own is None else require("forces", own, Forces)
 
 
 def located(mechanism: Mechanism, location: Location) -> tuple[str, Vector]:
@@ -282,3 +282,7 @@ def located(mechanism: Mechanism, location: Location) -> tuple[str, Vector]:
 def _at_least_zero(what: str, value: float) -> None:
     if not 0.0 <= number(value) < HUGE:
         raise InputError(f"{what} is {value}; give a finite number, 0 or more, below {HUGE:g}")
+
+
+# forces on a mechanism for which none are stated: MuJoCo's default gravity, along -y
+WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))

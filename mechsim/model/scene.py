@@ -4,11 +4,10 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from mechsim.errors import InputError
-from mechsim.model.forces import Forces
+from mechsim.model.forces import WEIGHT, Forces
 
 Level = Literal["pose", "motion", "dynamics", "picture"]
 LEVELS: tuple[Level, ...] = get_args(Level)
-GRAVITY = Forces(gravity=(0.0, -9.81, 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +37,7 @@ class Scene:
     @property
     def acting(self) -> Forces:
         """The forces of the scene, by default gravity along -y."""
-        return GRAVITY if self.forces is None else self.forces
+        return WEIGHT if self.forces is None else self.forces
 
     def under(self, forces: Forces | None) -> "Scene":
         """Return the scene with these forces, unless it has its own."""

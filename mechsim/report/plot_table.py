@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from mechsim.analytic import catalog
-from mechsim.analytic.dynamics import DynamicModel
+from mechsim.analytic.dynamics import DynamicModel, dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.solvers import KinematicSolver, closed_form
 from mechsim.errors import InputError
@@ -27,7 +27,7 @@ from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
 from mechsim.studies.extremes import stability_map
 from mechsim.studies.plots import extremes_map, work_precision
-from mechsim.studies.reference import drawn_motion, profile_of, simulated_forces, weighing
+from mechsim.studies.reference import drawn_motion, profile_of, simulated_forces
 from mechsim.studies.release import Release
 from mechsim.studies.tradeoff.subject import subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff
@@ -93,7 +93,7 @@ class PlotSource:
     progress: Progress = lambda _message, _fraction: None
     masses: list[LinkMass] = field(default_factory=list[LinkMass])
     release: Release | None = None
-    model: Callable[[KinematicSolver], DynamicModel] = weighing
+    model: Callable[[KinematicSolver], DynamicModel] = dynamic_model
 
     def motion(self, method: str, samples: int = SAMPLES) -> Motion:
         """Return a motion by the "closed" form, "simulated" in time, or "posed" angle by angle."""

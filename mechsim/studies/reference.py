@@ -6,13 +6,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mechsim.analytic import dynamics
-from mechsim.analytic.dynamics import DynamicModel, dynamic_model
+from mechsim.analytic.dynamics import dynamic_model, prescribed
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
 from mechsim.model.force_record import ForceRecord
-from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, PointMotion, select_instants
 from mechsim.model.motion_laws import CrankProfile, constant, within_range
 from mechsim.numerics.angles import REVOLUTION
@@ -34,7 +32,6 @@ from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
 
 # largest number of samples of a picture or video
 MAX_SAMPLES = 100_000
-WEIGHT = Forces(gravity=(0.0, -9.81, 0.0))
 
 
 def profile_of(
@@ -96,23 +93,18 @@ def stepped(solver: KinematicSolver, profile: CrankProfile, samples: int) -> Mot
     return simulated(solver, profile, samples=samples, method="step").motion
 
 
-def weighing(solver: KinematicSolver) -> dynamics.DynamicModel:
-    """Return a mechanism with the masses and forces of its file; by default steel links under gravity."""
-    return dynamics.dynamic_model(solver, solver.forces or WEIGHT)
-
-
 def joint_loads(
     solver: KinematicSolver, method: str, profile: CrankProfile, motion: Motion
 ) -> dict[str, Any]:
     """Return forces and moments in the joints at the samples of a motion, by the same method as the motion.
 
-    They act on link b of each joint, under the masses and forces of `weighing`.
+    They act on link b of each joint, under the masses and forces of `dynamic_model`.
     """
     if method == "simulated":
         reactions = simulated_forces(solver, profile, len(motion) - 1).reactions
     else:
         instants = (motion.angle, motion.speed, motion.acceleration)
-        study = dynamics.prescribed(weighing(solver), *instants, time=motion.time, as_run=motion)
+        study = prescribed(dynamic_model(solver), *instants, time=motion.time, as_run=motion)
         reactions = study.forces.reactions
     forces = {name: reaction.force for name, reaction in reactions.items()}
     # a moment smaller than the largest force times a billionth of the size is rounding and gets no arrow
@@ -129,8 +121,8 @@ def joint_loads(
 
 
 def simulated_forces(solver: KinematicSolver, profile: CrankProfile, samples: int) -> ForceRecord:
-    """Return forces from MuJoCo along a motion, under the masses and forces of `weighing`."""
-    model = weighing(solver.starting_at(profile.angles))
+    """Return forces from MuJoCo along a motion, under the masses and forces of `dynamic_model`."""
+    model = dynamic_model(solver.starting_at(profile.angles))
     return driven(model.mechanism, model.forces, samples=samples, **driven_as(solver, profile)).forces
 
 
@@ -182,15 +174,11 @@ def _solved(solver: KinematicSolver, reference: ReferenceData) -> Motion:
     return solver.solve(t=reference.first)
 
 
-def _dynamic_model(solver: KinematicSolver) -> DynamicModel:
-    return dynamic_model(solver, solver.forces)
-
-
 def _by_equations(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
     try:
         motion = _solved(solver, reference)
         study = prescribed_along(
-            _dynamic_model(solver), motion.angle, motion.speed, time=reference.first, as_run=None
+            dynamic_model(solver), motion.angle, motion.speed, time=reference.first, as_run=None
         )
     except AssemblyError as error:
         return Verdict("cannot assemble", (), str(error))
@@ -199,7 +187,7 @@ def _by_equations(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
 
 def _by_poses(solver: KinematicSolver, reference: ReferenceData) -> Verdict:
     try:
-        acting, profile = _dynamic_model(solver), _profile(solver, reference)
+        acting, profile = dynamic_model(solver), _profile(solver, reference)
         samples = len(reference.first) - solver.motion_laws.crank
         motion = simulated(solver, profile, method="pose", samples=samples).motion
         run = driven(

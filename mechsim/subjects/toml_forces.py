@@ -4,7 +4,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from mechsim.errors import InputError
-from mechsim.model.forces import Couple, Forces, Friction, JointSpring, Load, Location, Spring, located
+from mechsim.model.forces import (
+    WEIGHT,
+    Couple,
+    Forces,
+    Friction,
+    JointSpring,
+    Load,
+    Location,
+    Spring,
+    located,
+)
 from mechsim.model.joint_kinds import KINDS, KindName
 from mechsim.model.links import ORIGIN
 from mechsim.model.load_profile import LoadProfile, constant
@@ -17,8 +27,6 @@ from mechsim.subjects.toml_keys import MOTOR_PARAMETERS
 from mechsim.subjects.toml_values import KeyPath, TomlSource, Values, dotted, shown, suggestion
 from mechsim.units import Unit
 
-# default gravity in [m/s2]: MuJoCo's default value, along -Y
-GRAVITY = (0.0, -9.81, 0.0)
 # smallest and largest plausible rest length of a spring, in sizes of the mechanism
 PLAUSIBLE = (0.01, 10.0)
 # unit of the coordinate -> unit of viscous friction, Coulomb friction and stiffness
@@ -34,7 +42,7 @@ def forces_of(values: Values, mechanism: Mechanism, read: Mapping[str, Any]) -> 
     table: dict[str, Any] = read["forces"]
     with values.source.error_context(("forces",)):
         forces = Forces(
-            gravity=table.get("gravity", GRAVITY),
+            gravity=table.get("gravity", WEIGHT.gravity),
             friction=tuple(_frictions(values, mechanism, table)),
             springs=tuple(_springs(values, mechanism, table)),
             joint_springs=tuple(_joint_springs(values, mechanism, table)),

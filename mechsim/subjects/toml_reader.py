@@ -10,6 +10,7 @@ from typing import Any
 from mechsim.analytic.derivatives.dimensions import Dimension
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.files import read_text
+from mechsim.model.forces import WEIGHT
 from mechsim.model.mechanism import Mechanism, Up, against
 from mechsim.subjects.model_source import ModelDescription, ModelSource, Parameters, Prescription
 from mechsim.subjects.parameter_units import parameter_dependencies, parameter_units, require_dimensions
@@ -22,7 +23,7 @@ from mechsim.subjects.toml_coordinates import (
     motion_laws_of,
     start_of,
 )
-from mechsim.subjects.toml_forces import GRAVITY, forces_of, implausible_lengths, require_pitch_points
+from mechsim.subjects.toml_forces import forces_of, implausible_lengths, require_pitch_points
 from mechsim.subjects.toml_keys import ROOT
 from mechsim.subjects.toml_links import joint_of, links_of, pose_of
 from mechsim.subjects.toml_values import TomlSource, Values, parsed_source, shown, values_of
@@ -137,4 +138,4 @@ def _up(read: Mapping[str, Any]) -> Up | None:
     stated: Up | None = read.get("display", {}).get("up")
     if stated or "forces" not in read:
         return stated
-    return against(read["forces"].get("gravity", GRAVITY))
+    return against(read["forces"].get("gravity", WEIGHT.gravity))

@@ -72,7 +72,7 @@ def test_a_model_without_losses_keeps_its_energy(name, turns):
 
 
 def test_the_period_without_forces_follows_from_the_reduced_inertia():
-    model = dynamics.dynamic_model(catalog.make("rrsrr"))
+    model = dynamics.dynamic_model(catalog.make("rrsrr"), Forces())
     angle = np.arange(512) * (2.0 * np.pi / 512)
     inertia = dynamics.reduced(model, angle).inertia
     run = dynamics.free_run(model, angle=0.0, speed=30.0, turns=2.0, samples=3)
@@ -176,7 +176,9 @@ def test_incomplete_runs_report_their_outcome():
 def test_a_crank_turns_back_at_its_dead_centre():
     linkage = catalog.make("four_bar", crank=0.2, rocker=0.19, coupler=0.05, ground=0.1)
     start = linkage.mechanism.start
-    run = dynamics.free_run(dynamics.dynamic_model(linkage), angle=start, speed=5.0, turns=1.0, samples=5)
+    run = dynamics.free_run(
+        dynamics.dynamic_model(linkage, Forces()), angle=start, speed=5.0, turns=1.0, samples=5
+    )
     assert run.outcome == "turned back"
     ahead = min((end - start) % (2.0 * np.pi) for end in linkage.dead_centres())
     assert run.angle[-1] - start == pytest.approx(ahead, abs=1e-9)
@@ -252,7 +254,7 @@ def test_a_crank_passes_close_to_a_singular_configuration():
     linkage = catalog.make(
         "four_bar", **dict(zip(("ground", "crank", "coupler", "rocker"), lengths, strict=True))
     )
-    model = dynamics.dynamic_model(linkage)
+    model = dynamics.dynamic_model(linkage, Forces())
     run = dynamics.free_run(model, angle=2.0, speed=60.0, turns=1.0, samples=3)
     assert run.outcome == "done"
     nodes, weights = np.polynomial.legendre.leggauss(60)

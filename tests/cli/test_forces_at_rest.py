@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+import mechsim as ms
+
 BELL = """
 name = "bell_crank"
 drivers = ["pivot"]
@@ -102,7 +104,39 @@ def test_a_slider_crank_at_rest_holds_a_force_on_the_slider(peaks, tmp_path):
     assert abs(data["drives"]["crank"]["largest"]) == pytest.approx(force * rate)
 
 
+def test_certify_takes_open_chains(mechsim, tmp_path):
+    """Two serial joints: the drivers give every coordinate, whatever the lengths."""
+    arm = tmp_path / "arm.toml"
+    arm.write_text(ARM)
+    data = json.loads(mechsim("certify", str(arm), "--json").out)
+    assert (data["certified"], data["proven"], data["equations"]) == (True, pytest.approx(1.0), 0)
+    assert data["tube"] == 0.0
+
+
 @pytest.mark.parametrize("command", ["solve", "simulate", "validate", "show", "certify", "dynamics"])
 def test_other_commands_take_constant_laws(mechsim, command):
     result = mechsim(command, "four_bar", "--drive", "crank=30deg")
     assert result.code == 0
+
+
+def test_weight_acts_where_no_forces_are_stated(mechsim, tmp_path):
+    """A pendulum with m g d = 2 kg * 9.81 m/s2 * 0.5 m, at rest at the horizontal and let go from it."""
+    pendulum = tmp_path / "pendulum.toml"
+    pendulum.write_text(
+        'name = "pendulum"\ndrivers = ["p"]\nmotion_laws = { p = "0deg" }\n'
+        "[links.bob]\ninertia = { mass = 2.0, centre = [0.5, 0, 0], moments = [0.1, 0.1, 0.1] }\n"
+        '[joints.p]\nkind = "revolute"\na = { link = "ground" }\nb = { link = "bob" }\n'
+    )
+    torque, inertia = 2.0 * 9.81 * 0.5, 0.1 + 2.0 * 0.5**2
+    rest = json.loads(mechsim("dynamics", str(pendulum), "--json", "--samples", "6").out)
+    assert rest["gravity"] == [0.0, -9.81, 0.0]
+    assert rest["drives"]["p"]["largest"] == pytest.approx(torque, rel=1e-9)
+    assert "gravity: 0, -9.81, 0 m/s2" in mechsim("dynamics", str(pendulum)).out
+    weightless = json.loads(mechsim("dynamics", str(pendulum), "--gravity", "0,0,0", "--json").out)
+    assert weightless["gravity"] == [0.0, 0.0, 0.0]
+    solver = ms.load(pendulum)
+    for source in (solver, solver.mechanism):
+        run = ms.dynamics.run(source, initial={"p.q": 0.0}, duration=0.1, samples=2)
+        assert run.motion.joints["p"].acceleration[0] == pytest.approx(-torque / inertia, rel=1e-9)
+    free = ms.dynamics.run(solver, ms.Forces(), initial={"p.q": 0.0}, duration=0.1, samples=2)
+    assert free.motion.joints["p"].acceleration == pytest.approx(0.0, abs=1e-12)

@@ -18,7 +18,6 @@ from mechsim.simulation import Settings
 from mechsim.simulation.dynamics.forward_run import stepped_run
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import crosscheck_driven, crosscheck_free
-from mechsim.studies.reference import weighing
 from mechsim.verdict.record_errors import of_reactions
 
 LINKAGE = catalog.make("rrsrr")
@@ -225,7 +224,9 @@ def test_cylindrical_and_fixed_cut_joints_have_the_newton_euler_reactions(mechan
 def test_links_too_light_for_mujoco_are_rejected():
     lengths = {"ground": 1e-2, "crank": 3e-3, "coupler": 9e-3, "rocker": 7e-3, "arm": 4e-3}
     large, small = (
-        dynamics.dynamic_model(catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}))
+        dynamics.dynamic_model(
+            catalog.make("four_bar", **{name: k * x for name, x in lengths.items()}), Forces()
+        )
         for k in (1.0, 1e-3)
     )
     with pytest.raises(InputError, match=r"link 'crank' has a moment of inertia of .* as large"):
@@ -238,7 +239,7 @@ def test_links_too_light_for_mujoco_are_rejected():
 @pytest.mark.parametrize("name", ["rack_steering", "elliptic_trammel", "oldham_coupling"])
 def test_stepped_torques_near_dead_centres_pass(name):
     solver = load(name)
-    model = weighing(solver)
+    model = dynamics.dynamic_model(solver)
     profile = within_range(solver.mechanism, solver.crank_range(), SPEED)
     run = driven(model.mechanism, model.forces, profile=profile, method="step")
     verdict = crosscheck_driven(run, model)

@@ -22,14 +22,13 @@ from mechanisms import three_cranks
 
 from mechsim import load
 from mechsim.analytic import catalog, dynamics
-from mechsim.analytic.dynamics import prescribed
+from mechsim.analytic.dynamics import dynamic_model, prescribed
 from mechsim.analytic.dynamics.model import DynamicModel
 from mechsim.errors import MechsimError
 from mechsim.model.forces import Forces
 from mechsim.model.motion_laws import within_range
 from mechsim.simulation.dynamics import applied_forces
 from mechsim.simulation.dynamics.prescribed_motion import HARD, driven
-from mechsim.studies.reference import weighing
 from mechsim.subjects import gallery
 from mechsim.verdict.quantities import force_scales
 
@@ -49,7 +48,7 @@ def main() -> None:
         motion: dict[str, Any] = {"motion_laws": solver.motion_laws}
         if solver.motion_laws.crank:
             motion = {"profile": within_range(solver.mechanism, solver.crank_range(), SPEED)}
-        print_row(name, weighing(solver), motion)
+        print_row(name, dynamic_model(solver), motion)
     if sys.argv[1:]:
         return
     for offset in (1e-3, 1e-4):
@@ -79,7 +78,7 @@ def print_row(name: str, model: DynamicModel, motion_options: dict[str, Any]) ->
 
 def cost(name: str) -> None:
     """Print the processor time of a stepped revolution by number of readings, the best of several rounds."""
-    model, default = weighing(load(name)), applied_forces.PASSES
+    model, default = dynamic_model(load(name)), applied_forces.PASSES
     best = dict.fromkeys((1, default), np.inf)
     for _ in range(ROUNDS):
         for passes in best:

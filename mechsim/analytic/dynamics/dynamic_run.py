@@ -148,7 +148,7 @@ def run(
     Args:
         source: a mechanism, or an object with one, such as the result of `ms.load`; links without an inertia
             are rods.
-        forces: applied forces; None selects the forces of the source.
+        forces: applied forces; None selects those of the source, or else gravity along -y.
         initial: initial coordinates `J.q` and rates `J.v` in SI, or text with a unit, such as
             {"crank.q": "10deg"}; other coordinates start at their assembled values, at rest.
         prescribed: coordinates that follow the motion laws of the source.

@@ -91,8 +91,8 @@ def dynamic_model(
     Args:
         source: a catalogue mechanism, solved by its closed form, or any mechanism, solved by its loop
             equations.
-        forces: applied forces; the default is those of the source, such as a file's `[forces]`, or none.
-            `Forces()` means none in any case.
+        forces: applied forces; the default is those of the source, such as a file's `[forces]`, or
+            else gravity of 9.81 m/s2 along -y. `Forces()` means none.
         mechanism: the description of the catalogue mechanism with other inertias.
         density: density of the rods that replace missing inertias, in [kg/m3].
         diameter: diameter of those rods in [m] or text such as "5mm"; the default is 0.05 of the

@@ -63,7 +63,7 @@ def driven(
         source: a Mechanism, or an object that has one, as `ms.load` returns; links without an inertia are
             rods, as in `masses.with_inertia`.
         forces: applied forces, without the motor, which the drive replaces. None takes the forces of the
-            source, as a file's `[forces]`, or no forces if it has none.
+            source, as a file's `[forces]`, or else gravity along -y.
         speed: constant crank speed in [rad/s], negative backwards, or text, as "600rpm"; or give `profile`.
         turns: of the crank, at constant speed.
         profile: the crank's angle over time.

@@ -204,7 +204,7 @@ class EvaluationPoints:
     @cached_property
     def loaded_model(self) -> DynamicModel:
         """The mechanism with its masses and forces."""
-        return self.dynamic_model or dynamics.dynamic_model(self.solver, self.solver.forces)
+        return self.dynamic_model or dynamics.dynamic_model(self.solver)
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:

@@ -65,7 +65,7 @@ class Certificate:
         proven: fraction of the range that they cover.
         singular: singular points of the motion.
         min_singular_value: lower bound of the smallest singular value of the Jacobian on the proven segments,
-            in radians and characteristic lengths.
+            in radians and characteristic lengths; infinite without loops.
         tube: largest half-width of the tube that contains the configuration, in the same units.
         equations: number of solved equations; the others hold identically.
         unit: unit of range and singular points, "rad" or "s".
@@ -92,9 +92,11 @@ class Certificate:
         low, high = (instant_text(end, self.unit, 4) for end in self.range)
         if not self.certified:
             return f"not certified from {low} to {high}: {self.reason}"
+        certified = f"certified from {low} to {high}: at each driver position exactly one configuration"
+        if not self.equations:
+            return f"{certified}, for there is no loop"
         return (
-            f"certified from {low} to {high}: at each driver position exactly one "
-            f"configuration in a tube of half-width {self.tube:.2g} about the computed motion, and no "
+            f"{certified} in a tube of half-width {self.tube:.2g} about the computed motion, and no "
             f"singularity (smallest singular value at least {self.min_singular_value:.2g}, "
             f"{self.segments} segments)"
         )

@@ -139,7 +139,9 @@ class ClosureEquations:
         """
         constants = self.balls
         placed = placed_links(self.tree, constants, q, turns)
-        rows = [cut_equations(cut, constants, placed, self.tree) for cut in self.cuts]
+        # without loops, 0 equations
+        rows = [(q[..., :0, :], q[..., :0, :] @ np.zeros((1, self.tree.count)))]
+        rows += [cut_equations(cut, constants, placed, self.tree) for cut in self.cuts]
         rows += [self._rod_equation(rod, placed) for rod in self.rods]
         offsets = zip(self.couplings, self.turn_offsets, strict=True)
         rows += [coupled_equation(row, whole, q, self.tree.units) for row, whole in offsets]

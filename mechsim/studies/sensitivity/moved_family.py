@@ -20,7 +20,7 @@ from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import AssemblyError, InputError
-from mechsim.model.forces import Forces
+from mechsim.model.forces import WEIGHT, Forces, forces_of
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.masses import STEEL, with_inertia
 from mechsim.model.motion import Motion
@@ -48,7 +48,7 @@ class Loading:
     """Inertia of the links, and applied forces.
 
     Attributes:
-        forces: applied forces; None takes those of the file.
+        forces: applied forces; None takes those of the file, or else weight.
         density: of links without inertia, which count as round rods, in [kg/m3].
         diameter: of these rods in [m]; None takes 0.05 of the characteristic length.
     """
@@ -59,10 +59,7 @@ class Loading:
 
     def acting(self, solver: KinematicSolver) -> Forces:
         """Return the applied forces of a mechanism."""
-        if self.forces is not None:
-            return self.forces(solver)
-        own = solver.forces
-        return own or Forces()
+        return forces_of(solver) if self.forces is None else self.forces(solver)
 
     def dynamic_model(self, solver: KinematicSolver) -> DynamicModel:
         """Return a mechanism with masses and applied forces."""
@@ -337,7 +334,7 @@ class MovedFamily:
             if designs.forces is None:
                 return model_numbers(mechanism, still)
             if self.loading.forces is None:
-                return model_numbers(mechanism, designs.forces(values) or Forces())
+                return model_numbers(mechanism, designs.forces(values) or WEIGHT)
             return model_numbers(mechanism, self.loading.acting(designs.make(values)))
 
         return numbers

@@ -24,7 +24,6 @@ from mechsim.analytic.loops.design_motion import many_motion
 from mechsim.analytic.solvers import KinematicSolver, closed_form
 from mechsim.errors import InputError, MechsimError, MobilityError, cut
 from mechsim.model.design_arrays import StartedDesigns
-from mechsim.model.forces import Forces
 from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import interval_around, no_crank_range_error
 from mechsim.model.quantity import TRANSMISSION
@@ -370,8 +369,7 @@ def _solved_alone(
     shape = (1, len(angles))
     more: dict[str, Array] = {}
     if task.measures.loaded:
-        acting = solver.forces or Forces()
-        study = prescribed_along(dynamic_model(solver, acting), angles, path_speed, crank.acceleration)
+        study = prescribed_along(dynamic_model(solver), angles, path_speed, crank.acceleration)
         more = {name: column.reshape(shape) for name, column in study.columns()}
     if task.measures.includes(TRANSMISSION):
         angle = closed_form(solver, "a transmission angle").transmission_angle(angles)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics import nearest_equilibrium
+from mechsim.analytic.dynamics import dynamic_model, nearest_equilibrium
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.start import with_closed_guess
 from mechsim.analytic.solvers import KinematicSolver
@@ -28,7 +28,6 @@ from mechsim.simulation.stepped_designs import (
     first_open_angle,
     stepped_designs,
 )
-from mechsim.studies.reference import weighing
 from mechsim.studies.release import SHOWN, Release
 from mechsim.studies.sweep.measures import TurnMeasure, Turns
 from mechsim.studies.sweep.task import Measured, SweepTask, assembled_designs
@@ -49,7 +48,7 @@ def released_alone(task: SweepTask, solver: KinematicSolver) -> dict[str, float]
     if not measures:
         return {}
     assert task.release is not None
-    release = replace(task.release, model=weighing(solver))
+    release = replace(task.release, model=dynamic_model(solver))
     vibrations = [measure for measure in measures if measure.number]
     timed = [measure for measure in measures if not measure.number]
     return _of_modes(release, vibrations) | _of_run(release, timed)

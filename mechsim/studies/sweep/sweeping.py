@@ -10,6 +10,7 @@ import numpy as np
 
 from mechsim import units
 from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.mechanism import Mechanism
@@ -18,7 +19,6 @@ from mechsim.numerics.resources import require_memory
 from mechsim.simulation.dynamics.prescribed_motion import HARD
 from mechsim.simulation.run import simulate
 from mechsim.simulation.settings import Settings
-from mechsim.studies.reference import weighing
 from mechsim.studies.release import DURATION, Release
 from mechsim.studies.sweep.chunks import (
     EXTRA_BYTES,
@@ -185,7 +185,7 @@ def swept_task(
     release = None
     if released:
         seconds = units.si(DURATION if duration is None else duration, "s", "the duration")
-        acting = weighing(subject.solver)
+        acting = dynamic_model(subject.solver)
         release = Release(model=acting, initial=initial or {}, duration=float(seconds), until=until)
     task = _with_compliance_for_forces(
         SweepTask(subject, designs, measures_read, int(samples), rate, settings, release)

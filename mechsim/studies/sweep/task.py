@@ -14,7 +14,7 @@ from mechsim.analytic.catalog.many_designs import allowed, can_be_started, close
 from mechsim.analytic.loops.design_motion import SharedLoops, shared_loops
 from mechsim.errors import InputError, MechsimError
 from mechsim.model.design_arrays import StartedDesigns, similar_designs
-from mechsim.model.forces import Forces
+from mechsim.model.forces import Forces, forces_of
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import SWING_FRACTION
 from mechsim.numerics.angles import REVOLUTION
@@ -168,7 +168,7 @@ class SweepTask:
     @property
     def forces(self) -> Forces:
         """Forces on the nominal subject."""
-        return self.subject.solver.forces or Forces()
+        return forces_of(self.subject.solver)
 
     @property
     def _weighed(self) -> bool:
@@ -346,6 +346,6 @@ def _made(task: SweepTask, rows: Mapping[str, Array]) -> Iterator[Mechanism | No
         mechanism = None
         with suppress(MechsimError, ArithmeticError, ValueError):
             solver = task.subject.make(_row(rows, i))
-            same_forces = (solver.forces or Forces()) == task.forces
+            same_forces = forces_of(solver) == task.forces
             mechanism = solver.mechanism if same_forces or not task.measures.loaded else None
         yield mechanism
