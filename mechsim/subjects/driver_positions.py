@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
+from mechsim.model.limits import require_travel
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion import Motion
 from mechsim.model.motion_laws import MotionLaws, State
@@ -82,7 +83,7 @@ def driver_path(
             lengths is their time.
 
     Raises:
-        InputError: for a driver without a column, or numbers that are not finite.
+        InputError: for a driver without a column, numbers that are not finite, or rows too far apart.
     """
     mechanism = solver.mechanism
     missing = [name for name in mechanism.drivers if name not in table]
@@ -98,6 +99,9 @@ def driver_path(
         mechanism.characteristic_length if mechanism.unit(name) == "m" else 1.0 for name in mechanism.drivers
     ]
     lengths = np.abs(np.diff(values) / np.array(scales)[:, None]).max(0, initial=0.0)
+    if lengths.any():
+        row = int(lengths.argmax()) + 1
+        require_travel(f"{solver.name} in {source}", f"row {row}", f"row {row + 1}", float(lengths.max()))
     times = np.concatenate([[0.0], np.cumsum(lengths > 0.0 if uniform else lengths, dtype=np.float64)])
     distinct = np.concatenate([[True], lengths > 0.0])
     return DriverPath(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.subjects.driver_positions import poses_of_table
+from mechsim.subjects.driver_positions import driver_path, poses_of_table
 from mechsim.subjects.readers import load
 
 FIVE_BAR = """
@@ -264,3 +264,11 @@ def test_missing_and_redundant_drivers_are_rejected(file):
     solver = load(file(FIVE_BAR.replace('["left", "right"]', '["left"]').replace(", right = 60", "")))
     with pytest.raises(MobilityError, match="right"):
         solver.solve([0.0])
+
+
+def test_rows_too_far_apart_are_rejected_before_the_path_is_followed():
+    solver = load("klann")
+    rows = {"crank": np.array([0.0, 1.0, 6000.0])}
+    driver_path(solver, rows, "rows.csv")
+    with pytest.raises(InputError, match=r"from row 2 to row 3, 159,155 revolutions.* 1,000 are the limit"):
+        driver_path(solver, {"crank": np.array([0.0, 1.0, 1e6 + 1.0])}, "rows.csv")
