@@ -116,14 +116,15 @@ def _springs(values: Values, mechanism: Mechanism, tables: Mapping[str, Any]) ->
 
 def implausible_lengths(values: Values, mechanism: Mechanism) -> tuple[str, ...]:
     """Return questions about rest lengths without a unit that fit the mechanism in metres only."""
-    scale, extent = values.in_si(1.0, "m"), mechanism.characteristic_length
+    scale = values.in_si(1.0, "m")
     straight = {joint.name for joint in mechanism.joints if "m" in KINDS[joint.kind].units}
     facts: list[str] = []
     for table, names in (("springs", None), ("joint_springs", straight)):
         for name, entry in values.source.document.get("forces", {}).get(table, {}).items():
             rest, path = entry.get("rest", 0.0), ("forces", table, name, "rest")
-            if not isinstance(rest, int | float) or (names is not None and name not in names):
+            if not isinstance(rest, int | float) or not rest or (names is not None and name not in names):
                 continue
+            extent = mechanism.characteristic_length
             if scale * abs(rest) < PLAUSIBLE[0] * extent <= abs(rest) <= PLAUSIBLE[1] * extent:
                 facts.append(
                     f"line {values.source.line(path)}: {dotted(path)} is {rest:g} {values.length} in a "
