@@ -7,7 +7,16 @@ import numpy as np
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import Loops, Model, Sets, changed_parameters, joint_ranges, output_file, writable
+from mechsim.cli.options import (
+    Key,
+    Loops,
+    Model,
+    Sets,
+    changed_parameters,
+    joint_ranges,
+    output_file,
+    writable,
+)
 from mechsim.cli.output import Value, print_table, print_text
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
@@ -64,6 +73,7 @@ def map_joints(
     degree: int | None = option(None, "Also fit polynomials of this total degree to the outputs."),
     sets: Sets = None,
     loops: Loops = None,
+    key: Key = None,
     output: Annotated[str, output_file("Map to write: .npz.")],
 ) -> Result[MapJson]:
     """Map motors to joints of a closed-loop model: positions, Jacobians, torques, inertia over a grid.
@@ -80,9 +90,16 @@ def map_joints(
     notes.extend(unread_parts(source))
     with progress("map", None) as report:
         table = joint_map(
-            source, ranges, outputs.split(","), points=points, degree=degree, set=changed, progress=report
+            source,
+            ranges,
+            outputs.split(","),
+            points=points,
+            degree=degree,
+            set=changed,
+            progress=report,
+            key=key,
         )
-    comparison = compare_with_loop_equations(table, source, changed)
+    comparison = compare_with_loop_equations(table, source, changed, key)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **table.arrays())  # type: ignore[arg-type]
     data: MapJson = {

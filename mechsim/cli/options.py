@@ -159,6 +159,10 @@ Loops = Annotated[
     str | None, typer.Option("--loops", metavar="FILE", help="Loop closures of a URDF file, in YAML.")
 ]
 
+Key = Annotated[
+    str | None, typer.Option("--key", metavar="NAME", help="Keyframe of an MJCF file to start from.")
+]
+
 ChangePointOption = Annotated[
     str | None,
     typer.Option(

@@ -8,7 +8,7 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import Loops, Model, Sets, changed_parameters, output_file, writable
+from mechsim.cli.options import Key, Loops, Model, Sets, changed_parameters, output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
@@ -34,6 +34,7 @@ def sample(
     seed: int = option(0, "Seed of the random numbers."),
     sets: Sets = None,
     loops: Loops = None,
+    key: Key = None,
 ) -> Result[SampleJson]:
     """Draw closed configurations within joint limits and in one assembly, in MuJoCo's order of qpos.
 
@@ -45,7 +46,7 @@ def sample(
     source, changed = with_loops(model, loops), changed_parameters(sets)
     notes.extend(unread_parts(source))
     with progress("sample", None) as report:
-        states = closed_configurations.sample(source, n, seed, set=changed, progress=report)
+        states = closed_configurations.sample(source, n, seed, set=changed, progress=report, key=key)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)
     data: SampleJson = {"n": n, "accepted": states.accepted, "worst_residual": float(states.residual.max())}

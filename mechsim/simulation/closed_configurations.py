@@ -17,7 +17,7 @@ from mechsim.numerics.arrays import Array
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE, least_norm, pivot_columns
 from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
-from mechsim.simulation.mjcf_reader.parsed_file import parse_file
+from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos, parse_file
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
 from mechsim.simulation.state import FREE, HINGE, SCALAR, limited_joints, scalar_joints
 
@@ -179,13 +179,14 @@ class StraightPath:
         return outside_limits(self.loops.model, qpos)
 
 
-def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
+def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike], key: str | None = None) -> Array:
     """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the file.
 
     Args:
         model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
         values: hinge or slide -> positions in [rad] or [m], scalar or (n,). Undetermined joints keep their
             reference values.
+        key: name of the keyframe from which paths start; None is the reference.
 
     Raises:
         InputError: if a joint is unknown or outside its limits, or positions have different lengths.
@@ -199,7 +200,7 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
         raise InputError("positions of joints have different lengths; give one or n each") from None
     if not columns or columns[0].ndim != 1 or not np.isfinite(columns).all():
         raise InputError("positions must be finite numbers, one or n for each of one or more joints")
-    path = straight_path(compiled, dofs)
+    path = straight_path(compiled, dofs, keyframe(compiled, key))
     qpos, closed = path.follow(np.stack(columns, 1))
     if not closed.all():
         i = int(np.argmin(closed))
@@ -211,7 +212,13 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike]) -> Array:
     return qpos
 
 
-def sample(model: "MujocoInput", n: int, seed: int = 0, progress: Progress = no_progress) -> Sample:
+def sample(
+    model: "MujocoInput",
+    n: int,
+    seed: int = 0,
+    progress: Progress = no_progress,
+    key: str | None = None,
+) -> Sample:
     """Return n closed states of a model, drawn at random within joint limits in one assembly.
 
     Drivers are drawn uniformly within their limits, or within a revolution or a characteristic length if they
@@ -226,6 +233,7 @@ def sample(model: "MujocoInput", n: int, seed: int = 0, progress: Progress = no_
         n: number of states.
         seed: seed of the random numbers; the same seed gives the same states.
         progress: called with a text and the finished fraction.
+        key: as in `closed_qpos`.
 
     Raises:
         InputError: if n is below 1 or too large, or the model has no loops.
@@ -234,7 +242,8 @@ def sample(model: "MujocoInput", n: int, seed: int = 0, progress: Progress = no_
     require_count("the states", n, MAX_STATES, "draw them in parts with other seeds")
     if seed < 0:
         raise InputError(f"the seed is {seed}; give 0 or more")
-    path, random = straight_path(compiled_model(model), None), np.random.default_rng(seed)
+    compiled, random = compiled_model(model), np.random.default_rng(seed)
+    path = straight_path(compiled, None, keyframe(compiled, key))
     low, high = driver_ranges(path)
     accepted, count, drawn = list[Array](), 0, 0
     while count < n:
@@ -255,6 +264,11 @@ def sample(model: "MujocoInput", n: int, seed: int = 0, progress: Progress = no_
         rates = (jacobian @ qvel[..., None])[..., 0]
         qvel[:, path.passive] -= least_squares(jacobian[:, :, path.passive], rates)
     return Sample(qpos, qvel, path.loops.closure_error(residual), count / drawn)
+
+
+def keyframe(model: mujoco.MjModel, key: str | None) -> Array | None:
+    """Return the coordinates of a keyframe, (nq,); None without a name."""
+    return None if key is None else initial_qpos("the model", model, key)
 
 
 def compiled_model(model: "MujocoInput") -> mujoco.MjModel:
@@ -324,7 +338,9 @@ def _closed_reference(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64],
         AssemblyError: if no start leads to a closed configuration.
     """
     model, close = loops.model, partial(_closed_nearby, loops, dofs=dofs, weights=weights)
-    starts = starts[np.argsort(loops.closure_error(loops.residual(starts)), kind="stable")]
+    # closure errors of rounding are equal: then the reference comes first
+    errors = np.maximum(loops.closure_error(loops.residual(starts)), CLOSED_ERROR)
+    starts = starts[np.argsort(errors, kind="stable")]
     starts = starts[np.argsort(outside_limits(model, starts).any(1), kind="stable")]
     closed = close(starts)
     if outside_limits(model, closed).any(1).all():

@@ -20,6 +20,7 @@ from mechsim.simulation.closed_configurations import (
     StraightPath,
     compiled_model,
     driver_ranges,
+    keyframe,
     least_squares,
     scalar_dof,
     straight_path,
@@ -240,6 +241,7 @@ def map_over_grid(
     points: int = 21,
     degree: int | None = None,
     progress: Progress = no_progress,
+    key: str | None = None,
 ) -> JointMap:
     """Return the outputs of a closed-loop model over a grid of its inputs, in the assembly of the file.
 
@@ -252,6 +254,7 @@ def map_over_grid(
         points: grid points along each input.
         degree: total degree of polynomials that approximate the outputs; None for none.
         progress: called with a text and the finished fraction.
+        key: as in `closed_qpos`.
 
     Returns:
         The map at the grid points that are reached on straight paths from the reference. Configurations
@@ -277,7 +280,7 @@ def map_over_grid(
         require_count("the degrees of the polynomials", degree, MAX_TERMS, "give a lower --degree")
         terms = comb(degree + len(names), degree)
         require_count(f"the terms of degree {degree}", terms, MAX_TERMS, "give a lower --degree")
-    path = straight_path(compiled, [scalar_dof(compiled, name) for name in names])
+    path = straight_path(compiled, [scalar_dof(compiled, name) for name in names], keyframe(compiled, key))
     ranges = inputs if isinstance(inputs, Mapping) else dict.fromkeys(names)
     low, high = np.array([_range(path, i, name, ranges[name]) for i, name in enumerate(names)]).T
     axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]

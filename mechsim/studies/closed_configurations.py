@@ -19,6 +19,7 @@ def closed_qpos(
     *,
     set: Mapping[str, str | float] | None = None,
     loops: str | PathLike[str] | None = None,
+    key: str | None = None,
 ) -> Array:
     """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the file.
 
@@ -29,6 +30,7 @@ def closed_qpos(
             neither these nor the loops determine stay at the reference.
         set: parameter of a mechanism -> its value, as for `load`.
         loops: path of a sidecar file with the loop closures of a URDF file.
+        key: name of the keyframe from which paths start; None is the reference.
 
     Raises:
         InputError: for an unknown joint, positions of different lengths, or a joint outside its limits.
@@ -43,7 +45,7 @@ def closed_qpos(
         name: quantity_of_joint(compiled, name, value) if isinstance(value, str) else value
         for name, value in values.items()
     }
-    return closed_configurations.closed_qpos(compiled, read)
+    return closed_configurations.closed_qpos(compiled, read, key)
 
 
 def sample(
@@ -54,6 +56,7 @@ def sample(
     set: Mapping[str, str | float] | None = None,
     loops: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
+    key: str | None = None,
 ) -> Sample:
     """Return closed states drawn at random within the joint limits, in the assembly of the file.
 
@@ -64,6 +67,7 @@ def sample(
         set: parameter of a mechanism -> its value, as for `load`.
         loops: path of a sidecar file with the loop closures of a URDF file.
         progress: called with a text and the finished fraction.
+        key: as in `closed_qpos`.
 
     Raises:
         InputError: for a model without loops, too many states, or joint limits that few configurations
@@ -74,4 +78,4 @@ def sample(
         >>> ms.sample("four_bar", 100).qpos.shape
         (100, 3)
     """
-    return closed_configurations.sample(mujoco_model(model, set, loops), n, seed, progress)
+    return closed_configurations.sample(mujoco_model(model, set, loops), n, seed, progress, key)

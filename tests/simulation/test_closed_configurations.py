@@ -196,3 +196,41 @@ def test_the_coupled_joint_with_the_narrower_travel_is_drawn() -> None:
     assert states.accepted == 1.0
     assert np.ptp(states.qpos[:, ::2], axis=0).min() > 0.3
     np.testing.assert_allclose(states.qpos[:, 1::2], 1.08 * states.qpos[:, ::2], atol=1e-12)
+
+
+def closure_point(crank: float, side: float) -> np.ndarray:
+    """Return where circles about the crank's end and the rocker's pivot intersect, by the law of cosines."""
+    end, pivot, radius = (
+        0.03 * np.array([np.cos(crank), np.sin(crank)]),
+        np.array([0.07, -0.04]),
+        np.hypot(6, 2),
+    )
+    line = pivot - end
+    height = np.sqrt((radius / 100) ** 2 - line @ line / 4)
+    return (end + pivot) / 2 + side * height * np.array([-line[1], line[0]]) / np.linalg.norm(line)
+
+
+def test_a_keyframe_selects_the_assembly_of_samples_maps_and_configurations() -> None:
+    first, second = (closure_point(0.0, side) for side in (1.0, -1.0))
+    assert first == pytest.approx([0.09, 0.02], abs=1e-15)
+    turns = [
+        np.arctan2(*(second - base)[::-1]) - np.arctan2(*(first - base)[::-1])
+        for base in (np.array([0.03, 0.0]), np.array([0.07, -0.04]))
+    ]
+    qpos = " ".join(map(str, [0, 0, 2, 1, 0, 0, 0, 0, *turns]))
+    text = FOUR_BAR.replace("</mujoco>", f'<keyframe><key name="other" qpos="{qpos}"/></keyframe></mujoco>')
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    states = [(None, 1.0), ("other", -1.0)]
+    for key, side in states:
+        samples = ms.sample(model, 20, key=key).qpos
+        for row in (*ms.closed_qpos(model, {"crank": [0.1, -0.6]}, key=key), *samples):
+            data.qpos[:] = row
+            mujoco.mj_kinematics(model, data)
+            assert data.site("a").xpos[:2] == pytest.approx(closure_point(row[7], side), abs=1e-12)
+        table = ms.joint_map(model, {"crank": (-0.3, 0.3)}, ["a.x"], points=3, key=key)
+        assert table.output[:, 0] == pytest.approx(
+            [closure_point(q, side)[0] for q in (-0.3, 0.0, 0.3)], abs=1e-12
+        )
+    with pytest.raises(ms.InputError, match="'nosuch'; there are other"):
+        ms.sample(model, 5, key="nosuch")

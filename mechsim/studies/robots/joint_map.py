@@ -66,6 +66,7 @@ def joint_map(
     set: Mapping[str, str | float] | None = None,
     loops: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
+    key: str | None = None,
 ) -> JointMap:
     """Return the outputs of a closed-loop model over a grid of its inputs.
 
@@ -78,6 +79,7 @@ def joint_map(
         set: parameter -> value.
         loops: path of a sidecar file with the loop closures of a URDF file.
         progress: called with a text and the finished fraction.
+        key: name of the keyframe from which paths start; None is the reference.
 
     Raises:
         InputError: if a name is unknown, an input has no range or limits, or the grid is too large.
@@ -90,7 +92,7 @@ def joint_map(
     """
     own_model = mujoco_model(model, set, loops)
     ranges = ranges_in_si(own_model, inputs if isinstance(inputs, Mapping) else dict.fromkeys(inputs))
-    return map_over_grid(own_model, ranges, outputs, points=points, degree=degree, progress=progress)
+    return map_over_grid(own_model, ranges, outputs, points=points, degree=degree, progress=progress, key=key)
 
 
 def mujoco_model(
