@@ -20,6 +20,7 @@ DEFINING_MODULES = {
     "mechsim.cli.check",  # "fixed" is a key of its JSON
     "mechsim.simulation.mjcf_reader.urdf_loops",  # types of joints in URDF
     "mechsim.simulation.mjcf_reader.urdf_tree",  # types of joints in URDF
+    "mechsim.simulation.mjcf_reader.urdf_unread",  # types of joints in URDF
     "mechsim.studies.certify.loop_equations",  # interval equations of a ball
     "mechsim.codegen.assembly",  # replaces a ball by a universal joint
     "mechsim.subjects.linkage_sim_json",  # types of joints in files of other programs
