@@ -66,15 +66,15 @@ def _output(line: str) -> str:
 
 def _draw(extra: Path, name: str) -> None:
     """Write the still, the animation and the view of a mechanism; a machine without OpenGL gets the view only."""
+    # several drivers follow their motion laws and have no turn
+    crank = json.loads(_output(f"show {name} --json")).get("crank_range")
     if not (view := extra / "views" / f"{name}.html").is_file():
-        _output(f"view {name} --live --speed 60rpm -o {view}")
+        _output(f"view {name} --live {'--speed 60rpm' if crank else ''} -o {view}")
     still = extra / "pictures" / f"{name}.png"
     try:
         if not still.is_file():
             _output(f"render {name} --size {PICTURE_SIZE} --no-labels -o {still}")
         if not (animation := still.with_suffix(".gif")).is_file():
-            # several drivers follow their motion laws and have no turn
-            crank = json.loads(_output(f"show {name} --json")).get("crank_range")
             motion = MOTIONS.get(name, "--frames-per-turn 24" if crank else "")
             _output(f"render {name} {RENDER} {motion} -o {animation}")
     except RuntimeError as error:
