@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from mechsim.pictures import render as render
     from mechsim.report.notebook import show as show
     from mechsim.report.notebook import view as view
-    from mechsim.simulation import Run as Run
-    from mechsim.simulation import Settings as Settings
+    from mechsim.simulation.run import Run as Run
+    from mechsim.simulation.settings import Settings as Settings
     from mechsim.studies.agreement.agreement import Agreement as Agreement
     from mechsim.studies.calibration import fit as fit
     from mechsim.studies.certify import Certificate as Certificate
@@ -101,7 +101,8 @@ _NAMES = {
     "model.motors": "Controller",
     "model.scene": "Scene",
     "report.notebook": "show view",
-    "simulation": "Run Settings",
+    "simulation.run": "Run",
+    "simulation.settings": "Settings",
     "studies.agreement.agreement": "Agreement",
     "studies.calibration": "fit",
     "studies.certify": "Certificate certify",

@@ -33,10 +33,13 @@ NO_CODE = {
 }
 
 
-def imports_of(source: str, package: str) -> set[str]:
-    """Return the full names that a module of a package imports, also inside functions."""
+def imports_of(source: str, package: str, typing: bool = True) -> set[str]:
+    """Return the full names that a module of a package imports, also inside functions.
+
+    Without `typing`, imports under TYPE_CHECKING are left out.
+    """
     result: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in _nodes(ast.parse(source), typing):
         if isinstance(node, ast.Import):
             result |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -47,6 +50,14 @@ def imports_of(source: str, package: str) -> set[str]:
         elif isinstance(node, ast.Call) and _called(node) in ("import_module", "__import__"):
             result |= {arg.value for arg in node.args if isinstance(arg, ast.Constant)}
     return result
+
+
+def _nodes(tree: ast.AST, typing: bool) -> Iterator[ast.AST]:
+    """Yield the nodes of a syntax tree, without those under TYPE_CHECKING unless `typing`."""
+    for node in ast.iter_child_nodes(tree):
+        if typing or not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
+            yield node
+            yield from _nodes(node, typing)
 
 
 def modules(package: Path = PACKAGE) -> dict[str, Path]:

@@ -68,6 +68,11 @@ def _stated(context: typer.Context) -> Stated:
     return Stated({parameter.name or "": max(parameter.opts, key=len) for parameter in parameters})
 
 
+def option_names(options: type) -> list[str]:
+    """Return the parameters of a dataclass of options."""
+    return [field.name for field in fields(options)]
+
+
 def data_type(function: Callable[..., Any]) -> Any:
     """Return the type of a command's --json output; None for a command without --json."""
     returned = inspect.signature(inspect.unwrap(function), eval_str=True).return_annotation

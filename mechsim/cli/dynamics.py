@@ -59,7 +59,7 @@ from mechsim.pictures import plots
 from mechsim.report.facts import run_facts, study_facts
 from mechsim.simulation.dynamics.prescribed_motion import driven
 from mechsim.studies.dynamics_check import compared_segments, crosscheck_driven, crosscheck_free
-from mechsim.studies.reference import driven_as, profile_of
+from mechsim.studies.motions import driven_as, profile_of
 from mechsim.units import crank_speed, option, parse
 from mechsim.verdict.checks import Verdict
 

@@ -23,9 +23,9 @@ from mechsim.cli.options import (
 from mechsim.cli.progress import progress
 from mechsim.errors import InputError
 from mechsim.model.scene import Scene
-from mechsim.pictures.render.scenery import exported
-from mechsim.simulation import Settings, mjcf
-from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, require_compatible
+from mechsim.simulation import mjcf
+from mechsim.simulation.settings import Settings
+from mechsim.studies.export import LEVEL, SERIAL_FORMATS, ExportedModel, exported, require_compatible
 from mechsim.studies.export import export as export_model
 from mechsim.studies.robots.menagerie import Verification
 from mechsim.studies.robots.serial_twin import Coupled

@@ -31,8 +31,8 @@ def extremes(
     mechsim extremes --report extremes
     """
     from mechsim.pictures import plots
+    from mechsim.report.study_plots import extremes_map
     from mechsim.studies.extremes.stability_map import study
-    from mechsim.studies.plots import extremes_map
 
     for name in names or ():
         closed_form(load_model(name), "a stress test")

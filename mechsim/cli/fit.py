@@ -8,8 +8,8 @@ import numpy as np
 
 from mechsim import files, units
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, Stated, command
-from mechsim.cli.load_options import LoadOptions, option_names
+from mechsim.cli.command import Result, Stated, command, option_names
+from mechsim.cli.load_options import LoadOptions
 from mechsim.cli.options import SPEED, ModelOptions, output_file, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress

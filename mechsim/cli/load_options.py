@@ -1,8 +1,8 @@
 """Options for loads, motors, springs, friction, link masses, controls and initial states."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from mechsim.analytic.dynamics.forward_dynamics import BUDGET
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Stated
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import DriveOptions, ModelOptions, pair_of, pairs, require_distinct
+from mechsim.cli.options import ModelOptions, pair_of, require_distinct
 from mechsim.cli.output import print_table, print_text
 from mechsim.errors import InputError
 from mechsim.model import motors
@@ -24,44 +24,6 @@ from mechsim.model.motors import Controller, Geared, PlainMotor
 from mechsim.studies.release import DURATION, Release
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option
-
-if TYPE_CHECKING:
-    from mechsim.studies.scene.scene import UserScene
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ControlOptions:
-    """Controls of the actuators of a scene."""
-
-    ctrl: tuple[tuple[str, str], ...] = pairs(
-        "--ctrl servo=0.3*sin(2*pi*t)",
-        "Control of an actuator of an MJCF file, in its own unit: a number, an expression of t in s "
-        "(255*(0.5-0.5*cos(2*pi*t))), or FILE.csv. The file is stepped with its own settings, except those "
-        "given here.",
-        "ACTUATOR=LAW",
-    )
-
-
-def user_scene(path: str, driven: DriveOptions, controls: ControlOptions) -> "UserScene":
-    """Return the scene of an MJCF file and its prescribed motion; notes state what was changed.
-
-    Args:
-        path: path of the file.
-        driven: drivers, duration and tracked points.
-        controls: controls of the actuators.
-
-    Raises:
-        InputError: if the file is not MJCF, or a joint, actuator, keyframe or point is missing.
-        AssemblyError: if the loops do not close at the start of the motion laws.
-    """
-    from mechsim.studies.scene.open_scene import open_scene, require_mjcf
-
-    require_mjcf(path)
-    require_distinct("--ctrl", controls.ctrl)
-    scene, changed = open_scene(path, ctrl=dict(controls.ctrl), **driven.as_arguments())
-    notes.extend(changed)
-    return scene
-
 
 Element = TypeVar("Element")
 # kind -> its form, class, and the units of its numbers
@@ -391,11 +353,6 @@ def require_release(loads: LoadOptions, options: InitialOptions, usage: str) -> 
         raise InputError(
             f"loads, masses, --restitution and --budget act in a run from an initial state; {usage}"
         )
-
-
-def option_names(options: type) -> list[str]:
-    """Return the parameters of a dataclass of options."""
-    return [field.name for field in fields(options)]
 
 
 def exclude_without_effect(stated: Stated, release: ReleaseOptions) -> None:

@@ -26,8 +26,8 @@ from mechsim.studies.robots.joint_map import (
     MapComparison,
     compare_with_loop_equations,
     joint_map,
-    unread_parts,
 )
+from mechsim.studies.robots.mujoco_models import unread_parts
 from mechsim.subjects.mjcf_source import with_loops
 from mechsim.units import option
 

@@ -11,7 +11,7 @@ from mechsim.cli.schema import Written
 from mechsim.errors import InputError
 from mechsim.pictures import plots
 from mechsim.report.plot_table import PLOTS, PlotOptions, PlotSource, require_taken
-from mechsim.studies.sweep.table import drawn_sweep
+from mechsim.report.study_plots import drawn_sweep
 from mechsim.units import crank_speed, option
 
 # kinds of plots that can also show a motion over time

@@ -33,7 +33,8 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.pictures.render import Look, write_picture, write_video
 from mechsim.pictures.render.drawn_model import drawn_as
 from mechsim.pictures.render.frame_poses import PATH_POINTS, VISIBLE_DIFFERENCE, comes_round, frame_indices
-from mechsim.studies.reference import MAX_SAMPLES, drawn_motion, joint_loads, profile_of
+from mechsim.studies.drawn_motion import MAX_SAMPLES, drawn_motion, joint_loads
+from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
 from mechsim.studies.scene.published_run import runs_as_published
 from mechsim.subjects.mjcf_source import MjcfForm

@@ -12,7 +12,7 @@ from mechsim.cli.options import Key, Loops, Model, Sets, changed_parameters, out
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
-from mechsim.studies.robots.joint_map import unread_parts
+from mechsim.studies.robots.mujoco_models import unread_parts
 from mechsim.subjects.mjcf_source import with_loops
 from mechsim.units import option
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, NotRequired, TypedDict
 import numpy as np
 
 from mechsim import files, units
-from mechsim.cli.command import Result, Stated, command
-from mechsim.cli.load_options import LoadOptions, masses_in_json, option_names, print_masses
+from mechsim.cli.command import Result, Stated, command, option_names
+from mechsim.cli.load_options import LoadOptions, masses_in_json, print_masses
 from mechsim.cli.options import SPEED, ModelOptions, output_file, warn_about_angles, writable
 from mechsim.cli.output import Value, number, print_table, print_text, without_noise
 from mechsim.cli.progress import progress

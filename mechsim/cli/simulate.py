@@ -2,17 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated, Any, cast
 
 import numpy as np
 import typer
 
-from mechsim import files, simulation
+from mechsim import files
 from mechsim.analytic.loops.record import with_all_joints
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.cli.command import Result, Stated, command
-from mechsim.cli.load_options import ControlOptions, option_names, user_scene
+from mechsim.cli.command import Result, Stated, command, option_names
+from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.motion_warnings import few_digits, limited_swing
 from mechsim.cli.options import (
     SPEED,
@@ -34,19 +33,15 @@ from mechsim.cli.verdict_text import (
     print_finding_lines,
 )
 from mechsim.errors import AssemblyError, InputError, MobilityError
-from mechsim.model.finding import POSITION_TOLERANCE, Outcome
 from mechsim.model.motion import select_instants
-from mechsim.model.motion_laws import interval_around
+from mechsim.model.motion_laws import CrankProfile, constant, interval_around
+from mechsim.model.motion_laws import table as table_profile
 from mechsim.model.scene import Scene
-from mechsim.numerics.arrays import Array
-from mechsim.simulation import CrankProfile, Run, Settings
-from mechsim.simulation.mjcf_reader.coordinates import actuator_names
-from mechsim.simulation.settings import plain_settings
-from mechsim.studies.reference import driven_as
-from mechsim.studies.scene.errors import divergence_reason, start_error
-from mechsim.studies.scene.run import SceneRun, sampled_run
-from mechsim.studies.scene.scene import UserScene
-from mechsim.studies.scene.step_sizes import finer
+from mechsim.numerics.angles import REVOLUTION
+from mechsim.simulation.run import Run
+from mechsim.simulation.run import simulate as run_in_mujoco
+from mechsim.simulation.settings import Settings, plain_settings
+from mechsim.studies.motions import driven_as
 from mechsim.subjects.driver_positions import Poses, driver_path
 from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.units import crank_speed, option, parse_angle, parse_length, parse_time
@@ -110,7 +105,7 @@ class RunOptions:
             if self.samples is not None:
                 raise InputError("both --samples and --every were given; give one of them")
             spacing = parse_angle(self.every, "the angle between records")
-            count = round(motion.turns * simulation.REVOLUTION / abs(spacing)) if spacing else 0
+            count = round(motion.turns * REVOLUTION / abs(spacing)) if spacing else 0
             if count < 1:
                 raise InputError(
                     f"records {self.every} apart do not fit the motion; give an angle above 0 within it"
@@ -142,7 +137,12 @@ def simulate(
     path = None if output is None else writable(output, ".csv", ".npz")
     if controls.ctrl:
         stated.exclude(WITHOUT_CONTROLS, "with --ctrl, which runs the file as it is")
-        return _controlled(source, controls, options, settings, path)
+        from mechsim.cli.scene_run import run_under_controls
+
+        options.exclude(*CRANK_OPTIONS, because=HAS_LAW)
+        controlled = user_scene(source.model, source, controls)
+        plain = plain_settings(settings, options.timestep, float(controlled.model.opt.timestep))
+        return run_under_controls(controlled, plain, options.tolerance_in_metres, options.samples, path)
     if options.method == "pose":
         stated.exclude(("timestep", *option_names(Settings)), "with --method pose, which takes no steps")
     solver = with_policy(source.load(), change_point)
@@ -218,7 +218,7 @@ def _run(
     if tolerance is not None and (timestep is not None or "steps_per_turn" in settings):
         raise InputError("--tolerance chooses the step by itself; leave out --timestep and --steps-per-turn")
     with progress("simulate", None) as report:
-        return simulation.simulate(
+        return run_in_mujoco(
             solver,
             **driven_as(solver, motion),
             tolerance=tolerance,
@@ -242,7 +242,7 @@ def _poses(solver: KinematicSolver, options: RunOptions, settings: Mapping[str, 
     assert options.poses is not None
     rows = driver_path(solver, files.read(options.poses), options.poses, uniform=True)
     last = max(round(rows.motion_laws.duration), 1)
-    run = simulation.simulate(solver, motion_laws=rows.motion_laws, method="pose", samples=last, scene=scene)
+    run = run_in_mujoco(solver, motion_laws=rows.motion_laws, method="pose", samples=last, scene=scene)
     return replace(run, motion=select_instants(run.motion, rows.times.astype(np.intp)), steps=len(rows.times))
 
 
@@ -254,10 +254,10 @@ def _constant_speed(solver: KinematicSolver, speed: float, turns: float) -> Cran
         if error.outcome != "underdetermined":
             raise
         # poses of an underdetermined mechanism do not determine the range, but a run in time does
-        return simulation.constant(speed, turns, solver.mechanism.start)
+        return constant(speed, turns, solver.mechanism.start)
     if arcs.full or not arcs.arcs:
-        return simulation.constant(speed, turns)
-    profile = simulation.constant(speed, turns, solver.mechanism.start)
+        return constant(speed, turns)
+    profile = constant(speed, turns, solver.mechanism.start)
     ends, _, _ = profile.state(np.array([0.0, profile.duration]))
     arc = interval_around(arcs, float(ends[0]))
     if arc is None or not arc[0] <= ends.min() <= ends.max() <= arc[1]:
@@ -277,84 +277,4 @@ def _profile(path: str) -> CrankProfile:
         raise InputError(
             f"{path!r} has no column {', '.join(missing)} (it has {', '.join(table)}); name them so"
         )
-    return simulation.table(table[time], table["angle"])
-
-
-def _controlled(
-    source: ModelOptions,
-    controls: ControlOptions,
-    options: RunOptions,
-    settings: Mapping[str, Any],
-    path: Path | None,
-) -> Result[RunJson]:
-    """Step a user's MJCF scene unchanged under its controls, and compare it with its exact closure."""
-    options.exclude(*CRANK_OPTIONS, because=HAS_LAW)
-    scene = user_scene(source.model, source, controls)
-    plain = plain_settings(settings, options.timestep, float(scene.model.opt.timestep))
-    requested = options.tolerance_in_metres
-    tolerance = POSITION_TOLERANCE * scene.characteristic_length if requested is None else requested
-    violation = _start_violation(scene, tolerance)
-    fixed = requested is None or bool(violation)
-    run, errors, used = finer(scene, plain, tolerance, fixed=fixed)
-    if options.samples is not None:
-        run = sampled_run(run, options.samples)
-    outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= tolerance else "failed"
-    note = divergence_reason(run) if run.broken else violation
-    output = None if path is None else str(path)
-    if path is not None:
-        files.write_table(path, table_of(run))
-
-    def text() -> None:
-        if run.broken:
-            print_text(f"{outcome}: {run.broken}: {note}")
-        else:
-            print_text(
-                f"{outcome}: points within {number(errors.closure, 3)} m of the exact closure at the run's "
-                f"own drivers (tolerance {number(tolerance, 3)} m)"
-            )
-            print_text(note)
-        typer.echo(f"{run.steps} steps in {number(run.seconds)} s, in plain MuJoCo")
-        _print_written(output, len(run.time))
-
-    data: RunJson = {
-        "outcome": outcome,
-        "tolerance": tolerance,
-        "estimate": errors.closure,
-        "steps": run.steps,
-        "seconds": run.seconds,
-        "method": "step",
-        "note": note,
-        "settings": used.as_dict() | {"timestep": float(run.model.opt.timestep)},
-        "mechanism": scene.mechanism.name,
-        "output": output,
-        "rows": len(run.time),
-    }
-    return Result(data, text, outcome == "passed")
-
-
-def _start_violation(scene: UserScene, tolerance: float) -> str:
-    """Return the loop-closure error at the start, as text, if no step can correct it; otherwise empty."""
-    error = start_error(scene)
-    if error <= tolerance:
-        return ""
-    return (
-        f"the loops are open by {error:.2g} m at the initial pose of the file, which no time step corrects; "
-        "give more digits there, or let `mechsim tune` write a keyframe that is closed"
-    )
-
-
-def table_of(run: SceneRun) -> dict[str, Array]:
-    """Return the columns of a run: time, points with velocities, joints, actuator forces."""
-    scene, model = run.scene, run.model
-    table = {"t": run.time}
-    velocities = run.velocities
-    for k, name in enumerate(scene.tracked):
-        table |= {f"{name}.{axis}": run.points[:, k, i] for i, axis in enumerate("xyz")}
-        table |= {f"{name}.v{axis}": velocities[:, k, i] for i, axis in enumerate("xyz")}
-    for j, joint in enumerate(scene.mechanism.joints[: model.njnt]):
-        if len(joint.coordinates) == 1:
-            table[f"{joint.name}.q"] = run.qpos[:, model.jnt_qposadr[j]]
-            table[f"{joint.name}.v"] = run.qvel[:, model.jnt_dofadr[j]]
-    for i, name in enumerate([*actuator_names(model), *scene.joint_laws]):
-        table[f"effort:{name}"] = run.forces[:, i]
-    return table
+    return table_profile(table[time], table["angle"])

@@ -10,7 +10,7 @@ import typer
 from mechsim import units
 from mechsim.cli import exit_codes
 from mechsim.cli.command import Result, Stated, command
-from mechsim.cli.load_options import ControlOptions, user_scene
+from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions, ModelOptions, Speed, load_model, output_file, writable
 from mechsim.cli.output import Value, number, print_table, print_text, width
 from mechsim.cli.progress import progress
@@ -18,8 +18,8 @@ from mechsim.cli.schema import Settings
 from mechsim.errors import InputError
 from mechsim.numerics.convergence import Order
 from mechsim.pictures import plots
+from mechsim.report.study_plots import work_precision
 from mechsim.studies.budget import MAX_EXCESS, Budget
-from mechsim.studies.plots import work_precision
 from mechsim.studies.reduction.scene_costs import scene_costs
 from mechsim.studies.scene.scene import spec_of
 from mechsim.studies.tradeoff.methods import DEFAULTS

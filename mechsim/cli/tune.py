@@ -7,8 +7,8 @@ import typer
 
 from mechsim import units
 from mechsim.cli.command import Result, command
+from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.load_options import ControlOptions
 from mechsim.cli.options import DriveOptions, require_distinct, writable
 from mechsim.cli.output import number, print_table, print_text
 from mechsim.cli.progress import progress

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any, NotRequired, TypedDict
 
 import typer
 
@@ -38,13 +38,7 @@ from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.model.finding import Finding, Outcome
 from mechsim.model.masses import LinkMass
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.pictures import plots
-from mechsim.pictures.plots.motion import agreement_plot
-from mechsim.report.validation import worst_first, write_agreement_report, write_validation_report
-from mechsim.studies.agreement.agreement import compare_model
 from mechsim.studies.agreement.noise import Noise
-from mechsim.studies.certify.certificate import certified_motion
-from mechsim.studies.reference import by_reference
 from mechsim.studies.scene.published_run import PublishedRun
 from mechsim.studies.validate import BUDGET, Validation, validate_all
 from mechsim.subjects import gallery, reference_data
@@ -52,6 +46,10 @@ from mechsim.subjects.mjcf_source import scene_findings
 from mechsim.subjects.readers import load
 from mechsim.units import crank_speed, option
 from mechsim.verdict.checks import Check, Verdict
+
+if TYPE_CHECKING:
+    from mechsim.studies.agreement.agreement import Agreement
+    from mechsim.studies.certify.certificate import Certificate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -279,7 +277,7 @@ def _validated(
     with progress("validate", None) as report:
         check, draw = sections(report, {"check": 1.0, "draw": 0.0 if folder is None else DRAWING})
         cases = _cases(designs, chosen, speed, quick, check, as_json)
-        proofs = {name: certified_motion(case.solver) for name, case in cases.items() if chosen.certify}
+        proofs = _certificates(cases) if chosen.certify else {}
         passed = all(case.passed for case in cases.values())
         data: Any = {
             "passed": passed,
@@ -288,9 +286,11 @@ def _validated(
                 for name, case in cases.items()
             },
         }
-        report_notes = (
-            () if folder is None else write_validation_report(folder, cases, data, draw, chosen.report)
-        )
+        report_notes: Sequence[str] = ()
+        if folder is not None:
+            from mechsim.report.validation import write_validation_report
+
+            report_notes = write_validation_report(folder, cases, data, draw, chosen.report)
     for note in report_notes:
         print_stderr(note)
 
@@ -303,6 +303,13 @@ def _validated(
     return Result(data, text, passed)
 
 
+def _certificates(cases: Mapping[str, Validation]) -> "dict[str, Certificate]":
+    """Return the interval proofs of the motions of mechanisms, by name."""
+    from mechsim.studies.certify.certificate import certified_motion
+
+    return {name: certified_motion(case.solver) for name, case in cases.items()}
+
+
 def _print_report(folder: str | None) -> None:
     if folder is not None:
         typer.echo(f"report: {Path(folder) / 'index.html'}")
@@ -313,9 +320,9 @@ def _against(
 ) -> Result[ValidateJson]:
     """Compare a model with a function or a table, and explain the difference."""
     source = chosen.against or ""
-    plot_path = None if chosen.plot is None else writable(chosen.plot)
-    if plot_path is not None:
-        plots.format_of(plot_path)
+    draw = None if chosen.plot is None else _agreement_drawing(chosen.plot)
+    from mechsim.studies.agreement.agreement import compare_model
+
     tolerance = chosen.tolerance_in_metres
     if not source.lower().endswith(".csv"):
         print_stderr(f"mechsim: runs {source.rpartition(':')[0] or source} (a formula is Python code)")
@@ -323,9 +330,11 @@ def _against(
     name, findings = agreement.solver.name, scene_findings(agreement.solver) or ()
     entry = agreement.as_dict() | findings_in_json((*findings, *agreement.findings))
     data: Any = {"passed": agreement.passed, "mechanisms": {name: entry}}
-    if plot_path is not None:
-        plots.write(plot_path, agreement_plot(worst_first(agreement)[0]))
+    if draw is not None:
+        draw(agreement)
     if folder is not None:
+        from mechsim.report.validation import write_agreement_report
+
         for note in write_agreement_report(folder, agreement, data, earlier=chosen.report):
             print_stderr(note)
 
@@ -336,6 +345,17 @@ def _against(
         _print_report(chosen.report)
 
     return Result(data, text, agreement.passed)
+
+
+def _agreement_drawing(path: str) -> "Callable[[Agreement], None]":
+    """Return the function that draws the quantity farthest off; raise InputError for an unusable path."""
+    from mechsim.pictures import plots
+    from mechsim.pictures.plots.motion import agreement_plot
+    from mechsim.report.validation import worst_first
+
+    target = writable(path)
+    plots.format_of(target)
+    return lambda agreement: plots.write(target, agreement_plot(worst_first(agreement)[0]))
 
 
 def report_code(solvers: Iterable[KinematicSolver]) -> None:
@@ -352,6 +372,8 @@ def _by_reference(models: Sequence[str], verbose: bool) -> Result[ValidateJson]:
     Raises:
         InputError: if a name has no data, or data differ from their checksum.
     """
+    from mechsim.studies.reference import by_reference
+
     folder = reference_data.folder()
     tables = [reference_data.read(folder, name) for name in models or reference_data.names(folder)]
     verdicts: dict[str, Verdict] = {}

@@ -41,7 +41,7 @@ from mechsim.pictures.view.pose_grid import (
     motion_grid,
     quaternions,
 )
-from mechsim.studies.reference import stepped
+from mechsim.studies.drawn_motion import stepped
 from mechsim.studies.release import Release
 from mechsim.studies.scene.published_run import runs_as_published
 

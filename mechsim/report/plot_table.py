@@ -25,9 +25,10 @@ from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.pictures import plots
 from mechsim.report.assemblies import assembly_table, curve_tables, requested_columns, usual_columns
+from mechsim.report.study_plots import extremes_map, work_precision
+from mechsim.studies.drawn_motion import drawn_motion, simulated_forces
 from mechsim.studies.extremes import stability_map
-from mechsim.studies.plots import extremes_map, work_precision
-from mechsim.studies.reference import drawn_motion, profile_of, simulated_forces
+from mechsim.studies.motions import profile_of
 from mechsim.studies.release import Release
 from mechsim.studies.tradeoff.subject import subject_of
 from mechsim.studies.tradeoff.trials import measure_tradeoff

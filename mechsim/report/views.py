@@ -38,7 +38,7 @@ from mechsim.report.driver_views import (
     platform_of,
     stepped_ghost,
 )
-from mechsim.studies.reference import stepped
+from mechsim.studies.drawn_motion import stepped
 from mechsim.studies.validate import Validation
 from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.subjects.model_source import ModelSource

@@ -19,7 +19,7 @@ from mechsim.simulation.findings.rules import (
 from mechsim.simulation.mjcf.included_files import moved_to, read_text
 from mechsim.simulation.mjcf_reader import MjcfModel, read_model
 from mechsim.simulation.mjcf_reader.file_text import root_of
-from mechsim.studies.robots.joint_map import mujoco_spec
+from mechsim.studies.robots.mujoco_models import mujoco_spec
 from mechsim.subjects.mjcf_source import mujoco_input
 
 

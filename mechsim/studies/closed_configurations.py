@@ -10,7 +10,7 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_configurations
 from mechsim.simulation.closed_configurations import Sample
-from mechsim.studies.robots.joint_map import mujoco_model, quantity_of_joint
+from mechsim.studies.robots.mujoco_models import mujoco_model, quantity_of_joint
 
 
 def closed_qpos(

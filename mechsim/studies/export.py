@@ -4,24 +4,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from mechsim import files
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
+from mechsim.model.mechanism import Mechanism
 from mechsim.model.progress import Progress, no_progress
 from mechsim.model.scene import Level, Scene
-from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.generator import TIME_CONSTANT_STEPS, set_drive_inertia
 from mechsim.simulation.settings import plain_settings
-from mechsim.studies.robots.menagerie import SERVO_TIMESTEP, Verification, verification, with_servos
-from mechsim.studies.robots.serial_twin import SerialTwin, serial_twin
-from mechsim.studies.scene import tune_model
+from mechsim.simulation.source import assembled
 from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
 from mechsim.units import crank_speed, si
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from mechsim.studies.robots.menagerie import Verification
+    from mechsim.studies.robots.serial_twin import SerialTwin
 
 # level of a model, and the speed for which its settings are chosen, by default
 LEVEL, SPEED = "motion", "600rpm"
@@ -47,8 +51,8 @@ class ExportedModel:
     format: str
     text: str
     shortfall: str = ""
-    verification: Verification | None = None
-    twin: SerialTwin | None = None
+    verification: "Verification | None" = None
+    twin: "SerialTwin | None" = None
 
     def __str__(self) -> str:
         return self.text
@@ -108,6 +112,8 @@ def export(
     if format in SERIAL_FORMATS:
         loops = options.pop("loops", None)
         _require_twin(style, scene, cut, settings, timestep, speed, tolerance, *options.values())
+        from mechsim.studies.robots.serial_twin import serial_twin
+
         twin = serial_twin(model, format, independent=independent, set=set, loops=loops)
         result = ExportedModel(twin.name, format, twin.text, twin=twin)
     else:
@@ -138,6 +144,8 @@ def _exported(
 ) -> ExportedModel:
     """Return a mechanism as a MuJoCo model in a style, or as TOML."""
     if style == "menagerie":
+        from mechsim.studies.robots.menagerie import verification
+
         _require_plain(format, contents)
         text = _menagerie_text(solver, contents)
         return ExportedModel(solver.name, format, text, verification=verification(text, solver))
@@ -192,8 +200,24 @@ def _require_plain(format: str, contents: _Contents) -> None:
         )
 
 
+def exported(mechanism: Mechanism, scene: Scene) -> "mujoco.MjSpec":
+    """Return the assembled model of a mechanism, with its picture if the scene has one.
+
+    Raises:
+        AssemblyError: if the loops do not close at the mechanism's start.
+    """
+    spec = assembled(mechanism, scene)
+    if scene.holds("picture"):
+        from mechsim.pictures.render.scenery import add_picture
+
+        add_picture(spec, mechanism)
+    return spec
+
+
 def _menagerie_text(solver: KinematicSolver, contents: _Contents) -> str:
     """Return the text of a model with pictures, position actuators and a closed keyframe."""
+    from mechsim.studies.robots.menagerie import SERVO_TIMESTEP, with_servos
+
     scene = Scene(level="picture", cut=contents.cut or None, forces=solver.forces)
     spec = exported(solver.mechanism, scene)
     settings = {"constant_steps": TIME_CONSTANT_STEPS, **contents.settings}
@@ -213,6 +237,8 @@ def _mjcf_text(solver: KinematicSolver, contents: _Contents, progress: Progress)
     plain_settings(settings, contents.timestep, float(spec.option.timestep), rate).put_into(spec)
     if "drive_inertia" in settings:
         set_drive_inertia(spec, settings["drive_inertia"])
+    from mechsim.studies.scene import tune_model
+
     if tolerance is None:
         model = spec if contents.speed is None else tune_model.turning(spec, mechanism, rate)
         return mjcf.to_xml(model), ""

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,9 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import HUGE
-from mechsim.studies.sensitivity.moved_family import MovedFamily
+
+if TYPE_CHECKING:
+    from mechsim.studies.sensitivity.moved_family import MovedFamily
 
 # prefixes or suffixes of columns with standard deviations
 DEVIATION_SIGNS = ("±", "+-")
@@ -157,7 +160,7 @@ def measured_of(
     return MeasuredMotion(instants, angles, values, deviations)
 
 
-def single(table: Mapping[str, Array], moved: MovedFamily) -> dict[str, str]:
+def single(table: Mapping[str, Array], moved: "MovedFamily") -> dict[str, str]:
     """Return the quantity of each column of a table: name in the table -> our name.
 
     Names of forces in `reference/` are accepted too: torque:J of a crank or of a driver, and force:J of a

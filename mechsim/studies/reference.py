@@ -1,24 +1,22 @@
-"""Motions of a mechanism by each method, and their comparison with reference data of 30 digits."""
+"""Comparison of a mechanism with reference data of 30 digits, by each method."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from mechsim.analytic.dynamics import dynamic_model, prescribed
+from mechsim.analytic.dynamics import dynamic_model
 from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.solvers import KinematicSolver
-from mechsim.errors import AssemblyError, InputError
+from mechsim.errors import AssemblyError
 from mechsim.model.force_record import ForceRecord
 from mechsim.model.motion import Motion, PointMotion, select_instants
-from mechsim.model.motion_laws import CrankProfile, constant, within_range
+from mechsim.model.motion_laws import CrankProfile, constant
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array, rms
-from mechsim.simulation import Run, simulate
 from mechsim.simulation.dynamics.prescribed_motion import driven
-from mechsim.studies.scene.published_run import published_motion, runs_as_published
-from mechsim.subjects.mjcf_source import MjcfForm
+from mechsim.studies.motions import driven_as, simulated
 from mechsim.verdict.checks import Check, Verdict, check_of, checks_of, combined, concluded, tolerances_of
 from mechsim.verdict.quantities import (
     MOTION,
@@ -29,102 +27,6 @@ from mechsim.verdict.quantities import (
     stroke_of,
 )
 from mechsim.verdict.tolerances import Requested, Tolerance, instants_of
-
-# largest number of samples of a picture or video
-MAX_SAMPLES = 100_000
-
-
-def profile_of(
-    solver: KinematicSolver, speed: float, turns: float, through: float | None = None
-) -> CrankProfile:
-    """Return the crank's motion: whole revolutions, or one swing of a crank that cannot turn fully.
-
-    The swing passes the angle `through`, by default that of the start. Under motion laws the motion is that
-    of their path parameter.
-    """
-    if not solver.motion_laws.crank:
-        return solver.motion_laws.path_profile
-    if not (turns != 0.0 and abs(turns) < 1e4):
-        raise InputError(f"{turns:g} turns; give turns other than 0, fewer than 10000 either way")
-    return within_range(
-        solver.mechanism, solver.crank_range(), speed if turns > 0 else -speed, abs(turns), through
-    )
-
-
-def simulated(solver: KinematicSolver, profile: CrankProfile, **options: Any) -> Run:
-    """Return a run in MuJoCo under the motion laws of the drivers, or else under the crank motion."""
-    return simulate(solver, **driven_as(solver, profile), **options)
-
-
-def driven_as(solver: KinematicSolver, profile: CrankProfile) -> dict[str, Any]:
-    """Return the driver motion of a run as arguments: motion laws of the drivers, or a crank motion."""
-    return {"profile": profile} if solver.motion_laws.crank else {"motion_laws": solver.motion_laws}
-
-
-def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, samples: float) -> Motion:
-    """Return a motion to draw, with evenly spread samples after the first.
-
-    Args:
-        solver: the mechanism's solver.
-        method: "closed", "simulated" (stepped by MuJoCo) or "posed" (solved by it pose by pose). A file that
-            MuJoCo can run is stepped with its own settings, so that its drift is shown.
-        profile: of the crank.
-        samples: number of samples; rounded.
-    """
-    if method not in ("closed", "simulated", "posed"):
-        raise InputError(f"there is no method {method!r}; choose from closed, simulated and, to draw, both")
-    count = round(samples)
-    if not 1 <= count <= MAX_SAMPLES:
-        raise InputError(f"{samples:g} frames or samples requested; give 1 to {MAX_SAMPLES}")
-    if method == "closed":
-        return solver.solve_along(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
-    return (
-        stepped(solver, profile, count)
-        if method == "simulated"
-        else simulated(solver, profile, samples=count, method="pose").motion
-    )
-
-
-def stepped(solver: KinematicSolver, profile: CrankProfile, samples: int) -> Motion:
-    """Return a motion stepped by MuJoCo, of a file that MuJoCo can run with its own settings."""
-    if runs_as_published(solver):
-        assert isinstance(solver, MjcfForm)
-        return published_motion(solver, profile, samples)
-    return simulated(solver, profile, samples=samples, method="step").motion
-
-
-def joint_loads(
-    solver: KinematicSolver, method: str, profile: CrankProfile, motion: Motion
-) -> dict[str, Any]:
-    """Return forces and moments in the joints at the samples of a motion, by the same method as the motion.
-
-    They act on link b of each joint, under the masses and forces of `dynamic_model`.
-    """
-    if method == "simulated":
-        reactions = simulated_forces(solver, profile, len(motion) - 1).reactions
-    else:
-        instants = (motion.angle, motion.speed, motion.acceleration)
-        study = prescribed(dynamic_model(solver), *instants, time=motion.time, as_run=motion)
-        reactions = study.forces.reactions
-    forces = {name: reaction.force for name, reaction in reactions.items()}
-    # a moment smaller than the largest force times a billionth of the size is rounding and gets no arrow
-    least = (
-        1e-9
-        * solver.mechanism.characteristic_length
-        * max(float(np.abs(force).max()) for force in forces.values())
-    )
-    moments = {
-        name: np.where(np.abs(reaction.moment) > least, reaction.moment, 0.0)
-        for name, reaction in reactions.items()
-    }
-    return {"forces": forces, "moments": moments}
-
-
-def simulated_forces(solver: KinematicSolver, profile: CrankProfile, samples: int) -> ForceRecord:
-    """Return forces from MuJoCo along a motion, under the masses and forces of `dynamic_model`."""
-    model = dynamic_model(solver.starting_at(profile.angles))
-    return driven(model.mechanism, model.forces, samples=samples, **driven_as(solver, profile)).forces
-
 
 COMPARED = tuple(row for row in MOTION if row.name in ("position", "velocity", "acceleration"))
 # tolerance on drive forces, relative to the largest root mean square; measured 9e-13 over 33 mechanisms

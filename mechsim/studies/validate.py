@@ -23,7 +23,8 @@ from mechsim.model.motion_laws import CrankProfile, State, interval_around, swin
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.resources import ProcessorBudget
-from mechsim.simulation import Run, Settings
+from mechsim.simulation.run import Run
+from mechsim.simulation.settings import Settings
 from mechsim.studies.agreement.agreement import (
     SPEED,
     Against,
@@ -33,7 +34,7 @@ from mechsim.studies.agreement.agreement import (
     comparison_inputs,
     parametric,
 )
-from mechsim.studies.reference import profile_of, simulated
+from mechsim.studies.motions import profile_of, simulated
 from mechsim.studies.scene.published_run import PublishedRun, published_run
 from mechsim.subjects.mjcf_source import MjcfForm, scene_findings
 from mechsim.subjects.readers import parametric_model as dimension_family

@@ -5,8 +5,8 @@ from functools import wraps
 from os import PathLike
 from typing import Any, ParamSpec
 
-from mechsim.simulation import Run
-from mechsim.simulation import simulate as simulated
+from mechsim.simulation.run import Run
+from mechsim.simulation.run import simulate as simulated
 from mechsim.subjects.readers import load
 
 P = ParamSpec("P")

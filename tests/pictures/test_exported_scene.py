@@ -9,10 +9,11 @@ from mechsim.errors import MissingToolError
 from mechsim.model.scene import Scene
 from mechsim.pictures import render
 from mechsim.pictures.render import gl_backend
-from mechsim.pictures.render.scenery import CAMERA, exported
+from mechsim.pictures.render.scenery import CAMERA
 from mechsim.shapes.body import link_colours
 from mechsim.simulation import Settings, mjcf, simulate
 from mechsim.simulation.source import assembled
+from mechsim.studies.export import exported
 
 NAMES = list(catalog.MECHANISMS)
 

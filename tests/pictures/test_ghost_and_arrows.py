@@ -18,7 +18,8 @@ from mechsim.pictures.render.drawn_model import GHOST
 from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.look import Look
 from mechsim.shapes.body import span
-from mechsim.studies.reference import drawn_motion, joint_loads, profile_of
+from mechsim.studies.drawn_motion import drawn_motion, joint_loads
+from mechsim.studies.motions import profile_of
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 25)
 SIZE = (320, 240)

@@ -11,7 +11,8 @@ from mechsim.pictures.render.frame_poses import frame_poses
 from mechsim.pictures.render.labels import foot, letters
 from mechsim.pictures.render.look import Look
 from mechsim.shapes import camera
-from mechsim.studies.reference import drawn_motion, profile_of
+from mechsim.studies.drawn_motion import drawn_motion
+from mechsim.studies.motions import profile_of
 
 
 @pytest.mark.parametrize("name", ["four_bar", "rsur", "humanoid_ankle", "parallel_gripper"])

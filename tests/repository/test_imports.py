@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from types import ModuleType
 
+import import_closures
 import pytest
 import structure
 
@@ -23,6 +24,7 @@ ALLOWED_IMPORTS = {
     "theory": {"numerics", "model", "analytic", "subjects"},
     "pictures": {"numerics", "model", "shapes", "simulation", "files", "units"},
     "subjects": {"numerics", "model", "analytic", "simulation", "units", "files"},
+    # only the export of a picture imports pictures
     "studies": {
         "numerics",
         "model",
@@ -72,7 +74,7 @@ EVERYWHERE = {"errors", "_version", ""}
 # library -> the modules that may import it, by the start of their names
 LIBRARIES = {
     "mujoco": ("mechsim.simulation", "mechsim.pictures.render", "mechsim.studies", "mechsim.cli.doctor"),
-    "matplotlib": ("mechsim.pictures", "mechsim.studies.plots"),
+    "matplotlib": ("mechsim.pictures", "mechsim.report.study_plots"),
     "mediapy": ("mechsim.pictures.render",),
     "jinja2": ("mechsim.report", "mechsim.pictures.view"),
     "typer": ("mechsim.cli",),
@@ -83,6 +85,33 @@ LIBRARIES = {
 }
 # libraries that would slow down every command if imported at the top of a file
 SLOW = re.compile(r"^(?:import|from) (?:matplotlib|mediapy|pint|jinja2|pandas|xarray)\b", re.MULTILINE)
+
+
+# command -> most lines of code that it may reach (validation/import_closures.py lists them)
+REACHED = {
+    "list": 19500,
+    "show": 19500,
+    "solve": 14500,
+    "simulate": 22000,
+    "validate": 25000,
+    "export": 24500,
+    "check": 20500,
+    "sample": 18500,
+    "map": 19000,
+}
+# studies that are features: they import the core and what is shared, and of each other only this
+FEATURES = (
+    *("agreement", "calibration", "certify", "extremes", "optimise", "reduction", "robots", "scene"),
+    *("sensitivity", "sweep", "tradeoff"),
+)
+BETWEEN_FEATURES = {
+    ("agreement", "scene"),  # a difference is attributed to the settings of a scene
+    ("calibration", "sensitivity"),  # a fit uses the derivatives of a motion
+    ("certify", "sensitivity"),  # tolerances are written alike
+    ("optimise", "sensitivity"),  # a search uses the derivatives of a motion
+    ("optimise", "sweep"),  # goals are measures of a sweep
+    ("reduction", "scene"),  # a reduced scene is a scene
+}
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +158,43 @@ def test_every_subpackage_docstring_is_one_sentence(package):
 
 def test_packages_import_only_allowed_packages(graph):
     assert breaches(graph) == []
+
+
+def between_features(graph):
+    """Return the pairs of features of which one imports the other."""
+    pairs = {
+        tuple(name.split(".")[2] for name in edge if name.startswith("mechsim.studies."))
+        for edge in graph.edges
+    }
+    return {pair for pair in pairs if len({*pair}) == 2 and {*pair} <= {*FEATURES}}
+
+
+def test_features_do_not_import_each_other(graph):
+    assert between_features(graph) == BETWEEN_FEATURES
+
+
+def test_the_check_rejects_an_import_between_features(graph):
+    wrong = graph.copy()
+    wrong.add_edge("mechsim.studies.sweep.task", "mechsim.studies.tradeoff.methods")
+    assert between_features(wrong) - BETWEEN_FEATURES == {("sweep", "tradeoff")}
+
+
+def test_commands_reach_no_more_code_than_allowed():
+    reached = import_closures.closures()
+    assert {command: lines for command, lines in reached.items() if lines > REACHED[command]} == {}
+
+
+def test_the_closure_of_a_command_contains_what_it_runs():
+    graph = import_closures.loaded()
+    assert "mechsim.analytic.loops.motion" in import_closures.closure(graph, "solve")
+    assert "mechsim.report.page" not in import_closures.closure(graph, "validate")
+    assert "mechsim.report.page" in import_closures.closure(import_closures.loaded(gates=False), "validate")
+
+
+def test_every_gate_is_an_import():
+    edges = import_closures.loaded(gates=False).edges
+    gates = [tuple(f"mechsim.{name}" for name in gate) for gate in import_closures.GATES]
+    assert [gate for gate in gates if gate not in edges] == []
 
 
 def test_imports_have_no_cycles(graph):

@@ -9,8 +9,8 @@ import pytest
 from mechsim import catalog
 from mechsim.errors import InputError
 from mechsim.model.scene import Scene
-from mechsim.pictures.render.scenery import exported
 from mechsim.simulation.mjcf.compiling import to_xml
+from mechsim.studies.export import exported
 from mechsim.studies.scene import tune_model
 from mechsim.subjects.readers import load
 

@@ -10,7 +10,7 @@ import pytest
 import mechsim as ms
 from mechsim.cli import main
 from mechsim.cli.schema import output_schema
-from mechsim.studies.reference import drawn_motion
+from mechsim.studies.drawn_motion import drawn_motion
 from mechsim.studies.scene.published_run import published_scene
 from mechsim.studies.validate import case_of, position_tolerance
 from mechsim.verdict.quantities import stroke_of

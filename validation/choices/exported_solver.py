@@ -19,14 +19,14 @@ from pathlib import Path
 import numpy as np
 from tuned_cases import scene_files
 
-from mechsim.cli.load_options import ControlOptions, user_scene
+from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions
 from mechsim.model.forces import Forces, Friction
 from mechsim.model.scene import Scene
-from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.simulation.plain_settings import PlainSettings
+from mechsim.studies.export import exported
 from mechsim.studies.scene.errors import SceneEvaluator
 from mechsim.studies.scene.run import run_scene, step_times
 from mechsim.subjects.readers import load

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from mechsim.model.scene import Scene
-from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
+from mechsim.studies.export import exported
 from mechsim.studies.scene.scene import UserScene, scene_of
 from mechsim.subjects.law_text import control_laws
 from mechsim.subjects.readers import load

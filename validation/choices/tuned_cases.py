@@ -8,13 +8,13 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from mechsim.cli.load_options import ControlOptions
+from mechsim.cli.control_options import ControlOptions
 from mechsim.cli.options import DriveOptions
 from mechsim.model.mechanism import Mechanism
 from mechsim.model.scene import Scene
-from mechsim.pictures.render.scenery import exported
 from mechsim.simulation import mjcf
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
+from mechsim.studies.export import exported
 from mechsim.subjects.readers import load
 
 CRANKS = (

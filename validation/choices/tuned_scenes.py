@@ -24,7 +24,7 @@ from check_in_mujoco import closure_error, script_of, trajectory_error
 from tuned_cases import CASES, SceneFile, scene_files
 from tuned_grid import fastest_valid
 
-from mechsim.cli.load_options import user_scene
+from mechsim.cli.control_options import user_scene
 from mechsim.errors import MechsimError
 from mechsim.simulation.mjcf.compiling import quiet
 from mechsim.studies.budget import Budget

@@ -26,8 +26,8 @@ from mechsim.pictures.render import gl_backend
 from mechsim.pictures.render.drawing import Source, draw
 from mechsim.pictures.render.drawn_model import CAMERA
 from mechsim.pictures.render.look import Look
-from mechsim.pictures.render.scenery import exported
 from mechsim.simulation.mjcf import compiled
+from mechsim.studies.export import exported
 
 ROUNDS, FRAMES = 25, 240
 

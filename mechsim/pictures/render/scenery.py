@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from mechsim.model.link_poses import hinged_normals
 from mechsim.model.links import GROUND
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.scene import Scene
 from mechsim.numerics.arrays import Array
 from mechsim.pictures.number_text import prefixed
 from mechsim.shapes import camera as cameras
@@ -19,7 +18,6 @@ from mechsim.shapes.camera import Camera, Wall, backdrop, lowered, nice
 from mechsim.shapes.joints import link_shapes
 from mechsim.shapes.shape import Rgba, Shape, TriangleMesh
 from mechsim.simulation.configurations import swept
-from mechsim.simulation.source import assembled
 from mechsim.simulation.state import quaternion
 
 DECOR = int(mujoco.mjtCatBit.mjCAT_DECOR)
@@ -313,18 +311,6 @@ CAMERA = "view"
 RESOLUTION = (960, 720)
 # sites stand for points and ends of joints; MuJoCo draws groups 0 to 2 by default
 SITE_GROUP = 3
-
-
-def exported(mechanism: Mechanism, scene: Scene) -> mujoco.MjSpec:
-    """Return the assembled model of a mechanism, with its picture if the scene has one.
-
-    Raises:
-        AssemblyError: if the loops do not close at the mechanism's start.
-    """
-    spec = assembled(mechanism, scene)
-    if scene.holds("picture"):
-        add_picture(spec, mechanism)
-    return spec
 
 
 def add_picture(spec: mujoco.MjSpec, mechanism: Mechanism) -> None:

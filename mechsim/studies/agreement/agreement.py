@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import State
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.inputs import number
-from mechsim.studies.agreement.attribution import AskFunction, attribution_data
 from mechsim.studies.agreement.candidate import (
     Candidate,
     QuantityReader,
@@ -28,7 +27,6 @@ from mechsim.studies.agreement.candidate import (
     values_of_function,
     values_of_table,
 )
-from mechsim.studies.agreement.diagnosis import diagnosis
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints, evaluation_points
 from mechsim.studies.agreement.misfit import (
     Misfit,
@@ -44,6 +42,9 @@ from mechsim.subjects.python_object import run_object
 from mechsim.subjects.readers import parametric_model as dimension_family
 from mechsim.units import si
 from mechsim.verdict.checks import Check, Verdict, concluded
+
+if TYPE_CHECKING:
+    from mechsim.studies.agreement.attribution import AskFunction
 
 Against = str | Path | Callable[..., Any]
 SPEED = 20.0 * np.pi
@@ -195,6 +196,8 @@ def compare_model(
     )
     if not stepped:
         return result
+    from mechsim.studies.agreement.attribution import attribution_data
+
     return replace(
         result, attribution=attribution_data(evaluation, candidates, scales_of(evaluation, candidates), ask)
     )
@@ -241,6 +244,8 @@ def agreement(
     verdict = concluded(checks)
     findings: tuple[Finding, ...] = ()
     if diagnose and not verdict.passed:
+        from mechsim.studies.agreement.diagnosis import diagnosis
+
         among = dimension_family(evaluation.solver) if designs is None else designs
         resolution = tuple(formula_tolerance(candidate, scales, tolerance) for candidate in candidates)
         findings = diagnosis(Misfit(evaluation, tuple(candidates), exact, resolution, among, function))
@@ -278,7 +283,7 @@ def _is_table(against: str | Path) -> bool:
 
 def _candidates(
     solver: KinematicSolver, against: Against | None, speed: float
-) -> tuple[str, EvaluationPoints, list[Candidate], AskFunction | None]:
+) -> tuple[str, EvaluationPoints, list[Candidate], "AskFunction | None"]:
     """Return a formula or a table: its name, evaluation points, values there, and the function to call."""
     if against is None:
         against = solver.formula

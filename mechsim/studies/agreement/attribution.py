@@ -13,11 +13,11 @@ from mechsim.model.motion_laws import CrankProfile
 from mechsim.model.quantity import Quantity
 from mechsim.numerics.angles import REVOLUTION, wrapped
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import Settings
+from mechsim.simulation.settings import Settings
 from mechsim.studies.agreement.candidate import Candidate
 from mechsim.studies.agreement.evaluation_points import EvaluationPoints
 from mechsim.studies.agreement.misfit import Scales, candidate_errors
-from mechsim.studies.reference import profile_of, simulated
+from mechsim.studies.motions import profile_of, simulated
 from mechsim.studies.scene.errors import cubic_interpolation
 from mechsim.studies.scene.published_run import published_scene
 from mechsim.studies.scene.run import SceneRun, run_scene

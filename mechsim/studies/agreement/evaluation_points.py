@@ -4,15 +4,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic import dynamics
 from mechsim.analytic.derivatives.dimensions import DesignFamily, changes
 from mechsim.analytic.derivatives.motion import TracedMotion, followed_motion, motion_derivatives
-from mechsim.analytic.dynamics import DynamicModel
-from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.oracle import conditioning_of
 from mechsim.analytic.solvers import KinematicSolver
@@ -23,8 +21,11 @@ from mechsim.model.motion import Motion
 from mechsim.model.quantity import Column, Quantity, record_columns
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
-from mechsim.studies.reference import profile_of
+from mechsim.studies.motions import profile_of
 from mechsim.verdict.tolerances import RecordInstants
+
+if TYPE_CHECKING:
+    from mechsim.analytic.dynamics.model import DynamicModel
 
 Values = Sequence[Array]
 Rows = NDArray[np.bool_]
@@ -127,7 +128,7 @@ class EvaluationPoints:
     speed: Array
     acceleration: Array
     time: Array | None = None
-    dynamic_model: DynamicModel | None = field(default=None, compare=False)
+    dynamic_model: "DynamicModel | None" = field(default=None, compare=False)
     solved: Motion | None = field(default=None, compare=False)
     selecting: Array | None = field(default=None, compare=False)
 
@@ -183,11 +184,13 @@ class EvaluationPoints:
             solved=replace(motion, origin=None),
         )
 
-    def dynamic_model_of(self, solver: KinematicSolver) -> DynamicModel | None:
+    def dynamic_model_of(self, solver: KinematicSolver) -> "DynamicModel | None":
         """Return another solver with the forces of this one; None if there are none but its own."""
-        return (
-            None if self.dynamic_model is None else dynamics.dynamic_model(solver, self.dynamic_model.forces)
-        )
+        if self.dynamic_model is None:
+            return None
+        from mechsim.analytic.dynamics.model import dynamic_model
+
+        return dynamic_model(solver, self.dynamic_model.forces)
 
     @cached_property
     def conditioning(self) -> Array:
@@ -202,9 +205,11 @@ class EvaluationPoints:
         return LoopForm(self.solver.mechanism).solve(self.angle, self.speed, self.acceleration)
 
     @cached_property
-    def loaded_model(self) -> DynamicModel:
+    def loaded_model(self) -> "DynamicModel":
         """The mechanism with its masses and forces."""
-        return self.dynamic_model or dynamics.dynamic_model(self.solver)
+        from mechsim.analytic.dynamics.model import dynamic_model
+
+        return self.dynamic_model or dynamic_model(self.solver)
 
     @property
     def masses(self) -> tuple[LinkMass, ...]:
@@ -214,6 +219,8 @@ class EvaluationPoints:
     @cached_property
     def forces(self) -> ForceRecord:
         """Drive forces and joint reactions."""
+        from mechsim.analytic.dynamics.prescribed_motion import prescribed_along
+
         run = prescribed_along(self.loaded_model, self.angle, self.speed, self.acceleration, time=self.time)
         return run.forces
 

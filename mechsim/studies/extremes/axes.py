@@ -16,7 +16,8 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.motion_laws import swing
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.simulation import Settings, simulate
+from mechsim.simulation.run import simulate
+from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes.results import Drift, Trial
 from mechsim.studies.extremes.trial import attempt, position_errors

@@ -12,7 +12,7 @@ from mechsim.errors import MechsimError
 from mechsim.model.finding import Outcome
 from mechsim.model.motion import Motion
 from mechsim.numerics.arrays import Array
-from mechsim.simulation import Run, simulate
+from mechsim.simulation.run import Run, simulate
 from mechsim.studies.extremes.results import Border, Trial
 from mechsim.verdict.crosscheck import crosscheck
 

@@ -21,7 +21,7 @@ from mechsim.simulation.mjcf import quiet, to_xml
 from mechsim.simulation.mjcf_reader.parsed_file import name_elements
 from mechsim.simulation.model_loops import HINGE, SLIDE
 from mechsim.simulation.state import rotation_matrix
-from mechsim.studies.robots.joint_map import mujoco_spec, ranges_in_si
+from mechsim.studies.robots.mujoco_models import mujoco_spec, ranges_in_si
 
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 # degree of MuJoCo's couplings, and of URDF's mimic joints

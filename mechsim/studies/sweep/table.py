@@ -14,7 +14,6 @@ from mechsim._version import __version__
 from mechsim.errors import InputError, cut, needs
 from mechsim.files import atomic_path
 from mechsim.numerics.arrays import Array
-from mechsim.pictures.plots.studies import SweepTable, sweep_plot
 from mechsim.studies.sweep.task import OUTCOMES, SweepTask
 
 if TYPE_CHECKING:
@@ -250,29 +249,3 @@ def _grid_of(parameter_names: Mapping[str, Any]) -> list[str]:
 
 
 FACT_NAMES = ("crank_range", "dead_centres", "assemblies")
-
-
-def drawn_sweep(path: str, measures: tuple[str, ...] | None, kind: str | None) -> Any:
-    """Return a figure of a sweep file.
-
-    Args:
-        path: of the sweep file.
-        measures: measures to draw; None for all.
-        kind: of plot; None for the default of the data.
-
-    Raises:
-        InputError: for a file without a sweep, or a measure it does not contain.
-    """
-    result = read_sweep(path)
-    table = design_columns(result)
-    parameter_names = [str(name) for name in result.coords]
-    measure_names = [name for name in table if name not in (*parameter_names, *TEXTS)]
-    measured_columns = {name: table[name] for name in measure_names}
-    description = {
-        str(name): str(variable.attrs.get("units", "1")) for name, variable in result.variables.items()
-    }
-    title = str(result.attrs.get("model", path))
-    parameters = {name: table[name] for name in parameter_names}
-    return sweep_plot(
-        SweepTable(title, parameters, measured_columns, description, result["outcome"].shape), measures, kind
-    )

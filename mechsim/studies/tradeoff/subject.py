@@ -14,7 +14,7 @@ from mechsim.model.motion import Motion, select_instants
 from mechsim.model.motion_laws import within_range
 from mechsim.numerics.arrays import Array, worst
 from mechsim.numerics.convergence import half_extent, plausible_order
-from mechsim.simulation import Settings
+from mechsim.simulation.settings import Settings
 from mechsim.simulation.source import Model
 from mechsim.studies.budget import MAX_EXCESS, Budget, TrialTimes
 from mechsim.studies.tradeoff.methods import BuiltModel, build_model

@@ -13,7 +13,7 @@ from mechsim.files import atomic_path
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.convergence import Order, cheapest, observed_order, pareto
-from mechsim.simulation import Settings
+from mechsim.simulation.settings import Settings
 from mechsim.studies.tradeoff.methods import DEFAULTS, Build, SteppingMethod
 from mechsim.studies.tradeoff.subject import COMPARED, Subject
 

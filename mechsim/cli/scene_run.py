@@ -1,0 +1,103 @@
+"""Run of a user's MJCF scene under controls, compared with its exact closure."""
+
+from pathlib import Path
+
+import typer
+
+from mechsim import files
+from mechsim.cli.command import Result
+from mechsim.cli.output import number, print_text
+from mechsim.cli.schema import RunJson
+from mechsim.model.finding import POSITION_TOLERANCE, Outcome
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.mjcf_reader.coordinates import actuator_names
+from mechsim.simulation.plain_settings import PlainSettings
+from mechsim.studies.scene.errors import divergence_reason, start_error
+from mechsim.studies.scene.run import SceneRun, sampled_run
+from mechsim.studies.scene.scene import UserScene
+from mechsim.studies.scene.step_sizes import finer
+
+
+def run_under_controls(
+    scene: UserScene,
+    plain: PlainSettings,
+    requested: float | None,
+    samples: int | None,
+    path: Path | None,
+) -> Result[RunJson]:
+    """Step a user's MJCF scene unchanged under its controls, and compare it with its exact closure.
+
+    Args:
+        scene: the scene.
+        plain: settings that change those of the file.
+        requested: tolerance on closure in [m]; None for `POSITION_TOLERANCE` of the size.
+        samples: number of rows; None for all.
+        path: file of the motion; None writes none.
+    """
+    tolerance = POSITION_TOLERANCE * scene.characteristic_length if requested is None else requested
+    violation = _start_violation(scene, tolerance)
+    fixed = requested is None or bool(violation)
+    run, errors, used = finer(scene, plain, tolerance, fixed=fixed)
+    if samples is not None:
+        run = sampled_run(run, samples)
+    outcome: Outcome = "diverged" if run.broken else "passed" if errors.closure <= tolerance else "failed"
+    note = divergence_reason(run) if run.broken else violation
+    output = None if path is None else str(path)
+    if path is not None:
+        files.write_table(path, table_of(run))
+
+    def text() -> None:
+        if run.broken:
+            print_text(f"{outcome}: {run.broken}: {note}")
+        else:
+            print_text(
+                f"{outcome}: points within {number(errors.closure, 3)} m of the exact closure at the run's "
+                f"own drivers (tolerance {number(tolerance, 3)} m)"
+            )
+            print_text(note)
+        typer.echo(f"{run.steps} steps in {number(run.seconds)} s, in plain MuJoCo")
+        if output is not None:
+            typer.echo(f"wrote {len(run.time)} rows to {output}")
+
+    data: RunJson = {
+        "outcome": outcome,
+        "tolerance": tolerance,
+        "estimate": errors.closure,
+        "steps": run.steps,
+        "seconds": run.seconds,
+        "method": "step",
+        "note": note,
+        "settings": used.as_dict() | {"timestep": float(run.model.opt.timestep)},
+        "mechanism": scene.mechanism.name,
+        "output": output,
+        "rows": len(run.time),
+    }
+    return Result(data, text, outcome == "passed")
+
+
+def _start_violation(scene: UserScene, tolerance: float) -> str:
+    """Return the loop-closure error at the start, as text, if no step can correct it; otherwise empty."""
+    error = start_error(scene)
+    if error <= tolerance:
+        return ""
+    return (
+        f"the loops are open by {error:.2g} m at the initial pose of the file, which no time step corrects; "
+        "give more digits there, or let `mechsim tune` write a keyframe that is closed"
+    )
+
+
+def table_of(run: SceneRun) -> dict[str, Array]:
+    """Return the columns of a run: time, points with velocities, joints, actuator forces."""
+    scene, model = run.scene, run.model
+    table = {"t": run.time}
+    velocities = run.velocities
+    for k, name in enumerate(scene.tracked):
+        table |= {f"{name}.{axis}": run.points[:, k, i] for i, axis in enumerate("xyz")}
+        table |= {f"{name}.v{axis}": velocities[:, k, i] for i, axis in enumerate("xyz")}
+    for j, joint in enumerate(scene.mechanism.joints[: model.njnt]):
+        if len(joint.coordinates) == 1:
+            table[f"{joint.name}.q"] = run.qpos[:, model.jnt_qposadr[j]]
+            table[f"{joint.name}.v"] = run.qvel[:, model.jnt_dofadr[j]]
+    for i, name in enumerate([*actuator_names(model), *scene.joint_laws]):
+        table[f"effort:{name}"] = run.forces[:, i]
+    return table

@@ -1,0 +1,84 @@
+"""Motions to draw by each method, and forces along them."""
+
+from typing import Any
+
+import numpy as np
+
+from mechsim.analytic.dynamics import dynamic_model, prescribed
+from mechsim.analytic.solvers import KinematicSolver
+from mechsim.errors import InputError
+from mechsim.model.force_record import ForceRecord
+from mechsim.model.motion import Motion
+from mechsim.model.motion_laws import CrankProfile
+from mechsim.simulation.dynamics.prescribed_motion import driven
+from mechsim.studies.motions import driven_as, simulated
+from mechsim.studies.scene.published_run import published_motion, runs_as_published
+from mechsim.subjects.mjcf_source import MjcfForm
+
+# largest number of samples of a picture or video
+MAX_SAMPLES = 100_000
+
+
+def drawn_motion(solver: KinematicSolver, method: str, profile: CrankProfile, samples: float) -> Motion:
+    """Return a motion to draw, with evenly spread samples after the first.
+
+    Args:
+        solver: the mechanism's solver.
+        method: "closed", "simulated" (stepped by MuJoCo) or "posed" (solved by it pose by pose). A file that
+            MuJoCo can run is stepped with its own settings, so that its drift is shown.
+        profile: of the crank.
+        samples: number of samples; rounded.
+    """
+    if method not in ("closed", "simulated", "posed"):
+        raise InputError(f"there is no method {method!r}; choose from closed, simulated and, to draw, both")
+    count = round(samples)
+    if not 1 <= count <= MAX_SAMPLES:
+        raise InputError(f"{samples:g} frames or samples requested; give 1 to {MAX_SAMPLES}")
+    if method == "closed":
+        return solver.solve_along(*profile.state(np.linspace(0.0, profile.duration, count + 1)))
+    return (
+        stepped(solver, profile, count)
+        if method == "simulated"
+        else simulated(solver, profile, samples=count, method="pose").motion
+    )
+
+
+def stepped(solver: KinematicSolver, profile: CrankProfile, samples: int) -> Motion:
+    """Return a motion stepped by MuJoCo, of a file that MuJoCo can run with its own settings."""
+    if runs_as_published(solver):
+        assert isinstance(solver, MjcfForm)
+        return published_motion(solver, profile, samples)
+    return simulated(solver, profile, samples=samples, method="step").motion
+
+
+def joint_loads(
+    solver: KinematicSolver, method: str, profile: CrankProfile, motion: Motion
+) -> dict[str, Any]:
+    """Return forces and moments in the joints at the samples of a motion, by the same method as the motion.
+
+    They act on link b of each joint, under the masses and forces of `dynamic_model`.
+    """
+    if method == "simulated":
+        reactions = simulated_forces(solver, profile, len(motion) - 1).reactions
+    else:
+        instants = (motion.angle, motion.speed, motion.acceleration)
+        study = prescribed(dynamic_model(solver), *instants, time=motion.time, as_run=motion)
+        reactions = study.forces.reactions
+    forces = {name: reaction.force for name, reaction in reactions.items()}
+    # a moment smaller than the largest force times a billionth of the size is rounding and gets no arrow
+    least = (
+        1e-9
+        * solver.mechanism.characteristic_length
+        * max(float(np.abs(force).max()) for force in forces.values())
+    )
+    moments = {
+        name: np.where(np.abs(reaction.moment) > least, reaction.moment, 0.0)
+        for name, reaction in reactions.items()
+    }
+    return {"forces": forces, "moments": moments}
+
+
+def simulated_forces(solver: KinematicSolver, profile: CrankProfile, samples: int) -> ForceRecord:
+    """Return forces from MuJoCo along a motion, under the masses and forces of `dynamic_model`."""
+    model = dynamic_model(solver.starting_at(profile.angles))
+    return driven(model.mechanism, model.forces, samples=samples, **driven_as(solver, profile)).forces

@@ -1,0 +1,62 @@
+"""Compiled MuJoCo models of anything that `load` takes, and coordinates of their joints."""
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any
+
+import mujoco
+
+from mechsim.model.finding import HARMLESS
+from mechsim.model.scene import Scene
+from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf_reader.parsed_file import parse_file
+from mechsim.simulation.source import assembled
+from mechsim.subjects.mjcf_source import mujoco_input
+from mechsim.units import Unit, si
+
+
+def mujoco_model(
+    model: Any, set: Mapping[str, str | float] | None = None, loops: str | PathLike[str] | None = None
+) -> mujoco.MjModel:
+    """Return the compiled MuJoCo model; a mechanism is exported as by `mechsim export`."""
+    is_compiled = isinstance(model, mujoco.MjModel) and loops is None
+    return model if is_compiled else compiled(mujoco_spec(model, set, loops))
+
+
+def mujoco_spec(
+    model: Any, set: Mapping[str, str | float] | None = None, loops: str | PathLike[str] | None = None
+) -> mujoco.MjSpec:
+    """Return the specification of a model without missing meshes."""
+    own = mujoco_input(model, loops)
+    if own is not None:
+        return parse_file(own)[0]
+    from mechsim.subjects.readers import load
+
+    solver = load(model, set, still=True)
+    return assembled(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
+
+
+def unread_parts(model: Any) -> list[str]:
+    """Return a line for each part of a MuJoCo or URDF file that was not read; none for other models."""
+    own = mujoco_input(model)
+    unread = [] if own is None else parse_file(own).unread
+    return [finding.one_line for finding in unread if finding.remedy != HARMLESS]
+
+
+def ranges_in_si(
+    model: mujoco.MjModel, ranges: Mapping[str, tuple[float | str, float | str] | None]
+) -> dict[str, tuple[float, float] | None]:
+    """Return ranges of joints in [rad] or [m] from numbers in SI or text; None means the joint limits."""
+    return {name: None if ends is None else _ends(model, name, ends) for name, ends in ranges.items()}
+
+
+def _ends(model: mujoco.MjModel, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:
+    low, high = (quantity_of_joint(model, name, end) for end in ends)
+    return low, high
+
+
+def quantity_of_joint(model: mujoco.MjModel, name: str, value: float | str) -> float:
+    """Return a coordinate of a joint in SI; text may have a unit."""
+    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    unit: Unit = "m" if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+    return float(si(value, unit, f"the value of {name}"))

@@ -1,0 +1,93 @@
+"""The code that each command can reach: lines of code in the import closure of its module.
+
+    python validation/import_closures.py [COMMAND ...] [--modules]
+
+The closure follows every import, also those inside functions, but not those under TYPE_CHECKING. An import
+that an option or a kind of model asks for is a gate (`GATES`); the closure does not pass it. Code that only
+one command reaches may be changed without the others. With --modules, the modules of the closure are listed.
+"""
+
+import argparse
+
+import networkx as nx
+import structure
+
+# (module, imported module) -> what asks for the import
+GATES = {
+    ("cli.control_options", "studies.scene.open_scene"): "--ctrl",
+    ("cli.simulate", "cli.scene_run"): "--ctrl",
+    ("cli.validate", "report.validation"): "--report, --plot",
+    ("cli.validate", "pictures.plots"): "--plot",
+    ("cli.validate", "pictures.plots.motion"): "--plot",
+    ("cli.validate", "studies.certify.certificate"): "--certify",
+    ("cli.validate", "studies.reference"): "--reference",
+    ("studies.agreement.agreement", "studies.agreement.attribution"): "--against",
+    ("studies.agreement.agreement", "studies.agreement.diagnosis"): "a comparison that fails",
+    ("studies.agreement.evaluation_points", "analytic.dynamics.model"): "a formula with a torque",
+    ("studies.agreement.evaluation_points", "analytic.dynamics.prescribed_motion"): "a formula with a torque",
+    ("studies.export", "pictures.render.scenery"): "--scene picture",
+    ("studies.export", "studies.robots.menagerie"): "--style menagerie",
+    ("studies.export", "studies.robots.serial_twin"): "--format urdf, mjcf-tree",
+    ("studies.export", "studies.scene.tune_model"): "--tolerance, --speed",
+    ("studies.robots.mujoco_models", "subjects.readers"): "a MODEL that is no file of MuJoCo",
+    ("subjects.mjcf_source", "simulation.findings"): "a MODEL in MJCF",
+}
+# commands of the core, and those that only read MuJoCo models
+COMMANDS = ("list", "show", "solve", "simulate", "validate", "export", "check", "sample", "map")
+
+
+def loaded(gates: bool = True) -> nx.DiGraph:
+    """Return which module loads which: imports without those for types, and without gates."""
+    imported: dict[str, set[str]] = {}
+    for name, path in structure.modules().items():
+        inside = name if path.name == "__init__.py" else name.rpartition(".")[0]
+        source = path.read_text(encoding="utf-8")
+        imported[name] = structure.imports_of(source, inside, typing=False)
+    graph = structure.import_graph(imported)
+    # a module of a package also loads the package
+    graph.add_edges_from((name, name.rpartition(".")[0]) for name in imported if name.count(".") > 1)
+    if gates:
+        graph.remove_edges_from((f"mechsim.{a}", f"mechsim.{b}") for a, b in GATES)
+    return graph
+
+
+def closure(graph: nx.DiGraph, command: str) -> set[str]:
+    """Return the modules that a command can reach."""
+    module = "mechsim.cli." + {"list": "show"}.get(command, command)
+    return {module, *nx.descendants(graph, module)}
+
+
+def lines() -> dict[str, int]:
+    """Return the lines of code of each module."""
+    return {
+        name: structure.code_lines(path.read_text(encoding="utf-8"))
+        for name, path in structure.modules().items()
+    }
+
+
+def closures(commands: tuple[str, ...] = COMMANDS, gates: bool = True) -> dict[str, int]:
+    """Return the lines of code that commands can reach."""
+    graph, sizes = loaded(gates), lines()
+    return {command: sum(sizes[name] for name in closure(graph, command)) for command in commands}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("commands", nargs="*", default=COMMANDS)
+    parser.add_argument("--modules", action="store_true", help="list the modules")
+    chosen = parser.parse_args()
+    commands = tuple(chosen.commands)
+    behind, ahead = closures(commands, gates=False), closures(commands)
+    print(f"{'command':12} {'lines':>7} {'with all gates open':>20}")
+    for command in commands:
+        print(f"{command:12} {ahead[command]:7} {behind[command]:20}")
+    if chosen.modules:
+        graph, sizes = loaded(), lines()
+        for command in commands:
+            print(f"\n{command}")
+            for name in sorted(closure(graph, command), key=lambda name: -sizes[name]):
+                print(f"{sizes[name]:6} {name}")
+
+
+if __name__ == "__main__":
+    main()
