@@ -70,6 +70,8 @@ def _converted(value: Any, param: Any, ctx: Any) -> Any:
     kind = param.type_descriptor.annotation
     if kind in (str, list[str]):
         return value if kind is str else list(value)
+    if kind is int and isinstance(value, str) and value.isdecimal():
+        return int(value)
     return type(param).get_runtime_param(param).coerce(value, param=param, ctx=ctx)
 
 

@@ -14,6 +14,7 @@ from mechsim.model.limits import require_count
 from mechsim.model.motion import short_repr
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
+from mechsim.numerics.graphs import components
 from mechsim.numerics.newton import NewtonResult, NewtonSettings, newton
 from mechsim.numerics.rank import RANK_TOLERANCE, least_norm, pivot_columns
 from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
@@ -158,16 +159,14 @@ class StraightPath:
     @cached_property
     def groups(self) -> list[NDArray[np.intp]]:
         """Disjoint groups of passive DOFs that belong to common loops, as columns of `passive`."""
-        from scipy.sparse.csgraph import connected_components
-
         # in a singular reference some joints do not affect a loop to first order
         model = self.loops.model
         steps = np.random.default_rng(0).normal(size=(PROBES, model.nv)) * DRIVER_STEP * self.loops.units
         qpos = self.loops.displaced(np.repeat(self.reference[None], PROBES, 0), steps)
         matrix = np.abs(self.loops.linearise(qpos)[1][:, :, self.passive]).max(0)
         share = (matrix.T @ matrix) > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0) ** 2
-        count, labels = connected_components(share, directed=False)
-        return [np.flatnonzero(labels == number) for number in range(count)]
+        groups = components(range(len(share)), zip(*np.nonzero(share), strict=True))
+        return [np.array(sorted(group), dtype=np.intp) for group in groups]
 
     def reach(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return the configurations of `follow`, and which of them close within the joint limits."""
