@@ -161,8 +161,8 @@ def assur_groups(
         mechanism: a planar mechanism.
         driver: driving link or links. The default is the crank and the links geared to it. A link on the
             frame replaces the crank, which becomes an ordinary link. A link connected to a driven link, but
-            not to the frame, drives with that link stopped, as in paper 003. Such an exchange releases gears;
-            other driven links remain drivers as long as there are degrees of freedom.
+            not to the frame, drives with that link stopped, as in Koshel and Koshel. Such an exchange
+            releases gears; other driven links remain drivers as long as there are degrees of freedom.
         stopped: links that count as frame.
 
     Returns:
@@ -173,7 +173,7 @@ def assur_groups(
             underdetermined or overdetermined; names the links.
 
     Source: Assur 1914; classes after Artobolevskii, Theory of Mechanisms; the exchange of drivers in
-    paper 003.
+    Koshel and Koshel.
     """
     if plane_normal(mechanism) is None:
         raise InputError(
@@ -301,7 +301,7 @@ def planar_dofs(mechanism: Mechanism, pairs: Iterable[Pairs], stopped: Sequence[
 
 
 def _to_stop(mechanism: Mechanism, link: str, cranks: list[str]) -> tuple[str]:
-    """Return the crank that must be stopped so that a floating link can drive, as in paper 003."""
+    """Return the crank that must be stopped so that a floating link can drive, as in Koshel and Koshel."""
     if not cranks:
         raise InputError(
             f"{mechanism.name}: link {link!r} has a pair with neither the frame nor a driven link, so it "

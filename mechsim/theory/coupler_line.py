@@ -224,7 +224,8 @@ def synthesize_looper(
     lengths by 1 um for the paper's linkage. By equal ripple, the local optimum over 801 points near the one
     by the circle; another optimum may be better.
 
-    Source: paper 004, section "Example of synthesis", eq. (3) in the form of papers.md section 4.
+    Source: Horobets et al. (2019), section "Example of synthesis", eq. (3), in the form of
+        docs/explanation/synthesis.md.
     """
     curve = line(through, tilt, length, REFINEMENT * (POINTS - 1) + 1)
     return _followed(curve, base, equal_ripple, in_space, every=REFINEMENT)

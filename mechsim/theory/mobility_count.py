@@ -388,7 +388,7 @@ def mobility(mechanism: Mechanism) -> Mobility:
     Raises:
         AssemblyError: if the loops do not close at the mechanism's start.
 
-    Source: papers.md sections 1-4 for the counts; rank of the loop Jacobian, `loops.dof_count`.
+    Source: docs/explanation/sources.md for the counts; rank of the loop Jacobian, `loops.dof_count`.
     """
     stands = _configurations(mechanism)
     ranked: list[tuple[DofCount, Mapping[str, Pose]]] = [

@@ -1,4 +1,4 @@
-"""Velocity plans of the two-crank warp-knitting mechanism, constructed as in paper 003.
+"""Velocity plans of the two-crank warp-knitting mechanism, constructed as in Koshel and Koshel.
 
 One crank is stopped, and a rod drives instead of the other crank: the class III group then consists of class
     II
@@ -97,7 +97,7 @@ def velocity_plan(
     Accuracy: relative error a few ulp divided by the sine of the angle between intersecting lines of the
         plan.
 
-    Source: paper 003, eqs (1)-(8).
+    Source: Koshel and Koshel (docs/explanation/sources.md), eqs (1)-(8).
     """
     points = mechanism.positions([angle])
     positions = {name: complex(flat(path)[0]) for name, path in points.items()}

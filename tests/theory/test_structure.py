@@ -23,7 +23,7 @@ from mechsim.theory.mobility_count import mobility, plane_normal
 
 JointPositions = Mapping[str, tuple[str, str, tuple[float, float]]]
 
-# joints of the warp-knitting mechanism in [mm]: papers.md section 3, joints on the
+# joints of the warp-knitting mechanism in [mm]: docs/explanation/sources.md, joints on the
 # pose of link 4 given there; rod lengths follow from the pose
 KNITTER: JointPositions = {
     "crank": (GROUND, "crank1", (0.0, 0.0)),

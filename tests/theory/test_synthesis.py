@@ -11,7 +11,7 @@ from mechsim.errors import AssemblyError, InputError
 from mechsim.theory.coupler_line import best_circle, follow_curve, line, synthesize_looper
 from mechsim.theory.passage import dyad, passage
 
-# the line of papers.md section 4, from which the paper's linkage follows
+# the line of docs/explanation/sources.md, from which the paper's linkage follows
 THROUGH, TILT, LENGTH = (12.8751e-3, 29.9574e-3), float(np.deg2rad(1.3905)), 4e-3
 
 

@@ -18,7 +18,7 @@ from looper_search import straighter_looper
 from mechsim.analytic.catalog.looper import Looper
 from mechsim.theory.coupler_line import Synthesis, synthesize_looper
 
-# the line of papers.md section 4, from which the paper's linkage follows
+# the line of docs/explanation/sources.md, from which the paper's linkage follows
 PAPER_LINE = ((12.8751e-3, 29.9574e-3), float(np.deg2rad(1.3905)), 4e-3)
 STRAIGHT_PARTS = (4e-3, 11e-3)
 

@@ -19,7 +19,7 @@ from mechsim.analytic.catalog.looper import Looper
 
 Array = NDArray[np.float64]
 
-# the straight part of C, 4 mm of its stroke: papers.md section 4
+# the straight part of C, 4 mm of its stroke: docs/explanation/sources.md
 STRAIGHT = (139.0, 173.0)
 STEP = np.deg2rad(0.25)
 
@@ -28,7 +28,7 @@ STEP = np.deg2rad(0.25)
 class Row:
     """A printed number: quantity, unit, printed text, expected and computed value, and tolerance.
 
-    `expected` is the value of papers.md for axis_z = 12.0 mm; `tolerance` is half a unit of its last digit
+    `expected` is the value for axis_z = 12.0 mm; `tolerance` is half a unit of its last digit
     unless `reason` states another.
     """
 
@@ -54,7 +54,7 @@ def table(looper: Looper | None = None) -> list[Row]:
     straight = (np.rad2deg(angles) >= STRAIGHT[0]) & (np.rad2deg(angles) <= STRAIGHT[1])
     arm = c - points["D"]
     swing = np.unwrap(np.arctan2(arm[:, 2], arm[:, 1]))
-    source = "read off the picture by papers.md"
+    source = "read off the picture"
     return [
         Row("C: least x", "mm", "", 9.50, planar[:, 0].min(), 0.005, source),
         Row("C: greatest x", "mm", "", 12.98, planar[:, 0].max(), 0.005, source),

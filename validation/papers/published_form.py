@@ -1,8 +1,8 @@
-"""The published unit vector at two angles (paper 000, eqs 10-21): lost digits and changed assemblies.
+"""The published unit vector at two angles (Dvorzhak (2016), eqs 10-21): lost digits and changed assemblies.
 
     python validation/papers/published_form.py --out DIR
 
-Problem: the looper layout of papers.md section 1 (rocker axis along Z), whose V3 = P4P2 x axis has an
+Problem: the looper layout of docs/explanation/sources.md (rocker axis along Z), whose V3 = P4P2 x axis has an
 X-component that changes sign twice a turn. Reference: the same vector with 50 digits by mpmath, from
 the defining equations p.V1 = |V1| cos a1, p.V2 = |V2| cos a2, |p| = 1; its own error is below 1e-16.
 """
@@ -35,7 +35,7 @@ def unit_at_angles_published(v1: Array, v2: Array, angle1: ArrayLike, angle2: Ar
     It divides by the X-component of v1 x v2, and its `sign` is the sign of a root in p_X. It loses digits
     where that component is small, and selects the other assembly mode where it is negative.
 
-    Source: paper 000, eqs (10)-(21), verbatim.
+    Source: Dvorzhak (2016, docs/explanation/sources.md), eqs (10)-(21), verbatim.
     """
     v3 = cross(v1, v2)
     q1, q2 = norm(v1) * np.cos(angle1), norm(v2) * np.cos(angle2)
@@ -56,7 +56,7 @@ def triangle_angle(l1: ArrayLike, l2: ArrayLike, l3: ArrayLike) -> Array:
     Accuracy: Kahan's form, relative error of a few ulp even for needle-like triangles, where the
     arc cosine of the published form loses half the digits.
 
-    Source: paper 000, eq. (23) (Tcos).
+    Source: Dvorzhak (2016, docs/explanation/sources.md), eq. (23) (Tcos).
     """
     l1, l2, l3 = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (l1, l2, l3)))
     a, b = np.maximum(l1, l2), np.minimum(l1, l2)

@@ -1,4 +1,7 @@
-"""The path of S of an RRSRR mechanism as in paper 002: intersection of torus and sphere, by arc length."""
+"""The path of S of an RRSRR mechanism: intersection of torus and sphere, by arc length.
+
+Source: the paper on the RRSRR (docs/explanation/sources.md).
+"""
 
 from dataclasses import dataclass
 
@@ -24,7 +27,7 @@ class SpherePath:
 
     Attributes:
         curve: the path of S, its points and its length in [m].
-        parameters: u1, v1, u2, v2 of paper 002 at its points, not wrapped, (n, 4) in [rad]; v2 of the
+        parameters: u1, v1, u2, v2 of the paper at its points, not wrapped, (n, 4) in [rad]; v2 of the
             first lies in [-pi/2, pi/2].
         on_torus: S from u1 and v1, (n, 3) in [m].
         on_sphere: S from u2 and v2, (n, 3) in [m]; its distance from `on_torus` is the error of the method.
@@ -108,7 +111,7 @@ def trace_path(rrsrr: Rrsrr, start: ArrayLike | None = None, *, tolerance: float
 
     Accuracy: every point lies on both surfaces to rounding.
 
-    Source: paper 002, Dragilev's method.
+    Source: the paper on the RRSRR (docs/explanation/sources.md), Dragilev's method.
     """
     curve = trace_curve(
         torus_sphere(rrsrr), _start_of_assembly(rrsrr) if start is None else start, tolerance=tolerance

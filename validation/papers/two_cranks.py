@@ -55,7 +55,7 @@ def one_crank_stopped(knitter: WarpKnitter, stopped: Literal["crank1", "crank2"]
         angle: of crank 1 from +X in [rad], at which the gears determine both cranks; the initial guess is the
             configuration there.
 
-    Source: paper 003, the exchange of drivers, eqs (1)-(5).
+    Source: Koshel and Koshel (docs/explanation/sources.md), the exchange of drivers, eqs (1)-(5).
     """
     links = knitter.solve([angle]).links
     stopped_pose = Pose(links[stopped].position[0], links[stopped].rotation[0])

@@ -7,7 +7,7 @@ centres. Reference: the same intersection of circle and sphere in 50 digits (mpm
 double; its error is below 1e-40. Errors have the unit condition x eps. The condition is the displacement of
 the point, relative to the longest link, per relative change of the crank angle and of each length, summed,
 by differences in 50 digits. Rounded inputs alone cause about one unit. Published form: the angle by arc
-cosine, then paper 000, eqs (10)-(21). It is accurate at a dead centre, but not near V3x = 0, where it
+cosine, then Dvorzhak (2016), eqs (10)-(21). It is accurate at a dead centre, but not near V3x = 0, where it
 divides by zero (../papers/published_form.py).
 """
 
@@ -45,7 +45,7 @@ LINKAGES: dict[str, tuple[TwoBranchForm, str]] = {
 
 
 def dead_centre_at_zero_v3x() -> Rssr:
-    """Return the looper layout of papers.md with a coupler that puts the dead centre at V3x = 0."""
+    """Return the layout of a looper drive with a coupler that puts the dead centre at V3x = 0."""
     linkage = Rssr(crank=0.014, rocker=0.024, pivot=(0.039, -0.008, 0.004), gamma1=0.0, gamma2=0.0)
     crank_angle = np.arccos(linkage.pivot[1] / linkage.crank)
     height = linkage.crank * np.sin(crank_angle) - linkage.pivot[2]

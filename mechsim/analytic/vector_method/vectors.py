@@ -47,7 +47,7 @@ def column(v: Any) -> Array:
 def rotation(axis: Literal["x", "y", "z"], angle: Any) -> Array:
     """Return the matrix T_X, T_Y or T_Z of a rotation about a coordinate axis, (3, 3) or (3, 3, n).
 
-    Source: paper 000, eq. (9).
+    Source: Dvorzhak (2016, docs/explanation/sources.md), eq. (9).
     """
     c, s = np.cos(angle), np.sin(angle)
     i = "xyz".index(axis)
@@ -95,7 +95,8 @@ def unit_at_angles(v1: Values, v2: Values, angle1: ArrayLike, angle2: ArrayLike,
     Accuracy: the angles are exact to a few ulp divided by the sine of the angle between `v1` and `v2`; unlike
     the published form, this one does not depend on the coordinate frame.
 
-    Source: paper 000, eqs (10)-(21), in the numerically stable form of papers.md section 0.
+    Source: Dvorzhak (2016), eqs (10)-(21), in the numerically stable form of
+        docs/explanation/vector_method.md.
     """
     u1, u2 = v1 / norm(v1), v2 / norm(v2)
     g = dot(u1, u2)

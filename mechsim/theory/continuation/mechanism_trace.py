@@ -228,7 +228,8 @@ def trace(
             is unbounded, or the curve is longer than 3,000 segments.
         MobilityError: unless exactly one degree of freedom besides passive ones is undetermined.
 
-    Source: arc-length continuation (Dragilev's method) as in paper 002; here with polynomial predictors.
+    Source: arc-length continuation (Dragilev's method) as in the paper on the RRSRR
+        (docs/explanation/sources.md); here with polynomial predictors.
     """
     for name, value, most in (("starts", starts, MAX_STARTS), ("the seed", seed, 2**32)):
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:  # pyright: ignore[reportUnnecessaryIsInstance]
