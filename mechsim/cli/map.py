@@ -27,7 +27,7 @@ from mechsim.studies.robots.joint_map import (
     compare_with_loop_equations,
     joint_map,
 )
-from mechsim.studies.robots.mujoco_models import unread_parts
+from mechsim.studies.robots.mujoco_models import notes_on
 from mechsim.subjects.mjcf_source import with_loops
 from mechsim.units import option
 
@@ -87,7 +87,7 @@ def map_joints(
     path = writable(output, ".npz")
     changed, source = changed_parameters(sets), with_loops(model, loops)
     ranges = joint_ranges("--from", inputs)
-    notes.extend(unread_parts(source))
+    notes.extend(notes_on(source, changed))
     with progress("map", None) as report:
         table = joint_map(
             source,

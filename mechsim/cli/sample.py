@@ -12,7 +12,7 @@ from mechsim.cli.options import Key, Loops, Model, Sets, changed_parameters, out
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
-from mechsim.studies.robots.mujoco_models import unread_parts
+from mechsim.studies.robots.mujoco_models import notes_on
 from mechsim.subjects.mjcf_source import with_loops
 from mechsim.units import option
 
@@ -44,7 +44,7 @@ def sample(
     """
     path = writable(output, ".npz")
     source, changed = with_loops(model, loops), changed_parameters(sets)
-    notes.extend(unread_parts(source))
+    notes.extend(notes_on(source, changed))
     with progress("sample", None) as report:
         states = closed_configurations.sample(source, n, seed, set=changed, progress=report, key=key)
     with atomic_path(path) as temporary, temporary.open("wb") as file:

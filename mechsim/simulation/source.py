@@ -269,7 +269,8 @@ def tracked_points(source: Model, spec: mujoco.MjSpec) -> tuple[str, ...]:
     sites = (site.name for site in spec.sites if site.name and "@" not in site.name)
     points = tuple(source.points if isinstance(source, Mechanism) else sites)
     if not points:
-        raise InputError("the model has no point to track; put a named site at each point of interest")
+        what = "list one under [points]" if isinstance(source, Mechanism) else "put a named site at one"
+        raise InputError(f"the model has no point to track; {what}")
     return points
 
 

@@ -1,10 +1,12 @@
 """Check closed-loop models by the linter's rules, from files or objects of MuJoCo."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from mechsim.analytic.loops.rounded_geometry import corrected
 from mechsim.errors import InputError, MechsimError
 from mechsim.simulation.findings.rule_table import RULES
 from mechsim.simulation.findings.rules import (
@@ -21,6 +23,8 @@ from mechsim.simulation.mjcf_reader import MjcfModel, read_model
 from mechsim.simulation.mjcf_reader.file_text import root_of
 from mechsim.studies.robots.mujoco_models import mujoco_spec
 from mechsim.subjects.mjcf_source import mujoco_input
+from mechsim.subjects.model_source import Prescription
+from mechsim.subjects.readers import open_model
 
 
 def check(
@@ -114,4 +118,8 @@ def fixed_copy(path: str, target: Path, violated: Sequence[Violation]) -> tuple[
 
 def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     own = mujoco_input(model, loops)
-    return read_model(mujoco_spec(model) if own is None else own, lint=True)
+    if own is not None:
+        return read_model(own, lint=True)
+    read = read_model(mujoco_spec(model), lint=True)
+    written = open_model(model).describe({}, Prescription(still=True)).solver.mechanism
+    return replace(read, unread=(*read.unread, *filter(None, [corrected(written).finding])))

@@ -1,6 +1,6 @@
 """A mechanism from an MJCF file, solved by mechsim's loop equations; MuJoCo can run the file itself."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
@@ -120,8 +120,7 @@ def mujoco_input(model: Any, loops: str | PathLike[str] | None = None) -> "Mujoc
     from mechsim.simulation.mjcf_reader import read_model
 
     with suppress(MechsimError):
-        exact = corrected(read_model(closed, lint=True).mechanism)
-        return _with_exact_angles(closed, exact) if exact.rotations else closed
+        return _with_exact_angles(closed, corrected(read_model(closed, lint=True).mechanism))
     return closed
 
 
@@ -129,14 +128,14 @@ def _with_exact_angles(source: "MujocoInput", exact: Corrected) -> "MujocoInput"
     """Return a file or an object in which the rounded angles are exact that lock its loops."""
     from mechsim.simulation.mjcf_reader.parsed_file import ExactAngles
 
-    finding = Finding(
-        kind="redundant",
-        what="loops",
-        by=1.0,
-        message=f"as written the loops lock, for {exact.locked_by}; mechsim moves them with the exact angle",
-        remedy="write angles with 8 digits, such as 1.5707963 for pi/2",
-    )
-    return ExactAngles(source, exact.rotations, finding)
+    return source if exact.finding is None else ExactAngles(source, exact.changes, exact.finding)
+
+
+def printed(unread: Iterable[Finding]) -> list[str]:
+    """Return a line for each finding on what was not read or was corrected, without harmless parts."""
+    return [
+        finding.one_line for finding in unread if finding.remedy != HARMLESS or finding.kind == "redundant"
+    ]
 
 
 def with_loops(model: Any, loops: str | None) -> Any:
@@ -206,7 +205,7 @@ def read_mjcf(
         label = model_label(source)
         raise error if label in str(error) else InputError(f"{label}: {error}") from None
     exact = corrected(model.mechanism)
-    if exact.rotations:
+    if exact.finding is not None:
         model = read(_with_exact_angles(source, exact))
         exact = corrected(model.mechanism, MAX_ANGLE)
     # pictures of a scene without gravity have z up, too
@@ -221,8 +220,9 @@ def read_mjcf(
         ranges=model.limits,
         facts=(
             *model.remarks,
-            *(finding.one_line for finding in model.unread if finding.remedy != HARMLESS),
-            *_corrections(model.gap, exact),
+            *printed(model.unread),
+            *_initial_gap(model),
+            *exact.facts,
             *filter(None, [initial.note]),
         ),
         corrected=(exact.moved, exact.rotated),
@@ -277,20 +277,14 @@ def _parser(name: str, text: str) -> Callable[[Unit], float]:
     return lambda unit: units.parse_coordinate(text, unit, f"the locked position of {name}")
 
 
-def _corrections(gap: float, exact: Corrected) -> list[str]:
-    """Return the initial loop-closure error of a file, and the corrections that close its loops."""
-    remarks: list[str] = []
-    if gap > 1e-12 * exact.mechanism.characteristic_length:
-        remarks.append(
-            f"the initial loop-closure error of the file is {gap:.2g} m; "
-            "the solution closes the loops exactly"
-        )
-    if exact.moved or exact.rotated:
-        remarks.append(
-            f"joints were moved by up to {exact.moved:.2g} m and rotated by up to {exact.rotated:.2g} rad: "
-            "with the rounded numbers of the file the loops cannot close"
-        )
-    return remarks
+def _initial_gap(model: "MjcfModel") -> list[str]:
+    """Return a sentence on the initial loop-closure error of a file; empty for rounding."""
+    if model.gap <= 1e-12 * model.mechanism.characteristic_length:
+        return []
+    return [
+        f"the initial loop-closure error of the file is {model.gap:.2g} m; "
+        "the solution closes the loops exactly"
+    ]
 
 
 def _with_locked_guess(mechanism: Mechanism) -> Mechanism:

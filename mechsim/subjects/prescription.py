@@ -9,6 +9,7 @@ import numpy as np
 from mechsim import units
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import undetermined_joints
+from mechsim.analytic.loops.rounded_geometry import corrected
 from mechsim.analytic.loops.start import closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
@@ -73,8 +74,9 @@ def prescribed_solver(
         if assembled:
             if changed:
                 solver = with_written_guess(solver, written_guess(source) if guess is None else guess)
-            start = closed_start(solver.mechanism)
-            facts = (*solver.facts, *filter(None, [start.note]))
+            exact = corrected(solver.mechanism)
+            start = closed_start(exact.mechanism)
+            facts = (*solver.facts, *exact.facts, *filter(None, [start.note]))
             solver = replace(solver, mechanism=start.mechanism, facts=facts)
     if prescription == Prescription() and not description.motion_laws:
         return solver

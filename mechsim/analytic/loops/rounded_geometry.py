@@ -3,8 +3,8 @@
 Redundant loops, as in planar and spherical linkages or of a hinge with two bearings, close only if their
 dimensions agree exactly. With the rounded numbers of a file they cannot close, or lock. The positions at
 which they would close with exact dimensions are solved; points and axes then get the smallest change with
-which the loops close in several poses at once. Digits that are cut off (1e-6) are corrected always; angles
-of three digits, such as 1.57 for pi/2, only if joints are locked without their correction.
+which the loops close in several poses at once. Rounded angles between axes, such as 1.57 or 1.5708 for pi/2,
+are made exact if joints are locked as written; other digits that are cut off (1e-6) are corrected always.
 """
 
 from collections.abc import Sequence
@@ -24,6 +24,7 @@ from mechsim.analytic.loops.mobility import (
 )
 from mechsim.analytic.loops.tree import TreeJoint
 from mechsim.analytic.vector_method.rotations import turned_by
+from mechsim.model.finding import HARMLESS, Finding
 from mechsim.model.joint_kinds import KINDS
 from mechsim.model.joints import End, Joint
 from mechsim.model.link_poses import guessed_poses, initial_coordinates
@@ -34,11 +35,13 @@ from mechsim.numerics.rank import FLOOR, RANK_TOLERANCE, null_spaces, significan
 
 # largest correction of a point relative to the characteristic length, and of an axis in [rad]
 MAX_CORRECTION = 1e-4
-# largest error of an angle of three digits: 0.1 deg, above the 0.091 deg of 3.14 for pi; the angles between
-# axes that are corrected are multiples of the second. Loops with such errors have singular values below the
-# third; the factor is for links with two rounded angles
-MAX_ANGLE, USUAL_ANGLE = float(np.deg2rad(0.1)), float(np.deg2rad(15.0))
+# largest error of an angle of two decimals, in [rad]; the corrected angles between axes are multiples of the
+# second. Loops with such errors have singular values below the third; the factor is for links with two
+# rounded angles
+MAX_ANGLE, USUAL_ANGLE = 0.005, float(np.deg2rad(15.0))
 ANGLE_TOLERANCE = 2.0 * MAX_ANGLE
+# error of an angle that is rounding of its evaluation, in [rad]
+EXACT = 1e-9
 # sweeps over the pairs of axes of a link: each changes the angles corrected before by their product, 1e-6
 SWEEPS = 4
 # displacements in [rad] or characteristic lengths: at which a gap is stated, the smaller ones if a loop does
@@ -62,16 +65,27 @@ class Corrected:
         mechanism: the mechanism with corrected points and axes.
         moved: largest displacement of a joint point, in [m].
         rotated: largest rotation of a joint axis, in [rad].
-        rotations: name of a joint, its side a or b, and the rotation of its axis in the frame of the side's
-            link, in [rad], that makes a rounded angle exact.
-        locked_by: the rounded angle that locks the loops as written, and their gap; empty for none.
+        changes: name of a joint, its side a or b, and the shift in [m] and rotation in [rad], in the frame of
+            the side's link, that make rounded angles exact.
+        finding: the rounded angle that locks the loops as written, and their gap; None for none.
     """
 
     mechanism: Mechanism
     moved: float = 0.0
     rotated: float = 0.0
-    rotations: tuple[tuple[str, str, Vector], ...] = ()
-    locked_by: str = ""
+    changes: tuple[tuple[str, str, Vector, Vector], ...] = ()
+    finding: Finding | None = None
+
+    @property
+    def facts(self) -> list[str]:
+        """Sentences on the corrections."""
+        facts = [] if self.finding is None else [self.finding.one_line]
+        if self.moved or self.rotated:
+            facts.append(
+                f"joints were moved by up to {self.moved:.2g} m and rotated by up to {self.rotated:.2g} rad: "
+                "with the rounded numbers of the file the loops cannot close"
+            )
+        return facts
 
 
 def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
@@ -89,27 +103,56 @@ def corrected(mechanism: Mechanism, most: float = MAX_CORRECTION) -> Corrected:
     nearly = generic_poses(loops, guess, PROBES, ANGLE_TOLERANCE, ANGLE_TOLERANCE) if loops.rows else []
     if not _inconsistent(loops, nearly, ANGLE_TOLERANCE):
         return Corrected(mechanism)
-    change, cause = _rotations_to_usual_angles(mechanism)
-    exact = with_moved_sides(mechanism, change)
-    moving = _consistent(exact, MAX_ANGLE, ANGLE_TOLERANCE) or Corrected(exact)
-    if not (cause and _is_locked(mechanism)) or _is_locked(moving.mechanism):
-        return _consistent(mechanism, most, DIMENSION_TOLERANCE) or Corrected(mechanism)
-    rotations = tuple(
-        (joint.name, "ab"[side], vector(change[i, side, 3:]))
+    change, cause, error = _rotations_to_usual_angles(mechanism)
+    exact, closing = with_moved_sides(mechanism, change), {cut.joint.name for cut in loops.cuts}
+    # points of closing joints can move in MuJoCo's model, too
+    offsets = _offsets(exact, MAX_ANGLE, ANGLE_TOLERANCE, closing)
+    if offsets is None:
+        offsets = _offsets(exact, MAX_ANGLE, ANGLE_TOLERANCE)
+    moving = exact if offsets is None else with_moved_sides(exact, offsets)
+    if not (cause and _is_locked(mechanism)) or _is_locked(moving):
+        offsets = _offsets(mechanism, most, DIMENSION_TOLERANCE)
+        return Corrected(mechanism) if offsets is None else _corrected_by(mechanism, offsets)
+    exactly = change if offsets is None else change + offsets
+    changes = tuple(
+        (joint.name, "ab"[side], vector(exactly[i, side, :3] * mechanism.characteristic_length), rotation)
         for i, joint in enumerate(mechanism.joints)
-        for side in range(2)
-        if change[i, side].any()
+        for side, rotation in enumerate(map(vector, change[i, :, 3:]))
+        if exactly[i, side].any()
     )
-    return replace(moving, rotations=rotations, locked_by=cause + _least_gap(mechanism))
+    finding = Finding(
+        kind="redundant",
+        what="loops",
+        by=1.0,
+        message=f"as written the loops lock, for {cause}{_least_gap(mechanism)}; mechsim moves them with the "
+        "exact angle",
+        # MuJoCo's soft constraints move loops with smaller errors
+        remedy="write angles with 8 digits, such as 1.5707963 for pi/2"
+        if error > DIMENSION_TOLERANCE
+        else HARMLESS,
+    )
+    return Corrected(moving, changes=changes, finding=finding)
 
 
-def _consistent(mechanism: Mechanism, most: float, tolerance: float) -> Corrected | None:
-    """Return a mechanism whose loops close at several poses; None if there is none, or for consistent ones.
+def _corrected_by(mechanism: Mechanism, change: Array) -> Corrected:
+    """Return a mechanism with moved sides, and the largest shift and rotation."""
+    shift = np.linalg.norm(change[..., :3], axis=-1).max() * mechanism.characteristic_length
+    rotation = np.linalg.norm(change[..., 3:], axis=-1).max()
+    return Corrected(with_moved_sides(mechanism, change), float(shift), float(rotation))
+
+
+def _offsets(
+    mechanism: Mechanism, most: float, tolerance: float, joints: set[str] | None = None
+) -> Array | None:
+    """Return changes of joint sides with which the loops close at several poses, as `with_moved_sides`.
+
+    None stands for no such changes, or consistent loops.
 
     Args:
         mechanism: the mechanism.
         most: largest correction of a point, relative to the characteristic length.
         tolerance: fraction of the largest singular value below which another is rounding.
+        joints: the joints whose sides may change; None for all of inconsistent loops.
     """
     loops, guess = _loops_and_guess(mechanism)
     if not loops.rows or not _inconsistent(
@@ -118,7 +161,8 @@ def _consistent(mechanism: Mechanism, most: float, tolerance: float) -> Correcte
         return None
     poses += generic_poses(loops, poses[-1], POSES - PROBES, tolerance, tolerance)
     limits, change = np.repeat([most, MAX_CORRECTION], 3), np.zeros((len(mechanism.joints), 2, 6))
-    jacobians = _jacobians(mechanism, loops, poses, _affected_joints(loops, poses, tolerance)) * limits
+    concerned = _affected_joints(loops, poses, tolerance) if joints is None else joints
+    jacobians = _jacobians(mechanism, loops, poses, concerned) * limits
     for cutoff in CUTOFFS:
         dependent = [null_spaces(loops.linearise(q)[1][..., 0], tolerance, tolerance)[0] for q in poses]
         violations = [
@@ -135,7 +179,7 @@ def _consistent(mechanism: Mechanism, most: float, tolerance: float) -> Correcte
         loops = _loops_and_guess(trial)[0]
         poses = [nearest_consistent(loops, q, tolerance, tolerance) for q in poses]
         if not _inconsistent(loops, poses, tolerance):
-            return Corrected(trial, *_sizes(mechanism, change))
+            return change
     return None
 
 
@@ -153,7 +197,9 @@ def _is_locked(mechanism: Mechanism) -> bool:
     free = _participation(loops, nearly[-1:], ANGLE_TOLERANCE, ANGLE_TOLERANCE)
     possible = _participation(loops, exactly[-1:], RANK_TOLERANCE, FLOOR)
     displaced = [np.abs(q.values - guess.values)[:, 0] / loops.units for q in exactly]
-    locked = (possible < PLAY) | (np.max([np.zeros(loops.count), *displaced], 0) < PLAY * SPACING)
+    locked = (possible < PLAY * free) | (
+        np.max([np.zeros(loops.count), *displaced], 0) < PLAY * SPACING * free
+    )
     return bool((locked & (free > MOVING)).any())
 
 
@@ -163,8 +209,10 @@ def _participation(loops: TreeLoops, poses: Sequence[Coordinates], tolerance: fl
     return np.linalg.norm(np.concatenate([np.zeros((1, loops.count)), *null_space]), axis=0)
 
 
-def _rotations_to_usual_angles(mechanism: Mechanism) -> tuple[Array, str]:
+def _rotations_to_usual_angles(mechanism: Mechanism) -> tuple[Array, str, float]:
     """Return the changes of sides that make rounded angles between axes exact, and the largest error.
+
+    The error is a clause, empty for none, and its value in [rad].
 
     The second axis of each pair is rotated; that of a side a, whose link is the parent, if there is one.
     """
@@ -196,12 +244,12 @@ def _rotations_to_usual_angles(mechanism: Mechanism) -> tuple[Array, str]:
         off = usual - angle
         if normal.any() and abs(off) < MAX_ANGLE:
             change[rotated[0], rotated[1], 3:] += off * normal / np.linalg.norm(normal)
-        if max(largest, DIMENSION_TOLERANCE) < abs(off) < MAX_ANGLE:
+        if max(largest, EXACT) < abs(off) < MAX_ANGLE:
             right = "parallel" if usual in (0.0, np.pi) else f"{np.rad2deg(usual):.0f} deg"
             names, largest = sorted(mechanism.joints[i].name for i in (reference[0], rotated[0])), abs(off)
             axes = f"the axes of {' and '.join(names)} on {reference[2].link}"
             cause = f"{axes} are {np.rad2deg(largest):.3g} deg off {right}"
-    return change, cause
+    return change, cause, largest
 
 
 def _least_gap(mechanism: Mechanism) -> str:
@@ -314,8 +362,3 @@ def _moved(end: End, change: Array, length: float) -> End:
     rotated = turned_by(end.frame[None], change[None, 3:])[0]
     point = np.array(end.point) + length * change[:3]
     return End(end.link, vector(point), vector(rotated[:, 2]), vector(rotated[:, 0]))
-
-
-def _sizes(mechanism: Mechanism, change: Array) -> tuple[float, float]:
-    shift = np.linalg.norm(change[..., :3], axis=-1).max() * mechanism.characteristic_length
-    return float(shift), float(np.linalg.norm(change[..., 3:], axis=-1).max())

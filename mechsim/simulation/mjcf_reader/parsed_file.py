@@ -34,13 +34,14 @@ class ExactAngles:
 
     Attributes:
         source: the file or object, which remains unchanged.
-        rotations: name of a hinge or slide; side "a" for its body relative to the parent, "b" for its axis in
-            the body; and the rotation in the frame of the parent's or the body's link, in [rad].
+        changes: name of a joint; side "a" for its body relative to the parent, "b" for its axis in the body;
+            and, in the frame of the parent's or the body's link, its shift in [m] and rotation in [rad].
+            Hinges and slides rotate; sites of equalities are shifted.
         finding: what is corrected.
     """
 
     source: "MujocoInput"
-    rotations: Sequence[tuple[str, str, Vector]]
+    changes: Sequence[tuple[str, str, Vector, Vector]]
     finding: Finding
 
 
@@ -117,7 +118,7 @@ def _specification(source: MujocoInput) -> tuple[mujoco.MjSpec, list[Finding]]:
     """Return the specification of a file or an object, which remains unchanged, and what was not read."""
     if isinstance(source, ExactAngles):
         spec, unread = _specification(source.source)
-        _rotate_axes(spec, source.rotations)
+        _make_exact(spec, source.changes)
         return spec, [*unread, source.finding]
     if isinstance(source, mujoco.MjSpec):
         return source.copy(), []
@@ -127,30 +128,37 @@ def _specification(source: MujocoInput) -> tuple[mujoco.MjSpec, list[Finding]]:
     return _spec_of_file(file, urdf=root_of(file.path) == "robot")
 
 
-def _rotate_axes(spec: mujoco.MjSpec, rotations: Sequence[tuple[str, str, Vector]]) -> None:
-    """Rotate bodies and axes of joints in a specification, as in `ExactAngles`."""
+def _make_exact(spec: mujoco.MjSpec, changes: Sequence[tuple[str, str, Vector, Vector]]) -> None:
+    """Rotate bodies and axes of joints, and shift sites, in a specification, as in `ExactAngles`."""
     named = spec.copy()
     name_elements(named)
     model, _ = compile_repaired(spec.modelname, named)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
+
+    def in_body(body: int, components: Vector) -> Array:
+        # the frame of a link is that of the ancestor with joints
+        link, own = (data.xmat[i].reshape(3, 3) for i in (int(model.body_weldid[body]), body))
+        return own.T @ link @ np.array(components)
+
     joints = dict(zip((joint.name for joint in named.joints), spec.joints, strict=True))
-    for name, side, rotation in rotations:
-        joint, angle, quaternion = joints[name], float(np.linalg.norm(rotation)), np.zeros(4)
-        body = int(model.joint(name).bodyid[0])
-        if side == "b":
-            mujoco.mju_axisAngle2Quat(quaternion, np.array(rotation) / angle, angle)
-            axis = np.zeros(3)
-            mujoco.mju_rotVecQuat(axis, model.jnt_axis[model.joint(name).id], quaternion)
-            joint.axis = axis
+    closing = dict(zip((equality.name for equality in named.equalities), spec.equalities, strict=True))
+    for name, side, shift, rotation in changes:
+        if name not in joints:
+            equality = closing.get(name)
+            if equality is not None and equality.objtype == mujoco.mjtObj.mjOBJ_SITE:
+                site = spec.site(equality.name1 if side == "a" else equality.name2)
+                site.pos = site.pos + in_body(int(model.site(site.name).bodyid[0]), shift)
             continue
-        # the frame of a link is that of the ancestor with joints; the body's quaternion is in its parent's
-        parent = int(model.body_parentid[body])
-        frames = (data.xmat[i].reshape(3, 3) for i in (int(model.body_weldid[parent]), parent))
-        link, frame = frames
-        mujoco.mju_axisAngle2Quat(quaternion, frame.T @ link @ np.array(rotation) / angle, angle)
-        mujoco.mju_mulQuat(exact := np.zeros(4), quaternion, model.body_quat[body])
-        joint.parent.quat, joint.parent.alt.type = exact, mujoco.mjtOrientation.mjORIENTATION_QUAT
+        joint, body, turn = joints[name], int(model.joint(name).bodyid[0]), np.zeros(4)
+        axis = in_body(body if side == "b" else int(model.body_parentid[body]), rotation)
+        mujoco.mju_axisAngle2Quat(turn, axis / (np.linalg.norm(axis) or 1.0), np.linalg.norm(axis))
+        if side == "b":
+            mujoco.mju_rotVecQuat(exact := np.zeros(3), model.jnt_axis[model.joint(name).id], turn)
+            joint.axis = exact
+        else:
+            mujoco.mju_mulQuat(exact := np.zeros(4), turn, model.body_quat[body])
+            joint.parent.quat, joint.parent.alt.type = exact, mujoco.mjtOrientation.mjORIENTATION_QUAT
 
 
 def model_label(source: MujocoInput) -> str:

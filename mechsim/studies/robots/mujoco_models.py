@@ -6,12 +6,13 @@ from typing import Any
 
 import mujoco
 
-from mechsim.model.finding import HARMLESS
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf.compiling import compiled
+from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.source import assembled
-from mechsim.subjects.mjcf_source import mujoco_input
+from mechsim.subjects.mjcf_source import mujoco_input, printed
 from mechsim.units import Unit, si
 
 
@@ -33,14 +34,29 @@ def mujoco_spec(
     from mechsim.subjects.readers import load
 
     solver = load(model, set, still=True)
-    return assembled(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
+    spec = assembled(solver.mechanism, Scene(level="dynamics", forces=solver.forces))
+    if solver.mechanism.has_crank and (name := solver.mechanism.crank.name) != CRANK:
+        # models of mechanisms reserve the name of the crank, and the user knows it by its own
+        spec.joint(CRANK).name = name
+        for actuator in spec.actuators:
+            actuator.target = name if actuator.target == CRANK else actuator.target
+        for equality in spec.equalities:
+            equality.name1, equality.name2 = (
+                name if joint == CRANK and equality.objtype == mujoco.mjtObj.mjOBJ_JOINT else joint
+                for joint in (equality.name1, equality.name2)
+            )
+    return spec
 
 
-def unread_parts(model: Any) -> list[str]:
-    """Return a line for each part of a MuJoCo or URDF file that was not read; none for other models."""
+def notes_on(model: Any, set: Mapping[str, str | float] | None = None) -> list[str]:
+    """Return a line for each part of a model that was not read, or was corrected."""
     own = mujoco_input(model)
-    unread = [] if own is None else parse_file(own).unread
-    return [finding.one_line for finding in unread if finding.remedy != HARMLESS]
+    if own is not None:
+        return printed(parse_file(own).unread)
+    from mechsim.subjects.readers import load
+
+    solver = load(model, set, still=True)
+    return [*solver.facts] if isinstance(solver, LoopForm) else []
 
 
 def ranges_in_si(
