@@ -87,8 +87,8 @@ def test_studies_in_mujoco_move_the_same_loops():
 def test_a_small_error_is_a_note():
     """MuJoCo's soft constraints move a loop with a gap of 0.1 um."""
     rotation, axis, foot, _ = ROUNDED["five digits"]
-    found = [finding for finding in ms.check(leg(rotation, axis, foot)) if "deg off" in finding.message]
-    assert [finding.severity for finding in found] == ["note"]
+    rounded = [finding for finding in ms.check(leg(rotation, axis, foot)) if "deg off" in finding.message]
+    assert [finding.severity for finding in rounded] == ["note"]
 
 
 # the same parallelogram, its second axis tilted by pi/2 - 1.57

@@ -150,14 +150,14 @@ def _make_exact(spec: mujoco.MjSpec, changes: Sequence[tuple[str, str, Vector, V
                 site = spec.site(equality.name1 if side == "a" else equality.name2)
                 site.pos = site.pos + in_body(int(model.site(site.name).bodyid[0]), shift)
             continue
-        joint, body, turn = joints[name], int(model.joint(name).bodyid[0]), np.zeros(4)
+        joint, body, quaternion = joints[name], int(model.joint(name).bodyid[0]), np.zeros(4)
         axis = in_body(body if side == "b" else int(model.body_parentid[body]), rotation)
-        mujoco.mju_axisAngle2Quat(turn, axis / (np.linalg.norm(axis) or 1.0), np.linalg.norm(axis))
+        mujoco.mju_axisAngle2Quat(quaternion, axis / (np.linalg.norm(axis) or 1.0), np.linalg.norm(axis))
         if side == "b":
-            mujoco.mju_rotVecQuat(exact := np.zeros(3), model.jnt_axis[model.joint(name).id], turn)
+            mujoco.mju_rotVecQuat(exact := np.zeros(3), model.jnt_axis[model.joint(name).id], quaternion)
             joint.axis = exact
         else:
-            mujoco.mju_mulQuat(exact := np.zeros(4), turn, model.body_quat[body])
+            mujoco.mju_mulQuat(exact := np.zeros(4), quaternion, model.body_quat[body])
             joint.parent.quat, joint.parent.alt.type = exact, mujoco.mjtOrientation.mjORIENTATION_QUAT
 
 
