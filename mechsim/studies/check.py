@@ -6,7 +6,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from mechsim.analytic.loops.rounded_geometry import corrected
 from mechsim.errors import InputError, MechsimError
 from mechsim.simulation.findings.rule_table import RULES
 from mechsim.simulation.findings.rules import (
@@ -21,10 +20,8 @@ from mechsim.simulation.findings.rules import (
 from mechsim.simulation.mjcf.included_files import moved_to, read_text
 from mechsim.simulation.mjcf_reader import MjcfModel, read_model
 from mechsim.simulation.mjcf_reader.file_text import root_of
-from mechsim.studies.robots.mujoco_models import mujoco_spec
+from mechsim.studies.robots.mujoco_models import mujoco_spec, rounded_angle
 from mechsim.subjects.mjcf_source import mujoco_input
-from mechsim.subjects.model_source import Prescription
-from mechsim.subjects.readers import open_model
 
 
 def check(
@@ -121,5 +118,4 @@ def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     if own is not None:
         return read_model(own, lint=True)
     read = read_model(mujoco_spec(model), lint=True)
-    written = open_model(model).describe({}, Prescription(still=True)).solver.mechanism
-    return replace(read, unread=(*read.unread, *filter(None, [corrected(written).finding])))
+    return replace(read, unread=(*read.unread, *filter(None, [rounded_angle(model)])))

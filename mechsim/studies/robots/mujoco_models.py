@@ -7,12 +7,15 @@ from typing import Any
 import mujoco
 
 from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.analytic.loops.rounded_geometry import corrected
+from mechsim.model.finding import Finding
 from mechsim.model.scene import Scene
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.source import assembled
 from mechsim.subjects.mjcf_source import mujoco_input, printed
+from mechsim.subjects.model_source import Prescription
 from mechsim.units import Unit, si
 
 
@@ -57,6 +60,13 @@ def notes_on(model: Any, set: Mapping[str, str | float] | None = None) -> list[s
 
     solver = load(model, set, still=True)
     return [*solver.facts] if isinstance(solver, LoopForm) else []
+
+
+def rounded_angle(model: Any) -> Finding | None:
+    """Return the rounded angle that locks the loops of a mechanism as it is written; None for none."""
+    from mechsim.subjects.readers import open_model
+
+    return corrected(open_model(model).describe({}, Prescription(still=True)).solver.mechanism).finding
 
 
 def ranges_in_si(
