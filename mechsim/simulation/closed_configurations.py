@@ -272,7 +272,11 @@ def keyframe(model: mujoco.MjModel, key: str | None) -> Array | None:
 
 def compiled_model(model: "MujocoInput") -> mujoco.MjModel:
     """Return the compiled model without missing meshes."""
-    return model if isinstance(model, mujoco.MjModel) else parse_file(model)[1]
+    if isinstance(model, mujoco.MjModel):
+        return model
+    compiled = parse_file(model).model
+    assert compiled is not None  # only a file without meshes has none
+    return compiled
 
 
 def _bounded(step: Array) -> Array:
