@@ -122,8 +122,9 @@ class Ball:
         # a sum of k products has an error of at most k roundoffs of the sum of their absolute values
         relative = (self.mid.shape[-1] + 2) * ROUNDOFF
         magnitude = np.abs(other.mid)
-        spread = np.abs(self.mid) @ (other.rad + relative * magnitude) + self.rad @ (magnitude + other.rad)
-        return Ball(self.mid @ other.mid, spread * OUTWARD + UNDERFLOW)
+        spread = _product(np.abs(self.mid), other.rad + relative * magnitude)
+        spread += _product(self.rad, magnitude + other.rad)
+        return Ball(_product(self.mid, other.mid), spread * OUTWARD + UNDERFLOW)
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -184,6 +185,15 @@ class Ball:
         sine, cosine = where(turns >= 2, -sine, sine), where((turns == 1) | (turns == 2), -cosine, cosine)
         rad = np.where(bounded, self.rad + reduced.rad, np.inf) * OUTWARD
         return _spread(sine, cosine, rad), _spread(cosine, sine, rad)
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Return a b; many matrices times one are one product of their joined rows, not many small ones."""
+    if a.ndim > 2 and b.ndim == 2:
+        return (a.reshape(-1, a.shape[-1]) @ b).reshape(*a.shape[:-1], b.shape[-1])
+    if a.ndim == 2 and b.ndim > 2:
+        return _product(b.swapaxes(-1, -2), a.T).swapaxes(-1, -2)
+    return a @ b
 
 
 @dataclass(frozen=True, slots=True, eq=False)

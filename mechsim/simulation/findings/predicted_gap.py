@@ -72,11 +72,13 @@ def gaps_at_rest(scene: Inspected) -> dict[int, float]:
 
 def gaps_in(scene: Inspected, motion: Swing) -> dict[int, float]:
     """Return the largest gap of each loop over a motion: loop number -> [m] or [rad]."""
-    model, widest = scene.loops_only, dict[int, float]()
+    model, data, widest = scene.loops_only, scene.loop_data, dict[int, float]()
     inputs = drive_directions(scene)
     implicit_damping = damping(model, moment_arms(scene, scene.read.qpos)) * float(model.opt.timestep)
     for qpos, qvel, qacc in zip(motion.qpos, motion.qvel, motion.qacc, strict=True):
-        data = data_at(model, qpos, qvel)
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
         # acceleration before implicit damping, which the integrator reduces to qacc
         commanded = qacc + np.linalg.solve(mass_matrix(data), implicit_damping @ qacc)
         rows = data.efc_type == EQUALITY
@@ -103,8 +105,7 @@ def drive_directions(scene: Inspected) -> Array:
 
 def moment_arms(scene: Inspected, qpos: Array) -> Array:
     """Return the moment arms of the actuators in the DOFs at coordinates (nq,), (nu, nv)."""
-    model = scene.loops_only
-    data = mujoco.MjData(model)
+    model, data = scene.loops_only, scene.loop_data
     data.qpos[:] = qpos
     dense = np.zeros((model.nu, model.nv))
     if model.nu:
