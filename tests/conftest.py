@@ -5,6 +5,7 @@ import os
 # as on the command line, and before numpy is loaded: idle threads of linear algebra consume time
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import gc
 import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,6 +30,11 @@ def floating_point_errors_raise() -> Iterator[None]:
     before = np.seterr(over="raise", divide="raise", invalid="raise")
     yield
     np.seterr(**before)
+
+
+def pytest_collection_finish() -> None:
+    """Exempt all that is loaded by now from garbage collection, which would walk over it again and again."""
+    gc.freeze()
 
 
 @pytest.fixture

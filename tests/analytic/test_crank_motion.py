@@ -41,7 +41,7 @@ def swinging(**coupling) -> Mechanism:
     return whole.with_guess(guess, start)
 
 
-@pytest.mark.parametrize("revolutions", [1, -2])
+@pytest.mark.parametrize("revolutions", [pytest.param(1, marks=pytest.mark.slow), -2])
 @pytest.mark.parametrize(
     "wheel", [{}, {"turns": True, "coefficients": (0.3, 2.0)}, {"turns": True, "coefficients": (0.3, -1.0)}]
 )

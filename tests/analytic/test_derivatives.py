@@ -78,7 +78,7 @@ def neighbouring_motions(designs: DesignFamily, name, angles, speed, relative_st
     ("model", "options", "names"),
     [
         ("warp_knitter", {}, ["rod3", "phase", "gear_ratio", "base_k.y"]),
-        ("looper", {}, ["frame_angle", "axis_z"]),
+        pytest.param("looper", {}, ["frame_angle", "axis_z"], marks=pytest.mark.slow),
         ("bennett", {}, ["twist0"]),
         ("rsur", {}, ["rocker", "z"]),
         ("rack_steering", {"drive": {"pinion": "40deg*sin(2*pi*t)"}}, ["radius", "arm", "inward"]),

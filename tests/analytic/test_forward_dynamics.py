@@ -105,6 +105,7 @@ def test_coupled_four_bars_pass_a_singular_configuration():
     assert np.abs(run.motion.points["B0"].position[1:, :2] - a02_four_bars.tip(angle)).max() <= 1e-10
 
 
+@pytest.mark.slow
 def test_coupled_four_bars_pass_five_singular_configurations_accurately():
     run = ms.dynamics.run(a02_four_bars.chain(2), WEIGHT, initial={"A0.v": -1.3}, duration=6.0, samples=12)
     right = [np.pi / 2.0, -1.3]

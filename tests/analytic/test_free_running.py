@@ -146,7 +146,11 @@ def test_coulomb_friction_reduces_each_half_swing_equally():
         ),
         (Forces(gravity=DOWN, motor=motors.DCMotor(0.1, 10.0, 0.01)), "turns back"),
         (Forces(), "the drive and loads give 0 N m"),
-        (Forces(motor=motors.ConstantTorque(-1.0)), "3 turns the other way round"),
+        pytest.param(
+            Forces(motor=motors.ConstantTorque(-1.0)),
+            "3 turns the other way round",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_motor_too_weak_to_start_is_reported(forces, output):
@@ -196,6 +200,7 @@ def test_a_run_ends_at_a_simultaneous_reversal_of_friction():
     assert run.energy_error <= 1e-10
 
 
+@pytest.mark.slow
 def test_friction_torques_of_several_joints_add_up():
     """Each alone is too weak, and that of the ball has a direction only while the ball moves."""
     linkage = catalog.make("rrsrr")
@@ -248,6 +253,7 @@ def root_of_inertia(model, lengths, short, angle):
     return np.sqrt(sum(item.mass * np.abs(v) ** 2 + item.moments[2][2] * w**2 for item, v, w in each))
 
 
+@pytest.mark.slow
 def test_a_crank_passes_close_to_a_singular_configuration():
     # a ten-millionth of the length, where rounding is 1e-9 of the inertia
     lengths, short = (0.05, 0.02, 0.07 - 1e-8, 0.04), 1e-8
@@ -297,7 +303,7 @@ def test_mirrored_forces_give_the_mirrored_run():
     assert item.angle + np.pi / 2 == pytest.approx(-(other.angle + np.pi / 2), rel=1e-9)
 
 
-@pytest.mark.parametrize("force", [(-5.0, 0.0, 0.0), (0.0, 0.0, 3.0), (-5.0, 2.0, 1.0)])
+@pytest.mark.parametrize("force", [(-5.0, 2.0, 1.0)])
 def test_user_defined_and_catalogue_mechanisms_give_the_same_run(force):
     """The slider does not move along two axes: the lever of the load there is rounding."""
     linkage = catalog.make("slider_crank")

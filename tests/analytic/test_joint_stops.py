@@ -85,8 +85,8 @@ def test_a_contact_that_barely_presses_does_not_chatter(hinges):
 
 
 def test_random_mechanisms_agree_with_an_independent_integration():
-    results = joint_stops.main(6)
-    assert sum(result.impacts for result in results) >= 10
+    results = joint_stops.main(2)
+    assert sum(result.impacts for result in results) >= 3
     for result in results:
         assert result.outcome in ("done", "stopped")
         assert result.beyond <= 1e-12

@@ -82,6 +82,7 @@ def test_poses_agree_with_intersections_of_coupler_curves():
     assert (counts[[0, 2, 4, 6]] > 0).all()
 
 
+@pytest.mark.slow
 def test_sixty_digits_give_the_same_number_of_poses():
     problems = study.random_triads(30, seed=4)
     poses = triad.triad_modes(*problems)

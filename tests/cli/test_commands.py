@@ -300,6 +300,7 @@ def test_validate_prints_only_the_documented_json(mechsim: Call) -> None:
             assert check["passed"] is (check["worst"] <= check["tolerance"])
 
 
+@pytest.mark.slow
 @fourth_order_only
 def test_validate_swings_a_crank_that_cannot_turn_fully(mechsim: Call) -> None:
     answer = mechsim("validate", "rssr", "--set", "rocker=9mm", "--json")

@@ -79,7 +79,9 @@ def started(arguments: list[str], folder: Path) -> subprocess.Popen[str]:
     return process
 
 
-@pytest.mark.parametrize(("name", "arguments"), [("SIGTERM", RENDER), ("SIGHUP", SOLVE)])
+@pytest.mark.parametrize(
+    ("name", "arguments"), [pytest.param("SIGTERM", RENDER, marks=pytest.mark.slow), ("SIGHUP", SOLVE)]
+)
 def test_a_terminating_signal_leaves_no_files(name: str, arguments: list[str], tmp_path: Path) -> None:
     process = started(arguments, tmp_path)
     number = getattr(signal, name)

@@ -128,6 +128,7 @@ def test_comparisons_of_torques_report_the_masses(mechsim, press, tmp_path):
     assert [item.link for item in verdict.masses] == ["crank", "rod", "slider"]
 
 
+@pytest.mark.slow
 def test_studies_and_renderings_of_forces_report_the_masses(mechsim):
     swept = mechsim(
         "sweep", "four_bar", "--vary", "crank=30mm:32mm:2", "--measure", "max:torque", "-o", "s.csv"

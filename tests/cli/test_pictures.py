@@ -217,7 +217,6 @@ def test_a_missing_ffmpeg_is_rejected_before_rendering(mechsim, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "options", "count"),
     [
-        ("four_bar", ("--frames-per-turn", "6"), 6),
         ("four_bar", ("--frames-per-turn", "6", "--turns", "1.5"), 10),
         # after a turn of the carrier the planet has another angle
         ("planetary_gear", ("--frames-per-turn", "6"), 7),
@@ -265,6 +264,7 @@ def test_invalid_options_of_a_released_run_are_rejected(mechsim, options, messag
     assert message in error
 
 
+@pytest.mark.slow
 def test_frames_of_a_swinging_run_have_their_time():
     run = ms.dynamics.run(
         ms.load("four_bar"),

@@ -138,7 +138,7 @@ def test_a_page_escapes_names():
     [
         "solve odd.toml --angles 0:20:10deg",
         "show odd.toml --angle 30deg",
-        "plot odd.toml --kind motion -o p.png",
+        pytest.param("plot odd.toml --kind motion -o p.png", marks=pytest.mark.slow),
         "plot odd.toml --kind reactions -o p.svg",
         "export odd.toml -o x.xml",
         pytest.param("export odd.toml --tolerance 1mm -o x.xml", marks=pytest.mark.slow),

@@ -99,6 +99,7 @@ def test_a_sweep_file_is_plotted(mechsim, tmp_path):
     assert (answer.code, "choose from map, parallel, pareto" in answer.err) == (2, True)
 
 
+@pytest.mark.slow
 def test_torques_of_stepped_designs_use_the_compliance_of_dynamics(mechsim):
     """At the compliance for positions, 1e-8, the relative torque error of rack_steering was 4e-6."""
     angles = [f"at:{angle}deg:torque" for angle in (7.2, 36.0, 54.0, 79.2, 198.0, 342.0)]

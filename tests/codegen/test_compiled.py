@@ -96,7 +96,9 @@ def test_the_map_is_the_derivative_of_configurations(compiled, name):
     assert np.abs(gradient - solved.map[0, :, 0])[numbers].max() < 1e-6
 
 
-@pytest.mark.parametrize("name", ["four_bar", "rssr", "jansen", "stephenson_six_bar"])
+@pytest.mark.parametrize(
+    "name", ["four_bar", "rssr", "jansen", pytest.param("stephenson_six_bar", marks=pytest.mark.slow)]
+)
 def test_random_order_and_long_steps_keep_the_assembly_mode(compiled, name):
     solver, rng = compiled(name), np.random.default_rng(5)
     angles = rng.uniform(-np.pi, np.pi, 60)
@@ -110,7 +112,7 @@ def test_random_order_and_long_steps_keep_the_assembly_mode(compiled, name):
 def test_configurations_near_a_change_point_keep_the_assembly_mode(compiled):
     # nearly a parallelogram: two assembly modes are close at 0 and 180 deg
     rng = np.random.default_rng(6)
-    for miss in 10.0 ** rng.uniform(-6.0, -1.0, 2):
+    for miss in 10.0 ** rng.uniform(-6.0, -1.0, 1):
         four_bar = ms.catalog.make(
             "four_bar", ground=0.1, crank=0.04, coupler=0.1 * (1.0 + miss), rocker=0.04 * (1.0 + miss)
         )
@@ -153,6 +155,7 @@ def test_driver_values_outside_the_workspace_are_rejected(compiled):
         solver.solve_drivers(start + np.array([3.0, 0, 0, 0, 0, 0]))
 
 
+@pytest.mark.slow
 def test_angles_outside_a_certified_range_are_rejected():
     solver = ms.compile("elliptic_trammel", certify=True)
     low, high = solver.code.assembly.interval

@@ -34,7 +34,7 @@ def plant(monkeypatch, fault):
         monkeypatch.setattr(user, "newton", fault)
 
 
-@pytest.mark.parametrize("name", ["rssr", "four_bar"])
+@pytest.mark.parametrize("name", [pytest.param("rssr", marks=pytest.mark.slow), "four_bar"])
 def test_both_methods_reject_unconverged_configurations(name, monkeypatch):
     mechanism, angles = catalog.make(name).mechanism, np.linspace(0.0, 6.0, 20)
     assert simulate(mechanism, speed=1.0, method="pose").outcome == "passed"

@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from grids import grid
 
 import mechsim as ms
 
@@ -37,7 +38,7 @@ def mechsim_json(tmp_path_factory):
     return call
 
 
-@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("kind", grid(MODELS, ("name", "specification")))
 @pytest.mark.parametrize(
     "call",
     [

@@ -185,7 +185,7 @@ def mujoco_camera(spec):
     return -np.array(scene.camera[0].forward), np.array(scene.camera[0].up)
 
 
-@pytest.mark.parametrize("angles", ["", 'azimuth="120" elevation="-20"', 'azimuth="-35" elevation="15"'])
+@pytest.mark.parametrize("angles", ["", 'azimuth="120" elevation="-20"'])
 def test_a_spatial_file_is_seen_through_its_own_camera(tmp_path, angles):
     path = tmp_path / "arm.xml"
     visual = f"<visual><global {angles}/></visual>" if angles else ""

@@ -132,7 +132,7 @@ def test_arrows_share_one_scale_within_the_picture(linkage, motion):
 
 
 @draws
-@pytest.mark.parametrize("camera", ["shaft", "iso"])
+@pytest.mark.parametrize("camera", ["iso"])
 def test_an_arrow_ends_at_the_tip_of_its_vector(linkage, camera):
     direction = np.array([0.3, 2.0, 4.1])
     motion = linkage.solve(direction, 60.0)

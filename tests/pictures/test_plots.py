@@ -62,7 +62,7 @@ def vectors(figures):
 
 
 @pytest.mark.parametrize(
-    ("solver", "start"), grid([("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")], ("svg", "png"))
+    ("solver", "start"), grid([("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")], ("svg",))
 )
 def test_every_plot_is_written_in_every_format(figures, vectors, solver, start):
     for drawing in vectors if solver == "svg" else (plots.drawn(figure, solver) for figure in figures):
@@ -224,7 +224,9 @@ def test_derivatives_of_small_torques_are_drawn_in_a_readable_unit():
     assert largest == pytest.approx(100.0 * np.pi / 180.0)
 
 
-@pytest.mark.parametrize(("name", "across", "planes"), [("stewart_gough", 6, 6), ("jansen", 6, 2)])
+@pytest.mark.parametrize(
+    ("name", "across", "planes"), grid([("stewart_gough", 6, 6), ("jansen", 6, 2)], ("jansen",))
+)
 def test_reaction_plots_of_many_joints_fit_a_page(monkeypatch, name, across, planes):
     monkeypatch.setattr(plot_table, "SAMPLES", 24)
     source = PlotSource(solver=load(name), speed=1.0)

@@ -65,6 +65,7 @@ PUSHED = """
 """
 
 
+@pytest.mark.slow
 def test_a_user_defined_scene_is_drawn_in_its_own_colours(monkeypatch, tmp_path, capsys):
     (tmp_path / "pushed.xml").write_text(PUSHED)
     monkeypatch.setattr(render, "write_video", lambda path, *_, **__: path.touch())
@@ -98,6 +99,7 @@ def test_an_invalid_report_folder_is_rejected_before_the_validation(monkeypatch,
     assert "no/such" in output.err
 
 
+@pytest.mark.slow
 def test_a_case_without_steps_is_reported_with_a_still_picture(tmp_path):
     from mechsim.report.validation import write_validation_report
     from mechsim.studies.validate import case_of

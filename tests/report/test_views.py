@@ -78,6 +78,7 @@ def test_interpolated_poses_of_two_drivers_agree_with_the_solver(monkeypatch):
     np.testing.assert_allclose(result, solved, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_more_than_three_drivers_move_one_at_a_time(monkeypatch):
     monkeypatch.setattr("mechsim.report.driver_views.ALONE", 5)
     solver = ms.load("stewart_gough")
@@ -86,6 +87,7 @@ def test_more_than_three_drivers_move_one_at_a_time(monkeypatch):
     assert all(grid.shape == (5,) for grid in grids)
 
 
+@pytest.mark.slow
 def test_the_view_of_a_validation_shows_the_checked_motion():
     case = case_of(ms.catalog.make("four_bar", crank=0.09))
     (grid,) = case_view(case).grids

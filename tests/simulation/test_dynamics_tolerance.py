@@ -25,7 +25,7 @@ def dynamic_model_of(name, **forces):
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
-@pytest.mark.parametrize("name", ["rssr", "warp_knitter"])
+@pytest.mark.parametrize("name", grid(["rssr", "warp_knitter"]))
 def test_the_torque_estimate_is_the_true_error_within_the_tolerance(name, tolerance):
     model = dynamic_model_of(name)
     run = driven(model.mechanism, model.forces, speed=60.0, turns=2.0, tolerance=tolerance)

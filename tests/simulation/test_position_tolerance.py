@@ -101,6 +101,7 @@ def test_a_swing_below_a_turn_satisfies_its_tolerance(reach) -> None:
     assert error(linkage, run.motion) <= run.tolerance
 
 
+@pytest.mark.slow
 def test_a_swing_over_a_tiny_crank_range_satisfies_its_tolerance() -> None:
     # within 0.0067 rad the follower moves from one dead centre to the next
     linkage = catalog.Looper(

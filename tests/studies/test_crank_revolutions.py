@@ -15,7 +15,7 @@ from mechsim.errors import AssemblyError
 from mechsim.model.motion_laws import SWING_FRACTION, constant, interval_around, swing
 from mechsim.model.scene import Scene
 from mechsim.numerics.angles import REVOLUTION
-from mechsim.simulation import Settings, simulate
+from mechsim.simulation import simulate
 from mechsim.simulation.mjcf.compiling import to_xml
 from mechsim.simulation.source import assembled
 from mechsim.studies.extremes.axes import special_designs
@@ -60,9 +60,6 @@ def test_every_method_accepts_a_swing_on_any_revolution(name, data):
     by_loop_equations = loops.solve(mechanism, angle)
     for point, position in linkage.positions(angle).items():
         np.testing.assert_allclose(by_loop_equations.points[point].position, position, rtol=0, atol=same)
-    stepped = simulate(mechanism, profile=profile, samples=24, settings=Settings(steps_per_turn=100))
-    # the accuracy is checked elsewhere
-    assert stepped.outcome in ("passed", "failed")
     text = to_xml(assembled(mechanism, Scene()))
     model = mujoco.MjModel.from_xml_string(text)
     assert model.joint("crank").qpos0[0] == pytest.approx(mechanism.start, abs=1e-12)
@@ -139,6 +136,7 @@ def test_a_crank_range_beyond_half_a_turn_sets_the_start():
     assert run.motion.angle[0] == linkage.mechanism.start
 
 
+@pytest.mark.slow
 def test_a_swing_that_leaves_the_range_is_rejected_on_every_revolution():
     linkage = catalog.make("four_bar", **special_designs("four_bar").swinging)
     low, high = linkage.crank_range().arcs[0]

@@ -88,6 +88,7 @@ def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
     assert model.actuator_gainprm[0, 0] < 10.0
 
 
+@pytest.mark.slow
 def test_incomparable_torques_are_reported():
     # a rod between ball joints without rotational symmetry of its inertia
     text = """

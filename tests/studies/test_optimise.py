@@ -20,6 +20,7 @@ def search_result(name):
     return runpy.run_path(str(EXAMPLES / f"{name}.py"))["search"]()
 
 
+@pytest.mark.slow
 def test_a_straighter_line_keeps_its_length_and_full_turn():
     result = search_result("straighter_line")
     assert result.outcome == "found"
@@ -74,6 +75,7 @@ def test_a_generated_function_is_a_local_minimum():
         assert deviation({free[0]: factor * result.values[free[0]]}) > result.after
 
 
+@pytest.mark.slow
 def test_an_infeasible_limit_is_reported():
     start = ms.moved("four_bar", angles=ANGLES)
     result = ms.optimise(

@@ -306,9 +306,10 @@ class Spent(NamedTuple):
     processor: float
 
 
-@pytest.mark.parametrize("budget", [2.0, 20.0])
-@pytest.mark.parametrize("share", [1.0, 4.0])
-@pytest.mark.parametrize(("step", "building"), [(2e-5, 0.05), (1e-3, 0.3)])
+@pytest.mark.parametrize(
+    ("step", "building", "share", "budget"),
+    [(2e-5, 0.05, 4.0, 2.0), (1e-3, 0.3, 1.0, 20.0), (1e-3, 0.3, 4.0, 2.0)],
+)
 def test_the_study_ends_within_a_fifth_of_the_budget(monkeypatch, budget, share, step, building):
     simulated = SimulatedProcessor(monkeypatch, share, step, building)
     # time of loading and building
@@ -326,6 +327,7 @@ def test_a_budget_below_the_loading_time_is_rejected():
         subject_of(catalog.make("rssr"), SPEED, Budget(0.001))
 
 
+@pytest.mark.slow
 def test_a_sufficient_budget_omits_no_trial(monkeypatch):
     simulated = SimulatedProcessor(monkeypatch, 1.0, 2e-5, 0.05)
     tradeoff = measure_tradeoff(SLIDER, budget=simulated.budget(600.0))

@@ -71,9 +71,9 @@ def test_the_law_rejects_a_dimension_off_by_a_thousandth(gallery_solver):
 
 
 def test_a_formula_of_a_file_is_accepted_only_to_rounding(gallery_solver):
-    solver = load(gallery_solver.name)
-    evaluation = evaluation_points(solver, speed=1.0)
-    law = values_of_function(run_object(gallery_solver.formula), evaluation, "law", solver.parameters)
+    evaluation = evaluation_points(gallery_solver, speed=1.0)
+    formula = run_object(gallery_solver.formula)
+    law = values_of_function(formula, evaluation, "law", gallery_solver.parameters)
     error = 1e-11 * evaluation.solver.mechanism.characteristic_length
     wrong = [replace(item, values=item.values + error) for item in law]
     for values, accepted in ((law, True), (wrong, False)):
@@ -95,6 +95,7 @@ def test_the_quick_return_has_its_time_ratio():
     np.testing.assert_allclose(np.abs(motion.joints["lever"].value), half, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_the_peaucellier_linkage_traces_a_straight_line():
     solver = load("peaucellier_lipkin")
     x, y, _ = motion_over_range(solver).points["P"].position.T

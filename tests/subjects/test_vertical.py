@@ -93,6 +93,7 @@ def test_a_mechanism_with_gravity_along_z_is_drawn_upright(tmp_path):
         assert up[2] > 0.7, preset
 
 
+@pytest.mark.slow
 def test_pages_and_pictures_accept_another_vertical(tmp_path, capsys, monkeypatch):
     solver = loaded(tmp_path, ARM)
     view = mechanism_view(solver, 1.0)

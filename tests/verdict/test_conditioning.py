@@ -59,7 +59,7 @@ def close_to_a_dead_centre(name):
     return linkage, simulate(linkage.mechanism, profile=profile, method="pose", samples=72)
 
 
-@pytest.mark.parametrize("name", grid(SWINGING))
+@pytest.mark.parametrize("name", grid(SWINGING, ("four_bar",)))
 def test_configurations_near_a_dead_centre_pass(name):
     linkage, run = close_to_a_dead_centre(name)
     verdict = crosscheck(run, linkage)
@@ -70,7 +70,7 @@ def test_configurations_near_a_dead_centre_pass(name):
     ("name", "method"),
     [
         (name, method)
-        if (name, method) in (("four_bar", "pose"), ("rssr", "step"))
+        if (name, method) in (("four_bar", "pose"), ("four_bar", "step"))
         else pytest.param(name, method, marks=pytest.mark.slow)
         for name in SWINGING
         for method in ("pose", "step")
@@ -109,7 +109,7 @@ def test_a_tolerance_of_zero_allows_no_error():
     assert not check_of("position", "A", np.array([0.0, 1e-300]), np.zeros(2), nothing).passed
 
 
-@pytest.mark.parametrize("name", grid(["four_bar", "rssr", "slider_crank", "rrsrr"]))
+@pytest.mark.parametrize("name", grid(["four_bar", "rssr", "slider_crank", "rrsrr"], ("four_bar",)))
 def test_both_methods_report_the_conditioning_of_the_loops(name):
     """The methods use different coordinates: conditionings are similar, and fall at a dead centre."""
     linkage, run = close_to_a_dead_centre(name)

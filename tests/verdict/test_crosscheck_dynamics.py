@@ -138,7 +138,7 @@ def test_a_torque_of_the_wrong_sign_and_a_nan_fail(method):
 @pytest.mark.parametrize("name", grid(("four_bar", "rssr"), ("four_bar",)))
 def test_frictionless_free_runs_agree_with_the_reduced_equation(name):
     model = model_of(name, Forces(gravity=GRAVITY))
-    run = dynamics.free_run(model, speed=60.0, turns=2.0, samples=81)
+    run = dynamics.free_run(model, speed=60.0, turns=0.5, samples=21)
     assert run.outcome == "done"
     verdict = crosscheck_free(run, model)
     assert verdict.passed, verdict
@@ -163,7 +163,7 @@ def test_motor_driven_free_runs_agree_with_the_reduced_equation(motor):
 def test_every_wrong_model_fails_in_a_free_run():
     forces = Forces(gravity=GRAVITY, motor=TorqueSpeedLine(5.0, 100.0), friction=(Friction("crank", 1e-3),))
     model = model_of("four_bar", forces)
-    run = dynamics.free_run(model, turns=0.25, samples=31)
+    run = dynamics.free_run(model, turns=0.1, samples=13)
     for wrong in (with_heavier_link, with_reversed_gravity, without_friction):
         assert crosscheck_free(run, wrong(model)).outcome == "failed", wrong
 

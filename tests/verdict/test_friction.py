@@ -98,7 +98,9 @@ def test_coulomb_friction_of_a_ball_opposes_its_angular_velocity():
     assert study.forces.power_lost == pytest.approx(4e-4 * spin + 1e-5 * spin**2, rel=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["spherical cut joint", "spatial cut joint"])
+@pytest.mark.parametrize(
+    "kind", ["spherical cut joint", pytest.param("spatial cut joint", marks=pytest.mark.slow)]
+)
 def test_a_free_run_loses_the_energy_of_the_reduced_equation(kind):
     model = model_of(kind)
     model = model.with_forces(replace(model.forces, flywheel=1e-3))

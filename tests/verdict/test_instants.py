@@ -60,6 +60,7 @@ def test_force_checks_on_motion_laws_report_times(swinging):
     assert max(item.instant for item in verdict.checks) <= 2.0
 
 
+@pytest.mark.slow
 def test_formula_checks_on_motion_laws_report_times(swinging):
     result = ms.validate(swinging, late(ms.catalog.make("four_bar"), 0.3))
     (check,) = result.checks

@@ -231,6 +231,7 @@ def test_the_address_stores_dimensions_and_limits_are_reported(window, pages):
     assert "Not reachable" in window.run("document.getElementById('trouble').textContent")
 
 
+@pytest.mark.slow
 def test_a_live_page_is_below_one_and_a_half_megabytes():
     assert len(page(live_view("stewart_gough"))) < 1.5e6
 

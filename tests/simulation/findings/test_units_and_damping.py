@@ -250,7 +250,9 @@ WELD = """<mujoco><compiler angle="radian"/><worldbody>
  torquescale="{}"/></equality></mujoco>"""
 
 
-@pytest.mark.parametrize(("torquescale", "severity"), [(0, "note"), (1, "warning")])
+@pytest.mark.parametrize(
+    ("torquescale", "severity"), [pytest.param(0, "note", marks=pytest.mark.slow), (1, "warning")]
+)
 def test_a_weld_without_torque_is_reported_as_a_connect(torquescale, severity, tmp_path):
     path = tmp_path / "weld.xml"
     path.write_text(WELD.format(".09 0 0", torquescale))

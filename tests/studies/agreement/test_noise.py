@@ -78,6 +78,7 @@ def test_causes_indistinguishable_in_noise_are_all_reported(tmp_path):
     assert {(item.kind, item.what) for item in result.findings} == {("dimension", "rod"), ("frame", "x")}
 
 
+@pytest.mark.slow
 def test_a_single_wrong_row_is_reported(tmp_path):
     def spoil(table):
         table["B.x"][16] += 7 * SIGMA

@@ -43,7 +43,7 @@ def test_monte_carlo_errors_stay_below_the_worst_case():
     assert (study.random("rocker.q")["most"] >= 0.9 * worst).all()
 
 
-@pytest.mark.parametrize("distribution", ["uniform", "normal"])
+@pytest.mark.parametrize("distribution", ["uniform", pytest.param("normal", marks=pytest.mark.slow)])
 def test_monte_carlo_of_small_tolerances_has_the_linear_deviation(distribution):
     result = table("hoeken", quantities=("rocker",))
     limits = {"crank": 1e-6, "arm": 2e-6, "A.clearance": 1e-6}
@@ -85,10 +85,11 @@ def test_samples_are_solved_if_the_expansion_is_inaccurate(monkeypatch):
     monkeypatch.setattr(monte_carlo, "MAX_SOLVED", 60)
     monkeypatch.setattr(monte_carlo, "MAX_VERIFIED", 20)
     result = derivative_table(MovedFamily(parametric_model("hoeken"), np.array([1.0]), 1.0), ["rocker"])
-    study = tolerance_study(result, {"crank": 0.06, "ground": 0.06, "arm": 0.06}, samples=500)
+    study = tolerance_study(result, {"crank": 0.06, "ground": 0.06, "arm": 0.06}, samples=100)
     assert (study.sampled.sampling.order, study.sampled.samples) == (0, 60)
 
 
+@pytest.mark.slow
 def test_every_sample_is_solved_if_a_closed_form_exists():
     result = table(quantities=("C", "rocker", "C.vx"))
     moved, bounds = result.moved, {"crank": 1e-2, "ground": 1e-2, "arm_angle": 0.5}

@@ -72,6 +72,7 @@ def test_settling_time_and_peaks_of_an_oscillator_are_exact(oscillator):
         assert table["peak:expr:P.x - 0.1"][i] == pytest.approx(0.05, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_peak_of_a_joint_force_equals_that_of_the_run():
     start = {"crank.q": "-85deg"}
     measures = ["peak:force:A", "range:rocker"]
