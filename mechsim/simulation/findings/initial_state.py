@@ -80,13 +80,12 @@ STATE_INTERVAL = 10
 
 def collisions(scene: Inspected) -> Iterator[Finding]:
     """Yield pairs of joined links that collide, and pairs of other moving links that overlap at the start."""
-    model = contact_model(scene)
-    data = mujoco.MjData(model)
+    data = mujoco.MjData(contact_model(scene))
     joined, motion = _joined(scene), driver_swing(scene)
     states = [scene.read.qpos, *([] if motion is None else motion.qpos[::STATE_INTERVAL])]
     deepest: dict[tuple[int, int], tuple[float, tuple[int, int]]] = {}
     for number, qpos in enumerate(states):
-        for pair, geoms, depth in _contacts(model, data, qpos):
+        for pair, geoms, depth in _contacts(data, qpos):
             unintended = pair in joined or (number == 0 and 0 not in pair)
             if unintended and depth > MIN_DEPTH * scene.length and depth > deepest.get(pair, (0.0,))[0]:
                 deepest[pair] = depth, geoms
@@ -127,10 +126,9 @@ def _pair(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
 
-def _contacts(
-    model: mujoco.MjModel, data: mujoco.MjData, qpos: Array
-) -> Iterator[tuple[tuple[int, int], tuple[int, int], float]]:
+def _contacts(data: mujoco.MjData, qpos: Array) -> Iterator[tuple[tuple[int, int], tuple[int, int], float]]:
     """Yield bodies, geoms and penetration depth in [m] of the contacts at coordinates (nq,)."""
+    model = data.model
     data.qpos[:] = qpos
     mujoco.mj_fwdPosition(model, data)
     for contact in data.contact:
