@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mechsim import simulate
-from mechsim.cli.load_options import ControlOptions, user_scene
+from mechsim.cli.control_options import ControlOptions, user_scene
 from mechsim.cli.options import DriveOptions
 from mechsim.errors import InputError
 from mechsim.simulation.plain_settings import PlainSettings
