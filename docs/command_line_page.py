@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import click
-from typer.main import get_command
 
-from mechsim.cli import app
+from mechsim.cli import COMMANDS, load_command
 
 HEAD = """# Command line
 
@@ -29,17 +28,14 @@ HEAD = """# Command line
 
 def commands() -> dict[str, Any]:
     """Return every command of the application by its name."""
-    group = get_command(app)
-    context = click.Context(group, info_name="mechsim")
-    names = group.list_commands(context)
-    return {name: group.resolve_command(context, [name])[1] for name in names}
+    return {name: load_command(name) for name in COMMANDS}
 
 
 def write(folder: Path) -> None:
     """Write command_line.md into a folder."""
     named = commands()
     first = {name: (named[name].help or "").partition("\n\n")[0] for name in named}
-    summary = "".join(f"| [`{name}`](#mechsim-{name}) | {_line(first[name])} |\n" for name in named)
+    summary = "".join(f"| [`{name}`](#{_anchor(name)}) | {_line(first[name])} |\n" for name in named)
     text = HEAD + "| command | does |\n|---|---|\n" + summary + "".join(map(_section, named, named.values()))
     page = folder / "command_line.md"
     folder.mkdir(parents=True, exist_ok=True)
@@ -85,8 +81,12 @@ def _section(name: str, command: Any) -> str:
     table = "| option | meaning |\n|---|---|\n" + "".join(rows)
     lines = "\n".join(line for line in sections.lines if line)
     examples = f"\nExamples:\n\n```text\n{lines}\n```\n" if lines else ""
-    head = f"\n(mechsim-{name})=\n## {name}\n\n{text}\n\n```text\nmechsim {name} {usage}\n```\n"
+    head = f"\n({_anchor(name)})=\n## {name}\n\n{text}\n\n```text\nmechsim {name} {usage}\n```\n"
     return f"{head}{examples}\n{table}"
+
+
+def _anchor(name: str) -> str:
+    return f"mechsim-{name.replace(' ', '-')}"
 
 
 def _row(name: str, meaning: str) -> str:

@@ -15,10 +15,14 @@ from typer.main import get_command
 
 from mechsim._version import __version__
 from mechsim.cli.exit_codes import exit_code, print_stderr
+from mechsim.errors import InputError
 
 EXAMPLES = "\nExamples:\n"
 # examples below the list of commands
-FIRST_STEPS = ("mechsim validate four_bar", "mechsim show gripper.xml", "mechsim validate --help")
+FIRST_STEPS = {
+    "": ("mechsim validate four_bar", "mechsim show gripper.xml", "mechsim validate --help"),
+    "dynamics ": ("mechsim dynamics inverse slider_crank --speed 600rpm", "mechsim dynamics forward --help"),
+}
 # panel -> long names of its options; a command's own options come first, without a panel
 PANELS = {
     "Model": "set lock lock-others fix-base key track gravity load motor gear friction spring damper "
@@ -124,25 +128,6 @@ def examples(doc: str | None) -> list[str]:
     return [line.strip() for line in inspect.cleandoc(doc or "").partition(EXAMPLES)[2].splitlines()]
 
 
-class GroupedCommands(TyperGroup):
-    """Commands that are listed in groups."""
-
-    groups: ClassVar[dict[str, tuple[str, ...]]] = {}
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Return the parameters."""
-        return _converted_late(super().get_params(ctx))
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write a list of commands for each group."""
-        for group, names in self.groups.items():
-            with formatter.section(group):
-                formatter.write_dl([(name, (self.get_command(ctx, name) or self).help) for name in names])
-        with formatter.section("Examples"):
-            for line in FIRST_STEPS:
-                formatter.write(f"  {line}\n")
-
-
 # group -> command -> its module and function, and its line in the list of commands
 GROUPS = {
     "Models": {
@@ -157,7 +142,13 @@ GROUPS = {
         "sample": ("sample.sample", "Draw closed configurations of a MuJoCo model."),
         "map": ("map.map_joints", "Map motors to joints: positions, Jacobians, torques."),
         "trace": ("trace.trace", "Trace all assemblies as closed curves."),
-        "dynamics": ("dynamics.dynamics", "Compute torques, free motion, equilibria, vibrations."),
+    },
+    "Dynamics": {
+        "dynamics inverse": ("inverse_dynamics.inverse", "Compute torques and reactions of a motion."),
+        "dynamics forward": ("forward_dynamics.forward", "Run from an initial state, with motors."),
+        "dynamics statics": ("statics.statics", "List equilibria and holding torques."),
+        "dynamics modes": ("statics.modes", "Compute natural frequencies and mode shapes."),
+        "dynamics response": ("statics.response", "Compute a frequency response."),
     },
     "Verification": {
         "validate": ("validate.validate", "Check formulas, loop equations and MuJoCo models."),
@@ -198,15 +189,48 @@ PLAIN: dict[str, Any] = {
 }
 
 
-class LazyCommands(GroupedCommands):
-    """Commands whose modules are imported when they are used."""
+class LazyCommands(TyperGroup):
+    """Commands, listed in groups, whose modules are imported when they are used."""
 
-    groups: ClassVar = {group: tuple(commands) for group, commands in GROUPS.items()}
+    # first words of the names of the commands
+    prefix: ClassVar[str] = ""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the parameters."""
+        return _converted_late(super().get_params(ctx))
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write a list of commands for each group."""
+        for group, commands in GROUPS.items():
+            rows = [
+                (name.removeprefix(self.prefix), line)
+                for name, (_, line) in commands.items()
+                if name.startswith(self.prefix)
+            ]
+            if rows:
+                with formatter.section(group):
+                    formatter.write_dl(rows)
+        with formatter.section("Examples"):
+            for line in FIRST_STEPS[self.prefix]:
+                formatter.write(f"  {line}\n")
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return the command named by the first word, and its arguments."""
+        """Return the command named by the first words, and its arguments."""
+        if self.prefix and args[0] not in self.commands and not ctx.resilient_parsing:
+            from mechsim.cli.former_spelling import present_spelling
+
+            raise InputError(
+                f"dynamics has the sub-commands {', '.join(self.commands)}; write: mechsim dynamics "
+                f"{present_spelling(args)}"
+            )
         name, _, rest = super().resolve_command(ctx, args)
-        return name, None if name is None else load_command(name), rest
+        return name, None if name is None else load_command(self.prefix + name), rest
+
+
+class DynamicsCommands(LazyCommands):
+    """The sub-commands of `mechsim dynamics`."""
+
+    prefix = "dynamics "
 
 
 def command_function(name: str) -> Callable[..., None]:
@@ -217,10 +241,14 @@ def command_function(name: str) -> Callable[..., None]:
 
 def load_command(name: str) -> Any:
     """Return the typer command of a command."""
+    if name == "dynamics":
+        return get_command(_group(DynamicsCommands, DYNAMICS))
     function = command_function(name)
     app = typer.Typer(add_completion=False, **PLAIN)
     runs_mujoco = name in LATE or "mujoco" in sys.modules
-    app.command(name, cls=PlainCommand)(_without_mujoco_log(function) if runs_mujoco else function)
+    app.command(name.split()[-1], cls=PlainCommand)(
+        _without_mujoco_log(function) if runs_mujoco else function
+    )
     return get_command(app)
 
 
@@ -239,13 +267,21 @@ def _without_mujoco_log(function: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-app = typer.Typer(
-    cls=LazyCommands,
-    help="Check models of closed-loop mechanisms: formulas, MJCF, URDF and TOML.",
-    **PLAIN,
-)
-for _name, (_, _help) in COMMANDS.items():
-    app.command(_name, help=_help)(lambda: None)
+def _group(cls: type[LazyCommands], text: str) -> typer.Typer:
+    """Return the group of the commands whose names have its prefix."""
+    group = typer.Typer(cls=cls, help=text, add_completion=not cls.prefix, **PLAIN)
+    # a former spelling may begin with an option
+    group.info.context_settings = PLAIN["context_settings"] | {"ignore_unknown_options": bool(cls.prefix)}
+    for name in dict.fromkeys(
+        name.removeprefix(cls.prefix).split()[0] for name in COMMANDS if name.startswith(cls.prefix)
+    ):
+        group.command(name)(lambda: None)
+    return group
+
+
+ABOUT = "Check models of closed-loop mechanisms: formulas, MJCF, URDF and TOML."
+DYNAMICS = "Compute torques, runs from an initial state, equilibria and vibrations."
+app = _group(LazyCommands, ABOUT)
 
 
 @app.callback(invoke_without_command=True)

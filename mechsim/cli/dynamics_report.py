@@ -1,25 +1,34 @@
-"""What `mechsim dynamics` reports of motions of a crank: JSON, peaks, tolerances and comparisons."""
+"""What `mechsim dynamics` reports: JSON, peaks, masses, tolerances and comparisons."""
 
 from collections.abc import Mapping
-from typing import Any, Literal, NotRequired, TypedDict
+from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import typer
 
-from mechsim.analytic.dynamics import InverseDynamics
+from mechsim.analytic.dynamics import DynamicModel, InverseDynamics
+from mechsim.cli.command import Result
+from mechsim.cli.load_options import print_masses
 from mechsim.cli.output import OutputUnits, Value, number, print_table, print_text, without_noise
 from mechsim.cli.schema import Settings
 from mechsim.cli.verdict_text import print_verdicts
+from mechsim.errors import InputError
 from mechsim.model.finding import Outcome
 from mechsim.model.force_record import Fluctuation
 from mechsim.model.links import GROUND
 from mechsim.model.masses import LinkMass
+from mechsim.model.motion_laws import MIN_TURNS
 from mechsim.report.facts import study_facts
 from mechsim.simulation.result import Driven
 from mechsim.verdict.checks import Check, Verdict
 from mechsim.verdict.tolerances import EPS
 
+# limits of rows and turns
+MAX_ROWS, MAX_TURNS = 10_000_000, 1e4
 # after the names of forces that rigid links leave undetermined
 UNDETERMINED = " *"
+
+
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="List all checks and all masses.")]
 
 
 class Peak(TypedDict):
@@ -107,7 +116,7 @@ class ToleranceJson(TypedDict):
 
 
 class DynamicsJson(TypedDict):
-    """Peaks of a prescribed motion, or the end of a free one, and the comparison with MuJoCo."""
+    """Peaks of a prescribed motion, and the comparison with MuJoCo."""
 
     mechanism: str
     masses: list[LinkMass]
@@ -132,7 +141,26 @@ class DynamicsJson(TypedDict):
     note: NotRequired[str]
     fluctuation: NotRequired[Fluctuation | None]
     with_flywheel: NotRequired[Fluctuation | None]
-    free: NotRequired[FreeJson]
+
+
+def require_method(method: str | None, *methods: str, tolerance: float | None = None) -> None:
+    """Raise InputError for an unknown method of MuJoCo, or a tolerance of a run that it omits."""
+    if method not in (None, *methods):
+        raise InputError(f"there is no --method {method!r}; choose from {', '.join(methods)}")
+    if tolerance is not None and method == "none":
+        raise InputError("--tolerance applies to MuJoCo's runs, which --method none omits; drop one of them")
+
+
+def require_samples(samples: int) -> None:
+    """Raise InputError for an invalid number of rows."""
+    if not 2 <= samples <= MAX_ROWS:
+        raise InputError(f"--samples is {samples}; give 2 to {MAX_ROWS}")
+
+
+def require_turns(turns: float) -> None:
+    """Raise InputError for an invalid number of turns of the crank."""
+    if not MIN_TURNS <= abs(turns) < MAX_TURNS:
+        raise InputError(f"--turns is {turns:g}; give {MIN_TURNS:g} to {MAX_TURNS:g} either way")
 
 
 def driven_tolerance(run: Driven | None) -> dict[str, Any] | None:
@@ -171,6 +199,31 @@ def _tolerance_data(run: Any, report: Any) -> dict[str, Any]:
     settings = None if run.settings is None else run.settings.as_dict() | {"timestep": run.timestep}
     data = {"safety_factor": report.safety_factor, "steps": run.steps, "settings": settings}
     return {name: getattr(report, name) for name in names} | data
+
+
+def passed(verdict: Verdict | None, tolerance: dict[str, Any] | None) -> bool:
+    """Return whether a comparison and its tolerance hold, or there are none."""
+    return (verdict is None or verdict.passed) and (tolerance is None or tolerance["satisfied"])
+
+
+def verdict_data(verdict: Verdict | None, method: str) -> dict[str, Any]:
+    """Return the entries of a comparison by a method of MuJoCo in a JSON object."""
+    if verdict is None:
+        return {"passed": None, "outcome": None, "method": "none", "checks": []}
+    return {"passed": verdict.passed, "outcome": verdict.outcome, "method": method, "checks": verdict.checks}
+
+
+def with_masses(model: DynamicModel, result: Result[Any], verbose: bool | None = None) -> Result[Any]:
+    """Return a result with name, masses and gravity of its mechanism."""
+    gravity = model.forces.gravity
+
+    def text() -> None:
+        result.text()
+        print_masses(model.masses, verbose)
+        print_text(f"gravity: {', '.join(map(number, gravity))} m/s2" if any(gravity) else "gravity: none")
+
+    data = {"mechanism": model.mechanism.name, "masses": model.masses, "gravity": gravity, **result.data}
+    return Result(data, text, result.passed)
 
 
 def print_comparison(

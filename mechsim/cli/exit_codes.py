@@ -136,7 +136,10 @@ def _usage_text(error: Any) -> str:
     context = getattr(error, "ctx", None)
     if context is None:
         return text
-    named = f"mechsim {context.info_name}" if context.parent else "mechsim"
+    names: list[str] = []
+    while context.parent:
+        names, context = [context.info_name, *names], context.parent
+    named = " ".join(["mechsim", *names])
     joint = "" if text.endswith("?") else ";"
     return f"{text[:1].lower()}{text[1:]}{joint} see `{named} --help`"
 

@@ -157,7 +157,7 @@ def loads_of(solver: KinematicSolver, path: str) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadOptions:
-    """Masses of the links, and loads."""
+    """Masses of the links, and loads on a prescribed motion."""
 
     gravity: tuple[float, float, float] | None = option(
         None,
@@ -169,14 +169,6 @@ class LoadOptions:
         "Table of loads: columns angle [rad] or t [s], POINT.fx ... [N], LINK.mx ... [N m], crank [N m].",
         metavar="FILE",
     )
-    motor: PlainMotor | None = option(
-        None,
-        "Motor of the crank: constant:TORQUE, line:STALL TORQUE,NO-LOAD SPEED or dc:V,OHM,N m/A. The model "
-        "starts from rest, or at --speed with --free.",
-        read=motor_of,
-        metavar="KIND:NUMBERS",
-    )
-    gear: float | None = option(None, "Gear ratio: turns of the motor per turn of the crank.")
     friction: tuple[Friction, ...] = option(
         (),
         "Viscous and Coulomb friction in a joint, in SI.",
@@ -198,13 +190,6 @@ class LoadOptions:
         many=True,
         metavar="A:B=DAMPING",
     )
-    controller: tuple[Controller, ...] = option(
-        (),
-        "Torque or force on joint J in a run from an initial state: an expression of J.q, J.v and t, in SI.",
-        read=controller_of,
-        many=True,
-        metavar="J=EXPRESSION",
-    )
     flywheel: float | None = option(None, "Additional moment of inertia on the crank, in kg m2.")
     density: float = option(
         7850.0, "Density in kg/m3 of links without masses, which are taken as round rods."
@@ -213,16 +198,9 @@ class LoadOptions:
         None, "Diameter of these rods. Default: 0.05 of the mechanism's size.", unit="m"
     )
 
-    def __post_init__(self) -> None:
-        if self.gear is not None and self.motor is None:
-            raise InputError("--gear needs a motor; add --motor")
-
     def forces(self, solver: KinematicSolver) -> Forces:
         """Return all forces on a mechanism, from its file and the options."""
         loads: dict[str, Any] = {} if self.load is None else loads_of(solver, self.load)
-        motor = self.motor
-        if motor is not None and self.gear is not None:
-            motor = Geared(motor, self.gear)
         elements = (*self.spring, *self.damper)
         own = forces_of(solver)
         return replace(
@@ -232,8 +210,6 @@ class LoadOptions:
             springs=(*own.springs, *_of_type(Spring, elements)),
             joint_springs=(*own.joint_springs, *_of_type(JointSpring, elements)),
             flywheel=own.flywheel if self.flywheel is None else self.flywheel,
-            motor=motor or own.motor,
-            controllers=(*own.controllers, *self.controller),
             **loads,
         )
 
@@ -245,6 +221,38 @@ class LoadOptions:
         return dynamics.dynamic_model(
             solver, self.forces(solver), density=self.density, diameter=self.diameter
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveLoadOptions(LoadOptions):
+    """Masses, loads, and motors that move a mechanism."""
+
+    motor: PlainMotor | None = option(
+        None,
+        "Motor of the crank: constant:TORQUE, line:STALL TORQUE,NO-LOAD SPEED or dc:V,OHM,N m/A.",
+        read=motor_of,
+        metavar="KIND:NUMBERS",
+    )
+    gear: float | None = option(None, "Gear ratio: turns of the motor per turn of the crank.")
+    controller: tuple[Controller, ...] = option(
+        (),
+        "Torque or force on joint J: an expression of J.q, J.v and t, in SI.",
+        read=controller_of,
+        many=True,
+        metavar="J=EXPRESSION",
+    )
+
+    def __post_init__(self) -> None:
+        if self.gear is not None and self.motor is None:
+            raise InputError("--gear needs a motor; add --motor")
+
+    def forces(self, solver: KinematicSolver) -> Forces:
+        """Return all forces on a mechanism, from its file and the options."""
+        own, motor = LoadOptions.forces(self, solver), self.motor
+        if motor is not None and self.gear is not None:
+            motor = Geared(motor, self.gear)
+        controllers = (*own.controllers, *self.controller)
+        return replace(own, motor=motor or own.motor, controllers=controllers)
 
 
 def _of_type(kind: type[Element], elements: Sequence[object]) -> Iterator[Element]:
@@ -274,30 +282,37 @@ def print_masses(masses: Sequence[LinkMass], verbose: bool | None = None, design
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InitialOptions:
-    """A run from an initial state."""
+class InitialState:
+    """Initial coordinates and rates."""
 
     initial: tuple[tuple[str, str], ...] = option(
         (),
         "Initial coordinate J.q or rate J.v of a joint; other independent ones keep their start, at rest. "
-        "Joints without --drive move freely. A bare number is SI, but a length or angle needs its unit "
-        "where the file is in another one.",
+        "A bare number is SI, but a length or angle needs its unit where the file is in another one.",
         read=pair_of("--initial crank.q=10deg"),
         many=True,
         metavar="J.q=VALUE",
     )
+
+    def __post_init__(self) -> None:
+        require_distinct("--initial", self.initial)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InitialOptions(InitialState):
+    """A run from an initial state."""
+
     until: str | None = option(
         None,
         "End the run at this event: P.y=0, J.q=90deg or distance:P,Q=10mm.",
         metavar="QUANTITY=VALUE",
     )
     restitution: float = option(0.0, "Coefficient of restitution at joint limits, 0 to 1.")
-    budget: int = option(
-        BUDGET, "Work budget: largest number of states that a run evaluates before it ends.", metavar="N"
+    budget: int | None = option(
+        None,
+        f"Work budget: largest number of states that a run evaluates before it ends. Default: {BUDGET:,}.",
+        metavar="N",
     )
-
-    def __post_init__(self) -> None:
-        require_distinct("--initial", self.initial)
 
     @property
     def requested(self) -> bool:
@@ -307,15 +322,17 @@ class InitialOptions:
     @property
     def limited(self) -> bool:
         """Whether options are given that need a run."""
-        return bool(self.restitution or self.budget != BUDGET)
+        return bool(self.restitution or self.budget is not None)
 
-    def release(self, model: DynamicModel, source: ModelOptions) -> Release:
-        """Return the release of a model; the default duration of the run is 1 s."""
+    def release(self, model: DynamicModel, source: ModelOptions, turns: float | None = None) -> Release:
+        """Return the release of a model; a run without turns has a default duration of 1 s."""
+        default = DURATION if turns is None else np.inf
         return Release(
             model=model,
             initial=dict(self.initial),
             prescribed=tuple(name for name, _ in source.drive),
-            duration=DURATION if source.duration is None else source.duration,
+            duration=default if source.duration is None else source.duration,
+            turns=turns,
             until=self.until,
             restitution=self.restitution,
             budget=self.budget,
@@ -336,12 +353,12 @@ class ReleaseOptions(InitialOptions):
         return bool(self.initial or self.until or self.mode is not None)
 
 
-def released_model(source: ModelOptions, loads: LoadOptions) -> DynamicModel:
+def released_model(source: ModelOptions, loads: DriveLoadOptions) -> DynamicModel:
     """Return the dynamic model of a mechanism; --duration sets the duration of its run."""
     return loads.dynamic_model(replace(source, duration=None).load(still=True))
 
 
-def require_release(loads: LoadOptions, options: InitialOptions, usage: str) -> None:
+def require_release(loads: DriveLoadOptions, options: InitialOptions, usage: str) -> None:
     """Raise InputError for loads or a restitution without a run to apply them.
 
     Args:
@@ -349,7 +366,7 @@ def require_release(loads: LoadOptions, options: InitialOptions, usage: str) -> 
         options: options of the run.
         usage: the options that would apply them, for the message.
     """
-    if loads != LoadOptions() or options.limited:
+    if loads != DriveLoadOptions() or options.limited:
         raise InputError(
             f"loads, masses, --restitution and --budget act in a run from an initial state; {usage}"
         )
@@ -361,10 +378,3 @@ def exclude_without_effect(stated: Stated, release: ReleaseOptions) -> None:
         stated.exclude(["speed"], "in a run from an initial state")
     else:
         stated.exclude(["speed", "until", "duration", "restitution", "drive"], "on a mode of vibration")
-
-
-def states_initial(source: ModelOptions) -> bool:
-    """Return whether --duration sets the duration of a run from the state in a file's [initial] table."""
-    if source.duration is None or source.drive:
-        return False
-    return bool(getattr(replace(source, duration=None).load(still=True), "initial", None))

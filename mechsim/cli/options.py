@@ -204,8 +204,8 @@ def pairs(example: str, doc: str, metavar: str, *, name_alone: bool = False) -> 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriveOptions:
-    """Drivers, locked joints and tracked points of a mechanism."""
+class AssemblyOptions:
+    """The assembled mechanism: locked joints and start values."""
 
     lock: tuple[tuple[str, str | None], ...] = pairs(
         "--lock boom=30deg",
@@ -220,13 +220,6 @@ class DriveOptions:
         name="--lock-others",
     )
     fix_base: bool = option(False, "Fix floating bases at their initial pose.", name="--fix-base")
-    drive: tuple[tuple[str, str], ...] = pairs(
-        "--drive left=30deg*sin(2*pi*t)",
-        "Motion law of a joint, a point (P.x) or a link (plate.x, plate.rz): a speed (600rpm, 20mm/s), an "
-        "expression of t in s (30deg*sin(2*pi*0.6*t)), or FILE.csv with columns t, value. It replaces the "
-        "drivers of the file if it names another coordinate.",
-        "COORDINATE=LAW",
-    )
     start: tuple[tuple[str, str], ...] = pairs(
         "--start knee=-30deg",
         "Start in the assembly nearest to this value of a joint.",
@@ -234,20 +227,48 @@ class DriveOptions:
     )
     key: str | None = option(None, "Start from this keyframe of an MJCF file.", metavar="NAME")
     loops: str | None = option(None, "Loop closures of a URDF file, in YAML.", metavar="FILE")
+
+    def as_arguments(self) -> dict[str, Any]:
+        """Return the options as arguments of `load`."""
+        arguments: dict[str, Any] = {}
+        for name in (field.name for field in fields(self) if field.name not in ("model", "sets")):
+            value = getattr(self, name)
+            if name in ("drive", "lock", "start"):
+                require_distinct(f"--{name}", value)
+                value = dict(value)
+            arguments[name] = value
+        return arguments
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestOptions(AssemblyOptions):
+    """A mechanism without motion, and its changed parameters."""
+
+    model: Model
+    sets: Sets = None
+
+    def load(self) -> KinematicSolver:
+        """Return the mechanism; see `mechsim.load`."""
+        return load_model(self.model, self.sets, self, still=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveOptions(AssemblyOptions):
+    """Drivers, locked joints and tracked points of a mechanism."""
+
+    drive: tuple[tuple[str, str], ...] = pairs(
+        "--drive left=30deg*sin(2*pi*t)",
+        "Motion law of a joint, a point (P.x) or a link (plate.x, plate.rz): a speed (600rpm, 20mm/s), an "
+        "expression of t in s (30deg*sin(2*pi*0.6*t)), or FILE.csv with columns t, value. It replaces the "
+        "drivers of the file if it names another coordinate.",
+        "COORDINATE=LAW",
+    )
     track: tuple[str, ...] = option(
         (), "Track this point instead of those of the file.", read=str, many=True, metavar="NAME[,BODY@X,Y,Z]"
     )
     duration: float | None = option(
         None, "Duration of the motion laws. Default: that of the file or of its table, else 1 s.", unit="s"
     )
-
-    def as_arguments(self) -> dict[str, Any]:
-        """Return the options as arguments of `load`."""
-        require_distinct("--drive", self.drive)
-        require_distinct("--lock", self.lock)
-        require_distinct("--start", self.start)
-        options = {field.name: getattr(self, field.name) for field in fields(DriveOptions)}
-        return options | {name: dict(getattr(self, name)) for name in ("drive", "lock", "start")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,13 +294,13 @@ class ModelOptions(DriveOptions):
 def load_model(
     model: str,
     sets: list[str] | None = None,
-    driven: DriveOptions | None = None,
+    driven: AssemblyOptions | None = None,
     *,
     still: bool = False,
     by_motors: bool = False,
 ) -> KinematicSolver:
     """Return a mechanism with changed parameters and drivers; see `mechsim.load`."""
-    driven, parameters = driven or DriveOptions(), changed_parameters(sets)
+    driven, parameters = driven or AssemblyOptions(), changed_parameters(sets)
     warn_about_parameters(model, parameters)
     opened = load_by_motors if by_motors else load
     solver = opened(model, parameters, **driven.as_arguments(), still=still)

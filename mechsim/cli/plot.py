@@ -4,7 +4,13 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from mechsim.cli.command import Result, Stated, command
-from mechsim.cli.load_options import InitialOptions, LoadOptions, masses_in_json, print_masses, released_model
+from mechsim.cli.load_options import (
+    DriveLoadOptions,
+    InitialOptions,
+    masses_in_json,
+    print_masses,
+    released_model,
+)
 from mechsim.cli.options import SPEED, DriveOptions, ModelOptions, Speed, output_file, writable
 from mechsim.cli.progress import progress
 from mechsim.cli.schema import Written
@@ -42,7 +48,7 @@ def plot(
     source: ModelOptions,
     output: Annotated[str, output_file("Plot to write: .svg, .pdf or .png.")],
     options: PlotOptions,
-    loads: LoadOptions,
+    loads: DriveLoadOptions,
     initial: InitialOptions,
     stated: Stated,
     kind: str = option("motion", f"Kind of plot: {', '.join(PLOTS)}; of a sweep: map, parallel, pareto."),
@@ -91,7 +97,7 @@ def plot(
 
 
 def _released(
-    source: ModelOptions, loads: LoadOptions, initial: InitialOptions, options: PlotOptions, speed: str
+    source: ModelOptions, loads: DriveLoadOptions, initial: InitialOptions, options: PlotOptions, speed: str
 ) -> PlotSource:
     """Return what is drawn of a mechanism whose drivers move freely."""
     release = initial.release(released_model(source, loads), source)
@@ -102,7 +108,7 @@ def _released(
 
 def _driven(
     source: ModelOptions,
-    loads: LoadOptions,
+    loads: DriveLoadOptions,
     initial: InitialOptions,
     options: PlotOptions,
     speed: str,
@@ -114,7 +120,7 @@ def _driven(
         raise InputError(
             f"plot {kind!r} shows a driven motion; a run from an initial state is shown by {kinds}"
         )
-    if loads != LoadOptions() and not (PLOTS[kind].loaded and options.method == "closed"):
+    if loads != DriveLoadOptions() and not (PLOTS[kind].loaded and options.method == "closed"):
         kinds = ", ".join(name for name, row in PLOTS.items() if row.loaded or row.released == "always")
         raise InputError(f"plot {kind!r} shows no forces; loads are of {kinds}, by the closed form")
     solver = source.load_moving()

@@ -14,7 +14,7 @@ from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.exit_codes import print_stderr
 from mechsim.cli.load_options import (
-    LoadOptions,
+    DriveLoadOptions,
     ReleaseOptions,
     exclude_without_effect,
     masses_in_json,
@@ -111,7 +111,7 @@ def render(
     ],
     animation: AnimationOptions,
     look: Look,
-    loads: LoadOptions,
+    loads: DriveLoadOptions,
     release: ReleaseOptions,
     stated: Stated,
 ) -> Result[RenderJson]:
@@ -190,7 +190,7 @@ def _released(
     output: str,
     animation: AnimationOptions,
     look: Look,
-    loads: LoadOptions,
+    loads: DriveLoadOptions,
     options: ReleaseOptions,
 ) -> Result[RenderJson]:
     """Draw a run from an initial state, or one cycle of a mode of vibration."""

@@ -132,8 +132,8 @@ def output_schema(name: str) -> Schema:
 
 @command
 def schema(
-    name: Annotated[
-        str | None,
+    command_name: Annotated[
+        list[str] | None,
         typer.Argument(metavar="[COMMAND]", help="Command whose --json output is described."),
     ] = None,
     output: Annotated[str | None, output_file("Schema to write: .json. Default: the terminal.")] = None,
@@ -144,10 +144,11 @@ def schema(
 
     Examples:
     mechsim schema -o mechanism.schema.json
-    mechsim schema validate
+    mechsim schema dynamics inverse
     """
     from mechsim.subjects.toml_keys import schema as toml_schema
 
+    name = " ".join(command_name) if command_name else None
     if name is not None and name not in output_types():
         raise InputError(f"there is no schema of {name!r}; choose from {', '.join(sorted(output_types()))}")
     result = toml_schema() if name is None else output_schema(name)

@@ -13,7 +13,7 @@ import typer
 
 from mechsim.cli.command import Result, Stated, command
 from mechsim.cli.load_options import (
-    LoadOptions,
+    DriveLoadOptions,
     ReleaseOptions,
     exclude_without_effect,
     released_model,
@@ -39,7 +39,7 @@ class ViewJson(Written):
 @command
 def view(
     source: ModelOptions,
-    loads: LoadOptions,
+    loads: DriveLoadOptions,
     release: ReleaseOptions,
     stated: Stated,
     output: Annotated[
@@ -90,7 +90,7 @@ def view(
 
 
 def _contents(
-    source: ModelOptions, loads: LoadOptions, release: ReleaseOptions, stated: Stated, speed: str
+    source: ModelOptions, loads: DriveLoadOptions, release: ReleaseOptions, stated: Stated, speed: str
 ) -> "View":
     """Return the contents of the page: poses of a mechanism, a run from an initial state, or a mode."""
     from mechsim.report.driver_views import release_view

@@ -7,8 +7,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechsim.analytic.dynamics import DynamicModel, DynamicRun, nearest_equilibrium, response, run
+from mechsim.analytic.dynamics import (
+    DynamicModel,
+    DynamicRun,
+    FreeRun,
+    free_run,
+    nearest_equilibrium,
+    response,
+    run,
+)
+from mechsim.analytic.dynamics.dynamic_run import initial_values
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET
+from mechsim.analytic.dynamics.free_motion import FREE_BUDGET
 from mechsim.analytic.dynamics.linearization import LinearModel, Mode, states_about
 from mechsim.analytic.dynamics.prescribed_motion import InverseDynamics, prescribed
 from mechsim.analytic.dynamics.state_quantities import motion_of
@@ -203,22 +213,26 @@ class Release:
         model: mechanism, masses and forces.
         initial: `J.q` and `J.v` at the start, as in `mechsim.dynamics.run`.
         prescribed: coordinates that follow the motion laws of the model; the others are free.
-        duration: longest time in [s].
+        duration: longest time in [s]; infinite with `turns` for as long as they take.
+        turns: of the crank that end the run; None for no crank.
         until: event that ends the run; None for no event.
         restitution: at the limits of joints.
-        budget: largest number of states that a run evaluates.
+        budget: largest number of states that a run evaluates; None for the default.
     """
 
     model: DynamicModel
     initial: Mapping[str, float | str] = field(default_factory=dict[str, "float | str"])
     prescribed: tuple[str, ...] = ()
     duration: float = DURATION
+    turns: float | None = None
     until: str | None = None
     restitution: float = 0.0
-    budget: int = BUDGET
+    budget: int | None = None
 
     def run(self, samples: int, progress: Progress = no_progress) -> DynamicRun:
         """Return the run at instants after the first."""
+        if self.turns is not None:
+            return self._crank_run(samples, progress)
         return run(
             self.model,
             initial=self.initial,
@@ -227,7 +241,26 @@ class Release:
             until=self.until,
             samples=samples,
             restitution=self.restitution,
-            budget=self.budget,
+            budget=self.budget or BUDGET,
+            progress=progress,
+        )
+
+    def _crank_run(self, samples: int, progress: Progress) -> FreeRun:
+        """Return the run of a crank from its initial angle and speed."""
+        name, values = self.model.mechanism.crank.name, initial_values(self.model, self.initial)
+        if others := [*{*values.coordinates, *values.rates} - {name}]:
+            raise InputError(
+                f"turns of the crank are counted from {name}.q and {name}.v, and an initial value of "
+                f"{others[0]} is given; leave it out"
+            )
+        return free_run(
+            self.model,
+            angle=values.coordinates.get(name),
+            speed=values.rates.get(name, 0.0),
+            turns=self.turns,
+            duration=self.duration if self.duration < np.inf else None,
+            samples=samples + 1,
+            budget=self.budget or FREE_BUDGET,
             progress=progress,
         )
 

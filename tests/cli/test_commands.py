@@ -334,8 +334,8 @@ def test_doctor_names_versions_back_ends_and_ffmpeg(mechsim: Call) -> None:
 def test_every_command_is_listed_with_its_complete_summary(name: str, mechsim: Call) -> None:
     output = inspect.getdoc(cli.load_command(name).callback) or ""
     assert re.fullmatch(r"[A-Z].*\.", output.split("\n\n")[0], re.DOTALL)
-    line = next(line for line in mechsim("--help").out.splitlines() if line.split()[:1] == [name])
-    assert line.split(maxsplit=1)[1] == cli.COMMANDS[name][1]
+    line = next(line for line in mechsim("--help").out.splitlines() if line.startswith(f"  {name} "))
+    assert line.split(maxsplit=len(name.split()))[-1] == cli.COMMANDS[name][1]
 
 
 def test_the_package_runs_as_a_module() -> None:

@@ -1,4 +1,4 @@
-"""The dynamics command: JSON on stdout, files, exit codes, one clear line for invalid input."""
+"""`mechsim dynamics inverse` and `forward --turns`: JSON, files, exit codes, one line for invalid input."""
 
 import json
 import math
@@ -9,8 +9,8 @@ import pytest
 from mechsim import cli, files
 
 
-def run(capsys, monkeypatch, *arguments):
-    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", *arguments])
+def run(capsys, monkeypatch, *arguments, analysis="inverse"):
+    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", analysis, *arguments])
     with np.errstate(all="ignore"), pytest.raises(SystemExit) as ended:
         cli.main()
     out, err = capsys.readouterr()
@@ -73,16 +73,17 @@ def test_friction_flywheel_and_a_load_table_change_the_torque(capsys, monkeypatc
 def test_a_motor_too_weak_to_start_is_reported(capsys, monkeypatch, tmp_path):
     plot = tmp_path / "free.png"
     motor = ("--motor", "line:0.05,3000rpm", "--turns", "1", "--samples", "30", "--method", "none")
-    code, out, _ = run(capsys, monkeypatch, "rssr", *motor, "--json", "--plot", str(plot))
+    code, out, _ = run(capsys, monkeypatch, "rssr", *motor, "--json", "--plot", str(plot), analysis="forward")
     reported = json.loads(out)["free"]
     assert code == 0
     assert reported["outcome"] == "done"
     assert reported["turns"] == pytest.approx(1.0)
     assert reported["energy_error"] <= 1e-9
     assert plot.read_bytes().startswith(b"\x89PNG")
-    code, out, _ = run(capsys, monkeypatch, "four_bar", "--motor", "constant:1e-5")
+    weak = ("four_bar", "--motor", "constant:1e-5", "--turns", "1")
+    code, out, _ = run(capsys, monkeypatch, *weak, analysis="forward")
     assert code == 1
-    assert out.startswith("four_bar: free run cannot start: ")
+    assert out.startswith("four_bar: cannot start at ")
 
 
 def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
@@ -96,7 +97,7 @@ def test_a_crank_that_cannot_turn_fully_swings(capsys, monkeypatch):
 @pytest.mark.parametrize("motor", ["constant:0.5", "constant:500mNm", "constant:0.5 N m"])
 def test_motor_parameters_accept_units(capsys, monkeypatch, motor):
     arguments = ("four_bar", "--motor", motor, "--turns", "0.2", "--method", "none", "--json")
-    code, out, _ = run(capsys, monkeypatch, *arguments)
+    code, out, _ = run(capsys, monkeypatch, *arguments, analysis="forward")
     assert code == 0
     assert json.loads(out)["free"]["work"] == pytest.approx(0.5 * 0.4 * math.pi, rel=1e-9)
 
@@ -111,7 +112,7 @@ def test_motor_parameters_accept_units(capsys, monkeypatch, motor):
         (("--friction", "crank"), "--friction is 'crank'; write JOINT="),
         (("--friction", "elbow=1"), "there are only crank"),
         (("--gravity", "1,2"), "--gravity is '1,2'; give three numbers"),
-        (("--method", "guess"), "there is no method 'guess'"),
+        (("--method", "guess"), "there is no --method 'guess'"),
         (("--spring", "P3:P2"), "--spring is 'P3:P2'; write A:B=STIFFNESS,REST"),
         (("--spring", "P3:ground@1,2=5"), "has a position 'ground@1,2'; write LINK@X,Y,Z"),
         (("--spring", "P3:P9=5"), "no point 'P9'"),
@@ -135,7 +136,8 @@ def test_motor_parameters_accept_units(capsys, monkeypatch, motor):
     ],
 )
 def test_invalid_input_gives_one_line_and_exit_code_2(capsys, monkeypatch, arguments, output):
-    code, out, err = run(capsys, monkeypatch, "rssr", *arguments)
+    analysis = "forward" if {"--motor", "--gear"} & {*arguments} else "inverse"
+    code, out, err = run(capsys, monkeypatch, "rssr", *arguments, analysis=analysis)
     assert code == 2
     assert out == ""
     assert output in err
@@ -187,7 +189,7 @@ def test_springs_dampers_couples_and_gears_change_the_torque(capsys, monkeypatch
     without_loads = ("--motor", "line:0.05,3000rpm")
     free = ("rssr", "--json", "--samples", "12", "--method", "none", "--turns", "0.5")
     ends = [
-        json.loads(run(capsys, monkeypatch, *free, *options)[1])["free"]
+        json.loads(run(capsys, monkeypatch, *free, *options, analysis="forward")[1])["free"]
         for options in (geared, without_loads)
     ]
     assert ends[0]["seconds"] == pytest.approx(ends[1]["seconds"], rel=1e-9)
@@ -204,12 +206,11 @@ def test_a_tolerance_report_sets_the_exit_code(capsys, monkeypatch):
     code, out, _ = run(capsys, monkeypatch, "slider_crank", "--turns", "0.02", "--tolerance", "1e-15")
     assert code == 1
     assert "tolerance 1e-15 of torque and reactions FAILED: error" in out
-    code, out, _ = run(
-        capsys, monkeypatch, "four_bar", "--free", "--turns", "1", "--tolerance", "1e-4", "--json"
-    )
+    turning = ("four_bar", "--initial", "crank.v=600rpm", "--turns", "1", "--tolerance", "1e-4", "--json")
+    code, out, _ = run(capsys, monkeypatch, *turning, analysis="forward")
     reported = json.loads(out)
     assert code == 0
-    assert (reported["outcome"], reported["tolerance_report"]["satisfied"]) == ("passed", True)
+    assert (reported["passed"], reported["tolerance_report"]["satisfied"]) == (True, True)
     assert reported["free"]["speed"] == pytest.approx(20.0 * np.pi, rel=1e-6)
 
 
@@ -251,8 +252,39 @@ def test_each_of_several_drivers_has_its_torque(capsys, monkeypatch, tmp_path):
     assert np.ptp(np.genfromtxt(table, delimiter=",", names=True)["potential"]) > 1e-3
 
 
-def test_a_free_run_under_motion_laws_is_rejected(capsys, monkeypatch, tmp_path):
-    arguments = ("four_bar", "--drive", "crank=sin(t)", "--free")
-    code, _, error = run(capsys, monkeypatch, *arguments)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--drive", "crank=sin(t)"), "--drive has no effect with --turns"),
+        (("--until", "crank.q=1rad"), "--turns and --until both end the run"),
+        (("--initial", "rocker.q=1rad"), "an initial value of rocker is given"),
+    ],
+)
+def test_turns_are_of_a_free_crank(capsys, monkeypatch, arguments, message):
+    code, _, error = run(capsys, monkeypatch, "four_bar", "--turns", "1", *arguments, analysis="forward")
     assert code == 2
-    assert "--free" in error
+    assert message in error
+
+
+def test_a_motor_of_a_file_is_replaced_by_the_prescribed_motion(mechsim, tmp_path):
+    (tmp_path / "wheel.toml").write_text(
+        """name = "wheel"
+drivers = ["axle"]
+[links.wheel]
+inertia = { mass = 1, centre = [0, 0, 0], moments = [0.5, 0.5, 0.5] }
+[joints.axle]
+kind = "revolute"
+a = { link = "ground" }
+b = { link = "wheel" }
+[forces]
+motor = { kind = "constant", torque = 2.0 }
+"""
+    )
+    answer = mechsim("dynamics", "inverse", "wheel.toml", "--method", "none", "--json")
+    assert answer.code == 0
+    # a balanced wheel at a constant speed needs no torque
+    assert abs(json.loads(answer.out)["torque"]["largest"]) < 1e-12
+    assert "replaces the motor" in answer.err
+    answer = mechsim("dynamics", "forward", "wheel.toml", "--duration", "3s", "--method", "none", "--json")
+    # 2 N m accelerate 0.5 kg m2 for 3 s
+    assert json.loads(answer.out)["final"]["axle.v"] == pytest.approx(12.0, rel=1e-9)

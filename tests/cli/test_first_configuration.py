@@ -36,5 +36,5 @@ def test_simulate_and_dynamics_agree_with_solve(mechsim):
     assert result.code == 0, result.err
     rows = np.genfromtxt("run.csv", delimiter=",", names=True, deletechars="")
     assert deviation({name: rows[name] for name in rows.dtype.names}) <= 1e-12
-    result = mechsim("dynamics", "four_bar", *PARALLELOGRAM, "--turns", "-0.4", "--samples", "20")
+    result = mechsim("dynamics", "inverse", "four_bar", *PARALLELOGRAM, "--turns", "-0.4", "--samples", "20")
     assert result.code == 0, result.err

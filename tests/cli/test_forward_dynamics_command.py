@@ -10,10 +10,11 @@ from mechsim import cli, files
 
 @pytest.fixture
 def command(capsys, monkeypatch):
-    """Run `mechsim dynamics four_bar` and return exit code, output and errors."""
+    """Run `mechsim dynamics ANALYSIS four_bar` and return exit code, output and errors."""
 
     def run(*arguments):
-        monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "four_bar", *arguments])
+        analysis, *options = ("forward", *arguments) if arguments[0].startswith("-") else arguments
+        monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", analysis, "four_bar", *options])
         with pytest.raises(SystemExit) as ended:
             cli.main()
         return ended.value.code, *capsys.readouterr()
@@ -69,7 +70,7 @@ def test_an_unreached_event_is_reported(facts):
 
 
 def test_equilibria_are_listed_with_their_stability(facts):
-    code, result = facts("--statics", "--initial", "crank.q=30deg")
+    code, result = facts("statics", "--initial", "crank.q=30deg")
     assert code == 0
     assert [equilibrium["stable"] for equilibrium in result["equilibria"]] == [True, False]
     assert result["passed"]
@@ -78,24 +79,36 @@ def test_equilibria_are_listed_with_their_stability(facts):
 
 
 def test_without_loads_every_configuration_is_an_equilibrium(command, facts):
-    code, out, _ = command("--statics", "--gravity", "0,0,0", "--method", "none")
+    code, out, _ = command("statics", "--gravity", "0,0,0", "--method", "none")
     assert code == 0
     assert "every configuration is an equilibrium" in out
-    (rest,) = facts("--statics", "--gravity", "0,0,0", "--method", "none")[1]["equilibria"]
+    (rest,) = facts("statics", "--gravity", "0,0,0", "--method", "none")[1]["equilibria"]
     assert rest["everywhere"]
 
 
 def test_modes_are_computed_at_the_stable_equilibrium(command, facts):
-    _, stable = facts("--modes", "--initial", "crank.q=-95deg")
-    code, result = facts("--modes")
+    _, stable = facts("modes", "--initial", "crank.q=-95deg")
+    code, result = facts("modes")
     assert code == 0
     assert result["stable"]
     assert result["modes"][0]["frequency"] == pytest.approx(stable["modes"][0]["frequency"], rel=1e-9)
-    assert "modes about the stable equilibrium at crank -1.755" in command("--modes")[1]
+    assert "modes about the stable equilibrium at crank -1.755" in command("modes")[1]
+
+
+def test_tables_of_equilibria_and_modes_are_written(tmp_path, command):
+    path = tmp_path / "table.csv"
+    assert command("statics", "--method", "none", "-o", str(path))[0] == 0
+    rows = np.genfromtxt(path, delimiter=",", names=True)
+    # the crank's weight is balanced by that of coupler and rocker at both
+    assert rows["crankq"] == pytest.approx([-1.75547, 1.40675], abs=1e-3)
+    assert command("modes", "-o", str(path))[0] == 0
+    row = np.genfromtxt(path, delimiter=",", names=True)
+    assert row["simag"] == pytest.approx(2.0 * np.pi * row["frequency"], rel=1e-9)
+    assert (row["crankreal"], row["damping_ratio"]) == (1.0, 0.0)
 
 
 def test_modes_have_frequency_damping_ratio_and_shape(facts):
-    code, result = facts("--modes", "--initial", "crank.q=-95deg", "--friction", "crank=1e-5,0")
+    code, result = facts("modes", "--initial", "crank.q=-95deg", "--friction", "crank=1e-5,0")
     assert code == 0
     (mode,) = result["modes"]
     assert mode["frequency"] == pytest.approx(4.19234, rel=1e-5)
@@ -104,7 +117,7 @@ def test_modes_have_frequency_damping_ratio_and_shape(facts):
 
 
 def test_a_frequency_response_is_tabulated(facts):
-    code, result = facts("--response", "crank:B.x", "--initial", "crank.q=-95deg")
+    code, result = facts("response", "crank:B.x", "--initial", "crank.q=-95deg")
     assert code == 0
     assert len(result["response"]["frequency"]) == len(result["response"]["magnitude"]) == 200
 
@@ -133,11 +146,10 @@ def test_a_frequency_response_is_tabulated(facts):
             ["--of", "transmission", "--initial", "crank.v=0", "--duration", "1ms"],
             "has no quantity transmission",
         ),
-        (["--of", "crank", "--modes"], "--of has no effect with --modes"),
-        (["--response", "crank.v:B.x", "--initial", "crank.q=-95deg"], "is no displacement"),
-        (["--response", "crank:speed:B", "--initial", "crank.q=-95deg"], "has no linear response"),
-        (["--response", "crank"], "response is 'crank'; give LOAD:QUANTITY"),
-        (["--modes", "--initial", "rocker.q=9rad"], "do not close at the initial values"),
+        (["response", "crank.v:B.x", "--initial", "crank.q=-95deg"], "is no displacement"),
+        (["response", "crank:speed:B", "--initial", "crank.q=-95deg"], "has no linear response"),
+        (["response", "crank"], "response is 'crank'; give LOAD:QUANTITY"),
+        (["modes", "--initial", "rocker.q=9rad"], "do not close at the initial values"),
     ],
 )
 def test_invalid_input_gives_one_line(arguments, message, command):
@@ -179,7 +191,7 @@ def test_a_wrapped_angle_does_not_trigger_an_event(facts):
 
 def test_velocity_responses_are_displacements_times_frequency(facts):
     result = [
-        facts("--response", f"crank:{quantity}", "--initial", "crank.q=-95deg")[1]
+        facts("response", f"crank:{quantity}", "--initial", "crank.q=-95deg")[1]
         for quantity in ("B.x", "B.vx", "B.ax")
     ]
     frequency, displacement, velocity, acceleration = (
@@ -192,12 +204,10 @@ def test_velocity_responses_are_displacements_times_frequency(facts):
 
 
 def test_runs_modes_and_responses_are_plotted(tmp_path, command):
-    run = ["--until", "crank.q=-20deg", "--duration", "0.05s"]
-    for i, arguments in enumerate((run, ["--modes"], ["--response", "crank:B.x"])):
+    run = ["--until", "crank.q=-20deg", "--duration", "0.05s", "--method", "none"]
+    for i, arguments in enumerate((run, ["modes"], ["response", "crank:B.x"])):
         picture = tmp_path / f"{i}.png"
-        code, _, error = command(
-            *arguments, "--initial", "crank.q=-95deg", "--method", "none", "--plot", str(picture)
-        )
+        code, _, error = command(*arguments, "--initial", "crank.q=-95deg", "--plot", str(picture))
         assert (code, error) == (1 if i == 0 else 0, "")
         assert picture.stat().st_size > 10_000
 
@@ -208,7 +218,15 @@ def test_forces_of_a_file_without_model_are_noted(tmp_path, monkeypatch, capsys)
         <geom type="capsule" size="0.01" fromto="0 0 0 0.3 0 0"/></body></worldbody>
         <actuator><position joint="pivot" kp="3"/></actuator></mujoco>"""
     )
-    arguments = ["dynamics", str(tmp_path / "pendulum.xml"), "--initial", "pivot.q=0", "--duration", "0.1s"]
+    arguments = [
+        "dynamics",
+        "forward",
+        str(tmp_path / "pendulum.xml"),
+        "--initial",
+        "pivot.q=0",
+        "--duration",
+        "0.1s",
+    ]
     monkeypatch.setattr("sys.argv", ["mechsim", *arguments, "--samples", "5"])
     with pytest.raises(SystemExit) as ended:
         cli.main()
@@ -229,6 +247,6 @@ bottom = { link = "weight", at = [0, -1, 0] }
 inertia = { mass = 1, centre = [0, 0, 0], moments = [1, 1, 1] }
 """
     )
-    code, out, _ = mechsim("dynamics", str(tmp_path / "fall.toml"), "--statics")
+    code, out, _ = mechsim("dynamics", "statics", str(tmp_path / "fall.toml"))
     assert code == 0
     assert "fall: no equilibrium found along the motion; --assemblies N" in " ".join(out.split())

@@ -70,6 +70,7 @@ def test_a_controller_that_is_not_finite_is_one_line(run, recwarn):
         code, shown = run(
             [
                 "dynamics",
+                "forward",
                 "four_bar",
                 "--initial",
                 "crank.v=1",

@@ -45,7 +45,7 @@ def printed(capsys, monkeypatch, *arguments):
 
 def test_its_frequency_and_free_motion_are_those_of_the_oscillator(path, capsys, monkeypatch):
     omega = np.sqrt(50.0)
-    (mode,) = printed(capsys, monkeypatch, "dynamics", path, "--modes")["modes"]
+    (mode,) = printed(capsys, monkeypatch, "dynamics", "modes", path)["modes"]
     assert mode["frequency"] == pytest.approx(omega / (2.0 * np.pi), rel=1e-9)
     run = ms.dynamics.run(path, initial={"x.q": 0.05}, duration=0.5)
     assert run.motion.joints["x"].value[-1] == pytest.approx(0.05 * np.cos(0.5 * omega), abs=1e-9)

@@ -84,16 +84,18 @@ def test_rods_of_another_material_are_listed_with_their_density():
 
 def test_dynamics_reports_the_masses(mechsim, press):
     options = ("--samples", "4", "--method", "none")
-    line = " ".join(mechsim("dynamics", press, *options).out.split())
+    line = " ".join(mechsim("dynamics", "inverse", press, *options).out.split())
     assert "masses: crank given, 0.5 kg; rod, slider computed as round steel rods of diameter" in line
     assert "-v lists them" in line
-    table = mechsim("dynamics", press, *options, "-v", "--diameter", "10mm").out
+    table = mechsim("dynamics", "inverse", press, *options, "-v", "--diameter", "10mm").out
     assert "computed: steel rods, length 0.3 m, diameter 0.01 m" in table
-    reported = json.loads(mechsim("dynamics", press, *options, "--json").out)["masses"]
+    reported = json.loads(mechsim("dynamics", "inverse", press, *options, "--json").out)["masses"]
     assert [item["source"] for item in reported] == ["given", "rod", "rod"]
     assert reported[1]["length"] == pytest.approx(0.3)
     free = json.loads(
-        mechsim("dynamics", press, *options, "--json", "--motor", "constant:1", "--turns", "0.1").out
+        mechsim(
+            "dynamics", "forward", press, *options, "--json", "--motor", "constant:1", "--turns", "0.1"
+        ).out
     )
     assert free["masses"] == reported
 

@@ -71,17 +71,21 @@ def press(tmp_path):
             "the position of P: 60,0,0 has no unit; the file is in mm",
         ),
         ("render --angle 30 -o p.png", "--angle: 30 has no unit"),
-        ("dynamics --initial crank.q=30", "crank.q: 30 has no unit; the file is in deg: write 30deg or"),
         (
-            "dynamics --statics --initial slide.q=40",
+            "dynamics forward --initial crank.q=30",
+            "crank.q: 30 has no unit; the file is in deg: write 30deg or",
+        ),
+        (
+            "dynamics statics --initial slide.q=40",
             "slide.q: 40 has no unit; the file is in mm: write 40mm or",
         ),
-        ("dynamics --until slide.q=40", "slide.q: 40 has no unit; the file is in mm: write 40mm or"),
+        ("dynamics forward --until slide.q=40", "slide.q: 40 has no unit; the file is in mm: write 40mm or"),
     ],
 )
 def test_a_number_without_a_unit_is_rejected_for_a_file_in_mm(mechsim, press, options, sentence):
-    command, *rest = options.split()
-    answer = mechsim(command, press, *rest)
+    words = options.split()
+    first = next(i for i, word in enumerate(words) if word.startswith("-"))
+    answer = mechsim(*words[:first], press, *words[first:])
     assert answer.code == 2
     assert sentence in answer.err
     assert answer.out == ""
@@ -135,7 +139,7 @@ def test_a_table_in_other_units_reads_back_as_a_reference(mechsim, press):
 
 
 def test_dynamics_trace_and_show_accept_units(mechsim, press, tmp_path):
-    arguments = ("dynamics", press, "--method", "none", "--samples", "5", "-o", "d.csv")
+    arguments = ("dynamics", "inverse", press, "--method", "none", "--samples", "5", "-o", "d.csv")
     reported = mechsim(*arguments, "--units", "file").out
     assert "at [deg]" in reported
     columns = files.read(tmp_path / "d.csv")

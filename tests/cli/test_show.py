@@ -49,8 +49,8 @@ coupler = { at = [3, 0, 0] }
     assert code == 0
     assert "crank range" not in out
     assert "dead centre or a change point" in " ".join(out.split())
-    for command in (("view", "-o", "view.html"), ("dynamics", "--statics", "--gravity", "0,0,0")):
-        code, _, error = mechsim(command[0], "collinear.toml", *command[1:])
+    for command in (("view", "-o", "view.html"), ("dynamics statics", "--gravity", "0,0,0")):
+        code, _, error = mechsim(*command[0].split(), "collinear.toml", *command[1:])
         assert code == 2
         assert "change point" in error
         assert not (tmp_path / "view.html").exists()

@@ -131,11 +131,11 @@ def test_determined_reactions_have_no_mark_and_no_sum(facts_of):
 def test_the_command_states_undetermined_reactions_and_their_sum(mechsim, tmp_path):
     path = tmp_path / "door.toml"
     path.write_text(DOOR + HINGE.format(i=0, z=0) + HINGE.format(i=1, z=2))
-    out = mechsim("dynamics", str(path), "--method", "none").out
+    out = mechsim("dynamics", "inverse", str(path), "--method", "none").out
     (row,) = (line for line in out.splitlines() if line.strip().startswith("force sum of"))
     assert "196.4" in row
     assert "of minimum norm" in out
-    reported = json.loads(mechsim("dynamics", str(path), "--method", "none", "--json").out)
+    reported = json.loads(mechsim("dynamics", "inverse", str(path), "--method", "none", "--json").out)
     assert reported["sums"]["hinge0 + hinge1"]["force"]["largest"] == pytest.approx(np.hypot(196.2, 8.0))
     assert reported["reactions"]["hinge1"]["force"]["largest"] > 98.1
 
@@ -143,7 +143,9 @@ def test_the_command_states_undetermined_reactions_and_their_sum(mechsim, tmp_pa
 def test_the_table_has_the_torques_of_actuators(mechsim, tmp_path):
     table = tmp_path / "table.csv"
     options = ("--method", "none", "--samples", "8", "-o", str(table))
-    out = mechsim("dynamics", "four_bar", "--actuators", "crank,rocker=2", *options, "--units", "deg").out
+    out = mechsim(
+        "dynamics", "inverse", "four_bar", "--actuators", "crank,rocker=2", *options, "--units", "deg"
+    ).out
     assert "drive torque alone" in out
     header = table.read_text().splitlines()[0]
     assert "actuator crank" in header
@@ -154,7 +156,7 @@ def test_a_sweep_prints_the_forces_of_dynamics(mechsim, tmp_path):
     path = tmp_path / "door.toml"
     text = (DOOR + HINGE.format(i=0, z=0) + HINGE.format(i=1, z=2)).replace("mass = 20.0", 'mass = "m"')
     path.write_text(text.replace("[links.door]", '[parameters]\nm = "20kg"\n[links.door]'))
-    reported = json.loads(mechsim("dynamics", str(path), "--method", "none", "--json").out)
+    reported = json.loads(mechsim("dynamics", "inverse", str(path), "--method", "none", "--json").out)
     table = tmp_path / "sweep.csv"
     mechsim("sweep", str(path), "--vary", "m=20kg:20kg:1", "--measure", "max:force:hinge1", "-o", str(table))
     swept = float(table.read_text().splitlines()[1].split(",")[1])

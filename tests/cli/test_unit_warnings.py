@@ -64,7 +64,7 @@ IN_DEGREES = """
 """
 
 
-RUN = "dynamics arm.xml --initial j2.q=0.1 --duration 0.01s --samples 2 --json --method none"
+RUN = "dynamics forward arm.xml --initial j2.q=0.1 --duration 0.01s --samples 2 --json --method none"
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from ball_joints import fourth_order_only
 
 from mechsim import catalog, cli, dynamics, files, motors, units
-from mechsim.cli import dynamics as cli_dynamics
+from mechsim.cli import inverse_dynamics as cli_dynamics
 from mechsim.cli import options, progress, solve
 from mechsim.model.forces import Forces
 from mechsim.numerics import resources
@@ -22,8 +22,8 @@ TOO_LARGE = {
     "simulate rssr --every 1e-5deg": ["3.6e+07 instants", "records farther apart"],
     "solve rssr --angles 0:360:1e-4deg -o a.npz": ["3,600,001 crank angles", "write .csv"],
     "solve rssr --angles 0:360:1e-4deg --json": ["3,600,001 crank angles", "write .csv"],
-    "dynamics rssr --samples 10000000": ["10,000,000 instants", "both methods", "at the most"],
-    "dynamics rssr --turns 9999 --method none": ["3,599,641 instants", "instants at the most"],
+    "dynamics inverse rssr --samples 10000000": ["10,000,000 instants", "both methods", "at the most"],
+    "dynamics inverse rssr --turns 9999 --method none": ["3,599,641 instants", "instants at the most"],
     "solve rssr --set crank=13m**9**9**9": ["crank", "not known"],
 }
 
@@ -63,7 +63,7 @@ TOO_LONG = {
 COMMANDS = {
     "solve": "-o a.csv",
     "simulate": "-o a.csv",
-    "dynamics": "-o a.csv",
+    "dynamics inverse": "-o a.csv",
     "validate": "",
     "show": "",
     "view": "-o a.html",
@@ -130,7 +130,7 @@ def test_a_memory_error_of_mujoco_is_rejected_in_one_line(
 def test_a_diverging_comparison_of_a_stiff_motor_has_a_remedy(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    command = "mechsim dynamics four_bar --motor line:1e7,600rpm --samples 1200 --turns 0.01"
+    command = "mechsim dynamics forward four_bar --motor line:1e7,600rpm --samples 1200 --turns 0.01"
     monkeypatch.setattr("sys.argv", command.split(" "))
     with pytest.raises(SystemExit) as ended:
         cli.main()
@@ -250,7 +250,9 @@ def test_dynamics_report_progress_of_every_method(
         yield lambda label="", fraction=None: reported.append((label.split(",")[0], fraction))
 
     monkeypatch.setattr(cli_dynamics, "progress", recorded_progress)
-    monkeypatch.setattr("sys.argv", ["mechsim", "dynamics", "rssr", "--method", method, "--samples", "90"])
+    monkeypatch.setattr(
+        "sys.argv", ["mechsim", "dynamics", "inverse", "rssr", "--method", method, "--samples", "90"]
+    )
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == 0
@@ -294,7 +296,7 @@ TOO_MANY = {
     "sample four_bar -n 1000000000 -o a.npz": ["1,000,000,000", "1 to 1,000,000"],
     "map four_bar --from crank=0:1 --to rocker --points 1000000 -o a.npz": ["1,000,000", "--points"],
     "map four_bar --from crank=0:1 --to rocker --degree 1000000 -o a.npz": ["1,000,000", "--degree"],
-    "dynamics four_bar --statics --assemblies 1000000000": ["1,000,000,000", "0 to 100,000"],
+    "dynamics statics four_bar --assemblies 1000000000": ["1,000,000,000", "0 to 100,000"],
     "trace four_bar --starts 1000000000": ["1000000000", "0 to 100000"],
 }
 

@@ -95,7 +95,7 @@ REACHED = {
     "simulate": 22000,
     "validate": 25000,
     "export": 24500,
-    "check": 20600,
+    "check": 20650,
     "sample": 18500,
     "map": 19000,
 }

@@ -113,6 +113,8 @@ def shell_lines(text: str) -> list[str]:
 def unknown_options(line: str) -> list[str]:
     """Return the commands and options of a line that mechsim does not have."""
     command, *words = shlex.split(line.split("|")[0].split(">")[0], comments=True)[1:]
+    if command == "dynamics":
+        command, words = f"dynamics {words[0]}", words[1:]
     if command not in command_line_page.commands():
         return [command]
     parameters = command_line_page.commands()[command].params

@@ -50,6 +50,7 @@ def test_the_dynamics_command_uses_the_initial_state_of_a_file(tmp_path, monkeyp
     line = [
         "mechsim",
         "dynamics",
+        "forward",
         written(tmp_path),
         "--duration",
         "0.01s",

@@ -383,8 +383,8 @@ def test_a_mechanism_without_a_driver_names_the_remedy(written, monkeypatch, cap
     content = copy.deepcopy(LINKAGE_SIM)
     del content["joints"]["D1"]
     path = written(content)
-    for command in ("solve", "dynamics", "validate", "simulate"):
-        monkeypatch.setattr("sys.argv", ["mechsim", command, path])
+    for command in ("solve", "dynamics inverse", "validate", "simulate"):
+        monkeypatch.setattr("sys.argv", ["mechsim", *command.split(), path])
         with pytest.raises(SystemExit) as ended:
             cli.main()
         assert ended.value.code == 2, command

@@ -24,7 +24,7 @@ COMMANDS = (
     "simulate {0} {1} -o out.npz",
     "validate {0} {1} --json",
     "render {0} -o out.png --size 64x48",
-    "dynamics {0} {1} --json",
+    "dynamics inverse {0} {1} --json",
 )
 
 # a planar four-bar, closed by one connect

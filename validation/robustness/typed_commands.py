@@ -114,11 +114,14 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
         "-o": st.sampled_from(["out.bmp", "no/out.png", "no/" + "n" * 304]),
         "--size": st.sampled_from(["big", "1x1", "²x²", "1x" + "9" * 5000, "640x480x3"]),
     },
-    "dynamics": {
+    "dynamics forward": {
         "--motor": st.sampled_from(
             ["constant:1e20", "line:1e4,600rpm", "dc:12,1,0.05", "constant:0", "line:1", "dc:1,0,1", "x:1"]
         ),
         "--gear": amounts,
+        "--turns": st.sampled_from(["1", "0.01", "1e-308", "0", "nan"]),
+    },
+    "dynamics inverse": {
         "--flywheel": amounts,
         "--density": amounts,
         "--diameter": amounts,
@@ -133,7 +136,7 @@ OPTIONS: dict[str, dict[str, st.SearchStrategy[str]]] = {
     "extremes": {"--report": st.sampled_from(["no/out", "n" * 304])},
 }
 FREQUENT = ["show", "solve", "solve", "export", "export", "simulate", "simulate", "simulate", "plot", "list"]
-RARE = ["synthesize", "validate", "render", "dynamics", "dynamics", "dynamics"]
+RARE = ["synthesize", "validate", "render", "dynamics inverse", "dynamics inverse", "dynamics forward"]
 # slow commands -> the option that makes them invalid
 ALWAYS_INVALID = {"tradeoff": "--budget", "extremes": "--report", "render": "-o"}
 
@@ -176,7 +179,7 @@ def cases(draw: st.DrawFn) -> Case:
     valid = draw(st.integers(0, 2)) > 0
     command = draw(st.sampled_from(FREQUENT * 3 + RARE + ["tradeoff", "extremes"]))
     valid = valid and command not in ALWAYS_INVALID
-    words = [command]
+    words = command.split()
     if command != "list":
         name = draw(st.sampled_from(list(catalog.MECHANISMS)) if valid else names)
         words.append(name)

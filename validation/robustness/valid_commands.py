@@ -61,7 +61,7 @@ def command_lines(model: str) -> Iterator[str]:
     yield from (f"plot {model} -o out.svg", f"render {model} -o out.png --size 64x48")
     if not model.endswith(".xml"):
         yield from (f"export {model} -o out.xml", f"export {model} --format toml -o out.toml")
-        yield from (f"dynamics {model} --json", f"validate {model} --json")
+        yield from (f"dynamics inverse {model} --json", f"validate {model} --json")
     else:
         run = f"{model} --drive crank=600rpm --duration 0.1"
         yield from (

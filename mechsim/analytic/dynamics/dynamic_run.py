@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.numerics.rank import null_spaces
 
+Run = TypeVar("Run", bound="DynamicRun")
 # relative error of a step; the error of a pendulum after a hundred periods is then below 4e-12 of its
 # amplitude (validation/published/forward_dynamics.py)
 TOLERANCE = 3e-13
@@ -202,10 +203,10 @@ def run(
     singular = singular_passages(equations, state_at, trajectory.end) if trajectory.pieces else ()
     result = run_at(equations, trajectory, np.linspace(0.0, trajectory.end, samples + 1))
     result = replace(result, singular=singular)
-    return result if result.outcome == "failed" else _with_ranges_checked(result, model.mechanism, ranges)
+    return result if result.outcome == "failed" else with_ranges_checked(result, model.mechanism, ranges)
 
 
-def _with_ranges_checked(result: DynamicRun, mechanism: Mechanism, ranges: Ranges) -> DynamicRun:
+def with_ranges_checked(result: Run, mechanism: Mechanism, ranges: Ranges) -> Run:
     """Return a run, with the outcome "failed" if a joint leaves its range.
 
     Joints at which a loop is cut have no stop in the equations of motion.

@@ -10,7 +10,13 @@ from numpy.typing import ArrayLike
 from mechsim import units
 from mechsim.analytic.dynamics.applied_forces import applied, loads
 from mechsim.analytic.dynamics.contacts import EventFunction
-from mechsim.analytic.dynamics.dynamic_run import TOLERANCE, DynamicRun, require_inertia, run_at
+from mechsim.analytic.dynamics.dynamic_run import (
+    TOLERANCE,
+    DynamicRun,
+    require_inertia,
+    run_at,
+    with_ranges_checked,
+)
 from mechsim.analytic.dynamics.equations_of_motion import EquationsOfMotion, Kinematics, equations_of_motion
 from mechsim.analytic.dynamics.forward_dynamics import BUDGET, Integration, Trajectory
 from mechsim.analytic.dynamics.initial_state import InitialValues, initial_state
@@ -60,10 +66,9 @@ class FreeRun(DynamicRun):
         return self.motion.acceleration
 
     def columns(self) -> Iterator[tuple[str, Array]]:
-        """Yield the run as columns of a table in SI."""
-        yield "t", self.time
-        for name in ("angle", "speed", "acceleration", "kinetic", "potential", "work", "lost", "motor"):
-            yield name, getattr(self, name)
+        """Yield the run as columns of a table in SI, with the torque of the motor."""
+        yield from DynamicRun.columns(self)
+        yield "motor", self.motor
 
 
 def free_run(
@@ -129,7 +134,8 @@ def free_run(
     outcome, reason = crank.outcome(trajectory, integration.kinematics(), latest)
     values: dict[str, Any] = {field.name: getattr(run, field.name) for field in fields(run)}
     values |= {"outcome": outcome, "reason": reason}
-    return FreeRun(**values, motor=model.forces.motor_torque(run.motion.speed))
+    result = FreeRun(**values, motor=model.forces.motor_torque(run.motion.speed))
+    return with_ranges_checked(result, model.mechanism, getattr(model.solver, "ranges", {}))
 
 
 def _require_determined(model: DynamicModel, angle: float) -> None:

@@ -204,7 +204,7 @@ def nearest_equilibrium(
     if not stable:
         raise AssemblyError(
             f"{equations.model.mechanism.name}: no equilibrium is found from the initial configuration; "
-            "give another one (--initial J.q=VALUE), or search with --statics"
+            "give another one (--initial J.q=VALUE), or list all with mechsim dynamics statics"
         )
     return stable[0]
 

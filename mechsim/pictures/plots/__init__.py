@@ -4,7 +4,7 @@ A figure displays itself in a notebook; `write` saves it in the format of the ex
 bytes of a file. Axes have units; the colours suit colour-blind readers.
 """
 
-from mechsim.pictures.plots.dynamics import dynamics_sheet, energy_plot, free_plot, reaction_plot, torque_plot
+from mechsim.pictures.plots.dynamics import dynamics_sheet, energy_plot, reaction_plot, torque_plot
 from mechsim.pictures.plots.figure import blank, drawn, format_of, write
 from mechsim.pictures.plots.motion import error_plot, motion_plot, transmission_plot
 from mechsim.pictures.plots.paths import (
@@ -32,7 +32,6 @@ __all__ = [
     "energy_plot",
     "error_plot",
     "format_of",
-    "free_plot",
     "history_plot",
     "mode_plot",
     "motion_plot",

@@ -106,24 +106,6 @@ def energy_plot(study: Prescribed) -> "Figure":
     return figure
 
 
-@styled()
-def free_plot(run: "FreeCrank") -> "Figure":
-    """Draw speed, motor torque and energies of a free run over time."""
-    figure, axes = blank(3, 1, (5.8, 6.0), sharex=True)
-    factor, unit = readable(run.time, "s")
-    time = run.time / factor
-    axes[0, 0].plot(time, run.speed, color=COLOURS[0])
-    axes[0, 0].set_ylabel("crank speed [rad/s]")
-    flattened(axes[0, 0], float(np.abs(run.speed).max(initial=0.0)), "rad/s")
-    torque, newton = readable(run.motor, "N m")
-    axes[1, 0].plot(time, run.motor / torque, color=COLOURS[1])
-    axes[1, 0].set_ylabel(f"motor torque [{newton}]")
-    flattened(axes[1, 0], float(np.abs(run.motor).max(initial=0.0)) / torque, newton)
-    draw_energies(axes[2, 0], time, run)
-    axes[2, 0].set_xlabel(f"time [{unit}]")
-    return figure
-
-
 class WithEnergies(Protocol):
     """A run with its energies, (n,) each in [J]."""
 
@@ -158,25 +140,6 @@ def draw_energies(ax: "Axes", time: Array, run: WithEnergies) -> None:
     }
     draw_curves(ax, time, energies, "energy", "J")
     ax.legend(**LEGEND_RIGHT)
-
-
-class FreeCrank(WithEnergies, Protocol):
-    """A run of a free crank."""
-
-    @property
-    def time(self) -> Array:
-        """Instants, (n,) in [s]."""
-        ...
-
-    @property
-    def speed(self) -> Array:
-        """Crank speed, (n,) in [rad/s]."""
-        ...
-
-    @property
-    def motor(self) -> Array:
-        """Torque of the motor, (n,) in [N m]."""
-        ...
 
 
 @styled()

@@ -1,0 +1,350 @@
+"""Commands `mechsim dynamics statics`, `modes`, `response`: equilibria and small motions about them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, TypedDict
+
+import numpy as np
+import typer
+
+from mechsim import files
+from mechsim.analytic.dynamics import Equilibrium, Mode, equilibria, holding, nearest_equilibrium
+from mechsim.cli.command import Result, command
+from mechsim.cli.dynamics_report import Verbose, require_method, with_masses
+from mechsim.cli.load_options import DriveLoadOptions, InitialState
+from mechsim.cli.options import RestOptions, output_file, writable
+from mechsim.cli.output import number, print_table, print_text, without_noise
+from mechsim.cli.verdict_text import print_verdicts
+from mechsim.model.masses import LinkMass
+from mechsim.model.mechanism import Mechanism
+from mechsim.model.motion import Motion
+from mechsim.model.quantities import coordinate_units
+from mechsim.numerics.arrays import Array
+from mechsim.pictures import plots
+from mechsim.studies.dynamics_check import crosscheck_equilibrium
+from mechsim.studies.release import frequency_response, mode_motions
+from mechsim.units import option
+from mechsim.verdict.checks import Check
+
+# imaginary parts of a mode shape below this fraction of its largest amplitude are rounding errors
+REAL = 1e-6
+# maximum number of printed amplitudes of a mode shape, the largest first
+MAX_AMPLITUDES = 4
+
+
+class ModeJson(TypedDict):
+    """A mode of small motions; amplitudes of the joints are numbers, or real and imaginary parts.
+
+    `eigenvalue` is [real part, imaginary part] of s in [1/s], `error` the bound of its error.
+    """
+
+    frequency: float
+    damping_ratio: float
+    eigenvalue: list[float]
+    error: float
+    shape: dict[str, float | list[float]]
+
+
+class EquilibriumJson(TypedDict):
+    """A configuration at rest, its potential energy in [J], and the modes about it.
+
+    `stable` is null if rounding leaves it undecided. `dimension` is 0 for an isolated equilibrium, else the
+    dimension of the family of equilibria that `q` is one of; each family has one entry. At a `singular`
+    configuration, which has more degrees of freedom than its neighbours, there are no modes.
+    """
+
+    q: dict[str, float]
+    stable: bool | None
+    dimension: int
+    singular: bool
+    reached: bool
+    everywhere: bool
+    potential: float
+    modes: list[ModeJson]
+
+
+class StaticsJson(TypedDict):
+    """Equilibria, holding forces of the initial configuration, and checks of the equilibria in MuJoCo."""
+
+    mechanism: str
+    masses: list[LinkMass]
+    gravity: list[float]
+    equilibria: list[EquilibriumJson]
+    holding: dict[str, float]
+    passed: bool | None
+    checks: list[Check]
+
+
+class ModesJson(EquilibriumJson):
+    """The equilibrium next to the initial configuration."""
+
+    mechanism: str
+    masses: list[LinkMass]
+    gravity: list[float]
+
+
+class ResponseColumns(TypedDict):
+    """Columns of a frequency response, over frequencies in [Hz]; phases in [rad]."""
+
+    frequency: list[float]
+    magnitude: list[float]
+    phase: list[float]
+
+
+class ResponseJson(TypedDict):
+    """Frequency response from a unit load to a quantity."""
+
+    mechanism: str
+    masses: list[LinkMass]
+    gravity: list[float]
+    load: str
+    quantity: str
+    unit: str
+    response: ResponseColumns
+
+
+@command
+def statics(
+    source: RestOptions,
+    loads: DriveLoadOptions,
+    initial: InitialState,
+    verbose: Verbose = False,
+    output: Annotated[str | None, output_file("Table of the equilibria to write: .csv or .npz.")] = None,
+    assemblies: int = option(0, "Also search from N random configurations of any assembly.", metavar="N"),
+    method: str = option("pose", "Whether MuJoCo checks the equilibria: pose, or none.", metavar="pose|none"),
+) -> Result[StaticsJson]:
+    """List the equilibria and the families of them, and the torques that hold a configuration.
+
+    The torques are those of the configuration that --initial states.
+
+    Examples:
+    mechsim dynamics statics four_bar --initial crank.q=30deg
+    mechsim dynamics statics four_bar --gravity 0,0,-9.81 --json
+    """
+    require_method(method, "pose", "none")
+    path = _written_paths(output, None)
+    model, state = loads.dynamic_model(source.load()), dict(initial.initial)
+    mechanism, solutions = model.mechanism, equilibria(model, initial=state, assemblies=assemblies)
+    verdicts = {
+        f"equilibrium {index} in MuJoCo": crosscheck_equilibrium(equilibrium, model)
+        for index, equilibrium in enumerate(solutions, start=1)
+        # a structure without degrees of freedom has nothing to compare
+        if method != "none" and not equilibrium.singular and len(equilibrium.linear.roots.values)
+    }
+    if path is not None:
+        names = list(solutions[0].q) if solutions else []
+        columns = {f"{name}.q": np.array([item.q[name] for item in solutions]) for name in names}
+        columns["potential"] = np.array([item.potential for item in solutions])
+        files.write_table(path, columns)
+    torques = holding(model, initial=state) if state else {}
+
+    def text() -> None:
+        if any(equilibrium.everywhere for equilibrium in solutions):
+            print_text(
+                f"{mechanism.name}: every configuration is an equilibrium, for no load, spring or weight "
+                "moves the mechanism"
+            )
+        else:
+            _print_equilibria(mechanism, solutions, assemblies)
+        for driver, torque in torques.items():
+            print_text(
+                f"{number(torque)} {mechanism.effort_unit(driver)} in {driver} hold the initial configuration"
+            )
+
+        if verdicts:
+            print_verdicts(verdicts, verbose=verbose)
+
+    facts = [_equilibrium_facts(equilibrium) for equilibrium in solutions]
+    checks = [replace(check, variant=name) for name, verdict in verdicts.items() for check in verdict.checks]
+    agreed = all(verdict.passed for verdict in verdicts.values())
+    data = {"equilibria": facts, "holding": torques, "passed": agreed if verdicts else None, "checks": checks}
+    return with_masses(model, Result(data, text, agreed), verbose)
+
+
+def _print_equilibria(mechanism: Mechanism, solutions: Sequence[Equilibrium], assemblies: int) -> None:
+    """Print equilibria, their stability and natural frequencies as a table."""
+    rows = [
+        (
+            _position(mechanism, equilibrium),
+            equilibrium.dimension,
+            _stability(equilibrium),
+            "yes" if equilibrium.reached else "no",
+            number(equilibrium.potential),
+            ", ".join(_root_text(mode) for mode in equilibrium.modes),
+        )
+        for equilibrium in solutions
+    ]
+    searched = "found along the motion"
+    other = f" and {assemblies} random ones of any assembly" if assemblies else ""
+    if not rows:
+        hint = "" if assemblies else "; --assemblies N also searches from N random ones of any assembly"
+        print_text(f"{mechanism.name}: no equilibrium {searched}{other}{hint}")
+    families = sum(equilibrium.dimension > 0 for equilibrium in solutions)
+    kinds = f"{len(solutions) - families} isolated equilibria and {families} families" if families else ""
+    title = f"{mechanism.name}: {kinds or f'{len(solutions)} equilibria'} {searched}{other}"
+    head = ("at", "dimension", "stable", "reached", "potential [J]", "modes")
+    print_table(title, head, rows)
+
+
+def _stability(equilibrium: Equilibrium) -> str:
+    """Return "yes", "no" or "undecided"."""
+    return {True: "yes", False: "no", None: "undecided"}[equilibrium.stable]
+
+
+def _root_text(mode: Mode) -> str:
+    """Return the frequency of a mode; of a real root, which does not oscillate, the root itself."""
+    real = mode.eigenvalue.real if mode.frequency and not mode.eigenvalue.imag else 0.0
+    return f"{number(real)} 1/s" if real else f"{number(mode.frequency)} Hz"
+
+
+def _position(mechanism: Mechanism, equilibrium: Equilibrium) -> str:
+    """Return the drivers' coordinates at an equilibrium; without drivers, the first coordinate."""
+    units, texts = coordinate_units(mechanism), list[str]()
+    for name in mechanism.drivers or tuple(equilibrium.q)[:1]:
+        scale = mechanism.characteristic_length if units[name] == "m" else 1.0
+        value = without_noise([equilibrium.q[name], scale])[0]
+        texts.append(f"{name} {number(value)} {units[name]}")
+    return ", ".join(texts)
+
+
+def _equilibrium_facts(equilibrium: Equilibrium) -> EquilibriumJson:
+    return {
+        "q": dict(equilibrium.q),
+        "stable": equilibrium.stable,
+        "dimension": equilibrium.dimension,
+        "singular": equilibrium.singular,
+        "reached": equilibrium.reached,
+        "everywhere": equilibrium.everywhere,
+        "potential": equilibrium.potential,
+        "modes": [_mode_facts(mode) for mode in equilibrium.modes],
+    }
+
+
+def _mode_facts(mode: Mode) -> ModeJson:
+    """Return a mode as plain data; amplitudes that are in phase or opposed are real numbers."""
+    largest = max((abs(value) for value in mode.shape.values()), default=0.0)
+    real = all(abs(value.imag) <= REAL * largest for value in mode.shape.values())
+    shape: dict[str, float | list[float]] = {
+        name: value.real if real else [value.real, value.imag] for name, value in mode.shape.items()
+    }
+    return {
+        "frequency": mode.frequency,
+        "damping_ratio": mode.damping_ratio,
+        "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
+        "error": mode.error,
+        "shape": shape,
+    }
+
+
+@command
+def modes(
+    source: RestOptions,
+    loads: DriveLoadOptions,
+    initial: InitialState,
+    output: Annotated[str | None, output_file("Table of the modes to write: .csv or .npz.")] = None,
+    plot: str | None = option(None, "Draw the mode shapes: .svg, .pdf or .png.", metavar="FILE"),
+) -> Result[ModesJson]:
+    """Compute natural frequencies, damping ratios and mode shapes about an equilibrium.
+
+    It is the equilibrium next to the initial configuration; `mechsim dynamics statics` lists all.
+
+    Examples:
+    mechsim dynamics modes four_bar --initial crank.q=-95deg
+    mechsim dynamics modes four_bar --spring crank=3,0.5 --plot modes.svg
+    """
+    path = _written_paths(output, plot)
+    model = loads.dynamic_model(source.load())
+    equilibrium = nearest_equilibrium(model, initial=dict(initial.initial))
+    name = model.mechanism.name
+    if path is not None:
+        files.write_table(path, _mode_columns(equilibrium.modes))
+    if plot is not None:
+        plots.write(plot, plots.mode_plot(model.mechanism, _cycles(equilibrium)))
+
+    def text() -> None:
+        rows: list[tuple[str, ...]] = []
+        for mode in equilibrium.modes:
+            shape = sorted(mode.shape.items(), key=lambda item: -abs(item[1]))[:MAX_AMPLITUDES]
+            amplitudes = ", ".join(f"{joint} {value.real:+.3g}" for joint, value in shape)
+            # a ratio is compared with 1, critical damping
+            damping = without_noise([mode.damping_ratio, 1.0])[0]
+            rows.append((number(mode.frequency), number(damping), _eigenvalue_text(mode), amplitudes))
+        state = {True: "stable", False: "unstable", None: "undecided"}[equilibrium.stable]
+        state += f", of a family of dimension {equilibrium.dimension}," if equilibrium.dimension else ""
+        position = _position(model.mechanism, equilibrium)
+        title = f"{name}: modes about the {state} equilibrium at {position}"
+        print_table(title, ("frequency [Hz]", "damping ratio", "s [1/s]", "shape"), rows)
+
+    return with_masses(model, Result(_equilibrium_facts(equilibrium), text, equilibrium.stable is True))
+
+
+def _mode_columns(modes: Sequence[Mode]) -> dict[str, Array]:
+    """Return the columns of a table of modes: roots s in [1/s], and complex amplitudes of the joints."""
+    columns = {
+        "frequency": np.array([mode.frequency for mode in modes]),
+        "damping_ratio": np.array([mode.damping_ratio for mode in modes]),
+    }
+    shapes = {joint: [mode.shape[joint] for mode in modes] for joint in (modes[0].shape if modes else ())}
+    for name, numbers in {"s": [mode.eigenvalue for mode in modes], **shapes}.items():
+        columns[f"{name}.real"] = np.array([number.real + 0.0 for number in numbers])
+        columns[f"{name}.imag"] = np.array([number.imag + 0.0 for number in numbers])
+    return columns
+
+
+def _eigenvalue_text(mode: Mode) -> str:
+    """Return an eigenvalue and the bound of its error."""
+    real, imaginary = without_noise([mode.eigenvalue.real, mode.eigenvalue.imag, abs(mode.eigenvalue)])[:2]
+    text = f"{number(real)} +- {number(imaginary)}i" if imaginary else number(real)
+    return f"{text} (error {mode.error:.0e})" if mode.error else text
+
+
+def _cycles(equilibrium: Equilibrium) -> dict[str, Motion]:
+    return {cycle.title: cycle.motion for cycle in mode_motions(equilibrium)}
+
+
+@command
+def response(
+    source: RestOptions,
+    response: Annotated[
+        str,
+        typer.Argument(
+            metavar="LOAD:QUANTITY",
+            help="Unit load in joint J or on coordinate P.x of a point, and the quantity that responds.",
+        ),
+    ],
+    loads: DriveLoadOptions,
+    initial: InitialState,
+    output: Annotated[str | None, output_file("Table of the response to write: .csv or .npz.")] = None,
+    plot: str | None = option(None, "Bode diagram: .svg, .pdf or .png.", metavar="FILE"),
+) -> Result[ResponseJson]:
+    """Compute the frequency response of a quantity to a load, about an equilibrium.
+
+    Examples:
+    mechsim dynamics response four_bar crank:B.x --initial crank.q=-95deg
+    mechsim dynamics response four_bar B.y:B.y --plot bode.svg
+    """
+    path = _written_paths(output, plot)
+    model = loads.dynamic_model(source.load())
+    result = frequency_response(model, response, dict(initial.initial))
+    table = result.columns()
+    if path is not None:
+        files.write_table(path, table)
+    if plot is not None:
+        plots.write(plot, plots.bode_plot(table, f"{result.quantity} [{result.unit}]"))
+    magnitude, frequency = table["magnitude"], table["frequency"]
+    peak = int(np.argmax(magnitude))
+    text = (
+        f"{model.mechanism.name}: from a unit load {result.load} to {result.quantity}: "
+        f"{number(magnitude[0])} {result.unit} at {number(frequency[0])} Hz, largest "
+        f"{number(magnitude[peak])} {result.unit} at {number(frequency[peak])} Hz"
+    )
+    data = {"load": result.load, "quantity": result.quantity, "unit": result.unit, "response": table}
+    return with_masses(model, Result(data, lambda: print_text(text)))
+
+
+def _written_paths(output: str | None, plot: str | None) -> Path | None:
+    """Return the path of a table; raise InputError or OutputError if it or the plot cannot be written."""
+    if plot is not None:
+        writable(plot, ".svg", ".pdf", ".png")
+    return None if output is None else writable(output, ".csv", ".npz")
