@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from mechsim.subjects.gallery import list as list
     from mechsim.subjects.readers import load as load
     from mechsim.subjects.simulate_by_name import simulate as simulate
+    from mechsim.theory.assemblies import assemblies as assemblies
     from mechsim.theory.continuation.mechanism_trace import trace as trace
     from mechsim.verdict.checks import Check as Check
     from mechsim.verdict.checks import Verdict as Verdict
@@ -120,6 +121,7 @@ _NAMES = {
     "subjects.gallery": "list",
     "subjects.readers": "load",
     "subjects.simulate_by_name": "simulate",
+    "theory.assemblies": "assemblies",
     "theory.continuation.mechanism_trace": "trace",
     "verdict.checks": "Check Verdict",
     "verdict.crosscheck": "crosscheck",

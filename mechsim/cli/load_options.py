@@ -22,6 +22,7 @@ from mechsim.model.load_profile import Over, table
 from mechsim.model.masses import LinkMass, summary
 from mechsim.model.motors import Controller, Geared, PlainMotor
 from mechsim.studies.release import DURATION, Release
+from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.units import option
 
 Element = TypeVar("Element")
@@ -214,7 +215,7 @@ class LoadOptions:
 
     def dynamic_model(self, solver: KinematicSolver) -> dynamics.DynamicModel:
         """Return the dynamic model of a mechanism; note effects of its MJCF file that the model omits."""
-        read = solver.source
+        read = solver.source if isinstance(solver, MjcfForm) else None
         if read is not None and read.left_out:
             notes.append(f"{solver.name}: left out of the dynamics: {', '.join(read.left_out)}")
         return dynamics.dynamic_model(

@@ -13,7 +13,9 @@ import typer
 
 from mechsim import files
 from mechsim.analytic import catalog
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.derivatives.dimensions import DesignFamily
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.exit_codes import notes, questions
 from mechsim.errors import InputError, OutputError, require_extra
@@ -348,7 +350,7 @@ def require_distinct(option_name: str, pairs: Sequence[tuple[str, str | None]]) 
 
 def _with_notes(solver: KinematicSolver) -> KinematicSolver:
     """Return a mechanism, and note what was changed to read and assemble it."""
-    for fact in solver.facts:
+    for fact in solver.facts if isinstance(solver, LoopForm) else ():
         notes.append(f"{solver.name}: {fact}")
     return solver
 
@@ -356,7 +358,7 @@ def _with_notes(solver: KinematicSolver) -> KinematicSolver:
 def require_motion(solver: KinematicSolver) -> KinematicSolver:
     """Return a mechanism; raise InputError if several drivers have no motion law."""
     # a closed form has a crank; its mechanism may be impossible to assemble
-    if not solver.direct:
+    if not isinstance(solver, ClosedForm):
         solver.motion_laws.require_drivers(solver.mechanism)
     return solver
 

@@ -6,6 +6,7 @@ from typing import Any, Literal, NotRequired, TypedDict, cast
 
 import typer
 
+from mechsim.analytic.catalog.base import ClosedForm
 from mechsim.analytic.loops.mobility import Determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.cli.command import Result, Stated, command
@@ -88,6 +89,9 @@ class ShowJson(TypedDict):
     transmission_angle: NotRequired[Transmission | None]
     angle: NotRequired[float]
     assemblies: NotRequired[list[Assembly]]
+    assemblies_complete: NotRequired[bool]
+    assemblies_reason: NotRequired[str]
+    assembly_families: NotRequired[list[str]]
     assur_groups: NotRequired[list[AssurGroup]]
     assur_explained: NotRequired[list[str]]
     findings: NotRequired[list[Finding]]
@@ -149,13 +153,15 @@ def show(
             _print_assemblies(data, shown)
         elif data["duration"] is not None:
             typer.echo(f"duration of the motion laws: {number(data['duration'])} s")
+            if "assemblies" in data:
+                _print_assemblies(data, shown)
 
     return Result(cast("ShowJson", data | findings_in_json(findings)), text)
 
 
 def _print_structure(data: dict[str, Any], solver: KinematicSolver) -> None:
     declared = solver.written
-    if solver.direct:
+    if isinstance(solver, ClosedForm):
         rows = [(name, _text(p["value"]), p["unit"], p["doc"]) for name, p in data["parameters"].items()]
         print_table("Parameters", ("name", "value", "unit", "meaning"), rows)
     else:
@@ -200,11 +206,12 @@ def _print_crank(data: dict[str, Any]) -> None:
 
 
 def _print_assemblies(data: dict[str, Any], shown: OutputUnits) -> None:
-    angle, assemblies = _degrees(data["angle"]), data["assemblies"]
+    assemblies = data["assemblies"]
+    where = f"at crank angle {_degrees(data['angle'])} deg" if "angle" in data else "at the start"
     if not assemblies:
         in_range = any(low <= data["angle"] <= high for low, high in data["crank_ranges"])
         reason = "the configuration is singular there" if in_range else "outside the crank's range"
-        typer.echo(f"no assembly at crank angle {angle} deg: {reason}")
+        typer.echo(f"no assembly {where}: {reason}")
         return
     scale = shown.converted("m")[0]
     coordinates = iter(
@@ -225,7 +232,12 @@ def _print_assemblies(data: dict[str, Any], shown: OutputUnits) -> None:
     head = ["assembly", "point", *(shown.label(axis, "m") for axis in "xyz")]
     # a mechanism with one assembly needs no column for it
     first = 0 if any(row[0] for row in rows) else 1
-    print_table(f"Assemblies at crank angle {angle} deg", head[first:], [row[first:] for row in rows])
+    print_table(f"Assemblies {where}", head[first:], [row[first:] for row in rows])
+    print_text(
+        f"{'complete' if data['assemblies_complete'] else 'perhaps more'}: {data['assemblies_reason']}"
+    )
+    for sentence in data["assembly_families"]:
+        print_text(f"a continuous family of further assemblies: {sentence}")
 
 
 def _degrees(angle: float) -> str:

@@ -61,6 +61,8 @@ class TraceJson(TypedDict):
     components: list[Component]
     branch_points: list[Any]
     left_out: list[Any]
+    complete_at: int
+    reason: str
     output: str | None
     plot: str | None
 
@@ -156,6 +158,11 @@ def _print(trace: AssemblyTrace) -> None:
         print_text(f"assemblies meet at {driver} {angle}: component {locations}")
     for line in trace.left_out:
         print_text(line)
+    print_text(
+        f"complete: every assembly of the Assur groups at {trace.complete_at} crank angles is on a component"
+        if trace.complete_at
+        else f"perhaps more: found from random starts; {trace.reason or 'some poses of groups do not close'}"
+    )
 
 
 def _crank_cells(curve: AssemblyCurve) -> tuple[str, str]:

@@ -104,6 +104,8 @@ def trace_record(trace: AssemblyTrace) -> dict[str, Any]:
             for branch_point in trace.branch_points
         ],
         "left_out": list(trace.left_out),
+        "complete_at": trace.complete_at,
+        "reason": trace.reason,
     }
 
 

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mechsim.analytic import catalog
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import MechsimError, SingularStartError, several
@@ -16,6 +19,7 @@ from mechsim.model.meshes import threads_of
 from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.arrays import Array
 from mechsim.subjects import gallery
+from mechsim.subjects.mjcf_source import MjcfForm
 from mechsim.verdict.record_errors import lengths
 
 if TYPE_CHECKING:
@@ -38,14 +42,15 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
     from mechsim.theory.mobility_count import mobility
 
     record = _described(solver)
-    if not solver.direct:
+    if isinstance(solver, LoopForm):
         record |= _mobility(solver)
         if (
             not solver.mechanism.has_crank
             or not solver.motion_laws.crank
             or record["outcome"] != "determined"
         ):
-            return record
+            started = record["outcome"] == "determined" and not solver.motion_laws.crank
+            return record | (assembly_facts(solver, 0.0) if started else {})
     mechanism = solver.mechanism
     try:
         arcs = solver.crank_range()
@@ -76,7 +81,7 @@ def facts(solver: KinematicSolver, angle: float | None = None, driver: str | Non
         "turns_to_come_round": round(solver.period / REVOLUTION),
         "transmission_angle": _least_transmission(solver),
         "angle": listed_angle,
-        "assemblies": assemblies(solver, listed_angle),
+        **assembly_facts(solver, listed_angle),
         "assur_groups": groups,
         "assur_explained": explained,
     }
@@ -99,8 +104,10 @@ def _described(solver: KinematicSolver) -> dict[str, Any]:
 
 def about(solver: KinematicSolver) -> str:
     """Return the description of a catalogue or gallery mechanism; empty for others."""
-    path = None if solver.source is not None else gallery.files().get(solver.name)
-    return solver.about if solver.about or path is None else gallery.description(path)
+    if isinstance(solver, ClosedForm):
+        return (type(solver).__doc__ or "").splitlines()[0]
+    path = None if isinstance(solver, MjcfForm) else gallery.files().get(solver.name)
+    return "" if path is None else gallery.description(path)
 
 
 def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
@@ -125,7 +132,7 @@ def kind(solver: KinematicSolver, dofs: int | None = None) -> str:
     return ", ".join(words)
 
 
-def _mobility(solver: KinematicSolver) -> dict[str, Any]:
+def _mobility(solver: LoopForm) -> dict[str, Any]:
     """Return the mobility of a mechanism and the motion of its drivers, also as text."""
     mechanism = solver.mechanism
     determinacy = driver_determinacy(mechanism)
@@ -157,28 +164,45 @@ def _mobility(solver: KinematicSolver) -> dict[str, Any]:
 
 
 def _parameters(solver: KinematicSolver) -> dict[str, dict[str, Any]]:
-    rows = solver.parameter_rows.items()
-    return {name: {"value": value, "unit": unit, "doc": doc} for name, (value, unit, doc) in rows}
+    if isinstance(solver, LoopForm):
+        return {
+            name: {"value": value, "unit": "as written", "doc": ""}
+            for name, value in solver.parameters.items()
+        }
+    return {
+        field.name: {
+            "value": getattr(solver, field.name),
+            "unit": field.metadata["unit"],
+            "doc": field.metadata["doc"],
+        }
+        for field in catalog.parameters(solver.name).values()
+    }
 
 
-def assemblies(solver: KinematicSolver, angle: float) -> list[dict[str, Any]]:
-    """Return every real assembly at a crank angle: the parameters that select it, and its points in [m]."""
-    return [
-        {**chosen, "points": {name: position.tolist() for name, position in points.items()}}
-        for chosen, points in solver.all_assembly_points(angle)
-    ]
+def assembly_facts(solver: KinematicSolver, angle: float) -> dict[str, Any]:
+    """Return every assembly at a crank angle, with the parameters that select it and its points in [m]."""
+    from mechsim.theory.assemblies import assemblies
+
+    every = assemblies(solver, angle)
+    return {
+        "assemblies": [
+            {**chosen, "points": {name: position.tolist() for name, position in points.items()}}
+            for chosen, points in zip(every.selectors, every.points, strict=True)
+        ],
+        "assemblies_complete": every.complete,
+        "assemblies_reason": every.reason,
+        "assembly_families": every.families,
+    }
 
 
 def _least_transmission(solver: KinematicSolver) -> dict[str, float] | None:
     arcs = solver.crank_range().arcs
-    if not arcs:
+    if not arcs or not isinstance(solver, ClosedForm):
         return None
     low, high = arcs[0]
     clearance = 1e-6 * (high - low)
     angles = np.linspace(low + clearance, high - clearance, 361)
     values = solver.transmission_angle(angles)
-    if values is None:
-        return None
     worst = int(np.argmin(values))
     return {"least": float(values[worst]), "at_angle": float(angles[worst])}
 

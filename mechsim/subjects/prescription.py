@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechsim import units
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.mobility import undetermined_joints
 from mechsim.analytic.loops.rounded_geometry import corrected
 from mechsim.analytic.loops.start import closed_start, start_poses
@@ -60,23 +61,23 @@ def prescribed_solver(
         name = description.solver.name
         raise InputError(f"{name}: loops from {prescription.loops} need the path of a URDF file; give one")
     solver = description.solver
-    if prescription.start and solver.direct:
+    if prescription.start and not isinstance(solver, LoopForm):
         raise InputError(
             f"{solver.name}: its parameters select the assembly, as --set branch=-1; leave out --start"
         )
     if description.prescribed:
         prescription = Prescription(drive=prescription.drive, duration=prescription.duration)
-    elif not solver.direct:
+    elif isinstance(solver, LoopForm):
         if not solver.mechanism.has_crank:
             solver = _started_by_laws(solver, {**description.motion_laws, **prescription.drive})
-        solver = solver.with_mechanism(started_near(solver.mechanism, prescription.start, solver.written))
+        solver = replace(solver, mechanism=started_near(solver.mechanism, prescription.start, solver.written))
         if assembled:
             if changed:
                 solver = with_written_guess(solver, written_guess(source) if guess is None else guess)
             exact = corrected(solver.mechanism)
             start = closed_start(exact.mechanism)
             facts = (*solver.facts, *exact.facts, *filter(None, [start.note]))
-            solver = solver.with_mechanism(start.mechanism, facts=facts)
+            solver = replace(solver, mechanism=start.mechanism, facts=facts)
     if prescription == Prescription() and not description.motion_laws:
         return solver
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)
@@ -86,12 +87,12 @@ def written_guess(source: ModelSource) -> Mapping[str, Pose]:
     """Return the assembly of a model as it is written, without changed parameters; empty if it has none."""
     with suppress(MechsimError):
         written = source.describe({}, Prescription(still=True)).solver
-        if not written.direct and len(written.mechanism.guess) < len(written.mechanism.links):
+        if isinstance(written, LoopForm) and len(written.mechanism.guess) < len(written.mechanism.links):
             return start_poses(written.mechanism)[0]
     return {}
 
 
-def with_written_guess(solver: KinematicSolver, guess: Mapping[str, Pose]) -> KinematicSolver:
+def with_written_guess(solver: LoopForm, guess: Mapping[str, Pose]) -> LoopForm:
     """Return a design in which links without a guess start as in the written one.
 
     All commands then choose the same assembly of a design.
@@ -99,7 +100,7 @@ def with_written_guess(solver: KinematicSolver, guess: Mapping[str, Pose]) -> Ki
     mechanism, links = solver.mechanism, {link.name for link in solver.mechanism.links}
     if len(mechanism.guess) == len(links) or set(guess) != links:
         return solver
-    return solver.with_mechanism(replace(mechanism, guess={**guess, **mechanism.guess}))
+    return replace(solver, mechanism=replace(mechanism, guess={**guess, **mechanism.guess}))
 
 
 def _with_prescription(
@@ -123,11 +124,12 @@ def _with_prescription(
         raise InputError(
             f"{solver.name} has no keyframes; leave out --key {prescription.key}, or give an MJCF file"
         )
+    loop_form = solver if isinstance(solver, LoopForm) else LoopForm(solver.mechanism)
     mechanism = with_pose_drivers(solver.mechanism, prescription.drive)
     if prescription.track:
         mechanism = replace(
             mechanism,
-            points=dict(_tracked_point(mechanism, text, solver.written) for text in prescription.track),
+            points=dict(_tracked_point(mechanism, text, loop_form.written) for text in prescription.track),
         )
     fixed = _joints_to_fix(mechanism, prescription)
     if fixed:
@@ -135,24 +137,25 @@ def _with_prescription(
         prescription = replace(
             prescription, lock={name: law for name, law in prescription.lock.items() if name not in fixed}
         )
-    mechanism = _with_drivers_and_locks(mechanism, prescription, file_laws, solver.written)
+    mechanism = _with_drivers_and_locks(mechanism, prescription, file_laws, loop_form.written)
     if (
         mechanism is solver.mechanism
         and not (prescription.drive or file_laws)
         and prescription.duration is None
     ):
         return solver
-    own_laws = solver.motion_laws
-    laws: dict[str, DriverLaw] = dict(own_laws.by_name)
+    form_laws = loop_form.motion_laws
+    laws: dict[str, DriverLaw] = dict(form_laws.by_name)
     laws |= file_laws
     laws = {name: law for name, law in laws.items() if name in mechanism.drivers} | dict(prescription.drive)
-    if file_duration is None and not own_laws.crank:
-        file_duration = own_laws.duration
-    return solver.with_mechanism(
-        mechanism,
+    if file_duration is None and not form_laws.crank:
+        file_duration = form_laws.duration
+    return replace(
+        loop_form,
+        mechanism=mechanism,
         # the user's formula is a function of the mechanism's own drivers
-        formula=solver.formula if mechanism.drivers == solver.mechanism.drivers else "",
-        motion_laws=_motion_laws(mechanism, laws, prescription.duration, file_duration, solver.written),
+        formula=loop_form.formula if mechanism.drivers == solver.mechanism.drivers else "",
+        motion_laws=_motion_laws(mechanism, laws, prescription.duration, file_duration, loop_form.written),
     )
 
 
@@ -160,7 +163,7 @@ class _NeedsStartError(Exception):
     """A motion law starts at the initial value of its driver, which is unknown."""
 
 
-def _started_by_laws(solver: KinematicSolver, laws: Mapping[str, DriverLaw]) -> KinematicSolver:
+def _started_by_laws(solver: LoopForm, laws: Mapping[str, DriverLaw]) -> LoopForm:
     """Return a mechanism whose drivers start at the initial values of their motion laws if these are unknown.
 
     A value in the file, or a guess of both links of a driver's joint, has priority.
@@ -174,7 +177,7 @@ def _started_by_laws(solver: KinematicSolver, laws: Mapping[str, DriverLaw]) -> 
                 starts[name] = float(np.asarray(state(np.zeros(1))[0]).ravel()[0])
     if starts == mechanism.guess_coordinates or not np.isfinite(list(starts.values())).all():
         return solver
-    return solver.with_mechanism(replace(mechanism, guess_coordinates=starts))
+    return replace(solver, mechanism=replace(mechanism, guess_coordinates=starts))
 
 
 def _no_start() -> float:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mechsim import units
 from mechsim.analytic import catalog
-from mechsim.analytic.derivatives.dimensions import DesignFamily, own_designs
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.derivatives.dimensions import DesignFamily, catalog_designs, placed_designs
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError
 from mechsim.model.forces import Forces
@@ -220,7 +221,7 @@ def parametric_model(
     parameters = source.parameters(changed)
     dimensions = parameters.dimensions
     if not dimensions:
-        return own_designs(solver)
+        return catalog_designs(solver) if isinstance(solver, ClosedForm) else placed_designs(solver)
 
     def design(values: Mapping[str, float], *, assembled: bool) -> KinematicSolver:
         if not values:

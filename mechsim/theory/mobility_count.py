@@ -109,10 +109,12 @@ class Pairs:
     Attributes:
         links: the connected links: two, or more on one pin. k links on a pin make k - 1 pairs.
         hinge: whether they rotate on a pin; otherwise the two slide.
+        joints: the joints of the description that make them.
     """
 
     links: tuple[str, ...]
     hinge: bool
+    joints: tuple[str, ...]
 
 
 def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
@@ -129,9 +131,9 @@ def planar_pairs(mechanism: Mechanism) -> list[Pairs]:
     pairs: list[Pairs] = []
     for pin in components([joint.name for joint in hinges], shared):
         links = {body[end.link] for name in pin for end in (mechanism.joint(name).a, mechanism.joint(name).b)}
-        pairs.append(Pairs(tuple(sorted(links, key=[GROUND, *order].index)), True))
+        pairs.append(Pairs(tuple(sorted(links, key=[GROUND, *order].index)), True, tuple(pin)))
     slides = (joint for joint in mechanism.joints if KINDS[joint.kind].slides and not KINDS[joint.kind].turns)
-    return pairs + [Pairs((body[joint.a.link], body[joint.b.link]), False) for joint in slides]
+    return pairs + [Pairs((body[joint.a.link], body[joint.b.link]), False, (joint.name,)) for joint in slides]
 
 
 def rigid(mechanism: Mechanism) -> dict[str, str]:

@@ -126,8 +126,8 @@ def test_an_incomplete_initial_guess_is_completed():
 PUBLIC = """
     Agreement AssemblyError Certificate Check Controller Coupling End Forces Friction Gear Inertia
     InputError Joint JointSpring Link Load Mechanism MechsimError Motion MotionLaws Pose Run Scene
-    Settings Spring Tolerance Validation Verdict __version__ catalog certify check closed_qpos compile
-    crosscheck dynamics export fit joint_map list load load_profile loops masses motors moved optimise
+    Settings Spring Tolerance Validation Verdict __version__ assemblies catalog certify check closed_qpos
+    compile crosscheck dynamics export fit joint_map list load load_profile loops masses motors moved optimise
     plots reduce render sample sensitivity show simulate simulation sweep testing tolerance_study trace
     tune units validate view
 """

@@ -74,7 +74,6 @@ WITH_SPRING = """
 """
 
 
-@pytest.mark.slow
 def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():
     written = ms.export(mujoco.MjSpec.from_string(WITH_SPRING), style="menagerie")
     model = mujoco.MjModel.from_xml_string(written.text)

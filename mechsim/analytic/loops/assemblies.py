@@ -1,4 +1,4 @@
-"""All assemblies of a mechanism at excluded driver positions, from random starts."""
+"""All assemblies of a mechanism at driver positions, from random starts or from poses of its groups."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -9,7 +9,7 @@ from mechsim.analytic.loops.constraints import TreeLoops
 from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.motion import spinning_links
 from mechsim.analytic.loops.path import LoopPath
-from mechsim.analytic.loops.start import random_poses
+from mechsim.analytic.loops.start import all_closed, random_poses
 from mechsim.model.limits import Ranges
 from mechsim.model.links import GROUND, Pose
 from mechsim.model.motion import LinkMotion
@@ -26,7 +26,11 @@ LIMIT_TOLERANCE = 1e-9
 
 
 def other_assemblies(
-    path: LoopPath, parameter: float, ranges: Ranges, excluded: Sequence[Mapping[str, LinkMotion]]
+    path: LoopPath,
+    parameter: float,
+    ranges: Ranges,
+    excluded: Sequence[Mapping[str, LinkMotion]],
+    candidates: Sequence[Mapping[str, Pose]] | None = None,
 ) -> list[dict[str, Array]]:
     """Return the tracked points, (3,) in [m], of the assemblies at a path parameter that are not excluded.
 
@@ -38,6 +42,7 @@ def other_assemblies(
         parameter: crank angle in [rad], or time multiplied by the rate of the motion laws.
         ranges: joint -> limits in [m] or [rad]; assemblies beyond them are left out.
         excluded: links of the excluded assemblies at this parameter, one instant each.
+        candidates: link -> pose of every assembly; None searches from random starts.
     """
     loops, values = path.loops, path.start.values.copy()
     values[list(loops.driven)] = path.prescribed(np.array([parameter]))
@@ -45,18 +50,26 @@ def other_assemblies(
     compared = list(_compared_points(path))
     signatures = [_points(compared, links) for links in excluded]
     others: list[dict[str, Array]] = []
+
+    def add(batch: Coordinates) -> None:
+        for poses in _within(loops, batch, ranges):
+            signature = _points(compared, poses)
+            if all(
+                np.abs(signature - previous).max() > SAME_ASSEMBLY * loops.tree.length
+                for previous in signatures
+            ):
+                signatures.append(signature)
+                others.append(_tracked(path, poses))
+
+    if candidates is not None:
+        for poses in candidates:
+            add(all_closed(loops, loops.read(poses)))
+        return others
     without_new = 0
     for seed in range(MAX_BATCHES):
         count = len(others)
         for _, batch in random_poses(loops, reference, BATCH, seed):
-            for poses in _within(loops, batch, ranges):
-                signature = _points(compared, poses)
-                if all(
-                    np.abs(signature - previous).max() > SAME_ASSEMBLY * loops.tree.length
-                    for previous in signatures
-                ):
-                    signatures.append(signature)
-                    others.append(_tracked(path, poses))
+            add(batch)
         without_new = 0 if len(others) > count else without_new + 1
         if without_new == 2:
             break

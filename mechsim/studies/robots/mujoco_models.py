@@ -6,6 +6,7 @@ from typing import Any
 
 import mujoco
 
+from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.rounded_geometry import corrected
 from mechsim.model.finding import Finding
 from mechsim.model.scene import Scene
@@ -57,7 +58,8 @@ def notes_on(model: Any, set: Mapping[str, str | float] | None = None) -> list[s
         return printed(parse_file(own).unread)
     from mechsim.subjects.readers import load
 
-    return [*load(model, set, still=True).facts]
+    solver = load(model, set, still=True)
+    return [*solver.facts] if isinstance(solver, LoopForm) else []
 
 
 def rounded_angle(model: Any) -> Finding | None:

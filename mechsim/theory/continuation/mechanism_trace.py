@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechsim.analytic.loops.constraints import TreeLoops
-from mechsim.analytic.loops.kinematics import Coordinates
+from mechsim.analytic.loops.kinematics import Coordinates, link_poses
 from mechsim.analytic.loops.mobility import require_determined
-from mechsim.analytic.loops.start import assembled, poses_around_branch_point, random_poses
+from mechsim.analytic.loops.start import all_closed, assembled, poses_around_branch_point, random_poses
 from mechsim.errors import AssemblyError, InputError, MobilityError
+from mechsim.model.links import GROUND, IDENTITY
 from mechsim.model.mechanism import Mechanism, described
 from mechsim.model.motion import short_repr
 from mechsim.model.progress import Progress
@@ -20,6 +21,7 @@ from mechsim.subjects.readers import load
 from mechsim.theory.continuation.assembly_curve import AssemblyCurve
 from mechsim.theory.continuation.free_loops import FreeLoops, free_loops
 from mechsim.theory.continuation.segments import trace_curve
+from mechsim.theory.group_assemblies import group_assemblies
 
 # distance of features below which a pose lies on a curve
 ON_CURVE = 1e-7
@@ -155,6 +157,34 @@ def _distance(curve: AssemblyCurve, arc: float, features: Array) -> float:
     return distance
 
 
+# crank angles at which the assemblies of the Assur groups are added to the random starts
+GROUP_ANGLES = 12
+
+
+def add_group_poses(search: CurveSearch, loops: TreeLoops) -> tuple[list[NDArray[np.intp]], str]:
+    """Add every assembly of the Assur groups at some crank angles of the first curve to a search.
+
+    Returns:
+        Indices of the poses at each crank angle, and why there are none; empty text if there are.
+    """
+    curve, added = search.curves[0], list[NDArray[np.intp]]()
+    for arc in np.linspace(0.0, curve.length, GROUP_ANGLES, endpoint=False):
+        segment = curve.traced.segment_at(float(arc))
+        q = curve.loops.unflat(segment.evaluate(np.array([arc])))
+        own = link_poses(loops.tree, q).by_link(loops.tree.links)
+        poses = {GROUND: IDENTITY} | {name: pose.select(0) for name, pose in own.items()}
+        try:
+            every = group_assemblies(loops.tree.original, poses).poses
+        except InputError as error:
+            return [], str(error)
+        first = len(search.poses)
+        for assembly in every:
+            search.add(all_closed(loops, loops.read(assembly)), counted=False)
+        if len(search.poses) - first == len(every):
+            added.append(np.arange(first, len(search.poses)))
+    return added, ""
+
+
 # default number of random starts, default seed, and limit on the number
 STARTS, SEED, MAX_STARTS = 300, 1, 100_000
 
@@ -184,6 +214,8 @@ class AssemblyTrace:
         closed: number of starts that converged to an assembly.
         seed: seed of the random numbers.
         left_out: assemblies that were not traced, with the reason; one sentence each.
+        complete_at: number of crank angles at which every assembly is on these curves, by Assur groups.
+        reason: why it is 0, if the mechanism has no such groups.
     """
 
     mechanism: Mechanism
@@ -193,6 +225,8 @@ class AssemblyTrace:
     closed: int
     seed: int
     left_out: tuple[str, ...] = ()
+    complete_at: int = 0
+    reason: str = ""
 
     __repr__ = short_repr
 
@@ -238,7 +272,7 @@ def trace(
     loops, own = assembled(mechanism)
     require_determined(loop_solver(loops, own))
     # locked coordinates stay locked, drivers become free
-    loops = replace(loops, driven=loops.driven[len(mechanism.drivers) :])
+    driven, loops = loops, replace(loops, driven=loops.driven[len(mechanism.drivers) :])
     free, initial = _starting_point(loops, own)
     search = CurveSearch(free, progress)
     search.add(initial, counted=False)
@@ -249,12 +283,22 @@ def trace(
         search.add(poses, counted=True)
         closed += len(poses)
         progress(f"{finished} of {starts} random starts", finished / starts)
+    by_groups, reason = add_group_poses(search, driven)
     search.trace_all()
+    complete_at = sum(bool((search.curve_index[poses] >= 0).all()) for poses in by_groups)
     counts = search.counts()
     order = [0, *sorted(range(1, len(counts)), key=lambda i: -counts[i])]
     curves = tuple(replace(search.curves[i], starts_ended=counts[i]) for i in order)
     return AssemblyTrace(
-        mechanism, curves, _merged_branch_points(curves), starts, closed, seed, tuple(search.left_out())
+        mechanism,
+        curves,
+        _merged_branch_points(curves),
+        starts,
+        closed,
+        seed,
+        tuple(search.left_out()),
+        complete_at,
+        reason,
     )
 
 

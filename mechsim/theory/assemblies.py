@@ -1,0 +1,94 @@
+"""Every assembly of a mechanism at a crank angle, complete where Assur groups decide."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mechsim.analytic.catalog.base import ClosedForm
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.errors import AssemblyError, InputError
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.numerics.arrays import Array
+from mechsim.subjects.readers import load
+from mechsim.theory.group_assemblies import GroupAssemblies, UnsolvedGroupError, group_assemblies
+from mechsim.theory.mobility_count import plane_normal
+
+if TYPE_CHECKING:
+    from mechsim.subjects.readers import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Assemblies:
+    """The assemblies of a mechanism at a crank angle, or at an instant of its motion laws.
+
+    Attributes:
+        angle: crank angle in [rad], or path parameter.
+        selectors: parameters that select each assembly, such as branch; empty without any.
+        points: tracked point -> position, (3,) in [m], of each assembly; the mechanism's own is the first.
+        complete: whether there are no others, by the formula or by Assur groups; otherwise random starts
+            found them.
+        reason: why the list is complete, or why it need not be.
+        families: why further assemblies are continuous families, one sentence each.
+    """
+
+    angle: float
+    selectors: tuple[Mapping[str, int | None], ...]
+    points: tuple[Mapping[str, Array], ...]
+    complete: bool
+    reason: str
+    families: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def assemblies(model: "Model", angle: float) -> Assemblies:
+    """Return every assembly of a mechanism at a crank angle.
+
+    The formulas of the catalogue have all of theirs. Another planar mechanism is solved by its Assur groups
+    (dyads, and triads with six pins), which gives all assemblies. Otherwise loops are closed from random
+    starts.
+
+    Args:
+        model: as in `load`.
+        angle: crank angle in [rad], or path parameter of the motion laws.
+
+    Example:
+        >>> ms.assemblies("jansen", 0.1).complete, len(ms.assemblies("jansen", 0.1))
+        (True, 8)
+    """
+    solver = load(model)
+    if isinstance(solver, ClosedForm):
+        listed, reason = solver.assembly_points(angle), "its formula has every assembly"
+        return _assemblies_of(angle, listed, True, reason)
+    assert isinstance(solver, LoopForm)
+    try:
+        groups = _by_groups(solver, angle)
+    except (InputError, AssemblyError) as error:
+        return _assemblies_of(
+            angle, solver.all_assembly_points(angle), False, f"found from random starts: {error}"
+        )
+    listed = solver.all_assembly_points(angle, groups.poses)
+    return _assemblies_of(angle, listed, True, "every pose of its Assur groups", groups.families)
+
+
+def _assemblies_of(
+    angle: float,
+    listed: list[tuple[dict[str, int | None], dict[str, Array]]],
+    complete: bool,
+    reason: str,
+    families: tuple[str, ...] = (),
+) -> Assemblies:
+    selectors, points = (tuple(column) for column in zip(*listed, strict=True)) if listed else ((), ())
+    return Assemblies(angle, selectors, points, complete, reason, families)
+
+
+def _by_groups(solver: LoopForm, angle: float) -> GroupAssemblies:
+    """Return every assembly at the driver positions of the solver's own."""
+    if plane_normal(solver.mechanism) is None:
+        raise UnsolvedGroupError("it is not planar")
+    if solver.mechanism.couplings:
+        raise UnsolvedGroupError("racks and couplings belong to no Assur group")
+    links = solver.solve_along([angle]).links
+    poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
+    return group_assemblies(solver.mechanism, {GROUND: IDENTITY, **poses})

@@ -1,0 +1,167 @@
+"""Every assembly by Assur groups, compared with circles, published poses and random starts."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mechsim as ms
+from mechsim.analytic.loops.loop_form import LoopForm
+from mechsim.errors import InputError
+from mechsim.model.links import GROUND, IDENTITY, Pose
+from mechsim.theory.group_assemblies import group_assemblies
+
+# the published triad of Gosselin and Merlet: six poses (x, y, angle), printed with six decimals
+TRIAD = """
+name = "triad"
+[links.crank]
+[joints]
+crank = { kind = "revolute", a = { link = "ground", at = [-20, 0, 0] }, b = { link = "crank" } }
+leg_1 = { kind = "revolute", a = { link = "ground" }, b = { link = "one" } }
+leg_2 = { kind = "revolute", a = { link = "ground", at = [52, 0, 0] }, b = { link = "two" } }
+leg_3 = { kind = "revolute", a = { link = "ground", at = [49, 42, 0] }, b = { link = "three" } }
+pin_1 = { kind = "revolute", a = { link = "one", at = [16, 0, 0] }, b = { link = "plate" } }
+pin_2 = { kind = "revolute", a = { link = "two", at = [21, 0, 0] }, b = { link = "plate", at = [58, 0, 0] } }
+[joints.pin_3]
+kind = "revolute"
+a = { link = "three", at = [12, 0, 0] }
+b = { link = "plate", at = [38, 49, 0] }
+[points]
+P = { link = "plate" }
+[guess]
+plate = { at = [15.137333, 5.182774, 0], turn = { axis = [0, 0, 1], angle = -0.073656 } }
+one = { turn = { axis = [0, 0, 1], angle = 0.33 } }
+"""
+PUBLISHED = [
+    (-15.150496, 5.144167),
+    (-3.623487, 15.584298),
+    (3.233389, -15.669882),
+    (15.045358, -5.444005),
+    (15.137333, 5.182774),
+    (15.296369, 4.692663),
+]
+# dyads with a slide: circle and line (RRP), turning slide (RPR), two lines (PRP), and a guided slide (RPP)
+DYADS = {
+    "RRP": """
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
+pin = { kind = "revolute", a = { link = "crank", at = [1, 0, 0] }, b = { link = "rod" } }
+end = { kind = "revolute", a = { link = "rod", at = [3, 0, 0] }, b = { link = "slider" } }
+[joints.way]
+kind = "prismatic"
+a = { link = "ground", at = [0, 0.2, 0], axis = [1, 0, 0] }
+b = { link = "slider", axis = [1, 0, 0] }
+[points]
+B = { link = "slider" }
+[guess]
+slider = { at = [4, 0.2, 0] }
+""",
+    "RPR": """
+[joints]
+crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
+pin = { kind = "revolute", a = { link = "crank", at = [1, 0, 0] }, b = { link = "block" } }
+arm = { kind = "revolute", a = { link = "ground", at = [-3, 0, 0] }, b = { link = "arm" } }
+[joints.way]
+kind = "prismatic"
+a = { link = "arm", at = [0, 0.3, 0], axis = [1, 0, 0] }
+b = { link = "block", axis = [1, 0, 0] }
+[points]
+B = { link = "arm", at = [1, 0, 0] }
+""",
+}
+
+
+def poses_of(solver, angle):
+    """Return the poses of the solver's own assembly."""
+    links = LoopForm(solver.mechanism).solve([angle]).links
+    poses = {name: Pose(link.position[0], link.rotation[0]) for name, link in links.items()}
+    return {GROUND: IDENTITY, **poses}
+
+
+def model_of(tmp_path, text):
+    path = tmp_path / "model.toml"
+    path.write_text(text if text.lstrip().startswith("name") else f'name = "dyad"\n{text}')
+    return ms.load(path)
+
+
+def test_a_triad_has_its_six_published_poses(tmp_path):
+    solver = model_of(tmp_path, TRIAD)
+    every = ms.assemblies(solver, 0.0)
+    assert every.complete
+    points = sorted(tuple(points["P"][:2]) for points in every.points)
+    assert np.abs(np.array(points) - np.array(PUBLISHED)).max() <= 1e-6
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.1, 2.6, -0.9])
+def test_a_slider_crank_has_both_intersections_of_circle_and_line(tmp_path, angle):
+    solver = model_of(tmp_path, DYADS["RRP"])
+    every = ms.assemblies(solver, angle)
+    across = math.sqrt(9.0 - (math.sin(angle) - 0.2) ** 2)
+    exact = sorted([math.cos(angle) - across, math.cos(angle) + across])
+    assert every.complete
+    assert np.abs(np.array(sorted(p["B"][0] for p in every.points)) - exact).max() <= 1e-14 * 4.0
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.1, 2.6])
+def test_a_turning_slide_has_both_tangents_of_its_circle(tmp_path, angle):
+    """The slide's line is 0.3 from the arm's pivot: a tangent from the crank's end to that circle."""
+    solver = model_of(tmp_path, DYADS["RPR"])
+    every = ms.assemblies(solver, angle)
+    x, y = math.cos(angle) + 3.0, math.sin(angle)
+    direction, offset = math.atan2(y, x), math.asin(0.3 / math.hypot(x, y))
+    exact = sorted(math.cos(a) for a in (direction - offset, direction + offset + math.pi))
+    assert every.complete
+    arms = sorted(points["B"][0] + 3.0 for points in every.points)
+    assert np.abs(np.array(arms) - exact).max() <= 1e-14 * 4.0
+
+
+@pytest.mark.parametrize("name", ["jansen", "klann", "stephenson_six_bar", "planar_3rrr", "quick_return"])
+def test_random_starts_find_the_same_assemblies(name):
+    solver = ms.load(name)
+    every = ms.assemblies(name, 0.2)
+    searched = LoopForm.all_assembly_points(solver, 0.2)
+    assert every.complete
+    assert len(every) == len(searched)
+    for _, points in searched:
+        assert any(
+            all(np.abs(points[point] - other[point]).max() <= 1e-9 for point in points)
+            for other in every.points
+        )
+
+
+@pytest.mark.parametrize("name", ["jansen", "peaucellier_lipkin", "elliptic_trammel", "oldham_coupling"])
+def test_poses_of_groups_close_the_loops(name):
+    solver = ms.load(name)
+    every = group_assemblies(solver.mechanism, poses_of(solver, 0.4))
+    for poses in every.poses:
+        for joint in solver.mechanism.joints:
+            if joint.kind == "revolute":
+                gap = poses[joint.a.link].point(joint.a.point) - poses[joint.b.link].point(joint.b.point)
+                assert np.abs(gap).max() <= 1e-13 * solver.mechanism.characteristic_length
+
+
+def test_a_rhombus_on_one_pin_is_a_family():
+    every = ms.assemblies("peaucellier_lipkin", 0.4)
+    assert every.complete
+    assert len(every.families) == 1
+    assert "bar_a, bar_b" in every.families[0]
+
+
+@pytest.mark.parametrize("name", ["delta_robot", "rack_steering"])
+def test_without_closed_forms_the_list_is_not_called_complete(name):
+    every = ms.assemblies(name, 0.0)
+    assert not every.complete
+    assert len(every) >= 4
+
+
+def test_a_spatial_mechanism_is_rejected():
+    solver = ms.load("sarrus")
+    with pytest.raises(InputError, match="not planar"):
+        group_assemblies(solver.mechanism, poses_of(solver, 0.1))
+
+
+def test_a_trace_with_groups_states_at_how_many_angles_it_is_complete():
+    trace = ms.trace("jansen", starts=0)
+    assert trace.complete_at == 12
+    # without random starts the other curves come from the groups
+    assert len(trace.curves) == len(ms.trace("jansen", starts=300).curves)
