@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.loops.kinematics import Coordinates
@@ -39,21 +40,7 @@ CENTRES = {
 TIP = (-0.83, 1.21, 0.37)
 MOTION_LAWS = {"crank": "1.1rad/s", "A": "0.4rad + 0.7rad*sin(t)", "B": "-0.3rad - 0.9rad*t"}
 # the second bearing lies 7 cm along the axis of the first
-SHAFT = """name = "shaft"
-drivers = ["crank"]
-[links.shaft]
-inertia = { mass = 2, centre = [0.01, 0.003, 0.04], moments = [1e-3, 2e-3, 2.5e-3] }
-[joints.crank]
-kind = "revolute"
-a = { link = "ground", at = [0.013, -0.007, 0.021], axis = [0.36, -0.48, 0.8] }
-b = { link = "shaft", at = [0.002, 0.004, 0.007], axis = [-0.6, 0.64, 0.48] }
-[joints.bearing]
-kind = "spherical"
-a = { link = "ground", at = [0.0382, -0.0406, 0.077] }
-b = { link = "shaft", at = [-0.04, 0.0488, 0.0406] }
-[points]
-P = { link = "shaft", at = [0.01, 0.02, 0.03] }
-"""
+SHAFT = model_text("negligible_equations_shaft.toml")
 
 
 def spherical_linkage(tmp_path, drivers):

@@ -4,50 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 
-BELL = """
-name = "bell_crank"
-drivers = ["pivot"]
-motion_laws = { pivot = "0deg" }
-[links.bell]
-inertia = { mass = 0.0, centre = [0, 0, 0], moments = [0, 0, 0] }
-[joints.pivot]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "bell" }
-[points]
-P = { link = "bell", at = [0.2, 0, 0] }
-Q = { link = "bell", at = [0, 0.1, 0] }
-[forces]
-gravity = [0, 0, 0]
-loads.p = { at = "P", force = [0, -100, 0] }
-loads.q = { at = "Q", force = [-200, 0, 0] }
-"""
+BELL = model_text("forces_at_rest_bell.toml")
 # links of 2 kg and 1 kg, 0.5 m and 0.4 m long, with a spring of 3 N m/rad in the elbow
-ARM = """
-name = "arm"
-drivers = ["shoulder", "elbow"]
-motion_laws = { shoulder = "30deg", elbow = "20deg" }
-[links.upper]
-inertia = { mass = 2.0, centre = [0.25, 0, 0], moments = [0.01, 0.01, 0.01] }
-[links.lower]
-inertia = { mass = 1.0, centre = [0.2, 0, 0], moments = [0.01, 0.01, 0.01] }
-[joints.shoulder]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "upper" }
-[joints.elbow]
-kind = "revolute"
-a = { link = "upper", at = [0.5, 0, 0] }
-b = { link = "lower" }
-[points]
-tip = { link = "lower", at = [0.4, 0, 0] }
-[forces]
-gravity = [0, -9.81, 0]
-joint_springs.elbow = { stiffness = "3 N*m/rad" }
-"""
+ARM = model_text("forces_at_rest_arm.toml")
 SHOULDER, ELBOW = np.deg2rad(30.0), np.deg2rad(20.0)
 
 

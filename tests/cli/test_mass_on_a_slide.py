@@ -4,28 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import cli
 
 # two springs of 50 N/m, at rest length 0.2 m and 0.3 m long, hold 2 kg: omega^2 = 2 * 50 / 2
-OSCILLATOR = """
-name = "oscillator"
-drivers = ["x"]
-[joints.x]
-kind = "prismatic"
-a = { link = "ground", axis = [1, 0, 0] }
-b = { link = "mass", axis = [1, 0, 0] }
-[links.mass]
-inertia = { mass = 2, centre = [0, 0, 0], moments = [1e-3, 1e-3, 1e-3] }
-[points]
-P = { link = "mass", at = [0, 0, 0] }
-[forces.springs]
-left = { a = { link = "ground", at = [-0.3, 0, 0] }, b = { link = "mass" }, stiffness = 50, rest = 0.2 }
-right = { a = { link = "ground", at = [0.3, 0, 0] }, b = { link = "mass" }, stiffness = 50, rest = 0.2 }
-[guess]
-mass = { at = [0, 0, 0] }
-"""
+OSCILLATOR = model_text("mass_on_a_slide_oscillator.toml")
 
 
 @pytest.fixture

@@ -4,38 +4,14 @@ import json
 from math import pi
 
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.model.masses import masses_of, summary, with_inertia
 from mechsim.simulation.dynamics.prescribed_motion import driven
 
 # crank of 0.1 m and arm in file; the rod, 0.3 m, has no inertia
-SLIDER = """
-name = "press"
-[links.crank]
-inertia = { mass = 0.5, centre = [0.05, 0, 0], moments = [1e-4, 5e-4, 5e-4] }
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "crank" }
-[joints.A]
-kind = "revolute"
-a = { link = "crank", at = [0.1, 0, 0] }
-b = { link = "rod" }
-[joints.B]
-kind = "revolute"
-a = { link = "rod", at = [0.3, 0, 0] }
-b = { link = "slider" }
-[joints.slide]
-kind = "prismatic"
-a = { link = "ground", axis = [1, 0, 0] }
-b = { link = "slider", axis = [1, 0, 0] }
-[points]
-B = { link = "slider" }
-[guess]
-rod = { at = [0.1, 0, 0] }
-slider = { at = [0.4, 0, 0] }
-"""
+SLIDER = model_text("masses_slider.toml")
 # a massless link next to one with mass
 SCENE = """
 <mujoco model="pair"><compiler boundmass="0"/><worldbody>

@@ -5,24 +5,11 @@ import json
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import files
 
-ARM = """
-name = "arm"
-drivers = ["lift", "turn"]
-[joints.lift]
-kind = "prismatic"
-a = { link = "ground" }
-b = { link = "carriage" }
-[joints.turn]
-kind = "revolute"
-a = { link = "carriage" }
-b = { link = "arm" }
-[links.arm]
-[points]
-hand = { link = "arm", at = [0.3, 0, 0] }
-"""
+ARM = model_text("motion_laws_arm.toml")
 
 
 @pytest.fixture(autouse=True)

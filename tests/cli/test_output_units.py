@@ -4,37 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import files
 
-ARM = """
-name = "press"
-units = { length = "mm", angle = "deg" }
-[parameters]
-rx = 40
-rod = 120
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "crank" }
-[joints.A]
-kind = "revolute"
-a = { link = "crank", at = ["rx", 0, 0] }
-b = { link = "rod" }
-[joints.B]
-kind = "revolute"
-a = { link = "rod", at = ["rod", 0, 0] }
-b = { link = "slider" }
-[joints.slide]
-kind = "prismatic"
-a = { link = "ground", axis = [1, 0, 0] }
-b = { link = "slider", axis = [1, 0, 0] }
-[points]
-B = { link = "slider" }
-[guess]
-rod = { at = ["rx", 0, 0] }
-slider = { at = ["rx + rod", 0, 0] }
-"""
+ARM = model_text("output_units_arm.toml")
 
 
 @pytest.fixture

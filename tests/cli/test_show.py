@@ -1,26 +1,9 @@
 """Output of `mechsim show` for user-defined mechanisms."""
 
+from model_files import model_text
+
 # a parallelogram that is collinear at the start, with couplings that constrain it
-CAMS = """name = "cams"
-units = { length = "mm" }
-start = 0.9
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
-A = { kind = "revolute", a = { link = "crank", at = [31, 0, 0] }, b = { link = "rod" } }
-B = { kind = "revolute", a = { link = "rod", at = [120, 0, 0] }, b = { link = "lever", at = [31, 0, 0] } }
-O4 = { kind = "revolute", a = { link = "ground", at = [120, 0, 0] }, b = { link = "lever" } }
-cam = { kind = "revolute", a = { link = "ground", at = [50, -70, 0] }, b = { link = "cam" } }
-[links]
-cam = { outline = [[0, 0, 0], [12, 0, 0]] }
-[couplings]
-lift = { driver = "crank", driven = "cam", coefficients = [0, 0.3, -0.02] }
-sum = { driver = "crank", driven = { cam = 1, O4 = -1 }, coefficients = [0, -0.7, -0.02] }
-[points]
-B = { link = "lever", at = [31, 0, 0] }
-[guess]
-rod = { at = [20, 24, 0] }
-lever = { at = [120, 0, 0], turn = { axis = [0, 0, 1], angle = 0.9 } }
-"""
+CAMS = model_text("show_cams.toml")
 
 
 def test_rounding_is_printed_as_zero_and_negative_terms_with_minus(mechsim, tmp_path):

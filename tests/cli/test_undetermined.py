@@ -1,29 +1,13 @@
 """The remedies that commands suggest for an underdetermined motion work."""
 
 import pytest
+from model_files import model_text
 from scene_texts import FINGER
 
 from mechsim import files
 
 # a five-bar with one driven arm
-ONE_DRIVER = """
-name = "five"
-drivers = ["left"]
-start = 2.0
-[joints]
-left = { kind = "revolute", a = { link = "ground", at = [-0.03, 0, 0] }, b = { link = "arm_l" } }
-right = { kind = "revolute", a = { link = "ground", at = [0.03, 0, 0] }, b = { link = "arm_r" } }
-elbow_l = { kind = "revolute", a = { link = "arm_l", at = [0.06, 0, 0] }, b = { link = "fore_l" } }
-elbow_r = { kind = "revolute", a = { link = "arm_r", at = [0.06, 0, 0] }, b = { link = "fore_r" } }
-[joints.tool]
-kind = "revolute"
-a = { link = "fore_l", at = [0.08, 0, 0] }
-b = { link = "fore_r", at = [0.08, 0, 0] }
-[points]
-P = { link = "fore_l", at = [0.08, 0, 0] }
-[guess]
-arm_r = { at = [0.03, 0, 0], turn = { axis = [0, 0, 1], angle = 1.0 } }
-"""
+ONE_DRIVER = model_text("undetermined_one_driver.toml")
 DRIVEN_FINGER = ("finger.xml", "--drive", "knuckle=0.2*sin(2*pi*t)")
 
 

@@ -4,22 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.report.facts import study_facts
 
 # a door of 20 kg that turns about the vertical axis at 1 rad/s, its centre 0.4 m from the axis and 1 m high
-DOOR = """
-name = "door"
-drivers = ["hinge0"]
-motion_laws = { hinge0 = "1 rad/s" }
-[links.door]
-inertia = { mass = 20.0, centre = [0.4, 0, 1.0], moments = [8.0, 8.0, 1.1] }
-[points]
-edge = { link = "door", at = [0.8, 0, 1] }
-[forces]
-gravity = [0, 0, -9.81]
-"""
+DOOR = model_text("undetermined_reactions_door.toml")
 HINGE = """
 [joints.hinge{i}]
 kind = "revolute"
@@ -28,40 +19,7 @@ b = {{ link = "door", at = [0, 0, {z}] }}
 """
 # a crank shaft with a bearing on either side, without weight, and a force on the slider
 CRANK, ROD, FORCE = 0.1, 0.4, 50.0
-SHAFT = """
-name = "shaft"
-drivers = ["front"]
-motion_laws = { front = "30deg+0.01deg*t" }
-[joints.front]
-kind = "revolute"
-a = { link = "ground", at = [0, 0, 0.1] }
-b = { link = "crank", at = [0, 0, 0.1] }
-[joints.back]
-kind = "revolute"
-a = { link = "crank", at = [0, 0, -0.1] }
-b = { link = "ground", at = [0, 0, -0.1] }
-[joints.A]
-kind = "revolute"
-a = { link = "crank", at = [0.1, 0, 0] }
-b = { link = "rod" }
-[joints.B]
-kind = "revolute"
-a = { link = "rod", at = [0.4, 0, 0] }
-b = { link = "slider" }
-[joints.way]
-kind = "prismatic"
-a = { link = "ground", axis = [1, 0, 0] }
-b = { link = "slider", axis = [1, 0, 0] }
-[guess]
-crank = { turn = { axis = [0, 0, 1], angle = "30deg" } }
-rod = { at = [0.087, 0.05, 0] }
-slider = { at = [0.48, 0, 0] }
-[points]
-P = { link = "slider" }
-[forces]
-gravity = [0, 0, 0]
-loads.push = { at = "P", force = [-50, 0, 0] }
-"""
+SHAFT = model_text("undetermined_reactions_shaft.toml")
 
 
 @pytest.fixture

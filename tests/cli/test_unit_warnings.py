@@ -1,4 +1,5 @@
 import pytest
+from model_files import model_text
 
 from mechsim.cli import exit_codes
 from mechsim.cli.options import warn_about_angle, warn_about_angles, warn_about_parameters
@@ -48,20 +49,7 @@ def test_unit_warnings_accompany_results_and_rejections(mechsim):
     assert "change the dimensions" in rejected.err
 
 
-IN_DEGREES = """
-<mujoco>
-  <worldbody>
-    <body name="a">
-      <joint name="j1" axis="0 1 0" range="-170 170"/>
-      <geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.3"/>
-      <body name="b" pos="0 0 -0.3">
-        <joint name="j2" axis="0 1 0"/>
-        <geom type="capsule" size="0.01" fromto="0 0 0 0 0 -0.3"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+IN_DEGREES = model_text("unit_warnings_in_degrees.xml")
 
 
 RUN = "dynamics forward arm.xml --initial j2.q=0.1 --duration 0.01s --samples 2 --json --method none"

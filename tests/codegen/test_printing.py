@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from grids import grid
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -100,30 +101,7 @@ def test_the_self_test_rejects_a_missing_range_check(compiled, tmp_path):
 
 
 # names that end a comment, that the code uses itself, and that differ only in special characters
-ARM = """
-name = "int */"
-drivers = ["UNIT", "x.turn", "x.way"]
-duration = 1
-[joints]
-UNIT = { kind = "revolute", a = { link = "ground" }, b = { link = "rate" } }
-x = { kind = "cylindrical", a = { link = "rate", at = [0.1, 0, 0] }, b = { link = "ball0" } }
-"*/ hüft j /*" = { kind = "spherical", a = { link = "ball0", at = [0.1, 0, 0] }, b = { link = "*/ int x;" } }
-"*/ knie" = { kind = "spherical", a = { link = "*/ int x;", at = [0.3, 0, 0] }, b = { link = "</script>" } }
-[joints.while]
-kind = "revolute"
-a = { link = "ground", at = [0.1, 0.4, 0] }
-b = { link = "</script>", at = [0, 0.25, 0] }
-[points]
-a = { link = "ball0", at = [0.05, 0, 0.01] }
-a_2 = { link = "ball0", at = [0.05, 0, 0.01] }
-"a!" = { link = "ball0", at = [0.05, 0, 0.01] }
-[motion_laws]
-UNIT = "10deg*sin(2*pi*t)"
-"x.turn" = "360deg*t"
-"x.way" = "10mm*sin(2*pi*t)"
-[links]
-"</script>" = {}
-"""
+ARM = model_text("printing_arm.toml")
 
 
 def test_invalid_identifiers_are_renamed(tmp_path):

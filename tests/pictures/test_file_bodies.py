@@ -7,6 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.pictures.render.drawing import Shadow, Source, named, still
@@ -18,25 +19,7 @@ from mechsim.report.views import mechanism_view
 from mechsim.shapes.body import link_colours
 from mechsim.shapes.shape import TriangleMesh
 
-SCENE = """
-<mujoco model="arm">
-  <asset>
-    <material name="red" rgba="0.8 0.1 0.1 1"/>
-    <mesh name="wedge" vertex="0 0 0  0.1 0 0  0 0.1 0  0 0 0.1"/>
-  </asset>
-  <worldbody>
-    <geom type="plane" size="1 1 1"/>
-    <geom type="box" size="0.1 0.02 0.03" pos="0 0 -0.1"/>
-    <body name="arm">
-      <joint name="crank" axis="0 1 0"/>
-      <geom type="mesh" mesh="wedge" material="red" pos="0.1 0 0" euler="0 0 90"/>
-      <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.01" rgba="0 0.5 0 1"/>
-      <geom type="sphere" size="0.5" group="3"/>
-      <body name="tip" pos="0.2 0 0"><geom type="ellipsoid" size="0.03 0.02 0.01"/></body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+SCENE = model_text("file_bodies_scene.xml")
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 from PIL import Image
 
 from mechsim.cli import main
@@ -54,15 +55,7 @@ def test_the_report_contains_page_numbers_plots_picture_and_video(monkeypatch, t
         assert check["quantity"] in page
 
 
-PUSHED = """
-<mujoco model="pushed"><worldbody>
-  <body><joint name="crank" axis="0 0 1"/><geom type="box" size="0.03 0.008 0.006" rgba="0 0.9 0 1"/>
-    <body pos="0.03 0 0"><joint name="A" axis="0 0 1"/><geom size="0.008" rgba="0 0.9 0 1"/>
-      <site name="C" pos="0.15 0 0"/></body></body>
-  <body pos="0.18 0 0"><joint name="slide" type="slide" axis="1 0 0"/><geom size="0.02" rgba="0 0.9 0 1"/>
-    <site name="S"/></body></worldbody>
-  <equality><connect site1="C" site2="S"/></equality></mujoco>
-"""
+PUSHED = model_text("validation_pushed.xml")
 
 
 @pytest.mark.slow

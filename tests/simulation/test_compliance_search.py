@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from model_files import model_text
 from typer.testing import CliRunner
 
 import mechsim as ms
@@ -13,15 +14,7 @@ from mechsim.simulation.settings import COMPLIANCE
 from mechsim.simulation.tolerance import improving_compliance
 
 # a slow five-bar under gravity: the loop-closure error is proportional to the square of the period
-FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0"/><default><joint axis="0 0 1"/></default>
-<worldbody>
-<body pos="-.031 0 0"><joint name="left"/><geom size=".012"/>
- <body pos="-.02 .06 0"><joint/><geom pos=".03 .02 0" size=".005"/>
-  <site name="P" pos=".055 .04 0"/></body></body>
-<body pos=".037 .004 0"><joint name="right"/><geom size=".012"/>
- <body pos=".023 .056 0"><joint/><geom pos="-.02 .02 0" size=".005"/>
-  <site name="Q" pos="-.056 .04 0"/></body></body>
-</worldbody><equality><connect site1="P" site2="Q"/></equality></mujoco>"""
+FIVE_BAR = model_text("compliance_search_five_bar.xml")
 DRIVES = {"left": "0.11*sin(2*pi*t/100)", "right": "0.13*sin(2*pi*t/100)"}
 TOLERANCE = 2e-11
 

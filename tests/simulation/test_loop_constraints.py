@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.errors import InputError
 from mechsim.simulation import loop_jacobian
@@ -16,28 +17,7 @@ from mechsim.simulation.recording import (
     link_motions,
 )
 
-MODEL = """<mujoco model="every kind">
-  <option gravity="0 0 0"/>
-  <worldbody>
-    <site name="w" pos=".1 .2 -.1" euler="10 20 30"/>
-    <body name="a" pos=".1 0 0" euler="5 -10 15"><joint name="crank" axis=".1 .2 1" ref="10"/>
-      <geom size=".01" pos=".02 0 .01"/>
-      <site name="s" pos=".02 .01 .03" euler="40 -20 10"/>
-      <body name="b" pos=".1 .02 0"><joint name="j" axis="0 1 .3" ref="-20"/><geom size=".01" pos=".01 0 0"/>
-        <body name="b2" pos=".05 0 0"><joint name="s1" type="slide" axis="1 .2 0" ref=".02"/>
-          <geom size=".01" pos="0 .01 .02"/></body></body></body>
-    <body name="c" pos=".3 0 .1"><joint name="ball" type="ball" pos=".01 0 0"/>
-      <geom size=".01" pos="0 .01 0"/></body>
-    <body name="f" pos=".2 .3 .1" euler="30 0 0"><freejoint name="free"/><geom size=".01" pos="0 0 .01"/>
-      <site name="t" pos="0 .02 .01" euler="-15 25 35"/></body>
-  </worldbody>
-  <tendon>
-    <fixed name="one"><joint joint="j" coef="2"/><joint joint="s1" coef="-3"/></fixed>
-    <fixed name="two"><joint joint="crank" coef=".5"/></fixed>
-    <spatial name="rope"><site site="s"/><site site="t"/></spatial>
-  </tendon>
-  <equality>EQUALITY</equality>
-</mujoco>"""
+MODEL = model_text("loop_constraints_model.xml")
 KINDS = {
     "connect of bodies": '<connect body1="b2" body2="f" anchor=".02 .01 -.03"/>',
     "connect of sites": '<connect site1="s" site2="t"/>',

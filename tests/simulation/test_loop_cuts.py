@@ -5,6 +5,7 @@ import mechanisms
 import numpy as np
 import pytest
 from driven_mechanisms import press
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import catalog, simulate
@@ -37,32 +38,7 @@ B revolute coupler-rocker
 C revolute ground-rocker
 """
 # a four-bar on a rotating arm; B and C are reversed, and A and the shoulder turn about minus z
-ON_AN_ARM = """name = "on an arm"
-drivers = ["shoulder", "crank"]
-[joints.shoulder]
-kind = "revolute"
-a = { link = "ground", at = [0, 0, 0], axis = [0, 0, -1] }
-b = { link = "arm", at = [0, 0, 0], axis = [0, 0, -1] }
-[joints.crank]
-kind = "revolute"
-a = { link = "arm", at = [0.05, 0.02, 0] }
-b = { link = "crank", at = [0, 0, 0] }
-[joints.A]
-kind = "revolute"
-a = { link = "crank", at = [0.04, 0, 0], axis = [0, 0, -1] }
-b = { link = "coupler", at = [0, 0, 0], axis = [0, 0, -1] }
-[joints.B]
-kind = "revolute"
-a = { link = "rocker", at = [0, 0.07, 0] }
-b = { link = "coupler", at = [0.09, 0.03, 0] }
-[joints.C]
-kind = "revolute"
-a = { link = "rocker", at = [0, 0, 0] }
-b = { link = "arm", at = [0.13, 0, 0] }
-[motion_laws]
-shoulder = "0.3rad*t"
-crank = "0.9rad + 0.5rad*t"
-"""
+ON_AN_ARM = model_text("loop_cuts_on_an_arm.toml")
 
 
 def test_the_rssr_is_cut_at_the_spherical_joint_far_from_the_crank() -> None:

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.errors import InputError
 from mechsim.model.joints import joint_coordinate
@@ -13,32 +14,7 @@ from mechsim.simulation.mjcf_reader.kinematic_tree import kinematic_tree, poses
 
 # every kind of joint, several on one body, ref, points off the origin, jointless bodies, frames,
 # defaults, degrees, and a body called as the frame is
-TREE = """
-<mujoco model="tree">
-  <compiler angle="degree" eulerseq="zyx"/>
-  <default><joint damping="1"/><default class="far"><joint pos="0.02 -0.01 0.03"/></default></default>
-  <worldbody>
-    <frame pos="0.1 0.2 0.3" euler="10 20 30">
-      <body name="ground" pos="0 0.1 0" quat="1 0.2 -0.3 0.4">
-        <joint name="first" axis="1 2 3" ref="25" class="far"/>
-        <joint name="second" axis="-1 0 1" pos="0 0.05 0"/>
-        <joint name="third" type="slide" axis="0 1 1" ref="0.04"/>
-        <geom size="0.01"/>
-        <body pos="0.05 0 0" euler="5 -40 70">
-          <site name="riding" pos="0.01 0.02 0.03"/>
-          <geom size="0.01"/>
-          <body name="ball" pos="0 0 0.1">
-            <joint name="socket" type="ball" pos="0.01 0 -0.02"/>
-            <geom size="0.01"/>
-            <body name="last" pos="0.1 0 0"><joint axis="0 0 1"/><geom size="0.01"/></body>
-          </body>
-        </body>
-      </body>
-    </frame>
-    <body name="loose" pos="1 2 3" euler="15 25 35"><freejoint/><geom size="0.01"/></body>
-    <body pos="0 0 -1"><body name="post" pos="0.3 0 0"><joint name="crank"/><geom size="0.01"/></body></body>
-  </worldbody>
-</mujoco>"""
+TREE = model_text("mjcf_reader_tree.xml")
 
 
 def random_state(model, seed):
@@ -86,19 +62,7 @@ def test_unnamed_elements_get_names(file):
     assert [joint.name for joint in mechanism.joints][4:6] == ["last_joint", "loose_joint"]
 
 
-LOOPS = """
-<mujoco>
-  <worldbody>
-    <body name="a"><joint name="crank"/><geom size="0.01"/><site name="out" pos="0.1 0.02 0" euler="20 0 0"/>
-      <body name="riser" pos="0 0 0.1"/></body>
-    <body name="b" pos="0.3 0 0"><joint name="slide" type="slide" axis="1 0 0"/><joint name="swing"/>
-      <geom size="0.01"/><site name="in" pos="0.1 0 0.05" euler="0 30 0"/></body>
-    <body name="c" pos="0 0.4 0"><freejoint name="free"/><geom size="0.01"/></body>
-  </worldbody>
-  <tendon><fixed name="t"><joint joint="crank" coef="2"/><joint joint="swing" coef="-0.5"/></fixed>
-    <fixed name="u"><joint joint="slide" coef="3"/></fixed></tendon>
-  <equality>EQUALITY</equality>
-</mujoco>"""
+LOOPS = model_text("mjcf_reader_loops.xml")
 
 EQUALITIES = {
     "connect": '<connect body1="riser" body2="b" anchor="0.02 0.03 -0.01"/>',
@@ -281,14 +245,14 @@ BAD = {
         '<mujoco><extension><plugin plugin="no.such"/></extension></mujoco>',
         "plugin no.such not found .*; take the plugin out of a copy",
     ),
-    "no such joint": (LOOPS.replace("EQUALITY", '<joint joint1="nobody"/>'), r"line 12: .*'nobody'"),
+    "no such joint": (LOOPS.replace("EQUALITY", '<joint joint1="nobody"/>'), r"line 11: .*'nobody'"),
     "not a number": (
         LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 nan 0"),
-        r"line 8: body 'c' .*not finite",
+        r"line 7: body 'c' .*not finite",
     ),
     "a huge coordinate": (
         LOOPS.replace("EQUALITY", "").replace("0 0.4 0", "0 1e80 0"),
-        r"line 8: body 'c' holds 1e\+80; give 1e\+12 in SI at most; correct the file",
+        r"line 7: body 'c' holds 1e\+80; give 1e\+12 in SI at most; correct the file",
     ),
     "huge gravity": (
         LOOPS.replace("EQUALITY", "").replace("<mujoco>", '<mujoco><option gravity="0 0 -1e200"/>'),

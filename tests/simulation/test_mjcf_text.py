@@ -1,5 +1,6 @@
 import mujoco
 import pytest
+from model_files import model_text
 
 from mechsim.errors import InputError
 from mechsim.simulation.mjcf.edited_text import (
@@ -12,16 +13,7 @@ from mechsim.simulation.mjcf.edited_text import (
 )
 from mechsim.simulation.mjcf.included_files import moved_to, with_included
 
-TEXT = """<mujoco>
-  <!-- <option timestep="9"/> äö -->
-  <compiler angle='radian'/>
-  <option timestep='0.002' gravity="0 0 -1"/>
-  <worldbody><body name="a > b"><joint name="j"/><geom size=".1"/></body></worldbody>
-  <equality>
-    <joint joint1="j" solref='0.01 1'/>  <!-- as measured -->
-  </equality>
-</mujoco>
-"""
+TEXT = model_text("mjcf_text_text.xml")
 
 
 def test_elements_have_their_positions_in_the_text():

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.simulation import simulate
@@ -10,17 +11,7 @@ from mechsim.simulation.closed_model import exclude_contacts
 from mechsim.studies.validate import case_of
 
 # a five-bar whose cranks slightly overlap the plates that carry them
-FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 -9.81 0" noslip_iterations="2"/>
-<default><joint axis="0 0 1" frictionloss=".05" armature=".002"/><geom size=".012"/></default>
-<worldbody><geom type="box" size=".02 .02 .005" pos="-.031 0 -.0099999"/>
-<geom type="box" size=".02 .02 .005" pos=".037 .004 -.0099999"/>
-<body name="left" pos="-.031 0 0"><joint name="left"/><geom type="box" size=".01 .012 .005"/>
- <body name="rod" pos="-.02 .06 0"><joint name="elbow"/><geom pos=".03 .02 0" size=".005"/>
-  <site name="P" pos=".055 .04 0"/></body></body>
-<body name="right" pos=".037 .004 0"><joint name="right"/><geom type="box" size=".011 .01 .005"/>
- <body name="bar" pos=".023 .056 0"><joint name="knee"/><geom pos="-.02 .02 0" size=".005"/>
-  <site name="Q" pos="-.056 .04 0"/></body></body>EXTRA
-</worldbody><equality><connect site1="P" site2="Q"/></equality></mujoco>"""
+FIVE_BAR = model_text("overlapping_links_five_bar.xml")
 SWINGS = {"left": "0.11*sin(2*pi*t)", "right": "0.13*sin(2*pi*t)"}
 BALL = """<body name="ball" pos="0 -.1 0"><freejoint/><geom size=".01"/></body>
 <geom type="plane" size="1 1 1" pos="0 -.12 0" zaxis="0 1 0"/>"""

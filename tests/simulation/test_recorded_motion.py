@@ -4,6 +4,7 @@ import mechanisms
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import catalog
 from mechsim.model.scene import Scene
@@ -40,32 +41,8 @@ FREE = f"""
 </mujoco>
 """
 # joints that follow the crank by a polynomial, and one at a constant angle
-CURVE = """
-<mujoco>
-  <worldbody>
-    <body name="a"><joint name="crank" axis="0 0 1" ref="20"/><geom size=".01"/>
-      <body name="b" pos=".1 0 0"><joint name="curve" axis="0 1 1" ref="10"/><geom size=".01" pos=".1 0 0"/>
-        <site name="P" pos=".2 .1 .05"/></body></body>
-    <body name="c" pos=".3 0 0"><joint name="slide" type="slide" axis="0 1 1"/><geom size=".01"/>
-      <body name="d"><joint name="still" axis="1 0 0" ref="30"/><geom size=".01" pos="0 0 .1"/></body></body>
-  </worldbody>
-  <equality>
-    <joint joint1="curve" joint2="crank" polycoef=".1 .5 .3 -.2 .1"/>
-    <joint joint1="slide" joint2="crank" polycoef="0 .2 -.1 0 0"/>
-    <joint joint1="still" polycoef=".4 0 0 0 0"/>
-  </equality>
-</mujoco>
-"""
-PENDULUM = """
-<mujoco>
-  <option gravity="0 -9.81 0"/>
-  <worldbody>
-    <body name="arm"><joint name="crank" axis="0 0 1" armature="0.01"/>
-      <inertial pos=".3 0 0" mass="2" diaginertia="1e-3 1e-3 1e-3"/><site name="tip" pos=".5 0 0"/>
-      <body><inertial pos="0 0 0" mass="1e-12" diaginertia="1e-14 1e-14 1e-14"/></body></body>
-  </worldbody>
-</mujoco>
-"""
+CURVE = model_text("recorded_motion_curve.xml")
+PENDULUM = model_text("recorded_motion_pendulum.xml")
 
 
 def of_text(text, points=()):

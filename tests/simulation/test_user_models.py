@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import simulate
 from mechsim.errors import AssemblyError, InputError, MobilityError
@@ -12,34 +13,13 @@ from mechsim.model.motion_laws import MotionLaws, make_motion_laws, steady
 from mechsim.simulation.settings import Settings
 
 # a four-bar whose coupler consists of two halves connected by EQUALITY
-FOUR_BAR = """<mujoco model="four-bar"><compiler angle="degree"/><option><flag contact="disable"/></option>
-<default><joint damping=".1" armature=".001"/></default>
-<worldbody>
-<body name="a"><joint name="motor" axis="0 0 1" ref="40"/><geom size=".01" pos=".02 0 0"/>
- <body name="b" pos=".04 0 0"><joint name="A" axis="0 0 1"/><geom size=".01" pos=".03 0 0"/>
-  <site name="middle" pos=".05 0 0" euler="0 0 20"/></body></body>
-<body name="d" pos=".08 .01 0"><joint name="D" axis="0 0 1"/><geom size=".01" pos="0 .03 0"/>
- <body name="c" pos="0 .06 0" euler="0 0 10"><joint name="C" axis="0 0 1"/><geom size=".01" pos="-.03 0 0"/>
-  <site name="P" pos="-.02 .01 0"/><site name="end" pos="-.05 .01 0" euler="0 0 20"/></body></body>
-</worldbody><equality>EQUALITY</equality>
-<keyframe><key name="ahead" qpos="1.1 0 0 0"/></keyframe></mujoco>"""
+FOUR_BAR = model_text("user_models_four_bar.xml")
 # the anchor is a point of the second body at the relative pose in the first
 WELDS = {
     "sites": '<weld site1="middle" site2="end"/>',
     "bodies": '<weld body1="b" body2="c" anchor="-.05 .01 0" relpose="0 .06 0 1 0 0 0" torquescale=".3"/>',
 }
-GRIPPER = """<mujoco model="gripper"><worldbody>
-<body name="left" pos="-.05 0 0"><joint name="left" axis="0 0 1"/><geom size=".01" pos="0 .04 0"/>
- <body name="tip" pos="0 .06 0"><joint name="left tip" axis="0 0 1"/><geom size=".01" pos="0 .02 0"/>
-  <site name="L" pos="0 .04 0"/></body></body>
-<body name="right" pos=".05 0 0"><joint name="right" axis="0 0 1"/><geom size=".01" pos="0 .04 0"/>
- <site name="R" pos="0 .1 0"/></body>
-</worldbody>
-<tendon><fixed name="finger"><joint joint="left" coef="2"/><joint joint="left tip" coef="1"/></fixed>
-<fixed name="other"><joint joint="right" coef="-1"/></fixed></tendon>
-<equality><tendon tendon1="finger" polycoef=".3 0 0 0 0"/><tendon tendon1="other" tendon2="finger"
- polycoef="0 1 .5 0 0"/><joint joint1="left tip" polycoef="EXTRA 0 0 0 0" active="ACTIVE"/></equality>
-</mujoco>"""
+GRIPPER = model_text("user_models_gripper.xml")
 
 
 def swept(text, **options):

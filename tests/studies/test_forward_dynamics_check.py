@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.dynamics.dynamic_run import initial_values
@@ -162,25 +163,7 @@ def test_dry_friction_does_not_hide_a_wrong_equilibrium():
     assert crosscheck_equilibrium(stable, tilted_gravity).outcome == "failed"
 
 
-SPRING_ARM = """
-name = "spring arm"
-drivers = ["pivot", "s"]
-[joints.pivot]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "arm" }
-[joints.s]
-kind = "prismatic"
-a = { link = "arm", axis = [1, 0, 0] }
-b = { link = "bob", axis = [1, 0, 0] }
-[links.arm]
-outline = [[0, 0, 0], [1, 0, 0]]
-inertia = { mass = 20, centre = [0.5, 0, 0], moments = [0.1, 1, 1] }
-[links.bob]
-inertia = { mass = 0.05, centre = [0, 0, 0], moments = [1e-5, 1e-5, 1e-5] }
-[points]
-P = { link = "bob" }
-"""
+SPRING_ARM = model_text("forward_dynamics_check_spring_arm.toml")
 
 
 def test_accelerations_of_a_stiff_spring_have_the_tolerance_of_the_motion_times_its_stiffness(tmp_path):

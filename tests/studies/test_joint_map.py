@@ -7,6 +7,7 @@ import mpmath
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import cli
@@ -73,16 +74,7 @@ def test_differences_that_are_no_numbers_are_no_agreement():
 
 
 # a four-bar on a turntable whose angle no input determines; the numbers of its pin are rounded
-TURNTABLE = """<mujoco><compiler angle="radian"/><worldbody>
-<body name="table"><joint name="yaw" axis="0 0 1"/>
-<geom size="0.01"/>
-<body name="crank" euler="1.5707963 0 0"><joint name="crank" axis="0 0 1"/><geom size="0.003"/>
-<body name="coupler" pos="0.03 0.02 0"><joint name="knuckle" axis="0 0 1"/><geom size="0.003"/>
-<site name="pin_c" pos="0.0633333 0.0566667 0"/></body></body>
-<body name="rocker" pos="0.1 0 0" euler="1.5707963 0 0"><joint name="rocker" axis="0 0 1"/>
-<geom size="0.003"/><site name="pin_r" pos="-0.0066666 0.0766668 0"/></body></body></worldbody>
-<equality><connect site1="pin_c" site2="pin_r"/></equality>
-<actuator><motor joint="yaw"/><motor joint="crank"/></actuator></mujoco>"""
+TURNTABLE = model_text("joint_map_turntable.xml")
 
 
 def test_a_motor_left_out_stays_where_it_is():
@@ -139,17 +131,7 @@ def test_rates_of_rotation_vectors_equal_finite_differences():
     np.testing.assert_allclose(rotation_vector_rates(vectors) @ angular, expected, atol=1e-9)
 
 
-TWO_MOTORS = """<mujoco><compiler angle="radian"/><option gravity="0 -9.81 0"/><worldbody>
-<body><joint name="left" axis="0 0 1" range="1.5 2.4" limited="true"/><geom size=".01" pos=".1 0 0"/>
- <body pos=".1 0 0"><joint name="a" axis="0 0 1"/><geom size=".01" pos=".1 0 0"/>
-  <site name="tip" pos=".15 0 0"/></body></body>
-<body pos=".12 0 0"><joint name="right" axis="0 0 1" range="0.7 1.6" limited="true"/>
- <geom size=".01" pos=".1 0 0"/>
- <body pos=".1 0 0"><joint name="b" axis="0 0 1"/><geom size=".01" pos=".1 0 0"/>
-  <site name="other" pos=".15 0 0"/></body></body>
-</worldbody><equality><connect site1="tip" site2="other"/></equality>
-<keyframe><key qpos="1.92 -1.026 1.222 1.026"/></keyframe>
-<actuator><motor joint="left"/><motor joint="right"/></actuator></mujoco>"""
+TWO_MOTORS = model_text("joint_map_two_motors.xml")
 
 
 def test_holding_torques_equal_energy_derivatives():

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.studies.robots.menagerie import verification
@@ -60,18 +61,7 @@ def test_invalid_options_are_rejected(options, message):
         ms.export("four_bar", **options)
 
 
-WITH_SPRING = """
-<mujoco><compiler angle="radian"/><worldbody>
-  <body name="crank"><joint name="motor" axis="0 1 0" range="-0.5 1"/>
-    <geom type="capsule" fromto="0 0 0 .03 0 0" size=".002"/><body name="rod" pos=".03 0 0">
-    <joint name="elbow" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .08 0 .06" size=".002"/>
-    <site name="end" pos=".08 0 .06"/></body></body>
-  <body name="rocker" pos=".1 0 0"><joint name="hip" axis="0 1 0" stiffness=".05" springref="1" range="-2 2"/>
-    <geom type="capsule" fromto="0 0 0 .01 0 .06" size=".002"/><site name="tip" pos=".01 0 .06"/></body>
-</worldbody>
-<equality><connect site1="end" site2="tip"/></equality>
-<actuator><motor joint="motor"/></actuator></mujoco>
-"""
+WITH_SPRING = model_text("menagerie_with_spring.xml")
 
 
 def test_a_file_keeps_the_names_limits_and_springs_of_its_joints():

@@ -4,29 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.loops.mobility import driver_determinacy
 from mechsim.simulation.mjcf_reader import read_model
 
 # a ram and two links of equal lengths, which are folded onto each other at length 0
-LEG = """<mujoco model="leg">
-  <compiler angle="radian"/>
-  <worldbody>
-    <body name="hip"><joint name="yaw" axis="0 0 1" range="-0.5 0.5"/><geom type="sphere" size="0.02"/>
-      <body name="foot"><joint name="length" type="slide" axis="0 0 -1" range="0.1 0.5"/>
-        <geom type="sphere" size="0.01"/></body>
-      <body name="femur"><joint name="femur" axis="0 1 0" range="0.1 1.5"/>
-        <geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.01"/>
-        <body name="shank" pos="0 0 -0.3"><joint name="knee" axis="0 1 0" range="0.2 2.9"/>
-          <geom type="capsule" fromto="0 0 0 0 0 0.3" size="0.01"/></body></body>
-    </body>
-  </worldbody>
-  <contact><exclude body1="foot" body2="shank"/></contact>
-  <equality><connect name="pin" body1="foot" body2="shank" anchor="0 0 0"/></equality>
-  <actuator><position name="yaw" joint="yaw" kp="20"/>
-    <position name="ram" joint="length" kp="500"/></actuator>
-</mujoco>"""
+LEG = model_text("folded_start_leg.xml")
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.simulation.dynamics.prescribed_motion import driven
@@ -9,33 +10,7 @@ from mechsim.simulation.source import from_source
 from mechsim.studies.dynamics_check import crosscheck_free
 
 # a slider pushed along x by 500 N: the inertia of the links is negligible
-PRESS = """
-name = "press"
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "wheel" }
-[joints.A]
-kind = "revolute"
-a = { link = "wheel", at = [0.03, 0, 0] }
-b = { link = "rod" }
-[joints.B]
-kind = "revolute"
-a = { link = "rod", at = [0.09, 0, 0] }
-b = { link = "slider" }
-[joints.slide]
-kind = "prismatic"
-a = { link = "ground", axis = [1, 0, 0] }
-b = { link = "slider", axis = [1, 0, 0] }
-[points]
-B = { link = "slider" }
-[guess]
-rod = { at = [0.03, 0, 0] }
-slider = { at = [0.12, 0, 0] }
-[forces]
-loads.push = { at = "B", force = [-500, 0, 0] }
-gravity = [0, 0, 0]
-"""
+PRESS = model_text("forces_of_a_file_press.toml")
 SPEED, ANGLES = 1.0, np.array([0.7, 1.5, 2.6])
 
 

@@ -1,24 +1,12 @@
 """Formulas in files are code: they are run from the folder of the file or below, or not at all."""
 
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import cli
 
-PENDULUM = """
-name = "arm"
-drivers = ["crank"]
-[links.arm]
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "arm" }
-[points.P]
-link = "arm"
-at = [1.0, 0, 0]
-[formula]
-python = "FORMULA"
-"""
+PENDULUM = model_text("formula_paths_pendulum.toml")
 # right: the point turns about the origin at distance 1
 CODE = """
 import numpy as np
@@ -56,7 +44,7 @@ def test_a_formula_in_the_folder_or_below_is_read(written, formula):
 )
 def test_a_formula_elsewhere_is_rejected_with_its_line(written, formula, tmp_path):
     path = written(formula.format(tmp=tmp_path))
-    with pytest.raises(ms.InputError, match=r"line 13: .*outside the folder of the mechanism"):
+    with pytest.raises(ms.InputError, match=r"line 12: .*outside the folder of the mechanism"):
         ms.load(path)
     assert not (tmp_path / "other" / "was_run").exists()
 

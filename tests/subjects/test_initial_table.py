@@ -1,27 +1,13 @@
 """The initial state of a TOML file: read in its units, used by dynamics, written back, and checked."""
 
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import cli
 from mechsim.subjects.toml_writer import to_toml
 
-TEXT = """name = "bar"
-units = { length = "mm", angle = "deg" }
-drivers = ["crank"]
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "bar" } }
-A = { kind = "revolute", a = { link = "bar", at = [40, 0, 0] }, b = { link = "coupler" } }
-B = { kind = "revolute", a = { link = "coupler", at = [99, 0, 0] }, b = { link = "rocker", at = [80, 0, 0] } }
-rocker = { kind = "revolute", a = { link = "ground", at = [90, 0, 0] }, b = { link = "rocker" } }
-[guess]
-rocker = { at = [90, 0, 0], turn = { axis = [0, 0, 1], angle = 90 } }
-[forces]
-gravity = [0, -9.81, 0]
-[initial]
-crank.q = 30
-crank.v = "2 rad/s"
-"""
+TEXT = model_text("initial_table_text.toml")
 
 
 def written(tmp_path, text=TEXT):

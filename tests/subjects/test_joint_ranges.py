@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import simulate
 from mechsim.analytic import dynamics
@@ -10,15 +11,7 @@ from mechsim.report.facts import facts
 from mechsim.subjects.driver_positions import poses_of_table
 from mechsim.subjects.readers import load
 
-ARM = """
-<mujoco model="arm">
-  <compiler angle="radian"/>
-  <worldbody>
-    <body name="a"><joint name="crank" axis="0.1 0.2 1"/><geom size="0.01" pos="0.1 0 0" mass="0.1"/>
-      <body name="b" pos="0.2 0 0.05"><joint name="wrist" axis="0.1 1 0.2" limited="true" range="0.2 1"/>
-        <geom size="0.01" pos="0.1 0 0" mass="0.1"/><site name="tip" pos="0.15 0.02 0.01"/></body></body>
-  </worldbody>
-</mujoco>"""
+ARM = model_text("joint_ranges_arm.xml")
 
 
 @pytest.fixture
@@ -66,19 +59,7 @@ def test_poses_report_floating_bodies(tmp_path):
     assert run.note == ""
 
 
-FOUR_BAR = """
-<mujoco model="bar">
-  <compiler angle="radian"/>
-  <worldbody>
-    <body name="crank"><joint name="crank" axis="0 0 1"/><geom size="0.004" mass="0.1"/>
-      <body name="coupler" pos="0.04 0 0"><joint name="A" axis="0 0 1"/><geom size="0.004" mass="0.1"/>
-        <site name="tip" pos="0.1 0 0"/></body></body>
-    <body name="rocker" pos="0.1 0 0"><joint name="rocker" axis="0 0 1"/><geom size="0.004" mass="0.1"/>
-      <site name="P" pos="0.04 0 0"/></body>
-  </worldbody>
-  <equality><connect site1="tip" site2="P"/></equality>
-  <keyframe><key name="up" qpos="0.5 -0.5 0.5"/></keyframe>
-</mujoco>"""
+FOUR_BAR = model_text("joint_ranges_four_bar.xml")
 
 
 def parallelogram(tmp_path, joint, low, high, **options):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import dynamics, files
 from mechsim.errors import InputError
@@ -14,35 +15,7 @@ from mechsim.subjects.readers import load
 from mechsim.subjects.toml_keys import schema
 from mechsim.subjects.toml_writer import to_toml
 
-SLIDER = """
-name = "slider"
-units = { length = "mm", angle = "deg" }
-[parameters]
-crank = 30
-rod = 95
-swell = 2
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "wheel" }
-[joints.A]
-kind = "revolute"
-a = { link = "wheel", at = ["crank", 0, 0] }
-b = { link = "rod" }
-[joints.B]
-kind = "revolute"
-a = { link = "rod", at = ["rod", 0, 0] }
-b = { link = "slider" }
-[joints.slide]
-kind = "prismatic"
-a = { link = "ground", at = [0, 10, 0], axis = [1, 0, 0] }
-b = { link = "slider", axis = [1, 0, 0] }
-[points]
-B = { link = "slider" }
-[guess]
-rod = { at = ["crank", 0, 0], turn = { axis = [0, 0, 1], angle = 6 } }
-slider = { at = ["crank + rod", 10, 0] }
-"""
+SLIDER = model_text("load_text_slider.toml")
 VARYING = """
 [forces]
 loads.push = { at = "B", force = ["5 N*sin(2*pi*t + 30deg)*swell", 1, 0] }
@@ -127,7 +100,7 @@ def test_varying_loads_are_written_and_read_back(made, tmp_path):
 def test_an_invalid_load_is_rejected_with_line_and_key(made, line, words):
     with pytest.raises(InputError, match=re.escape(words)) as error:
         made(f"[forces]\n{line}\n")
-    assert "slider.toml, line 30: " in str(error.value)
+    assert "slider.toml, line 29: " in str(error.value)
     assert "\n" not in str(error.value)
 
 

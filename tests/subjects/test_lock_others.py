@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import simulate
 from mechsim.analytic.loops.mobility import driver_determinacy
@@ -11,23 +12,7 @@ from mechsim.errors import MobilityError
 from mechsim.subjects.readers import load
 
 # an arm of two hinges on a floating base, a head on a ball, and a four-bar of which only one hinge is driven
-ROBOT = """
-<mujoco model="robot">
-  <worldbody>
-    <body name="base" pos="0 0 1"><freejoint name="float"/><geom size="0.1"/>
-      <body name="upper"><joint name="shoulder" axis="0 0 1"/><geom size="0.01" pos="0.1 0 0"/>
-        <body name="lower" pos="0.2 0 0"><joint name="elbow" axis="0 0 1"/><geom size="0.01"/></body>
-      </body>
-      <body name="head"><joint name="neck" type="ball"/><geom size="0.05" pos="0 0.05 0.2"/></body>
-      <body name="crank" pos="0 1 0"><joint name="motor" axis="0 0 1"/><geom size="0.01" pos="0.02 0 0"/>
-        <body name="coupler" pos="0.04 0 0"><joint name="A" axis="0 0 1"/><geom size="0.01" pos="0.05 0 0"/>
-          <site name="B1" pos="0.1 0 0"/></body></body>
-      <body name="rocker" pos="0.12 1 0"><joint name="C" axis="0 0 1"/><geom size="0.01" pos="0 0.04 0"/>
-        <site name="B2" pos="0.02 0.08 0"/></body>
-    </body>
-  </worldbody>
-  <equality><connect site1="B1" site2="B2"/></equality>
-</mujoco>"""
+ROBOT = model_text("lock_others_robot.xml")
 
 
 @pytest.fixture

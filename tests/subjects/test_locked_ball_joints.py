@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim import simulate
 from mechsim.cli.control_options import ControlOptions, user_scene
@@ -16,19 +17,7 @@ from mechsim.studies.scene.write_tuned import tuned_text
 from mechsim.subjects.readers import load
 
 # a post on a hinge, a ball and a slide with inclined axes, an arm on the post, and a free body
-BOOM = """
-<mujoco model="boom">
-  <worldbody>
-    <body name="post" pos="0.1 0.2 0.3" quat="0.9 0.1 -0.2 0.3">
-      <joint name="lift" axis="0.3 0.2 1" pos="0.02 0.01 0"/>
-      <joint name="neck" type="ball" pos="0.05 0.02 0.03"/><joint name="rail" type="slide" axis="1 0.2 0.1"/>
-      <geom size="0.01" pos="0.1 0.03 0.02"/>
-      <body name="arm" pos="0.2 0 0.05"><joint name="crank" axis="0.1 1 0.2"/><geom size="0.01"/>
-        <site name="tip" pos="0.15 0.02 0.01"/></body></body>
-    <body name="load" pos="1 0 0"><freejoint name="loose"/><geom size="0.01"/></body>
-  </worldbody>
-  <keyframe><key name="k" qpos="0.4 0.8 0.3 -0.4 0.2 0.05 0.7 1 2 3 0.5 0.5 0.5 0.5"/></keyframe>
-</mujoco>"""
+BOOM = model_text("locked_ball_joints_boom.xml")
 LOCKED = ("lift", "neck", "rail", "loose")
 
 
@@ -86,24 +75,7 @@ def test_locked_ball_joints_are_removed_from_tuned_models(boom):
     assert model.key("k").qpos.tolist() == [0.4, 0.05, 0.7]
 
 
-ARM = """
-name = "arm"
-drivers = ["crank"]
-[links.rod]
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "wheel" }
-[joints.neck]
-kind = "spherical"
-a = { link = "wheel", at = [0.1, 0.02, 0] }
-b = { link = "rod", at = [0.01, 0, 0.02], axis = [1, 2, 3] }
-[points]
-tip = { link = "rod", at = [0.2, 0.1, 0.05] }
-[guess.rod]
-at = [0.1, 0.05, 0.03]
-turn = { axis = [1, 0.5, 0.2], angle = 0.7 }
-"""
+ARM = model_text("locked_ball_joints_arm.toml")
 
 
 def test_a_locked_ball_joint_connects_its_links_rigidly(tmp_path):

@@ -4,33 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.loops.tree import spanning_tree
 from mechsim.errors import MobilityError
 from mechsim.theory.mobility_count import mobility
 
-TEXT = """
-name = "bound"
-[parameters]
-left = 0.1
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
-A = { kind = "revolute", a = { link = "crank", at = [0.04, 0, 0] }, b = { link = "left" } }
-B = { kind = "revolute", a = { link = "left", at = ["left", 0, 0] }, b = { link = "far", at = [0.09, 0, 0] } }
-C = { kind = "revolute", a = { link = "far" }, b = { link = "arm", at = [0.05, 0, 0] } }
-arm = { kind = "revolute", a = { link = "ground", at = [0.12, 0, 0] }, b = { link = "arm" } }
-[couplings.sum]
-driver = "crank"
-driven = { A = 1, B = 0.3, C = 0.2, arm = 0.3 }
-coefficients = [1.0, 0.3, 0.1]
-[points]
-tip = { link = "left", at = ["left", 0.01, 0] }
-[guess]
-left = { at = [0.04, 0, 0], turn = { axis = [0, 0, 1], angle = 1.0472 } }
-far = { at = [0.15, 0.04, 0], turn = { axis = [0, 0, 1], angle = 2.618 } }
-arm = { at = [0.12, 0, 0], turn = { axis = [0, 0, 1], angle = 0.8727 } }
-"""
+TEXT = model_text("loops_of_coupled_joints_text.toml")
 
 
 @pytest.fixture
@@ -85,25 +66,7 @@ def test_both_methods_keep_revolutions_that_no_pose_determines(tmp_path: Path) -
     assert mobility(solver.mechanism).redundant_in_plane == 0
 
 
-RING = """
-name = "ring"
-[parameters]
-back = 1.0
-[links]
-one = {}
-two = {}
-three = {}
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "one" } }
-second = { kind = "revolute", a = { link = "ground", at = [0.05, 0, 0] }, b = { link = "two" } }
-third = { kind = "revolute", a = { link = "ground", at = [0.03, 0.06, 0] }, b = { link = "three" } }
-[couplings]
-first = { driver = "crank", driven = "second", ratio = -2 }
-next = { driver = "second", driven = "third", ratio = -0.5 }
-last = { driver = "third", driven = "crank", ratio = "back" }
-[points]
-tip = { link = "three", at = [0.02, 0, 0] }
-"""
+RING = model_text("loops_of_coupled_joints_ring.toml")
 
 
 def test_an_inconsistent_ring_of_gears_is_reported_as_immobile(

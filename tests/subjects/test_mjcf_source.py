@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.cli import main
 from mechsim.errors import AssemblyError, InputError, MobilityError
@@ -14,22 +15,7 @@ from mechsim.subjects.readers import load
 
 # five bars in an inclined plane: two cranks of 0.05 m, 0.1 m apart, rods of 0.09 m; closed by sites with an
 # initial loop-closure error of 3 mm; one crank has another zero
-FIVE_BAR = """
-<mujoco model="five-bar">
-  <compiler angle="radian"/>
-  <worldbody>
-    <body name="plane" pos="0.3 -0.2 0.1" euler="0.4 -0.7 1.1">
-      <body name="a"><joint name="left" ref="2"/><geom size="0.01"/>
-        <body name="b" pos="ACOS ASIN 0"><joint name="elbow" ref="-1.3"/><geom size="0.01"/>
-          <site name="P" pos="PX PY 0"/></body></body>
-      <body name="d" pos="0.1 0 0"><joint name="right" ref="7.28"/><geom size="0.01"/>
-        <body name="c" pos="DCOS DSIN 0"><joint name="wrist"/><geom size="0.01"/>
-          <site name="Q" pos="QX QY 0"/></body></body>
-    </body>
-  </worldbody>
-  <equality><connect site1="P" site2="Q"/></equality>
-  <actuator><motor joint="left"/><position joint="right"/></actuator>
-</mujoco>"""
+FIVE_BAR = model_text("mjcf_source_five_bar.xml")
 
 
 def five_bar(gap=3e-3, rod=0.09):
@@ -96,21 +82,7 @@ def test_a_five_bar_with_an_initial_error_has_the_exact_motion(file):
 
 
 # a chain closed by a weld, with three hinges on one body; and a free body welded to it
-WELDED = """
-<mujoco model="welded">
-  <worldbody>
-    <body name="a"><joint name="crank" axis="0 0 1" ref="400"/><geom size="0.01"/>
-      <body name="b" pos="0.05 0 0.01"><joint name="x" axis="1 0.1 0"/><joint name="y" axis="0.2 1 0"/>
-        <joint name="z" axis="0 0 1"/><geom size="0.01"/>
-        <body name="c" pos="0.12 0.02 0.03"><joint name="u" axis="0.3 0.1 1"/>
-        <joint name="v" axis="0.1 1 0.1"/><geom size="0.01"/></body></body></body>
-    <body name="r" pos="0.1 0.1 0"><joint name="rocker" axis="0.2 0.1 1"/><geom size="0.01"/>
-      <body name="s" pos="0.02 0.01 0.1"><geom size="0.01"/></body></body>
-    <body name="load" pos="0.1 0.1 -0.2"><freejoint name="free"/><geom size="0.01"/></body>
-  </worldbody>
-  <equality><weld body1="c" body2="s"/><weld body1="r" body2="load"/></equality>
-  <keyframe><key name="other" qpos="7.3 0.1 -0.2 0.1 0 0 0.2 0 0 0 1 0 0 0"/></keyframe>
-</mujoco>"""
+WELDED = model_text("mjcf_source_welded.xml")
 
 
 def test_a_spatial_chain_satisfies_the_weld_in_mujoco(file):

@@ -5,35 +5,13 @@ import tomllib
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.errors import InputError
 from mechsim.subjects.parameter_units import parameter_units
 from mechsim.subjects.readers import load
 
-FILE = """
-name = "arm"
-units = { length = "mm", angle = "deg" }
-[parameters]
-crank = 30
-half = "crank/2"
-rod = "2*sqrt(half**2 + crank**2)"
-ratio = 3
-reach = "ratio*crank"
-bend = 20
-tilt = "bend + asin(half/reach)"
-teeth = 18
-unused = 4
-span = "3 cm"
-spread = "teeth/ratio"
-[joints.crank]
-kind = "revolute"
-a = { link = "ground", at = ["reach", "rod*sin(tilt)", 0] }
-b = { link = "arm" }
-[links.arm]
-outline = [[0, 0, 0], ["crank*cos(bend)", "-span", 0]]
-[points]
-tip = { link = "arm", at = ["crank", 0, 0] }
-"""
+FILE = model_text("parameter_units_file.toml")
 
 
 def test_lengths_angles_and_plain_numbers_are_distinguished():

@@ -4,73 +4,14 @@ import re
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.errors import AssemblyError, InputError, MobilityError
 from mechsim.subjects.driver_positions import driver_path, poses_of_table
 from mechsim.subjects.readers import load
 
-FIVE_BAR = """
-name = "five_bar"
-units = { length = "mm", angle = "deg" }
-drivers = ["left", "right"]
-start = { left = 120, right = 60 }
-[parameters]
-arm = 50
-rod = 90
-[joints.left]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "a" }
-[joints.right]
-kind = "revolute"
-a = { link = "ground", at = [100, 0, 0] }
-b = { link = "d" }
-[joints.A]
-kind = "revolute"
-a = { link = "a", at = ["arm", 0, 0] }
-b = { link = "b" }
-[joints.D]
-kind = "revolute"
-a = { link = "d", at = ["arm", 0, 0] }
-b = { link = "c" }
-[joints.P]
-kind = "revolute"
-a = { link = "b", at = ["rod", 0, 0] }
-b = { link = "c", at = ["rod", 0, 0] }
-[points]
-P = { link = "b", at = ["rod", 0, 0] }
-[guess.b]
-at = [-25, 43, 0]
-turn = { axis = [0, 0, 1], angle = 35 }
-"""
-BOOM = """
-name = "boom"
-units = { length = "mm", angle = "deg" }
-drivers = ["ram"]
-start = 520
-[joints.foot]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "boom" }
-[joints.base]
-kind = "revolute"
-a = { link = "ground", at = [300, -200, 0] }
-b = { link = "barrel" }
-[joints.ram]
-kind = "prismatic"
-a = { link = "barrel", axis = [1, 0, 0] }
-b = { link = "rod", axis = [1, 0, 0] }
-[joints.eye]
-kind = "revolute"
-a = { link = "rod" }
-b = { link = "boom", at = [400, 0, 0] }
-[points]
-tip = { link = "boom", at = [1000, 0, 0] }
-[guess]
-boom = { turn = { axis = [0, 0, 1], angle = 60 } }
-barrel = { at = [300, -200, 0], turn = { axis = [0, 0, 1], angle = 100 } }
-rod = { at = [200, 350, 0], turn = { axis = [0, 0, 1], angle = 100 } }
-"""
+FIVE_BAR = model_text("prescription_five_bar.toml")
+BOOM = model_text("prescription_boom.toml")
 
 
 def two_circles(left, right, arm=0.05, rod=0.09, ground=0.1):

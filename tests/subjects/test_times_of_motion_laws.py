@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.loops.loop_form import LoopForm
@@ -129,34 +130,7 @@ def test_comparing_several_drivers_with_a_function_of_angle_is_rejected():
 
 
 # a boom lifted by a ram; its size, by which motion laws of slides are normalised, goes with `arm`
-BOOM = """
-name = "boom"
-drivers = ["ram"]
-start = 0.52
-duration = 2
-[motion_laws]
-ram = "20mm/s"
-[parameters]
-arm = 0.4
-[joints.foot]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "boom" }
-[joints.base]
-kind = "revolute"
-a = { link = "ground", at = [0.3, -0.2, 0] }
-b = { link = "barrel" }
-[joints.ram]
-kind = "prismatic"
-a = { link = "barrel", axis = [1, 0, 0] }
-b = { link = "rod", axis = [1, 0, 0] }
-[joints.eye]
-kind = "revolute"
-a = { link = "rod" }
-b = { link = "boom", at = ["arm", 0, 0] }
-[points]
-tip = { link = "boom", at = [1, 0, 0] }
-"""
+BOOM = model_text("times_of_motion_laws_boom.toml")
 
 
 def test_sweeps_measure_designs_at_times_of_motion_laws(tmp_path):

@@ -4,46 +4,13 @@ import re
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.analytic import catalog
 from mechsim.errors import InputError
 from mechsim.subjects.readers import load
 
-FOUR_BAR = """name = "bar"
-units = { length = "mm", angle = "deg" }
-drivers = ["crank"]
-start = 10
-[parameters]
-ground = 100
-crank = "4 cm"
-coupler = "ground + crank/2"
-rocker = "sqrt(81e2)"
-[links.coupler]
-outline = [[0, 0, 0], ["coupler/2", "30 mm", 0]]
-inertia = { mass = "400 g", centre = [60, 0, 0], moments = [1e-6, "3e-6 kg m^2", 3e-6] }
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "crank" }
-[joints.A]
-kind = "revolute"
-a = { link = "crank", at = ["crank", 0, 0] }
-b = { link = "coupler" }
-[joints.B]
-kind = "revolute"
-a = { link = "coupler", at = ["coupler", 0, 0] }
-b = { link = "rocker", at = ["rocker", 0, 0] }
-[joints.rocker]
-kind = "revolute"
-a = { link = "ground", at = ["ground", 0, 0] }
-b = { link = "rocker" }
-[points]
-A = { link = "crank", at = ["crank", 0, 0] }
-B = { link = "rocker", at = ["rocker", 0, 0] }
-[guess]
-coupler = { at = ["crank*cos(10)", "crank*sin(10)", 0], turn = { axis = [0, 0, 1], angle = 45 } }
-rocker = { at = ["ground", 0, 0], turn = { axis = [0, 0, 1], angle = 80 } }
-"""
+FOUR_BAR = model_text("toml_reader_four_bar.toml")
 
 
 def test_a_four_bar_file_agrees_with_the_closed_form(file):

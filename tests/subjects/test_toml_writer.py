@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 from mechsim.analytic import catalog
 from mechsim.cli import main
@@ -93,114 +94,7 @@ def test_the_schema_contains_every_key_of_the_reader(monkeypatch, capsys):
     assert json.loads(capsys.readouterr().out)["properties"]["joints"]["additionalProperties"]["required"]
 
 
-PRESS = """
-name = "press"
-units = { length = "mm", angle = "deg" }
-drivers = ["crank", "sleeve.way"]
-start = { crank = 20, sleeve.way = "5 mm", rack = 3 }
-duration = "500 ms"
-[parameters]
-lift = 12
-[motion_laws]
-crank = "20 + lift*sin(2*pi*t)"
-sleeve.way = "5 + lift*t**2"
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "wheel" }
-[joints.rack]
-kind = "prismatic"
-a = { link = "ground", at = [0, 30, 0], axis = [1, 0, 0] }
-b = { link = "bar", axis = [1, 0, 0] }
-[joints.nut]
-kind = "screw"
-lead = "4 mm"
-a = { link = "ground", at = [100, 0, 0] }
-b = { link = "nut" }
-[joints.sleeve]
-kind = "cylindrical"
-a = { link = "ground", at = [150, 0, 0], axis = [0, 1, 0] }
-b = { link = "sleeve", axis = [0, 1, 0] }
-[joints.second]
-kind = "revolute"
-a = { link = "ground", at = [200, 0, 0] }
-b = { link = "pinion" }
-[joints.table]
-kind = "planar"
-a = { link = "ground", at = [300, 0, 0] }
-b = { link = "table" }
-[joints.weld]
-kind = "fixed"
-a = { link = "table" }
-b = { link = "clamp" }
-[couplings.mesh]
-driver = "crank"
-driven = "second"
-ratio = -2
-phase = 75
-pressure_angle = 20
-[couplings.feed]
-driver = "crank"
-driven = "rack"
-travel = "36 mm"
-phase = 2
-pressure_angle = "0.4 rad"
-[couplings.lift]
-driver = "rack"
-driven = "nut.turn"
-coefficients = ["15 deg", 2, 0.1, 0, 1e-4]
-zeros = [3, "1 cm"]
-[couplings.sum]
-driver = { rack = 1, "sleeve.way" = -0.5 }
-driven = "table.x"
-coefficients = [0, 1]
-[couplings.twin]
-driver = "crank"
-driven = "sleeve.turn"
-coefficients = [0, 3]
-turns = true
-[locked]
-"table.y" = 7
-table.turn = "10 deg"
-[links.wheel]
-outline = [[0, 0, 0], [40, 0, 0]]
-[links.bar]
-inertia = { mass = "400 g", centre = [1, 2, 3], moments = [1e-6, 2e-6, 3e-6] }
-[links.nut]
-[links.sleeve]
-[links.pinion]
-[links.clamp]
-[points]
-rim = { link = "wheel", at = [40, 0, 0] }
-end = { link = "bar", at = [25, 0, 0] }
-[forces]
-gravity = [0, 0, -9.81]
-flywheel = "2e4 g mm^2"
-motor = { kind = "line", stall = "300 N mm", no_load = "600rpm", gear = -3 }
-crank_torque = "-20 N mm"
-[forces.friction]
-crank = { viscous = "1e-3 N m s/rad", coulomb = 0.002 }
-sleeve = { viscous = "2 N s/m", viscous_turn = 1e-4 }
-[forces.springs.back]
-a = "end"
-b = { link = "ground", at = [80, 30, 0] }
-stiffness = "5 N/mm"
-rest = 40
-[forces.dampers.oil]
-a = "rim"
-b = "end"
-damping = 3
-[forces.joint_springs]
-rack = { stiffness = "2 N/mm", rest = 4 }
-second = { stiffness = 0.3, rest = 30 }
-[forces.loads.push]
-at = "end"
-force = ["20 N", 0, 0]
-[forces.couples]
-wheel = [0, 0, "5 N mm"]
-[formula]
-python = "press.py:law"
-"""
+PRESS = model_text("toml_writer_press.toml")
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from model_files import model_text
 
 from mechsim.analytic import catalog
 from mechsim.cli import main
@@ -17,22 +18,7 @@ from mechsim.subjects.readers import load
 from mechsim.subjects.toml_writer import to_toml
 
 # a crank about the vertical z axis with an arm that stays outside the plane of its tip
-ARM = """
-name = "arm"
-[links.arm]
-[joints.crank]
-kind = "revolute"
-a = { link = "ground", at = [0, 0, 0.3] }
-b = { link = "base" }
-[joints.elbow]
-kind = "revolute"
-a = { link = "base", at = [0.1, 0, 0], axis = [0, 1, 0] }
-b = { link = "arm", axis = [0, 1, 0] }
-[locked]
-elbow = 0.4
-[points]
-tip = { link = "arm", at = [0.2, 0, 0.1] }
-"""
+ARM = model_text("vertical_arm.toml")
 SCENE = """
 <mujoco model="arm"><option gravity="{}"/><worldbody>
   <body name="base" pos="0 0 .3"><joint name="crank" axis="0 0 1"/><geom size=".01"/></body>
@@ -112,7 +98,7 @@ def test_pages_and_pictures_accept_another_vertical(tmp_path, capsys, monkeypatc
 
 
 def test_an_invalid_axis_is_rejected_with_its_line(tmp_path):
-    with pytest.raises(InputError, match=r"line 17: display.up is 'w'; it can be x, y, z, -x, -y, -z"):
+    with pytest.raises(InputError, match=r"line 16: display.up is 'w'; it can be x, y, z, -x, -y, -z"):
         loaded(tmp_path, ARM + '[display]\nup = "w"')
     with pytest.raises(InputError, match="up is 'north'; it can be x"):
         replace(catalog.make("rssr").mechanism, up="north")

@@ -5,6 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 from browser import Browser, in_browser
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.codegen import geometry
@@ -25,21 +26,7 @@ CHANGED = {
 }
 
 
-OWN_BAR = """name = "own_bar"
-parameters = { short = 40, long_bar = "120 mm", rocker_ = 80, base = "3*short" }  # of my bench
-units = { length = "mm" }
-drivers = ["crank"]
-[links.crank]
-[links.coupler]
-[links.rocker]
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
-A = { kind = "revolute", a = { link = "crank", at = ["short", 0, 0] }, b = { link = "coupler" } }
-B = { kind = "revolute", a = { link = "coupler", at = ["long_bar", 0, 0] }, b = { link = "rocker" } }
-D = { kind = "revolute", a = { link = "ground", at = ["base", 0, 0] }, b = { link = "rocker", at = [0, "rocker_", 0] } }
-[points]
-P_1 = { link = "coupler", at = ["long_bar/2", 30, 0] }
-"""  # noqa: E501
+OWN_BAR = model_text("live_own_bar.toml")
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import json
 import mujoco
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim import cli
@@ -260,15 +261,7 @@ def test_a_weld_without_torque_is_reported_as_a_connect(torquescale, severity, t
     assert violation.severity == severity
 
 
-HIPS = """<mujoco><compiler angle="radian"/><worldbody><body name="torso" pos="0 0 1"><freejoint/>
-<geom type="box" size=".1 .1 .05"/>
-<body name="hip" pos=".1 0 0"><joint name="hip" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.3"
- size=".04"/>
-<body name="shin" pos="0 0 -.3"><joint name="knee" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0
- -.3" size=".03"/>
-</body></body></body></worldbody>
-<equality><joint joint1="knee" joint2="hip" polycoef="0 -2 0 0 0"/></equality>
-<actuator><position name="hip" joint="hip" kp="50"/></actuator></mujoco>"""
+HIPS = model_text("units_and_damping_hips.xml")
 
 
 def test_a_fixed_base_adds_no_contact(tmp_path):

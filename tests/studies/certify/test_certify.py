@@ -4,6 +4,7 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.analytic.derivatives.dimensions import catalog_designs
@@ -48,25 +49,7 @@ def test_the_singular_value_bound_is_below_the_computed_minimum():
 
 
 # a gear pair, a screw nut on a slide, and a cam whose lift is a polynomial
-PRESS = """
-name = "press"
-drivers = ["crank"]
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "gear" } }
-wheel = { kind = "revolute", a = { link = "ground", at = [0.2, 0, 0] }, b = { link = "wheel" } }
-thread = { kind = "screw", lead = 0.005, a = { link = "wheel", at = [0, 0, 0.1] }, b = { link = "nut" } }
-guide = { kind = "prismatic", a = { link = "ground", at = [0.2, 0, 0.1] }, b = { link = "nut" } }
-[joints.lift]
-kind = "prismatic"
-a = { link = "ground", at = [0, 0.2, 0], axis = [0, 1, 0], reference = [1, 0, 0] }
-b = { link = "cam", axis = [0, 1, 0], reference = [1, 0, 0] }
-[links]
-gear = {}
-cam = {}
-[couplings]
-pair = { driver = "crank", driven = "wheel", ratio = -0.5 }
-cam = { driver = "crank", driven = "lift", coefficients = [0.01, 0.002, -0.003, 0.0004] }
-"""
+PRESS = model_text("certify_press.toml")
 
 
 def test_ball_arithmetic_equations_agree_with_the_solver(tmp_path):
@@ -230,44 +213,7 @@ def test_a_motion_law_is_enclosed_between_its_samples():
     assert ms.certify("four_bar", set={"crank": "90mm"}, drive=smooth, duration=1.0).certified
 
 
-NEARLY_SINGULAR = """
-name = "nearly_singular"
-drivers = ["crank"]
-start = 4.073991551864086
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
-[joints.A]
-kind = "spherical"
-a = { link = "crank", at = [0.0235418287353761, 0, 0] }
-b = { link = "rod" }
-[joints.B]
-kind = "spherical"
-a = { link = "rod", at = [0.052125217335690296, 0, 0] }
-b = { link = "rocker", at = [0.05979482061396265, 0, 0] }
-[joints.R]
-kind = "revolute"
-b = { link = "rocker" }
-[joints.R.a]
-link = "ground"
-at = [-0.07108248186474922, -0.034807908538435316, -0.004909487707574503]
-axis = [0.0, -0.8112745382057616, 0.5846653946139007]
-[guess]
-crank = { at = [0, 0, 0], turn = { axis = [0, 0, 1], angle = 4.073991551864086 } }
-[guess.rod]
-at = [-0.0140287937232817, -0.01890530737320586, 0.0]
-rotation = [
-    [-0.19167020409196278, -0.8819555755035168, -0.43060062204043054],
-    [-0.7188082727376494, -0.17258469532782572, 0.6734457587530851],
-    [-0.6682643188942997, 0.43859877539370995, -0.6008776200823888],
-]
-[guess.rocker]
-at = [-0.07108248186474922, -0.034807908538435316, -0.004909487707574503]
-rotation = [
-    [0.7870721345622406, 0.6168609689351713, 0.0],
-    [-0.36065726182439506, 0.4601738401434375, -0.8112745382057617],
-    [-0.5004435977100398, 0.6385315825016048, 0.5846653946139007],
-]
-"""
+NEARLY_SINGULAR = model_text("certify_nearly_singular.toml")
 
 
 def test_a_turn_near_a_singularity_is_certified_and_one_through_it_is_not(tmp_path):

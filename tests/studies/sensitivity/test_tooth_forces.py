@@ -2,42 +2,11 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 
-FILE = """
-name = "pinion"
-units = { length = "mm", angle = "deg" }
-drivers = ["crank"]
-[parameters]
-radius = 12
-pressure = 20
-across = 30
-[joints.crank]
-kind = "revolute"
-a = { link = "ground" }
-b = { link = "wheel" }
-[joints.second]
-kind = "revolute"
-a = { link = "ground", at = ["across", 5, 3] }
-b = { link = "pinion" }
-[joints.rack]
-kind = "prismatic"
-a = { link = "ground", at = [50, 30, 0], axis = [1, 0, 0] }
-b = { link = "bar", axis = [1, 0, 0] }
-[couplings]
-pair = { driver = "crank", driven = "second", ratio = -1.7, pressure_angle = "pressure" }
-mesh = { driver = "second", driven = "rack", radius = "radius", pressure_angle = "pressure" }
-[links]
-wheel = { outline = [[0, 0, 0], [40, 0, 0]] }
-pinion = { outline = [[0, 0, 0], [40, 0, 0]] }
-bar = { outline = [[0, 0, 0], [40, 0, 0]] }
-[points]
-end = { link = "bar", at = [25, 0, 0] }
-[forces]
-gravity = [0, -9.81, 0]
-loads.push = { at = "end", force = [20, 0, 0] }
-"""
+FILE = model_text("tooth_forces_file.toml")
 ANGLES = np.deg2rad([10.0, 40.0, 200.0])
 COLUMNS = ["mesh crank-second.fx", "mesh crank-second.fy", "second.fx", "second.fy", "rack.fy", "crank.fx"]
 

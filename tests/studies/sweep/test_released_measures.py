@@ -2,37 +2,13 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.errors import InputError
 
 # a block on a spring and a damper along x; 2 kg and 200 N/m give 10 rad/s
-OSCILLATOR = """
-name = "oscillator"
-drivers = ["s"]
-
-[parameters]
-stiffness = 200.0
-viscous = 8.0
-
-[links.block.inertia]
-mass = 2.0
-centre = [0, 0, 0]
-moments = [0.01, 0.01, 0.01]
-
-[joints.s]
-kind = "prismatic"
-a = { link = "ground", axis = [1, 0, 0] }
-b = { link = "block", axis = [1, 0, 0] }
-
-[points]
-P = { link = "block", at = [0.1, 0, 0] }
-
-[forces]
-gravity = [0, 0, 0]
-joint_springs.s = { stiffness = "stiffness" }
-friction.s = { viscous = "viscous" }
-"""
+OSCILLATOR = model_text("released_measures_oscillator.toml")
 START = {"s.q": 0.05}
 
 

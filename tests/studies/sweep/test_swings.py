@@ -2,27 +2,13 @@
 
 import numpy as np
 import pytest
+from model_files import model_text
 
 import mechsim as ms
 from mechsim.studies.sweep import methods
 from mechsim.studies.sweep.sweeping import built, check_sweep, run_sweep, swept_task
 
-FOUR_BAR = """name = "bar"
-units = { length = "mm" }
-[parameters]
-crank = 32
-rocker = 35
-[joints]
-crank = { kind = "revolute", a = { link = "ground" }, b = { link = "crank" } }
-A = { kind = "revolute", a = { link = "crank", at = ["crank", 0, 0] }, b = { link = "coupler" } }
-rocker = { kind = "revolute", a = { link = "ground", at = [100, 0, 0] }, b = { link = "rocker" } }
-[joints.B]
-kind = "revolute"
-a = { link = "coupler", at = [91, 0, 0] }
-b = { link = "rocker", at = ["rocker", 0, 0] }
-[points]
-B = { link = "rocker", at = ["rocker", 0, 0] }
-"""
+FOUR_BAR = model_text("swings_four_bar.toml")
 ROCKERS = np.linspace(0.033, 0.037, 5)
 LENGTHS = {"ground": 0.1, "crank": 0.032, "coupler": 0.091}
 
