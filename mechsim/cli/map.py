@@ -8,13 +8,16 @@ import numpy as np
 from mechsim.cli.command import Result, command
 from mechsim.cli.exit_codes import notes
 from mechsim.cli.options import (
+    FixBase,
     Key,
     Loops,
     Model,
     Sets,
+    Start,
     changed_parameters,
     joint_ranges,
     output_file,
+    requested_start,
     writable,
 )
 from mechsim.cli.output import Value, print_table, print_text
@@ -74,6 +77,13 @@ def map_joints(
     sets: Sets = None,
     loops: Loops = None,
     key: Key = None,
+    start: Start = None,
+    fix_base: FixBase = False,
+    lock_others: bool = option(
+        False,
+        "State no note on joints that neither inputs nor loops determine: they stay where they start.",
+        name="--lock-others",
+    ),
     output: Annotated[str, output_file("Map to write: .npz.")],
 ) -> Result[MapJson]:
     """Map motors to joints of a closed-loop model: positions, Jacobians, torques, inertia over a grid.
@@ -85,9 +95,9 @@ def map_joints(
     mechsim map four_bar --from crank=20deg:80deg --to rocker -o map.npz --json
     """
     path = writable(output, ".npz")
-    changed, source = changed_parameters(sets), with_loops(model, loops)
+    changed, source, initial = changed_parameters(sets), with_loops(model, loops), requested_start(start)
     ranges = joint_ranges("--from", inputs)
-    notes.extend(notes_on(source, changed))
+    notes.extend(notes_on(source, changed, key, initial))
     with progress("map", None) as report:
         table = joint_map(
             source,
@@ -98,8 +108,10 @@ def map_joints(
             set=changed,
             progress=report,
             key=key,
+            start=initial,
+            fix_base=fix_base,
         )
-    comparison = compare_with_loop_equations(table, source, changed, key)
+    comparison = compare_with_loop_equations(table, source, changed, key, initial, fix_base)
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **table.arrays())  # type: ignore[arg-type]
     data: MapJson = {
@@ -122,10 +134,10 @@ def map_joints(
             name: {"position": float(position), "torque": float(torque)}
             for name, (position, torque) in zip(table.outputs, errors, strict=True)
         }
-    return Result(data, lambda: _print(table, comparison), comparison.passed, files=(output,))
+    return Result(data, lambda: _print(table, comparison, lock_others), comparison.passed, files=(output,))
 
 
-def _print(table: JointMap, comparison: MapComparison) -> None:
+def _print(table: JointMap, comparison: MapComparison, lock_others: bool) -> None:
     """Print the reached points, the ranges, and the errors of map and polynomials."""
     polynomials, jacobian = table.polynomials, np.abs(table.jacobian)
     head = ["output", "lowest", "highest", "largest ratio"]
@@ -140,7 +152,7 @@ def _print(table: JointMap, comparison: MapComparison) -> None:
         errors = zip(polynomials.position_error.tolist(), polynomials.torque_error.tolist(), strict=True)
         rows = [[*row, *error] for row, error in zip(rows, errors, strict=True)]
     print_table(f"{len(table.input)} points, {table.reached:.1%} of the grid; SI units", head, rows)
-    if table.locked:
+    if table.locked and not lock_others:
         joints = ", ".join(f"{name} at {value:.4g}" for name, value in table.locked.items())
         print_text(f"Neither inputs nor loops determine these joints, which stay where they are: {joints}")
     print_text(

@@ -8,7 +8,18 @@ import typer
 
 from mechsim.cli.command import Result, command
 from mechsim.cli.exit_codes import notes
-from mechsim.cli.options import Key, Loops, Model, Sets, changed_parameters, output_file, writable
+from mechsim.cli.options import (
+    FixBase,
+    Key,
+    Loops,
+    Model,
+    Sets,
+    Start,
+    changed_parameters,
+    output_file,
+    requested_start,
+    writable,
+)
 from mechsim.cli.progress import progress
 from mechsim.files import atomic_path
 from mechsim.studies import closed_configurations
@@ -35,6 +46,13 @@ def sample(
     sets: Sets = None,
     loops: Loops = None,
     key: Key = None,
+    start: Start = None,
+    fix_base: FixBase = False,
+    lock_others: bool = option(
+        False,
+        "Joints without actuators that the loops do not determine stay where they start.",
+        name="--lock-others",
+    ),
 ) -> Result[SampleJson]:
     """Draw closed configurations within joint limits and in one assembly, in MuJoCo's order of qpos.
 
@@ -43,10 +61,20 @@ def sample(
     mechsim sample gripper.urdf -n 100 --seed 7 -o states.npz --json
     """
     path = writable(output, ".npz")
-    source, changed = with_loops(model, loops), changed_parameters(sets)
-    notes.extend(notes_on(source, changed))
+    source, changed, initial = with_loops(model, loops), changed_parameters(sets), requested_start(start)
+    notes.extend(notes_on(source, changed, key, initial))
     with progress("sample", None) as report:
-        states = closed_configurations.sample(source, n, seed, set=changed, progress=report, key=key)
+        states = closed_configurations.sample(
+            source,
+            n,
+            seed,
+            set=changed,
+            progress=report,
+            key=key,
+            start=initial,
+            fix_base=fix_base,
+            lock_others=lock_others,
+        )
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, qpos=states.qpos, qvel=states.qvel, residual=states.residual)
     data: SampleJson = {"n": n, "accepted": states.accepted, "worst_residual": float(states.residual.max())}

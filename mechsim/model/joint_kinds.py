@@ -135,8 +135,9 @@ KINDS: dict[KindName, Kind] = {
     "floating": Kind(slides=("x", "y", "z"), turns=("x", "y", "z")),
 }
 
-# the kinds with no degree of freedom and with no constraint
+# the kinds with no degree of freedom, with one rotation, and with no constraint
 FIXED: KindName = "fixed"
+REVOLUTE: KindName = "revolute"
 FLOATING: KindName = "floating"
 
 

@@ -1,8 +1,8 @@
 """Closed configurations of a user's own MuJoCo model, in its order of qpos: prescribed or random."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property, partial
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -20,7 +20,7 @@ from mechsim.numerics.rank import RANK_TOLERANCE, least_norm, pivot_columns
 from mechsim.simulation.loop_jacobian import LinearisedClosure, LoopEquations
 from mechsim.simulation.mjcf_reader.parsed_file import initial_qpos, parse_file
 from mechsim.simulation.model_loops import ModelLoops, loops_with_crank
-from mechsim.simulation.state import FREE, HINGE, SCALAR, limited_joints, scalar_joints
+from mechsim.simulation.state import FREE, SCALAR, limited_joints, scalar_joints
 
 if TYPE_CHECKING:
     from mechsim.simulation.mjcf_reader import MujocoInput
@@ -41,8 +41,6 @@ LOST_ERROR, CLOSED_ERROR = 0.1, 1e-12
 # configuration counts as closed: closure error below ROUNDED_ERROR, singular values of the passive DOFs above
 # ROUNDED_RANK of the largest, and a Gauss-Newton step below CONVERGED, in [rad] or characteristic lengths
 ROUNDED_RANK, ROUNDED_ERROR, CONVERGED = 1e-5, 1e-4, 1e-8
-# number of random starts if neither the reference nor a keyframe closes within the joint limits
-SEARCHED = 64
 # number of trial configurations for the joints of each group of loops
 PROBES = 3
 # rounding of joint limits, in [rad] or [m]
@@ -63,7 +61,8 @@ class Sample:
         qpos: configurations in MuJoCo's order, (n, nq).
         qvel: velocities in [m/s] or [rad/s] that keep the loops closed, (n, nv).
         residual: closure error of each configuration in characteristic lengths or [rad], (n,).
-        accepted: fraction of the drawn configurations that close within the joint limits.
+        accepted: fraction of the drawn configurations that close within the joint limits; the
+            smallest one of loops that share no joint.
     """
 
     qpos: Array
@@ -76,7 +75,11 @@ class Sample:
 
 @dataclass(frozen=True, eq=False)
 class StraightPath:
-    """Straight paths of drivers from a closed reference; the loops determine the passive DOFs."""
+    """Straight paths of drivers from a closed reference; the loops determine the passive DOFs.
+
+    Drivers are DOFs of hinges and slides, by their coordinates, or of balls and free joints, by their
+    displacements from the reference.
+    """
 
     loops: ModelLoops
     reference: Array
@@ -88,6 +91,12 @@ class StraightPath:
         """Addresses of the drivers in qpos."""
         model = self.loops.model
         return model.jnt_qposadr[model.dof_jntid[self.drivers]].astype(np.int64)
+
+    @property
+    def origin(self) -> Array:
+        """Positions of the drivers at the reference, (k,)."""
+        scalar = np.isin(self.loops.model.jnt_type[self.loops.model.dof_jntid[self.drivers]], SCALAR)
+        return np.where(scalar, self.reference[self.addresses], 0.0)
 
     def newton(self, qpos: Array, iterations: int) -> NewtonResult[Array, LinearisedClosure]:
         """Return configurations after Newton steps in the passive DOFs."""
@@ -105,7 +114,7 @@ class StraightPath:
 
         Each step extrapolates the previous step and is corrected once; the last step is iterated.
         """
-        displacements = targets - self.reference[self.addresses]
+        displacements = targets - self.origin
         scaled = np.abs(displacements / self.loops.units[self.drivers]).max(1, initial=0.0)
         if not scaled.max(initial=0.0) < FARTHEST:
             raise InputError(
@@ -156,17 +165,33 @@ class StraightPath:
         signs = [np.linalg.slogdet(products[:, group[:, None], group])[0] for group in self.groups]
         return ~np.all([sign > 0.0 for sign in signs], axis=0)
 
+    @property
+    def joints(self) -> NDArray[np.int32]:
+        """Indices of the joints that move."""
+        return np.unique(self.loops.model.dof_jntid[[*self.drivers, *self.passive]])
+
     @cached_property
     def groups(self) -> list[NDArray[np.intp]]:
         """Disjoint groups of passive DOFs that belong to common loops, as columns of `passive`."""
-        # in a singular reference some joints do not affect a loop to first order
-        model = self.loops.model
-        steps = np.random.default_rng(0).normal(size=(PROBES, model.nv)) * DRIVER_STEP * self.loops.units
-        qpos = self.loops.displaced(np.repeat(self.reference[None], PROBES, 0), steps)
-        matrix = np.abs(self.loops.linearise(qpos)[1][:, :, self.passive]).max(0)
-        share = (matrix.T @ matrix) > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0) ** 2
-        groups = components(range(len(share)), zip(*np.nonzero(share), strict=True))
-        return [np.array(sorted(group), dtype=np.intp) for group in groups]
+        matrix = _influence(self.loops, self.reference)[:, self.passive]
+        return [np.array(sorted(group), dtype=np.intp) for group in _coupled(matrix)]
+
+    def independent_paths(self) -> list["StraightPath"]:
+        """Return the paths of loops that share no joint; the other drivers stay at the reference."""
+        model, dofs = self.loops.model, np.concatenate([self.drivers, self.passive])
+        # the DOFs of a ball or a free joint belong together
+        joints = model.dof_jntid[dofs, None] == np.arange(model.njnt)
+        matrix = _influence(self.loops, self.reference)[:, dofs]
+        groups = _coupled(np.vstack([matrix, matrix.max(initial=0.0) * joints.T]))
+        # joints outside loops are drawn together
+        negligible = matrix.max(0) <= ROUNDED_ERROR * matrix.max(initial=0.0)
+        alone = {i for group in groups if negligible[[*group]].all() for i in group}
+        groups = [*([alone] if alone else []), *(group for group in groups if not group & alone)]
+        return [
+            replace(self, drivers=np.intersect1d(self.drivers, dofs[[*group]]), passive=np.sort(passive))
+            for group in groups
+            for passive in [np.intersect1d(self.passive, dofs[[*group]])]
+        ]
 
     def reach(self, targets: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return the configurations of `follow`, and which of them close within the joint limits."""
@@ -178,14 +203,31 @@ class StraightPath:
         return outside_limits(self.loops.model, qpos)
 
 
-def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike], key: str | None = None) -> Array:
-    """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the file.
+def _influence(loops: ModelLoops, reference: Array) -> Array:
+    """Return the largest effects of DOFs on the equations of loops near a closed configuration, (m, nv)."""
+    # in a singular reference some joints do not affect a loop to first order
+    dofs = np.arange(loops.model.nv)
+    steps = np.random.default_rng(0).normal(size=(PROBES, len(dofs))) * DRIVER_STEP * loops.units
+    displaced = loops.displaced(np.repeat(reference[None], PROBES, 0), steps)
+    # rotations of a floating base affect open loops only
+    closed = np.concatenate([reference[None], _closed_nearby(loops, displaced, dofs, loops.units)])
+    return np.abs(loops.linearise(closed)[1] * loops.units).max(0)
+
+
+def _coupled(matrix: Array) -> list[set[int]]:
+    """Return the disjoint groups of columns of a matrix, (m, k), with common rows."""
+    share = (matrix.T @ matrix) > RANK_TOLERANCE * np.abs(matrix).max(initial=0.0) ** 2
+    return [{*group} for group in components(range(len(share)), zip(*np.nonzero(share), strict=True))]
+
+
+def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike], start: Array | None = None) -> Array:
+    """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the start.
 
     Args:
         model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
         values: hinge or slide -> positions in [rad] or [m], scalar or (n,). Undetermined joints keep their
             reference values.
-        key: name of the keyframe from which paths start; None is the reference.
+        start: configuration from which paths start, (nq,); None is the reference, or a closed keyframe.
 
     Raises:
         InputError: if a joint is unknown or outside its limits, or positions have different lengths.
@@ -199,7 +241,7 @@ def closed_qpos(model: "MujocoInput", values: Mapping[str, ArrayLike], key: str 
         raise InputError("positions of joints have different lengths; give one or n each") from None
     if not columns or columns[0].ndim != 1 or not np.isfinite(columns).all():
         raise InputError("positions must be finite numbers, one or n for each of one or more joints")
-    path = straight_path(compiled, dofs, keyframe(compiled, key))
+    path = straight_path(compiled, dofs, start)
     qpos, closed = path.follow(np.stack(columns, 1))
     if not closed.all():
         i = int(np.argmin(closed))
@@ -216,33 +258,65 @@ def sample(
     n: int,
     seed: int = 0,
     progress: Progress = no_progress,
-    key: str | None = None,
+    start: Array | None = None,
+    *,
+    fix_base: bool = False,
+    lock_others: bool = False,
 ) -> Sample:
     """Return n closed states of a model, drawn at random within joint limits in one assembly.
 
     Drivers are drawn uniformly within their limits, or within a revolution or a characteristic length if they
-    have none. The states lie on straight paths from the reference; drawn configurations without such a path
-    are rejected. If neither the reference nor a keyframe closes within the joint limits, a configuration that
-    does is searched. Redundant constraints with rounded dimensions close as well as their rounding allows;
-    `residual` states how well. Velocities of drivers have a normal distribution with a standard deviation of
-    1 rad/s or 1 characteristic length per second.
+    have none; balls and free joints of loops likewise. The states lie on straight paths from the start; drawn
+    configurations without such a path are rejected, for each of the loops that share no joint. Redundant
+    constraints with rounded dimensions close as well as their rounding allows; `residual` states how well.
+    Velocities of drivers have a normal distribution with a standard deviation of 1 rad/s or 1 characteristic
+    length per second.
 
     Args:
         model: as in `closed_qpos`.
         n: number of states.
         seed: seed of the random numbers; the same seed gives the same states.
         progress: called with a text and the finished fraction.
-        key: as in `closed_qpos`.
+        start: as in `closed_qpos`.
+        fix_base: whether free joints stay at the start.
+        lock_others: whether joints without an actuator that the loops do not determine stay at the start.
 
     Raises:
         InputError: if n is below 1 or too large, or the model has no loops.
-        AssemblyError: if the reference does not close, or too few draws are accepted.
+        AssemblyError: if the start does not close, or too few draws are accepted.
     """
     require_count("the states", n, MAX_STATES, "draw them in parts with other seeds")
     if seed < 0:
         raise InputError(f"the seed is {seed}; give 0 or more")
     compiled, random = compiled_model(model), np.random.default_rng(seed)
-    path = straight_path(compiled, None, keyframe(compiled, key))
+    path = straight_path(compiled, None, start, fix_base=fix_base)
+    if lock_others:
+        drivers = path.drivers[np.isin(path.drivers, _actuated_dofs(compiled))]
+        if not len(drivers):
+            raise InputError("no actuator moves a joint, so that --lock-others leaves none to draw")
+        path = replace(path, drivers=drivers)
+    paths = path.independent_paths()
+    qpos, accepted = np.repeat(path.reference[None], n, 0), 1.0
+    for i, each in enumerate(paths):
+        states, share = _drawn(
+            each, n, random, lambda text, fraction, i=i: progress(text, (i + fraction) / len(paths))
+        )
+        accepted = min(accepted, share)
+        joints = np.isin(compiled.jnt_qposadr.searchsorted(np.arange(compiled.nq), "right") - 1, each.joints)
+        qpos[:, joints] = states[:, joints]
+    residual, jacobian = path.loops.linearise(qpos)
+    qvel = np.zeros((n, path.loops.model.nv))
+    qvel[:, path.drivers] = random.normal(size=(n, len(path.drivers))) * path.loops.units[path.drivers]
+    for _ in range(2):  # the second iteration removes rounding errors
+        rates = (jacobian @ qvel[..., None])[..., 0]
+        qvel[:, path.passive] -= least_squares(jacobian[:, :, path.passive], rates)
+    return Sample(qpos, qvel, path.loops.closure_error(residual), accepted)
+
+
+def _drawn(
+    path: StraightPath, n: int, random: np.random.Generator, progress: Progress
+) -> tuple[Array, float]:
+    """Return n states with random positions of the drivers, (n, nq), and the accepted fraction."""
     low, high = driver_ranges(path)
     accepted, count, drawn = list[Array](), 0, 0
     while count < n:
@@ -255,14 +329,7 @@ def sample(
         qpos, valid = path.reach(random.uniform(low, high, (batch, len(low))))
         accepted.append(qpos[valid])
         count, drawn = count + int(valid.sum()), drawn + batch
-    qpos = np.concatenate(accepted)[:n]
-    residual, jacobian = path.loops.linearise(qpos)
-    qvel = np.zeros((n, path.loops.model.nv))
-    qvel[:, path.drivers] = random.normal(size=(n, len(low))) * path.loops.units[path.drivers]
-    for _ in range(2):  # the second iteration removes rounding errors
-        rates = (jacobian @ qvel[..., None])[..., 0]
-        qvel[:, path.passive] -= least_squares(jacobian[:, :, path.passive], rates)
-    return Sample(qpos, qvel, path.loops.closure_error(residual), count / drawn)
+    return np.concatenate(accepted)[:n], count / drawn
 
 
 def keyframe(model: mujoco.MjModel, key: str | None) -> Array | None:
@@ -295,16 +362,17 @@ def least_squares(matrix: Array, right: Array) -> Array:
 
 
 def straight_path(
-    model: mujoco.MjModel, drivers: list[int] | None, start: Array | None = None
+    model: mujoco.MjModel, drivers: list[int] | None, start: Array | None = None, *, fix_base: bool = False
 ) -> StraightPath:
     """Return the paths from the closed configuration at a start, by default the reference or a keyframe."""
     loops = loops_with_crank(model, 0)
     if not (loops.pairs or loops.frames or loops.couplings):
         raise InputError("the model has no loops; add equality constraints that close them")
     kinds = model.jnt_type[model.dof_jntid]
+    if fix_base and not (kinds == FREE).any():
+        raise InputError("no body has a free joint; leave out --fix-base")
     weights = np.where(kinds == FREE, ACTUATED_WEIGHT, 1.0)
-    actuated = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
-    weights[model.jnt_dofadr[model.actuator_trnid[actuated, 0]]] = ACTUATED_WEIGHT
+    weights[_actuated_dofs(model)] = ACTUATED_WEIGHT
     if drivers is None:
         # of coupled joints the one whose whole range the others can follow is the driver
         sides = [side for row in loops.couplings for side in (row.left, row.right) if side is not None]
@@ -312,47 +380,51 @@ def straight_path(
             joint = int(model.dof_jntid[dof])
             if joint in limited_joints(model):
                 weights[dof] *= np.ptp(model.jnt_range[joint]) / loops.units[dof]
-    others = np.setdiff1d(np.arange(model.nv), drivers or []).astype(np.int64)
+    free = np.flatnonzero(~(fix_base & (kinds == FREE)))
+    others = np.setdiff1d(free, drivers or []).astype(np.int64)
     starts = start[None] if start is not None else np.concatenate([model.qpos0[None], model.key_qpos])
     closed = _closed_reference(loops, starts, others, loops.units[others] * weights[others])
-    _require_regular(loops, closed)
-    rank, jacobian = _rank(loops, closed[None]), loops.linearise(closed[None])[1][0] * loops.units
+    _require_regular(loops, closed, free)
+    rank, jacobian = _rank(loops, closed[None], free), loops.linearise(closed[None])[1][0] * loops.units
     order, sizes = pivot_columns(jacobian[:, others] * weights[others])
     if int((sizes > ROUNDED_RANK * sizes.max(initial=0.0)).sum()) < rank:
         names = ", ".join(model.joint(int(model.dof_jntid[dof])).name for dof in drivers or [])
         raise InputError(
             f"{names} cannot move independently where the model starts: the loops couple them, or the "
-            "configuration is singular; give fewer joints, or another keyframe"
+            "configuration is singular; give fewer joints, or another start"
         )
     passive = np.sort(others[order[:rank]])
     if drivers is None:
-        free = np.setdiff1d(np.arange(model.nv), passive)
-        drivers = [int(dof) for dof in free if kinds[dof] in SCALAR]
+        influence = _influence(loops, closed).max(0)
+        in_loops = model.dof_jntid[influence > ROUNDED_ERROR * influence.max(initial=0.0)]
+        drawn = np.isin(kinds, SCALAR) | np.isin(model.dof_jntid, in_loops)
+        drivers = np.setdiff1d(free[drawn[free]], passive).tolist()
     return StraightPath(loops, closed, np.array(drivers, dtype=np.int64), passive)
 
 
-def _closed_reference(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64], weights: Array) -> Array:
-    """Return a closed configuration near starts, (n, nq), within the joint limits if one is found, (nq,).
+def _actuated_dofs(model: mujoco.MjModel) -> NDArray[np.int32]:
+    """Return the DOFs on whose hinges and slides actuators act."""
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    return model.jnt_dofadr[model.actuator_trnid[on_joint, 0]]
 
-    First come the starts in the order of their closure errors, then the starts moved into the limits, then
-    random positions of the joints of loops. DOFs with small weights move least.
+
+def _closed_reference(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64], weights: Array) -> Array:
+    """Return the closed configuration nearest to the first start, (n, nq), within the joint limits, (nq,).
+
+    Starts come in the order of their closure errors, those within the limits first. Without a configuration
+    within the limits it is the first that closes. DOFs with small weights move least.
 
     Raises:
         AssemblyError: if no start leads to a closed configuration.
     """
-    model, close = loops.model, partial(_closed_nearby, loops, dofs=dofs, weights=weights)
     # closure errors of rounding are equal: then the reference comes first
     errors = np.maximum(loops.closure_error(loops.residual(starts)), CLOSED_ERROR)
     starts = starts[np.argsort(errors, kind="stable")]
-    starts = starts[np.argsort(outside_limits(model, starts).any(1), kind="stable")]
-    closed = close(starts)
-    if outside_limits(model, closed).any(1).all():
-        closed = np.concatenate([closed, close(within_limits(model, starts))])
-    if outside_limits(model, closed).any(1).all():
-        closed = np.concatenate([closed, close(random_starts(loops, starts[0]))])
+    starts = starts[np.argsort(outside_limits(loops.model, starts).any(1), kind="stable")]
+    closed = _closed_nearby(loops, starts, dofs, weights)
     if not len(closed):
-        raise AssemblyError("the loops do not close near the reference; add a closed keyframe")
-    return closed[np.argmin(outside_limits(model, closed).any(1))]
+        raise AssemblyError("the loops do not close near the start; mechsim show states what was tried")
+    return closed[np.argmin(outside_limits(loops.model, closed).any(1))]
 
 
 def _closed_nearby(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64], weights: Array) -> Array:
@@ -371,45 +443,26 @@ def _closed_nearby(loops: ModelLoops, starts: Array, dofs: NDArray[np.int64], we
     return result.q[(result.residual < CLOSED_ERROR) | rounded]
 
 
-def _rank(loops: ModelLoops, qpos: Array) -> int:
-    """Return the largest rank of the loop Jacobian at configurations (n, nq)."""
-    jacobians = loops.linearise(qpos)[1] * loops.units
+def _rank(loops: ModelLoops, qpos: Array, dofs: NDArray[np.int64]) -> int:
+    """Return the largest rank of the loop Jacobian by some DOFs at configurations (n, nq)."""
+    jacobians = (loops.linearise(qpos)[1] * loops.units)[:, :, dofs]
     scale = np.linalg.norm(jacobians, axis=(1, 2))
     return int(np.linalg.matrix_rank(jacobians, tol=ROUNDED_RANK * scale).max(initial=0))
 
 
-def _require_regular(loops: ModelLoops, reference: Array) -> None:
+def _require_regular(loops: ModelLoops, reference: Array, dofs: NDArray[np.int64]) -> None:
     """Reject a reference where the loop Jacobian has a lower rank than next to it."""
-    dofs = np.arange(loops.model.nv)
-    steps = np.random.default_rng(0).normal(size=(PROBES, len(dofs))) * DRIVER_STEP * loops.units
-    nearby = _closed_nearby(
-        loops, loops.displaced(np.repeat(reference[None], PROBES, 0), steps), dofs, loops.units
+    steps = np.zeros((PROBES, loops.model.nv))
+    steps[:, dofs] = (
+        np.random.default_rng(0).normal(size=(PROBES, len(dofs))) * DRIVER_STEP * loops.units[dofs]
     )
-    if _rank(loops, nearby) > _rank(loops, reference[None]):
+    displaced = loops.displaced(np.repeat(reference[None], PROBES, 0), steps)
+    nearby = _closed_nearby(loops, displaced, dofs, loops.units[dofs])
+    if _rank(loops, nearby, dofs) > _rank(loops, reference[None], dofs):
         raise InputError(
-            "the model starts in a singular configuration, where assemblies meet; add a closed keyframe "
-            "away from it"
+            "the model starts in a singular configuration, where assemblies meet; start away from it with "
+            "--start JOINT=VALUE"
         )
-
-
-def within_limits(model: mujoco.MjModel, qpos: Array) -> Array:
-    """Return configurations, (n, nq), with limited joints moved to the nearest end of their limits."""
-    moved, limited = qpos.copy(), limited_joints(model)
-    low, high = model.jnt_range[limited].T
-    addresses = model.jnt_qposadr[limited]
-    moved[:, addresses] = np.clip(qpos[:, addresses], low, high)
-    return moved
-
-
-def random_starts(loops: ModelLoops, start: Array) -> Array:
-    """Return configurations with the limited joints of loops at random within their limits, (n, nq)."""
-    model, random = loops.model, np.random.default_rng(0)
-    in_loops = model.dof_jntid[np.abs(loops.linearise(start[None])[1][0]).max(0) > 0.0]
-    joints = np.intersect1d(in_loops, limited_joints(model))
-    starts = np.repeat(within_limits(model, start[None]), SEARCHED, 0)
-    low, high = model.jnt_range[joints].T
-    starts[:, model.jnt_qposadr[joints]] = random.uniform(low, high, (SEARCHED, len(joints)))
-    return starts
 
 
 def outside_limits(model: mujoco.MjModel, qpos: Array) -> NDArray[np.bool_]:
@@ -425,8 +478,8 @@ def driver_ranges(path: StraightPath) -> tuple[Array, Array]:
     Both limits are at most FARTHEST from the reference.
     """
     model, dofs = path.loops.model, path.drivers
-    joints, start = model.dof_jntid[dofs], path.reference[path.addresses]
-    reach = np.where(model.jnt_type[joints] == HINGE, np.pi, path.loops.characteristic_length)
+    joints, start = model.dof_jntid[dofs], path.origin
+    reach = np.where(path.loops.angular_dofs[dofs], np.pi, path.loops.characteristic_length)
     limited = np.isin(joints, limited_joints(model))
     low, high = model.jnt_range[joints].T
     reach = np.where(limited, 0.5 * FARTHEST * path.loops.units[dofs], reach)

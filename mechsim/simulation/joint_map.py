@@ -20,7 +20,6 @@ from mechsim.simulation.closed_configurations import (
     StraightPath,
     compiled_model,
     driver_ranges,
-    keyframe,
     least_squares,
     scalar_dof,
     straight_path,
@@ -241,9 +240,10 @@ def map_over_grid(
     points: int = 21,
     degree: int | None = None,
     progress: Progress = no_progress,
-    key: str | None = None,
+    start: Array | None = None,
+    fix_base: bool = False,
 ) -> JointMap:
-    """Return the outputs of a closed-loop model over a grid of its inputs, in the assembly of the file.
+    """Return the outputs of a closed-loop model over a grid of its inputs, in the assembly of the start.
 
     Args:
         model: path of an MJCF or URDF file, `mujoco.MjSpec` or `mujoco.MjModel`.
@@ -254,7 +254,8 @@ def map_over_grid(
         points: grid points along each input.
         degree: total degree of polynomials that approximate the outputs; None for none.
         progress: called with a text and the finished fraction.
-        key: as in `closed_qpos`.
+        start: as in `closed_qpos`.
+        fix_base: whether free joints stay at the start.
 
     Returns:
         The map at the grid points that are reached on straight paths from the reference. Configurations
@@ -280,7 +281,8 @@ def map_over_grid(
         require_count("the degrees of the polynomials", degree, MAX_TERMS, "give a lower --degree")
         terms = comb(degree + len(names), degree)
         require_count(f"the terms of degree {degree}", terms, MAX_TERMS, "give a lower --degree")
-    path = straight_path(compiled, [scalar_dof(compiled, name) for name in names], keyframe(compiled, key))
+    dofs = [scalar_dof(compiled, name) for name in names]
+    path = straight_path(compiled, dofs, start, fix_base=fix_base)
     ranges = inputs if isinstance(inputs, Mapping) else dict.fromkeys(names)
     low, high = np.array([_range(path, i, name, ranges[name]) for i, name in enumerate(names)]).T
     axes = [np.linspace(a, b, points) for a, b in zip(low, high, strict=True)]

@@ -21,7 +21,7 @@ from mechsim.simulation.mjcf.included_files import moved_to, read_text
 from mechsim.simulation.mjcf_reader import MjcfModel, read_model
 from mechsim.simulation.mjcf_reader.file_text import root_of
 from mechsim.studies.robots.mujoco_models import mujoco_spec, rounded_angle
-from mechsim.subjects.mjcf_source import mujoco_input
+from mechsim.subjects.mjcf_source import mujoco_input, with_nearest_assembly
 
 
 def check(
@@ -116,6 +116,6 @@ def fixed_copy(path: str, target: Path, violated: Sequence[Violation]) -> tuple[
 def _read(model: Any, loops: str | PathLike[str] | None = None) -> MjcfModel:
     own = mujoco_input(model, loops)
     if own is not None:
-        return read_model(own, lint=True)
+        return with_nearest_assembly(read_model(own, lint=True))
     read = read_model(mujoco_spec(model), lint=True)
     return replace(read, unread=(*read.unread, *filter(None, [rounded_angle(model)])))

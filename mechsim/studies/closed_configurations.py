@@ -10,7 +10,7 @@ from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import closed_configurations
 from mechsim.simulation.closed_configurations import Sample
-from mechsim.studies.robots.mujoco_models import mujoco_model, quantity_of_joint
+from mechsim.studies.robots.mujoco_models import quantity_of_joint, started_model
 
 
 def closed_qpos(
@@ -20,6 +20,7 @@ def closed_qpos(
     set: Mapping[str, str | float] | None = None,
     loops: str | PathLike[str] | None = None,
     key: str | None = None,
+    start: Mapping[str, str | float] | None = None,
 ) -> Array:
     """Return closed configurations in MuJoCo's order of qpos, (n, nq), in the assembly of the file.
 
@@ -31,6 +32,7 @@ def closed_qpos(
         set: parameter of a mechanism -> its value, as for `load`.
         loops: path of a sidecar file with the loop closures of a URDF file.
         key: name of the keyframe from which paths start; None is the reference.
+        start: joint -> value as text or in SI; paths start in the nearest assembly.
 
     Raises:
         InputError: for an unknown joint, positions of different lengths, or a joint outside its limits.
@@ -40,12 +42,12 @@ def closed_qpos(
         >>> ms.closed_qpos("four_bar", {"crank": "30deg"}).shape
         (1, 3)
     """
-    compiled = mujoco_model(model, set, loops)
+    compiled, initial = started_model(model, set, loops, key, start)
     read = {
         name: quantity_of_joint(compiled, name, value) if isinstance(value, str) else value
         for name, value in values.items()
     }
-    return closed_configurations.closed_qpos(compiled, read, key)
+    return closed_configurations.closed_qpos(compiled, read, initial)
 
 
 def sample(
@@ -57,6 +59,9 @@ def sample(
     loops: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
     key: str | None = None,
+    start: Mapping[str, str | float] | None = None,
+    fix_base: bool = False,
+    lock_others: bool = False,
 ) -> Sample:
     """Return closed states drawn at random within the joint limits, in the assembly of the file.
 
@@ -67,7 +72,9 @@ def sample(
         set: parameter of a mechanism -> its value, as for `load`.
         loops: path of a sidecar file with the loop closures of a URDF file.
         progress: called with a text and the finished fraction.
-        key: as in `closed_qpos`.
+        key, start: as in `closed_qpos`.
+        fix_base: whether free joints stay at the start.
+        lock_others: whether joints without an actuator that the loops do not determine stay at the start.
 
     Raises:
         InputError: for a model without loops, too many states, or joint limits that few configurations
@@ -78,4 +85,7 @@ def sample(
         >>> ms.sample("four_bar", 100).qpos.shape
         (100, 3)
     """
-    return closed_configurations.sample(mujoco_model(model, set, loops), n, seed, progress, key)
+    compiled, initial = started_model(model, set, loops, key, start)
+    return closed_configurations.sample(
+        compiled, n, seed, progress, initial, fix_base=fix_base, lock_others=lock_others
+    )

@@ -263,6 +263,12 @@ def _within_ranges(values: Mapping[str, float], limits: Ranges) -> dict[str, flo
     return {name: float(np.clip(value, *limits.get(name, unlimited))) for name, value in values.items()}
 
 
+def with_nearest_assembly(model: "MjcfModel") -> "MjcfModel":
+    """Return a model with the assembly in which every command starts it, if it is not its start."""
+    initial = _started(model, corrected(model.mechanism, MAX_ANGLE).mechanism)
+    return replace(model, nearest=_state(model, initial.mechanism)) if initial.note else model
+
+
 def _state(model: "MjcfModel", mechanism: Mechanism) -> Array:
     """Return the initial state of a model whose mechanism starts in its guess, (nq,)."""
     from mechsim.simulation.mjcf import compiled

@@ -13,11 +13,12 @@ from mechsim.analytic.loops.rounded_geometry import corrected
 from mechsim.analytic.loops.start import closed_start, start_poses
 from mechsim.analytic.solvers import KinematicSolver
 from mechsim.errors import InputError, MechsimError
-from mechsim.model.joint_kinds import FIXED, KINDS
+from mechsim.model.joint_kinds import FIXED, KINDS, REVOLUTE
 from mechsim.model.joints import End, Joint
 from mechsim.model.links import GROUND, IDENTITY, ORIGIN, Pose, Vector, vector
 from mechsim.model.mechanism import Mechanism
-from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
+from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws, steady
+from mechsim.numerics.angles import REVOLUTION
 from mechsim.numerics.inputs import number
 from mechsim.subjects.law_text import MotionLaw, Start, parse_motion_law
 from mechsim.subjects.model_source import ModelSource, Prescription
@@ -29,6 +30,8 @@ from mechsim.units import Unit, WrittenUnits
 
 # duration of motion laws in [s] if no table ends and no file states one
 DEFAULT_DURATION = 1.0
+# direction in the frame of a ball that is no usual axis of a link
+OBLIQUE = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
 
 DriverLaw = str | State | FileMotionLaw
 
@@ -77,7 +80,19 @@ def prescribed_solver(
             exact = corrected(solver.mechanism)
             start = closed_start(exact.mechanism)
             facts = (*solver.facts, *exact.facts, *filter(None, [start.note]))
+<<<<<<< HEAD
             solver = replace(solver, mechanism=start.mechanism, facts=facts)
+=======
+            solver = solver.with_mechanism(start.mechanism, facts=facts)
+        if not prescription.still and (turning := _turning_balls(solver.mechanism)) is not None:
+            law: dict[str, State] = {turning.drivers[0]: steady(0.0, REVOLUTION)}
+            fact = (
+                f"nothing is driven: {turning.drivers[0]} turns once about one oblique axis, and the other "
+                "joints keep their pose"
+            )
+            laws, facts = make_motion_laws(turning, law, DEFAULT_DURATION), (*solver.facts, fact)
+            return solver.with_mechanism(turning, facts=facts, motion_laws=laws)
+>>>>>>> d43b086b (sample draws free joints of loops and rejects loops one by one; sample, map and check start in the assembly of every command; balls alone are validated and drawn)
     if prescription == Prescription() and not description.motion_laws:
         return solver
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)
@@ -393,6 +408,35 @@ def _with_fixed_joints(mechanism: Mechanism, names: list[str]) -> Mechanism:
             name: value for name, value in mechanism.guess_coordinates.items() if name in coordinates
         },
     )
+
+
+def _turning_balls(mechanism: Mechanism) -> Mechanism | None:
+    """Return an open chain of balls, universal and free joints, of which only the first turns, as a hinge.
+
+    None stands for other mechanisms.
+    """
+    joints = mechanism.joints
+    if mechanism.drivers or len(joints) != len(mechanism.links):
+        return None
+    moving = [joint for joint in joints if KINDS[joint.kind].dof]
+    if not moving or any(KINDS[joint.kind].dof == 1 for joint in moving):
+        return None
+    first, poses = moving[0], {GROUND: IDENTITY, **start_poses(mechanism)[0]}
+    fixed = _with_fixed_joints(mechanism, [joint.name for joint in moving])
+    a, b = (poses[link] for link in (first.a.link, first.b.link))
+    axis = a.rotation @ first.a.frame @ OBLIQUE
+    hinge = Joint(
+        first.name,
+        REVOLUTE,
+        End(
+            first.a.link,
+            vector(a.rotation.T @ (b.point(first.b.point) - a.position)),
+            vector(a.rotation.T @ axis),
+        ),
+        End(first.b.link, first.b.point, vector(b.rotation.T @ axis)),
+    )
+    hinges = tuple(hinge if joint.name == first.name else joint for joint in fixed.joints)
+    return replace(fixed, joints=hinges, driver=first.name, guess_coordinates={}, guess={})
 
 
 def _fixed_joint(joint: Joint, poses: Mapping[str, Pose]) -> Joint:

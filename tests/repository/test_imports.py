@@ -96,8 +96,8 @@ REACHED = {
     "validate": 25500,
     "export": 24500,
     "check": 21000,
-    "sample": 18500,
-    "map": 19000,
+    "sample": 18600,
+    "map": 19100,
 }
 # studies that are features: they import the core and what is shared, and of each other only this
 FEATURES = (

@@ -234,3 +234,65 @@ def test_a_keyframe_selects_the_assembly_of_samples_maps_and_configurations() ->
         )
     with pytest.raises(ms.InputError, match="'nosuch'; there are other"):
         ms.sample(model, 5, key="nosuch")
+
+
+FREE_LINKS = """<mujoco><worldbody>
+<body name="a" pos="0 0 1"><freejoint/><geom type="capsule" fromto="0 0 0 .2 0 0" size=".01"/></body>
+<body name="b" pos=".2 0 1"><freejoint/><geom type="capsule" fromto="0 0 0 .2 0 0" size=".01"/></body>
+</worldbody><equality><connect body1="a" body2="world" anchor="0 0 0"/>
+<connect body1="b" body2="a" anchor="0 0 0"/></equality></mujoco>"""
+
+
+def test_free_joints_of_loops_are_drawn_unless_they_are_fixed() -> None:
+    model = mujoco.MjModel.from_xml_string(FREE_LINKS)
+    states = ms.sample(model, 200)
+    # two bars on balls: both rotate freely, and the second is at the end of the first
+    first, second = states.qpos[:, 3:7], states.qpos[:, 10:14]
+    assert np.ptp(first, axis=0).min() > 0.5
+    assert np.ptp(second, axis=0).min() > 0.5
+    w, x, y, z = first.T
+    end = 0.2 * np.stack([w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)], 1)
+    np.testing.assert_allclose(states.qpos[:, 7:10], end + np.array([0.0, 0.0, 1.0]), atol=1e-12)
+    with pytest.raises(ms.InputError, match="leave out --fix-base"):
+        ms.sample(mujoco.MjModel.from_xml_string(FOUR_BAR.replace("<freejoint/>", "")), 5, fix_base=True)
+
+
+def test_loops_without_a_common_joint_are_rejected_one_by_one() -> None:
+    # each loop alone accepts a half or a quarter of the draws: the rocker's limits exclude the others
+    model = parallelograms(8)
+    model.eq_active0[8:] = 0
+    model.jnt_limited[2::3], model.jnt_range[2::3] = 1, (0.0, 1.5)
+    model.jnt_limited[0::3], model.jnt_range[0::3] = 1, (-1.5, 1.5)
+    states = ms.sample(model, 100)
+    # drawn together, less than 0.5 to the power of 8 would be accepted
+    assert states.accepted > 0.2
+    assert states.residual.max() < 1e-12
+    assert states.qpos[:, 2::3].min() >= 0.0
+    assert np.abs(np.corrcoef(states.qpos[:, 0::3].T) - np.eye(8)).max() < 0.5
+
+
+def test_other_joints_can_be_locked() -> None:
+    arm = '<body><joint name="arm" axis="0 0 1"/><geom size=".1"/></body></worldbody>'
+    model = mujoco.MjModel.from_xml_string(FOUR_BAR.replace("</worldbody>", arm))
+    assert np.ptp(ms.sample(model, 20).qpos[:, -1]) > 1.0
+    locked = ms.sample(model, 20, lock_others=True).qpos
+    assert np.ptp(locked[:, -1]) == 0.0
+    assert np.ptp(locked[:, 7]) > 0.5
+    with pytest.raises(ms.InputError, match="--lock-others leaves none to draw"):
+        ms.sample(mujoco.MjModel.from_xml_string(FREE_LINKS), 5, lock_others=True)
+
+
+def test_an_open_file_starts_in_the_assembly_of_every_command(tmp_path) -> None:
+    text = FOUR_BAR.replace('site name="a" pos=".06 .02 0"', 'site name="a" pos=".02 .06 0"')
+    path = tmp_path / "open.xml"
+    path.write_text(text.replace('<body pos="0 0 2"><freejoint/><geom size=".1"/></body>', ""))
+    solver = ms.load(str(path))
+    assert any("does not close" in fact or "do not close" in fact for fact in solver.facts)
+    rocker = solver.solve([0.3]).joints["rocker"].value[0]
+    assert ms.closed_qpos(str(path), {"crank": 0.3})[0, 2] == pytest.approx(rocker, abs=1e-9)
+    gap = next(finding for finding in ms.check(str(path)) if finding.rule == "MS102")
+    start = dict(entry.split(" = ") for entry in gap.fix.split(", at ")[1].removesuffix(" (SI)").split(", "))
+    assert float(start["rocker"]) == pytest.approx(solver.solve([0.0]).joints["rocker"].value[0], rel=1e-3)
+    # the other assembly on request
+    other = ms.sample(str(path), 20, start={"rocker": -float(start["rocker"])}).qpos[:, 2]
+    assert np.sign(other).mean() != np.sign(float(start["rocker"]))

@@ -17,12 +17,7 @@ from mechsim.model.motion_laws import CRANK, MotionLaws, State, make_motion_laws
 from mechsim.numerics import rank as numerical_rank
 from mechsim.numerics.arrays import Array
 from mechsim.simulation import loop_jacobian
-from mechsim.simulation.closed_configurations import (
-    CONVERGED,
-    ROUNDED_ERROR,
-    outside_limits,
-    random_starts,
-)
+from mechsim.simulation.closed_configurations import CONVERGED, ROUNDED_ERROR
 from mechsim.simulation.drivers import PARAMETER_JOINT
 from mechsim.simulation.equality_rows import coincident_frames
 from mechsim.simulation.mjcf.compiling import compiled, quiet
@@ -30,7 +25,6 @@ from mechsim.simulation.mjcf.included_files import included_lines
 from mechsim.simulation.mjcf_reader import MjcfModel
 from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, TENDON, WELD, is_readable
 from mechsim.simulation.mobility import require_determined, residual_mobility
-from mechsim.simulation.model_loops import loops_with_crank
 from mechsim.simulation.poses.follow import follow
 from mechsim.simulation.source import at_initial_state, from_source, parameter_profile
 from mechsim.simulation.state import SLIDE, data_at, dense_rows, is_disabled
@@ -52,8 +46,6 @@ RANK_TOLERANCE = 1e-5
 PERTURBATION = 0.1
 # limit of Newton steps, and residual of an assembled state as a fraction of the characteristic length
 MAX_NEWTON_STEPS, CLOSED_TOLERANCE = 30, 1e-10
-# number of random starts within the joint limits
-MAX_STARTS = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,19 +180,9 @@ class Inspected:
 
     @cached_property
     def closed(self) -> Array | None:
-        """An assembled state, (nq,), within the joint limits if possible; None if the loops do not close.
-
-        Beyond the limits another assembly can start, in which drivers stand still.
-        """
-        state, model = self.assembled_from(self.read.qpos), self.model
-        if state is not None and not outside_limits(model, state[None]).any():
-            return state
-        if model.nv and self.loops:
-            for start in random_starts(loops_with_crank(model, 0), self.read.qpos)[:MAX_STARTS]:
-                inside = self.assembled_from(start)
-                if inside is not None and not outside_limits(model, inside[None]).any():
-                    return inside
-        return state
+        """The assembled state nearest to the start, (nq,); None if the loops do not close."""
+        nearest = None if self.read.nearest is None else self.assembled_from(self.read.nearest)
+        return self.assembled_from(self.read.qpos) if nearest is None else nearest
 
     def assembled_from(self, qpos: Array) -> Array | None:
         """Return the assembled state nearest to qpos, (nq,); None if Newton's method does not converge."""

@@ -15,8 +15,10 @@ from mechsim.simulation.mjcf_reader.equality_constraints import CONNECT, WELD
 from mechsim.simulation.mjcf_reader.fixed_bodies import free_bodies
 from mechsim.simulation.mobility import residual_mobility
 from mechsim.simulation.source import from_source
-from mechsim.simulation.state import BALL
+from mechsim.simulation.state import BALL, scalar_joints
 
+# largest number of joints in a message
+NAMED = 8
 # largest gap that is not reported, as a fraction of the characteristic length or in [rad]; rounding in CAD
 # exports leaves 2e-6
 MAX_GAP = 1e-5
@@ -31,22 +33,33 @@ def gaps(scene: Inspected) -> Iterator[Finding]:
         rotation = float(np.linalg.norm(rows[3:])) if loop.kind == WELD else 0.0
         metres = scene.in_metres(loop)
         if distance > MAX_GAP * (scene.length if metres else 1.0):
-            yield _gap(loop, distance, "m" if metres else "rad", "its two sides")
+            yield _gap(scene, loop, distance, "m" if metres else "rad", "its two sides")
         if rotation > MAX_GAP:
             # the rotation rows of a weld are half the angle times its torque scale
-            yield _gap(loop, rotation, "rad", "the orientations of its two frames")
+            yield _gap(scene, loop, rotation, "rad", "the orientations of its two frames")
 
 
-def _gap(loop: Loop, by: float, unit: str, what: str) -> Finding:
+def _gap(scene: Inspected, loop: Loop, by: float, unit: str, what: str) -> Finding:
     return Finding(
         kind="gap",
         what=loop.name,
         by=by,
         message=f"{loop.name} is open at the start: {what} are {by:.3g} {unit} apart",
-        remedy="MuJoCo closes it in the first steps with large forces: move an anchor, or start from a "
-        "closed keyframe (mechsim export --style menagerie writes one)",
+        remedy="MuJoCo closes it in the first steps with large forces: move an anchor, or "
+        + _closed_at(scene),
         **loop.location,
     )
+
+
+def _closed_at(scene: Inspected) -> str:
+    """Return where the loops close, as the end of a sentence: the joints that move most come first."""
+    closed, model = scene.closed, scene.model
+    if closed is None:
+        return "start where the loops close; none was computed"
+    moved = {name: int(model.jnt_qposadr[j]) for name, j in scalar_joints(model).items()}
+    ordered = sorted(moved.items(), key=lambda each: -abs(closed[each[1]] - scene.read.qpos[each[1]]))
+    listed = ", ".join(f"{name} = {closed[address]:.4g}" for name, address in ordered[:NAMED])
+    return f"start where the loops close, at {listed} (SI)"
 
 
 def duplicate_loops(scene: Inspected) -> Iterator[Finding]:

@@ -97,7 +97,7 @@ def _violation(path: str, finding: Finding) -> Violation:
 def _closed_path(scene: Inspected) -> StraightPath | None:
     """Return the straight paths of the actuated joints; None if the model has no loops that close."""
     try:
-        return straight_path(scene.model, None, scene.read.qpos)
+        return straight_path(scene.model, None, scene.read.qpos if scene.closed is None else scene.closed)
     except (MechsimError, FloatingPointError, np.linalg.LinAlgError):
         return None
 

@@ -157,6 +157,8 @@ class MjcfModel:
         source: the file or object that was read.
         with_meshes: the model with meshes if `spec` has boxes in their place; otherwise None.
         unread: findings on what of the file was not read, and MuJoCo's warnings.
+        nearest: the assembly nearest to an open start, or to one outside the joint limits, (nq,); None if it
+            is unknown.
     """
 
     path: str
@@ -173,6 +175,7 @@ class MjcfModel:
     source: MujocoInput = ""
     with_meshes: mujoco.MjModel | None = None
     unread: tuple[Finding, ...] = ()
+    nearest: Array | None = None
 
 
 @quiet()

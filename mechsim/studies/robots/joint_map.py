@@ -12,7 +12,7 @@ from mechsim.model.mechanism import Mechanism
 from mechsim.model.progress import Progress, no_progress
 from mechsim.numerics.arrays import Array
 from mechsim.simulation.joint_map import AXES, STEP, JointMap, map_over_grid, rotation_vector_rates
-from mechsim.studies.robots.mujoco_models import mujoco_model, ranges_in_si
+from mechsim.studies.robots.mujoco_models import ranges_in_si, started_model
 from mechsim.subjects.driver_positions import driver_path
 from mechsim.subjects.readers import load
 
@@ -61,6 +61,8 @@ def joint_map(
     loops: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
     key: str | None = None,
+    start: Mapping[str, str | float] | None = None,
+    fix_base: bool = False,
 ) -> JointMap:
     """Return the outputs of a closed-loop model over a grid of its inputs.
 
@@ -74,6 +76,8 @@ def joint_map(
         loops: path of a sidecar file with the loop closures of a URDF file.
         progress: called with a text and the finished fraction.
         key: name of the keyframe from which paths start; None is the reference.
+        start: joint -> value as text or in SI; paths start in the nearest assembly.
+        fix_base: whether free joints stay at the start, also in loops.
 
     Raises:
         InputError: if a name is unknown, an input has no range or limits, or the grid is too large.
@@ -84,13 +88,27 @@ def joint_map(
         >>> table.polynomials.position_error.max() < 1e-2
         True
     """
-    own_model = mujoco_model(model, set, loops)
+    own_model, initial = started_model(model, set, loops, key, start)
     ranges = ranges_in_si(own_model, inputs if isinstance(inputs, Mapping) else dict.fromkeys(inputs))
-    return map_over_grid(own_model, ranges, outputs, points=points, degree=degree, progress=progress, key=key)
+    return map_over_grid(
+        own_model,
+        ranges,
+        outputs,
+        points=points,
+        degree=degree,
+        progress=progress,
+        start=initial,
+        fix_base=fix_base,
+    )
 
 
 def compare_with_loop_equations(
-    table: JointMap, model: Any, set: Mapping[str, str | float] | None = None, key: str | None = None
+    table: JointMap,
+    model: Any,
+    set: Mapping[str, str | float] | None = None,
+    key: str | None = None,
+    start: Mapping[str, str | float] | None = None,
+    fix_base: bool = False,
 ) -> MapComparison:
     """Compare a map with the loop equations of its model at points spread over the map.
 
@@ -106,7 +124,9 @@ def compare_with_loop_equations(
         lock=dict(table.locked),
         # a floating base stays at the reference of the map
         lock_others=True,
+        fix_base=fix_base,
         key=key,
+        start=start,
         track=tuple(sorted(points)),
         duration=1.0,
     )

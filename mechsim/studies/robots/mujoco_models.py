@@ -1,6 +1,7 @@
 """Compiled MuJoCo models of anything that `load` takes, and coordinates of their joints."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from os import PathLike
 from typing import Any
 
@@ -8,13 +9,16 @@ import mujoco
 
 from mechsim.analytic.loops.loop_form import LoopForm
 from mechsim.analytic.loops.rounded_geometry import corrected
+from mechsim.errors import MechsimError
 from mechsim.model.finding import Finding
 from mechsim.model.scene import Scene
+from mechsim.numerics.arrays import Array
+from mechsim.simulation.closed_configurations import keyframe
 from mechsim.simulation.mjcf.compiling import compiled
 from mechsim.simulation.mjcf.joints import CRANK
 from mechsim.simulation.mjcf_reader.parsed_file import parse_file
 from mechsim.simulation.source import assembled
-from mechsim.subjects.mjcf_source import mujoco_input, printed
+from mechsim.subjects.mjcf_source import mujoco_input, printed, read_mjcf
 from mechsim.subjects.model_source import Prescription
 from mechsim.units import Unit, si
 
@@ -25,6 +29,32 @@ def mujoco_model(
     """Return the compiled MuJoCo model; a mechanism is exported as by `mechsim export`."""
     is_compiled = isinstance(model, mujoco.MjModel) and loops is None
     return model if is_compiled else compiled(mujoco_spec(model, set, loops))
+
+
+def started_model(
+    model: Any,
+    set: Mapping[str, str | float] | None = None,
+    loops: str | PathLike[str] | None = None,
+    key: str | None = None,
+    start: Mapping[str, str | float] | None = None,
+) -> tuple[mujoco.MjModel, Array | None]:
+    """Return the compiled model, and the assembly in which `load` starts it, (nq,).
+
+    The assembly is None for an object of MuJoCo that cannot be read, which starts at its reference.
+    """
+    own = mujoco_input(model, loops)
+    if own is None:
+        from mechsim.subjects.readers import load
+
+        return mujoco_model(load(model, set, start=start, key=key, still=True)), None
+    compiled_model = mujoco_model(model, set, loops)
+    try:
+        read = read_mjcf(own, key=key, start=start, still=True).source
+    except MechsimError:
+        if start:
+            raise
+        read = None
+    return compiled_model, keyframe(compiled_model, key) if read is None else read.qpos
 
 
 def mujoco_spec(
@@ -51,10 +81,17 @@ def mujoco_spec(
     return spec
 
 
-def notes_on(model: Any, set: Mapping[str, str | float] | None = None) -> list[str]:
-    """Return a line for each part of a model that was not read, or was corrected."""
+def notes_on(
+    model: Any,
+    set: Mapping[str, str | float] | None = None,
+    key: str | None = None,
+    start: Mapping[str, str | float] | None = None,
+) -> list[str]:
+    """Return a line for each part of a model that was not read, was corrected, or starts elsewhere."""
     own = mujoco_input(model)
     if own is not None:
+        with suppress(MechsimError):
+            return [*read_mjcf(own, key=key, start=start, still=True).facts]
         return printed(parse_file(own).unread)
     from mechsim.subjects.readers import load
 
