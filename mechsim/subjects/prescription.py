@@ -80,10 +80,7 @@ def prescribed_solver(
             exact = corrected(solver.mechanism)
             start = closed_start(exact.mechanism)
             facts = (*solver.facts, *exact.facts, *filter(None, [start.note]))
-<<<<<<< HEAD
             solver = replace(solver, mechanism=start.mechanism, facts=facts)
-=======
-            solver = solver.with_mechanism(start.mechanism, facts=facts)
         if not prescription.still and (turning := _turning_balls(solver.mechanism)) is not None:
             law: dict[str, State] = {turning.drivers[0]: steady(0.0, REVOLUTION)}
             fact = (
@@ -91,8 +88,7 @@ def prescribed_solver(
                 "joints keep their pose"
             )
             laws, facts = make_motion_laws(turning, law, DEFAULT_DURATION), (*solver.facts, fact)
-            return solver.with_mechanism(turning, facts=facts, motion_laws=laws)
->>>>>>> d43b086b (sample draws free joints of loops and rejects loops one by one; sample, map and check start in the assembly of every command; balls alone are validated and drawn)
+            return replace(solver, mechanism=turning, motion_laws=laws, facts=facts)
     if prescription == Prescription() and not description.motion_laws:
         return solver
     return _with_prescription(solver, prescription, description.motion_laws, description.duration)
